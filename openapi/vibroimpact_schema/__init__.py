@@ -1,0 +1,1 @@
+"""The documents that cross the wire: systems, requests, plans, jobs, problems, results."""

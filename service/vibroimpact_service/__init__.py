@@ -1,0 +1,1 @@
+"""The computation service: HTTP in front, a durable job queue behind."""

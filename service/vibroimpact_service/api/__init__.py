@@ -1,0 +1,1 @@
+"""Routes: each parses, calls the use case and answers."""

@@ -1,0 +1,1 @@
+"""Durable jobs: SQL records, leases and the engine that runs their chunks."""

@@ -1,0 +1,1 @@
+"""Results and chunks by content, in a folder or an object store."""

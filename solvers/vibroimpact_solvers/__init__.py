@@ -1,0 +1,1 @@
+"""Solvers for structures with rigid amplitude limiters: numpy, scipy and numba, nothing else."""

@@ -1,0 +1,50 @@
+"""What an array of a result is: its dimensions, unit and name, written at the field itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """Meaning of an array.
+
+    Parameters
+    ----------
+    dims : tuple of str
+        Names of its axes, such as ``("frequency", "constraint")``.
+    unit : str
+        Product of powers of length, mass and time, such as ``"length mass time-2"``
+        (``"1"`` for a pure number); the writer of a file replaces them by real units.
+    long_name : str
+        What a plot would write at the axis.
+    coordinate : bool
+        Whether the array labels one of the axes.
+    flags : tuple of str
+        For codes 0, 1, …: the meaning of each.
+    """
+
+    dims: tuple[str, ...]
+    unit: str
+    long_name: str
+    coordinate: bool = False
+    flags: tuple[str, ...] = ()
+
+
+def quantities(result: type[Any]) -> dict[str, Quantity]:
+    """Return the quantity of every annotated field of a result class, by field name."""
+    hints = get_type_hints(result, include_extras=True)
+    found: dict[str, Quantity] = {}
+    for field in fields(result):
+        for note in getattr(hints[field.name], "__metadata__", ()):
+            if isinstance(note, Quantity):
+                found[field.name] = note
+    return found

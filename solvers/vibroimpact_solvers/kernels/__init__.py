@@ -1,0 +1,1 @@
+"""Compiled kernels: plain floats and arrays in, arrays out."""
