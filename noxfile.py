@@ -1,0 +1,100 @@
+"""Every step of the continuous integration, one nox entry each.
+
+``nox -s lint`` makes its own environment; ``nox --no-venv -s lint`` uses the one at hand.
+"""
+
+from __future__ import annotations
+
+import pathlib
+import re
+import shutil
+import sys
+
+import nox
+from nox.virtualenv import PassthroughEnv
+
+nox.options.default_venv_backend = "venv"
+nox.options.reuse_existing_virtualenvs = True
+nox.options.sessions = ["lint", "types", "contracts", "openapi", "docs", "tests"]
+
+ROOT = pathlib.Path(__file__).parent
+
+
+def install(session: nox.Session, *packages: str) -> None:
+    """Install into the session's own environment, where it has one."""
+    if not isinstance(session.virtualenv, PassthroughEnv):
+        session.install(*packages)
+
+
+@nox.session
+def lint(session: nox.Session) -> None:
+    """Style of the sources: ruff's rules and its formatting."""
+    install(session, "-e", ".[dev]")
+    session.run("ruff", "check", ".")
+    session.run("ruff", "format", "--check", ".")
+
+
+@nox.session
+def types(session: nox.Session) -> None:
+    """Strict types of the four packages."""
+    install(session, "-e", ".[dev]")
+    session.run("mypy")
+
+
+@nox.session
+def contracts(session: nox.Session) -> None:
+    """One direction of imports, no cycles, nothing past the use case."""
+    install(session, "-e", ".[dev]")
+    session.run("lint-imports")
+
+
+@nox.session
+def openapi(session: nox.Session) -> None:
+    """The committed contract is the one that the service speaks."""
+    install(session, "-e", ".[dev]")
+    session.run("python", "-m", "vibroimpact_service.cli", "openapi", "--check")
+
+
+@nox.session
+def docs(session: nox.Session) -> None:
+    """The documentation site, warnings as errors."""
+    install(session, "-e", ".[dev]")
+    session.run("mkdocs", "build", "--strict", "--clean")
+
+
+@nox.session
+def tests(session: nox.Session) -> None:
+    """The whole test suite, in the environment at hand."""
+    install(session, "-e", ".[test]")
+    session.run("pytest", *session.posargs)
+
+
+@nox.session(venv_backend="none")
+def readme_tests(session: nox.Session) -> None:
+    """Run the README's test command, word for word, in a copy of the committed tree."""
+    commands = re.findall(r"^(python3 -m venv .*pytest.*)$", (ROOT / "README.md").read_text(), re.M)
+    if len(commands) != 1:
+        session.error(f"the README has {len(commands)} test commands instead of one")
+    copy = pathlib.Path(session.create_tmp()) / "readme"
+    shutil.rmtree(copy, ignore_errors=True)
+    session.run("git", "clone", "-q", str(ROOT), str(copy), external=True)
+    session.chdir(copy)
+    session.run("bash", "-c", commands[0], external=True)
+
+
+@nox.session(venv_backend="none")
+def client_alone(session: nox.Session) -> None:
+    """The client in a clean environment: no solver or server library comes with it."""
+    place = pathlib.Path(session.create_tmp()) / "client"
+    shutil.rmtree(place, ignore_errors=True)
+    session.run(sys.executable, "-m", "venv", str(place), external=True)
+    python = str(place / "bin" / "python")
+    session.run(python, "-m", "pip", "install", "-q", f"{ROOT}[client]", external=True)
+    check = (
+        "import importlib.util as u, sys, vibroimpact, vibroimpact.cli\n"
+        "there = [n for n in ('numba', 'scipy', 'fastapi', 'distributed', 'sqlalchemy')"
+        " if u.find_spec(n)]\n"
+        "sys.exit(f'the client brings {there}' if there else 0)\n"
+    )
+    session.run(python, "-c", check, external=True)
+    session.run(str(place / "bin" / "vibroimpact"), "--help", external=True)
