@@ -1,0 +1,90 @@
+"""Documents that describe the points at which a curve is wanted."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Final, Literal
+
+from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator
+from pydantic_core import PydanticCustomError
+
+from vibroimpact_schema.values import Count, Document, Positive, Positives, holds
+
+VALUES: Final = "@values"
+STEPS: Final = "@steps"
+POINTS: Final = "@points"
+
+FrequencyUnit = Literal["Omega", "omega"]
+
+
+class Frequencies(Document):
+    """What all grids of frequencies share."""
+
+    unit: FrequencyUnit = Field(
+        "Omega",
+        description="What the numbers are: Omega, the fundamental angular frequency of the "
+        "motion, or omega = (2/pi) Omega, that of the triangle wave; rad per unit of time.",
+    )
+
+
+class FrequencyValues(Frequencies):
+    """Frequencies one by one, in any order."""
+
+    values: Positives = Field(description="The frequencies.", min_length=1)
+
+
+class FrequencyRange(Frequencies):
+    """What grids between two frequencies share."""
+
+    start: Positive = Field(description="First frequency.")
+    stop: Positive = Field(description="Last frequency; not below start.")
+
+    @field_validator("stop")
+    @classmethod
+    def _forwards(cls, stop: float, info: ValidationInfo) -> float:
+        if stop < info.data.get("start", stop):
+            raise PydanticCustomError("reversed_grid", "stop lies below start")
+        return stop
+
+
+class FrequencyPoints(FrequencyRange):
+    """A number of equally spaced frequencies, both ends included."""
+
+    num: Count = Field(description="How many.")
+
+    @field_validator("num")
+    @classmethod
+    def _extended(cls, num: int, info: ValidationInfo) -> int:
+        if num > 1 and "stop" in info.data and info.data["start"] == info.data["stop"]:
+            raise PydanticCustomError("empty_grid", "start and stop coincide: num must be 1")
+        return num
+
+
+class FrequencySteps(FrequencyRange):
+    """Frequencies start, start + step, … up to stop, which is included where a step meets it."""
+
+    step: Positive = Field(description="Distance of neighbours.")
+
+
+def frequency_form(value: Any) -> str | None:
+    """Return the tag of the form in which a grid of frequencies is written."""
+    if holds(value, "values"):
+        return VALUES
+    if holds(value, "step"):
+        return STEPS
+    return POINTS if isinstance(value, (dict, FrequencyPoints)) else None
+
+
+FrequencyGrid = Annotated[
+    Annotated[FrequencyValues, Tag(VALUES)]
+    | Annotated[FrequencyPoints, Tag(POINTS)]
+    | Annotated[FrequencySteps, Tag(STEPS)],
+    Discriminator(
+        frequency_form,
+        custom_error_type="frequency_form",
+        custom_error_message="frequencies are an object with values, with start, stop and num, "
+        "or with start, stop and step",
+    ),
+]
+
+TAGS: Final = frozenset({VALUES, STEPS, POINTS})
+"""Parts of an error's path that name a branch of a union, not a place in the document."""

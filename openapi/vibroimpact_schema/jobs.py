@@ -1,0 +1,49 @@
+"""Documents about queued computations."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import AwareDatetime, Field
+
+from vibroimpact_schema.problems import Problem
+from vibroimpact_schema.values import Digest, Document, Index, NonNegative
+
+State = Literal["queued", "running", "succeeded", "failed", "cancelled"]
+
+
+class Progress(Document):
+    """How far a job is; the unit is up to the kind."""
+
+    done: Index
+    total: Index
+
+
+class Job(Document):
+    """A queued computation."""
+
+    id: str
+    kind: str = Field(examples=["impact-modes"])
+    state: State
+    final: bool = Field(description="Whether the state will not change any more.")
+    phase: str = Field(description="What is going on within the state.")
+    waiting_reason: str | None = Field(description="Why it is not running yet, in words.")
+    queue_position: Index | None = Field(description="Jobs in front of it; null once it runs.")
+    progress: Progress
+    priority: int
+    created: AwareDatetime
+    started: AwareDatetime | None
+    finished: AwareDatetime | None
+    attempts: Index = Field(description="How often it was begun.")
+    estimate: NonNegative | None = Field(description="Planned seconds of computing.")
+    reused: bool = Field(description="Whether the result was there already.")
+    digest: Digest = Field(description="Name that the result has or will have.")
+    result: str | None = Field(description="Where the result is, once there is one.")
+    error: Problem | None = Field(description="Why it failed.")
+
+
+class JobList(Document):
+    """A page of jobs, newest first; the header Link names the next page."""
+
+    jobs: list[Job]
+    next: str | None = Field(description="Cursor of the next page; null on the last one.")

@@ -1,0 +1,43 @@
+"""Documents that say what a computation will do, and what not, before it is done."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from vibroimpact_schema.values import Digest, Document, NonNegative
+
+
+class PlanStep(Document):
+    """One thing that will be done."""
+
+    stage: str = Field(description="What it yields.", examples=["spectrum"])
+    method: str = Field(description="The method chosen.", examples=["closed form"])
+    reason: str = Field(description="Why this method.")
+    flops: NonNegative = Field(description="Estimated floating-point operations.")
+    bytes: NonNegative = Field(description="Estimated memory written.")
+
+
+class PlanSkip(Document):
+    """One thing that will not be done."""
+
+    what: str = Field(examples=["waveform"])
+    why: str = Field(examples=["not asked"])
+
+
+class Steps(Document):
+    """The steps of a computation and what is skipped."""
+
+    steps: list[PlanStep]
+    skips: list[PlanSkip]
+    flops: NonNegative = Field(description="Estimated floating-point operations of all steps.")
+    bytes: NonNegative = Field(description="Estimated memory written by all steps.")
+
+
+class Plan(Steps):
+    """The answer of POST /v1/plan/{kind}."""
+
+    kind: str = Field(examples=["impact-modes"])
+    digest: Digest = Field(description="Name that the result has or will have.")
+    seconds: NonNegative = Field(description="Estimated time on this machine.")
+    cached: bool = Field(description="Whether the result is there already.")
+    inline: bool = Field(description="Whether POST /v1/compute would answer at once.")

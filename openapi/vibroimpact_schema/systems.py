@@ -1,0 +1,274 @@
+"""Documents that describe a structure with amplitude limiters: matrices, constraints, presets."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Final, Literal, Self
+
+from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic_core import PydanticCustomError
+
+from vibroimpact_schema.values import (
+    Count,
+    Document,
+    Index,
+    Indices,
+    NonNegative,
+    Number,
+    Numbers,
+    Positive,
+    holds,
+)
+
+# Tags of the unions below. Pydantic names them in the path of an error, where they are
+# not part of the document; the sign makes them tell-tale.
+DENSE: Final = "@dense"
+DIAGONAL: Final = "@diagonal"
+BANDS: Final = "@bands"
+COORDINATES: Final = "@coordinates"
+SCALAR: Final = "@scalar"
+DISTANCE: Final = "@distance"
+LIMITS: Final = "@limits"
+MATRICES: Final = "@matrices"
+PRESET: Final = "@preset"
+REFERENCE: Final = "@reference"
+
+
+class DiagonalMatrix(Document):
+    """A diagonal matrix."""
+
+    diagonal: Numbers = Field(description="The n diagonal entries.", min_length=1)
+
+
+class BandedMatrix(Document):
+    """A symmetric banded matrix by its diagonals."""
+
+    bands: dict[Annotated[str, Field(pattern="^(0|[1-9][0-9]{0,8})$")], Numbers] = Field(
+        description="Offset from the main diagonal -> that diagonal, of n - offset entries; "
+        "each stands for the lower one too. Absent offsets are zero.",
+        min_length=1,
+        examples=[{"0": [2.0, 2.0, 2.0], "1": [-1.0, -1.0]}],
+    )
+
+
+class CoordinateMatrix(Document):
+    """A sparse matrix by the coordinates of its entries; symmetric entries are both given."""
+
+    shape: Annotated[list[Count], Field(min_length=2, max_length=2)] = Field(
+        description="[n, n].", examples=[[13, 13]]
+    )
+    row: Indices = Field(description="Row of each entry, from 0.")
+    col: Indices = Field(description="Column of each entry, from 0.")
+    data: Numbers = Field(description="Value of each entry.")
+
+
+class ScalarMatrix(Document):
+    """A number times the identity."""
+
+    scalar: Number = Field(description="The number.")
+    n: Count = Field(description="Size of the identity.")
+
+
+def matrix_form(value: Any) -> str | None:
+    """Return the tag of the form in which a matrix is written."""
+    if isinstance(value, list):
+        return DENSE
+    for key, tag in (
+        ("diagonal", DIAGONAL),
+        ("bands", BANDS),
+        ("data", COORDINATES),
+        ("shape", COORDINATES),
+        ("scalar", SCALAR),
+    ):
+        if holds(value, key):
+            return tag
+    return None
+
+
+DenseMatrix = Annotated[
+    list[Numbers],
+    Field(min_length=1, fail_fast=True, description="All rows.", title="DenseMatrix"),
+]
+
+Matrix = Annotated[
+    Annotated[DenseMatrix, Tag(DENSE)]
+    | Annotated[DiagonalMatrix, Tag(DIAGONAL)]
+    | Annotated[BandedMatrix, Tag(BANDS)]
+    | Annotated[CoordinateMatrix, Tag(COORDINATES)]
+    | Annotated[ScalarMatrix, Tag(SCALAR)],
+    Discriminator(
+        matrix_form,
+        custom_error_type="matrix_form",
+        custom_error_message="a matrix is a list of rows, or an object with diagonal, bands, "
+        "shape/row/col/data, or scalar and n",
+    ),
+]
+
+
+class Direction(Document):
+    """A direction in configuration space: the constrained coordinate is Σ weight · x[dof]."""
+
+    dofs: Indices = Field(description="Degrees of freedom, each once.", min_length=1)
+    weights: Numbers = Field(description="Weight of each of them.", min_length=1)
+
+
+class Limits(Document):
+    """Two limits of one coordinate, -lower ≤ y ≤ upper; lower + upper > 0."""
+
+    lower: Number | None = Field(None, description="Distance to the lower wall; null: no wall.")
+    upper: Number | None = Field(None, description="Distance to the upper wall; null: no wall.")
+
+
+def gap_form(value: Any) -> str | None:
+    """Return the tag of the form in which a gap is written."""
+    if isinstance(value, (dict, Limits)):
+        return LIMITS
+    return DISTANCE if isinstance(value, (int, float)) else None
+
+
+Gap = Annotated[
+    Annotated[Positive, Tag(DISTANCE)] | Annotated[Limits, Tag(LIMITS)],
+    Discriminator(
+        gap_form,
+        custom_error_type="gap_form",
+        custom_error_message='a gap is a positive number or {"lower": l, "upper": u}',
+    ),
+]
+
+
+class Constraint(Document):
+    """A rigid amplitude limiter: a coordinate, its gap and the coefficient of restitution."""
+
+    dof: Index | None = Field(None, description="The constrained degree of freedom, from 0.")
+    direction: Direction | None = Field(
+        None, description="Instead of dof: a combination, such as a relative displacement."
+    )
+    gap: Gap = Field(description="Distance to the walls from the coordinate's zero (length).")
+    restitution: Annotated[Number, Field(ge=0, le=1)] = Field(
+        1.0, description="Newton's coefficient of restitution; 1 is elastic."
+    )
+
+    @model_validator(mode="after")
+    def _one_coordinate(self) -> Self:
+        if (self.dof is None) == (self.direction is None):
+            raise PydanticCustomError(
+                "dof_or_direction", "a constraint names either a dof or a direction"
+            )
+        return self
+
+
+Constraints = Annotated[list[Constraint], Field(fail_fast=True)]
+
+
+class Units(Document):
+    """The consistent set of units that the numbers are meant in."""
+
+    length: Annotated[str, Field(pattern="^[A-Za-zµ°]{1,16}$")] = Field(examples=["m"])
+    mass: Annotated[str, Field(pattern="^[A-Za-zµ°]{1,16}$")] = Field(examples=["kg"])
+    time: Annotated[str, Field(pattern="^[A-Za-zµ°]{1,16}$")] = Field(examples=["s"])
+
+
+class MatrixSystem(Document):
+    """M x″ + C x′ + K x = force, with constraints."""
+
+    M: Matrix = Field(description="Mass matrix, symmetric positive definite, shape [n, n].")
+    K: Matrix = Field(description="Stiffness matrix, symmetric, shape [n, n].")
+    C: Matrix | None = Field(None, description="Damping matrix, symmetric, shape [n, n].")
+    force: Numbers | None = Field(None, description="Constant load, shape [n].")
+    constraints: Constraints = Field(description="Limiters; results refer to them by position.")
+    units: Units | None = Field(None, description="Absent: dimensionless.")
+
+
+class SystemReference(Document):
+    """A system that was stored before by POST /v1/systems."""
+
+    id: Annotated[str, Field(pattern="^sys_[0-9a-f]{64}$")] = Field(
+        description="Its name, as POST /v1/systems returned it."
+    )
+    constraints: Constraints | None = Field(
+        None, description="Replace the stored constraints; absent: keep them."
+    )
+
+
+class Preset(Document):
+    """What all presets share."""
+
+    constraints: Constraints = Field(description="Limiters; results refer to them by position.")
+    units: Units | None = Field(None, description="Absent: dimensionless.")
+
+
+class Chain(Preset):
+    """Equal masses joined by equal springs between fixed ends (eq. 10.60)."""
+
+    preset: Literal["chain"]
+    n: Count = Field(description="Number of masses.")
+    mass: Positive = Field(1.0, description="Each mass.")
+    stiffness: Positive = Field(1.0, description="Each spring.")
+
+
+class Oscillator(Preset):
+    """One mass on a spring: M = 1, K = Omega0², C = 2 zeta Omega0."""
+
+    preset: Literal["oscillator"]
+    Omega0: Positive = Field(description="Natural angular frequency.")
+    zeta: NonNegative = Field(0.0, description="Damping ratio.")
+
+
+class TwoMass(Preset):
+    """Two coupled oscillators: K = Omega0² [[1 + c, -c], [-c, 1 + c]] (eq. 10.22, 10.42)."""
+
+    preset: Literal["two_mass"]
+    Omega0: Positive = Field(description="Natural angular frequency of each alone.")
+    coupling: Number = Field(1.0, description="c above.")
+    zeta: NonNegative = Field(0.0, description="Damping ratio of the first mass.")
+
+
+class DoublePendulum(Preset):
+    """Linearised double pendulum: M = [[mu², 1], [1, 1]], K = diag(mu², 1) (eq. 10.30)."""
+
+    preset: Literal["double_pendulum"]
+    mu: Annotated[Number, Field(gt=1)] = Field(description="Square root of the total mass ratio.")
+
+
+class BouncingBall(Preset):
+    """A ball over a floor: M = 1, K = 0, force -g."""
+
+    preset: Literal["bouncing_ball"]
+    g: Positive = Field(9.81, description="Acceleration of gravity.")
+
+
+AnyPreset = Annotated[
+    Chain | Oscillator | TwoMass | DoublePendulum | BouncingBall, Field(discriminator="preset")
+]
+
+
+def system_form(value: Any) -> str | None:
+    """Return the tag of the form in which a system is written."""
+    if holds(value, "id"):
+        return REFERENCE
+    if holds(value, "preset"):
+        return PRESET
+    return MATRICES if isinstance(value, (dict, MatrixSystem)) else None
+
+
+System = Annotated[
+    Annotated[MatrixSystem, Tag(MATRICES)]
+    | Annotated[AnyPreset, Tag(PRESET)]
+    | Annotated[SystemReference, Tag(REFERENCE)],
+    Discriminator(
+        system_form,
+        custom_error_type="system_form",
+        custom_error_message="a system is an object with M, K and constraints, "
+        "with preset, or with the id of a stored system",
+    ),
+]
+AnySystem = MatrixSystem | Chain | Oscillator | TwoMass | DoublePendulum | BouncingBall
+
+TAGS: Final = frozenset(
+    {
+        *(DENSE, DIAGONAL, BANDS, COORDINATES, SCALAR),
+        *(DISTANCE, LIMITS),
+        *(MATRICES, PRESET, REFERENCE),
+        *("chain", "oscillator", "two_mass", "double_pendulum", "bouncing_ball"),
+    }
+)
+"""Parts of an error's path that name a branch of a union, not a place in the document."""
