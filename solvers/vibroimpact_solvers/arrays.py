@@ -30,6 +30,9 @@ class Quantity:
         Whether the array labels one of the axes.
     flags : tuple of str
         For codes 0, 1, …: the meaning of each.
+    path : str
+        Where documents and files hold it, such as ``"frequency/Omega"``; empty: under the
+        field's own name.
     """
 
     dims: tuple[str, ...]
@@ -37,6 +40,7 @@ class Quantity:
     long_name: str
     coordinate: bool = False
     flags: tuple[str, ...] = ()
+    path: str = ""
 
 
 def quantities(result: type[Any]) -> dict[str, Quantity]:

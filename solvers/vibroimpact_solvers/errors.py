@@ -64,5 +64,5 @@ class ConvergenceError(SolverError):
     """A numerical method did not reach its tolerance."""
 
 
-class Cancelled(SolverError):
+class Cancelled(SolverError):  # noqa: N818 (it is not an error of anyone)
     """The caller asked the computation to stop."""
