@@ -76,6 +76,8 @@ class Problem:
         Triangle-wave times of the waveform, in [-1, 1].
     tolerance : float, optional
         Relative accuracy asked for.
+    Omega : array, shape (frequency,), optional
+        The fundamental frequencies where they were given instead of omega, kept to the bit.
     """
 
     system: System
@@ -85,6 +87,7 @@ class Problem:
     dofs: Integers | None = None
     tau: Floats | None = None
     tolerance: float | None = None
+    Omega: Floats | None = None
 
     def __post_init__(self) -> None:
         count = len(self.system.constraints)
@@ -92,6 +95,8 @@ class Problem:
         dofs = np.arange(self.system.n) if self.dofs is None else self.dofs
         object.__setattr__(self, "dofs", np.asarray(dofs, dtype=np.int64))
         object.__setattr__(self, "omega", np.ascontiguousarray(self.omega, dtype=np.float64))
+        Omega = 0.5 * np.pi * self.omega if self.Omega is None else self.Omega
+        object.__setattr__(self, "Omega", np.ascontiguousarray(Omega, dtype=np.float64))
         tau = np.zeros(0) if self.tau is None else self.tau
         object.__setattr__(self, "tau", np.ascontiguousarray(tau, dtype=np.float64))
         self._check()
@@ -141,6 +146,18 @@ class Problem:
         """Degrees of freedom of shape and waveform, shape (dof,)."""
         assert self.dofs is not None
         return self.dofs
+
+    @property
+    def fundamental(self) -> Floats:
+        """Fundamental frequencies, shape (frequency,)."""
+        assert self.Omega is not None
+        return self.Omega
+
+    def slice(self, start: int, stop: int) -> Problem:
+        """Return the same problem at some of its frequencies."""
+        return replace(
+            self, omega=self.omega[start:stop], Omega=self.fundamental[start:stop]
+        )
 
     @property
     def times(self) -> Floats:
@@ -295,7 +312,7 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     for start in range(0, total, _BLOCK):
         if tick is not None:
             tick(start, total)
-        pieces.append(members.at(problem.omega[start : start + _BLOCK]))
+        pieces.append(members.at(problem.slice(start, start + _BLOCK)))
     if tick is not None:
         tick(total, total)
     return _concatenate(pieces)
@@ -323,9 +340,9 @@ class _Members:
         self.gaps = np.array([problem.system.constraints[a].upper for a in problem.active])
         self.mobility = self.rows @ self.rows.T
 
-    def at(self, omega: Floats) -> Result:
+    def at(self, problem: Problem) -> Result:
         """Return the members at some of the frequencies."""
-        problem, plan = self.problem, self.plan
+        plan, omega = self.plan, problem.omega
         p, condition, d = self._impulses(omega)
         singular: Booleans = np.logical_not(np.isfinite(p).all(axis=1))
         p[singular] = 0.0
@@ -341,7 +358,7 @@ class _Members:
             energy = response.energies(self.eigenvalues, omega, d)
         shaped = shape is not None or waveform is not None
         return Result(
-            Omega=0.5 * np.pi * omega,
+            Omega=problem.fundamental,
             omega=omega,
             constraint=np.array(problem.active, dtype=np.int64),
             dof=problem.wanted_dofs if shaped else None,
@@ -392,7 +409,7 @@ def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Problem]:
     each = (seconds(plan) - seconds(shared)) / size
     points = max(1, int(seconds_each / max(each, OVERHEAD_SECONDS * 1e-3)))
     return [
-        replace(problem, omega=problem.omega[start : start + points])
+        problem.slice(start, start + points)
         for start in range(0, size, points)
     ]
 

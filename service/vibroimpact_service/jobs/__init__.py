@@ -1,1 +1,1 @@
-"""Durable jobs: SQL records, leases and the engine that runs their chunks."""
+"""Durable jobs: SQL records, leases, and the engine that computes their chunks."""

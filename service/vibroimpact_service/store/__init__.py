@@ -1,1 +1,24 @@
-"""Results and chunks by content, in a folder or an object store."""
+"""Requests, systems, chunks and results by content, in a folder or an object store."""
+
+from __future__ import annotations
+
+from vibroimpact_service.store.content import ContentStore, StoreFullError
+
+__all__ = ["ContentStore", "Store", "StoreFullError"]
+
+
+class Store:
+    """The areas of one store.
+
+    Parameters
+    ----------
+    url : str
+        Folder, or URL that fsspec understands.
+    """
+
+    def __init__(self, url: str) -> None:
+        self.url = url
+        self.requests = ContentStore(url, "requests")
+        self.systems = ContentStore(url, "systems")
+        self.chunks = ContentStore(url, "chunks")
+        self.results = ContentStore(url, "results")

@@ -1,0 +1,39 @@
+"""Names by content: the canonical form of a request and the digest of what it asks for."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Any
+
+import orjson
+from pydantic import BaseModel
+
+
+def canonical(document: BaseModel) -> bytes:
+    """Return the canonical bytes of a document: sorted keys, floats by their shortest exact text.
+
+    Requests that differ in the last bit of one number have different canonical forms.
+    """
+    return dumps(document.model_dump(exclude_none=True))
+
+
+def dumps(content: Any) -> bytes:
+    """Return the canonical bytes of plain JSON content of finite numbers."""
+    return orjson.dumps(content, option=orjson.OPT_SORT_KEYS)
+
+
+def name(owner: str, kind: str, version: str, request: bytes) -> str:
+    """Return the name of a result: 64 hexadecimal digits.
+
+    The owner is part of it: a hit in someone else's results would reveal that they asked.
+    """
+    text = hashlib.sha256()
+    for part in (owner.encode(), kind.encode(), version.encode(), request):
+        text.update(len(part).to_bytes(8, "little"))
+        text.update(part)
+    return text.hexdigest()
+
+
+def content(data: bytes) -> str:
+    """Return the SHA-256 of some bytes, in hexadecimal."""
+    return hashlib.sha256(data).hexdigest()

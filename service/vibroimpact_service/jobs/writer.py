@@ -1,0 +1,68 @@
+"""Group commit: one thread writes, and all that waits meanwhile shares the next transaction."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import Any, TypeVar
+
+from sqlalchemy.engine import Connection, Engine
+
+Value = TypeVar("Value")
+_MOST = 200
+
+
+class Writer:
+    """Runs operations on the database, one after the other, several to a transaction.
+
+    A future is done only after the transaction of its operation was committed. Where one of
+    a group fails, the group is rolled back and each of its operations is tried alone.
+    """
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._waiting: queue.SimpleQueue[tuple[Callable[[Connection], Any], Future[Any]] | None]
+        self._waiting = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._run, name="record-writer", daemon=True)
+        self._thread.start()
+
+    def submit(self, operation: Callable[[Connection], Value]) -> Future[Value]:
+        """Queue an operation; its future is done once it is durable."""
+        future: Future[Value] = Future()
+        self._waiting.put((operation, future))
+        return future
+
+    def close(self) -> None:
+        """Write what waits, then stop."""
+        self._waiting.put(None)
+        self._thread.join()
+
+    def _run(self) -> None:
+        while True:
+            group = []
+            item = self._waiting.get()
+            while item is not None:
+                group.append(item)
+                if len(group) == _MOST or self._waiting.empty():
+                    break
+                item = self._waiting.get()
+            if group:
+                self._commit(group)
+            if item is None:
+                return
+
+    def _commit(self, group: list[tuple[Callable[[Connection], Any], Future[Any]]]) -> None:
+        try:
+            with self._engine.begin() as connection:
+                values = [operation(connection) for operation, _ in group]
+        except Exception as error:  # noqa: BLE001 (it belongs to whoever asked)
+            if len(group) == 1:
+                group[0][1].set_exception(error)
+                return
+            for item in group:
+                self._commit([item])
+            return
+        for (_, future), value in zip(group, values, strict=True):
+            future.set_result(value)
