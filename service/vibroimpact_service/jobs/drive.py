@@ -63,7 +63,7 @@ class Drive:
                 self._finish(state="queued", phase="waiting")
         except EngineUnavailableError:
             self._finish(state="queued", phase="waiting")
-        except Exception as error:  # noqa: BLE001 (the job says it)
+        except Exception as error:
             log.info("job failed", job=job.id, error=type(error).__name__)
             problem = self._work.explain(error)
             self._finish(state="failed", phase="done", error=problem)

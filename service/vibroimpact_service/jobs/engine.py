@@ -55,8 +55,10 @@ class Engine:
     @property
     def ready(self) -> bool:
         """Whether work can be given to workers now."""
-        return self._ready.is_set() and self._client is not None and bool(
-            self._client.status == "running"
+        return (
+            self._ready.is_set()
+            and self._client is not None
+            and bool(self._client.status == "running")
         )
 
     def wait_ready(self, seconds: float) -> bool:
@@ -119,7 +121,7 @@ class Engine:
                 self._start_own()
             else:
                 self._connect(self._settings.scheduler)
-        except Exception as error:  # noqa: BLE001 (readiness tells it)
+        except Exception as error:
             self.failure = f"{type(error).__name__}: {error}"
             return
         if not self._closing.is_set():

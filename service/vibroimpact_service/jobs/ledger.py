@@ -62,9 +62,12 @@ def _by_key(connection: Connection, new: NewJob) -> JobRow | None:
     if found is None:
         connection.execute(
             idempotency.insert().values(
-                owner=new.owner, key=new.key, fingerprint=new.result, job=new.id,
+                owner=new.owner,
+                key=new.key,
+                fingerprint=new.result,
+                job=new.id,
                 created=now(connection),
-            )  # fmt: skip
+            )
         )
         return None
     if found.fingerprint != new.result:
@@ -128,9 +131,7 @@ def claim(me: str, limit: int, busy: dict[str, int]) -> Callable[[Connection], l
         free = (jobs.c.state == "queued") | (
             (jobs.c.state == "running") & (jobs.c.lease_until < clock)
         )
-        load = (
-            sa.case(busy, value=jobs.c.owner, else_=0) if busy else sa.literal(0)
-        )
+        load = sa.case(busy, value=jobs.c.owner, else_=0) if busy else sa.literal(0)
         query = (
             jobs.select()
             .where(free & ~computing)
@@ -173,9 +174,7 @@ def update(me: str, job: str, **values: Any) -> Callable[[Connection], bool]:
     """Change a running job, provided that the lease is mine; whether it was."""
 
     def operation(connection: Connection) -> bool:
-        mine = (
-            (jobs.c.id == job) & (jobs.c.lease_owner == me) & (jobs.c.state == "running")
-        )
+        mine = (jobs.c.id == job) & (jobs.c.lease_owner == me) & (jobs.c.state == "running")
         changes = dict(values)
         if changes.get("state") in FINAL:
             changes["finished"] = now(connection)
@@ -196,9 +195,11 @@ def cancel(owner: str, job: str) -> Callable[[Connection], JobRow | None]:
             jobs.update()
             .where(mine & (jobs.c.state == "queued"))
             .values(
-                state="cancelled", phase="done", finished=now(connection),
+                state="cancelled",
+                phase="done",
+                finished=now(connection),
                 version=jobs.c.version + 1,
-            )  # fmt: skip
+            )
         )
         connection.execute(
             jobs.update()

@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import AsyncIterator, Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, TypeVar
 
 import structlog
 from sqlalchemy.engine import Connection
@@ -27,6 +27,8 @@ from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 
 log = structlog.get_logger("vibroimpact.jobs")
+
+Value = TypeVar("Value")
 
 _RENEW_SECONDS = 2.5
 _LOOK_SECONDS = 1.0  # how often records that others changed are looked at
@@ -188,7 +190,7 @@ class JobQueue:
                 busy = dict(Counter(drive.job.owner for drive in self._drives.values()))
                 try:
                     taken = await self._write(ledger.claim(self._me, room, busy))
-                except Exception:  # noqa: BLE001 (the database may be back in a moment)
+                except Exception:
                     log.exception("claim failed")
                     taken = []
                 for job in taken:
@@ -221,7 +223,7 @@ class JobQueue:
                 continue
             try:
                 mine = await self._write(ledger.renew(self._me))
-            except Exception:  # noqa: BLE001 (the lease outlives a few failures)
+            except Exception:
                 log.exception("renewal failed")
                 continue
             for job in driven - mine:
@@ -244,11 +246,11 @@ class JobQueue:
         for event in self._watchers.get(job, ()):
             event.set()
 
-    async def _write(self, operation: Callable[[Connection], Any]) -> Any:
+    async def _write(self, operation: Callable[[Connection], Value]) -> Value:
         return await asyncio.wrap_future(self._writer.submit(operation))
 
-    async def _read(self, query: Callable[[Connection], Any]) -> Any:
-        def run() -> Any:
+    async def _read(self, query: Callable[[Connection], Value]) -> Value:
+        def run() -> Value:
             with self._database.connect() as connection:
                 return query(connection)
 
@@ -268,5 +270,3 @@ def _lock(data: Path) -> IO[str]:
         handle.close()
         raise DataInUseError(f"another service runs on {data}") from None
     return handle
-
-

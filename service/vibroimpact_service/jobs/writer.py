@@ -57,7 +57,7 @@ class Writer:
         try:
             with self._engine.begin() as connection:
                 values = [operation(connection) for operation, _ in group]
-        except Exception as error:  # noqa: BLE001 (it belongs to whoever asked)
+        except Exception as error:
             if len(group) == 1:
                 group[0][1].set_exception(error)
                 return
