@@ -7,11 +7,13 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError
 
-from vibroimpact_schema.values import Count, Document, Positive, Positives, holds
+from vibroimpact_schema.values import LARGEST_INTEGER, Count, Document, Positive, Positives, holds
 
 VALUES: Final = "@values"
 STEPS: Final = "@steps"
 POINTS: Final = "@points"
+
+_ROUNDING = 4.0 * 2.0**-52
 
 FrequencyUnit = Literal["Omega", "omega"]
 
@@ -30,6 +32,11 @@ class FrequencyValues(Frequencies):
     """Frequencies one by one, in any order."""
 
     values: Positives = Field(description="The frequencies.", min_length=1)
+
+    @property
+    def count(self) -> int:
+        """How many frequencies there are."""
+        return len(self.values)
 
 
 class FrequencyRange(Frequencies):
@@ -51,6 +58,11 @@ class FrequencyPoints(FrequencyRange):
 
     num: Count = Field(description="How many.")
 
+    @property
+    def count(self) -> int:
+        """How many frequencies there are."""
+        return self.num
+
     @field_validator("num")
     @classmethod
     def _extended(cls, num: int, info: ValidationInfo) -> int:
@@ -63,6 +75,13 @@ class FrequencySteps(FrequencyRange):
     """Frequencies start, start + step, … up to stop, which is included where a step meets it."""
 
     step: Positive = Field(description="Distance of neighbours.")
+
+    @property
+    def count(self) -> int:
+        """How many frequencies there are."""
+        # A stop that is meant to be met is missed by rounding now and then.
+        steps = (self.stop - self.start + _ROUNDING * self.stop) / self.step
+        return int(min(steps, LARGEST_INTEGER - 1.0)) + 1
 
 
 def frequency_form(value: Any) -> str | None:

@@ -37,7 +37,9 @@ class Settings(BaseSettings):
     inline_seconds: float = Field(
         1.0, ge=0, description="Planned work above it becomes a job instead of being awaited."
     )
-    chunk_seconds: float = Field(0.2, gt=0, description="Planned work of one chunk of a job.")
+    inline_threads: int = Field(
+        max(4, (os.cpu_count() or 2) + 2), ge=1, description="Threads for checks and small work."
+    )
 
     @property
     def database_url(self) -> str:

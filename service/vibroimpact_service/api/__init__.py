@@ -1,1 +1,1 @@
-"""Routes: each parses, calls the use case and answers."""
+"""The routes: each parses, calls the use case and answers."""

@@ -1,0 +1,17 @@
+"""Requests that work, a file ``<kind>.<name>.json`` each: shown in the contract, run by tests."""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+from typing import Any
+
+
+def requests(kind: str) -> dict[str, dict[str, Any]]:
+    """Return the examples of a kind, by name: {"summary", "request"}."""
+    found = {}
+    for file in sorted(resources.files(__name__).iterdir(), key=lambda entry: entry.name):
+        prefix, _, rest = file.name.partition(".")
+        if prefix == kind and rest.endswith(".json"):
+            found[rest.removesuffix(".json")] = json.loads(file.read_text())
+    return found

@@ -1,0 +1,164 @@
+"""How documents become the solvers' problems; the only place that knows both.
+
+A function `<kind>` takes a request with its system resolved and returns the problem.
+Sizes are judged as claimed, before anything of that size is allocated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from vibroimpact_schema import grids, requests, systems
+from vibroimpact_service import digest
+from vibroimpact_solvers import impact_modes as modes
+from vibroimpact_solvers import presets
+from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System, Units
+
+
+def system(document: systems.AnySystem) -> System:
+    """Return the system of a document.
+
+    Raises
+    ------
+    ModelError
+        With the pointer inside the document.
+    """
+    return _known_system(_Named(document))
+
+
+class _Named:
+    """A document that is equal to those of the same content, as keys of a cache must be."""
+
+    __slots__ = ("document", "name")
+
+    def __init__(self, document: systems.AnySystem) -> None:
+        self.document = document
+        self.name = digest.content(digest.canonical(document))
+
+    def __hash__(self) -> int:
+        return hash(self.name)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Named) and other.name == self.name
+
+
+@lru_cache(maxsize=8)
+def _known_system(named: _Named) -> System:
+    # The checks of a large system, and the spectrum that it keeps, are paid for once.
+    document = named.document
+    constraints = [_constraint(i, c) for i, c in enumerate(document.constraints)]
+    units = None
+    if document.units is not None:
+        units = Units(document.units.length, document.units.mass, document.units.time)
+    match document:
+        case systems.Chain():
+            return presets.chain(
+                document.n, constraints, document.mass, document.stiffness, units=units
+            )
+        case systems.Oscillator():
+            return presets.oscillator(constraints, document.Omega0, document.zeta, units=units)
+        case systems.TwoMass():
+            return presets.two_mass(
+                constraints, document.Omega0, document.coupling, document.zeta, units=units
+            )
+        case systems.DoublePendulum():
+            return presets.double_pendulum(constraints, document.mu, units=units)
+        case systems.BouncingBall():
+            return presets.bouncing_ball(constraints, document.g, units=units)
+        case systems.MatrixSystem():
+            return _matrix_system(document, constraints, units)
+
+
+def _matrix_system(
+    document: systems.MatrixSystem, constraints: list[Constraint], units: Units | None
+) -> System:
+    return System(
+        _matrix("M", document.M),
+        _matrix("K", document.K),
+        tuple(constraints),
+        C=None if document.C is None else _matrix("C", document.C),
+        force=None if document.force is None else np.array(document.force),
+        units=units,
+    )
+
+
+def _matrix(name: str, document: Any) -> SymmetricMatrix:
+    try:
+        match document:
+            case systems.DiagonalMatrix():
+                return SymmetricMatrix.diagonal(document.diagonal)
+            case systems.BandedMatrix():
+                return _banded(document)
+            case systems.CoordinateMatrix():
+                return SymmetricMatrix.sparse(
+                    document.shape, document.row, document.col, document.data
+                )
+            case systems.ScalarMatrix():
+                return SymmetricMatrix.diagonal(np.full(document.n, document.scalar))
+            case _:
+                return SymmetricMatrix.dense(document)
+    except ModelError as error:
+        raise error.under(name) from None
+
+
+def _banded(document: systems.BandedMatrix) -> SymmetricMatrix:
+    try:
+        return SymmetricMatrix.bands({int(k): np.array(v) for k, v in document.bands.items()})
+    except ModelError as error:
+        raise error.under("bands") from None
+
+
+def _constraint(index: int, document: systems.Constraint) -> Constraint:
+    gap = document.gap
+    lower, upper = (gap.lower, gap.upper) if isinstance(gap, systems.Limits) else (gap, gap)
+    direction = document.direction
+    if direction is None:
+        assert document.dof is not None
+        dofs, weights = [document.dof], [1.0]
+    else:
+        dofs, weights = direction.dofs, direction.weights
+    try:
+        return Constraint(tuple(dofs), tuple(weights), lower, upper, document.restitution)
+    except ModelError as error:
+        raise error.under("constraints", index) from None
+
+
+def frequencies(grid: Any) -> tuple[Floats, Floats]:
+    """Return (Omega, omega) of a grid, each shape (frequency,); the one given, to the bit."""
+    match grid:
+        case grids.FrequencyValues():
+            given = np.array(grid.values)
+        case grids.FrequencyPoints():
+            given = np.linspace(grid.start, grid.stop, grid.num)
+        case grids.FrequencySteps():
+            given = grid.start + grid.step * np.arange(grid.count)
+            # The last step may pass the end by rounding.
+            given[-1] = min(given[-1], grid.stop)
+    if grid.unit == "Omega":
+        return given, given * (2.0 / np.pi)
+    return given * (np.pi / 2.0), given
+
+
+def impact_modes(request: requests.ImpactModesRequest, of: System) -> modes.Problem:
+    """Return the problem of impact modes."""
+    Omega, omega = frequencies(request.frequency)
+    return modes.Problem(
+        of,
+        omega,
+        tuple(request.active or ()),
+        frozenset(request.outputs),
+        _indices(request.dofs),
+        None if request.tau is None else np.array(request.tau),
+        request.tolerance,
+        Omega=Omega,
+    )
+
+
+def _indices(given: Sequence[int] | None) -> np.ndarray[Any, np.dtype[np.int64]] | None:
+    return None if given is None else np.array(given, dtype=np.int64)
