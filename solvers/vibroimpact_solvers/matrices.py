@@ -1,0 +1,350 @@
+"""Real symmetric matrices in the leanest form that holds them: products, sums, factors."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse
+import scipy.sparse.linalg
+from numpy.typing import ArrayLike
+from scipy.linalg import lapack
+
+from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.errors import ModelError
+
+# Entries that differ by less, relative to the largest, are taken as equal: assembled
+# finite-element matrices are symmetric only up to the rounding of their sums.
+_SYMMETRY = 1e-12
+
+# Bands that hold this many times more numbers than there are nonzero entries give way to
+# a list of the entries.
+_FILL = 6
+
+Solve = Callable[[Floats], Floats]
+"""Returns the solution for right-hand sides of shape (n,) or (n, columns)."""
+
+
+class Form(StrEnum):
+    """How a matrix is held."""
+
+    DIAGONAL = "diagonal"
+    TRIDIAGONAL = "tridiagonal"
+    BANDED = "banded"
+    SPARSE = "sparse"
+    DENSE = "dense"
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SymmetricMatrix:
+    """A real symmetric matrix in the leanest form that holds it.
+
+    Made by one of the class methods, which check it and choose the form.
+
+    Parameters
+    ----------
+    data : array
+        The rows, shape (n, n); or the main diagonal and those below, shape (bands, n), row k
+        holding the entries (i + k, i), as `scipy.linalg.eig_banded` takes them; or the
+        entries of the sparse form, shape (entries,).
+    form : Form
+        Which of them, and how many bands.
+    pattern : tuple of arrays, optional
+        Of the sparse form: column indices and row starts, as in `scipy.sparse.csr_array`.
+    """
+
+    data: Floats
+    form: Form
+    pattern: tuple[Integers, Integers] | None = None
+
+    @classmethod
+    def dense(cls, rows: ArrayLike) -> SymmetricMatrix:
+        """Take a full matrix, shape (n, n); a banded one is recognised."""
+        try:
+            full = np.array(rows, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise ModelError((), "the rows have different lengths", code="not_square") from None
+        if full.ndim != 2 or full.shape[0] != full.shape[1] or full.size == 0:
+            size = " x ".join(str(side) for side in full.shape)
+            raise ModelError((), f"the matrix is {size}, not square", code="not_square")
+        _require_finite(full)
+        gap = np.abs(full - full.T)
+        if gap.max() > _SYMMETRY * np.abs(full).max():
+            i, j = (int(k) for k in np.unravel_index(np.argmax(gap), gap.shape))
+            message = f"entries ({i}, {j}) = {full[i, j]!r} and ({j}, {i}) = {full[j, i]!r} differ"
+            raise ModelError((), message, code="not_symmetric")
+        full = 0.5 * (full + full.T)
+        row, col = np.nonzero(full)
+        width = int(np.abs(row - col).max(initial=0))
+        if 2 * width < full.shape[0] or width == 0:
+            bands = np.zeros((width + 1, full.shape[0]))
+            for k in range(width + 1):
+                bands[k, : full.shape[0] - k] = np.diagonal(full, k)
+            return cls(_frozen(bands), _banded_form(width))
+        return cls(_frozen(full), Form.DENSE)
+
+    @classmethod
+    def diagonal(cls, entries: ArrayLike) -> SymmetricMatrix:
+        """Take the diagonal, shape (n,)."""
+        return cls.bands({0: np.asarray(entries, dtype=np.float64)})
+
+    @classmethod
+    def bands(cls, diagonals: Mapping[int, ArrayLike]) -> SymmetricMatrix:
+        """Take diagonals by their offset from the main one, which must be among them."""
+        if 0 not in diagonals:
+            raise ModelError((), "the main diagonal, offset 0, is missing", code="missing_diagonal")
+        given = {k: np.asarray(v, dtype=np.float64) for k, v in diagonals.items()}
+        n = given[0].size
+        for offset, entries in given.items():
+            if not 0 <= offset < n or entries.shape != (n - offset,):
+                message = f"diagonal {offset} has {entries.size} entries instead of {n - offset}"
+                raise ModelError((str(offset),), message, code="not_square")
+            _require_finite(entries)
+        width = max((k for k, v in given.items() if v.any()), default=0)
+        data = np.zeros((width + 1, n))
+        for offset in range(width + 1):
+            if offset in given:
+                data[offset, : n - offset] = given[offset]
+        return cls(_frozen(data), _banded_form(width))
+
+    @classmethod
+    def sparse(
+        cls, shape: Sequence[int], row: ArrayLike, col: ArrayLike, data: ArrayLike
+    ) -> SymmetricMatrix:
+        """Take entries by their coordinates; those given twice are added."""
+        if len(shape) != 2 or shape[0] != shape[1] or shape[0] < 1:
+            raise ModelError(("shape",), "the matrix is not square", code="not_square")
+        n = int(shape[0])
+        rows, columns = np.asarray(row, dtype=np.int64), np.asarray(col, dtype=np.int64)
+        values = np.asarray(data, dtype=np.float64)
+        if not rows.size == columns.size == values.size:
+            raise ModelError((), "row, col and data have different lengths", code="wrong_length")
+        for name, index in (("row", rows), ("col", columns)):
+            if index.size and (index.min() < 0 or index.max() >= n):
+                raise ModelError((name,), f"an index is not below {n}", code="index_out_of_range")
+        _require_finite(values)
+        matrix = scipy.sparse.coo_array((values, (rows, columns)), shape=(n, n)).tocsr()
+        if abs(matrix - matrix.T).max() > _SYMMETRY * max(abs(matrix).max(), 1e-300):
+            raise ModelError((), "the entries are not symmetric", code="not_symmetric")
+        return cls.leanest(0.5 * (matrix + matrix.T))
+
+    @classmethod
+    def leanest(cls, matrix: scipy.sparse.csr_array) -> SymmetricMatrix:
+        """Take a symmetric `scipy.sparse` array that is known to be sound."""
+        matrix.eliminate_zeros()
+        lower = scipy.sparse.tril(matrix).tocoo()
+        n, offsets = matrix.shape[0], lower.row - lower.col
+        width = int(offsets.max(initial=0))
+        if width > 1 and (width + 1) * n > _FILL * lower.nnz:
+            if 8 * matrix.nnz > n * n:
+                return cls(_frozen(matrix.toarray()), Form.DENSE)
+            matrix.sort_indices()
+            pattern = (
+                _frozen(matrix.indices.astype(np.int64)),
+                _frozen(matrix.indptr.astype(np.int64)),
+            )
+            return cls(_frozen(matrix.data), Form.SPARSE, pattern)
+        if 2 * width >= n and width:
+            return cls(_frozen(matrix.toarray()), Form.DENSE)
+        bands = np.zeros((width + 1, n))
+        bands[offsets, lower.col] = lower.data
+        return cls(_frozen(bands), _banded_form(width))
+
+    @property
+    def n(self) -> int:
+        """Number of rows."""
+        if self.pattern is not None:
+            return int(self.pattern[1].size - 1)
+        return int(self.data.shape[1])
+
+    @property
+    def width(self) -> int:
+        """Number of diagonals below the main one that are held."""
+        narrow = self.form in {Form.DIAGONAL, Form.TRIDIAGONAL, Form.BANDED}
+        return int(self.data.shape[0] - 1) if narrow else self.n - 1
+
+    @property
+    def entries(self) -> int:
+        """Number of entries that take part in a product."""
+        return (
+            self.data.size if self.pattern is not None else self.n * min(2 * self.width + 1, self.n)
+        )
+
+    def to_dense(self) -> Floats:
+        """Return the full matrix, shape (n, n)."""
+        if self.form is Form.DENSE:
+            return self.data
+        if self.form is Form.SPARSE:
+            return np.asarray(self.to_sparse().toarray())
+        full = np.zeros((self.n, self.n))
+        for k, band in enumerate(self.data):
+            index = np.arange(self.n - k)
+            full[index, index + k] = full[index + k, index] = band[: self.n - k]
+        return full
+
+    def to_sparse(self) -> scipy.sparse.csr_array:
+        """Return the matrix as a sparse array of scipy."""
+        if self.pattern is not None:
+            return scipy.sparse.csr_array((self.data, *self.pattern), shape=(self.n, self.n))
+        if self.form is Form.DENSE:
+            return scipy.sparse.csr_array(self.data)
+        offsets, bands = [], []
+        for k, band in enumerate(self.data):
+            for offset in {-k, k}:
+                offsets.append(offset)
+                bands.append(band[: self.n - k])
+        return scipy.sparse.diags_array(bands, offsets=offsets, shape=(self.n, self.n)).tocsr()
+
+    def __matmul__(self, x: Floats) -> Floats:
+        """Return the product with vectors, shape (n,) or (n, columns)."""
+        if self.form is Form.DENSE:
+            return np.asarray(self.data @ x)
+        if self.form is Form.SPARSE:
+            return np.asarray(self.to_sparse() @ x)
+        column = (slice(None),) + (np.newaxis,) * (x.ndim - 1)
+        y = self.data[0][column] * x
+        for k, band in enumerate(self.data[1:], start=1):
+            part = band[: self.n - k][column]
+            y[k:] += part * x[:-k]
+            y[:-k] += part * x[k:]
+        return np.asarray(y)
+
+    def plus(self, factor: float, other: SymmetricMatrix) -> SymmetricMatrix:
+        """Return ``self + factor * other``."""
+        if Form.SPARSE in {self.form, other.form}:
+            return SymmetricMatrix.leanest((self.to_sparse() + factor * other.to_sparse()).tocsr())
+        if Form.DENSE in {self.form, other.form}:
+            return SymmetricMatrix(self.to_dense() + factor * other.to_dense(), Form.DENSE)
+        width = max(self.width, other.width)
+        data = np.zeros((width + 1, self.n))
+        data[: self.width + 1] += self.data
+        data[: other.width + 1] += factor * other.data
+        return SymmetricMatrix(data, _banded_form(width))
+
+    def factorize(self) -> Solve:
+        """Return the function that solves with this matrix, which need not be definite.
+
+        Raises
+        ------
+        scipy.linalg.LinAlgError
+            Where the matrix is singular to the last bit.
+        """
+        return _FACTORS[self.form](self)
+
+    def is_positive_definite(self) -> bool:
+        """Whether all eigenvalues are positive."""
+        try:
+            if self.form is Form.DENSE:
+                scipy.linalg.cholesky(self.data, lower=True, check_finite=False)
+            elif self.form is Form.DIAGONAL:
+                return bool((self.data[0] > 0.0).all())
+            elif self.form is Form.SPARSE:
+                return bool((pivots(self) > 0.0).all())
+            else:
+                scipy.linalg.cholesky_banded(self.data, lower=True, check_finite=False)
+        except scipy.linalg.LinAlgError:
+            return False
+        return True
+
+    def digest(self) -> bytes:
+        """Return a hash of the content."""
+        text = hashlib.blake2b(f"{self.form} {self.data.shape}".encode())
+        for array in (self.data, *(self.pattern or ())):
+            text.update(np.ascontiguousarray(array).tobytes())
+        return text.digest()
+
+
+def pivots(matrix: SymmetricMatrix) -> Floats:
+    """Return the pivots of a sparse matrix; as many are negative as eigenvalues are.
+
+    Raises
+    ------
+    scipy.linalg.LinAlgError
+        Where the factors without row exchanges do not exist.
+    """
+    options = {"SymmetricMode": True}
+    try:
+        factors = scipy.sparse.linalg.splu(
+            matrix.to_sparse().tocsc(),
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options=options,
+        )
+    except RuntimeError as error:
+        raise scipy.linalg.LinAlgError(str(error)) from None
+    if not np.array_equal(factors.perm_r, factors.perm_c):
+        raise scipy.linalg.LinAlgError("rows were exchanged")
+    return np.asarray(factors.U.diagonal())
+
+
+def _diagonal_factor(matrix: SymmetricMatrix) -> Solve:
+    entries = matrix.data[0]
+    if not entries.all():
+        raise scipy.linalg.LinAlgError("a diagonal entry is zero")
+    return lambda b: np.asarray((b.T / entries).T)
+
+
+def _banded_factor(matrix: SymmetricMatrix) -> Solve:
+    n, width = matrix.n, matrix.width
+    # Rows of LAPACK's band storage: `width` for fill-in, the upper, main and lower diagonals.
+    bands = np.zeros((3 * width + 1, n), order="F")
+    for k, band in enumerate(matrix.data):
+        bands[2 * width + k, : n - k] = band[: n - k]
+        bands[2 * width - k, k:] = band[: n - k]
+    factors, rows, info = lapack.dgbtrf(bands, width, width, overwrite_ab=1)
+    if info > 0:
+        raise scipy.linalg.LinAlgError("the matrix is singular")
+
+    def solve(b: Floats) -> Floats:
+        x, _ = lapack.dgbtrs(factors, width, width, b.reshape(n, -1), rows)
+        return np.asarray(x).reshape(b.shape)
+
+    return solve
+
+
+def _sparse_factor(matrix: SymmetricMatrix) -> Solve:
+    try:
+        factors = scipy.sparse.linalg.splu(matrix.to_sparse().tocsc())
+    except RuntimeError as error:
+        raise scipy.linalg.LinAlgError(str(error)) from None
+    return lambda b: np.asarray(factors.solve(b))
+
+
+def _dense_factor(matrix: SymmetricMatrix) -> Solve:
+    factors, rows, info = lapack.dgetrf(matrix.data)
+    if info > 0:
+        raise scipy.linalg.LinAlgError("the matrix is singular")
+
+    def solve(b: Floats) -> Floats:
+        x, _ = lapack.dgetrs(factors, rows, b)
+        return np.asarray(x)
+
+    return solve
+
+
+_FACTORS: dict[Form, Callable[[SymmetricMatrix], Solve]] = {
+    Form.DIAGONAL: _diagonal_factor,
+    Form.TRIDIAGONAL: _banded_factor,
+    Form.BANDED: _banded_factor,
+    Form.SPARSE: _sparse_factor,
+    Form.DENSE: _dense_factor,
+}
+
+
+def _frozen(array: Any) -> Any:
+    array.setflags(write=False)
+    return array
+
+
+def _require_finite(array: Floats) -> None:
+    if not np.isfinite(array).all():
+        raise ModelError((), "an entry is nan or infinite", code="not_finite")
+
+
+def _banded_form(width: int) -> Form:
+    return (Form.DIAGONAL, Form.TRIDIAGONAL)[width] if width < 2 else Form.BANDED

@@ -1,0 +1,30 @@
+"""Natural modes of a structure, by the method that its matrices allow, computed once."""
+
+from vibroimpact_solvers.spectrum.bounds import largest_frequency
+from vibroimpact_solvers.spectrum.cache import CACHE, Cache
+from vibroimpact_solvers.spectrum.methods import (
+    REASONS,
+    Method,
+    choose,
+    flops,
+    is_known,
+    key,
+    nbytes,
+    spectrum,
+)
+from vibroimpact_solvers.spectrum.natural import Spectrum
+
+__all__ = [
+    "CACHE",
+    "REASONS",
+    "Cache",
+    "Method",
+    "Spectrum",
+    "choose",
+    "flops",
+    "is_known",
+    "key",
+    "largest_frequency",
+    "nbytes",
+    "spectrum",
+]

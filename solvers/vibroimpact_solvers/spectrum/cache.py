@@ -1,0 +1,78 @@
+"""Results kept by the content they were computed from, bounded by the memory they hold."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from collections.abc import Callable
+from typing import Final, Protocol, TypeVar, cast
+
+
+class Sized(Protocol):
+    """Anything that knows its memory."""
+
+    @property
+    def nbytes(self) -> int:
+        """Memory held."""
+
+
+Value = TypeVar("Value", bound=Sized)
+
+
+class Cache:
+    """The values used last, by key; safe to use from several threads.
+
+    Two threads that need the same value compute it once: the second waits for the first.
+
+    Parameters
+    ----------
+    limit : int
+        Bytes that may be held; the value used last is kept even if it alone is larger.
+    """
+
+    def __init__(self, limit: int) -> None:
+        self._limit = limit
+        self._held: OrderedDict[bytes, Sized] = OrderedDict()
+        self._under_way: dict[bytes, threading.Lock] = {}
+        self._lock = threading.Lock()
+
+    def get(self, key: bytes, compute: Callable[[], Value]) -> Value:
+        """Return the value of that key, computing it where it is not held."""
+        with self._lock:
+            if key in self._held:
+                self._held.move_to_end(key)
+                return cast(Value, self._held[key])
+            turn = self._under_way.setdefault(key, threading.Lock())
+        with turn:
+            with self._lock:
+                if key in self._held:
+                    return cast(Value, self._held[key])
+            try:
+                value = compute()
+                with self._lock:
+                    self._held[key] = value
+                    self._shrink()
+            finally:
+                with self._lock:
+                    self._under_way.pop(key, None)
+        return value
+
+    def _shrink(self) -> None:
+        total = sum(value.nbytes for value in self._held.values())
+        while len(self._held) > 1 and total > self._limit:
+            _, oldest = self._held.popitem(last=False)
+            total -= oldest.nbytes
+
+    def __contains__(self, key: bytes) -> bool:
+        with self._lock:
+            return key in self._held
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes held now."""
+        with self._lock:
+            return sum(value.nbytes for value in self._held.values())
+
+
+CACHE: Final = Cache(512 * 2**20)
+"""The one of this process."""

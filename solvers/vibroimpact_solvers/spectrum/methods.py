@@ -1,0 +1,178 @@
+"""Which method finds the natural modes of a system, what it costs, and the methods."""
+
+from __future__ import annotations
+
+import hashlib
+from enum import StrEnum
+from typing import Final
+
+import numpy as np
+import scipy.linalg
+
+from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.matrices import Form, SymmetricMatrix
+from vibroimpact_solvers.model import ChainShape, System
+from vibroimpact_solvers.spectrum.cache import CACHE
+from vibroimpact_solvers.spectrum.natural import Spectrum
+
+_EPS = float(np.finfo(np.float64).eps)
+
+
+class Method(StrEnum):
+    """How the natural modes are found; the values are what a plan shows."""
+
+    CLOSED_FORM = "closed form"
+    DIAGONAL = "diagonal"
+    TRIDIAGONAL = "tridiagonal"
+    BANDED = "banded"
+    DENSE = "dense"
+
+
+REASONS: Final = {
+    Method.CLOSED_FORM: "a uniform chain has its modes in closed form (eq. 10.63)",
+    Method.DIAGONAL: "M and K are diagonal: the coordinates are the modes",
+    Method.TRIDIAGONAL: "M is diagonal and K tridiagonal",
+    Method.BANDED: "M is diagonal and K banded",
+    Method.DENSE: "M and K have no narrower structure",
+}
+
+
+def choose(system: System) -> Method:
+    """Return the cheapest method for all modes that the structure of the system allows."""
+    if system.chain is not None:
+        return Method.CLOSED_FORM
+    if system.M.form is not Form.DIAGONAL:
+        return Method.DENSE
+    return {
+        Form.DIAGONAL: Method.DIAGONAL,
+        Form.TRIDIAGONAL: Method.TRIDIAGONAL,
+        Form.BANDED: Method.BANDED,
+    }.get(system.K.form, Method.DENSE)
+
+
+def flops(system: System, method: Method) -> float:
+    """Estimated floating-point operations of a method."""
+    n = float(system.n)
+    return {
+        Method.CLOSED_FORM: 20.0 * n,
+        Method.DIAGONAL: n,
+        Method.TRIDIAGONAL: 6.0 * n * n + 2.0 * n**3,
+        Method.BANDED: 12.0 * n**3,
+        Method.DENSE: 14.0 * n**3,
+    }[method]
+
+
+def nbytes(system: System, method: Method) -> float:
+    """Memory that a spectrum holds."""
+    n = float(system.n)
+    return 8.0 * n if method in {Method.CLOSED_FORM, Method.DIAGONAL} else 8.0 * n * (n + 1)
+
+
+def key(system: System, method: Method) -> bytes:
+    """Return the name of a system's spectrum: a hash of what it depends on."""
+    text = hashlib.blake2b(method.encode())
+    text.update(system.M.digest())
+    text.update(system.K.digest())
+    return text.digest()
+
+
+def is_known(system: System, method: Method) -> bool:
+    """Whether the spectrum is held already."""
+    return key(system, method) in CACHE
+
+
+def spectrum(system: System, method: Method | None = None) -> Spectrum:
+    """Return all natural modes of a system, computed at most once per content.
+
+    Parameters
+    ----------
+    system : System
+    method : Method, optional
+        The one chosen for it; absent: what `choose` returns.
+    """
+    chosen = choose(system) if method is None else method
+    return CACHE.get(key(system, chosen), lambda: _compute(system, chosen))
+
+
+def _compute(system: System, method: Method) -> Spectrum:
+    if method is Method.CLOSED_FORM and system.chain is not None:
+        return _chain(system.chain)
+    if method is Method.DIAGONAL:
+        return _diagonal(system.M.data[0], system.K.data[0])
+    if method is Method.DENSE:
+        eigenvalues, modes = scipy.linalg.eigh(
+            system.K.to_dense(), system.M.to_dense(), check_finite=False
+        )
+    else:
+        eigenvalues, modes = _mass_scaled(system.M.data[0], system.K, method)
+    return _numerical(np.asarray(eigenvalues), np.asarray(modes))
+
+
+def _numerical(eigenvalues: Floats, modes: Floats) -> Spectrum:
+    """Return a spectrum whose eigenvalues are known to a few roundings of the largest."""
+    n = eigenvalues.size
+    scale = float(np.abs(eigenvalues).max())
+    # Below it a computed eigenvalue is noise: a rigid-body mode.
+    eigenvalues[np.abs(eigenvalues) <= max(16.0, np.sqrt(n)) * _EPS * scale] = 0.0
+    held = _frozen(np.ascontiguousarray(modes))
+    return Spectrum(_roots(eigenvalues), held, n, 2.0 * _EPS * scale)
+
+
+def _roots(eigenvalues: Floats) -> Floats:
+    return _frozen(np.sign(eigenvalues) * np.sqrt(np.abs(eigenvalues)))
+
+
+def _frozen(array: Floats) -> Floats:
+    array.setflags(write=False)
+    return array
+
+
+def _chain(shape: ChainShape) -> Spectrum:
+    """Modes of the uniform chain between fixed ends, eq. 10.63.
+
+    The sines are taken of arguments reduced in integers, so that mirror-image entries are
+    equal to the last bit and entries that vanish are zero.
+    """
+    size = shape.n + 1
+    j = np.arange(1, shape.n + 1)
+    omega0 = np.sqrt(shape.stiffness / shape.mass)
+    frequencies = 2.0 * omega0 * np.sin(np.pi * j / (2 * size))
+    factor = np.sqrt(2.0 / (size * shape.mass))
+
+    def rows(dofs: Integers) -> Floats:
+        turns = np.outer(dofs + 1, j) % (2 * size)
+        sign = np.where(turns >= size, -factor, factor)
+        turns %= size
+        turns = np.minimum(turns, size - turns)
+        return np.asarray(sign * np.sin(np.pi * turns / size))
+
+    return Spectrum(_frozen(frequencies), rows, shape.n)
+
+
+def _diagonal(mass: Floats, stiffness: Floats) -> Spectrum:
+    """Modes of uncoupled coordinates."""
+    eigenvalues = stiffness / mass
+    order = np.argsort(eigenvalues, kind="stable")
+    place = np.empty_like(order)
+    place[order] = np.arange(mass.size)
+
+    def rows(dofs: Integers) -> Floats:
+        found = np.zeros((dofs.size, mass.size))
+        found[np.arange(dofs.size), place[dofs]] = 1.0 / np.sqrt(mass[dofs])
+        return found
+
+    return Spectrum(_roots(eigenvalues[order]), rows, mass.size)
+
+
+def _mass_scaled(mass: Floats, K: SymmetricMatrix, method: Method) -> tuple[Floats, Floats]:
+    """Modes for a diagonal M, from the matrix M^(-1/2) K M^(-1/2) of K's own structure."""
+    root = np.sqrt(mass)
+    scaled = np.zeros_like(K.data)
+    for k, band in enumerate(K.data):
+        end = mass.size - k
+        scaled[k, :end] = band[:end] / (root[:end] * root[k:])
+    if method is Method.TRIDIAGONAL:
+        found = scipy.linalg.eigh_tridiagonal(scaled[0], scaled[1, :-1], check_finite=False)
+    else:
+        found = scipy.linalg.eig_banded(scaled, lower=True, check_finite=False)
+    return np.asarray(found[0]), np.asarray(found[1]) / root[:, np.newaxis]
