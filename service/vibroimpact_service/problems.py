@@ -308,8 +308,11 @@ def _message(kind: str, message: str, context: Mapping[str, Any]) -> str:
         return "there is no such field"
     if kind == "missing":
         return "this field is required"
+    if kind == "model_type":
+        return "must be an object"
     if kind == "too_short":
-        return f"needs at least {context['min_length']} items"
+        least = context["min_length"]
+        return "must not be empty" if least == 1 else f"needs at least {least} items"
     return message.replace("Input should be", "must be")
 
 
