@@ -132,12 +132,12 @@ def byte_range(header: str | None, size: int) -> tuple[int, int] | None:
         if length == 0:
             raise UnsatisfiableRangeError
         return size - length, size
-    start, stop = int(first), int(last) + 1 if last else size
-    if stop <= start:
+    start = int(first)
+    if last and int(last) < start:
         return None
     if start >= size:
         raise UnsatisfiableRangeError
-    return start, min(stop, size)
+    return start, min(int(last) + 1, size) if last else size
 
 
 def server_timing(seconds: dict[str, float]) -> str:

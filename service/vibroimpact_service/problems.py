@@ -48,7 +48,6 @@ MALFORMED = Type(
 BAD_REQUEST = Type(
     "bad_request", 400, "The request cannot be read", "It violates HTTP or breaks off."
 )
-FORBIDDEN = Type("forbidden", 403, "Not allowed", "The key in use does not give this right.")
 NOT_FOUND = Type(
     "not_found",
     404,
@@ -76,13 +75,6 @@ NOT_ACCEPTABLE = Type(
     406,
     "The wanted media type is not available",
     "Results are application/json or application/x-hdf5.",
-)
-KEY_IN_FLIGHT = Type(
-    "idempotency_key_in_flight",
-    409,
-    "A request with this Idempotency-Key is being worked on",
-    "Ask again after Retry-After.",
-    retryable=True,
 )
 TOO_LARGE = Type(
     "too_large",
@@ -147,8 +139,8 @@ UNAVAILABLE = Type(
 TYPES: Final[Mapping[str, Type]] = {
     t.code: t
     for t in (
-        *(MALFORMED, BAD_REQUEST, FORBIDDEN, NOT_FOUND, NOT_READY, NO_RESULT),
-        *(METHOD_NOT_ALLOWED, NOT_ACCEPTABLE, KEY_IN_FLIGHT, TOO_LARGE, UNSUPPORTED_MEDIA_TYPE),
+        *(MALFORMED, BAD_REQUEST, NOT_FOUND, NOT_READY, NO_RESULT),
+        *(METHOD_NOT_ALLOWED, NOT_ACCEPTABLE, TOO_LARGE, UNSUPPORTED_MEDIA_TYPE),
         *(RANGE_NOT_SATISFIABLE, INVALID, NOT_POSSIBLE, NO_CONVERGENCE, KEY_REUSED),
         *(INTERNAL, STORE_FULL, UNAVAILABLE),
     )
@@ -156,7 +148,7 @@ TYPES: Final[Mapping[str, Type]] = {
 _OF_STATUS: Final = {
     t.status: t
     for t in (
-        *(BAD_REQUEST, FORBIDDEN, NOT_FOUND, METHOD_NOT_ALLOWED, NOT_ACCEPTABLE, KEY_IN_FLIGHT),
+        *(BAD_REQUEST, NOT_FOUND, METHOD_NOT_ALLOWED, NOT_ACCEPTABLE),
         *(TOO_LARGE, UNSUPPORTED_MEDIA_TYPE, RANGE_NOT_SATISFIABLE, INVALID, INTERNAL),
         UNAVAILABLE,
     )
