@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import queue
 import threading
 import time
 from collections.abc import Callable
@@ -10,7 +11,7 @@ from typing import Any
 import structlog
 
 from vibroimpact_service.jobs import ledger
-from vibroimpact_service.jobs.engine import Engine, EngineUnavailableError
+from vibroimpact_service.jobs.engine import Engine, EngineUnavailableError, WorkerLostError
 from vibroimpact_service.jobs.records import JobRow
 from vibroimpact_service.jobs.work import Work
 from vibroimpact_service.jobs.writer import Writer
@@ -20,6 +21,7 @@ log = structlog.get_logger("vibroimpact.jobs")
 
 _IN_FLIGHT = 8  # bundles of one job given to the engine at a time
 _PROGRESS_SECONDS = 0.2
+_LOOK_SECONDS = 0.25  # how soon a cancelled job notices while nothing ends
 _FAST_SECONDS = 1.0  # planned work below it goes through the fast lane
 
 
@@ -85,7 +87,9 @@ class Drive:
         job = self.job
         lane = "fast" if job.seconds < _FAST_SECONDS else "bulk"
         waiting = list(reversed(missing))
-        flying: dict[Any, int] = {}
+        flying: dict[str, Any] = {}
+        ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        suspects: list[int] = []
         done = total - len(missing)
         try:
             while waiting or flying:
@@ -96,20 +100,52 @@ class Drive:
                     # cancelled call for this one.
                     key = f"{job.id}-{job.attempts}-{index}"
                     arguments = (self._store.url, job.kind, job.request, job.result, [index])
-                    future = self._engine.submit(
-                        key, lane, job.priority, self._work.solve, *arguments
+                    flying[key] = self._engine.submit(
+                        key, lane, job.priority, ended.put, self._work.solve, *arguments
                     )
-                    flying[future] = index
-                for future in self._engine.first(list(flying), 0.25):
-                    del flying[future]
+                for future in _drain(ended):
+                    del flying[future.key]
                     error = self._engine.outcome(future)
                     future.release()
-                    if error is not None:
+                    if isinstance(error, WorkerLostError):
+                        suspects.append(int(future.key.rsplit("-", 1)[1]))
+                    elif error is not None:
                         raise error
-                    done += 1
+                    else:
+                        done += 1
                 self._progress(done, total)
         finally:
-            self._engine.forget(list(flying))
+            self._engine.forget(list(flying.values()))
+        for index in suspects:
+            self._alone(index)
+            done += 1
+            self._progress(done, total)
+
+    def _alone(self, index: int) -> None:
+        """Compute a chunk that was there when workers died, with no other suspect beside it.
+
+        Dask blames whatever a dead worker held. Alone, only the guilty chunk fails again.
+        """
+        job = self.job
+        ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        while not self._engine.quarantine.acquire(timeout=_LOOK_SECONDS):
+            self._check()
+        try:
+            key = f"{job.id}-{job.attempts}-alone-{index}"
+            arguments = (self._store.url, job.kind, job.request, job.result, [index])
+            future = self._engine.submit(
+                key, "bulk", job.priority, ended.put, self._work.solve, *arguments
+            )
+            try:
+                while not _drain(ended):
+                    self._check()
+                error = self._engine.outcome(future)
+            finally:
+                self._engine.forget([future])
+        finally:
+            self._engine.quarantine.release()
+        if error is not None:
+            raise error
 
     def _progress(self, done: int, total: int) -> None:
         if time.monotonic() - self._reported > _PROGRESS_SECONDS:
@@ -137,3 +173,14 @@ class Drive:
         if not mine:
             raise LeaseLostError
         self._changed(self.job.id)
+
+
+def _drain(ended: queue.SimpleQueue[Any]) -> list[Any]:
+    """Return what ended, waiting a moment for the first."""
+    found: list[Any] = []
+    try:
+        found.append(ended.get(timeout=_LOOK_SECONDS))
+        while True:
+            found.append(ended.get_nowait())
+    except queue.Empty:
+        return found

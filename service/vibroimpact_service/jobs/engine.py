@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import dask
+import structlog
 from distributed import Client, Future, LocalCluster, Security
-from distributed import wait as wait_for
 from distributed.scheduler import KilledWorker
 
 from vibroimpact_service.settings import Settings
@@ -21,10 +21,14 @@ _CONFIG = {
     "distributed.comm.timeouts.tcp": "15s",
     "distributed.comm.timeouts.connect": "15s",
     "distributed.admin.tick.limit": "30s",
-    "distributed.worker.daemon": True,
-    "distributed.scheduler.work-stealing": True,
+    # Dask's status pages know no keys: they show nothing.
+    "distributed.scheduler.http.routes": [],
+    "distributed.worker.http.routes": [],
 }
 LANES = ("fast", "bulk")
+_RETRY_SECONDS = 3.0
+
+log = structlog.get_logger("vibroimpact.engine")
 
 
 class EngineUnavailableError(RuntimeError):
@@ -45,6 +49,7 @@ class Engine:
         self._ready = threading.Event()
         self._closing = threading.Event()
         self.failure: str | None = None
+        self.quarantine = threading.Lock()
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
@@ -66,23 +71,22 @@ class Engine:
         return self._ready.wait(seconds)
 
     def submit(
-        self, key: str, lane: str, priority: int, function: Callable[..., Any], *args: Any
+        self,
+        key: str,
+        lane: str,
+        priority: int,
+        done: Callable[[Future], None],
+        function: Callable[..., Any],
+        *args: Any,
     ) -> Future:
-        """Give one call to a worker."""
+        """Give one call to a worker; `done` is called with the future when it ended."""
         if self._client is None or not self.ready:
             raise EngineUnavailableError
-        return self._client.submit(
+        future = self._client.submit(
             function, *args, key=key, resources={lane: 1}, priority=priority, pure=False
         )
-
-    @staticmethod
-    def first(futures: Sequence[Future], seconds: float) -> list[Future]:
-        """Return the finished ones among futures; none if there are none in time."""
-        try:
-            wait_for(list(futures), timeout=seconds, return_when="FIRST_COMPLETED")
-        except TimeoutError:
-            return []
-        return [future for future in futures if future.done()]
+        future.add_done_callback(done)
+        return future
 
     @staticmethod
     def outcome(future: Future) -> BaseException | None:
@@ -116,16 +120,20 @@ class Engine:
     def _start(self) -> None:
         logging.getLogger("distributed").setLevel(logging.ERROR)
         dask.config.set(_CONFIG)
-        try:
-            if self._settings.scheduler is None:
-                self._start_own()
+        while not self._closing.is_set():
+            try:
+                if self._settings.scheduler is None:
+                    self._start_own()
+                else:
+                    self._connect(self._settings.scheduler)
+            except Exception as error:
+                self.failure = f"{type(error).__name__}: {error}"
+                log.warning("the workers did not start", error=self.failure)
+                self._closing.wait(_RETRY_SECONDS)
             else:
-                self._connect(self._settings.scheduler)
-        except Exception as error:
-            self.failure = f"{type(error).__name__}: {error}"
-            return
-        if not self._closing.is_set():
-            self._ready.set()
+                self.failure = None
+                self._ready.set()
+                return
 
     def _start_own(self) -> None:
         security = Security.temporary()
@@ -137,7 +145,8 @@ class Engine:
             protocol="tls://",
             security=security,
             resources=dict.fromkeys(LANES, 1),
-            dashboard_address=None,
+            dashboard_address="127.0.0.1:0",
+            worker_dashboard_address="127.0.0.1:0",
             silence_logs=logging.ERROR,
         )
         self._client = Client(self._cluster, security=security, set_as_default=False)

@@ -65,10 +65,11 @@ class JobQueue:
     async def start(self) -> None:
         """Open the records, begin to start the workers and take up unfinished jobs."""
         self._loop = asyncio.get_running_loop()
-        self._database = await asyncio.to_thread(open_database, self._settings.database_url)
-        self._writer = Writer(self._database)
         if self._settings.database is None:
             self._lock = _lock(self._settings.data)
+        self._database = await asyncio.to_thread(open_database, self._settings.database_url)
+        self._writer = Writer(self._database)
+        if self._lock is not None:
             await self._write(ledger.release_all)
         self.engine.start()
         self._tasks = [asyncio.create_task(self._claim()), asyncio.create_task(self._renew())]
@@ -76,6 +77,7 @@ class JobQueue:
     async def close(self) -> None:
         """Give unfinished jobs back, stop the workers, close the records."""
         self._closing = True
+        self._wake.set()
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
@@ -183,7 +185,8 @@ class JobQueue:
     async def _claim(self) -> None:
         while not await asyncio.to_thread(self.engine.wait_ready, 0.1):
             await asyncio.sleep(0.05)
-        while True:
+        # Before Python 3.12 wait_for can swallow a cancellation, hence the flag beside it.
+        while not self._closing:
             self._wake.clear()
             room = self._settings.driven_jobs - len(self._drives)
             if room > 0 and self.engine.ready:
@@ -216,7 +219,7 @@ class JobQueue:
         self._wake.set()
 
     async def _renew(self) -> None:
-        while True:
+        while not self._closing:
             await asyncio.sleep(_RENEW_SECONDS)
             driven = set(self._drives)
             if not driven:

@@ -44,7 +44,9 @@ class Writer:
             group = []
             item = self._waiting.get()
             while item is not None:
-                group.append(item)
+                # From here on it cannot be cancelled: it may be committed at any moment.
+                if item[1].set_running_or_notify_cancel():
+                    group.append(item)
                 if len(group) == _MOST or self._waiting.empty():
                     break
                 item = self._waiting.get()

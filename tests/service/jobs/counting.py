@@ -1,0 +1,67 @@
+"""A small honest work for the queue: sums of squares of consecutive integers, by chunks.
+
+A request is the canonical JSON of {"n", "chunk", "sleep", "poison", "fail"}.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import signal
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from vibroimpact_service.jobs.work import Work
+from vibroimpact_service.store import Store
+
+
+class WrongRequestError(ValueError):
+    """The request cannot be computed."""
+
+
+def _request(url: str, request: str) -> dict[str, Any]:
+    data = Store(url).requests.get(request)
+    assert data is not None
+    return dict(json.loads(data))
+
+
+def split(url: str, kind: str, request: str, result: str) -> Sequence[str]:
+    asked = _request(url, request)
+    if asked.get("fail"):
+        raise WrongRequestError(asked["fail"])
+    count = -(-asked["n"] // asked["chunk"])
+    return [hashlib.sha256(f"{result} {i} {count}".encode()).hexdigest() for i in range(count)]
+
+
+def solve(url: str, kind: str, request: str, result: str, indices: Sequence[int]) -> None:
+    asked, names = _request(url, request), split(url, kind, request, result)
+    for index in indices:
+        if asked.get("log"):
+            with Path(asked["log"]).open("a") as log:
+                log.write(f"{index}\n")
+        time.sleep(asked.get("sleep", 0.0))
+        if asked.get("poison") == index:
+            os.kill(os.getpid(), signal.SIGKILL)
+        start = index * asked["chunk"]
+        numbers = range(start, min(start + asked["chunk"], asked["n"]))
+        Store(url).chunks.put(names[index], str(sum(i * i for i in numbers)).encode())
+
+
+def join(url: str, kind: str, request: str, result: str, names: Sequence[str]) -> None:
+    store = Store(url)
+    total = 0
+    for name in names:
+        data = store.chunks.get(name)
+        assert data is not None
+        total += int(data)
+    store.results.put(result, str(total).encode())
+
+
+def explain(error: BaseException) -> dict[str, Any]:
+    return {"code": type(error).__name__, "detail": str(error)}
+
+
+WORK = Work(split, solve, join, explain)

@@ -1,0 +1,175 @@
+"""The job queue with its real parts: SQLite, workers over TLS, a store in a folder."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import json
+import sys
+import uuid
+from collections.abc import AsyncIterator, Callable, Coroutine
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+import counting
+
+from vibroimpact_service.jobs.ledger import KeyReusedError, NewJob
+from vibroimpact_service.jobs.queue import DataInUseError, JobQueue
+from vibroimpact_service.settings import Settings
+from vibroimpact_service.store import Store
+
+
+class Bench:
+    """A queue, its store, and short ways to submit to it."""
+
+    def __init__(self, queue: JobQueue, store: Store) -> None:
+        self.queue, self.store = queue, store
+
+    async def submit(
+        self, *, owner: str = "ann", key: str | None = None, seconds: float = 5.0, **asked: Any
+    ) -> Any:
+        data = json.dumps({"n": 100, "chunk": 10} | asked, sort_keys=True).encode()
+        request = hashlib.sha256(data).hexdigest()
+        self.store.requests.put(request, data)
+        result = hashlib.sha256(owner.encode() + data).hexdigest()
+        new = NewJob(
+            uuid.uuid4().hex, owner, "squares", request, result, 0, seconds,
+            self.store.results.has(result), key,
+        )  # fmt: skip
+        return await self.queue.submit(new)
+
+    def value(self, job: Any) -> int:
+        data = self.store.results.get(job.result)
+        assert data is not None
+        return int(data)
+
+
+@asynccontextmanager
+async def bench(folder: Path) -> AsyncIterator[Bench]:
+    settings = Settings(data=folder, workers=1)
+    store = Store(settings.store_url)
+    queue = JobQueue(settings, store, counting.WORK)
+    await queue.start()
+    try:
+        yield Bench(queue, store)
+    finally:
+        await queue.close()
+
+
+def run(scenario: Callable[[Bench], Coroutine[Any, Any, None]], folder: Path) -> None:
+    async def all_of_it() -> None:
+        async with bench(folder) as b:
+            await scenario(b)
+
+    asyncio.run(all_of_it())
+
+
+def squares(n: int) -> int:
+    return (n - 1) * n * (2 * n - 1) // 6
+
+
+def test_jobs_end_as_they_should(tmp_path: Path) -> None:
+    """One start of the workers serves the scenarios that do not disturb one another."""
+
+    async def scenario(b: Bench) -> None:
+        job = await b.submit(n=1000)
+        assert job.state == "queued"
+        done = await b.queue.finished("ann", job.id, 60)
+        assert done is not None
+        assert (done.state, done.reused) == ("succeeded", False)
+        assert b.value(done) == squares(1000)
+
+        again = await b.submit(n=1000)
+        assert (again.state, again.reused) == ("succeeded", True)
+
+        assert await b.queue.get("bob", job.id) is None
+        assert await b.queue.cancel("bob", job.id) is None
+
+        wrong = await b.submit(fail="three is missing")
+        wrong = await b.queue.finished("ann", wrong.id, 30)
+        assert wrong.state == "failed"
+        assert wrong.error == {"code": "WrongRequestError", "detail": "three is missing"}
+
+        first, second = await b.submit(n=50, sleep=0.1), await b.submit(n=50, sleep=0.1)
+        ends = [await b.queue.finished("ann", j.id, 30) for j in (first, second)]
+        assert [e.state for e in ends] == ["succeeded"] * 2
+        assert sorted(e.reused for e in ends) == [False, True]
+
+        keyed = await b.submit(n=10, key="k")
+        assert (await b.submit(n=10, key="k")).id == keyed.id
+        with pytest.raises(KeyReusedError):
+            await b.submit(n=20, key="k")
+
+        slow = await b.submit(n=10_000, sleep=0.2)
+        states = []
+        async for event in b.queue.events("ann", slow.id, 0):
+            if event is not None:
+                states.append(event.state)
+                if event.done:
+                    await b.queue.cancel("ann", slow.id)
+        assert states[-1] == "cancelled"
+        assert b.store.results.get(slow.result) is None
+        again = await b.queue.cancel("ann", slow.id)
+        assert again is not None
+        assert again.state == "cancelled"
+
+        listed = await b.queue.list("ann", None, None, None, 3)
+        assert [j.seq for j in listed] == sorted((j.seq for j in listed), reverse=True)
+        assert len(await b.queue.list("ann", "cancelled", None, None, 10)) == 1
+
+    run(scenario, tmp_path)
+
+
+def test_a_poison_chunk_fails_its_own_job_only(tmp_path: Path) -> None:
+    async def scenario(b: Bench) -> None:
+        bad = await b.submit(poison=3)
+        good = await b.submit(n=200, sleep=0.05)
+        bad = await b.queue.finished("ann", bad.id, 120)
+        good = await b.queue.finished("ann", good.id, 120)
+        assert bad.state == "failed"
+        assert bad.error["code"] == "WorkerLostError"
+        assert good.state == "succeeded"
+        assert b.value(good) == squares(200)
+
+    run(scenario, tmp_path)
+
+
+def test_a_restart_goes_on_from_the_chunks_that_are_there(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+
+    async def interrupted(b: Bench) -> None:
+        job = await b.submit(n=300, sleep=0.1, log=str(log))
+        seen = 0
+        async for event in b.queue.events("ann", job.id, 0):
+            seen = max(seen, event.done if event else 0)
+            if seen >= 5:
+                break
+
+    async def resumed(b: Bench) -> None:
+        (job,) = await b.queue.list("ann", None, None, None, 10)
+        done = await b.queue.finished("ann", job.id, 60)
+        assert done is not None
+        assert done.state == "succeeded"
+        assert done.attempts == 2
+        assert b.value(done) == squares(300)
+
+    run(interrupted, tmp_path)
+    run(resumed, tmp_path)
+    computed = [int(line) for line in log.read_text().split()]
+    assert set(computed) == set(range(30))
+    # At most the chunks in flight when it stopped were computed twice.
+    assert len(computed) <= 30 + 8
+
+
+def test_two_services_do_not_share_a_folder(tmp_path: Path) -> None:
+    async def scenario(b: Bench) -> None:
+        settings = Settings(data=tmp_path, workers=1)
+        other = JobQueue(settings, b.store, counting.WORK)
+        with pytest.raises(DataInUseError):
+            await other.start()
+
+    run(scenario, tmp_path)

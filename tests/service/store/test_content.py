@@ -1,0 +1,62 @@
+"""The content store: whole blocks or none, damage noticed, a full disk said plainly."""
+
+from __future__ import annotations
+
+import errno
+from pathlib import Path
+
+import pytest
+
+from vibroimpact_service.store import Store, StoreFullError
+
+NAME = "ab" * 32
+
+
+def test_blocks_come_back(tmp_path: Path) -> None:
+    store = Store(str(tmp_path)).results
+    assert store.get(NAME) is None
+    assert not store.has(NAME)
+    store.put(NAME, b"block")
+    store.put(f"{NAME}.json", b"other")
+    assert store.has(NAME)
+    assert store.get(NAME) == b"block"
+    assert store.get(f"{NAME}.json") == b"other"
+    store.remove(NAME)
+    store.remove(NAME)
+    assert store.get(NAME) is None
+
+
+def test_a_damaged_block_is_removed(tmp_path: Path) -> None:
+    store = Store(str(tmp_path)).results
+    store.put(NAME, b"block")
+    (file,) = [path for path in tmp_path.rglob("*") if path.is_file()]
+    content = bytearray(file.read_bytes())
+    content[-1] ^= 1
+    file.write_bytes(content)
+    assert store.get(NAME) is None
+    assert not file.exists()
+
+
+def test_blocks_live_in_any_filesystem() -> None:
+    store = Store("memory://somewhere").results
+    store.put(NAME, b"block")
+    assert store.has(NAME)
+    assert store.get(NAME) == b"block"
+    store.remove(NAME)
+    assert store.get(NAME) is None
+
+
+@pytest.mark.parametrize("name", ["../../etc/passwd", "a/b", "", "A" * 64, "x" * 200])
+def test_names_cannot_leave_the_store(tmp_path: Path, name: str) -> None:
+    with pytest.raises(ValueError, match="not a name"):
+        Store(str(tmp_path)).results.get(name)
+
+
+def test_a_full_disk_is_said_plainly(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(self: Path, data: bytes) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(StoreFullError):
+        Store(str(tmp_path)).results.put(NAME, b"block")
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
