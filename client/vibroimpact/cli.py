@@ -1,0 +1,60 @@
+"""The command line; the server's commands are found by their entry points."""
+
+from __future__ import annotations
+
+import sys
+from importlib.metadata import EntryPoint, entry_points, version
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(
+    name="vibroimpact",
+    help="How structures with amplitude limiters move, as a computation service.",
+    no_args_is_help=True,
+    add_completion=False,
+)
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for the file and the pictures.")] = Path("demo"),
+) -> None:
+    """Start a service, compute a first example as a job, draw it and check its numbers."""
+    from vibroimpact.demo import run
+
+    if not run(out):
+        raise typer.Exit(1)
+
+
+@app.command("version")
+def show_version() -> None:
+    """Print the version."""
+    typer.echo(version("vibroimpact"))
+
+
+def _add_server_command(point: EntryPoint) -> None:
+    """Add a command of the service's package, loading it only where it is the one called.
+
+    Loading costs a second, which ``vibroimpact --help`` need not spend.
+    """
+    if point.name not in sys.argv[1:2]:
+        app.command(point.name, help="Run the service.")(lambda: None)
+        return
+    try:
+        app.command(point.name)(point.load())
+    except ImportError as error:
+        message = f"vibroimpact {point.name} needs: pip install 'vibroimpact[all]'  ({error})"
+        sys.exit(message)
+
+
+def main() -> None:
+    """Run the command line."""
+    for point in entry_points(group="vibroimpact.commands"):
+        _add_server_command(point)
+    app()
+
+
+if __name__ == "__main__":
+    main()

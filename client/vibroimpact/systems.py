@@ -1,0 +1,130 @@
+"""Documents that describe structures, made from numbers and arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+Document = dict[str, Any]
+
+
+def constraint(
+    dof: int | None = None,
+    gap: float | Mapping[str, float | None] = 0.0,
+    restitution: float = 1.0,
+    *,
+    direction: Mapping[int, float] | None = None,
+) -> Document:
+    """Describe a rigid amplitude limiter.
+
+    Parameters
+    ----------
+    dof : int
+        The constrained degree of freedom, from 0.
+    gap : float or mapping
+        Distance to both walls, or ``{"lower": l, "upper": u}`` with None for no wall.
+    restitution : float
+        Newton's coefficient; 1 is elastic.
+    direction : mapping of int to float
+        Instead of `dof`: weight of each degree of freedom in the constrained coordinate.
+    """
+    limits = dict(gap) if isinstance(gap, Mapping) else float(gap)
+    found: Document = {"gap": limits, "restitution": float(restitution)}
+    if direction is not None:
+        dofs, weights = list(direction), [float(w) for w in direction.values()]
+        return found | {"direction": {"dofs": dofs, "weights": weights}}
+    return found | {"dof": dof}
+
+
+def chain(
+    n: int, constraints: Iterable[Document], mass: float = 1.0, stiffness: float = 1.0
+) -> Document:
+    """Describe n equal masses joined by equal springs between fixed ends (eq. 10.60)."""
+    return _preset("chain", constraints, n=n, mass=float(mass), stiffness=float(stiffness))
+
+
+def oscillator(constraints: Iterable[Document], Omega0: float = 1.0, zeta: float = 0.0) -> Document:
+    """Describe one mass on a spring."""
+    return _preset("oscillator", constraints, Omega0=float(Omega0), zeta=float(zeta))
+
+
+def two_mass(
+    constraints: Iterable[Document], Omega0: float = 1.0, coupling: float = 1.0, zeta: float = 0.0
+) -> Document:
+    """Describe two coupled oscillators (eq. 10.22, 10.42)."""
+    return _preset(
+        "two_mass", constraints, Omega0=float(Omega0), coupling=float(coupling), zeta=float(zeta)
+    )
+
+
+def double_pendulum(constraints: Iterable[Document], mu: float) -> Document:
+    """Describe the linearised double pendulum (eq. 10.33)."""
+    return _preset("double_pendulum", constraints, mu=float(mu))
+
+
+def bouncing_ball(constraints: Iterable[Document], g: float = 9.81) -> Document:
+    """Describe a ball over a floor."""
+    return _preset("bouncing_ball", constraints, g=float(g))
+
+
+def system(
+    M: Any,
+    K: Any,
+    constraints: Iterable[Document],
+    C: Any = None,
+    force: Sequence[float] | None = None,
+    units: Mapping[str, str] | None = None,
+) -> Document:
+    """Describe a structure by its matrices.
+
+    Parameters
+    ----------
+    M, K, C : array, shape (n, n), or sparse matrix
+        Mass, stiffness and damping. An array of shape (n,) is a diagonal.
+    constraints : iterable of dict
+        As `constraint` makes them.
+    force : sequence of float, optional
+        Constant load.
+    units : mapping, optional
+        ``{"length": "m", "mass": "kg", "time": "s"}``.
+    """
+    found: Document = {"M": matrix(M), "K": matrix(K), "constraints": list(constraints)}
+    if C is not None:
+        found["C"] = matrix(C)
+    if force is not None:
+        found["force"] = [float(f) for f in force]
+    if units is not None:
+        found["units"] = dict(units)
+    return found
+
+
+def matrix(given: Any) -> Any:
+    """Return the leanest document of a matrix: diagonal, coordinates or rows."""
+    if hasattr(given, "tocoo"):
+        entries = given.tocoo()
+        return {
+            "shape": [int(side) for side in entries.shape],
+            "row": np.asarray(entries.row).tolist(),
+            "col": np.asarray(entries.col).tolist(),
+            "data": np.asarray(entries.data, dtype=np.float64).tolist(),
+        }
+    full = np.asarray(given, dtype=np.float64)
+    if full.ndim == 1:
+        return {"diagonal": full.tolist()}
+    return full.tolist()
+
+
+def frequencies(given: Any, unit: str = "Omega") -> Document:
+    """Return the document of a grid: an array, a mapping, or (start, stop, num)."""
+    if isinstance(given, Mapping):
+        return {"unit": unit} | dict(given)
+    if isinstance(given, tuple) and len(given) == 3:
+        start, stop, num = given
+        return {"start": float(start), "stop": float(stop), "num": int(num), "unit": unit}
+    return {"values": np.atleast_1d(np.asarray(given, dtype=np.float64)).tolist(), "unit": unit}
+
+
+def _preset(name: str, constraints: Iterable[Document], **parameters: Any) -> Document:
+    return {"preset": name, **parameters, "constraints": list(constraints)}
