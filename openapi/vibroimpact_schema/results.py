@@ -37,7 +37,9 @@ class Result(Document):
 class ImpulseError(Document):
     """How far the numbers can be trusted."""
 
-    impulse: Curve = Field(description="Relative error of the impulses [frequency].")
+    impulse: list[float | None] = Field(
+        description="Relative error of the impulses [frequency]; null: unknown."
+    )
     statement: str = Field(description="How it was obtained.")
 
 

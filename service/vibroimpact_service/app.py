@@ -20,27 +20,29 @@ from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 
 
-def create_app(settings: Settings | None = None) -> FastAPI:
+def create_app(settings: Settings | None = None, queue: JobQueue | None = None) -> FastAPI:
     """Return the application.
 
     Parameters
     ----------
     settings : Settings, optional
         Absent: from the environment.
+    queue : JobQueue, optional
+        Absent: one of its own.
     """
     chosen = settings or Settings()
     store = Store(chosen.store_url)
-    queue = JobQueue(chosen, store, tasks.WORK)
+    jobs_queue = queue or JobQueue(chosen, store, tasks.WORK)
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        await queue.start()
+        await jobs_queue.start()
         try:
             yield
         finally:
             app.state.drain.set()
             app.state.evaluation.close()
-            await queue.close()
+            await jobs_queue.close()
 
     app = FastAPI(
         title=contract.TITLE,
@@ -54,7 +56,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         redirect_slashes=False,
     )
     app.state.settings = chosen
-    app.state.evaluation = Evaluation(chosen, store, queue)
+    app.state.evaluation = Evaluation(chosen, store, jobs_queue)
     app.state.drain = asyncio.Event()
     for router in (
         compute.router(),

@@ -255,7 +255,7 @@ def of_validation(error: ValidationError, document: Any, *prefix: str) -> Proble
         Fault(
             pointer=pointer((*prefix, *_place(item["loc"], document))),
             code=_CODES.get(item["type"], item["type"]),
-            message=_message(item["type"], item["msg"], item.get("ctx", {})),
+            message=sentence(item["type"], item["msg"], item.get("ctx", {})),
         )
         for item in found[:_MOST_FAULTS]
     ]
@@ -292,7 +292,7 @@ _CODES: Final = {
 }
 
 
-def _message(kind: str, message: str, context: Mapping[str, Any]) -> str:
+def sentence(kind: str, message: str, context: Mapping[str, Any]) -> str:
     """Return pydantic's sentence, or one of ours where its own quotes the input or is obscure."""
     if kind == "union_tag_invalid":
         return f"must be one of {context['expected_tags']}"

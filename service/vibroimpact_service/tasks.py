@@ -57,7 +57,7 @@ def assign(store: Store, kind: Kind, request: Any, settings: Settings | None = N
     from vibroimpact_service import decode  # the numerical libraries load at the first request
 
     if isinstance(request.system, SystemReference):
-        system = stored_system(store, request.system)
+        system = stored_system(store, request.system, "system")
         request = request.model_copy(update={"system": system})
     if settings is not None:
         claims.check(request, settings)
@@ -75,8 +75,10 @@ def assign(store: Store, kind: Kind, request: Any, settings: Settings | None = N
     return Assignment(kind, problem, plan)
 
 
-def stored_system(store: Store, reference: SystemReference) -> AnySystem:
+def stored_system(store: Store, reference: SystemReference, *where: str) -> AnySystem:
     """Return a system that was stored before, with the constraints of the reference.
+
+    `where` is the path from the body to the reference.
 
     Raises
     ------
@@ -85,7 +87,8 @@ def stored_system(store: Store, reference: SystemReference) -> AnySystem:
     """
     data = store.systems.get(reference.id)
     if data is None:
-        raise problems.invalid("/system/id", "unknown_system", "there is no such system")
+        pointer = problems.pointer((*where, "id"))
+        raise problems.invalid(pointer, "unknown_system", "there is no such system")
     system: AnySystem = intake.union(SYSTEM, orjson.loads(data))
     if reference.constraints is not None:
         return system.model_copy(update={"constraints": reference.constraints})

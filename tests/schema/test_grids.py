@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
+
 from vibroimpact_schema import grids
 
 GRID: TypeAdapter[Any] = TypeAdapter(grids.FrequencyGrid)

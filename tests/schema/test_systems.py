@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 from pydantic import TypeAdapter, ValidationError
+
 from vibroimpact_schema import systems
 
 SYSTEM: TypeAdapter[Any] = TypeAdapter(systems.System)

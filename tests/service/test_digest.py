@@ -6,8 +6,8 @@ import math
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from vibroimpact_schema.requests import ImpactModesRequest
 
+from vibroimpact_schema.requests import ImpactModesRequest
 from vibroimpact_service import digest
 
 SYSTEM = {"preset": "chain", "n": 3, "constraints": [{"dof": 0, "gap": 0.2}]}

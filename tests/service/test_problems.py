@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 from pydantic import ValidationError
-from vibroimpact_schema.requests import ImpactModesRequest
-from vibroimpact_solvers.errors import Cancelled, ConvergenceError, ModelError, PlanError
 
+from vibroimpact_schema.requests import ImpactModesRequest
 from vibroimpact_service import problems
 from vibroimpact_service.problems import ProblemError, Type
+from vibroimpact_solvers.errors import Cancelled, ConvergenceError, ModelError, PlanError
 
 CHAIN = {"preset": "chain", "n": 3, "constraints": [{"dof": 0, "gap": 0.2}]}
 

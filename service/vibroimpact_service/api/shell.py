@@ -103,4 +103,5 @@ async def parameter_error(request: Request, error: Exception) -> Response:
 
 def _fault(item: Mapping[str, Any]) -> Fault:
     name = str(item["loc"][-1])
-    return Fault(pointer="", parameter=name, code="wrong_parameter", message=str(item["msg"]))
+    message = problems.sentence(item["type"], item["msg"], item.get("ctx", {}))
+    return Fault(pointer="", parameter=name, code="wrong_parameter", message=message)

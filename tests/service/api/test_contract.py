@@ -1,0 +1,103 @@
+"""The contract: complete, consistent, with examples that work, and the committed one is it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from starlette.routing import Route
+from starlette.testclient import TestClient
+
+from vibroimpact_service import cli
+from vibroimpact_service.api import contract
+from vibroimpact_service.app import create_app
+from vibroimpact_service.kinds import KINDS
+from vibroimpact_service.settings import Settings
+
+ROOT = Path(__file__).parents[3]
+DOCUMENT = contract.document(create_app(Settings(data=Path("unused"))))
+OPERATIONS = [
+    (method, path, operation)
+    for path, methods in DOCUMENT["paths"].items()
+    for method, operation in methods.items()
+]
+
+
+def test_the_committed_contract_is_the_one_that_is_spoken() -> None:
+    assert (ROOT / "openapi" / "openapi.json").read_text() == cli.contract_text(), (
+        "write it anew: python -m vibroimpact_service.cli openapi"
+    )
+
+
+def test_every_route_is_in_the_contract(http: TestClient) -> None:
+    for kind in KINDS:
+        assert f"/v1/compute/{kind}" in DOCUMENT["paths"]
+        assert f"/v1/plan/{kind}" in DOCUMENT["paths"]
+    listed = {path for _, path, _ in OPERATIONS}
+    routes = {r.path for r in http.app.routes if isinstance(r, Route)}  # type: ignore[attr-defined]
+    assert {path for path in routes if path.startswith("/v1")} <= listed
+
+
+def test_operations_have_names_fit_for_code(  # a client generator makes functions of them
+) -> None:
+    names = [operation["operationId"] for _, _, operation in OPERATIONS]
+    assert len(set(names)) == len(names)
+    assert all(name.isidentifier() for name in names)
+
+
+@pytest.mark.parametrize(("method", "path", "operation"), OPERATIONS)
+def test_operations_say_what_goes_wrong(method: str, path: str, operation: dict[str, Any]) -> None:
+    assert operation["summary"]
+    assert operation["description"]
+    failures = {s: a for s, a in operation["responses"].items() if s >= "400"}
+    assert "500" in failures
+    for answer in failures.values():
+        reference = answer["content"]["application/problem+json"]["schema"]["$ref"]
+        assert reference == "#/components/schemas/Problem"
+    if method == "post":
+        assert {"400", "413", "415", "422"} <= set(failures)
+    assert "x-problems" not in operation
+
+
+def references(node: Any) -> set[str]:
+    if isinstance(node, dict):
+        own = {node["$ref"]} if isinstance(node.get("$ref"), str) else set()
+        return own.union(*(references(value) for value in node.values()))
+    if isinstance(node, list):
+        return set().union(*(references(value) for value in node))
+    return set()
+
+
+def test_references_lead_somewhere_and_nothing_is_left_over() -> None:
+    prefix = "#/components/schemas/"
+    wanted = {reference.removeprefix(prefix) for reference in references(DOCUMENT)}
+    assert wanted == set(DOCUMENT["components"]["schemas"])
+
+
+def test_numbers_are_described_with_shapes_and_units() -> None:
+    result = DOCUMENT["components"]["schemas"]["ImpactModesResult"]["properties"]
+    assert "[frequency, constraint]" in result["impulse"]["description"]
+    assert "mass length / time²" in result["impulse"]["description"]
+
+
+EXAMPLES = [
+    (path, name, example["value"])
+    for _, path, operation in OPERATIONS
+    for name, example in operation.get("requestBody", {})
+    .get("content", {})
+    .get("application/json", {})
+    .get("examples", {})
+    .items()
+]
+
+
+@pytest.mark.parametrize(("path", "name", "value"), EXAMPLES)
+def test_examples_work(http: TestClient, path: str, name: str, value: dict[str, Any]) -> None:
+    answer = http.post(path, json=value)
+    assert answer.is_success, (name, answer.text)
+
+
+def test_every_request_has_an_example() -> None:
+    shown = {path for path, _, _ in EXAMPLES}
+    assert shown == {path for method, path, _ in OPERATIONS if method == "post"}

@@ -1,0 +1,229 @@
+"""/v1/jobs: what is answered in every state of a job, and to whom."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from starlette.testclient import TestClient
+
+from vibroimpact_schema.jobs import Job
+
+UNKNOWN = "job_" + "0" * 32
+
+
+def submit(http: TestClient, request: dict[str, Any], key: str | None = None, **more: Any) -> Any:
+    headers = {} if key is None else {"Idempotency-Key": key}
+    content = {"kind": "impact-modes", "request": request, **more}
+    return http.post("/v1/jobs", json=content, headers=headers)
+
+
+def test_a_job_from_its_submission_to_its_result(
+    http: TestClient, queue: Any, request_body: dict[str, Any]
+) -> None:
+    answer = submit(http, request_body, priority=3)
+    assert answer.status_code == 201
+    job = Job.model_validate_json(answer.content)
+    assert answer.headers["location"] == f"/v1/jobs/{job.id}"
+    assert answer.headers["cache-control"] == "no-store"
+    assert (job.state, job.final, job.priority, job.result) == ("queued", False, 3, None)
+    assert job.queue_position == 0
+    assert job.waiting_reason
+    early = http.get(f"/v1/jobs/{job.id}/result")
+    assert early.status_code == 404
+    assert early.json()["code"] == "not_ready"
+    assert early.json()["retryable"]
+    assert early.headers["retry-after"] == "1"
+    queue.run(job.id)
+    done = Job.model_validate_json(http.get(f"/v1/jobs/{job.id}").content)
+    assert (done.state, done.final, done.queue_position) == ("succeeded", True, None)
+    assert done.result == f"/v1/jobs/{job.id}/result"
+    result = http.get(done.result)
+    assert result.status_code == 200
+    assert result.json()["digest"] == job.digest
+    assert result.headers["content-location"] == f"/v1/results/{job.digest}"
+    assert result.headers["etag"]
+    direct = http.post("/v1/compute/impact-modes", json=request_body)
+    assert direct.headers["cache-status"] == "vibroimpact; hit"
+    assert direct.content == result.content
+    file = http.get(done.result, headers={"Accept": "application/x-hdf5"})
+    assert file.content.startswith(b"\x89HDF")
+    assert http.get(done.result, headers={"Accept": "text/csv"}).status_code == 406
+
+
+def test_a_known_result_makes_a_finished_job(
+    http: TestClient, request_body: dict[str, Any]
+) -> None:
+    http.post("/v1/compute/impact-modes", json=request_body)
+    job = submit(http, request_body).json()
+    assert (job["state"], job["final"], job["reused"]) == ("succeeded", True, True)
+    assert http.get(f"/v1/jobs/{job['id']}/result").status_code == 200
+
+
+def test_failed_and_cancelled_jobs_say_so(
+    http: TestClient, queue: Any, request_body: dict[str, Any]
+) -> None:
+    job = submit(http, request_body).json()["id"]
+    error = {
+        "type": "/docs/problems/no_convergence", "title": "t", "status": 422, "detail": "d",
+        "instance": "i", "request_id": "r", "code": "no_convergence", "retryable": False,
+        "errors": [],
+    }  # fmt: skip
+    queue.change(job, state="failed", error=error)
+    assert http.get(f"/v1/jobs/{job}").json()["error"]["code"] == "no_convergence"
+    answer = http.get(f"/v1/jobs/{job}/result")
+    assert (answer.status_code, answer.json()["code"]) == (404, "no_result")
+    other = submit(http, request_body).json()["id"]
+    for _ in range(2):
+        cancelled = http.delete(f"/v1/jobs/{other}")
+        assert (cancelled.status_code, cancelled.json()["state"]) == (200, "cancelled")
+    assert http.get(f"/v1/jobs/{other}/result").json()["code"] == "no_result"
+    assert http.delete(f"/v1/jobs/{job}").json()["state"] == "failed"
+
+
+def test_a_result_that_was_removed_is_missing(
+    http: TestClient, queue: Any, request_body: dict[str, Any]
+) -> None:
+    job = submit(http, request_body).json()
+    queue.run(job["id"])
+    queue.store.results.remove(job["digest"])
+    assert http.get(f"/v1/jobs/{job['id']}/result").json()["code"] == "no_result"
+
+
+@pytest.mark.parametrize("job", [UNKNOWN, "x", "job_" + "0" * 31, "job_%00", "%F0%9F%98%80"])
+def test_unknown_jobs_are_not_found(http: TestClient, job: str) -> None:
+    for answer in (
+        http.get(f"/v1/jobs/{job}"),
+        http.delete(f"/v1/jobs/{job}"),
+        http.get(f"/v1/jobs/{job}/result"),
+        http.get(f"/v1/jobs/{job}/events"),
+    ):
+        assert answer.status_code == 404
+        assert answer.headers["content-type"] == "application/problem+json"
+
+
+def test_waiting_ends_with_the_job_or_the_time(
+    http: TestClient, queue: Any, request_body: dict[str, Any]
+) -> None:
+    job = submit(http, request_body).json()["id"]
+    assert http.get(f"/v1/jobs/{job}?wait=0.05").json()["state"] == "queued"
+    queue.run(job)
+    assert http.get(f"/v1/jobs/{job}?wait=1000").json()["state"] == "succeeded"
+    for wrong in ("-1", "nan", "inf", "soon"):
+        answer = http.get(f"/v1/jobs/{job}?wait={wrong}")
+        assert answer.status_code == 422
+        assert answer.json()["errors"][0]["parameter"] == "wait"
+
+
+def test_pages_list_every_job_once_newest_first(
+    http: TestClient, queue: Any, request_body: dict[str, Any]
+) -> None:
+    made = [submit(http, request_body).json()["id"] for _ in range(7)]
+    queue.change(made[0], state="failed")
+    listed, address = [], "/v1/jobs?limit=3"
+    while address:
+        answer = http.get(address)
+        listed += [job["id"] for job in answer.json()["jobs"]]
+        link = answer.headers.get("link")
+        assert (link is None) == (answer.json()["next"] is None)
+        address = link.partition(">")[0].removeprefix("<") if link else ""
+    assert listed == list(reversed(made))
+    assert [job["id"] for job in http.get("/v1/jobs?state=failed").json()["jobs"]] == made[:1]
+    assert http.get("/v1/jobs?kind=sweep").json() == {"jobs": [], "next": None}
+    filtered = http.get("/v1/jobs?state=queued&limit=2").headers["link"]
+    assert "state=queued" in filtered
+
+
+@pytest.mark.parametrize(
+    "query", ["state=done", "limit=0", "limit=501", "limit=x", "cursor=x", "cursor=0"]
+)
+def test_wrong_parameters_are_named(http: TestClient, query: str) -> None:
+    answer = http.get(f"/v1/jobs?{query}")
+    assert answer.status_code == 422
+    assert answer.json()["errors"][0]["parameter"] == query.partition("=")[0]
+
+
+def test_idempotency_keys(http: TestClient, request_body: dict[str, Any]) -> None:
+    first = submit(http, request_body, key="k-1").json()["id"]
+    assert submit(http, request_body, key="k-1").json()["id"] == first
+    assert submit(http, request_body, key='"k-1"').json()["id"] == first
+    assert submit(http, request_body, key="k-2").json()["id"] != first
+    request_body["frequency"]["num"] = 6
+    clash = submit(http, request_body, key="k-1")
+    assert (clash.status_code, clash.json()["code"]) == (422, "idempotency_key_reused")
+    for wrong in ("", "a b", "x" * 256):
+        assert submit(http, request_body, key=wrong).status_code == 400
+
+
+@pytest.mark.parametrize(
+    ("content", "pointer"),
+    [
+        ({"kind": "no-such-kind", "request": {}}, "/kind"),
+        ({"kind": "impact-modes"}, "/request"),
+        ({"kind": "impact-modes", "request": 5}, "/request"),
+        ({"kind": "impact-modes", "request": {}}, "/request/system"),
+        ({"kind": "impact-modes", "request": {}, "priority": 11}, "/priority"),
+        ({"kind": "impact-modes", "request": {}, "priority": 1.5}, "/priority"),
+        ({"kind": 5, "request": {}}, "/kind"),
+        ({"request": {}}, "/kind"),
+    ],
+)
+def test_wrong_submissions_are_pointed_at(
+    http: TestClient, content: dict[str, Any], pointer: str
+) -> None:
+    answer = http.post("/v1/jobs", json=content)
+    assert answer.status_code == 422
+    assert answer.json()["errors"][0]["pointer"] == pointer
+
+
+def events(text: str) -> list[dict[str, str]]:
+    found = []
+    for block in text.split("\n\n"):
+        lines = [line.partition(": ") for line in block.split("\n") if line and line[0] != ":"]
+        found.append({name: value for name, _, value in lines})
+    return [event for event in found if "data" in event]
+
+
+def test_events_end_with_the_job(
+    http: TestClient, queue: Any, request_body: dict[str, Any]
+) -> None:
+    job = submit(http, request_body).json()["id"]
+    queue.run(job)
+    answer = http.get(f"/v1/jobs/{job}/events")
+    assert answer.headers["content-type"].startswith("text/event-stream")
+    assert answer.headers["cache-control"] == "no-store"
+    (last,) = events(answer.text)
+    assert last["event"] == "end"
+    assert last["id"] == str(queue.rows[job].version)
+    assert json.loads(last["data"])["state"] == "succeeded"
+
+
+@pytest.mark.parametrize("seen", ["", "x", "-1", "9" * 40, "0"])
+def test_unusable_event_ids_start_from_the_beginning(
+    http: TestClient, queue: Any, request_body: dict[str, Any], seen: str
+) -> None:
+    job = submit(http, request_body).json()["id"]
+    queue.run(job)
+    answer = http.get(f"/v1/jobs/{job}/events", headers={"Last-Event-ID": seen})
+    assert len(events(answer.text)) == 1
+
+
+def test_what_was_seen_is_not_repeated(
+    http: TestClient, queue: Any, request_body: dict[str, Any]
+) -> None:
+    job = submit(http, request_body).json()["id"]
+    queue.run(job)
+    seen = str(queue.rows[job].version)
+    answer = http.get(f"/v1/jobs/{job}/events", headers={"Last-Event-ID": seen})
+    assert events(answer.text) == []
+
+
+def test_a_stopping_service_ends_waits_and_streams(
+    http: TestClient, request_body: dict[str, Any]
+) -> None:
+    job = submit(http, request_body).json()["id"]
+    http.app.state.drain.set()  # type: ignore[attr-defined]
+    assert http.get(f"/v1/jobs/{job}?wait=25").json()["state"] == "queued"
+    assert http.get(f"/v1/jobs/{job}/events").status_code == 200
+    assert http.get("/v1/health/ready").status_code == 503

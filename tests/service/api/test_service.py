@@ -1,0 +1,99 @@
+"""Health, version, pages and what surrounds every exchange."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from starlette.testclient import TestClient
+
+from vibroimpact_schema.service import Version
+from vibroimpact_service import problems
+from vibroimpact_service.kinds import KINDS
+
+
+def test_health(http: TestClient, queue: Any) -> None:
+    assert http.get("/v1/health/live").json()["status"] == "ok"
+    assert http.get("/v1/health/ready").json()["status"] == "ok"
+    queue.engine.ready = False
+    answer = http.get("/v1/health/ready")
+    assert answer.status_code == 503
+    assert answer.headers["retry-after"] == "1"
+    assert "workers: starting" in answer.json()["detail"]
+    queue.engine.ready, queue.healthy = True, False
+    assert "records" in http.get("/v1/health/ready").json()["detail"]
+    assert http.get("/v1/health/live").status_code == 200
+
+
+def test_version_lists_kinds_and_limits(http: TestClient) -> None:
+    version = Version.model_validate_json(http.get("/v1/version").content)
+    assert version.kinds == list(KINDS)
+    assert version.limits.dofs == 500
+
+
+@pytest.mark.parametrize("code", problems.TYPES)
+def test_every_type_of_problem_has_its_page(http: TestClient, code: str) -> None:
+    answer = http.get(problems.TYPES[code].uri)
+    assert answer.status_code == 200
+    assert problems.TYPES[code].title in answer.text
+
+
+def test_unknown_addresses_and_methods(http: TestClient) -> None:
+    for address in ("/", "/v1", "/v1/jobs/", "/v1//jobs", "/docs/problems/x", "/%00"):
+        answer = http.get(address)
+        assert answer.status_code == 404
+        assert answer.headers["content-type"] == "application/problem+json"
+    answer = http.patch("/v1/jobs")
+    assert answer.status_code == 405
+    assert answer.headers["allow"]
+    assert answer.json()["code"] == "method_not_allowed"
+
+
+def test_every_answer_is_hardened_and_named(http: TestClient) -> None:
+    for answer in (http.get("/v1/health/live"), http.get("/nowhere"), http.get("/openapi.json")):
+        assert "default-src 'none'" in answer.headers["content-security-policy"]
+        assert answer.headers["x-content-type-options"] == "nosniff"
+        assert answer.headers["x-frame-options"] == "DENY"
+        assert answer.headers["x-request-id"]
+
+
+def test_a_sane_request_id_is_taken_over(http: TestClient) -> None:
+    name = "abc-1.2_3"
+    answer = http.get("/nowhere", headers={"X-Request-ID": name})
+    assert answer.headers["x-request-id"] == name
+    assert answer.json()["request_id"] == name
+    for odd in (b"a b", b"x" * 65, "ä".encode(), b""):
+        answer = http.get("/nowhere", headers={b"X-Request-ID": odd})
+        assert answer.headers["x-request-id"].encode() != odd
+
+
+def test_an_unexpected_error_is_a_problem_without_its_words(http: TestClient, queue: Any) -> None:
+    async def broken(*_: Any) -> Any:
+        raise RuntimeError("s3cret")
+
+    queue.get = broken
+    answer = http.get("/v1/jobs/job_" + "0" * 32)
+    assert answer.status_code == 500
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert answer.json()["code"] == "internal_error"
+    assert "s3cret" not in answer.text
+    assert answer.headers["x-content-type-options"] == "nosniff"
+
+
+def test_a_full_store_is_a_problem_that_may_pass(
+    http: TestClient, queue: Any, request_body: dict[str, Any]
+) -> None:
+    async def full(*_: Any) -> Any:
+        raise OSError(28, "No space left on device")
+
+    queue.submit = full
+    answer = http.post("/v1/jobs", json={"kind": "impact-modes", "request": request_body})
+    assert answer.status_code == 507
+    assert answer.json()["retryable"]
+
+
+def test_the_contract_is_served(http: TestClient) -> None:
+    contract = json.loads(http.get("/openapi.json").content)
+    assert contract["openapi"].startswith("3.1")
+    assert "/v1/compute/impact-modes" in contract["paths"]

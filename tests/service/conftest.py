@@ -1,0 +1,179 @@
+"""What tests of the service share: settings, a store, and a job queue that is a double."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from starlette.testclient import TestClient
+
+from vibroimpact_service import tasks
+from vibroimpact_service.app import create_app
+from vibroimpact_service.jobs.ledger import KeyReusedError, NewJob
+from vibroimpact_service.jobs.records import JobRow
+from vibroimpact_service.settings import Settings
+from vibroimpact_service.store import Store
+
+
+class Queue:
+    """A job queue in memory, without workers: a job runs when the test says so."""
+
+    def __init__(self, store: Store) -> None:
+        self.store = store
+        self.rows: dict[str, JobRow] = {}
+        self.keys: dict[str, NewJob] = {}
+        self.engine = SimpleNamespace(ready=True, failure=None)
+        self.healthy = True
+        self.at_once = False
+        self._changed = asyncio.Event()
+
+    async def start(self) -> None:
+        """Nothing to start."""
+
+    async def close(self) -> None:
+        """Nothing to close."""
+
+    async def submit(self, new: NewJob) -> JobRow:
+        if new.key is not None:
+            earlier = self.keys.setdefault(new.key, new)
+            if earlier.result != new.result:
+                raise KeyReusedError
+            if earlier is not new:
+                return self.rows[earlier.id]
+        self.rows[new.id] = JobRow(
+            seq=len(self.rows) + 1,
+            id=new.id,
+            owner=new.owner,
+            kind=new.kind,
+            request=new.request,
+            result=new.result,
+            state="succeeded" if new.reused else "queued",
+            phase="done" if new.reused else "waiting",
+            priority=new.priority,
+            seconds=new.seconds,
+            done=0,
+            total=1,
+            attempts=0,
+            reused=new.reused,
+            cancel_asked=False,
+            created=1e9,
+            started=None,
+            finished=None,
+            lease_owner=None,
+            lease_until=None,
+            version=1,
+            error=None,
+        )
+        if self.at_once:
+            self.run(new.id)
+        return self.rows[new.id]
+
+    def run(self, job: str) -> None:
+        """Do the work of a job in this thread, as its driver would."""
+        row = self.rows[job]
+        arguments = (self.store.url, row.kind, row.request, row.result)
+        try:
+            names = tasks.WORK.split(*arguments)
+            for index in range(len(names)):
+                tasks.WORK.solve(*arguments, [index])
+            tasks.WORK.join(*arguments, names)
+        except Exception as error:
+            self.change(job, state="failed", error=tasks.WORK.explain(error))
+        else:
+            self.change(job, state="succeeded", done=1)
+
+    def change(self, job: str, **values: Any) -> None:
+        """Change a row and wake whoever waits for it."""
+        row = self.rows[job]
+        self.rows[job] = replace(row, version=row.version + 1, **values)
+        self._changed.set()
+
+    async def get(self, owner: str, job: str) -> JobRow | None:
+        row = self.rows.get(job)
+        return row if row is not None and row.owner == owner else None
+
+    async def position(self, job: JobRow) -> int:
+        return sum(row.state == "queued" and row.seq < job.seq for row in self.rows.values())
+
+    async def list(
+        self, owner: str, state: str | None, kind: str | None, before: int | None, limit: int
+    ) -> list[JobRow]:
+        found = [
+            row
+            for row in reversed(self.rows.values())
+            if row.owner == owner
+            and state in (None, row.state)
+            and kind in (None, row.kind)
+            and (before is None or row.seq < before)
+        ]
+        return found[:limit]
+
+    async def cancel(self, owner: str, job: str) -> JobRow | None:
+        if not self.rows[job].final:
+            self.change(job, state="cancelled")
+        return self.rows[job]
+
+    async def finished(self, owner: str, job: str, seconds: float) -> JobRow | None:
+        try:
+            async with asyncio.timeout(seconds):
+                while not self.rows[job].final:
+                    self._changed.clear()
+                    await self._changed.wait()
+        except TimeoutError:
+            pass
+        return self.rows[job]
+
+    async def events(self, owner: str, job: str, version: int) -> AsyncIterator[JobRow | None]:
+        while True:
+            row = self.rows[job]
+            if row.version != version:
+                yield row
+            else:
+                yield None
+            version = row.version
+            if row.final:
+                return
+            self._changed.clear()
+            await self._changed.wait()
+
+    def waiting_reason(self, job: JobRow, position: int) -> str | None:
+        return "it is next" if job.state == "queued" else None
+
+
+@pytest.fixture
+def settings(tmp_path: Path) -> Settings:
+    return Settings(data=tmp_path, max_body_bytes=2**20, max_dofs=500)
+
+
+@pytest.fixture
+def store(settings: Settings) -> Store:
+    return Store(settings.store_url)
+
+
+@pytest.fixture
+def queue(store: Store) -> Queue:
+    return Queue(store)
+
+
+@pytest.fixture
+def http(settings: Settings, queue: Queue) -> Iterator[TestClient]:
+    """Return a client of the application, in this process and without workers."""
+    with TestClient(create_app(settings, queue)) as client:  # type: ignore[arg-type]
+        yield client
+
+
+@pytest.fixture
+def chain() -> dict[str, Any]:
+    """Return the document of a chain with one stop."""
+    return {"preset": "chain", "n": 13, "constraints": [{"dof": 5, "gap": 0.2}]}
+
+
+@pytest.fixture
+def request_body(chain: dict[str, Any]) -> dict[str, Any]:
+    """Return a small request of impact modes."""
+    return {"system": chain, "frequency": {"start": 1.0, "stop": 2.0, "num": 5}}

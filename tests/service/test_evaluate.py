@@ -1,0 +1,334 @@
+"""The use case: computed once, answered at once or by a job, nothing kept of what is wrong."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Awaitable, Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import orjson
+import pytest
+
+from vibroimpact_service import evaluate, problems
+from vibroimpact_service.evaluate import Answer, Evaluation, Question, Queued
+from vibroimpact_service.kinds import KINDS, Kind, Solver
+from vibroimpact_service.negotiate import HDF5, JSON, Preference
+from vibroimpact_service.problems import ProblemError
+from vibroimpact_service.settings import Settings
+from vibroimpact_service.store import Store
+from vibroimpact_solvers import impact_modes
+from vibroimpact_solvers.errors import ConvergenceError
+
+OWNER = "me"
+PLAIN = Preference()
+
+
+@dataclass(frozen=True)
+class Counting(Kind):
+    """Impact modes that count how often they are solved, and wait to be let go on."""
+
+    calls: Any = None
+    gate: Any = None
+    error: Exception | None = None
+
+    @property
+    def solver(self) -> Solver:
+        def solve(problem: Any, plan: Any) -> Any:
+            self.calls.append(problem)
+            assert self.gate.wait(20)
+            if self.error is not None:
+                raise self.error
+            return impact_modes.solve(problem, plan)
+
+        given = {name: getattr(impact_modes, name) for name in ("Result", "plan", "split", "join")}
+        return SimpleNamespace(solve=solve, **given)  # type: ignore[return-value]
+
+
+def counting(error: Exception | None = None) -> Counting:
+    row = KINDS["impact-modes"]
+    return Counting(
+        row.name, row.title, row.request, row.result, row.module, row.decoder,
+        [], threading.Event(), error,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def use(settings: Settings, store: Store, queue: Any) -> Iterator[Evaluation]:
+    evaluation = Evaluation(settings, store, queue)
+    yield evaluation
+    evaluation.close()
+
+
+def run(main: Callable[[], Awaitable[Any]]) -> Any:
+    async def bounded() -> Any:
+        async with asyncio.timeout(60):
+            return await main()
+
+    return asyncio.run(bounded())
+
+
+def body(content: dict[str, Any]) -> bytes:
+    return orjson.dumps(content)
+
+
+async def asked(use: Evaluation, content: dict[str, Any], kind: Kind | None = None) -> Question:
+    return await use.ask(OWNER, kind or KINDS["impact-modes"], body(content))
+
+
+def test_small_work_is_answered_at_once_and_known_the_next_time(
+    use: Evaluation, request_body: dict[str, Any]
+) -> None:
+    async def main() -> None:
+        question = await asked(use, request_body)
+        first = await use.compute(question, PLAIN, JSON)
+        second = await use.compute(await asked(use, request_body), PLAIN, JSON)
+        assert isinstance(first, Answer)
+        assert isinstance(second, Answer)
+        assert (first.cache, second.cache) == ("fwd=miss", "hit")
+        assert set(first.seconds) == {"plan", "solve", "encode"}
+        assert first.representation == second.representation
+        file = await use.compute(question, PLAIN, HDF5)
+        assert isinstance(file, Answer)
+        assert file.cache == "hit"
+        assert file.representation.data.startswith(b"\x89HDF")
+
+    run(main)
+
+
+def test_equal_requests_at_the_same_time_are_computed_once(
+    use: Evaluation, request_body: dict[str, Any]
+) -> None:
+    kind = counting()
+
+    async def main() -> None:
+        questions = [await asked(use, request_body, kind) for _ in range(200)]
+        waiting = [asyncio.create_task(use.compute(q, PLAIN, JSON)) for q in questions]
+        while not kind.calls:
+            await asyncio.sleep(0.01)
+        kind.gate.set()
+        answers = await asyncio.gather(*waiting)
+        assert len(kind.calls) == 1
+        assert len({answer.representation.data for answer in answers}) == 1
+        assert [answer.cache for answer in answers].count("fwd=miss") == 1
+
+    run(main)
+
+
+def test_one_who_goes_away_takes_nothing_from_the_others(
+    use: Evaluation, request_body: dict[str, Any]
+) -> None:
+    kind = counting()
+
+    async def main() -> None:
+        question = await asked(use, request_body, kind)
+        impatient = asyncio.create_task(use.compute(question, PLAIN, JSON))
+        while not kind.calls:
+            await asyncio.sleep(0.01)
+        patient = asyncio.create_task(use.compute(question, PLAIN, JSON))
+        await asyncio.sleep(0.05)
+        impatient.cancel()
+        kind.gate.set()
+        assert isinstance(await patient, Answer)
+        assert len(kind.calls) == 1
+
+    run(main)
+
+
+def test_a_job_for_what_is_being_computed_waits_for_it(
+    use: Evaluation, request_body: dict[str, Any], queue: Any
+) -> None:
+    kind = counting()
+
+    async def main() -> None:
+        question = await asked(use, request_body, kind)
+        inline = asyncio.create_task(use.compute(question, PLAIN, JSON))
+        while not kind.calls:
+            await asyncio.sleep(0.01)
+        job = asyncio.create_task(use.submit(question, 0, None))
+        await asyncio.sleep(0.05)
+        assert not queue.rows
+        kind.gate.set()
+        assert (await job).reused
+        assert isinstance(await inline, Answer)
+
+    run(main)
+
+
+def test_a_failed_computation_is_a_problem_for_all_and_may_be_tried_again(
+    use: Evaluation, request_body: dict[str, Any], store: Store
+) -> None:
+    kind = counting(ConvergenceError("no root"))
+    kind.gate.set()
+
+    async def main() -> None:
+        question = await asked(use, request_body, kind)
+        for _ in range(2):
+            with pytest.raises(ConvergenceError):
+                await use.compute(question, PLAIN, JSON)
+        assert len(kind.calls) == 2
+        assert not store.results.has(question.digest)
+
+    run(main)
+
+
+def test_large_work_becomes_a_job(store: Store, queue: Any, request_body: dict[str, Any]) -> None:
+    use = Evaluation(Settings(data=Path("unused"), inline_seconds=0), store, queue)
+
+    async def main() -> None:
+        question = await asked(use, request_body)
+        outcome = await use.compute(question, PLAIN, JSON)
+        assert isinstance(outcome, Queued)
+        assert outcome.job.seconds > 0
+        assert store.requests.get(outcome.job.request) == question.canonical
+        assert not store.results.has(question.digest)
+        queue.run(outcome.job.id)
+        known = await use.compute(question, PLAIN, JSON)
+        assert isinstance(known, Answer)
+
+    run(main)
+    use.close()
+
+
+def test_preferences(use: Evaluation, queue: Any, request_body: dict[str, Any]) -> None:
+    async def main() -> None:
+        question = await asked(use, request_body)
+        first = await use.compute(question, Preference(respond_async=True), JSON)
+        assert isinstance(first, Queued)
+        assert first.job.state == "queued"
+        short = await use.compute(question, Preference(True, 0.05), JSON)
+        assert isinstance(short, Queued)
+        queue.at_once = True
+        waited = await use.compute(question, Preference(True, 5), JSON)
+        assert isinstance(waited, Answer)
+        again = await use.compute(question, Preference(respond_async=True), JSON)
+        assert isinstance(again, Queued)
+        assert again.job.reused
+        assert again.job.final
+
+    run(main)
+
+
+def test_a_failed_job_is_returned_as_a_job(
+    use: Evaluation, queue: Any, store: Store, request_body: dict[str, Any]
+) -> None:
+    async def main() -> None:
+        question = await asked(use, request_body)
+        outcome = await use.compute(question, Preference(respond_async=True), JSON)
+        assert isinstance(outcome, Queued)
+        store.requests.remove(outcome.job.request)
+        queue.run(outcome.job.id)
+        assert queue.rows[outcome.job.id].state == "failed"
+        assert queue.rows[outcome.job.id].error["code"] == "internal_error"
+
+    run(main)
+
+
+def test_plans_do_no_work(use: Evaluation, store: Store, request_body: dict[str, Any]) -> None:
+    async def main() -> None:
+        question = await asked(use, request_body)
+        plan = await use.plan(question)
+        assert plan.digest == question.digest
+        assert not plan.cached
+        assert plan.inline
+        assert plan.seconds > 0
+        assert [step.stage for step in plan.steps][:2] == ["spectrum", "impulse"]
+        assert not store.results.has(question.digest)
+        await use.compute(question, PLAIN, JSON)
+        assert (await use.plan(question)).cached
+
+    run(main)
+
+
+def test_owners_do_not_share_names(use: Evaluation, request_body: dict[str, Any]) -> None:
+    async def main() -> None:
+        kind = KINDS["impact-modes"]
+        mine = await use.ask("me", kind, body(request_body))
+        yours = await use.ask("you", kind, body(request_body))
+        assert mine.digest != yours.digest
+
+    run(main)
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        (("system", "constraints", 0, "dof"), 13),
+        (("system", "constraints", 0, "gap"), 0),
+        (("system", "n"), 501),
+        (("frequency", "stop"), 0.5),
+        (("frequency", "num"), 10**9),
+        (("active",), [1]),
+        (("color",), "red"),
+    ],
+)
+def test_nothing_is_kept_of_what_is_wrong(
+    use: Evaluation, store: Store, queue: Any, request_body: dict[str, Any], path: Any, value: Any
+) -> None:
+    place: Any = request_body
+    for part in path[:-1]:
+        place = place[part]
+    place[path[-1]] = value
+
+    async def main() -> None:
+        for preference in (PLAIN, Preference(respond_async=True)):
+            with pytest.raises(ProblemError) as caught:
+                await use.compute(await asked(use, request_body), preference, JSON)
+            assert caught.value.type in (problems.INVALID, problems.TOO_LARGE)
+
+    run(main)
+    assert not queue.rows
+    assert not Path(store.url).exists()
+
+
+def test_unknown_kinds_are_refused() -> None:
+    with pytest.raises(ProblemError) as caught:
+        evaluate.kind_named("no-such-kind", "kind")
+    assert caught.value.errors[0].pointer == "/kind"
+
+
+def test_large_bodies_are_read_off_the_event_loop(
+    use: Evaluation, request_body: dict[str, Any]
+) -> None:
+    request_body["frequency"] = {"values": [1.0 + i * 1e-6 for i in range(50_000)]}
+
+    async def main() -> None:
+        stalls = []
+
+        async def watch() -> None:
+            loop = asyncio.get_running_loop()
+            while True:
+                before = loop.time()
+                await asyncio.sleep(0.001)
+                stalls.append(loop.time() - before)
+
+        watching = asyncio.create_task(watch())
+        await asyncio.sleep(0.01)
+        count = len(stalls)
+        question = await asked(use, request_body)
+        watching.cancel()
+        assert len(stalls) > count  # the loop went on while the body was read
+        assert question.request.frequency.count == 50_000
+
+    run(main)
+
+
+def test_systems_are_stored_by_content(use: Evaluation, chain: dict[str, Any]) -> None:
+    async def main() -> None:
+        first, new = await use.store_system(OWNER, body(chain))
+        again, still_new = await use.store_system(OWNER, body({**chain, "mass": 1.0}))
+        assert (new, still_new) == (True, False)
+        assert first == again
+        assert (first.n, first.constraints) == (13, 1)
+        other, _ = await use.store_system("you", body(chain))
+        assert other.id != first.id
+        data = await use.system(first.id)
+        assert orjson.loads(data or b"")["preset"] == "chain"
+        moved = {"id": first.id, "constraints": [{"dof": 0, "gap": 1}]}
+        copy, _ = await use.store_system(OWNER, body(moved))
+        assert copy.id not in (first.id, other.id)
+
+    run(main)

@@ -1,0 +1,51 @@
+"""Every row of the table leads to things that exist and fit together."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import inspect
+from types import UnionType
+from typing import Any, get_args, get_type_hints
+
+import pytest
+
+from vibroimpact_schema import examples
+from vibroimpact_service.kinds import KINDS, Kind
+from vibroimpact_solvers.arrays import quantities
+
+
+@pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
+class TestEveryKind:
+    def test_the_solver_offers_what_is_needed(self, kind: Kind) -> None:
+        solver = kind.solver
+        assert list(inspect.signature(solver.plan).parameters)[:1] == ["problem"]
+        assert list(inspect.signature(solver.solve).parameters)[:2] == ["problem", "plan"]
+        assert list(inspect.signature(solver.split).parameters)[:2] == ["problem", "plan"]
+        assert list(inspect.signature(solver.join).parameters)[:2] == ["problem", "plan"]
+        assert dataclasses.is_dataclass(solver.Result)
+
+    def test_the_decoder_exists(self, kind: Kind) -> None:
+        decode = importlib.import_module("vibroimpact_service.decode")
+        assert callable(getattr(decode, kind.decoder))
+
+    def test_there_are_examples(self, kind: Kind) -> None:
+        assert examples.requests(kind.name)
+
+    def test_the_document_of_the_result_names_every_array(self, kind: Kind) -> None:
+        for name, quantity in quantities(kind.solver.Result).items():
+            model: Any = kind.result
+            for part in (quantity.path or name).split("/"):
+                assert part in model.model_fields, f"{kind.name}: {quantity.path or name}"
+                model = _inner(get_type_hints(model)[part])
+
+    def test_names_agree(self, kind: Kind) -> None:
+        assert KINDS[kind.name] is kind
+        assert kind.result.model_fields["kind"].annotation.__args__ == (kind.name,)  # type: ignore[union-attr]
+
+
+def _inner(hint: Any) -> Any:
+    """Return the model of an optional field."""
+    if isinstance(hint, UnionType):
+        return next(part for part in get_args(hint) if part is not type(None))
+    return hint
