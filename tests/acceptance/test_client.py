@@ -1,0 +1,99 @@
+"""The client against a real service of its own: computing, queueing, reading, drawing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+import xarray
+
+import vibroimpact as vi
+
+mpl.use("Agg")
+
+STRUCTURE = vi.chain(13, [vi.constraint(5, 0.2)])
+ALL = ("impulse", "exists", "reason", "shape", "waveform", "energy")
+
+
+@pytest.fixture(scope="module")
+def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[vi.Client]:
+    with vi.Client(data=tmp_path_factory.mktemp("data")) as opened:
+        yield opened
+
+
+def test_results_are_arrays(client: vi.Client) -> None:
+    result = client.impact_modes(STRUCTURE, (0.6, 2.4, 50), outputs=ALL, tau=[0.5, 1.0])
+    assert result.impulse.shape == (50, 1)
+    assert result.waveform.shape == (50, 2, 13)
+    assert result.exists.dtype == bool
+    assert set(result.reason[~result.exists]) == {"negative_impulse"}
+    assert "Result impact-modes" in repr(result)
+    assert "impulse" in result._repr_html_()
+    with pytest.raises(AttributeError, match="it has"):
+        _ = result.nothing
+
+
+def test_files_open_in_xarray(client: vi.Client, tmp_path: Path) -> None:
+    result = client.impact_modes(STRUCTURE, (0.6, 2.4, 50), outputs=ALL, tau=[0.5, 1.0])
+    path = result.to_hdf5(tmp_path / "result.h5")
+    with xarray.open_dataset(path, engine="h5netcdf") as data:
+        assert not [name for name in data.dims if str(name).startswith("phony")]
+        assert data.attrs["kind"] == "impact-modes"
+        assert data.impulse.attrs["long_name"]
+        assert data.impulse.attrs["units"]
+        assert {"Omega", "omega", "constraint", "dof", "tau"} <= set(data.coords)
+        np.testing.assert_array_equal(data.impulse.values, result.impulse)
+        picked = data.impulse.sel(Omega=1.1, method="nearest", constraint=0)
+        assert picked.size == 1
+    assert result.to_xarray().sizes["dof"] == 13
+
+
+def test_jobs_run_and_are_found_again(client: vi.Client) -> None:
+    request = vi.impact_modes_request(STRUCTURE, (0.6, 2.4, 4001))
+    job = client.submit("impact-modes", request)
+    done = job.wait(60, progress=True)
+    assert done.state == "succeeded"
+    found = client.job(job.id).result()
+    np.testing.assert_array_equal(found.impulse, client.compute("impact-modes", request).impulse)
+    assert found.digest in {client.result(found.digest).digest}
+    assert job.id in [each.id for each in client.jobs(state="succeeded", kind="impact-modes")]
+    assert client.submit("impact-modes", request).wait(10).document["reused"]
+
+
+def test_a_cancelled_job_says_so(client: vi.Client) -> None:
+    request = vi.impact_modes_request(vi.chain(400, [vi.constraint(5, 0.2)]), (0.01, 2.4, 200_000))
+    job = client.submit("impact-modes", request)
+    job.cancel()
+    with pytest.raises(vi.JobCancelled):
+        job.wait(30)
+
+
+def test_a_wrong_field_is_named(client: vi.Client) -> None:
+    with pytest.raises(vi.InvalidRequest, match="/system/constraints/0/dof") as caught:
+        client.impact_modes(vi.chain(3, [vi.constraint(3, 0.2)]), [1.0])
+    assert caught.value.errors[0]["pointer"] == "/system/constraints/0/dof"
+
+
+def test_a_plan_skips_what_is_not_asked(client: vi.Client) -> None:
+    plan = client.plan("impact-modes", vi.impact_modes_request(STRUCTURE, [1.1]))
+    assert {"shape", "waveform", "energy"} <= {skip["what"] for skip in plan["skips"]}
+
+
+def test_pictures(client: vi.Client) -> None:
+    curve = client.impact_modes(STRUCTURE, (0.6, 2.4, 50)).plot()
+    assert curve.get_xlabel()
+    profile = client.impact_modes(STRUCTURE, [1.1], outputs=("impulse", "shape")).plot()
+    assert profile.get_ylabel()
+    for ax in (curve, profile):
+        mpl.pyplot.close(ax.figure)
+
+
+def test_a_service_that_cannot_start_says_why(tmp_path: Path) -> None:
+    (tmp_path / "store").write_text("in the way")
+    with vi.Client(data=tmp_path / "fine") as other:
+        assert other.version()["kinds"]
+        with pytest.raises(vi.EmbeddedServiceError):
+            vi.Client(data=tmp_path / "fine")

@@ -1,0 +1,65 @@
+"""The documents that the helpers make are those that the schema takes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse
+from pydantic import TypeAdapter
+
+import vibroimpact as vi
+from vibroimpact.systems import frequencies, matrix
+from vibroimpact_schema.requests import ImpactModesRequest
+from vibroimpact_schema.systems import System
+
+STOP = [vi.constraint(0, 0.1)]
+
+
+@pytest.mark.parametrize(
+    "document",
+    [
+        vi.chain(3, STOP),
+        vi.oscillator(STOP),
+        vi.two_mass(STOP, coupling=0.5),
+        vi.double_pendulum(STOP, 2.0),
+        vi.bouncing_ball([vi.constraint(0, {"lower": 0.0, "upper": None})]),
+        vi.system(np.eye(2), np.eye(2), STOP, C=np.ones(2), force=[0, 1]),
+        vi.system(
+            np.ones(2),
+            scipy.sparse.eye_array(2),
+            [vi.constraint(gap=1.0, direction={0: 1.0, 1: -1.0})],
+            units={"length": "m", "mass": "kg", "time": "s"},
+        ),
+    ],
+)
+def test_documents_are_valid(document: dict[str, object]) -> None:
+    TypeAdapter(System).validate_python(document)
+
+
+def test_matrices_keep_every_bit() -> None:
+    K = np.array([[2.0, -1 / 3], [-1 / 3, np.pi]])
+    assert matrix(K) == K.tolist()
+    assert matrix(scipy.sparse.csr_array(K))["data"] == K.ravel().tolist()
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        (np.array([1.0, 2.0]), {"values": [1.0, 2.0], "unit": "Omega"}),
+        (1.5, {"values": [1.5], "unit": "Omega"}),
+        ((1, 2, 3), {"start": 1.0, "stop": 2.0, "num": 3, "unit": "Omega"}),
+        (
+            {"start": 1.0, "stop": 2.0, "step": 0.5},
+            {"start": 1.0, "stop": 2.0, "step": 0.5, "unit": "Omega"},
+        ),
+    ],
+)
+def test_grids(given: object, expected: dict[str, object]) -> None:
+    assert frequencies(given) == expected
+
+
+def test_the_request_is_what_the_schema_takes() -> None:
+    request = vi.impact_modes_request(
+        vi.chain(3, STOP), [1.0], outputs=("waveform",), tau=[0.5], dofs=np.array([1]), active=[0]
+    )
+    ImpactModesRequest.model_validate(request)

@@ -1,0 +1,96 @@
+"""Retries, idempotency keys and problems, against a transport that plays the service."""
+
+from __future__ import annotations
+
+import httpx2
+import pytest
+
+from vibroimpact import errors
+from vibroimpact.transport import Transport
+
+
+class Played:
+    """Answers in order, and remembers the requests."""
+
+    def __init__(self, *answers: httpx2.Response | Exception) -> None:
+        self.answers, self.requests = list(answers), []
+
+    def __call__(self, request: httpx2.Request) -> httpx2.Response:
+        self.requests.append(request)
+        answer = self.answers.pop(0)
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    def transport(self) -> Transport:
+        return Transport("http://service", 5.0, httpx2.MockTransport(self))
+
+
+@pytest.fixture(autouse=True)
+def pauses(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    found: list[float] = []
+    monkeypatch.setattr("vibroimpact.transport.time.sleep", found.append)
+    return found
+
+
+def problem(status: int, **more: object) -> httpx2.Response:
+    return httpx2.Response(status, json={"status": status, "detail": "so", "code": "x"} | more)
+
+
+def test_a_passing_fault_is_tried_again_with_the_same_key(pauses: list[float]) -> None:
+    played = Played(
+        httpx2.ConnectError("down"),
+        problem(503),
+        httpx2.Response(200, json={"ok": True}),
+    )
+    assert played.transport().request("POST", "/v1/x", json={}).json() == {"ok": True}
+    keys = {request.headers["Idempotency-Key"] for request in played.requests}
+    assert len(keys) == 1
+    assert len(pauses) == 2
+
+
+def test_retry_after_is_obeyed(pauses: list[float]) -> None:
+    busy = httpx2.Response(429, json={"detail": "busy"}, headers={"Retry-After": "7"})
+    played = Played(busy, httpx2.Response(200, json=1))
+    played.transport().request("GET", "/v1/x")
+    assert pauses == [7.0]
+
+
+def test_what_the_service_calls_final_is_not_tried_again() -> None:
+    played = Played(problem(500, retryable=False))
+    with pytest.raises(errors.Unavailable):
+        played.transport().request("GET", "/v1/x")
+    assert len(played.requests) == 1
+
+
+def test_a_dead_service_is_given_up_on() -> None:
+    played = Played(*[httpx2.ConnectError("down")] * 4)
+    with pytest.raises(errors.ConnectionFailed, match="http://service"):
+        played.transport().request("GET", "/v1/x")
+
+
+@pytest.mark.parametrize(
+    ("status", "kind"),
+    [
+        (400, errors.InvalidRequest),
+        (401, errors.AccessDenied),
+        (404, errors.NotFound),
+        (413, errors.TooLarge),
+        (418, errors.ServerError),
+        (422, errors.InvalidRequest),
+    ],
+)
+def test_problems_become_exceptions(status: int, kind: type[Exception]) -> None:
+    faults = [{"pointer": "/system/K", "message": "not symmetric", "code": "not_symmetric"}]
+    played = Played(problem(status, errors=faults, request_id="r1"))
+    with pytest.raises(kind) as caught:
+        played.transport().request("GET", "/v1/x")
+    assert caught.value.status == status
+    assert caught.value.request_id == "r1"
+    assert "/system/K: not symmetric" in str(caught.value)
+
+
+def test_an_answer_that_is_no_problem_document_is_reported() -> None:
+    played = Played(httpx2.Response(404, text="<html>proxy</html>"))
+    with pytest.raises(errors.NotFound, match="proxy"):
+        played.transport().request("GET", "/v1/x")
