@@ -51,7 +51,9 @@ class Job:
 
     def refresh(self, wait: float = 0.0) -> Job:
         """Look at it again, waiting up to so many seconds for a change."""
-        params = {"wait": f"{wait:g}"} if wait > 0 else None
+        params = None
+        if wait > 0:
+            params = {"wait": f"{wait:g}", "since": str(self.document["version"])}
         self.document = self._transport.request("GET", f"/v1/jobs/{self.id}", params=params).json()
         return self
 

@@ -23,6 +23,7 @@ class Job(Document):
     """A queued computation."""
 
     id: str
+    version: Index = Field(description="Number of the last change; also the id of its event.")
     kind: str = Field(examples=["impact-modes"])
     state: State
     final: bool = Field(description="Whether the state will not change any more.")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import sys
 from pathlib import Path
 from types import FrameType
@@ -40,7 +41,10 @@ def serve(
     given: dict[str, Any] = {"host": host, "port": port, "data": data}
     settings = Settings(**{name: value for name, value in given.items() if value is not None})
     _log_to_stderr()
-    _Server(create_app(settings), settings).run()
+    server = _Server(create_app(settings), settings)
+    server.run()
+    if not server.started:
+        raise typer.Exit(3)
 
 
 @app.command()
@@ -107,7 +111,10 @@ class _Server(uvicorn.Server):
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         # Event streams and long polls end themselves; uvicorn would wait for them.
         self._application.state.drain.set()
-        super().handle_exit(sig, frame)
+        # The signal is obeyed here and not raised again at the end, as uvicorn would:
+        # a service that was asked to stop, and did, has succeeded.
+        self.force_exit = self.should_exit and sig == signal.SIGINT
+        self.should_exit = True
 
 
 def _log_to_stderr() -> None:

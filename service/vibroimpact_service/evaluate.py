@@ -111,9 +111,12 @@ class Evaluation:
         )
 
     async def compute(
-        self, asked: Question, preference: Preference, media_type: str
+        self, asked: Question, preference: Preference, media_type: str, key: str | None = None
     ) -> Answer | Queued:
-        """Return the result of a request, or the job that will have it."""
+        """Return the result of a request, or the job that will have it.
+
+        An idempotency key is kept with the job; a result needs none, being named by its request.
+        """
         if not preference.respond_async:
             known = await self.result(asked.digest, media_type)
             if known is not None:
@@ -123,7 +126,7 @@ class Evaluation:
             planned = time.perf_counter() - started
             if tasks.seconds(assignment) <= self._settings.inline_seconds:
                 return await self._at_once(asked, assignment, media_type, planned)
-        job = await self.submit(asked, priority=0, key=None)
+        job = await self.submit(asked, priority=0, key=key)
         if preference.wait is not None:
             finished = await self.queue.finished(asked.owner, job.id, preference.wait)
             if finished is not None:

@@ -128,6 +128,16 @@ class Queue:
             pass
         return self.rows[job]
 
+    async def wait(self, owner: str, job: str, version: int, seconds: float) -> JobRow | None:
+        try:
+            async with asyncio.timeout(seconds):
+                while self.rows[job].version == version:
+                    self._changed.clear()
+                    await self._changed.wait()
+        except TimeoutError:
+            pass
+        return self.rows[job]
+
     async def events(self, owner: str, job: str, version: int) -> AsyncIterator[JobRow | None]:
         while True:
             row = self.rows[job]

@@ -34,10 +34,11 @@ def _compute(kind: Kind) -> Handler:
     async def compute(request: Request) -> Response:
         media_type = exchange.wanted_representation(request)
         preference = negotiate.preference(request.headers.getlist("prefer"))
+        key = exchange.idempotency_key(request)
         body = await exchange.read_json(request)
         use = exchange.evaluation(request)
         asked = await use.ask(exchange.OWNER, kind, body)
-        outcome = await use.compute(asked, preference, media_type)
+        outcome = await use.compute(asked, preference, media_type, key)
         headers = {"Preference-Applied": preference.applied()} if preference.applied() else {}
         if isinstance(outcome, Queued):
             headers["Location"] = f"/v1/jobs/{outcome.job.id}"

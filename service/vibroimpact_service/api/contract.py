@@ -48,7 +48,7 @@ def compute(kind: Kind) -> Routing:
         },
         (*_BODY_PROBLEMS, 406),
         body=_request_of(kind),
-        headers=(_PREFER, _IF_NONE_MATCH),
+        headers=(_PREFER, _IF_NONE_MATCH, _IDEMPOTENCY_KEY),
     )
 
 
@@ -102,7 +102,8 @@ def job() -> Routing:
     return _route(
         "get_job",
         "Look at a job",
-        "With wait, answers once the job is final, or after so many seconds, 25 at most.",
+        "With wait, answers once the job is final or the time is over; with since as well, once "
+        "anything changed since that version.",
         {200: _answer("The job.", job_documents.Job)},
         _READ_PROBLEMS,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from collections.abc import Awaitable, Mapping
 from typing import Final, TypeVar
 
@@ -21,6 +22,7 @@ Value = TypeVar("Value")
 OWNER: Final = "local"
 """Whose everything is, as long as there are no keys."""
 
+_KEY = re.compile(r"[!-~]{1,255}")
 IMMUTABLE: Final = "private, max-age=31536000, immutable"
 
 
@@ -102,6 +104,24 @@ def wanted_representation(request: Request) -> str:
         detail = f"Results are {' or '.join(negotiate.REPRESENTATIONS)}."
         raise ProblemError(problems.NOT_ACCEPTABLE, detail)
     return found
+
+
+def idempotency_key(request: Request) -> str | None:
+    """Return the Idempotency-Key of a request, if it has one.
+
+    Raises
+    ------
+    ProblemError
+        400 where it is not one.
+    """
+    given = request.headers.get("idempotency-key")
+    if given is None:
+        return None
+    key = given.strip().strip('"')
+    if not _KEY.fullmatch(key):
+        detail = "Idempotency-Key must be 1 to 255 visible ASCII characters."
+        raise ProblemError(problems.BAD_REQUEST, detail)
+    return key
 
 
 def document(

@@ -22,7 +22,6 @@ from vibroimpact_service.problems import ProblemError
 
 LONGEST_POLL: Final = 25.0
 _JOB = re.compile(r"job_[0-9a-f]{32}")
-_KEY = re.compile(r"[!-~]{1,255}")
 
 router = APIRouter(tags=["jobs"])
 
@@ -34,6 +33,7 @@ async def described(queue: JobQueue, job: JobRow) -> Job:
     position = await queue.position(job) if job.state == "queued" else None
     return Job(
         id=job.id,
+        version=job.version,
         kind=job.kind,
         state=cast("State", job.state),
         final=job.final,
@@ -61,24 +61,13 @@ def _time(seconds: float) -> datetime:
 @router.post("/v1/jobs", **contract.submit())
 async def submit(request: Request) -> Response:
     """Queue a computation."""
-    key = _idempotency_key(request)
+    key = exchange.idempotency_key(request)
     body = await exchange.read_json(request)
     use = exchange.evaluation(request)
     asked, priority = await use.ask_job(exchange.OWNER, body)
     job = await use.submit(asked, priority, key)
     headers = {"Location": f"/v1/jobs/{job.id}"}
     return exchange.document(await described(use.queue, job), 201, headers)
-
-
-def _idempotency_key(request: Request) -> str | None:
-    given = request.headers.get("idempotency-key")
-    if given is None:
-        return None
-    key = given.strip().strip('"')
-    if not _KEY.fullmatch(key):
-        detail = "Idempotency-Key must be 1 to 255 visible ASCII characters."
-        raise ProblemError(problems.BAD_REQUEST, detail)
-    return key
 
 
 @router.get("/v1/jobs", **contract.job_list())
@@ -110,14 +99,26 @@ async def looked_up(
     job: str,
     wait: Annotated[
         float | None,
-        Query(ge=0, allow_inf_nan=False, description="Answer once the job is final, or so late."),
+        Query(
+            ge=0,
+            allow_inf_nan=False,
+            description="Answer once the job is final, or after so many seconds, 25 at most.",
+        ),
+    ] = None,
+    since: Annotated[
+        int | None,
+        Query(ge=0, le=2**53, description="Version that is known: wait for any other one."),
     ] = None,
 ) -> Response:
     """Return a job."""
     queue = exchange.evaluation(request).queue
     row = await _row(queue, job)
     if wait and not row.final:
-        waiting = queue.finished(exchange.OWNER, job, min(wait, LONGEST_POLL))
+        seconds = min(wait, LONGEST_POLL)
+        if since is None:
+            waiting = queue.finished(exchange.OWNER, job, seconds)
+        else:
+            waiting = queue.wait(exchange.OWNER, job, since, seconds)
         row = await exchange.unless_draining(request, waiting) or row
     return exchange.document(await described(queue, row))
 

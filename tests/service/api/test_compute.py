@@ -298,6 +298,18 @@ def test_prefer(http: TestClient, request_body: dict[str, Any], queue: Any) -> N
     assert "preference-applied" not in post(http, request_body).headers
 
 
+def test_a_key_stands_for_the_job_that_a_request_became(
+    http: TestClient, request_body: dict[str, Any]
+) -> None:
+    first = post(http, request_body, Prefer="respond-async", Idempotency_Key="k")
+    again = post(http, request_body, Prefer="respond-async", Idempotency_Key="k")
+    assert first.json()["id"] == again.json()["id"]
+    request_body["frequency"]["num"] = 6
+    clash = post(http, request_body, Prefer="respond-async", Idempotency_Key="k")
+    assert problem(clash, 422).code == "idempotency_key_reused"
+    problem(post(http, request_body, Idempotency_Key="a b"), 400)
+
+
 def test_unknown_kinds_are_not_found(http: TestClient) -> None:
     problem(http.post("/v1/compute/no-such-kind", json={}), 404)
     problem(http.get(COMPUTE), 405)

@@ -116,6 +116,19 @@ def test_waiting_ends_with_the_job_or_the_time(
         assert answer.json()["errors"][0]["parameter"] == "wait"
 
 
+def test_with_a_known_version_any_change_ends_the_wait(
+    http: TestClient, queue: Any, request_body: dict[str, Any]
+) -> None:
+    job = submit(http, request_body).json()
+    address = f"/v1/jobs/{job['id']}?wait=20&since="
+    queue.change(job["id"], state="running", done=1, total=3)
+    changed = http.get(f"{address}{job['version']}").json()
+    assert (changed["state"], changed["final"]) == ("running", False)
+    same = http.get(f"/v1/jobs/{job['id']}?wait=0.05&since={changed['version']}").json()
+    assert same == changed
+    assert http.get(f"{address}-1").status_code == 422
+
+
 def test_pages_list_every_job_once_newest_first(
     http: TestClient, queue: Any, request_body: dict[str, Any]
 ) -> None:
