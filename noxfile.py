@@ -28,7 +28,7 @@ def install(session: nox.Session, *packages: str) -> None:
 
 @nox.session
 def lint(session: nox.Session) -> None:
-    """Style of the sources: ruff's rules and its formatting."""
+    """Check the style of the sources: ruff's rules and its formatting."""
     install(session, "-e", ".[dev]")
     session.run("ruff", "check", ".")
     session.run("ruff", "format", "--check", ".")
@@ -36,35 +36,35 @@ def lint(session: nox.Session) -> None:
 
 @nox.session
 def types(session: nox.Session) -> None:
-    """Strict types of the four packages."""
+    """Check the strict types of the four packages."""
     install(session, "-e", ".[dev]")
     session.run("mypy")
 
 
 @nox.session
 def contracts(session: nox.Session) -> None:
-    """One direction of imports, no cycles, nothing past the use case."""
+    """Check that imports point one way and nothing reaches past the use case."""
     install(session, "-e", ".[dev]")
     session.run("lint-imports")
 
 
 @nox.session
 def openapi(session: nox.Session) -> None:
-    """The committed contract is the one that the service speaks."""
+    """Check that the committed contract is the one that the service speaks."""
     install(session, "-e", ".[dev]")
     session.run("python", "-m", "vibroimpact_service.cli", "openapi", "--check")
 
 
 @nox.session
 def docs(session: nox.Session) -> None:
-    """The documentation site, warnings as errors."""
+    """Build the documentation site, warnings as errors."""
     install(session, "-e", ".[dev]")
-    session.run("mkdocs", "build", "--strict", "--clean")
+    session.run("mkdocs", "build", "--strict", "--clean", env={"NO_MKDOCS_2_WARNING": "1"})
 
 
 @nox.session
 def tests(session: nox.Session) -> None:
-    """The whole test suite, in the environment at hand."""
+    """Run the whole test suite."""
     install(session, "-e", ".[test]")
     session.run("pytest", *session.posargs)
 
@@ -84,7 +84,7 @@ def readme_tests(session: nox.Session) -> None:
 
 @nox.session(venv_backend="none")
 def client_alone(session: nox.Session) -> None:
-    """The client in a clean environment: no solver or server library comes with it."""
+    """Install the client in a clean environment: no solver or server library comes with it."""
     place = pathlib.Path(session.create_tmp()) / "client"
     shutil.rmtree(place, ignore_errors=True)
     session.run(sys.executable, "-m", "venv", str(place), external=True)
