@@ -76,7 +76,7 @@ class SymmetricMatrix:
         gap = np.abs(full - full.T)
         if gap.max() > _SYMMETRY * np.abs(full).max():
             i, j = (int(k) for k in np.unravel_index(np.argmax(gap), gap.shape))
-            message = f"entries ({i}, {j}) = {full[i, j]!r} and ({j}, {i}) = {full[j, i]!r} differ"
+            message = f"entries ({i}, {j}) = {full[i, j]} and ({j}, {i}) = {full[j, i]} differ"
             raise ModelError((), message, code="not_symmetric")
         full = 0.5 * (full + full.T)
         row, col = np.nonzero(full)
