@@ -66,7 +66,8 @@ class FrequencyPoints(FrequencyRange):
     @field_validator("num")
     @classmethod
     def _extended(cls, num: int, info: ValidationInfo) -> int:
-        if num > 1 and "stop" in info.data and info.data["start"] == info.data["stop"]:
+        start, stop = info.data.get("start"), info.data.get("stop")
+        if num > 1 and start is not None and start == stop:
             raise PydanticCustomError("empty_grid", "start and stop coincide: num must be 1")
         return num
 

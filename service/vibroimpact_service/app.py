@@ -58,13 +58,14 @@ def create_app(settings: Settings | None = None, queue: JobQueue | None = None) 
     app.state.settings = chosen
     app.state.evaluation = Evaluation(chosen, store, jobs_queue)
     app.state.drain = asyncio.Event()
-    for router in (
+    app.state.routers = (
         compute.router(),
         jobs.router,
         results.router,
         systems.router,
         service.router,
-    ):
+    )
+    for router in app.state.routers:
         app.include_router(router)
     app.add_middleware(Shell)
     app.add_exception_handler(HTTPException, http_error)

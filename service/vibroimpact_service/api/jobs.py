@@ -160,6 +160,8 @@ async def events(request: Request, job: str) -> Response:
     seen = int(last) if last.isdigit() and len(last) < 10 else 0
     stream = _events(request, queue, job, seen)
     headers = {"X-Accel-Buffering": "no"}
+    if request.state.head:
+        return Response(headers=headers, media_type="text/event-stream")
     return StreamingResponse(stream, headers=headers, media_type="text/event-stream")
 
 

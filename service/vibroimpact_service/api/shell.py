@@ -44,8 +44,9 @@ class Shell:
             return
         given = Headers(scope=scope).get("x-request-id", "")
         request_id = given if _REQUEST_ID.fullmatch(given) else uuid.uuid4().hex
-        inner = {**scope, "state": {**scope.get("state", {}), "request_id": request_id}}
         head = scope["method"] == "HEAD"
+        state = {**scope.get("state", {}), "request_id": request_id, "head": head}
+        inner = {**scope, "state": state}
         if head:
             inner["method"] = "GET"
         started = False
@@ -88,8 +89,19 @@ async def http_error(request: Request, error: Exception) -> Response:
     """Answer what the framework refuses by itself: unknown address, method and the like."""
     assert isinstance(error, HTTPException)
     type_ = problems.of_status(error.status_code)
-    problem = ProblemError(type_, type_.about, headers=error.headers)
+    headers = dict(error.headers or {})
+    if type_ is problems.METHOD_NOT_ALLOWED:
+        headers["Allow"] = ", ".join(_allowed(request))
+    problem = ProblemError(type_, type_.about, headers=headers)
     return answer(problem, request.state.request_id)
+
+
+def _allowed(request: Request) -> list[str]:
+    """Return the methods of an address; the framework knows only those of one of its routes."""
+    path = request.scope["path"]
+    routes = (route for router in request.app.state.routers for route in router.routes)
+    methods = {m for route in routes if route.path_regex.match(path) for m in route.methods}
+    return sorted(methods | {"HEAD"} if "GET" in methods else methods)
 
 
 async def parameter_error(request: Request, error: Exception) -> Response:

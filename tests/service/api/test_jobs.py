@@ -222,6 +222,13 @@ def test_unusable_event_ids_start_from_the_beginning(
     assert len(events(answer.text)) == 1
 
 
+def test_head_of_a_stream_ends_at_once(http: TestClient, request_body: dict[str, Any]) -> None:
+    job = submit(http, request_body).json()["id"]
+    answer = http.head(f"/v1/jobs/{job}/events")
+    assert answer.status_code == 200
+    assert answer.headers["content-type"].startswith("text/event-stream")
+
+
 def test_what_was_seen_is_not_repeated(
     http: TestClient, queue: Any, request_body: dict[str, Any]
 ) -> None:

@@ -44,10 +44,16 @@ def test_unknown_addresses_and_methods(http: TestClient) -> None:
         answer = http.get(address)
         assert answer.status_code == 404
         assert answer.headers["content-type"] == "application/problem+json"
-    answer = http.patch("/v1/jobs")
-    assert answer.status_code == 405
-    assert answer.headers["allow"]
-    assert answer.json()["code"] == "method_not_allowed"
+    for address, allow in (
+        ("/v1/jobs", "GET, HEAD, POST"),
+        ("/v1/jobs/x", "DELETE, GET, HEAD"),
+        ("/v1/compute/impact-modes", "POST"),
+        ("/v1/results/x", "GET, HEAD"),
+    ):
+        answer = http.patch(address)
+        assert answer.status_code == 405
+        assert answer.headers["allow"] == allow
+        assert answer.json()["code"] == "method_not_allowed"
 
 
 def test_every_answer_is_hardened_and_named(http: TestClient) -> None:
