@@ -22,7 +22,9 @@ class ComputationRequest(Document):
     )
 
 
-ImpactModesOutput = Literal["impulse", "exists", "reason", "shape", "waveform", "energy"]
+ImpactModesOutput = Literal[
+    "impulse", "exists", "reason", "shape", "waveform", "energy", "harmonics"
+]
 
 
 class ImpactModesRequest(ComputationRequest):
@@ -52,7 +54,8 @@ class ImpactModesRequest(ComputationRequest):
         "exists, reason: whether the member is a real motion, and if not why [frequency]; "
         "shape: x at tau = 1 [frequency, dof] (length); "
         "waveform: x at tau [frequency, tau, dof] (length); "
-        "energy [frequency] (mass length² / time²).",
+        "energy [frequency] (mass length² / time²); "
+        "harmonics: Fourier amplitudes [frequency, harmonic, dof] (length).",
     )
 
 

@@ -40,7 +40,11 @@ class ImpulseError(Document):
     impulse: list[float | None] = Field(
         description="Relative error of the impulses [frequency]; null: unknown."
     )
-    statement: str = Field(description="How it was obtained.")
+    condition: list[float | None] = Field(
+        description="Magnification of relative roundings in the impulses [frequency]; "
+        "null: unbounded."
+    )
+    statement: str = Field(description="How the errors were obtained.")
 
 
 ImpactModeReason = Literal["ok", "negative_impulse", "wrong_velocity", "penetration", "singular"]
@@ -54,14 +58,28 @@ class ImpactModesResult(Result):
     constraint: list[Index] = Field(description="The active constraints [constraint].")
     dof: list[Index] | None = Field(None, description="The degrees of freedom [dof].")
     tau: Curve | None = Field(None, description="Triangle-wave times [tau].")
+    harmonic: list[Index] | None = Field(None, description="Multiples of Omega [harmonic].")
     impulse: list[Curve] | None = Field(
-        None, description="Impulse parameter p [frequency, constraint], mass length / time²."
+        None,
+        description="Impulse parameter p at the upper walls [frequency, constraint], "
+        "mass length / time²; 0 where a wall is not there.",
+    )
+    impulse_lower: list[Curve] | None = Field(
+        None,
+        description="The same at the lower walls; absent where both sides are alike.",
     )
     exists: list[bool] | None = Field(
         None, description="Whether the member is a real motion [frequency]."
     )
     reason: list[ImpactModeReason] | None = Field(
         None, description="Why the member is a phantom, or ok [frequency]."
+    )
+    certified: list[bool] | None = Field(
+        None, description="Whether that is proved, apart from rounding [frequency]."
+    )
+    witness: list[float | None] | None = Field(
+        None,
+        description="Triangle-wave time at which a limit is passed; null: none [frequency].",
     )
     shape: list[Curve] | None = Field(
         None, description="Displacement at tau = 1 [frequency, dof], length."
@@ -71,5 +89,10 @@ class ImpactModesResult(Result):
     )
     energy: Curve | None = Field(
         None, description="Total energy [frequency], mass length² / time²."
+    )
+    harmonics: list[list[Curve]] | None = Field(
+        None,
+        description="Fourier amplitudes [frequency, harmonic, dof], length: of sin(n Omega t) "
+        "for odd and cos(n Omega t) for even multiples n.",
     )
     error: ImpulseError

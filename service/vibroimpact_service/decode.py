@@ -29,7 +29,11 @@ def system(document: systems.AnySystem) -> System:
     ModelError
         With the pointer inside the document.
     """
-    return _known_system(_Named(document))
+    try:
+        return _known_system(_Named(document))
+    except OverflowError:
+        message = "its numbers are too large for double precision"
+        raise ModelError((), message, code="overflow") from None
 
 
 class _Named:
@@ -156,7 +160,8 @@ def impact_modes(request: requests.ImpactModesRequest, of: System) -> modes.Prob
         _indices(request.dofs),
         None if request.tau is None else np.array(request.tau),
         request.tolerance,
-        Omega=Omega,
+        # The one that was given: the other is rounded.
+        Omega=Omega if request.frequency.unit == "Omega" else None,
     )
 
 

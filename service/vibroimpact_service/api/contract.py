@@ -134,7 +134,17 @@ def job_result() -> Routing:
 
 def events() -> Routing:
     """Describe GET /v1/jobs/{job}/events."""
-    text = {"text/event-stream": {"schema": {"type": "string"}}}
+    job = {"$ref": _REF.format(model="Job")}
+    event = {
+        "id": {"type": "string"},
+        "event": {"enum": ["job", "end"]},
+        "data": {
+            "type": "string",
+            "contentMediaType": negotiate.JSON,
+            "contentSchema": job,
+        },
+    }
+    text = {"text/event-stream": {"schema": {"type": "object", "properties": event}}}
     return _route(
         "follow_job",
         "Follow a job",
