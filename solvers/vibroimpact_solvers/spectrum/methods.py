@@ -16,6 +16,7 @@ from vibroimpact_solvers.spectrum.cache import CACHE
 from vibroimpact_solvers.spectrum.natural import Spectrum
 
 _EPS = float(np.finfo(np.float64).eps)
+_HALF_PI = np.longdouble("1.5707963267948966192313216916397514421")
 
 
 class Method(StrEnum):
@@ -135,8 +136,12 @@ def _chain(shape: ChainShape) -> Spectrum:
     """
     size = shape.n + 1
     j = np.arange(1, shape.n + 1)
-    omega0 = np.sqrt(shape.stiffness / shape.mass)
-    frequencies = 2.0 * omega0 * np.sin(np.pi * j / (2 * size))
+    # Where the type is wider than double, it keeps what rounding takes from the frequencies.
+    angle = j.astype(np.longdouble) * (_HALF_PI / size)
+    omega0 = np.sqrt(np.longdouble(shape.stiffness) / np.longdouble(shape.mass))
+    exact = 2.0 * omega0 * np.sin(angle)
+    frequencies = exact.astype(np.float64)
+    rests = ((exact - frequencies) / exact).astype(np.float64)
     factor = np.sqrt(2.0 / (size * shape.mass))
 
     def rows(dofs: Integers) -> Floats:
@@ -146,7 +151,7 @@ def _chain(shape: ChainShape) -> Spectrum:
         turns = np.minimum(turns, size - turns)
         return np.asarray(sign * np.sin(np.pi * turns / size))
 
-    return Spectrum(_frozen(frequencies), rows, shape.n)
+    return Spectrum(_frozen(frequencies), rows, shape.n, rests=_frozen(rests))
 
 
 def _diagonal(mass: Floats, stiffness: Floats) -> Spectrum:

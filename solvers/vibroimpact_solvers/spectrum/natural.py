@@ -26,12 +26,15 @@ class Spectrum:
         Number of degrees of freedom.
     uncertainty : float
         Absolute error of every eigenvalue, beside the relative one of rounding.
+    rests : array, shape (mode,), optional
+        What rounding took from the roots, relative to them, where that is known.
     """
 
     roots: Floats
     held: Floats | Callable[[Integers], Floats]
     n: int
     uncertainty: float = 0.0
+    rests: Floats | None = None
 
     @property
     def eigenvalues(self) -> Floats:

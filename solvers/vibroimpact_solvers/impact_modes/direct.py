@@ -1,0 +1,131 @@
+"""An odd family evaluated without natural modes, see `receptance`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import Booleans, Floats, Integers
+from vibroimpact_solvers.impact_modes.impulses import Impulses
+from vibroimpact_solvers.impact_modes.problem import Frequencies, Problem
+from vibroimpact_solvers.receptance import ENTRYWISE, IMPULSES, Receptance
+
+_EPS = float(np.finfo(np.float64).eps)
+_GRIDS = (65, 257, 1025, 8193)  # numbers of times at which a limit is looked at
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Forces:
+    """What moves the structure: impulses p at frequencies omega, (frequency, constraint)."""
+
+    omega: Floats
+    p: Floats
+
+    def at(self, chosen: Booleans) -> Forces:
+        """Return those of some of the frequencies."""
+        return Forces(self.omega[chosen], self.p[chosen])
+
+
+class DirectFamily:
+    """The members of one odd family, by direct solves and power series.
+
+    Parameters
+    ----------
+    problem : Problem
+        Its frequencies and outputs do not matter here.
+    bound : float
+        Upper bound of the natural frequencies.
+    factorizes : bool
+        Whether solves at single frequencies are allowed; else all is left to the series.
+    """
+
+    def __init__(self, problem: Problem, bound: float, *, factorizes: bool = True) -> None:
+        self.factorizes = factorizes
+        harmonics = None if factorizes else 0
+        self.receptance = Receptance(problem.system, problem.active, bound, harmonics)
+        self.gaps = np.array([c.upper for c in problem.struck], dtype=np.float64)
+
+    @property
+    def mobility(self) -> Floats:
+        """``W M^(-1) W^T``, shape (constraint, constraint)."""
+        return self.receptance.mobility
+
+    def members(self, at: Frequencies, *, with_motion: bool = True) -> tuple[Impulses, Forces]:
+        """Return impulses and motion of the members at some frequencies."""
+        omega = at.omega
+        S, energy = self.receptance.impulse_matrices(omega)
+        # Relative changes of all natural frequencies change S at most by this.
+        slope = (np.abs(energy) + np.abs(S)) / (omega**2)[:, np.newaxis, np.newaxis]
+        p, error = np.zeros((omega.size, self.gaps.size)), np.full(omega.size, np.inf)
+        for f in range(omega.size):
+            try:
+                inverse = np.linalg.inv(S[f])
+            except np.linalg.LinAlgError:
+                continue
+            p[f] = inverse @ self.gaps
+            limit = self.receptance.truncation(float(omega[f]), IMPULSES)
+            wobble = 8.0 * _EPS * slope[f] + limit.remainder * np.abs(S[f])
+            absolute = np.abs(inverse) @ (wobble @ np.abs(p[f]) + _EPS * np.abs(self.gaps))
+            error[f] = absolute.max() / np.abs(p[f]).max()
+        return Impulses(p, p, error), Forces(omega, p)
+
+    def displacements(self, motion: Forces, tau: Floats, dofs: Integers) -> Floats:
+        """Return displacements, shape (frequency, tau, dof)."""
+        omega, p = motion.omega, motion.p
+        return self.receptance.displacements(omega, p, tau, lambda x: x[dofs], ENTRYWISE)
+
+    def energy(self, motion: Forces) -> Floats:
+        """Return the total energies, shape (frequency,)."""
+        _, matrices = self.receptance.impulse_matrices(motion.omega)
+        work = np.einsum("fa,fab,fb->f", motion.p, matrices, motion.p)
+        return np.asarray(0.5 * work / motion.omega**2)
+
+    def harmonics(self, motion: Forces, orders: Integers, dofs: Integers) -> Floats:
+        """Return Fourier amplitudes for odd orders, shape (frequency, order, dof)."""
+        b = np.zeros((motion.omega.size, orders.size, dofs.size))
+        for f, omega in enumerate(motion.omega):
+            for k, order in enumerate(orders):
+                sign = 2.0 if order % 4 == 1 else -2.0
+                wave = self.receptance.dynamic(0.5 * np.pi * order * omega)[dofs]
+                b[f, k] = sign * (wave @ motion.p[f])
+        return b
+
+    def check(self, motion: Forces, problem: Problem, excess: float) -> tuple[Floats, Booleans]:
+        """Return a time at which a limit is passed or nan, and whether that is certain."""
+        size = motion.omega.size
+        witness, certified = np.full(size, np.nan), np.zeros(size, dtype=np.bool_)
+        for f, omega in enumerate(motion.omega):
+            witness[f], certified[f] = self._check(float(omega), motion.p[f], problem, excess)
+        return witness, certified
+
+    def _check(
+        self, omega: float, p: Floats, problem: Problem, excess: float
+    ) -> tuple[float, bool]:
+        system = problem.system
+        directions = system.directions(range(len(system.constraints)))
+
+        def rows(vectors: Floats) -> Floats:
+            return np.asarray(directions @ vectors)
+
+        walls = [(c.lower, c.upper) for c in system.constraints]
+        limit = np.array([min(w for w in pair if w is not None) for pair in walls])
+        over = limit + excess * 2.0 * np.abs(limit)
+        curvature = self.receptance.curvature(omega, p, rows)
+        # Towards an impact the coordinate rises: the curvature alone cannot lift it higher.
+        end = np.ones(limit.size)
+        slope = self.mobility @ p / omega**2
+        for place, index in enumerate(problem.active):
+            end[index] -= min(2.0 * max(slope[place], 0.0) / curvature[index], 1.0)
+        at, force = np.array([omega]), p[np.newaxis]
+        for points in _GRIDS:
+            tau = np.linspace(0.0, 1.0, points)
+            y = np.abs(self.receptance.displacements(at, force, tau, rows, IMPULSES)[0])
+            passed = np.argwhere((y > over) & (tau[:, np.newaxis] <= end))
+            if passed.size:
+                return float(tau[passed[0, 0]]), True
+            reach = np.maximum(y[1:], y[:-1]) + curvature / (8.0 * (points - 1) ** 2)
+            open_cells = (reach > over) & (tau[:-1, np.newaxis] < end)
+            if not open_cells.any():
+                return np.nan, True
+        return np.nan, False

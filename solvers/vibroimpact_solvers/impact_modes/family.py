@@ -1,0 +1,130 @@
+"""Which impulses a family has and which equations they solve.
+
+With impulses p+ at tau = 1 and p- at tau = -1 the motion is
+
+    x = x_s + sum_j e_j [a_j . (p+ + p-) s(mu_j, tau) + a_j . (p+ - p-) h(mu_j, tau)]/(2 omega^2)
+
+where ``a_j = W e_j``. Every wall that is struck gives one equation. Three kinds:
+
+- *odd*: gaps equal on both sides and no static load. p+ = p- = p, no even motion
+  (eq. 10.49-10.59, 10.87-10.89).
+- *separate*: every struck constraint has both walls. The sum and the difference of the
+  impulses solve one system each; z = (p+ + p-)/2 and z = (p+ - p-)/2.
+- *joint*: some struck constraint has one wall only. One system for the impulses that are
+  there (10.11-10.12 is its simplest case).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.impact_modes.problem import Problem
+
+
+class Kind(StrEnum):
+    """See above."""
+
+    ODD = "odd"
+    SEPARATE = "separate"
+    JOINT = "joint"
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Equations:
+    """One linear system for impulses, as `kernels.families` takes it.
+
+    Parameters
+    ----------
+    odd, even : array, shape (unknown, constraint)
+        Combinations of the constraints' rows that make the rows of the odd and the even
+        motion; no rows where there is no such motion.
+    walls : array, shape (unknown,)
+        Where the walls are, seen along the rows.
+    share : float
+        Factor of the forces.
+    """
+
+    odd: Floats
+    even: Floats
+    walls: Floats
+    share: float
+
+
+@dataclass(frozen=True, slots=True)
+class Family:
+    """The kind of a family and the walls it strikes.
+
+    Parameters
+    ----------
+    kind : Kind
+    upper, lower : tuple of int
+        Places among the active constraints whose upper and lower walls are struck.
+    count : int
+        Number of active constraints.
+    """
+
+    kind: Kind
+    upper: tuple[int, ...]
+    lower: tuple[int, ...]
+    count: int
+
+    @classmethod
+    def of(cls, problem: Problem) -> Family:
+        """Return the family that a problem asks about."""
+        struck = problem.struck
+        upper = tuple(i for i, c in enumerate(struck) if c.upper is not None)
+        lower = tuple(i for i, c in enumerate(struck) if c.lower is not None)
+        if len(upper) + len(lower) < 2 * len(struck):
+            kind = Kind.JOINT
+        elif all(c.symmetric for c in struck) and not is_loaded(problem):
+            kind = Kind.ODD
+        else:
+            kind = Kind.SEPARATE
+        return cls(kind, upper, lower, len(struck))
+
+    def equations(self, problem: Problem) -> tuple[Equations, ...]:
+        """Return the systems to be solved at each frequency."""
+        upper = np.array([problem.struck[i].upper for i in self.upper], dtype=np.float64)
+        lower = np.array([problem.struck[i].lower for i in self.lower], dtype=np.float64)
+        one, none = np.eye(self.count), np.zeros((0, self.count))
+        if self.kind is Kind.ODD:
+            return (Equations(one, none, upper, 1.0),)
+        if self.kind is Kind.SEPARATE:
+            return (
+                Equations(one, none, 0.5 * (upper + lower), 1.0),
+                Equations(none, one, 0.5 * (upper - lower), 1.0),
+            )
+        odd = np.concatenate([one[list(self.upper)], one[list(self.lower)]])
+        even = np.concatenate([one[list(self.upper)], -one[list(self.lower)]])
+        return (Equations(odd, even, np.concatenate([upper, lower]), 0.5),)
+
+    def sides(self, unknowns: tuple[Floats, ...]) -> tuple[Floats, Floats]:
+        """Return p+ and p-, each (frequency, constraint), of the solutions (frequency, unknown).
+
+        A wall that is not struck has impulse 0.
+        """
+        if self.kind is Kind.ODD:
+            return unknowns[0], unknowns[0]
+        if self.kind is Kind.SEPARATE:
+            total, difference = unknowns
+            return total + difference, total - difference
+        (z,) = unknowns
+        plus, minus = np.zeros((2, z.shape[0], self.count))
+        plus[:, list(self.upper)] = z[:, : len(self.upper)]
+        minus[:, list(self.lower)] = z[:, len(self.upper) :]
+        return plus, minus
+
+    def errors(self, errors: tuple[Floats, ...]) -> tuple[Floats, Floats]:
+        """Return the absolute errors of p+ and p- from those of the solutions."""
+        if self.kind is Kind.SEPARATE:
+            return errors[0] + errors[1], errors[0] + errors[1]
+        return self.sides(errors)
+
+
+def is_loaded(problem: Problem) -> bool:
+    """Whether a static load acts."""
+    return problem.system.force is not None and bool(problem.system.force.any())

@@ -1,0 +1,207 @@
+"""A family evaluated by the natural modes of the structure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import Booleans, Floats, Integers
+from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.impact_modes.family import Family, Kind
+from vibroimpact_solvers.impact_modes.impulses import Impulses
+from vibroimpact_solvers.impact_modes.problem import Frequencies, Problem
+from vibroimpact_solvers.kernels import families, limits, response
+from vibroimpact_solvers.spectrum import Spectrum
+
+_EPS = float(np.finfo(np.float64).eps)
+_CAREFUL = 2e-14  # relative error of an impulse from which on it is computed with more care
+_NOISE = 1e-13  # of a load, relative to what a load of that size could do to a mode
+_ROWS = 2**22  # entries of the modal matrix taken at a time
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Amplitudes:
+    """Motion of the natural modes; p+ and the arrays of `kernels.families.members`."""
+
+    omega: Floats
+    p: Floats
+    D: Floats
+    U: Floats
+
+    def at(self, chosen: Booleans) -> Amplitudes:
+        """Return those of some of the frequencies."""
+        return Amplitudes(self.omega[chosen], self.p[chosen], self.D[chosen], self.U[chosen])
+
+
+class ModalFamily:
+    """The members of one family, by natural modes.
+
+    Parameters
+    ----------
+    problem : Problem
+        Its frequencies and outputs do not matter here.
+    family : Family
+    spectrum : Spectrum
+        All natural modes.
+    """
+
+    def __init__(self, problem: Problem, family: Family, spectrum: Spectrum) -> None:
+        self.family, self.spectrum = family, spectrum
+        self.equations = family.equations(problem)
+        rows = spectrum.along(problem.struck)
+        load = _modal_load(problem, spectrum)
+        _require_balance(spectrum.roots, rows, load)
+        # A mode with a node at every constraint is neither excited nor felt.
+        self.heard = np.flatnonzero(rows.any(axis=0) | (load != 0.0))
+        self.roots = np.ascontiguousarray(spectrum.roots[self.heard])
+        rests = np.zeros(spectrum.roots.size) if spectrum.rests is None else spectrum.rests
+        self.rests = np.ascontiguousarray(rests[self.heard])
+        self.rows = np.ascontiguousarray(rows[:, self.heard])
+        self.load = np.ascontiguousarray(load[self.heard])
+
+    @property
+    def mobility(self) -> Floats:
+        """``W M^(-1) W^T``, shape (constraint, constraint)."""
+        return np.asarray(self.rows @ self.rows.T)
+
+    def members(self, at: Frequencies, *, with_motion: bool = True) -> tuple[Impulses, Amplitudes]:
+        """Return impulses and motion of the members at some frequencies."""
+        if self.family.kind is not Kind.ODD or self.family.count > 1:
+            found, D, U = self._bordered(at, with_motion=with_motion)
+            return found, Amplitudes(at.omega, found.plus, D, U)
+        found = self._scalar(at)
+        D, U = np.zeros((2, at.size, 0))
+        if with_motion:
+            _, D, U = self._bordered(at, with_motion=True)
+        return found, Amplitudes(at.omega, found.plus, D, U)
+
+    def _scalar(self, at: Frequencies) -> Impulses:
+        """Return the impulses of one constraint; carefully where roundings are magnified."""
+        gap = float(self.equations[0].walls[0])
+        weights = self.rows[0] ** 2
+        eigenvalues = self.roots * np.abs(self.roots)
+        p, condition = response.impulse_one(eigenvalues, weights, at.omega, gap)
+        error = _EPS * condition
+        edge = ~(error < _CAREFUL)
+        if edge.any():
+            careful, _, _ = self._bordered(at[edge], with_motion=False)
+            p[edge], error[edge] = careful.plus[:, 0], careful.error
+        return Impulses(p[:, np.newaxis], p[:, np.newaxis], error)
+
+    def _bordered(self, at: Frequencies, *, with_motion: bool) -> tuple[Impulses, Floats, Floats]:
+        """Return impulses and the amplitudes D and U."""
+        has_even = with_motion and self.family.kind is not Kind.ODD
+        D = np.zeros((at.size, self.roots.size if with_motion else 0))
+        U = np.zeros((at.size, self.roots.size if has_even else 0))
+        unknowns, errors = [], []
+        for one in self.equations:
+            z, error = np.empty((2, at.size, one.walls.size))
+            part_D = D if one.odd.size else np.zeros((at.size, 0))
+            part_U = U if one.even.size else np.zeros((at.size, 0))
+            families.members(
+                self.roots,
+                self.rests,
+                np.ascontiguousarray(one.odd @ self.rows),
+                np.ascontiguousarray(one.even @ self.rows),
+                self.load,
+                one.walls,
+                at.omega,
+                at.rests,
+                one.share,
+                self.spectrum.uncertainty,
+                z,
+                error,
+                part_D,
+                part_U,
+            )
+            unknowns.append(z)
+            errors.append(error)
+        return self._impulses(tuple(unknowns), tuple(errors)), D, U
+
+    def _impulses(self, unknowns: tuple[Floats, ...], errors: tuple[Floats, ...]) -> Impulses:
+        plus, minus = self.family.sides(unknowns)
+        errors_plus, errors_minus = self.family.errors(errors)
+        both = np.concatenate([plus, minus], axis=1)
+        sound = np.isfinite(both).all(axis=1)
+        plus = np.where(sound[:, np.newaxis], plus, 0.0)
+        minus = np.where(sound[:, np.newaxis], minus, 0.0)
+        largest = np.abs(np.where(sound[:, np.newaxis], both, 0.0)).max(axis=1)
+        absolute = np.maximum(errors_plus.max(axis=1), errors_minus.max(axis=1))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            relative = np.where(absolute > 0.0, absolute / largest, 0.0)
+        return Impulses(plus, minus, np.where(sound, relative, np.inf))
+
+    def displacements(self, motion: Amplitudes, tau: Floats, dofs: Integers) -> Floats:
+        """Return displacements, shape (frequency, tau, dof)."""
+        q = families.coordinates(self.roots, self.load, motion.omega, motion.D, motion.U, tau)
+        return self._to_dofs(q, dofs)
+
+    def harmonics(self, motion: Amplitudes, orders: Integers, dofs: Integers) -> Floats:
+        """Return Fourier amplitudes, shape (frequency, order, dof)."""
+        b = families.fourier(self.roots, self.load, motion.omega, motion.D, motion.U, orders)
+        return self._to_dofs(b, dofs)
+
+    def _to_dofs(self, q: Floats, dofs: Integers) -> Floats:
+        x = np.empty((*q.shape[:2], dofs.size))
+        step = max(1, _ROWS // max(self.roots.size, 1))
+        for start in range(0, dofs.size, step):
+            some = slice(start, start + step)
+            x[:, :, some] = q @ self.spectrum.rows(dofs[some])[:, self.heard].T
+        return x
+
+    def energy(self, motion: Amplitudes) -> Floats:
+        """Return the total energies, shape (frequency,)."""
+        return families.energies(self.roots, self.load, motion.omega, motion.D, motion.U)
+
+    def check(self, motion: Amplitudes, problem: Problem, excess: float) -> tuple[Floats, Booleans]:
+        """Return a time at which a limit is passed or nan, and whether that is certain."""
+        constraints = problem.system.constraints
+        place = {index: i for i, index in enumerate(problem.active)}
+        rows = self.spectrum.along(constraints)[:, self.heard]
+        lower = np.array([np.inf if c.lower is None else c.lower for c in constraints])
+        upper = np.array([np.inf if c.upper is None else c.upper for c in constraints])
+        room = lower + upper
+        size = np.where(np.isfinite(room), room, np.maximum(_finite(lower), _finite(upper)))
+        size = np.where(size > 0.0, size, 1.0)
+        witness, certified = np.empty(motion.omega.size), np.empty(motion.omega.size, np.bool_)
+        limits.check(
+            self.roots,
+            self.load,
+            motion.omega,
+            motion.D,
+            motion.U,
+            np.ascontiguousarray(rows),
+            lower,
+            upper,
+            np.array([place.get(i) in self.family.lower for i in range(len(constraints))]),
+            np.array([place.get(i) in self.family.upper for i in range(len(constraints))]),
+            excess * size,
+            witness,
+            certified,
+        )
+        return witness, certified
+
+
+def _finite(walls: Floats) -> Floats:
+    return np.where(np.isfinite(walls), np.abs(walls), 0.0)
+
+
+def _modal_load(problem: Problem, spectrum: Spectrum) -> Floats:
+    """Return the static load of each mode, shape (mode,), with what is only rounding removed."""
+    force = problem.system.force
+    if force is None or not force.any():
+        return np.zeros(spectrum.roots.size)
+    loaded = np.flatnonzero(force)
+    parts = force[loaded, np.newaxis] * spectrum.rows(loaded)
+    load = parts.sum(axis=0)
+    return np.where(np.abs(load) > _NOISE * np.abs(parts).sum(axis=0), load, 0.0)
+
+
+def _require_balance(roots: Floats, rows: Floats, load: Floats) -> None:
+    """Refuse a load on a rigid-body mode that no wall can balance."""
+    free = (roots == 0.0) & (load != 0.0)
+    held = np.abs(rows).max(axis=0, initial=0.0) > 0.0
+    if (free & ~held).any():
+        message = "it pushes a rigid-body mode that no active constraint holds"
+        raise ModelError(("system", "force"), message, code="unbalanced_load")

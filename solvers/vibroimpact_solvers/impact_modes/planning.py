@@ -1,0 +1,249 @@
+"""Decides how members are computed and what is left out; `solving` follows and decides nothing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from enum import StrEnum
+from typing import Final
+
+import numpy as np
+
+from vibroimpact_solvers import receptance, spectrum
+from vibroimpact_solvers.cost import OVERHEAD_SECONDS, seconds
+from vibroimpact_solvers.errors import PlanError
+from vibroimpact_solvers.impact_modes.family import Family, Kind
+from vibroimpact_solvers.impact_modes.problem import KIND, OUTPUTS, Problem
+from vibroimpact_solvers.matrices import Form
+from vibroimpact_solvers.model import System
+from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
+
+SMALL: Final = 256
+"""Degrees of freedom up to which a full matrix is factorized at single frequencies."""
+FAR: Final = 1.1
+"""Where the series starts without factorizations, over the largest natural frequency."""
+MEMORY: Final = 16e9
+"""Bytes that a spectrum may take."""
+
+_FEW = 256  # degrees of freedom up to which natural modes are always worth finding
+
+
+class Impulse(StrEnum):
+    """Methods for the impulses."""
+
+    SCALAR = "scalar"
+    BORDERED = "bordered"
+    DIRECT = "direct"
+
+
+class Displacement(StrEnum):
+    """Methods for displacements and harmonics."""
+
+    MODAL = "modal sum"
+    MIXED = "modal sum, above the spectrum direct"
+    DIRECT = "direct"
+
+
+class Existence(StrEnum):
+    """Methods for the existence of members."""
+
+    CERTIFIED = "certified"
+
+
+def plan(problem: Problem) -> Plan:
+    """Decide how the members are computed and what is left out."""
+    family = Family.of(problem)
+    if family.kind is Kind.ODD and _direct_pays(problem):
+        steps = tuple(_direct_steps(problem))
+    else:
+        steps = tuple(_modal_steps(problem, family))
+    return Plan(KIND, steps, tuple(_skips(problem, family, steps)))
+
+
+def factorizes(system: System) -> bool:
+    """Whether direct solves at single frequencies are cheap."""
+    return system.n <= SMALL or Form.DENSE not in {system.M.form, system.K.form}
+
+
+def _modal_steps(problem: Problem, family: Family) -> Iterator[Step]:
+    system, points = problem.system, problem.omega.size
+    method = spectrum.choose(system)
+    if spectrum.nbytes(system, method) > MEMORY:
+        message = (
+            f"all natural modes of {system.n} degrees of freedom take more than "
+            f"{MEMORY / 1e9:.0f} GB; without them only impulses, shapes and energy of limiters "
+            "with equal gaps and no static load can be found, in banded or sparse structures"
+        )
+        raise PlanError(message)
+    known = spectrum.is_known(system, method)
+    yield Step(
+        Stage.SPECTRUM,
+        method,
+        spectrum.REASONS[method] + ("; already known" if known else ""),
+        0.0 if known else spectrum.flops(system, method),
+        spectrum.nbytes(system, method),
+    )
+    yield _impulse_step(problem, family)
+    if problem.outputs & {"exists", "reason"}:
+        yield _existence_step(problem)
+    mixed = family.kind is Kind.ODD
+    for _, stage, times in _displacements(problem):
+        dofs = problem.wanted_dofs.size
+        flops = points * times * system.n * (2.0 * dofs + 40.0)
+        reason = f"{dofs} of {system.n} degrees of freedom at {times} times"
+        if mixed:
+            start = 1.0 if factorizes(system) else FAR
+            reason += (
+                f"; where Omega > {start:g} Omega_N the sum over modes cancels, the series keeps "
+                "the digits of every entry"
+            )
+        chosen = Displacement.MIXED if mixed else Displacement.MODAL
+        yield Step(stage, chosen, reason, flops, 8.0 * points * times * dofs)
+    if "energy" in problem.outputs:
+        reason = "each mode holds a constant energy"
+        yield Step(Stage.ENERGY, "modal sum", reason, 40.0 * points * system.n, 8.0 * points)
+
+
+def _direct_steps(problem: Problem) -> Iterator[Step]:
+    system, points = problem.system, problem.omega.size
+    bound = spectrum.largest_frequency(system)
+    limits = [receptance.truncation(bound, w, receptance.IMPULSES) for w in problem.fundamental]
+    harmonics = sum(limit.harmonics for limit in limits)
+    terms = max(limit.terms for limit in limits)
+    reason = f"no natural modes: {terms} powers of the structure bounded by Omega_N <= {bound:.4g}"
+    if harmonics:
+        reason += f" and {harmonics / points:.1f} harmonics solved at each frequency"
+    yield Step(Stage.IMPULSE, Impulse.DIRECT, reason, _direct_flops(problem), 16.0 * points)
+    if problem.outputs & {"exists", "reason"}:
+        yield _existence_step(problem)
+    for name, stage, times in _displacements(problem):
+        dofs = problem.wanted_dofs.size
+        reason = f"{dofs} of {system.n} degrees of freedom at {times} times"
+        flops = 4.0 * terms * points * times * dofs + 2.0 * _direct_flops(problem)
+        if name == "harmonics":
+            flops = points * times * _factor_flops(system)
+        yield Step(stage, Displacement.DIRECT, reason, flops, 8.0 * points * times * dofs)
+    if "energy" in problem.outputs:
+        reason = "from the response at the constraints and its slope"
+        yield Step(Stage.ENERGY, "direct", reason, _direct_flops(problem), 8.0 * points)
+
+
+def _impulse_step(problem: Problem, family: Family) -> Step:
+    n, count, points = problem.system.n, family.count, problem.omega.size
+    if family.kind is Kind.ODD and count == 1:
+        reason = "one constraint: a division for each frequency (eq. 10.53)"
+        return Step(Stage.IMPULSE, Impulse.SCALAR, reason, 8.0 * n * points, 16.0 * points)
+    reasons = {
+        Kind.ODD: f"{count} constraints couple: one small system for each frequency (eq. 10.88)",
+        Kind.SEPARATE: "unequal gaps or a load: one system for the sum and one for the "
+        "difference of the impulses at both walls",
+        Kind.JOINT: "limiters with one wall: one system for the impulses that are there",
+    }
+    size = len(family.upper) + len(family.lower)
+    work = points * (120.0 * n + 8.0 * n * size**2 + 20.0 * (size + 2) ** 3)
+    return Step(Stage.IMPULSE, Impulse.BORDERED, reasons[family.kind], work, 16.0 * points * size)
+
+
+def _existence_step(problem: Problem) -> Step:
+    limits = len(problem.system.constraints)
+    reason = (
+        "signs of impulses and pre-impact velocities, then a walk along the motion in steps "
+        "that no limit can be passed in"
+    )
+    steps = 20.0 + 4.0 * spectrum.largest_frequency(problem.system) / problem.omega
+    flops = float(steps.sum()) * limits * problem.system.n * 60.0
+    return Step(Stage.EXISTENCE, Existence.CERTIFIED, reason, flops, 10.0 * problem.omega.size)
+
+
+def _displacements(problem: Problem) -> Iterator[tuple[str, Stage, int]]:
+    """Yield the displacement outputs that are asked, and at how many times each is taken."""
+    orders = problem.highest_harmonic // 2 + 1
+    for name, stage, times in (
+        ("shape", Stage.SHAPE, 1),
+        ("waveform", Stage.WAVEFORM, problem.times.size),
+        ("harmonics", Stage.HARMONICS, orders),
+    ):
+        if name in problem.outputs:
+            yield name, stage, times
+
+
+def _direct_pays(problem: Problem) -> bool:
+    """Whether it is cheaper to do without natural modes."""
+    system, points = problem.system, problem.omega.size
+    if system.n <= _FEW or not factorizes(system) or "stability" in problem.outputs:
+        return False
+    method = spectrum.choose(system)
+    if spectrum.nbytes(system, method) > MEMORY:
+        return True
+    modal = 0.0 if spectrum.is_known(system, method) else spectrum.flops(system, method)
+    times = sum(times for _, _, times in _displacements(problem))
+    modal += points * system.n * (8.0 + 2.0 * times * problem.wanted_dofs.size)
+    return _direct_flops(problem) < 0.5 * modal
+
+
+def _direct_flops(problem: Problem) -> float:
+    system = problem.system
+    ratios = spectrum.largest_frequency(system) / problem.fundamental
+    harmonics = float(np.maximum(0.0, np.ceil(0.7071 * ratios - 0.5)).sum())
+    products = 2.0 * (system.K.entries + system.M.entries) * len(problem.active)
+    return harmonics * _factor_flops(system) + 100.0 * products
+
+
+def _factor_flops(system: System) -> float:
+    """Estimated operations of one factorization and solve at a frequency."""
+    width = max(system.M.width, system.K.width)
+    if Form.SPARSE in {system.M.form, system.K.form}:
+        # Nested dissection of a planar mesh; three-dimensional ones cost more.
+        return 100.0 * float(system.n) ** 1.5
+    if Form.DENSE in {system.M.form, system.K.form}:
+        return float(system.n) ** 3
+    return 4.0 * system.n * (width + 1) ** 2 + 50.0 * system.n
+
+
+def _skips(problem: Problem, family: Family, steps: tuple[Step, ...]) -> Iterator[Skip]:
+    n, count = problem.system.n, family.count
+    if any(step.stage is Stage.SPECTRUM for step in steps):
+        what = f"{n - count} of {n} rows of the modal matrix in the impulses"
+        yield Skip(what, "only constrained coordinates enter them")
+        yield from _silent_modes(problem)
+    else:
+        yield Skip("natural modes", "direct solves and a power series cost less")
+    if family.kind is Kind.ODD:
+        yield Skip("even motion", "equal gaps and no static load: it vanishes")
+    idle = [i for i in range(len(problem.system.constraints)) if i not in problem.active]
+    if idle:
+        listed = ", ".join(str(i) for i in idle)
+        yield Skip(f"impulses at constraints {listed}", "not active; their limits are checked")
+    if problem.outputs & {"exists", "reason"}:
+        yield Skip("the walk where an impulse is not positive", "no such member exists")
+        if family.kind is Kind.ODD and len(problem.system.constraints) == 1:
+            why = "with one constraint and Omega > Omega_N every member exists"
+            yield Skip("the walk above the spectrum", why)
+    if problem.system.C is not None or any(c.restitution < 1.0 for c in problem.struck):
+        yield Skip("damping and restitution", "impact modes are motions without loss")
+    for name in OUTPUTS:
+        if name not in problem.outputs and name != "reason":
+            yield Skip(name, "not asked")
+
+
+def _silent_modes(problem: Problem) -> Iterator[Skip]:
+    """Yield which modes take no part, where that is known without computing them."""
+    chain, constraints = problem.system.chain, problem.struck
+    if chain is None or any(len(c.coordinate) > 1 for c in constraints):
+        return
+    places = [c.coordinate[0][0] + 1 for c in constraints]
+    period = math.lcm(*((chain.n + 1) // math.gcd(place, chain.n + 1) for place in places))
+    silent = range(period, chain.n + 1, period)
+    if silent:
+        listed = ", ".join(str(j) for j in silent[:8]) + (", …" if len(silent) > 8 else "")
+        yield Skip(f"modes {listed}", "they have a node at every active constraint")
+
+
+def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Problem]:
+    """Cut a problem into deterministic pieces of about the given cost, by frequency."""
+    size = problem.omega.size
+    spectral = plan.step(Stage.SPECTRUM)
+    shared = Plan(KIND, (spectral,)) if spectral is not None else Plan(KIND, ())
+    each = (seconds(plan) - seconds(shared)) / size
+    points = max(1, int(seconds_each / max(each, OVERHEAD_SECONDS * 1e-3)))
+    return [problem.slice(start, start + points) for start in range(0, size, points)]

@@ -1,0 +1,196 @@
+"""What is asked: which members of which family of impact modes, and what about them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import Booleans, Floats, Integers
+from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.model import Constraint, System
+
+_TWO_OVER_PI = np.longdouble("0.63661977236758134307553505349005744814")
+
+KIND: Final = "impact-modes"
+OUTPUTS: Final = (
+    "impulse",
+    "exists",
+    "reason",
+    "shape",
+    "waveform",
+    "energy",
+    "harmonics",
+)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Frequencies:
+    """Triangle-wave frequencies to more than double precision.
+
+    Parameters
+    ----------
+    omega : array, shape (frequency,)
+    rests : array, shape (frequency,)
+        What rounding took from omega, relative to it.
+    """
+
+    omega: Floats
+    rests: Floats
+
+    def __getitem__(self, chosen: Booleans) -> Frequencies:
+        """Return some of them."""
+        return Frequencies(self.omega[chosen], self.rests[chosen])
+
+    @property
+    def size(self) -> int:
+        """Their number."""
+        return self.omega.size
+
+
+def _rests(omega: Floats, Omega: Floats | None) -> Floats:
+    """Return what rounding took from omega = (2/pi) Omega, relative to it."""
+    if Omega is None:
+        return np.zeros(omega.size)
+    exact = np.asarray(Omega).astype(np.longdouble) * _TWO_OVER_PI
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rests = ((exact - omega) / exact).astype(np.float64)
+    # More than rounding: then omega is what is meant.
+    return np.where(np.abs(rests) < 1e-15, rests, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Which members of which family, and what about them.
+
+    Parameters
+    ----------
+    system : System
+        The structure; its damping and its coefficients of restitution play no part, impact
+        modes being motions without loss.
+    omega : array, shape (frequency,)
+        Triangle-wave frequencies, rad per unit of time, positive; Omega = (pi/2) omega.
+    active : tuple of int
+        The constraints that are struck, at every wall they have; empty stands for all.
+    outputs : frozenset of str
+        What is wanted, out of `OUTPUTS`.
+    dofs : array of int, optional
+        Degrees of freedom of shape, waveform and harmonics; None for all.
+    tau : array, optional
+        Triangle-wave times of the waveform, in [-1, 1].
+    tolerance : float, optional
+        Relative accuracy asked for; None for what double precision gives.
+    Omega : array, shape (frequency,), optional
+        The fundamental frequencies where they were given instead of omega, kept to the bit.
+    highest_harmonic : int
+        Largest multiple of Omega among the harmonics.
+    rests : array, shape (frequency,), optional
+        What rounding took from omega, relative to it; absent: found from Omega.
+    """
+
+    system: System
+    omega: Floats
+    active: tuple[int, ...] = ()
+    outputs: frozenset[str] = frozenset({"impulse", "exists", "reason"})
+    dofs: Integers | None = None
+    tau: Floats | None = None
+    tolerance: float | None = None
+    Omega: Floats | None = None
+    highest_harmonic: int = 9
+    rests: Floats | None = None
+
+    def __post_init__(self) -> None:
+        count = len(self.system.constraints)
+        dofs = np.arange(self.system.n) if self.dofs is None else self.dofs
+        omega = np.ascontiguousarray(self.omega, dtype=np.float64)
+        Omega = 0.5 * np.pi * omega if self.Omega is None else self.Omega
+        rests = _rests(omega, self.Omega) if self.rests is None else self.rests
+        tau = np.zeros(0) if self.tau is None else self.tau
+        completed = {
+            "active": tuple(self.active) or tuple(range(count)),
+            "outputs": frozenset(self.outputs),
+            "dofs": np.asarray(dofs, dtype=np.int64),
+            "omega": omega,
+            "Omega": np.ascontiguousarray(Omega, dtype=np.float64),
+            "rests": rests,
+            "tau": np.ascontiguousarray(tau, dtype=np.float64),
+        }
+        for name, value in completed.items():
+            object.__setattr__(self, name, value)
+        self._check_frequencies()
+        self._check_indices("active", self.active, count)
+        self._check_indices("dofs", self.wanted_dofs.tolist(), self.system.n)
+        self._check_outputs()
+
+    def _check_frequencies(self) -> None:
+        if self.omega.ndim != 1 or self.omega.size == 0:
+            raise ModelError(("frequency",), "there is no frequency", code="empty_grid")
+        if not (np.isfinite(self.omega) & (self.omega > 0)).all():
+            message = "a frequency is not positive and finite"
+            raise ModelError(("frequency",), message, code="frequency_not_positive")
+        if not self.system.constraints:
+            message = "impact modes need a constraint"
+            raise ModelError(("system", "constraints"), message, code="no_constraint")
+
+    def _check_indices(self, name: str, indices: Sequence[int], limit: int) -> None:
+        for place, index in enumerate(indices):
+            if not 0 <= index < limit:
+                message = f"{index} is not below {limit}"
+                raise ModelError((name, place), message, code="index_out_of_range")
+        if len(set(indices)) != len(indices):
+            raise ModelError((name,), "an index is given twice", code="duplicate_index")
+
+    def _check_outputs(self) -> None:
+        if self.outputs - set(OUTPUTS) or not self.outputs:
+            message = f"outputs are {', '.join(OUTPUTS)}"
+            raise ModelError(("outputs",), message, code="unknown_output")
+        if "waveform" in self.outputs and self.times.size == 0:
+            message = "the waveform needs the triangle-wave times tau"
+            raise ModelError(("tau",), message, code="missing_tau")
+        if not (np.abs(self.times) <= 1.0).all():
+            raise ModelError(("tau",), "tau is in [-1, 1]", code="tau_out_of_range")
+        if self.tolerance is not None and not 0.0 < self.tolerance < 1.0:
+            message = f"the tolerance is {self.tolerance!r}, not between 0 and 1"
+            raise ModelError(("tolerance",), message, code="out_of_range")
+        if self.highest_harmonic < 0:
+            message = "the highest harmonic is negative"
+            raise ModelError(("highest_harmonic",), message, code="out_of_range")
+
+    @property
+    def wanted_dofs(self) -> Integers:
+        """Degrees of freedom of shape, waveform and harmonics, shape (dof,)."""
+        assert self.dofs is not None
+        return self.dofs
+
+    @property
+    def fundamental(self) -> Floats:
+        """Fundamental frequencies Omega, shape (frequency,)."""
+        assert self.Omega is not None
+        return self.Omega
+
+    @property
+    def times(self) -> Floats:
+        """Triangle-wave times of the waveform, shape (tau,)."""
+        assert self.tau is not None
+        return self.tau
+
+    @property
+    def struck(self) -> tuple[Constraint, ...]:
+        """The active constraints."""
+        return tuple(self.system.constraints[index] for index in self.active)
+
+    def slice(self, start: int, stop: int) -> Problem:
+        """Return the same problem at some of its frequencies."""
+        assert self.rests is not None
+        some = slice(start, stop)
+        return replace(
+            self, omega=self.omega[some], Omega=self.fundamental[some], rests=self.rests[some]
+        )
+
+    @property
+    def frequencies(self) -> Frequencies:
+        """The frequencies as the solvers take them."""
+        assert self.rests is not None
+        return Frequencies(self.omega, self.rests)

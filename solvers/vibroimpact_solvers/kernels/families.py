@@ -1,0 +1,548 @@
+"""Members of the family of impact modes: impulses and modal amplitudes at one frequency.
+
+A mode with eigenvalue lambda moves, between two impacts, as ``q = q_odd + q_even`` with
+
+    q_odd  = share (a_odd . z) s(mu, tau) / omega^2
+    q_even = share (a_even . z) h(mu, tau) / omega^2 + f / lambda
+
+where ``mu = lambda / omega^2``, z are the impulses, a the rows of the mode at the struck
+walls, f its static load, and ``share`` is one or a half (see `impact_modes.family`). The walls
+demand ``sum_j a_ij q_j(1) = wall_i``.
+
+s has a pole where ``cos gamma = 0`` and h one where ``sin gamma = 0``, rigid-body modes
+(gamma = 0) among them, while the motion stays finite. A mode near its pole whose term would
+drown the others is therefore not summed but keeps an unknown of its own,
+``v = omega^2 q(1) / share``, and one more equation:
+
+    odd:   a . z - gamma cot(gamma) v = 0
+    even:  a . z + gamma tan(gamma) v = f sin(gamma) / (share gamma)
+
+(v of an even motion leaves out the sag of the load). The bordered system is symmetric and
+stays well conditioned through the pole.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.kernels.jit import kernel
+
+_EPS = 2.220446049250313e-16
+
+# A mode is a candidate for the border where cos or sin of its gamma is smaller ...
+_NEAR = 0.0625
+# ... and joins it where its term is this many times larger than all others together, ...
+_LOUD = 4.0
+# ... or so close to the pole that the term cannot be trusted to be finite.
+_AT_POLE = 1e-9
+
+
+@kernel
+def cosine(mu: float) -> float:
+    """Return cos(sqrt(mu)), cosh(sqrt(-mu)) for negative mu."""
+    return math.cos(math.sqrt(mu)) if mu >= 0.0 else math.cosh(math.sqrt(-mu))
+
+
+@kernel
+def sine(mu: float) -> float:
+    """Return sin(sqrt(mu))/sqrt(mu), sinh(sqrt(-mu))/sqrt(-mu) for negative mu."""
+    if abs(mu) < 1e-3:
+        return 1.0 - mu / 6.0 * (1.0 - mu / 20.0 * (1.0 - mu / 42.0 * (1.0 - mu / 72.0)))
+    gamma = math.sqrt(abs(mu))
+    return (math.sin(gamma) if mu > 0.0 else math.sinh(gamma)) / gamma
+
+
+@kernel
+def sag(mu: float) -> float:
+    """Return (1 - cos(sqrt(mu)))/mu, a half at mu = 0."""
+    half = sine(0.25 * mu)
+    return 0.5 * half * half
+
+
+@kernel
+def odd_response(mu: float) -> tuple[float, float]:
+    """Return T(mu) = tan(gamma)/gamma (tanh for negative mu) and its derivative."""
+    if abs(mu) < 1e-3:
+        value = 1.0 + mu * (1 / 3 + mu * (2 / 15 + mu * (17 / 315 + mu * (62 / 2835))))
+        slope = 1 / 3 + mu * (4 / 15 + mu * (51 / 315 + mu * (248 / 2835)))
+        return value, slope
+    gamma = math.sqrt(abs(mu))
+    value = (math.tan(gamma) if mu > 0.0 else math.tanh(gamma)) / gamma
+    return value, (1.0 + mu * value * value - value) / (2.0 * mu)
+
+
+@kernel
+def even_response(mu: float) -> tuple[float, float]:
+    """Return G(mu) = -cot(gamma)/gamma (coth for negative mu) and its derivative."""
+    gamma = math.sqrt(abs(mu))
+    value = (-1.0 / math.tan(gamma) if mu > 0.0 else 1.0 / math.tanh(gamma)) / gamma
+    return value, (1.0 + mu * value * value - value) / (2.0 * mu)
+
+
+@kernel
+def is_near(parity: int, mu: float) -> bool:
+    """Whether the odd (0) or even (1) response may be large at this mu."""
+    if parity == 0:
+        return mu > 0.0 and abs(math.cos(math.sqrt(mu))) < _NEAR
+    return abs(mu) < _NEAR or (mu > 0.0 and abs(math.sin(math.sqrt(mu))) < _NEAR)
+
+
+@kernel
+def is_at_pole(parity: int, mu: float) -> bool:
+    """Whether the response must not even be evaluated."""
+    if parity == 0:
+        return abs(cosine(mu)) < _AT_POLE
+    return abs(mu * sine(mu)) < _AT_POLE
+
+
+@kernel
+def _add(
+    S: Floats,
+    dS: Floats,
+    right: Floats,
+    column: Floats,
+    parity: int,
+    mu: float,
+    rest: float,
+    dmu: float,
+    static: float,
+) -> None:
+    """Sum the response of one mode into the matrix, its wobble and the right-hand side."""
+    value, slope = odd_response(mu) if parity == 0 else even_response(mu)
+    value += slope * rest
+    change = abs(slope) * dmu + 2.0 * _EPS * abs(value)
+    for i in range(column.size):
+        for k in range(column.size):
+            product = column[i] * column[k]
+            S[i, k] += product * value
+            dS[i, k] += abs(product) * change
+        if parity == 1:
+            right[i] -= column[i] * static / mu
+
+
+@kernel
+def _border(
+    A: Floats,
+    dA: Floats,
+    right: Floats,
+    row: int,
+    column: Floats,
+    parity: int,
+    mu: float,
+    rest: float,
+    dmu: float,
+    static: float,
+) -> None:
+    """Give a mode its own unknown and equation, number `row`."""
+    for i in range(column.size):
+        A[i, row] = column[i]
+        A[row, i] = column[i]
+        dA[i, row] = 2.0 * _EPS * abs(column[i])
+        dA[row, i] = dA[i, row]
+    if parity == 0:
+        gamma = math.sqrt(mu)
+        cotangent = 1.0 / math.tan(gamma)
+        A[row, row] = -gamma * cotangent
+        slope = 0.5 * (1.0 + cotangent * cotangent - cotangent / gamma)
+    else:
+        ratio, _ = odd_response(mu)
+        A[row, row] = mu * ratio
+        slope = 0.5 * (1.0 + mu * ratio * ratio + ratio)
+        right[row] = static * sine(mu)
+        for i in range(column.size):
+            right[i] -= column[i] * static * sag(mu)
+    A[row, row] += slope * rest
+    dA[row, row] = abs(slope) * dmu + 2.0 * _EPS * abs(A[row, row])
+
+
+@kernel
+def _inverse(matrix: Floats) -> tuple[Floats, bool]:
+    """Invert a small matrix by Gauss-Jordan elimination after equilibrating it."""
+    m = matrix.shape[0]
+    d = np.empty(m)
+    for i in range(m):
+        largest = np.max(np.abs(matrix[i]))
+        d[i] = 1.0 / math.sqrt(largest) if largest > 0.0 else 1.0
+    work = np.empty((m, m))
+    inverse = np.zeros((m, m))
+    for i in range(m):
+        inverse[i, i] = 1.0
+        for k in range(m):
+            work[i, k] = matrix[i, k] * d[i] * d[k]
+    for column in range(m):
+        pivot = column
+        for row in range(column + 1, m):
+            if abs(work[row, column]) > abs(work[pivot, column]):
+                pivot = row
+        if not abs(work[pivot, column]) > 1e-30:
+            return inverse, False
+        for k in range(m):
+            work[column, k], work[pivot, k] = work[pivot, k], work[column, k]
+            inverse[column, k], inverse[pivot, k] = inverse[pivot, k], inverse[column, k]
+        factor = 1.0 / work[column, column]
+        for k in range(m):
+            work[column, k] *= factor
+            inverse[column, k] *= factor
+        for row in range(m):
+            factor = work[row, column]
+            if row != column and factor != 0.0:
+                for k in range(m):
+                    work[row, k] -= factor * work[column, k]
+                    inverse[row, k] -= factor * inverse[column, k]
+    for i in range(m):
+        for k in range(m):
+            inverse[i, k] *= d[i] * d[k]
+    return inverse, True
+
+
+@kernel
+def _remainder(quotient: float, divisor: float, dividend: float) -> float:
+    """Return ``(dividend - quotient divisor)/dividend`` without rounding the product."""
+    split = 134217729.0  # 2^27 + 1: halves a number into two of 26 bits
+    high = split * quotient
+    a = high - (high - quotient)
+    high = split * divisor
+    b = high - (high - divisor)
+    product = quotient * divisor
+    lost = ((a * b - product) + a * (divisor - b) + (quotient - a) * b) + (quotient - a) * (
+        divisor - b
+    )
+    return ((dividend - product) - lost) / dividend
+
+
+@kernel
+def _scaled(
+    roots: Floats, rests: Floats, omega: float, rest: float, uncertainty: float
+) -> tuple[Floats, Floats, Floats]:
+    """Return mu of all modes, what rounding took from it, and how uncertain it is."""
+    mu, missing, doubt = np.empty(roots.size), np.empty(roots.size), np.empty(roots.size)
+    for j in range(roots.size):
+        gamma = roots[j] / omega
+        mu[j] = gamma * abs(gamma)
+        missing[j] = 0.0
+        if mu[j] != 0.0:
+            lost = _remainder(gamma, omega, roots[j]) + rests[j] - rest
+            missing[j] = 2.0 * mu[j] * lost
+        doubt[j] = _EPS * abs(mu[j]) + uncertainty / (omega * omega)
+    return mu, missing, doubt
+
+
+@kernel
+def _loud(
+    mu: Floats,
+    rest: Floats,
+    dmu: Floats,
+    odd: Floats,
+    even: Floats,
+    load: Floats,
+    share: float,
+    near: Integers,
+    S: Floats,
+    dS: Floats,
+    right: Floats,
+) -> Integers:
+    """Return the candidates that need a border; the others are summed, quiet ones first."""
+    loudness = np.empty(near.size)
+    for k in range(near.size):
+        j, parity = near[k] // 2, near[k] % 2
+        column = odd[:, j] if parity == 0 else even[:, j]
+        weight = np.max(np.abs(column)) ** 2
+        loudness[k] = np.inf if weight > 0.0 else 0.0
+        if weight > 0.0 and not is_at_pole(parity, mu[j]):
+            value, _ = odd_response(mu[j]) if parity == 0 else even_response(mu[j])
+            loudness[k] = abs(value) * weight
+    kept = 0
+    bordered = np.empty(near.size, dtype=np.int64)
+    for k in np.argsort(loudness):
+        if loudness[k] == 0.0:
+            continue
+        loudest = 0.0
+        for i in range(right.size):
+            loudest = max(loudest, abs(S[i, i]))
+        if loudness[k] < np.inf and (loudness[k] <= _LOUD * loudest or loudest == 0.0):
+            j, parity = near[k] // 2, near[k] % 2
+            column = odd[:, j] if parity == 0 else even[:, j]
+            _add(S, dS, right, column, parity, mu[j], rest[j], dmu[j], load[j] / share)
+        else:
+            bordered[kept] = near[k]
+            kept += 1
+    return bordered[:kept]
+
+
+@kernel
+def _system(
+    mu: Floats,
+    rest: Floats,
+    dmu: Floats,
+    odd: Floats,
+    even: Floats,
+    load: Floats,
+    walls: Floats,
+    omega: float,
+    share: float,
+) -> tuple[Floats, Floats, Floats, Integers]:
+    """Return the bordered matrix, its wobble, the right-hand side and the bordered modes.
+
+    A bordered mode j is named 2 j for its odd and 2 j + 1 for its even motion.
+    """
+    nz, modes = walls.size, mu.size
+    S, dS = np.zeros((nz, nz)), np.zeros((nz, nz))
+    right = walls * (omega * omega / share)
+    near = np.empty(2 * modes, dtype=np.int64)
+    count = 0
+    for parity in range(2):
+        rows = odd if parity == 0 else even
+        if rows.shape[0] == 0:
+            continue
+        for j in range(modes):
+            if is_near(parity, mu[j]):
+                near[count] = 2 * j + parity
+                count += 1
+            else:
+                _add(S, dS, right, rows[:, j], parity, mu[j], rest[j], dmu[j], load[j] / share)
+    near = _loud(mu, rest, dmu, odd, even, load, share, near[:count], S, dS, right)
+    size = nz + near.size
+    A, dA, b = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
+    A[:nz, :nz], dA[:nz, :nz], b[:nz] = S, dS, right
+    for k in range(near.size):
+        j, parity = near[k] // 2, near[k] % 2
+        column = odd[:, j] if parity == 0 else even[:, j]
+        _border(A, dA, b, nz + k, column, parity, mu[j], rest[j], dmu[j], load[j] / share)
+    return A, dA, b, near
+
+
+@kernel
+def _amplitudes(
+    mu: Floats,
+    rest: Floats,
+    rows: Floats,
+    load: Floats,
+    omega: float,
+    share: float,
+    parity: int,
+    z: Floats,
+    unit: Floats,
+) -> None:
+    """Fill in the amplitudes of all modes but the bordered ones, see `members`."""
+    scale = share / (omega * omega)
+    for j in range(mu.size):
+        force = 0.0
+        for i in range(rows.shape[0]):
+            force += rows[i, j] * z[i]
+        force *= scale
+        if parity == 0:
+            unit[j] = force
+            if mu[j] > 0.0 and force != 0.0:
+                unit[j] = force / (cosine(mu[j]) - 0.5 * sine(mu[j]) * rest[j])
+        elif mu[j] <= -1.0:
+            value, _ = even_response(mu[j])
+            unit[j] = force * value
+        else:
+            unit[j] = load[j] / (mu[j] * omega * omega) if load[j] != 0.0 else 0.0
+            if force != 0.0:
+                slope = 0.5 * (sine(mu[j]) + cosine(mu[j]))
+                unit[j] -= force / (mu[j] * sine(mu[j]) + slope * rest[j])
+
+
+@kernel
+def members(
+    roots: Floats,
+    rests: Floats,
+    odd: Floats,
+    even: Floats,
+    load: Floats,
+    walls: Floats,
+    omega: Floats,
+    omega_rests: Floats,
+    share: float,
+    uncertainty: float,
+    z: Floats,
+    error: Floats,
+    D: Floats,
+    U: Floats,
+) -> None:
+    """Find impulses and amplitudes.
+
+    Parameters
+    ----------
+    roots : array, shape (mode,)
+        Signed natural frequencies.
+    rests : array, shape (mode,)
+        What rounding took from them, relative to them.
+    odd, even : array, shape (unknown, mode)
+        Rows of the odd and the even motion; with no rows where there is no such motion.
+    load : array, shape (mode,)
+        Static load of each mode.
+    walls : array, shape (unknown,)
+        Where each struck wall is, seen along its row.
+    omega : array, shape (frequency,)
+        Triangle-wave frequencies.
+    omega_rests : array, shape (frequency,)
+        What rounding took from them, relative to them.
+    share : float
+        Factor of the modal forces, 1 or 1/2.
+    uncertainty : float
+        Absolute error of the eigenvalues.
+    z : array, shape (frequency, unknown)
+        Receives the impulses; nan where the system is singular.
+    error : array, shape (frequency, unknown)
+        Receives the absolute error of z that roundings in the data cause.
+    D : array, shape (frequency, mode)
+        Receives the amplitudes of the odd motion, ``D sin(gamma tau)/gamma`` or, for
+        negative mu, ``D sinh(g tau)/(g cosh g)``; not wanted where it has no columns.
+    U : array, shape (frequency, mode)
+        Receives the place of the even motion at tau = 0, static one included, or, for mu
+        <= -1, U of ``U cosh(g tau)/cosh(g)``; not wanted where it has no columns.
+    """
+    nz = walls.size
+    for f in range(omega.size):
+        mu, rest, dmu = _scaled(roots, rests, omega[f], omega_rests[f], uncertainty)
+        A, dA, b, near = _system(mu, rest, dmu, odd, even, load, walls, omega[f], share)
+        inverse, sound = _inverse(A)
+        if not sound:
+            z[f] = np.nan
+            error[f] = np.inf
+            D[f] = 0.0
+            U[f] = 0.0
+            continue
+        v = np.dot(inverse, b)
+        v += np.dot(inverse, b - np.dot(A, v))
+        z[f] = v[:nz]
+        size = np.dot(dA, np.abs(v)) + 2.0 * _EPS * np.abs(b)
+        error[f] = np.dot(np.abs(inverse), size)[:nz]
+        if D.shape[1] > 0:
+            _amplitudes(mu, rest, odd, load, omega[f], share, 0, v[:nz], D[f])
+        if U.shape[1] > 0:
+            _amplitudes(mu, rest, even, load, omega[f], share, 1, v[:nz], U[f])
+        for k in range(near.size):
+            j = near[k] // 2
+            place = v[nz + k] * share / (omega[f] * omega[f])
+            if near[k] % 2 == 0 and D.shape[1] > 0:
+                D[f, j] = place / sine(mu[j])
+            elif near[k] % 2 == 1 and U.shape[1] > 0:
+                U[f, j] = place / cosine(mu[j])
+
+
+@kernel
+def coordinates(
+    roots: Floats, load: Floats, omega: Floats, D: Floats, U: Floats, tau: Floats
+) -> Floats:
+    """Modal coordinates q, shape (frequency, tau, mode); D or U may have no columns."""
+    q = np.zeros((omega.size, tau.size, roots.size))
+    for f in range(omega.size):
+        for j in range(roots.size):
+            mu = roots[j] / omega[f] * abs(roots[j] / omega[f])
+            gamma = math.sqrt(abs(mu))
+            for t in range(tau.size):
+                z = mu * tau[t] * tau[t]
+                if D.shape[1] > 0:
+                    if mu >= 0.0:
+                        q[f, t, j] = D[f, j] * tau[t] * sine(z)
+                    else:
+                        q[f, t, j] = D[f, j] * hyperbolic_sine(gamma, tau[t])
+                if U.shape[1] > 0:
+                    if mu > -1.0:
+                        static = load[j] / (omega[f] * omega[f])
+                        q[f, t, j] += U[f, j] * cosine(z) + static * tau[t] * tau[t] * sag(z)
+                    else:
+                        static = load[j] / (mu * omega[f] * omega[f])
+                        q[f, t, j] += U[f, j] * hyperbolic_cosine(gamma, tau[t]) + static
+    return q
+
+
+@kernel
+def hyperbolic_sine(g: float, tau: float) -> float:
+    """Return sinh(g tau)/(g cosh(g)), which overflows nowhere."""
+    if g < 0.1:
+        return tau * sine(-g * g * tau * tau) / math.cosh(g)
+    rise = math.exp(-g * (1.0 - abs(tau))) - math.exp(-g * (1.0 + abs(tau)))
+    return math.copysign(rise, tau) / (g * (1.0 + math.exp(-2.0 * g)))
+
+
+@kernel
+def hyperbolic_cosine(g: float, tau: float) -> float:
+    """Return cosh(g tau)/cosh(g), which overflows nowhere."""
+    rise = math.exp(-g * (1.0 - abs(tau))) + math.exp(-g * (1.0 + abs(tau)))
+    return rise / (1.0 + math.exp(-2.0 * g))
+
+
+@kernel
+def energies(roots: Floats, load: Floats, omega: Floats, D: Floats, U: Floats) -> Floats:
+    """Total energies, taken of every mode at tau = 0, shape (frequency,)."""
+    total = np.zeros(omega.size)
+    for f in range(omega.size):
+        for j in range(roots.size):
+            mu = roots[j] / omega[f] * abs(roots[j] / omega[f])
+            fade = 1.0
+            if mu < 0.0:
+                gamma = math.sqrt(-mu)
+                fade = 2.0 * math.exp(-gamma) / (1.0 + math.exp(-2.0 * gamma))
+            if D.shape[1] > 0:
+                speed = omega[f] * D[f, j] * fade
+                total[f] += 0.5 * speed * speed
+            if U.shape[1] > 0:
+                stiffness = roots[j] * abs(roots[j])
+                if mu > -1.0:
+                    total[f] += U[f, j] * (0.5 * stiffness * U[f, j] - load[j])
+                else:
+                    place = U[f, j] * fade
+                    total[f] += 0.5 * (stiffness * place * place - load[j] * load[j] / stiffness)
+    return total
+
+
+@kernel
+def fourier(
+    roots: Floats, load: Floats, omega: Floats, D: Floats, U: Floats, orders: Integers
+) -> Floats:
+    """Fourier amplitudes of the modal coordinates, eq. 10.69, shape (frequency, order, mode).
+
+    Of ``sin(n Omega t)`` for odd orders n and of ``cos(n Omega t)`` for even ones.
+    """
+    b = np.zeros((omega.size, orders.size, roots.size))
+    for f in range(omega.size):
+        for j in range(roots.size):
+            mu = roots[j] / omega[f] * abs(roots[j] / omega[f])
+            for k in range(orders.size):
+                if orders[k] % 2 == 1 and D.shape[1] > 0:
+                    b[f, k, j] = D[f, j] * _odd_amplitude(mu, orders[k])
+                elif orders[k] % 2 == 0 and U.shape[1] > 0:
+                    force = load[j] / (omega[f] * omega[f])
+                    b[f, k, j] = _even_amplitude(mu, orders[k], U[f, j], force)
+    return b
+
+
+@kernel
+def _odd_amplitude(mu: float, order: int) -> float:
+    kappa = 0.5 * math.pi * order
+    if mu < 0.0:
+        sign = 1.0 if order % 4 == 1 else -1.0
+        return sign * 2.0 / (kappa * kappa - mu)
+    gamma = math.sqrt(mu)
+    delta = kappa - gamma
+    return 2.0 * sine(delta * delta) / (kappa + gamma)
+
+
+@kernel
+def _even_amplitude(mu: float, order: int, place: float, force: float) -> float:
+    """Amplitude of ``place cos(gamma tau) + force (1 - cos(gamma tau))/mu``."""
+    kappa = 0.5 * math.pi * order
+    sign = 1.0 if order % 4 == 0 else -1.0
+    if mu <= -1.0:
+        g = math.sqrt(-mu)
+        if order == 0:
+            return place * math.tanh(g) / g + force / mu
+        return place * sign * 2.0 * g * math.tanh(g) / (kappa * kappa - mu)
+    if order == 0:
+        mean = 1.0 / 6.0 * (1.0 - mu / 20.0 * (1.0 - mu / 42.0 * (1.0 - mu / 72.0)))
+        if abs(mu) > 1e-2:
+            mean = (1.0 - sine(mu)) / mu
+        return place * sine(mu) + force * mean
+    if mu < 1.0:
+        share = sign * 2.0 * sine(mu) / (mu - kappa * kappa)
+        return share * (place * mu - force)
+    gamma = math.sqrt(mu)
+    delta = kappa - gamma
+    return (place - force / mu) * 2.0 * gamma * sine(delta * delta) / (kappa + gamma)

@@ -1,0 +1,188 @@
+"""Proof that a member keeps within the limits between its impacts, or a time at which it does not.
+
+A constrained coordinate is a finite sum of sines, cosines and hyperbolic functions, so its
+second derivative has the bound ``B = sum_j |row_j| max |q_j''|``. From a time at which value,
+slope and B are known, ``y + y' h + B h^2 / 2`` stays below the limit for a step h that can be
+computed: the walk from impact to impact in such steps is the proof. A limit counts as passed
+where it is exceeded by more than a tolerance, which also bounds the steps from below.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import Booleans, Floats
+from vibroimpact_solvers.kernels.families import (
+    cosine,
+    hyperbolic_cosine,
+    hyperbolic_sine,
+    sag,
+    sine,
+)
+from vibroimpact_solvers.kernels.jit import kernel
+
+
+@kernel
+def _motion(
+    mu: float, D: float, U: float, force: float, even: bool, tau: float
+) -> tuple[float, float]:
+    """Place and slope of one modal coordinate, see `families.members`; force is f/omega^2."""
+    z = mu * tau * tau
+    gamma = math.sqrt(abs(mu))
+    if mu >= 0.0:
+        place, slope = D * tau * sine(z), D * cosine(z)
+    else:
+        place, slope = D * hyperbolic_sine(gamma, tau), D * hyperbolic_cosine(gamma, tau)
+    if even and mu > -1.0:
+        place += U * cosine(z) + force * tau * tau * sag(z)
+        slope += (force - mu * U) * tau * sine(z)
+    elif even:
+        place += U * hyperbolic_cosine(gamma, tau) + force / mu
+        slope -= U * mu * hyperbolic_sine(gamma, tau)
+    return place, slope
+
+
+@kernel
+def _curvature(mu: float, D: float, U: float, force: float, even: bool) -> float:
+    """Bound of the second derivative of one modal coordinate on [-1, 1]."""
+    bound = abs(D) * math.sqrt(abs(mu))
+    if even and mu > -1.0:
+        bound += abs(force - mu * U) * max(1.0, cosine(mu))
+    elif even:
+        bound += abs(U * mu)
+    return bound
+
+
+@kernel
+def _look(
+    mu: Floats, D: Floats, U: Floats, force: Floats, even: bool, row: Floats, tau: float
+) -> tuple[float, float]:
+    """Place and slope of a constrained coordinate."""
+    y, slope = 0.0, 0.0
+    for j in range(mu.size):
+        place, rise = _motion(mu[j], D[j], U[j], force[j], even, tau)
+        y += row[j] * place
+        slope += row[j] * rise
+    return y, slope
+
+
+@kernel
+def _step(slack: float, slope: float, curvature: float) -> float:
+    """Return how far the slack lasts at least."""
+    if slack == np.inf:
+        return np.inf
+    root = math.sqrt(slope * slope + 2.0 * curvature * slack)
+    if slope <= 0.0:
+        return (root - slope) / curvature
+    return 2.0 * slack / (root + slope)
+
+
+@kernel
+def _walk(
+    mu: Floats,
+    D: Floats,
+    U: Floats,
+    force: Floats,
+    even: bool,
+    row: Floats,
+    bottom: float,
+    top: float,
+    struck_bottom: bool,
+    struck_top: bool,
+    curvature: float,
+    tolerance: float,
+) -> float:
+    """Return a time at which the coordinate is beyond a limit, nan where there is none."""
+    tau, end = -1.0, 1.0
+    if not even:
+        # The other half is the mirror image.
+        top = min(top, -bottom)
+        bottom = -top
+        tau = 0.0
+    # Towards an impact the coordinate rises: the curvature alone cannot lift it over the wall.
+    if struck_bottom and even:
+        _, slope = _look(mu, D, U, force, even, row, -1.0)
+        tau += max(0.0, min(2.0 * slope / curvature, 1.0))
+    if struck_top:
+        _, slope = _look(mu, D, U, force, even, row, 1.0)
+        end -= max(0.0, min(2.0 * slope / curvature, 1.0))
+    while tau < end:
+        y, slope = _look(mu, D, U, force, even, row, tau)
+        if y - top > tolerance or bottom - y > tolerance:
+            return tau
+        up = _step(max(top - y, 0.0) + tolerance, slope, curvature)
+        down = _step(max(y - bottom, 0.0) + tolerance, -slope, curvature)
+        tau += min(up, down)
+    return np.nan
+
+
+@kernel
+def check(
+    roots: Floats,
+    load: Floats,
+    omega: Floats,
+    D: Floats,
+    U: Floats,
+    rows: Floats,
+    lower: Floats,
+    upper: Floats,
+    struck_lower: Booleans,
+    struck_upper: Booleans,
+    tolerance: Floats,
+    witness: Floats,
+    certified: Booleans,
+) -> None:
+    """Walk along all limits of all members.
+
+    Parameters
+    ----------
+    roots, load, omega, D, U
+        As `families.members` takes and fills them in.
+    rows : array, shape (limit, mode)
+        ``W E`` of the constrained coordinates, struck or not.
+    lower, upper : array, shape (limit,)
+        Their limits, infinite where there is no wall.
+    struck_lower, struck_upper : array of bool, shape (limit,)
+        Whether the member touches the wall at tau = -1 and at tau = 1.
+    tolerance : array, shape (limit,)
+        Excess that does not count.
+    witness : array, shape (frequency,)
+        Receives a time at which a limit is passed, nan where there is none.
+    certified : array of bool, shape (frequency,)
+        Receives whether rounding could not have changed the outcome.
+    """
+    even = U.shape[1] > 0
+    mu, force, place = np.empty(roots.size), np.empty(roots.size), np.zeros(roots.size)
+    for f in range(omega.size):
+        witness[f] = np.nan
+        certified[f] = True
+        for j in range(roots.size):
+            mu[j] = roots[j] / omega[f] * abs(roots[j] / omega[f])
+            force[j] = load[j] / (omega[f] * omega[f])
+            if even:
+                place[j] = U[f, j]
+        for a in range(lower.size):
+            curvature, size = 1e-300, 0.0
+            for j in range(roots.size):
+                bend = _curvature(mu[j], D[f, j], place[j], force[j], even)
+                curvature += abs(rows[a, j]) * bend
+                size += abs(rows[a, j]) * (abs(D[f, j]) + abs(place[j]))
+            certified[f] = certified[f] and 1e-15 * size < 0.1 * tolerance[a]
+            witness[f] = _walk(
+                mu,
+                D[f],
+                place,
+                force,
+                even,
+                rows[a],
+                -lower[a],
+                upper[a],
+                struck_lower[a],
+                struck_upper[a],
+                curvature,
+                tolerance[a],
+            )
+            if not np.isnan(witness[f]):
+                break

@@ -1,0 +1,305 @@
+"""Responses to triangle-wave impulses without natural modes.
+
+Unit impulses along the rows of W at tau = 1, repelling at tau = -1, move the structure by
+
+    X(tau) = sum_k 2 (-1)^(k-1) sin(kappa_k tau) (kappa_k^2 omega^2 M - K)^(-1) W^T
+             + omega^-2 sum_m c_m(tau) (M^(-1) K / omega^2)^m M^(-1) W^T
+
+with kappa_k = (2k-1) pi/2. The first sum runs over the harmonics 1 ... H of the fundamental
+frequency Omega, each a direct solve; the second is the Taylor series, in mu = lambda/omega^2,
+of what remains of s(mu, tau), with
+
+    c_m(tau) = sum_{k>H} 2 (-1)^(k-1) sin(kappa_k tau) / kappa_k^(2m+2).
+
+It converges with the rate (Omega_N / ((2H+1) Omega))^2. H = 0 needs only products with K and
+solves with M. Above the spectrum nothing cancels: where K couples neighbours with springs, all
+terms of a displacement have one sign, so even entries of 1e-30 have all their digits, while a
+sum over modes loses what is smaller than its rounding.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+import scipy.linalg
+
+from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.errors import ConvergenceError
+from vibroimpact_solvers.matrices import Solve
+from vibroimpact_solvers.model import System
+
+Rows = Callable[[Floats], Floats]
+"""Picks from vectors (dof, column) the rows that are wanted (row, column)."""
+
+IMPULSES: Final = 1e-18
+"""Relative truncation of the series where only sums at the impulses are wanted."""
+ENTRYWISE: Final = 1e-48
+"""The same where entries of 1e-30 of the largest must keep their digits."""
+
+_FAST = 0.5  # a rate of convergence at which another harmonic would not pay
+_BLOCK = 64  # powers held at a time
+_ONE = np.ones(1)
+
+
+@dataclass(frozen=True, slots=True)
+class Truncation:
+    """Where the two sums stop.
+
+    Parameters
+    ----------
+    harmonics : int
+        H above.
+    terms : int
+        Terms of the series.
+    rate : float
+        Its rate of convergence.
+    """
+
+    harmonics: int
+    terms: int
+    rate: float
+
+    @property
+    def remainder(self) -> float:
+        """Bound of what is left out, relative to the series' first term."""
+        return self.rate**self.terms / (1.0 - self.rate)
+
+
+def truncation(
+    bound: float, Omega: float, depth: float, harmonics: int | None = None
+) -> Truncation:
+    """Return where to stop for a relative error `depth`.
+
+    Parameters
+    ----------
+    bound : float
+        No natural frequency is above it.
+    Omega : float
+        Fundamental frequency.
+    depth : float
+        Relative error allowed.
+    harmonics : int, optional
+        Number of harmonics; absent: as few as make the series fast.
+    """
+    ratio = bound / Omega
+    if harmonics is None:
+        harmonics = max(0, math.ceil((ratio / math.sqrt(_FAST) - 1.0) / 2.0))
+    rate = min((ratio / (2 * harmonics + 1)) ** 2, 1.0 - 1e-6)
+    if rate == 0.0:
+        return Truncation(harmonics, 1, 0.0)
+    terms = math.ceil(math.log(depth * (1.0 - rate)) / math.log(rate))
+    return Truncation(harmonics, max(1, terms), rate)
+
+
+def coefficients(harmonics: int, terms: int, tau: Floats) -> Floats:
+    """Return ``kappa_(H+1)^(2m) c_m(tau)``, bounded for all m, shape (term, tau)."""
+    times = tuple(float(t) for t in tau)
+    return _coefficients(harmonics, terms, times)
+
+
+@lru_cache(maxsize=64)
+def _coefficients(harmonics: int, terms: int, times: tuple[float, ...]) -> Floats:
+    tau = np.array(times)
+    found = np.empty((terms, tau.size))
+    for m in range(terms):
+        found[m] = _small_coefficient(harmonics, m, tau) if m < 2 else _tail(harmonics, m, tau)
+    found.setflags(write=False)
+    return found
+
+
+def _small_coefficient(harmonics: int, m: int, tau: Floats) -> Floats:
+    """Return one of the first two: its closed form without the harmonics that are solved for.
+
+    Small differences of large numbers: the wider type keeps their digits.
+    """
+    t = tau.astype(np.longdouble)
+    half_pi = np.longdouble("1.5707963267948966192313216916397514421")
+    total = t if m == 0 else 0.5 * (t - t**3 / 3.0)
+    for k in range(1, harmonics + 1):
+        kappa = (2 * k - 1) * half_pi
+        total = total - (-1.0) ** (k - 1) * 2.0 * np.sin(kappa * t) / kappa ** (2 * m + 2)
+    return np.asarray(total * ((2 * harmonics + 1) * half_pi) ** (2 * m), dtype=np.float64)
+
+
+def _tail(harmonics: int, m: int, tau: Floats) -> Floats:
+    """Return one of the others, summed until what follows is below rounding."""
+    first = harmonics + 1
+    reach = (2 * first - 1) * 10.0 ** (17.0 / (2 * m + 2))
+    k = np.arange(first, first + math.ceil(reach / 2.0) + 1)
+    kappa = (2 * k - 1) * (0.5 * np.pi)
+    weights = np.where(k % 2 == 1, 2.0, -2.0) * (kappa[0] / kappa) ** (2 * m) / kappa**2
+    return np.asarray(weights @ np.sin(np.outer(kappa, tau)))
+
+
+class Receptance:
+    """Responses of one system to unit impulses at some of its constraints.
+
+    Parameters
+    ----------
+    system : System
+    active : tuple of int
+        The constraints.
+    bound : float
+        Upper bound of the natural frequencies.
+    harmonics : int, optional
+        Number of harmonics at all frequencies; absent: at each as few as make the series fast.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        active: tuple[int, ...],
+        bound: float,
+        harmonics: int | None = None,
+    ) -> None:
+        self.system, self.bound, self.harmonics = system, bound, harmonics
+        self.directions = system.directions(active).T
+        self._solve_mass: Solve = system.M.factorize()
+
+    def truncation(self, omega: float, depth: float) -> Truncation:
+        """Return where the sums stop at one frequency."""
+        return truncation(self.bound, 0.5 * np.pi * omega, depth, self.harmonics)
+
+    @property
+    def mobility(self) -> Floats:
+        """``W M^(-1) W^T``, shape (constraint, constraint)."""
+        return np.asarray(self.directions.T @ self._solve_mass(self.directions))
+
+    def impulse_matrices(self, omega: Floats, depth: float = IMPULSES) -> tuple[Floats, Floats]:
+        """Return S and ``sum_j a_j a_j^T / cos^2(gamma_j)``, (frequency, constraint, constraint).
+
+        The first takes impulses to displacements of the constraints at tau = 1 (eq. 10.89);
+        half the second over omega^2 is the energy of unit impulses.
+        """
+        count = self.directions.shape[1]
+        S, energy = np.zeros((2, omega.size, count, count))
+        for harmonics, group, terms in self._groups(omega, depth):
+            m = np.arange(terms)
+            factors = coefficients(harmonics, terms, _ONE)[:, 0]
+            moments = self._moments(terms)
+            weights = self._rates(omega[group], harmonics)[:, np.newaxis] ** m * factors
+            S[group] = np.tensordot(weights, moments, axes=1)
+            energy[group] = np.tensordot(weights * (2 * m + 1), moments, axes=1)
+            for f in group:
+                for k in range(1, harmonics + 1):
+                    kappa, square = (k - 0.5) * np.pi, omega[f] ** 2
+                    wave = self.dynamic(kappa * omega[f])
+                    response = square * (self.directions.T @ wave)
+                    twice = square**2 * (wave.T @ (self.system.M @ wave))
+                    S[f] += 2.0 * response
+                    energy[f] += 4.0 * kappa**2 * twice - 2.0 * response
+        return S / (omega**2)[:, np.newaxis, np.newaxis], energy
+
+    def displacements(
+        self, omega: Floats, p: Floats, tau: Floats, rows: Rows, depth: float
+    ) -> Floats:
+        """Return displacements under impulses p, shape (frequency, tau, row).
+
+        Parameters
+        ----------
+        omega : array, shape (frequency,)
+        p : array, shape (frequency, constraint)
+        tau : array, shape (tau,)
+        rows : callable
+            Picks the wanted rows.
+        depth : float
+            Truncation, relative to the largest displacement.
+        """
+        pieces: list[Floats] = [np.empty(0)] * omega.size
+        for harmonics, group, terms in self._groups(omega, depth):
+            found = self._series(omega[group], p[group], tau, rows, harmonics, terms)
+            for place, f in enumerate(group):
+                pieces[f] = found[place] + self._waves(omega[f], p[f], tau, rows, harmonics)
+        return np.array(pieces)
+
+    def curvature(self, omega: float, p: Floats, rows: Rows) -> Floats:
+        """Return a bound of the second derivative by tau of displacements, shape (row,)."""
+        limit = self.truncation(omega, IMPULSES)
+        rate = self._rates(np.array([omega]), limit.harmonics)[0]
+        factors = coefficients(limit.harmonics, limit.terms, _ONE)[:, 0]
+        unit = (limit.harmonics + 0.5) * np.pi
+        bound = np.zeros(1)
+        for start, block in self._powers(rows, limit.terms + 1):
+            for m, power in enumerate(block, start=start):
+                # c_m'' = -c_(m-1) and c_0'' makes up for the harmonics that c_0 lacks.
+                factor = 2.0 * limit.harmonics if m == 0 else factors[m - 1] * unit**2
+                bound = bound + factor * rate**m * np.abs(power @ p)
+        bound = bound / omega**2
+        for k in range(1, limit.harmonics + 1):
+            kappa = (k - 0.5) * np.pi
+            bound = bound + 2.0 * kappa**2 * np.abs(rows(self.dynamic(kappa * omega)) @ p)
+        return np.asarray(bound)
+
+    def _groups(self, omega: Floats, depth: float) -> Iterator[tuple[int, list[int], int]]:
+        """Yield numbers of harmonics, the frequencies that need them, and terms for these."""
+        limits = [self.truncation(w, depth) for w in omega]
+        for harmonics in sorted({limit.harmonics for limit in limits}):
+            group = [f for f, limit in enumerate(limits) if limit.harmonics == harmonics]
+            yield harmonics, group, max(limits[f].terms for f in group)
+
+    def _rates(self, omega: Floats, harmonics: int) -> Floats:
+        # Powers are measured by the bound, so that high ones neither grow nor vanish.
+        return np.asarray((self.bound / (omega * (harmonics + 0.5) * np.pi)) ** 2)
+
+    def _powers(self, rows: Rows, terms: int) -> Iterator[tuple[int, Floats]]:
+        """Yield blocks of ``(M^(-1) K / bound^2)^m M^(-1) W^T``, (term, row, constraint)."""
+        vector = self._solve_mass(self.directions)
+        start, block = 0, [rows(vector)]
+        for m in range(1, terms):
+            vector = self._solve_mass(self.system.K @ vector) / self.bound**2
+            if len(block) == _BLOCK:
+                yield start, np.array(block)
+                start, block = m, []
+            block.append(rows(vector))
+        yield start, np.array(block)
+
+    def _moments(self, terms: int) -> Floats:
+        blocks = self._powers(self.coordinates, terms)
+        return np.concatenate([block for _, block in blocks])
+
+    def coordinates(self, vectors: Floats) -> Floats:
+        """Return the constrained coordinates of vectors (dof, column)."""
+        return np.asarray(self.directions.T @ vectors)
+
+    def _series(
+        self, omega: Floats, p: Floats, tau: Floats, rows: Rows, harmonics: int, terms: int
+    ) -> Floats:
+        factors = coefficients(harmonics, terms, tau)
+        rates = self._rates(omega, harmonics)
+        total: Floats | float = 0.0
+        for start, block in self._powers(rows, terms):
+            m = np.arange(start, start + len(block))
+            weights = factors[m].T * rates[:, np.newaxis, np.newaxis] ** m
+            for a in range(p.shape[1]):
+                part = np.tensordot(weights, block[:, :, a], axes=1)
+                total = total + p[:, a, np.newaxis, np.newaxis] * part
+        return np.asarray(total / omega[:, np.newaxis, np.newaxis] ** 2)
+
+    def _waves(
+        self, omega: float, p: Floats, tau: Floats, rows: Rows, harmonics: int
+    ) -> Floats | float:
+        total: Floats | float = 0.0
+        for k in range(1, harmonics + 1):
+            kappa = (k - 0.5) * np.pi
+            sign = 2.0 if k % 2 == 1 else -2.0
+            wave = rows(self.dynamic(kappa * omega)) @ p
+            total = total + np.outer(sign * np.sin(kappa * tau), wave)
+        return total
+
+    def dynamic(self, frequency: float) -> Floats:
+        """Return ``(frequency^2 M - K)^(-1) W^T``, shape (dof, constraint)."""
+        K, M = self.system.K, self.system.M
+        for nudge in (0.0, 4e-16, -4e-16, 1e-15, -1e-15):
+            stiffness = M.plus(-1.0 / (frequency * (1.0 + nudge)) ** 2, K)
+            try:
+                return stiffness.factorize()(self.directions) / frequency**2
+            except scipy.linalg.LinAlgError:
+                # The frequency is a natural one to the last bit; its neighbour is as good.
+                continue
+        message = "the structure is resonant at neighbouring frequencies to the last bit"
+        raise ConvergenceError(message)
