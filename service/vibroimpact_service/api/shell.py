@@ -11,7 +11,7 @@ import structlog
 from fastapi.exceptions import RequestValidationError
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -66,6 +66,8 @@ class Shell:
 
         try:
             await self._app(inner, receive, outward)
+        except ClientDisconnect:
+            log.info("caller went away", request_id=request_id)
         except Exception as error:
             problem = problems.of(error)
             if problem.type is problems.INTERNAL:

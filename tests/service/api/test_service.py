@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 from typing import Any
 
@@ -85,6 +86,31 @@ def test_an_unexpected_error_is_a_problem_without_its_words(http: TestClient, qu
     assert answer.json()["code"] == "internal_error"
     assert "s3cret" not in answer.text
     assert answer.headers["x-content-type-options"] == "nosniff"
+
+
+def test_a_caller_who_goes_away_is_no_error(http: TestClient) -> None:
+    sent: list[Any] = []
+    scope = {
+        "type": "http", "asgi": {"version": "3.0"}, "http_version": "1.1", "method": "POST",
+        "path": "/v1/compute/impact-modes", "raw_path": b"/v1/compute/impact-modes",
+        "query_string": b"", "root_path": "", "scheme": "http",
+        "headers": [(b"content-type", b"application/json")],
+    }  # fmt: skip
+    messages = iter(
+        [
+            {"type": "http.request", "body": b'{"system"', "more_body": True},
+            {"type": "http.disconnect"},
+        ]
+    )
+
+    async def receive() -> Any:
+        return next(messages)
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    asyncio.run(http.app(scope, receive, send))
+    assert sent == []
 
 
 def test_a_full_store_is_a_problem_that_may_pass(
