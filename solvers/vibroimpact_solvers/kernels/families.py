@@ -29,6 +29,15 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels.jit import kernel
+from vibroimpact_solvers.kernels.triangle_time import (
+    cosine,
+    even_response,
+    hyperbolic_cosine,
+    hyperbolic_sine,
+    odd_response,
+    sag,
+    sine,
+)
 
 _EPS = 2.220446049250313e-16
 
@@ -38,48 +47,6 @@ _NEAR = 0.0625
 _LOUD = 4.0
 # ... or so close to the pole that the term cannot be trusted to be finite.
 _AT_POLE = 1e-9
-
-
-@kernel
-def cosine(mu: float) -> float:
-    """Return cos(sqrt(mu)), cosh(sqrt(-mu)) for negative mu."""
-    return math.cos(math.sqrt(mu)) if mu >= 0.0 else math.cosh(math.sqrt(-mu))
-
-
-@kernel
-def sine(mu: float) -> float:
-    """Return sin(sqrt(mu))/sqrt(mu), sinh(sqrt(-mu))/sqrt(-mu) for negative mu."""
-    if abs(mu) < 1e-3:
-        return 1.0 - mu / 6.0 * (1.0 - mu / 20.0 * (1.0 - mu / 42.0 * (1.0 - mu / 72.0)))
-    gamma = math.sqrt(abs(mu))
-    return (math.sin(gamma) if mu > 0.0 else math.sinh(gamma)) / gamma
-
-
-@kernel
-def sag(mu: float) -> float:
-    """Return (1 - cos(sqrt(mu)))/mu, a half at mu = 0."""
-    half = sine(0.25 * mu)
-    return 0.5 * half * half
-
-
-@kernel
-def odd_response(mu: float) -> tuple[float, float]:
-    """Return T(mu) = tan(gamma)/gamma (tanh for negative mu) and its derivative."""
-    if abs(mu) < 1e-3:
-        value = 1.0 + mu * (1 / 3 + mu * (2 / 15 + mu * (17 / 315 + mu * (62 / 2835))))
-        slope = 1 / 3 + mu * (4 / 15 + mu * (51 / 315 + mu * (248 / 2835)))
-        return value, slope
-    gamma = math.sqrt(abs(mu))
-    value = (math.tan(gamma) if mu > 0.0 else math.tanh(gamma)) / gamma
-    return value, (1.0 + mu * value * value - value) / (2.0 * mu)
-
-
-@kernel
-def even_response(mu: float) -> tuple[float, float]:
-    """Return G(mu) = -cot(gamma)/gamma (coth for negative mu) and its derivative."""
-    gamma = math.sqrt(abs(mu))
-    value = (-1.0 / math.tan(gamma) if mu > 0.0 else 1.0 / math.tanh(gamma)) / gamma
-    return value, (1.0 + mu * value * value - value) / (2.0 * mu)
 
 
 @kernel
@@ -451,22 +418,6 @@ def coordinates(
                         static = load[j] / (mu * omega[f] * omega[f])
                         q[f, t, j] += U[f, j] * hyperbolic_cosine(gamma, tau[t]) + static
     return q
-
-
-@kernel
-def hyperbolic_sine(g: float, tau: float) -> float:
-    """Return sinh(g tau)/(g cosh(g)), which overflows nowhere."""
-    if g < 0.1:
-        return tau * sine(-g * g * tau * tau) / math.cosh(g)
-    rise = math.exp(-g * (1.0 - abs(tau))) - math.exp(-g * (1.0 + abs(tau)))
-    return math.copysign(rise, tau) / (g * (1.0 + math.exp(-2.0 * g)))
-
-
-@kernel
-def hyperbolic_cosine(g: float, tau: float) -> float:
-    """Return cosh(g tau)/cosh(g), which overflows nowhere."""
-    rise = math.exp(-g * (1.0 - abs(tau))) + math.exp(-g * (1.0 + abs(tau)))
-    return rise / (1.0 + math.exp(-2.0 * g))
 
 
 @kernel

@@ -1,6 +1,8 @@
 """How kernels are compiled: without the GIL, cached on disk, IEEE arithmetic, no fast-math.
 
 Fast-math would let the compiler reorder the sums whose rounding the error statements bound.
+Where a fused multiply-add is wanted it is written: `fma`. Kernels run in parallel by threads
+(`kernels.threads`) and not by numba's own, of which not every layer survives two callers.
 """
 
 from __future__ import annotations
@@ -9,6 +11,8 @@ from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 import numba
+from numba import types
+from numba.extending import intrinsic
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -19,6 +23,19 @@ def kernel(function: Function) -> Function:
 
 
 def inline(function: Function) -> Function:
-    """Compile a small function into its callers."""
+    """Compile a small function into its callers, so that their loops become vector loops."""
     compiled = numba.njit(nogil=True, cache=True, error_model="numpy", inline="always")
     return cast(Function, compiled(function))
+
+
+def _fused(typing: Any, a: Any, b: Any, c: Any) -> tuple[Any, Callable[..., Any]]:
+    """Emit one instruction for ``a * b + c`` with a single rounding."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.fma(*arguments)
+
+    return types.float64(types.float64, types.float64, types.float64), generate
+
+
+fma = cast(Callable[[float, float, float], float], intrinsic(_fused))
+"""``a * b + c`` rounded once; only inside kernels."""

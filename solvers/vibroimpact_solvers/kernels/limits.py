@@ -14,14 +14,14 @@ import math
 import numpy as np
 
 from vibroimpact_solvers.arrays import Booleans, Floats
-from vibroimpact_solvers.kernels.families import (
+from vibroimpact_solvers.kernels.jit import kernel
+from vibroimpact_solvers.kernels.triangle_time import (
     cosine,
     hyperbolic_cosine,
     hyperbolic_sine,
     sag,
     sine,
 )
-from vibroimpact_solvers.kernels.jit import kernel
 
 
 @kernel
@@ -80,6 +80,18 @@ def _step(slack: float, slope: float, curvature: float) -> float:
 
 
 @kernel
+def _clear(slope: float, room: float, curvature: float) -> float:
+    """Return for how long before an impact no limit can be passed.
+
+    The coordinate rises towards its wall: the curvature alone cannot lift it over the wall
+    within ``2 slope / B``, nor can it have come from beyond the other wall.
+    """
+    if slope <= 0.0:
+        return 0.0
+    return min(min(2.0 * slope / curvature, _step(room, slope, curvature)), 1.0)
+
+
+@kernel
 def _walk(
     mu: Floats,
     D: Floats,
@@ -101,13 +113,12 @@ def _walk(
         top = min(top, -bottom)
         bottom = -top
         tau = 0.0
-    # Towards an impact the coordinate rises: the curvature alone cannot lift it over the wall.
     if struck_bottom and even:
         _, slope = _look(mu, D, U, force, even, row, -1.0)
-        tau += max(0.0, min(2.0 * slope / curvature, 1.0))
+        tau += _clear(slope, top - bottom, curvature)
     if struck_top:
         _, slope = _look(mu, D, U, force, even, row, 1.0)
-        end -= max(0.0, min(2.0 * slope / curvature, 1.0))
+        end -= _clear(slope, top - bottom, curvature)
     while tau < end:
         y, slope = _look(mu, D, U, force, even, row, tau)
         if y - top > tolerance or bottom - y > tolerance:

@@ -1,70 +1,76 @@
 """Functions of the triangle-wave time that all families of impact modes are made of.
 
-All take ``mu = lambda / omega**2`` with the eigenvalue ``lambda`` of a natural mode, so that
-rigid-body modes (0) and unstable ones (negative) need no case at the call site.
+Modes enter by ``mu = lambda / omega**2`` with their eigenvalue lambda, so that rigid-body modes
+(0) and unstable ones (negative) need no case at the call site; gamma is ``sqrt(mu)``. In their
+terms the kernels of the odd and even motion between two impacts are
+
+    s(mu, tau) = tau sine(mu tau^2) / cosine(mu),      s(mu, 1) = T(mu) = tan(gamma)/gamma
+    h(mu, tau) = -cosine(mu tau^2) / (mu sine(mu)),    h(mu, 1) = G(mu) = -cot(gamma)/gamma
+
+Their numerators are entire functions of mu; the denominators vanish at the poles, which is
+why they are kept apart.
 """
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from vibroimpact_solvers.kernels.jit import kernel
 
-# Below it, the first neglected term of each series is less than half a unit in the last place.
-_SMALL = 1e-4
+
+@kernel
+def cosine(mu: float) -> float:
+    """Return cos(sqrt(mu)), cosh(sqrt(-mu)) for negative mu."""
+    return math.cos(math.sqrt(mu)) if mu >= 0.0 else math.cosh(math.sqrt(-mu))
 
 
 @kernel
-def tangent_ratio(mu: float) -> float:
-    """Return T(mu) = tan(gamma)/gamma with gamma = sqrt(mu); tanh for negative mu."""
-    if abs(mu) < _SMALL:
-        return 1.0 + mu * (1.0 / 3.0 + mu * (2.0 / 15.0 + mu * (17.0 / 315.0 + mu * 62.0 / 2835.0)))
+def sine(mu: float) -> float:
+    """Return sin(sqrt(mu))/sqrt(mu), sinh(sqrt(-mu))/sqrt(-mu) for negative mu."""
+    if abs(mu) < 1e-3:
+        return 1.0 - mu / 6.0 * (1.0 - mu / 20.0 * (1.0 - mu / 42.0 * (1.0 - mu / 72.0)))
     gamma = math.sqrt(abs(mu))
-    return math.tan(gamma) / gamma if mu > 0.0 else math.tanh(gamma) / gamma
+    return (math.sin(gamma) if mu > 0.0 else math.sinh(gamma)) / gamma
 
 
 @kernel
-def sine_ratio(mu: float, tau: float) -> float:
-    """Return sin(gamma tau)/gamma; sinh(g tau)/(g cosh g) for negative mu.
-
-    The hyperbolic one carries the cosine of `s` with it, because both overflow where their
-    quotient does not.
-    """
-    if abs(mu) < _SMALL:
-        z = mu * tau * tau
-        series = tau * (1.0 - z / 6.0 * (1.0 - z / 20.0 * (1.0 - z / 42.0)))
-        return series if mu >= 0.0 else series / math.cosh(math.sqrt(-mu))
-    gamma = math.sqrt(abs(mu))
-    if mu > 0.0:
-        return math.sin(gamma * tau) / gamma
-    return (
-        math.copysign(1.0, tau)
-        * math.exp(-gamma * (1.0 - abs(tau)))
-        * (-math.expm1(-2.0 * gamma * abs(tau)))
-        / (gamma * (1.0 + math.exp(-2.0 * gamma)))
-    )
+def sag(mu: float) -> float:
+    """Return (1 - cos(sqrt(mu)))/mu, a half at mu = 0."""
+    half = sine(0.25 * mu)
+    return 0.5 * half * half
 
 
 @kernel
-def inverse_cosine(mu: float) -> float:
-    """Return 1/cos(gamma); 1/cosh(g) for negative mu."""
+def odd_response(mu: float) -> tuple[float, float]:
+    """Return T(mu) = tan(gamma)/gamma (tanh for negative mu) and its derivative."""
+    if abs(mu) < 1e-3:
+        value = 1.0 + mu * (1 / 3 + mu * (2 / 15 + mu * (17 / 315 + mu * (62 / 2835))))
+        slope = 1 / 3 + mu * (4 / 15 + mu * (51 / 315 + mu * (248 / 2835)))
+        return value, slope
     gamma = math.sqrt(abs(mu))
-    if mu >= 0.0:
-        return 1.0 / math.cos(gamma)
-    return 2.0 * math.exp(-gamma) / (1.0 + math.exp(-2.0 * gamma))
+    value = (math.tan(gamma) if mu > 0.0 else math.tanh(gamma)) / gamma
+    return value, (1.0 + mu * value * value - value) / (2.0 * mu)
 
 
 @kernel
-def sensitivity(mu: float) -> float:
-    """Return the relative change of T(mu) per relative change of gamma, plus one.
-
-    It is what an error of one rounding in the natural frequency does to the response of the
-    mode: 1 + |d ln T / d ln gamma|, large near the poles.
-    """
+def even_response(mu: float) -> tuple[float, float]:
+    """Return G(mu) = -cot(gamma)/gamma (coth for negative mu) and its derivative."""
     gamma = math.sqrt(abs(mu))
-    if mu <= 0.0:
-        return 2.0
-    sine = abs(math.sin(2.0 * gamma))
-    return 2.0 + (2.0 * gamma / sine if sine > 0.0 else np.inf)
+    value = (-1.0 / math.tan(gamma) if mu > 0.0 else 1.0 / math.tanh(gamma)) / gamma
+    return value, (1.0 + mu * value * value - value) / (2.0 * mu)
+
+
+@kernel
+def hyperbolic_sine(g: float, tau: float) -> float:
+    """Return sinh(g tau)/(g cosh(g)), which overflows nowhere."""
+    if g < 0.1:
+        return tau * sine(-g * g * tau * tau) / math.cosh(g)
+    rise = -math.exp(-g * (1.0 - abs(tau))) * math.expm1(-2.0 * g * abs(tau))
+    return math.copysign(rise, tau) / (g * (1.0 + math.exp(-2.0 * g)))
+
+
+@kernel
+def hyperbolic_cosine(g: float, tau: float) -> float:
+    """Return cosh(g tau)/cosh(g), which overflows nowhere."""
+    rise = math.exp(-g * (1.0 - abs(tau))) + math.exp(-g * (1.0 + abs(tau)))
+    return rise / (1.0 + math.exp(-2.0 * g))
