@@ -112,11 +112,14 @@ class DirectFamily:
         limit = np.array([min(w for w in pair if w is not None) for pair in walls])
         over = limit + excess * 2.0 * np.abs(limit)
         curvature = self.receptance.curvature(omega, p, rows)
-        # Towards an impact the coordinate rises: the curvature alone cannot lift it higher.
+        # Towards an impact the coordinate rises: the curvature alone cannot lift it higher, nor
+        # can it have come from beyond the other wall.
         end = np.ones(limit.size)
-        slope = self.mobility @ p / omega**2
+        slope = np.maximum(self.mobility @ p / omega**2, 0.0)
         for place, index in enumerate(problem.active):
-            end[index] -= min(2.0 * max(slope[place], 0.0) / curvature[index], 1.0)
+            bend, room = curvature[index], 2.0 * limit[index]
+            back = (np.sqrt(slope[place] ** 2 + 2.0 * bend * room) - slope[place]) / bend
+            end[index] -= min(2.0 * slope[place] / bend, back, 1.0)
         at, force = np.array([omega]), p[np.newaxis]
         for points in _GRIDS:
             tau = np.linspace(0.0, 1.0, points)

@@ -8,6 +8,8 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Booleans, Floats
 
+_LARGE = 1e3  # times the usual
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Impulses:
@@ -25,7 +27,17 @@ class Impulses:
     minus: Floats
     error: Floats
 
-    @property
-    def singular(self) -> Booleans:
-        """Where there is no impulse, or none of which even the sign is known."""
-        return np.asarray(self.error >= 1.0)
+    def singular(self, usual: Floats) -> Booleans:
+        """Return where no impulse brings the structure to its walls.
+
+        There the impulses grow without bound until rounding decides them. Where they pass
+        through zero, at a natural frequency, they are as uncertain but small.
+
+        Parameters
+        ----------
+        usual : array, shape (frequency,)
+            Order of magnitude of impulses.
+        """
+        largest = np.maximum(np.abs(self.plus).max(axis=1), np.abs(self.minus).max(axis=1))
+        lost = (self.error >= 1.0) & (largest > _LARGE * usual)
+        return np.asarray(lost | ~np.isfinite(self.error))

@@ -8,10 +8,11 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Booleans, Floats, Integers
 from vibroimpact_solvers.errors import ModelError
-from vibroimpact_solvers.impact_modes.family import Family, Kind
+from vibroimpact_solvers.impact_modes.family import Equations, Family, Kind
 from vibroimpact_solvers.impact_modes.impulses import Impulses
 from vibroimpact_solvers.impact_modes.problem import Frequencies, Problem
 from vibroimpact_solvers.kernels import families, limits, response
+from vibroimpact_solvers.kernels.threads import over_ranges
 from vibroimpact_solvers.spectrum import Spectrum
 
 _EPS = float(np.finfo(np.float64).eps)
@@ -99,25 +100,38 @@ class ModalFamily:
             z, error = np.empty((2, at.size, one.walls.size))
             part_D = D if one.odd.size else np.zeros((at.size, 0))
             part_U = U if one.even.size else np.zeros((at.size, 0))
-            families.members(
-                self.roots,
-                self.rests,
-                np.ascontiguousarray(one.odd @ self.rows),
-                np.ascontiguousarray(one.even @ self.rows),
-                self.load,
-                one.walls,
-                at.omega,
-                at.rests,
-                one.share,
-                self.spectrum.uncertainty,
-                z,
-                error,
-                part_D,
-                part_U,
-            )
+            self._solve(one, at, z, error, part_D, part_U)
             unknowns.append(z)
             errors.append(error)
         return self._impulses(tuple(unknowns), tuple(errors)), D, U
+
+    def _solve(
+        self, one: Equations, at: Frequencies, z: Floats, error: Floats, D: Floats, U: Floats
+    ) -> None:
+        """Fill in the solutions of one system of equations and the motion they cause."""
+        odd = np.ascontiguousarray(one.odd @ self.rows)
+        even = np.ascontiguousarray(one.even @ self.rows)
+
+        def piece(start: int, stop: int) -> None:
+            some = slice(start, stop)
+            families.members(
+                self.roots,
+                self.rests,
+                odd,
+                even,
+                self.load,
+                one.walls,
+                at.omega[some],
+                at.rests[some],
+                one.share,
+                self.spectrum.uncertainty,
+                z[some],
+                error[some],
+                D[some],
+                U[some],
+            )
+
+        over_ranges(piece, at.size, 100.0 * self.roots.size * at.size)
 
     def _impulses(self, unknowns: tuple[Floats, ...], errors: tuple[Floats, ...]) -> Impulses:
         plus, minus = self.family.sides(unknowns)
@@ -158,28 +172,36 @@ class ModalFamily:
         """Return a time at which a limit is passed or nan, and whether that is certain."""
         constraints = problem.system.constraints
         place = {index: i for i, index in enumerate(problem.active)}
-        rows = self.spectrum.along(constraints)[:, self.heard]
+        rows = np.ascontiguousarray(self.spectrum.along(constraints)[:, self.heard])
         lower = np.array([np.inf if c.lower is None else c.lower for c in constraints])
         upper = np.array([np.inf if c.upper is None else c.upper for c in constraints])
         room = lower + upper
         size = np.where(np.isfinite(room), room, np.maximum(_finite(lower), _finite(upper)))
-        size = np.where(size > 0.0, size, 1.0)
-        witness, certified = np.empty(motion.omega.size), np.empty(motion.omega.size, np.bool_)
-        limits.check(
-            self.roots,
-            self.load,
-            motion.omega,
-            motion.D,
-            motion.U,
-            np.ascontiguousarray(rows),
-            lower,
-            upper,
-            np.array([place.get(i) in self.family.lower for i in range(len(constraints))]),
-            np.array([place.get(i) in self.family.upper for i in range(len(constraints))]),
-            excess * size,
-            witness,
-            certified,
-        )
+        tolerance = excess * np.where(size > 0.0, size, 1.0)
+        struck_lower = np.array([place.get(i) in self.family.lower for i in range(room.size)])
+        struck_upper = np.array([place.get(i) in self.family.upper for i in range(room.size)])
+        count = motion.omega.size
+        witness, certified = np.empty(count), np.empty(count, np.bool_)
+
+        def piece(start: int, stop: int) -> None:
+            some = slice(start, stop)
+            limits.check(
+                self.roots,
+                self.load,
+                motion.omega[some],
+                motion.D[some],
+                motion.U[some],
+                rows,
+                lower,
+                upper,
+                struck_lower,
+                struck_upper,
+                tolerance,
+                witness[some],
+                certified[some],
+            )
+
+        over_ranges(piece, count, 1e3 * rows.size * count)
         return witness, certified
 
 

@@ -175,7 +175,7 @@ def _direct_pays(problem: Problem) -> bool:
     method = spectrum.choose(system)
     if spectrum.nbytes(system, method) > MEMORY:
         return True
-    modal = 0.0 if spectrum.is_known(system, method) else spectrum.flops(system, method)
+    modal: float = 0.0 if spectrum.is_known(system, method) else spectrum.flops(system, method)
     times = sum(times for _, _, times in _displacements(problem))
     modal += points * system.n * (8.0 + 2.0 * times * problem.wanted_dofs.size)
     return _direct_flops(problem) < 0.5 * modal
@@ -186,7 +186,7 @@ def _direct_flops(problem: Problem) -> float:
     ratios = spectrum.largest_frequency(system) / problem.fundamental
     harmonics = float(np.maximum(0.0, np.ceil(0.7071 * ratios - 0.5)).sum())
     products = 2.0 * (system.K.entries + system.M.entries) * len(problem.active)
-    return harmonics * _factor_flops(system) + 100.0 * products
+    return harmonics * _factor_flops(system) + 100.0 * float(products)
 
 
 def _factor_flops(system: System) -> float:
@@ -194,7 +194,7 @@ def _factor_flops(system: System) -> float:
     width = max(system.M.width, system.K.width)
     if Form.SPARSE in {system.M.form, system.K.form}:
         # Nested dissection of a planar mesh; three-dimensional ones cost more.
-        return 100.0 * float(system.n) ** 1.5
+        return 100.0 * math.pow(system.n, 1.5)
     if Form.DENSE in {system.M.form, system.K.form}:
         return float(system.n) ** 3
     return 4.0 * system.n * (width + 1) ** 2 + 50.0 * system.n

@@ -28,6 +28,7 @@ EXCESS: Final = 1e-10
 _EPS = float(np.finfo(np.float64).eps)
 _ONE = np.ones(1)
 _BLOCK = 2**21  # numbers that a block of frequencies may take
+_SINGULAR = 1e32  # stands for an infinite condition number
 _CERTAIN = 1e-6  # relative error of the impulses up to which their signs are taken as proved
 _STATEMENT = (
     "estimate: what roundings in the natural frequencies, the modes and the walls change, to "
@@ -140,7 +141,7 @@ class _Members:
             omega=omega,
             constraint=np.array(problem.active, dtype=np.int64),
             impulse_error=np.minimum(impulses.error, 1.0),
-            condition=impulses.error / _EPS,
+            condition=np.minimum(impulses.error / _EPS, _SINGULAR),
             error_statement=_STATEMENT if self.plan.step(Stage.SPECTRUM) else _DIRECT,
         )
         if "impulse" in outputs:
@@ -169,7 +170,7 @@ class _Members:
         self, problem: Problem, impulses: Impulses, motion: Any
     ) -> tuple[Integers, Booleans, Floats]:
         """Return reason codes, whether they are certain, and witnesses, each (frequency,)."""
-        reason = self._signs(impulses)
+        reason = self._signs(problem, impulses)
         witness = np.full(reason.size, np.nan)
         certified = impulses.error < _CERTAIN
         walks = (reason == Reason.OK) & (problem.fundamental <= self.clear_above)
@@ -183,14 +184,19 @@ class _Members:
             reason[~np.isnan(witness)] = Reason.PENETRATION
         return reason, certified, witness
 
-    def _signs(self, impulses: Impulses) -> Integers:
+    def _signs(self, problem: Problem, impulses: Impulses) -> Integers:
         """Return the reasons that impulses and pre-impact velocities give."""
+        mobility = self.evaluator.mobility
         codes = np.zeros(impulses.error.size, dtype=np.int64)
         for p, struck in ((impulses.plus, self.family.upper), (impulses.minus, self.family.lower)):
-            towards = p @ self.evaluator.mobility
+            towards = p @ mobility
             wrong = ~(towards[:, struck] > 0.0).all(axis=1)
             codes[wrong & (codes == Reason.OK)] = Reason.WRONG_VELOCITY
         for p, struck in ((impulses.plus, self.family.upper), (impulses.minus, self.family.lower)):
             codes[~(p[:, struck] > 0.0).all(axis=1)] = Reason.NEGATIVE_IMPULSE
-        codes[impulses.singular] = Reason.SINGULAR
+        room = max(abs(w) for c in problem.struck for w in (c.lower, c.upper) if w is not None)
+        fastest = np.maximum(1.0, self.largest / problem.omega)
+        load = 0.0 if problem.system.force is None else float(np.abs(problem.system.force).max())
+        usual = room * problem.omega**2 * fastest / mobility.diagonal().min() + load
+        codes[impulses.singular(usual)] = Reason.SINGULAR
         return codes
