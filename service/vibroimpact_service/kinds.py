@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Protocol, cast
 
 from vibroimpact_schema import requests, results
+from vibroimpact_service.jobs.work import Tick
 
 if TYPE_CHECKING:
     from vibroimpact_solvers.model import System
@@ -34,8 +35,8 @@ class Solver(Protocol):
     def plan(self, problem: Any) -> Plan:
         """Decide what will be done."""
 
-    def solve(self, problem: Any, plan: Plan) -> Any:
-        """Do it."""
+    def solve(self, problem: Any, plan: Plan, tick: Tick | None = None) -> Any:
+        """Do it; `tick(done, total)` is called often and may raise to stop it."""
 
     def split(self, problem: Any, plan: Plan, seconds: float) -> list[Any]:
         """Cut a problem into pieces of about that cost."""

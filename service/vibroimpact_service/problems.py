@@ -115,6 +115,19 @@ KEY_REUSED = Type(
     "The Idempotency-Key was used for another request",
     "Take a new key for each new request.",
 )
+WORKER_LOST = Type(
+    "worker_lost",
+    422,
+    "The computation killed its worker process",
+    "It was tried several times, also alone: most likely it needs more memory than there is. "
+    "Ask for less at a time.",
+)
+DEADLINE = Type(
+    "deadline_passed",
+    422,
+    "The job was not done by its deadline",
+    "Ask for less, or set a later deadline.",
+)
 INTERNAL = Type(
     "internal_error",
     500,
@@ -142,7 +155,7 @@ TYPES: Final[Mapping[str, Type]] = {
         *(MALFORMED, BAD_REQUEST, NOT_FOUND, NOT_READY, NO_RESULT),
         *(METHOD_NOT_ALLOWED, NOT_ACCEPTABLE, TOO_LARGE, UNSUPPORTED_MEDIA_TYPE),
         *(RANGE_NOT_SATISFIABLE, INVALID, NOT_POSSIBLE, NO_CONVERGENCE, KEY_REUSED),
-        *(INTERNAL, STORE_FULL, UNAVAILABLE),
+        *(WORKER_LOST, DEADLINE, INTERNAL, STORE_FULL, UNAVAILABLE),
     )
 }
 _OF_STATUS: Final = {
@@ -220,6 +233,9 @@ def of(error: BaseException) -> ProblemError:
             return ProblemError(NO_CONVERGENCE, str(error))
         case OSError() if error.errno in (errno.ENOSPC, errno.EDQUOT):
             return ProblemError(STORE_FULL, "The store has no room for the result.")
+        case ConnectionError():
+            detail = "The records or the store cannot be reached."
+            return ProblemError(UNAVAILABLE, detail, headers={"Retry-After": "2"})
         case MemoryError():
             return ProblemError(TOO_LARGE, "The computation needs more memory than there is.")
         case _:

@@ -25,11 +25,22 @@ class Settings(BaseSettings):
     tls_ca: Path | None = Field(None, description="Certificate authority of that scheduler.")
     tls_cert: Path | None = Field(None, description="Own certificate for it.")
     tls_key: Path | None = Field(None, description="Own key for it.")
-    workers: int = Field(
-        max(1, (os.cpu_count() or 2) // 2), ge=1, description="Own worker processes."
+    workers: int = Field(os.cpu_count() or 2, ge=1, description="Own worker processes.")
+    grace_seconds: float = Field(
+        10.0, ge=0, description="After it, a cancelled call that goes on loses its worker."
     )
-    threads: int = Field(2, ge=1, description="Threads of each own worker.")
     driven_jobs: int = Field(16, ge=1, description="Jobs under way at once.")
+    keep_jobs_days: float = Field(90.0, gt=0, description="Age at which ended jobs are removed.")
+    keep_results_days: float = Field(
+        365.0, gt=0, description="Age at which results are removed that nobody pinned."
+    )
+    keep_chunks_days: float = Field(
+        30.0, gt=0, description="Age at which parts of results are removed."
+    )
+    max_store_bytes: int | None = Field(
+        None, ge=0, description="Size of all results beyond which the oldest are removed."
+    )
+    clean_seconds: float = Field(3600.0, gt=0, description="Time between two cleanings.")
     max_body_bytes: int = Field(64 * 2**20, ge=1024, description="Largest request body.")
     max_dofs: int = Field(5000, ge=1, description="Most degrees of freedom of a system.")
     max_points: int = Field(10_000_000, ge=1, description="Most points of a grid.")

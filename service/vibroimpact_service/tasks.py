@@ -18,8 +18,16 @@ from pydantic import TypeAdapter
 from vibroimpact_schema.plans import PlanSkip, PlanStep, Steps
 from vibroimpact_schema.systems import AnySystem, System, SystemReference
 from vibroimpact_service import claims, digest, intake, problems
-from vibroimpact_service.jobs.work import Work
+from vibroimpact_service.jobs.work import (
+    Chunk,
+    ChunkMissingError,
+    DeadlineError,
+    Tick,
+    Work,
+    WorkerLostError,
+)
 from vibroimpact_service.kinds import KINDS, Kind
+from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 from vibroimpact_solvers.errors import ModelError, SolverError
@@ -206,14 +214,22 @@ def _chunk_name(result_name: str, index: int, count: int) -> str:
     return digest.content(f"{result_name}:{CHUNK_SECONDS}:{index}:{count}".encode())
 
 
-def split(store_url: str, kind: str, request: str, result: str) -> Sequence[str]:
-    """Return the names of the chunks of a job."""
+def split(store_url: str, kind: str, request: str, result: str) -> Sequence[Chunk]:
+    """Return the chunks of a job."""
     assignment, _ = _known(store_url, kind, request)
     count = len(_pieces(assignment))
-    return [_chunk_name(result, index, count) for index in range(count)]
+    each = seconds(assignment) / max(1, count)
+    return [Chunk(_chunk_name(result, index, count), each) for index in range(count)]
 
 
-def solve(store_url: str, kind: str, request: str, result: str, indices: Sequence[int]) -> None:
+def solve(
+    store_url: str,
+    kind: str,
+    request: str,
+    result: str,
+    indices: Sequence[int],
+    tick: Tick | None = None,
+) -> None:
     """Compute some chunks of a job and store each."""
     from vibroimpact_service import encode
 
@@ -222,22 +238,22 @@ def solve(store_url: str, kind: str, request: str, result: str, indices: Sequenc
     pieces = _pieces(assignment)
     for index in indices:
         piece = pieces[index]
-        values = solver.solve(piece, solver.plan(piece))
+        values = solver.solve(piece, solver.plan(piece), tick)
         store.chunks.put(_chunk_name(result, index, len(pieces)), encode.freeze(values, {}))
 
 
-def join(store_url: str, kind: str, request: str, result: str, names: Sequence[str]) -> None:
+def join(store_url: str, kind: str, request: str, result: str, chunks: Sequence[Chunk]) -> None:
     """Put the chunks of a job together and store its result."""
     from vibroimpact_service import encode
 
     assignment, data = _known(store_url, kind, request)
     store, solver = Store(store_url), assignment.kind.solver
     parts = []
-    for name in names:
-        chunk = store.chunks.get(name)
-        if chunk is None:
-            raise FileNotFoundError("a chunk of the job is gone")
-        parts.append(encode.thaw(chunk, solver.Result))
+    for chunk in chunks:
+        block = store.chunks.get(chunk.name)
+        if block is None:
+            raise ChunkMissingError(chunk.name)
+        parts.append(encode.thaw(block, solver.Result))
     whole = solver.join(assignment.problem, assignment.plan, parts)
     keep(store, result, assignment, data, whole)
 
@@ -245,10 +261,21 @@ def join(store_url: str, kind: str, request: str, result: str, names: Sequence[s
 def explain(error: BaseException) -> dict[str, Any]:
     """Return the problem document of a job that failed."""
     problem = problems.of(error)
-    if problem.type is problems.INTERNAL:
+    if isinstance(error, WorkerLostError):
+        problem = ProblemError(problems.WORKER_LOST, problems.WORKER_LOST.about)
+    elif isinstance(error, DeadlineError):
+        problem = ProblemError(problems.DEADLINE, problems.DEADLINE.about)
+    elif problem.type is problems.INTERNAL:
         log.error("computation failed", exc_info=error)
     document: dict[str, Any] = problem.document("job").model_dump(mode="json")
     return document
 
 
-WORK: Final = Work(split=split, solve=solve, join=join, explain=explain)
+def prepare() -> None:
+    """Load the numerical libraries before the first job needs them."""
+    from vibroimpact_service import decode, encode
+
+    log.debug("prepared", modules=[decode.__name__, encode.__name__])
+
+
+WORK: Final = Work(split=split, solve=solve, join=join, explain=explain, prepare=prepare)

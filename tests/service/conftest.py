@@ -60,7 +60,6 @@ class Queue:
             total=1,
             attempts=0,
             reused=new.reused,
-            cancel_asked=False,
             created=1e9,
             started=None,
             finished=None,

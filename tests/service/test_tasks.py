@@ -11,6 +11,7 @@ import pytest
 from vibroimpact_schema.requests import ImpactModesRequest
 from vibroimpact_schema.systems import SystemReference
 from vibroimpact_service import digest, encode, problems, tasks
+from vibroimpact_service.jobs.work import ChunkMissingError
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
@@ -116,6 +117,6 @@ def test_lost_requests_and_chunks_are_errors(store: Store, request_body: dict[st
         tasks.split(store.url, KIND.name, "f" * 64, RESULT)
     _, name, _ = keep_request(store, request_body)
     names = tasks.split(store.url, KIND.name, name, RESULT)
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(ChunkMissingError):
         tasks.join(store.url, KIND.name, name, RESULT, names)
     assert not Path(store.url, "results").exists()

@@ -2,185 +2,375 @@
 
 from __future__ import annotations
 
+import math
 import queue
 import threading
 import time
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Collection, Iterator, Sequence
+from concurrent.futures import Future
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Final
 
 import structlog
 
-from vibroimpact_service.jobs import ledger
-from vibroimpact_service.jobs.engine import Engine, EngineUnavailableError, WorkerLostError
+from vibroimpact_service.jobs import calls, lease
+from vibroimpact_service.jobs.database import RecordsUnavailableError
+from vibroimpact_service.jobs.engine import BULK, FAST, Call, Engine, EngineUnavailableError
 from vibroimpact_service.jobs.records import JobRow
-from vibroimpact_service.jobs.work import Work
-from vibroimpact_service.jobs.writer import Writer
-from vibroimpact_service.store import Store
+from vibroimpact_service.jobs.shares import Shares
+from vibroimpact_service.jobs.work import Chunk, ChunkMissingError, Work, WorkerLostError
+from vibroimpact_service.jobs.writer import Operation, Writer
+from vibroimpact_service.store import Store, StoreFullError
 
 log = structlog.get_logger("vibroimpact.jobs")
 
-_IN_FLIGHT = 8  # bundles of one job given to the engine at a time
-_PROGRESS_SECONDS = 0.2
-_LOOK_SECONDS = 0.25  # how soon a cancelled job notices while nothing ends
-_FAST_SECONDS = 1.0  # planned work below it goes through the fast lane
+_PROGRESS_SECONDS: Final = 0.2
+_LOOK_SECONDS: Final = 0.25  # how soon a drive notices that it must stop while nothing ends
+_FAST_SECONDS: Final = 1.0  # planned work below it goes through the fast lane
+_BUNDLE_SECONDS: Final = 0.2
+_LARGEST_BUNDLE: Final = 1000
+_JOINS: Final = 3
+ALONE_TRIES: Final = 2
+_RETRY_SECONDS: Final = 0.5
+_LONGEST_DELAY: Final = 15.0
 
 
 class LeaseLostError(RuntimeError):
-    """Someone else drives the job now."""
+    """The job was ended by somebody, or is driven by somebody else now."""
 
 
-class StoppedError(RuntimeError):
-    """The job was cancelled, or the process is closing."""
+class ClosingError(RuntimeError):
+    """The process stops; another one goes on with the job."""
 
 
-class Drive:
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What all drives of a process share.
+
+    Parameters
+    ----------
+    me : str
+        Under which leases are held.
+    tell : callable
+        ``(jobs)``: these changed.
+    """
+
+    me: str
+    writer: Writer
+    engine: Engine
+    shares: Shares
+    store: Store
+    work: Work
+    tell: Callable[[Collection[str]], None]
+
+
+class Driver:
+    """What drives of every sort have in common: stopping, and durable reports."""
+
+    def __init__(self, held: Sequence[JobRow], around: Surroundings) -> None:
+        self.held = {job.id: job for job in held}
+        self.around = around
+        self._ours = set(self.held)
+        self._lost = threading.Event()
+        self._closing = threading.Event()
+
+    @property
+    def seconds(self) -> float:
+        """Planned work."""
+        return sum(job.seconds for job in self.held.values())
+
+    def lose(self, job: str) -> None:
+        """Say that the lease of a job is lost: nothing written about it would count."""
+        self._ours.discard(job)
+        if not self._ours:
+            self._lost.set()
+            self.poke()
+
+    def close(self) -> None:
+        """Say that the process stops."""
+        self._closing.set()
+        self.poke()
+
+    def poke(self) -> None:
+        """Let it look around."""
+
+    def check(self) -> None:
+        """Raise where it must stop."""
+        if self._lost.is_set():
+            raise LeaseLostError
+        if self._closing.is_set():
+            raise ClosingError
+
+    def write(self, operation: Operation) -> Any:
+        """Do something to the records, however long they cannot be reached.
+
+        Meanwhile the lease may run out and another replica take over, which the operation
+        will find out: it is fenced.
+        """
+        while True:
+            try:
+                return self.around.writer.submit(operation).result()
+            except (RecordsUnavailableError, StoreFullError):
+                self.check()
+                time.sleep(_RETRY_SECONDS)
+
+    @contextmanager
+    def quarantine(self) -> Iterator[None]:
+        """Wait until no other suspect is computed, and see to it that none is."""
+        lock = self.around.engine.quarantine
+        while not lock.acquire(timeout=_LOOK_SECONDS):
+            self.check()
+        try:
+            yield
+        finally:
+            lock.release()
+
+    def put_back(
+        self, held: Collection[str], seconds: float = 0.0, note: str | None = None
+    ) -> None:
+        """Queue jobs again."""
+        back = self.write(lease.put_back(self.around.me, held, seconds, note))
+        self.around.tell(back)
+
+
+class Drive(Driver):
     """The run of one job, in a thread of its own."""
 
-    def __init__(
-        self, job: JobRow, me: str, writer: Writer, engine: Engine, store: Store, work: Work,
-        changed: Callable[[str], None],
-    ) -> None:  # fmt: skip
+    def __init__(self, job: JobRow, around: Surroundings) -> None:
+        super().__init__([job], around)
         self.job = job
-        self._me, self._writer, self._engine = me, writer, engine
-        self._store, self._work, self._changed = store, work, changed
-        self.lost = threading.Event()
-        self.cancelled = threading.Event()
-        self.closing = threading.Event()
-        self._reported = 0.0
+        self._names = (around.store.url, job.kind, job.request, job.result)
+        self._lane = FAST if job.seconds < _FAST_SECONDS else BULK
+        self._ended: queue.SimpleQueue[Call | None] = queue.SimpleQueue()
+        self._reported: Future[bool] | None = None
+        self._reported_at = 0.0
+        self._calls = 0
+        self._kept = 0
+
+    def poke(self) -> None:
+        """Let it look around."""
+        self._ended.put(None)
 
     def run(self) -> None:
         """Drive the job to an end, or give it back."""
-        job = self.job
         try:
-            reused = self._store.results.has(job.result)
-            if not reused:
-                self._compute()
-            self._update(state="succeeded", phase="done", done=1, total=1, reused=reused)
+            self._drive()
         except LeaseLostError:
-            log.warning("lease lost", job=job.id)
-        except StoppedError:
-            if self.cancelled.is_set():
-                self._finish(state="cancelled", phase="done")
-            else:
-                self._finish(state="queued", phase="waiting")
-        except EngineUnavailableError:
-            self._finish(state="queued", phase="waiting")
+            log.info("job no longer ours", job=self.job.id)
+        except (ClosingError, EngineUnavailableError):
+            self._give_up(lambda: self.put_back(self.held))
+        except calls.PASSING as error:
+            delay = min(_LONGEST_DELAY, 0.5 * 2.0 ** min(self.job.attempts, 10))
+            note = str(error.strerror or error)
+            log.warning("job delayed", job=self.job.id, reason=note)
+            self._give_up(lambda: self.put_back(self.held, delay, note))
         except Exception as error:
-            log.info("job failed", job=job.id, error=type(error).__name__)
-            problem = self._work.explain(error)
-            self._finish(state="failed", phase="done", error=problem)
+            log.info("job failed", job=self.job.id, error=type(error).__name__)
+            problem = self.around.work.explain(error)
+            self._give_up(lambda: self._end(lease.fail(self.around.me, self.job.id, problem)))
 
-    def _compute(self) -> None:
-        job, url = self.job, self._store.url
-        self._update(phase="planning")
-        names = self._work.split(url, job.kind, job.request, job.result)
-        missing = [i for i, name in enumerate(names) if not self._store.chunks.has(name)]
+    def _give_up(self, report: Callable[[], None]) -> None:
+        try:
+            report()
+        except (LeaseLostError, ClosingError):
+            log.info("job left to its lease", job=self.job.id)
+
+    def _drive(self) -> None:
+        reused = self.around.store.results.sound(self.job.result)
+        if not reused:
+            self._report(phase="planning", wait=False)
+            for attempt in range(_JOINS):
+                chunks, missing = self._whole(calls.cut)
+                if attempt == 0:
+                    self._kept = len(chunks) - len(missing)
+                self._compute(chunks, missing)
+                try:
+                    self._whole(calls.join, chunks)
+                    break
+                except ChunkMissingError:
+                    if attempt == _JOINS - 1:
+                        raise
+        self._end(lease.succeed(self.around.me, [self.job.id], reused))
+
+    def _compute(self, chunks: Sequence[Chunk], missing: list[int]) -> None:
         if missing:
-            self._chunks(missing, len(names))
-        self._update(phase="joining", done=len(names), total=len(names))
-        self._work.join(url, job.kind, job.request, job.result, names)
-        for name in names:
-            self._store.chunks.remove(name)
+            _Sweep(self, chunks, missing).run()
+        self._report(phase="joining", done=len(chunks), total=len(chunks), wait=False)
 
-    def _chunks(self, missing: list[int], total: int) -> None:
-        """Compute the missing chunks, a bounded number of bundles at a time."""
-        job = self.job
-        lane = "fast" if job.seconds < _FAST_SECONDS else "bulk"
-        waiting = list(reversed(missing))
-        flying: dict[str, Any] = {}
-        ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        suspects: list[int] = []
-        done = total - len(missing)
+    def _end(self, operation: Operation) -> None:
+        ended = self.write(operation)
+        self.around.tell(ended)
+        if self.job.id not in ended:
+            raise LeaseLostError
+
+    def submit(self, lane: str, priority: int, function: Callable[..., Any], *args: Any) -> Call:
+        """Give a call to the workers; it comes to `next_ended` when it ended."""
+        self._calls += 1
+        # A key of an earlier attempt must not come back: Dask would take the call that was
+        # given up for this one.
+        key = f"{self.job.id}-{self.job.attempts}-{self._calls}"
+        engine, work = self.around.engine, self.around.work
+        return engine.submit(key, lane, priority, self._ended.put, function, work, *args)
+
+    def next_ended(self) -> list[Call]:
+        """Return calls that ended, after waiting a moment for the first."""
+        found = []
         try:
-            while waiting or flying:
-                self._check()
-                while waiting and len(flying) < _IN_FLIGHT:
-                    index = waiting.pop()
-                    # A key of an earlier attempt must not come back: Dask would take the
-                    # cancelled call for this one.
-                    key = f"{job.id}-{job.attempts}-{index}"
-                    arguments = (self._store.url, job.kind, job.request, job.result, [index])
-                    flying[key] = self._engine.submit(
-                        key, lane, job.priority, ended.put, self._work.solve, *arguments
-                    )
-                for future in _drain(ended):
-                    del flying[future.key]
-                    error = self._engine.outcome(future)
-                    future.release()
-                    if isinstance(error, WorkerLostError):
-                        suspects.append(int(future.key.rsplit("-", 1)[1]))
-                    elif error is not None:
-                        raise error
-                    else:
-                        done += 1
-                self._progress(done, total)
-        finally:
-            self._engine.forget(list(flying.values()))
-        for index in suspects:
-            self._alone(index)
-            done += 1
-            self._progress(done, total)
+            found.append(self._ended.get(timeout=_LOOK_SECONDS))
+            while True:
+                found.append(self._ended.get_nowait())
+        except queue.Empty:
+            return [call for call in found if call is not None]
 
-    def _alone(self, index: int) -> None:
-        """Compute a chunk that was there when workers died, with no other suspect beside it.
-
-        Dask blames whatever a dead worker held. Alone, only the guilty chunk fails again.
-        """
-        job = self.job
-        ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        while not self._engine.quarantine.acquire(timeout=_LOOK_SECONDS):
-            self._check()
-        try:
-            key = f"{job.id}-{job.attempts}-alone-{index}"
-            arguments = (self._store.url, job.kind, job.request, job.result, [index])
-            future = self._engine.submit(
-                key, "bulk", job.priority, ended.put, self._work.solve, *arguments
-            )
-            try:
-                while not _drain(ended):
-                    self._check()
-                error = self._engine.outcome(future)
-            finally:
-                self._engine.forget([future])
-        finally:
-            self._engine.quarantine.release()
+    def _whole(self, function: Callable[..., Any], *args: Any) -> Any:
+        """Call a function for the whole job and return its value."""
+        call = self.submit(self._lane, 0, function, self._names, *args)
+        error = self._outcome(call)
+        if isinstance(error, WorkerLostError):
+            return self.alone(function, *args)
         if error is not None:
             raise error
+        return self.around.engine.values([call])[0]
 
-    def _progress(self, done: int, total: int) -> None:
-        if time.monotonic() - self._reported > _PROGRESS_SECONDS:
-            self._reported = time.monotonic()
-            self._update(phase="computing", done=done, total=total)
+    def alone(self, function: Callable[..., Any], *args: Any) -> Any:
+        """Repeat a call that was there when workers died, with no other suspect beside it.
 
-    def _check(self) -> None:
-        if self.lost.is_set():
-            raise LeaseLostError
-        if self.cancelled.is_set() or self.closing.is_set():
-            raise StoppedError
+        Dask blames whatever a dead worker held. Alone, only the guilty call fails again; twice,
+        because a neighbour that is no suspect yet can be the one that kills.
+        """
+        with self.quarantine():
+            for _ in range(ALONE_TRIES):
+                call = self.submit(BULK, 0, function, self._names, *args)
+                error = self._outcome(call)
+                if not isinstance(error, WorkerLostError):
+                    break
+        if error is not None:
+            raise error
+        return self.around.engine.values([call])[0]
 
-    def _update(self, **values: Any) -> None:
-        self._check()
-        self._write(**values)
-
-    def _finish(self, **values: Any) -> None:
+    def _outcome(self, call: Call) -> BaseException | None:
         try:
-            self._write(**values)
-        except LeaseLostError:
-            log.warning("lease lost at the end", job=self.job.id)
+            while call not in self.next_ended():
+                self.check()
+        except BaseException:
+            self.around.engine.forget([call])
+            raise
+        return self.around.engine.error(call)
 
-    def _write(self, **values: Any) -> None:
-        mine = self._writer.submit(ledger.update(self._me, self.job.id, **values)).result()
-        if not mine:
-            raise LeaseLostError
-        self._changed(self.job.id)
+    def progress(self, done: int, total: int) -> None:
+        """Report how many chunks are there, now and then."""
+        if time.monotonic() - self._reported_at > _PROGRESS_SECONDS:
+            self._report(phase="computing", done=done, total=total, kept=self._kept, wait=False)
+
+    @property
+    def names(self) -> calls.Names:
+        """Store, kind, request and result of the job."""
+        return self._names
+
+    @property
+    def lane(self) -> str:
+        """The lane of its chunks."""
+        return self._lane
+
+    def _report(self, *, wait: bool, **values: Any) -> None:
+        """Record what the job does; the outcome is looked at when the next report is due."""
+        self.check()
+        self._reported_at = time.monotonic()
+        last = self._reported
+        if last is not None:
+            if not last.done():
+                return
+            if last.exception() is None and not last.result():
+                raise LeaseLostError
+        operation = lease.report(self.around.me, self.job.id, **values)
+        self._reported = self.around.writer.submit(operation)
+        self._reported.add_done_callback(lambda _: self.around.tell([self.job.id]))
 
 
-def _drain(ended: queue.SimpleQueue[Any]) -> list[Any]:
-    """Return what ended, waiting a moment for the first."""
-    found: list[Any] = []
-    try:
-        found.append(ended.get(timeout=_LOOK_SECONDS))
-        while True:
-            found.append(ended.get_nowait())
-    except queue.Empty:
-        return found
+class _Sweep:
+    """The computation of the missing chunks of a job, in bundles of about the same time."""
+
+    def __init__(self, drive: Drive, chunks: Sequence[Chunk], missing: list[int]) -> None:
+        self._drive, self._around = drive, drive.around
+        self._waiting = missing[::-1]
+        self._total = len(chunks)
+        self._done = self._total - len(missing)
+        self._flying: dict[str, tuple[Call, list[int]]] = {}
+        self._suspects: list[int] = []
+        planned = [chunks[i].seconds for i in missing if chunks[i].seconds > 0]
+        # Before the first bundle came back, the plan is all that is known.
+        self._seconds = sum(planned) / len(planned) if planned else _BUNDLE_SECONDS
+        self._measured = False
+
+    def run(self) -> None:
+        """Compute them all."""
+        owner, shares = self._drive.job.owner, self._around.shares
+        shares.enter(owner, self._drive.poke)
+        try:
+            while self._waiting or self._flying:
+                self._drive.check()
+                self._send(owner)
+                self._receive(self._drive.next_ended())
+                self._drive.progress(self._done, self._total)
+        finally:
+            self._around.engine.forget([call for call, _ in self._flying.values()])
+            for _ in self._flying:
+                shares.give(owner)
+            shares.leave(owner, self._drive.poke)
+        for index in self._suspects:
+            self._drive.alone(calls.compute, [index])
+            self._done += 1
+            self._drive.progress(self._done, self._total)
+
+    def _send(self, owner: str) -> None:
+        while self._waiting:
+            before = self._around.shares.take(owner)
+            if before is None:
+                return
+            size = self._bundle()
+            bundle = [self._waiting.pop() for _ in range(size)]
+            try:
+                # The first bundle of a user goes before the second one of any other.
+                call = self._drive.submit(
+                    self._drive.lane, -before, calls.compute, self._drive.names, bundle
+                )
+            except BaseException:
+                self._around.shares.give(owner)
+                raise
+            self._flying[call.key] = (call, bundle)
+
+    def _bundle(self) -> int:
+        """Return how many chunks the next call computes."""
+        size = min(_LARGEST_BUNDLE, max(1, int(_BUNDLE_SECONDS / self._seconds)))
+        if not self._measured:
+            size = min(size, 8)
+        # Towards the end smaller ones, so that all workers end at about the same time.
+        share = math.ceil(len(self._waiting) / (2 * max(1, self._around.engine.slots)))
+        return min(size, share)
+
+    def _receive(self, ended: Sequence[Call]) -> None:
+        well = []
+        for call in ended:
+            if call.key not in self._flying:
+                continue
+            _, bundle = self._flying[call.key]
+            error = self._around.engine.error(call)
+            if error is None:
+                well.append((call, bundle))
+                continue
+            del self._flying[call.key]
+            self._around.shares.give(self._drive.job.owner)
+            if not isinstance(error, WorkerLostError):
+                raise error
+            self._suspects += bundle
+        if not well:
+            return
+        seconds = self._around.engine.values([call for call, _ in well])
+        for (call, bundle), spent in zip(well, seconds, strict=True):
+            del self._flying[call.key]
+            self._around.shares.give(self._drive.job.owner)
+            self._done += len(bundle)
+            one = max(spent / len(bundle), 1e-5)
+            self._seconds = 0.5 * (self._seconds + one) if self._measured else one
+            self._measured = True

@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
+import time
 from collections.abc import Callable, Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Final
 
 import dask
 import structlog
-from distributed import Client, Future, LocalCluster, Security
+from distributed import Client, Future, LocalCluster, Security, WorkerPlugin, get_worker
 from distributed.scheduler import KilledWorker
 
+from vibroimpact_service.jobs.work import StoppedError, WorkerLostError, nothing
 from vibroimpact_service.settings import Settings
 
-# A worker is declared dead late: code that holds the GIL must not be mistaken for a corpse.
-_CONFIG = {
+FAST: Final = "fast"
+BULK: Final = "bulk"
+LANES: Final = (FAST, BULK)
+"""Every worker has one thread for each lane, so that quick work never waits for slow work."""
+
+CONFIG: Final[dict[str, Any]] = {
+    # A worker is declared dead late: code that holds the GIL must not be mistaken for a corpse.
     "distributed.scheduler.worker-ttl": "5 minutes",
-    "distributed.scheduler.allowed-failures": 2,
+    "distributed.scheduler.allowed-failures": 1,
     "distributed.comm.timeouts.tcp": "15s",
     "distributed.comm.timeouts.connect": "15s",
     "distributed.admin.tick.limit": "30s",
@@ -25,121 +34,176 @@ _CONFIG = {
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
 }
-LANES = ("fast", "bulk")
-_RETRY_SECONDS = 3.0
+_RETRY_SECONDS = 2.0
+_LOOK_SECONDS = 1.0
+_SEND_SECONDS = 0.002  # Dask collects messages to the scheduler for 10 ms otherwise
 
 log = structlog.get_logger("vibroimpact.engine")
 
 
 class EngineUnavailableError(RuntimeError):
-    """There are no workers to be had at the moment."""
+    """There are no workers to be had at the moment, or those there were went away."""
 
 
-class WorkerLostError(RuntimeError):
-    """A piece of work killed its worker again and again."""
+@dataclass(frozen=True, slots=True)
+class Call:
+    """A call that was given to the workers."""
+
+    key: str
+    future: Future
 
 
 class Engine:
-    """Runs functions in worker processes, in two lanes that do not wait for one another."""
+    """Runs functions in worker processes, in two lanes that do not wait for one another.
 
-    def __init__(self, settings: Settings) -> None:
-        self._settings = settings
+    Parameters
+    ----------
+    settings : Settings
+    prepare : callable
+        Called once in every worker as it starts, in a thread of its own.
+    """
+
+    def __init__(self, settings: Settings, prepare: Callable[[], None] = nothing) -> None:
+        self._settings, self._prepare = settings, prepare
         self._client: Client | None = None
         self._cluster: LocalCluster | None = None
-        self._ready = threading.Event()
         self._closing = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._stubborn: dict[str, float] = {}
+        self.slots = 0
         self.failure: str | None = None
         self.quarantine = threading.Lock()
-        self._thread: threading.Thread | None = None
 
     def start(self) -> None:
-        """Begin to start the workers, in the background."""
-        self._thread = threading.Thread(target=self._start, name="engine-start", daemon=True)
+        """Begin to start the workers, in the background, and keep up the connection to them."""
+        self._thread = threading.Thread(target=self._run, name="engine", daemon=True)
         self._thread.start()
 
     @property
     def ready(self) -> bool:
         """Whether work can be given to workers now."""
-        return (
-            self._ready.is_set()
-            and self._client is not None
-            and bool(self._client.status == "running")
-        )
-
-    def wait_ready(self, seconds: float) -> bool:
-        """Wait until there are workers; whether there are."""
-        return self._ready.wait(seconds)
+        return self.slots > 0
 
     def submit(
         self,
         key: str,
         lane: str,
         priority: int,
-        done: Callable[[Future], None],
+        ended: Callable[[Call], None],
         function: Callable[..., Any],
         *args: Any,
-    ) -> Future:
-        """Give one call to a worker; `done` is called with the future when it ended."""
-        if self._client is None or not self.ready:
+    ) -> Call:
+        """Give one call to a worker; it gets a `Tick` as its last argument.
+
+        Parameters
+        ----------
+        key : str
+            Never used before: Dask would take an abandoned call for this one.
+        lane : {"fast", "bulk"}
+        priority : int
+            Higher goes first.
+        ended : callable
+            Told when the call ended, however it did.
+        function : callable
+            Module-level.
+        *args : object
+
+        Raises
+        ------
+        EngineUnavailableError
+            Where there are no workers.
+        """
+        client = self._client
+        if client is None or not self.ready:
             raise EngineUnavailableError
-        future = self._client.submit(
-            function, *args, key=key, resources={lane: 1}, priority=priority, pure=False
+        future = client.submit(
+            _call, function, key, *args, key=key, resources={lane: 1}, priority=priority, pure=False
         )
-        future.add_done_callback(done)
-        return future
+        call = Call(key, future)
+        future.add_done_callback(lambda _: ended(call))
+        return call
 
     @staticmethod
-    def outcome(future: Future) -> BaseException | None:
-        """Return what a finished call raised, or None."""
+    def error(call: Call) -> BaseException | None:
+        """Return why an ended call failed, or None."""
+        future = call.future
         if future.status == "finished":
             return None
-        if future.status in ("cancelled", "lost"):
+        if future.status != "error":
             return EngineUnavailableError("the workers went away")
         error = future.exception(timeout=10)
         if isinstance(error, KilledWorker):
-            return WorkerLostError("the computation killed its worker")
+            return WorkerLostError("the computation killed its worker process")
         return error if isinstance(error, BaseException) else RuntimeError(repr(error))
 
-    @staticmethod
-    def forget(futures: Sequence[Future]) -> None:
-        """Cancel calls that nobody waits for any more."""
-        for future in futures:
-            future.cancel(force=True)
+    def values(self, calls: Sequence[Call]) -> list[Any]:
+        """Return what calls that ended well returned, and let go of them.
+
+        Raises
+        ------
+        EngineUnavailableError
+            Where the values went away with the workers that held them.
+        """
+        if self._client is None:
+            raise EngineUnavailableError
+        try:
+            found = self._client.gather([call.future for call in calls], errors="raise")
+        except Exception as error:
+            raise EngineUnavailableError("the values are gone") from error
+        for call in calls:
+            call.future.release()
+        return list(found)
+
+    def forget(self, calls: Sequence[Call]) -> None:
+        """Give up calls that nobody waits for any more.
+
+        Those under way notice by their tick. Where one still runs after a grace period, its
+        worker is started anew: what its neighbours lose is computed again.
+        """
+        client = self._client
+        if client is None or not calls:
+            return
+        deadline = time.monotonic() + self._settings.grace_seconds
+        self._stubborn |= {call.key: deadline for call in calls}
+        with contextlib.suppress(Exception):  # the client may be closing at this moment
+            client.cancel([call.future for call in calls], force=True)
 
     def close(self) -> None:
-        """Stop the workers that were started here."""
+        """Stop the workers that were started here, and leave the others."""
         self._closing.set()
         if self._thread is not None:
             self._thread.join(timeout=30)
-        self._ready.clear()
-        if self._client is not None:
-            self._client.close(timeout=5)
-        if self._cluster is not None:
-            self._cluster.close(timeout=10)
 
-    def _start(self) -> None:
+    def _run(self) -> None:
         logging.getLogger("distributed").setLevel(logging.ERROR)
-        dask.config.set(_CONFIG)
+        dask.config.set(CONFIG)
         while not self._closing.is_set():
             try:
-                if self._settings.scheduler is None:
-                    self._start_own()
-                else:
-                    self._connect(self._settings.scheduler)
+                self._client = self._connect()
+                self._keep_up(self._client)
             except Exception as error:
-                self.failure = f"{type(error).__name__}: {error}"
-                log.warning("the workers did not start", error=self.failure)
-                self._closing.wait(_RETRY_SECONDS)
-            else:
-                self.failure = None
-                self._ready.set()
-                return
+                self.failure = f"the workers cannot be reached: {type(error).__name__}: {error}"
+                log.warning("workers unavailable", error=self.failure)
+            self._disconnect()
+            self._closing.wait(_RETRY_SECONDS)
 
-    def _start_own(self) -> None:
-        security = Security.temporary()
-        self._cluster = LocalCluster(
+    def _connect(self) -> Client:
+        if self._settings.scheduler is None:
+            security = Security.temporary()
+            self._cluster = self._own_cluster(security)
+            client = Client(self._cluster, security=security, set_as_default=False)
+        else:
+            address, security = self._settings.scheduler, _security(self._settings)
+            client = Client(address, security=security, set_as_default=False, timeout="10s")
+        client.scheduler_comm.interval = _SEND_SECONDS
+        if self._prepare is not nothing:
+            client.register_plugin(_Preparation(self._prepare), name="vibroimpact-preparation")
+        return client
+
+    def _own_cluster(self, security: Security) -> LocalCluster:
+        return LocalCluster(
             n_workers=self._settings.workers,
-            threads_per_worker=self._settings.threads,
+            threads_per_worker=len(LANES),
             processes=True,
             host="127.0.0.1",
             protocol="tls://",
@@ -149,14 +213,79 @@ class Engine:
             worker_dashboard_address="127.0.0.1:0",
             silence_logs=logging.ERROR,
         )
-        self._client = Client(self._cluster, security=security, set_as_default=False)
 
-    def _connect(self, address: str) -> None:
-        settings = self._settings
-        security = Security(
-            tls_ca_file=str(settings.tls_ca),
-            tls_client_cert=str(settings.tls_cert),
-            tls_client_key=str(settings.tls_key),
-            require_encryption=True,
-        )
-        self._client = Client(address, security=security, set_as_default=False, timeout="60s")
+    def _keep_up(self, client: Client) -> None:
+        """Watch the connection until it breaks, and calls that do not stop."""
+        while not self._closing.is_set() and client.status == "running":
+            self.slots = len(client.nthreads())
+            self.failure = None if self.slots else "there are no workers"
+            self._stop_stubborn(client)
+            self._closing.wait(_LOOK_SECONDS if self.slots else _LOOK_SECONDS / 5)
+
+    def _stop_stubborn(self, client: Client) -> None:
+        now = time.monotonic()
+        late = {key for key, deadline in self._stubborn.items() if deadline < now}
+        if not late:
+            return
+        for key in late:
+            del self._stubborn[key]
+        running: dict[str, list[str]] = client.run(_executing, on_error="ignore")
+        workers = [address for address, keys in running.items() if late.intersection(keys)]
+        if workers:
+            log.warning("workers started anew: given-up calls did not stop", workers=workers)
+            client.restart_workers(workers, raise_for_error=False)
+
+    def _disconnect(self) -> None:
+        self.slots = 0
+        client, self._client = self._client, None
+        cluster, self._cluster = self._cluster, None
+        with contextlib.suppress(Exception):
+            if client is not None:
+                client.close(timeout=5)
+        with contextlib.suppress(Exception):
+            if cluster is not None:
+                cluster.close(timeout=10)
+
+
+def _security(settings: Settings) -> Security:
+    return Security(
+        tls_ca_file=str(settings.tls_ca),
+        tls_client_cert=str(settings.tls_cert),
+        tls_client_key=str(settings.tls_key),
+        require_encryption=True,
+    )
+
+
+def _call(function: Callable[..., Any], key: str, *args: Any) -> Any:
+    return function(*args, _WantedTick(key))
+
+
+class _WantedTick:
+    """Stops a call once the scheduler has told its worker that nobody wants it."""
+
+    _SECONDS = 0.05
+
+    def __init__(self, key: str) -> None:
+        self._key, self._tasks = key, get_worker().state.tasks
+        self._looked = time.monotonic()
+
+    def __call__(self, _done: int, _total: int, /) -> None:
+        now = time.monotonic()
+        if now - self._looked < self._SECONDS:
+            return
+        self._looked = now
+        task = self._tasks.get(self._key)
+        if task is None or task.state != "executing":
+            raise StoppedError
+
+
+class _Preparation(WorkerPlugin):  # type: ignore[misc]
+    def __init__(self, prepare: Callable[[], None]) -> None:
+        self._prepare = prepare
+
+    def setup(self, worker: Any) -> None:
+        threading.Thread(target=self._prepare, name="prepare", daemon=True).start()
+
+
+def _executing(dask_worker: Any) -> list[str]:
+    return [task.key for task in dask_worker.state.executing]

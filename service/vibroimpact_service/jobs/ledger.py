@@ -1,17 +1,24 @@
-"""What can be done to the records of jobs, each as one operation of a transaction."""
+"""What users do to the records of jobs: submit, look, list, cancel, pin."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import sqlalchemy as sa
+from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine import Connection
 
-from vibroimpact_service.jobs.records import FINAL, JobRow, idempotency, jobs, now, row
+from vibroimpact_service.jobs.database import now
+from vibroimpact_service.jobs.records import JobRow, idempotency, jobs, pins, row
 
-LEASE_SECONDS = 10.0
+QUICK_SECONDS: Final = 0.1
+"""Planned work up to which a job goes to the workers together with others."""
+
+# Literal, not bound: only then does a database see that the partial indices apply.
+QUEUED: Final = jobs.c.state == sa.literal_column("'queued'")
+RUNNING: Final = jobs.c.state == sa.literal_column("'running'")
 
 
 class KeyReusedError(ValueError):
@@ -20,7 +27,24 @@ class KeyReusedError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class NewJob:
-    """What is known of a job when it is submitted."""
+    """What is known of a job when it is submitted.
+
+    Parameters
+    ----------
+    id, owner, kind : str
+    request, result : str
+        Names in the store of what is asked and of what will answer it.
+    priority : int
+        Higher goes first among the jobs of the same owner.
+    seconds : float
+        Planned work.
+    reused : bool
+        Whether the result is there already.
+    key : str, optional
+        Idempotency key.
+    deadline : float, optional
+        Seconds from now after which the job fails, where it is not done.
+    """
 
     id: str
     owner: str
@@ -31,53 +55,90 @@ class NewJob:
     seconds: float
     reused: bool
     key: str | None = None
+    deadline: float | None = None
 
 
-def insert(new: NewJob) -> Callable[[Connection], JobRow]:
-    """Record a job; with an idempotency key, at most once."""
+def insert(news: Sequence[NewJob]) -> Callable[[Connection], list[JobRow]]:
+    """Record jobs; one with an idempotency key, at most once."""
 
-    def operation(connection: Connection) -> JobRow:
-        if new.key is not None:
-            earlier = _by_key(connection, new)
-            if earlier is not None:
-                return earlier
-        clock = now(connection)
-        state = "succeeded" if new.reused else "queued"
-        values = {
-            "id": new.id, "owner": new.owner, "kind": new.kind, "request": new.request,
-            "result": new.result, "state": state, "phase": "done" if new.reused else "waiting",
-            "priority": new.priority, "seconds": new.seconds, "done": int(new.reused),
-            "total": 1, "attempts": 0, "reused": new.reused, "cancel_asked": False,
-            "created": clock, "finished": clock if new.reused else None, "version": 1,
-        }  # fmt: skip
-        connection.execute(jobs.insert().values(values))
-        return fetch_one(connection, new.id)
+    def operation(connection: Connection) -> list[JobRow]:
+        earlier = {new.id: _earlier(connection, new) for new in news if new.key is not None}
+        fresh = [new for new in news if earlier.get(new.id) is None]
+        known = {job.id: job for job in _insert(connection, fresh)}
+        return [earlier.get(new.id) or known[new.id] for new in news]
 
     return operation
 
 
-def _by_key(connection: Connection, new: NewJob) -> JobRow | None:
-    where = (idempotency.c.owner == new.owner) & (idempotency.c.key == new.key)
-    found = connection.execute(idempotency.select().where(where)).one_or_none()
-    if found is None:
-        connection.execute(
-            idempotency.insert().values(
-                owner=new.owner,
-                key=new.key,
-                fingerprint=new.result,
-                job=new.id,
-                created=now(connection),
-            )
+def _insert(connection: Connection, news: Sequence[NewJob]) -> list[JobRow]:
+    clock = now(connection)
+    found: list[sa.Row[Any]] = []
+    for reused in (False, True):
+        values = [_values(new) for new in news if new.reused is reused]
+        if not values:
+            continue
+        # SQL expressions cannot stand in the rows of a bulk insertion, so they stand beside.
+        clocks: dict[str, Any] = {"created": clock}
+        if reused:
+            clocks["finished"] = clock
+        insertion = jobs.insert().values(**clocks).returning(*jobs.c)
+        found += connection.execute(insertion, values).all()
+    if any(new.deadline is not None for new in news):
+        found = _set_deadlines(connection, news)
+    return [row(each) for each in found]
+
+
+def _values(new: NewJob) -> dict[str, Any]:
+    return {
+        "id": new.id,
+        "owner": new.owner,
+        "kind": new.kind,
+        "request": new.request,
+        "result": new.result,
+        "state": "succeeded" if new.reused else "queued",
+        "phase": "done" if new.reused else "waiting",
+        "lane": "quick" if new.seconds <= QUICK_SECONDS else "bulk",
+        "priority": new.priority,
+        "seconds": new.seconds,
+        "done": int(new.reused),
+        "total": 1,
+        "kept": int(new.reused),
+        "attempts": 0,
+        "reused": new.reused,
+        "version": 1,
+    }
+
+
+def _set_deadlines(connection: Connection, news: Sequence[NewJob]) -> list[sa.Row[Any]]:
+    for new in news:
+        if new.deadline is not None and not new.reused:
+            until = jobs.c.created + new.deadline
+            connection.execute(jobs.update().where(jobs.c.id == new.id).values(deadline=until))
+    mine = jobs.c.id.in_([new.id for new in news])
+    return list(connection.execute(jobs.select().where(mine)).all())
+
+
+def _earlier(connection: Connection, new: NewJob) -> JobRow | None:
+    """Return the job that was submitted under the same key, or take the key for this one."""
+    dialect = postgresql if connection.dialect.name == "postgresql" else sqlite
+    taken = connection.execute(
+        dialect.insert(idempotency)
+        .values(
+            owner=new.owner,
+            key=new.key,
+            fingerprint=new.result,
+            job=new.id,
+            created=now(connection),
         )
+        .on_conflict_do_nothing()
+    )
+    if taken.rowcount:
         return None
+    where = (idempotency.c.owner == new.owner) & (idempotency.c.key == new.key)
+    found = connection.execute(idempotency.select().where(where)).one()
     if found.fingerprint != new.result:
         raise KeyReusedError
-    return fetch_one(connection, found.job)
-
-
-def fetch_one(connection: Connection, job: str) -> JobRow:
-    """Return the row of a job that is known to be there."""
-    return row(connection.execute(jobs.select().where(jobs.c.id == job)).one())
+    return row(connection.execute(jobs.select().where(jobs.c.id == found.job)).one())
 
 
 def find(connection: Connection, owner: str, job: str) -> JobRow | None:
@@ -103,118 +164,80 @@ def page(
     return [row(each) for each in found]
 
 
-def ahead(connection: Connection, job: JobRow) -> int:
-    """Return how many queued jobs go before a queued one."""
-    before = (jobs.c.priority > job.priority) | (
-        (jobs.c.priority == job.priority) & (jobs.c.seq < job.seq)
-    )
-    where = (jobs.c.state == "queued") & before
-    return int(connection.execute(sa.select(sa.func.count()).where(where)).scalar_one())
+def ahead(connection: Connection, asked: Sequence[JobRow]) -> dict[str, int]:
+    """Return how many queued jobs go before each of some queued ones.
 
-
-def claim(me: str, limit: int, busy: dict[str, int]) -> Callable[[Connection], list[JobRow]]:
-    """Take over jobs that are queued or whose lease ran out, and lease them.
-
-    Owners with fewer jobs under way (`busy`) go first, then priority, then age. A job whose
-    result another one is computing waits for it.
+    They are counted over the records that lie between neighbours, so that a page of jobs
+    costs no more than its last one.
     """
-
-    def operation(connection: Connection) -> list[JobRow]:
-        clock = now(connection)
-        other = jobs.alias()
-        computing = sa.exists().where(
-            (other.c.result == jobs.c.result)
-            & (other.c.state == "running")
-            & (other.c.id != jobs.c.id)
-            & (other.c.lease_until >= clock)
-        )
-        free = (jobs.c.state == "queued") | (
-            (jobs.c.state == "running") & (jobs.c.lease_until < clock)
-        )
-        load = sa.case(busy, value=jobs.c.owner, else_=0) if busy else sa.literal(0)
-        query = (
-            jobs.select()
-            .where(free & ~computing)
-            .order_by(load, jobs.c.priority.desc(), jobs.c.seq)
-            .limit(limit)
-            .with_for_update(skip_locked=True)
-        )
-        taken: list[JobRow] = []
-        results: set[str] = set()
-        for found in connection.execute(query).all():
-            job = row(found)
-            if job.result in results:
-                continue
-            results.add(job.result)
-            values = {
-                "state": "running", "phase": "starting", "attempts": job.attempts + 1,
-                "started": sa.func.coalesce(jobs.c.started, clock), "lease_owner": me,
-                "lease_until": clock + LEASE_SECONDS, "version": jobs.c.version + 1,
-            }  # fmt: skip
-            connection.execute(jobs.update().where(jobs.c.id == job.id).values(values))
-            taken.append(fetch_one(connection, job.id))
-        return taken
-
-    return operation
+    found = {}
+    for priority in {job.priority for job in asked}:
+        alike = sorted((j for j in asked if j.priority == priority), key=lambda j: j.seq)
+        counted = _count(connection, jobs.c.priority > priority)
+        last = 0
+        for job in alike:
+            between = (jobs.c.seq >= last) & (jobs.c.seq < job.seq)
+            counted += _count(connection, (jobs.c.priority == priority) & between)
+            found[job.id], last = counted, job.seq
+    return found
 
 
-def renew(me: str) -> Callable[[Connection], set[str]]:
-    """Prolong all leases of mine; return the jobs that are still mine."""
-
-    def operation(connection: Connection) -> set[str]:
-        mine = (jobs.c.lease_owner == me) & (jobs.c.state == "running")
-        until = now(connection) + LEASE_SECONDS
-        connection.execute(jobs.update().where(mine).values(lease_until=until))
-        return set(connection.execute(sa.select(jobs.c.id).where(mine)).scalars())
-
-    return operation
+def _count(connection: Connection, where: sa.ColumnElement[bool]) -> int:
+    query = sa.select(sa.func.count()).select_from(jobs).where(QUEUED, where)
+    return int(connection.execute(query).scalar_one())
 
 
-def update(me: str, job: str, **values: Any) -> Callable[[Connection], bool]:
-    """Change a running job, provided that the lease is mine; whether it was."""
-
-    def operation(connection: Connection) -> bool:
-        mine = (jobs.c.id == job) & (jobs.c.lease_owner == me) & (jobs.c.state == "running")
-        changes = dict(values)
-        if changes.get("state") in FINAL:
-            changes["finished"] = now(connection)
-        if changes.get("state") is not None:
-            changes |= {"lease_owner": None, "lease_until": None}
-        change = jobs.update().where(mine).values(version=jobs.c.version + 1, **changes)
-        return bool(connection.execute(change).rowcount)
-
-    return operation
+def versions(connection: Connection, asked: Sequence[str]) -> dict[str, int]:
+    """Return the version of each of some jobs."""
+    query = sa.select(jobs.c.id, jobs.c.version).where(jobs.c.id.in_(asked))
+    return {each.id: each.version for each in connection.execute(query)}
 
 
 def cancel(owner: str, job: str) -> Callable[[Connection], JobRow | None]:
-    """Cancel a queued job at once, ask a running one to stop; anything final stays."""
+    """Cancel a job that is not final, at once: whoever computes it has lost its lease."""
 
     def operation(connection: Connection) -> JobRow | None:
-        mine = (jobs.c.id == job) & (jobs.c.owner == owner)
+        where = (jobs.c.id == job) & (jobs.c.owner == owner) & (QUEUED | RUNNING)
         connection.execute(
             jobs.update()
-            .where(mine & (jobs.c.state == "queued"))
+            .where(where)
             .values(
                 state="cancelled",
                 phase="done",
+                note=None,
+                lease_owner=None,
+                lease_until=None,
                 finished=now(connection),
                 version=jobs.c.version + 1,
             )
-        )
-        connection.execute(
-            jobs.update()
-            .where(mine & (jobs.c.state == "running") & ~jobs.c.cancel_asked)
-            .values(cancel_asked=True, phase="stopping", version=jobs.c.version + 1)
         )
         return find(connection, owner, job)
 
     return operation
 
 
-def release_all(connection: Connection) -> None:
-    """Queue every running job again: for a start at which nobody else can be running them."""
-    values = {
-        "state": "queued", "phase": "waiting", "lease_owner": None, "lease_until": None,
-        "version": jobs.c.version + 1,
-    }  # fmt: skip
-    connection.execute(jobs.update().where(jobs.c.state == "running").values(values))
+def pin(owner: str, result: str) -> Callable[[Connection], None]:
+    """Keep a result for as long as the pin is there."""
+
+    def operation(connection: Connection) -> None:
+        dialect = postgresql if connection.dialect.name == "postgresql" else sqlite
+        values = {"owner": owner, "result": result, "created": now(connection)}
+        connection.execute(dialect.insert(pins).values(**values).on_conflict_do_nothing())
+
+    return operation
+
+
+def unpin(owner: str, result: str) -> Callable[[Connection], bool]:
+    """Take a pin away; whether there was one."""
+
+    def operation(connection: Connection) -> bool:
+        where = (pins.c.owner == owner) & (pins.c.result == result)
+        return bool(connection.execute(pins.delete().where(where)).rowcount)
+
+    return operation
+
+
+def pinned(connection: Connection, owner: str) -> list[str]:
+    """Return the results that an owner pinned, oldest pin first."""
+    query = sa.select(pins.c.result).where(pins.c.owner == owner).order_by(pins.c.created)
+    return list(connection.execute(query).scalars())

@@ -7,31 +7,40 @@ import fcntl
 import os
 import socket
 import uuid
-from collections import Counter
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import IO, TypeVar
+from typing import IO, Any, Final, TypeVar
 
 import structlog
 from sqlalchemy.engine import Connection
 
-from vibroimpact_service.jobs import ledger
-from vibroimpact_service.jobs.drive import Drive
+from vibroimpact_service.jobs import lease, ledger
+from vibroimpact_service.jobs.database import failing, open_database, reader
+from vibroimpact_service.jobs.drive import Drive, Driver, Surroundings
 from vibroimpact_service.jobs.engine import Engine
+from vibroimpact_service.jobs.group import Group
 from vibroimpact_service.jobs.ledger import NewJob
-from vibroimpact_service.jobs.records import JobRow, open_database
-from vibroimpact_service.jobs.work import Work
+from vibroimpact_service.jobs.records import JobRow
+from vibroimpact_service.jobs.retention import Retention
+from vibroimpact_service.jobs.shares import Shares
+from vibroimpact_service.jobs.watch import Watch
+from vibroimpact_service.jobs.work import DeadlineError, Work
 from vibroimpact_service.jobs.writer import Writer
 from vibroimpact_service.settings import Settings
-from vibroimpact_service.store import Store
+from vibroimpact_service.store import Store, StoreFullError
 
 log = structlog.get_logger("vibroimpact.jobs")
 
 Value = TypeVar("Value")
 
-_RENEW_SECONDS = 2.5
-_LOOK_SECONDS = 1.0  # how often records that others changed are looked at
+_RENEW_SECONDS: Final = 2.5
+_LOOK_SECONDS: Final = 1.0  # how often jobs that others left behind are looked for
+_SIGN_OF_LIFE_SECONDS: Final = 10.0
+_GROUPS: Final = 2  # groups of quick jobs per worker: one computed, one ready behind it
+_MOST_GROUPS: Final = 32
+_GROUP_JOBS: Final = 64
+_GROUP_SECONDS: Final = 0.1
 
 
 class DataInUseError(RuntimeError):
@@ -52,27 +61,44 @@ class JobQueue:
     def __init__(self, settings: Settings, store: Store, work: Work) -> None:
         self._settings, self._store, self._work = settings, store, work
         self._me = f"{socket.gethostname()}-{os.getpid()}-{uuid.uuid4().hex[:8]}"[-64:]
-        self.engine = Engine(settings)
-        self._drives: dict[str, Drive] = {}
-        self._threads = ThreadPoolExecutor(settings.driven_jobs, "drive")
+        self.engine = Engine(settings, work.prepare)
+        self._drivers: set[Driver] = set()
+        self._threads = ThreadPoolExecutor(settings.driven_jobs + _MOST_GROUPS, "drive")
         self._readers = ThreadPoolExecutor(4, "records")
-        self._watchers: dict[str, set[asyncio.Event]] = {}
         self._wake = asyncio.Event()
         self._tasks: list[asyncio.Task[None]] = []
         self._closing = False
         self._lock: IO[str] | None = None
 
     async def start(self) -> None:
-        """Open the records, begin to start the workers and take up unfinished jobs."""
+        """Open the records, begin to start the workers and take up unfinished jobs.
+
+        Raises
+        ------
+        DataInUseError
+            Where another service runs on the data folder.
+        """
         self._loop = asyncio.get_running_loop()
         if self._settings.database is None:
             self._lock = _lock(self._settings.data)
-        self._database = await asyncio.to_thread(open_database, self._settings.database_url)
-        self._writer = Writer(self._database)
-        if self._lock is not None:
-            await self._write(ledger.release_all)
         self.engine.start()
-        self._tasks = [asyncio.create_task(self._claim()), asyncio.create_task(self._renew())]
+        try:
+            database = await asyncio.to_thread(open_database, self._settings.database_url)
+        except BaseException:
+            await asyncio.to_thread(self.engine.close)
+            raise
+        self._database, self._reader = database, reader(database)
+        self._writer = Writer(database)
+        if self._lock is not None:
+            await self._write(lease.release_all)
+        self._watch = Watch(self._versions)
+        self._around = Surroundings(
+            self._me, self._writer, self.engine, Shares(lambda: self.engine.slots), self._store,
+            self._work, self._watch.tell,
+        )  # fmt: skip
+        retention = Retention(self._settings, self._store, self._writer, self._reader)
+        loops = (self._claim(), self._renew(), self._watch.look(), retention.loop())
+        self._tasks = [asyncio.create_task(loop) for loop in loops]
 
     async def close(self) -> None:
         """Give unfinished jobs back, stop the workers, close the records."""
@@ -81,8 +107,8 @@ class JobQueue:
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
-        for drive in list(self._drives.values()):
-            drive.closing.set()
+        for driver in tuple(self._drivers):
+            driver.close()
         await asyncio.to_thread(self._threads.shutdown)
         await asyncio.to_thread(self.engine.close)
         await asyncio.to_thread(self._writer.close)
@@ -98,10 +124,18 @@ class JobQueue:
         ------
         KeyReusedError
             Where the idempotency key was used for something else.
+        RecordsUnavailableError
+            Where the database cannot be reached.
+        StoreFullError
+            Where it has no room.
         """
-        job = await self._write(ledger.insert(new))
+        return (await self.submit_many([new]))[0]
+
+    async def submit_many(self, news: Sequence[NewJob]) -> list[JobRow]:
+        """Record jobs, all or none, and return their rows in the same order; as `submit`."""
+        jobs = await self._write(ledger.insert(news))
         self._wake.set()
-        return job
+        return jobs
 
     async def get(self, owner: str, job: str) -> JobRow | None:
         """Return a job of that owner, or None."""
@@ -109,7 +143,14 @@ class JobQueue:
 
     async def position(self, job: JobRow) -> int:
         """Return how many jobs go before a queued one."""
-        return await self._read(lambda connection: ledger.ahead(connection, job))
+        return (await self.positions([job]))[job.id]
+
+    async def positions(self, jobs: Sequence[JobRow]) -> dict[str, int]:
+        """Return how many jobs go before each of those jobs that are queued."""
+        queued = [job for job in jobs if job.state == "queued"]
+        if not queued:
+            return {}
+        return await self._read(lambda connection: ledger.ahead(connection, queued))
 
     async def list(
         self, owner: str, state: str | None, kind: str | None, before: int | None, limit: int
@@ -120,19 +161,32 @@ class JobQueue:
         )
 
     async def cancel(self, owner: str, job: str) -> JobRow | None:
-        """Cancel a job; return it, or None where there is none of that owner."""
+        """Cancel a job; return it, or None where there is none of that owner.
+
+        It is cancelled when this returns. What is being computed for it stops soon after.
+        """
         found = await self._write(ledger.cancel(owner, job))
-        if found is not None and found.cancel_asked and job in self._drives:
-            self._drives[job].cancelled.set()
-        self._notify(job)
+        if found is not None and found.final:
+            self._lose({job})
+            self._watch.tell([job])
         return found
+
+    async def pin(self, owner: str, result: str) -> None:
+        """Keep a result, whatever its age and the size of the store."""
+        await self._write(ledger.pin(owner, result))
+
+    async def unpin(self, owner: str, result: str) -> bool:
+        """Let a result go when its time comes; whether it was pinned."""
+        return await self._write(ledger.unpin(owner, result))
+
+    async def pinned(self, owner: str) -> Sequence[str]:
+        """Return the results that an owner pinned."""
+        return await self._read(lambda connection: ledger.pinned(connection, owner))
 
     async def wait(self, owner: str, job: str, version: int, seconds: float) -> JobRow | None:
         """Return a job once it changed since that version, is final, or time is over."""
-        changed = asyncio.Event()
-        self._watchers.setdefault(job, set()).add(changed)
         deadline = self._loop.time() + seconds
-        try:
+        with self._watch.on(job) as changed:
             while True:
                 changed.clear()
                 found = await self.get(owner, job)
@@ -140,14 +194,9 @@ class JobQueue:
                 if found is None or found.final or found.version != version or left <= 0:
                     return found
                 try:
-                    # Another replica may drive it, so look now and then without being told.
-                    await asyncio.wait_for(changed.wait(), min(left, _LOOK_SECONDS))
+                    await asyncio.wait_for(changed.wait(), left)
                 except TimeoutError:
                     continue
-        finally:
-            self._watchers[job].discard(changed)
-            if not self._watchers[job]:
-                del self._watchers[job]
 
     async def finished(self, owner: str, job: str, seconds: float) -> JobRow | None:
         """Return a job once it is final or time is over."""
@@ -161,7 +210,7 @@ class JobQueue:
     async def events(self, owner: str, job: str, version: int) -> AsyncIterator[JobRow | None]:
         """Yield a job whenever it changed since a version, to its end; None as a sign of life."""
         while True:
-            found = await self.wait(owner, job, version, 10.0)
+            found = await self.wait(owner, job, version, _SIGN_OF_LIFE_SECONDS)
             if found is None:
                 return
             yield found if found.version != version else None
@@ -173,8 +222,13 @@ class JobQueue:
         """Return why a job does not run yet, in words."""
         if job.state != "queued":
             return None
+        if job.note is not None:
+            return job.note
         if not self.engine.ready:
             return self.engine.failure or "the workers are starting"
+        driven = (each for driver in tuple(self._drivers) for each in driver.held.values())
+        if any(each.result == job.result for each in driven):
+            return "an equal job is being computed; this one gets the same result"
         return f"{position} jobs are in front of it" if position else "it is next"
 
     @property
@@ -183,78 +237,90 @@ class JobQueue:
         return not any(task.done() for task in self._tasks)
 
     async def _claim(self) -> None:
-        while not await asyncio.to_thread(self.engine.wait_ready, 0.1):
-            await asyncio.sleep(0.05)
         # Before Python 3.12 wait_for can swallow a cancellation, hence the flag beside it.
         while not self._closing:
             self._wake.clear()
-            room = self._settings.driven_jobs - len(self._drives)
-            if room > 0 and self.engine.ready:
-                busy = dict(Counter(drive.job.owner for drive in self._drives.values()))
-                try:
-                    taken = await self._write(ledger.claim(self._me, room, busy))
-                except Exception:
-                    log.exception("claim failed")
-                    taken = []
-                for job in taken:
-                    self._drive(job)
+            if self.engine.ready:
+                await asyncio.gather(self._claim_bulk(), self._claim_quick())
             try:
-                await asyncio.wait_for(self._wake.wait(), _LOOK_SECONDS)
+                # Until there are workers, look often whether they have come.
+                pause = _LOOK_SECONDS if self.engine.ready else 0.05
+                await asyncio.wait_for(self._wake.wait(), pause)
             except TimeoutError:
                 continue
 
-    def _drive(self, job: JobRow) -> None:
-        drive = Drive(
-            job, self._me, self._writer, self.engine, self._store, self._work, self._changed
-        )
-        if job.cancel_asked:
-            drive.cancelled.set()
-        self._drives[job.id] = drive
-        self._notify(job.id)
-        future = self._loop.run_in_executor(self._threads, drive.run)
-        future.add_done_callback(lambda _: self._driven(job.id))
+    async def _claim_bulk(self) -> None:
+        room = self._settings.driven_jobs - self._count(Drive)
+        for job in await self._take("bulk", room, float("inf")):
+            self._drive(Drive(job, self._around))
 
-    def _driven(self, job: str) -> None:
-        self._drives.pop(job, None)
+    async def _claim_quick(self) -> None:
+        groups = min(_GROUPS * self.engine.slots, _MOST_GROUPS) - self._count(Group)
+        jobs = await self._take("quick", groups * _GROUP_JOBS, groups * _GROUP_SECONDS)
+        for i in range(min(groups, len(jobs))):
+            self._drive(Group(jobs[i::groups], self._around))
+
+    def _count(self, sort: type[Driver]) -> int:
+        return sum(isinstance(driver, sort) for driver in self._drivers)
+
+    async def _take(self, lane: str, room: int, seconds: float) -> Sequence[JobRow]:
+        if room <= 0:
+            return []
+        try:
+            return await self._write(lease.claim(self._me, lane, room, seconds))
+        except (ConnectionError, StoreFullError) as error:
+            log.warning("no jobs can be claimed", error=str(error))
+            return []
+        except Exception:
+            log.exception("claim failed")
+            return []
+
+    def _drive(self, driver: Drive | Group) -> None:
+        self._drivers.add(driver)
+        self._watch.tell(driver.held)
+        future = self._loop.run_in_executor(self._threads, driver.run)
+        future.add_done_callback(lambda done: self._driven(driver, done))
+
+    def _driven(self, driver: Driver, done: asyncio.Future[None]) -> None:
+        self._drivers.discard(driver)
         self._wake.set()
+        if not done.cancelled() and (error := done.exception()) is not None:
+            log.error("a drive broke off; its lease will run out", exc_info=error)
+
+    def _lose(self, lost: Collection[str]) -> None:
+        for driver in tuple(self._drivers):
+            for job in lost:
+                if job in driver.held:
+                    driver.lose(job)
 
     async def _renew(self) -> None:
         while not self._closing:
             await asyncio.sleep(_RENEW_SECONDS)
-            driven = set(self._drives)
-            if not driven:
-                continue
             try:
-                mine = await self._write(ledger.renew(self._me))
+                overdue = await self._write(lease.fail_overdue(self._overdue))
+                self._watch.tell(overdue)
+                held = {job for driver in self._drivers for job in driver.held}
+                if held:
+                    mine = await self._write(lease.renew(self._me, held))
+                    self._lose(held - mine)
+            except (ConnectionError, StoreFullError) as error:
+                log.warning("leases cannot be renewed", error=str(error))
             except Exception:
                 log.exception("renewal failed")
-                continue
-            for job in driven - mine:
-                if job in self._drives:
-                    self._drives[job].lost.set()
-            await self._pass_on_cancellations()
 
-    async def _pass_on_cancellations(self) -> None:
-        """Stop jobs whose cancellation was asked of another replica."""
-        for job, drive in list(self._drives.items()):
-            found = await self.get(drive.job.owner, job)
-            if found is not None and found.cancel_asked:
-                drive.cancelled.set()
+    @property
+    def _overdue(self) -> dict[str, Any]:
+        return self._work.explain(DeadlineError("the job was not done by its deadline"))
 
-    def _changed(self, job: str) -> None:
-        if not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(self._notify, job)
-
-    def _notify(self, job: str) -> None:
-        for event in self._watchers.get(job, ()):
-            event.set()
+    async def _versions(self, jobs: Sequence[str]) -> dict[str, int]:
+        return await self._read(lambda connection: ledger.versions(connection, jobs))
 
     async def _write(self, operation: Callable[[Connection], Value]) -> Value:
         return await asyncio.wrap_future(self._writer.submit(operation))
 
     async def _read(self, query: Callable[[Connection], Value]) -> Value:
         def run() -> Value:
-            with self._database.connect() as connection:
+            with failing(), self._reader.connect() as connection:
                 return query(connection)
 
         return await self._loop.run_in_executor(self._readers, run)

@@ -1,16 +1,12 @@
-"""The tables of jobs: their columns, how they are opened and brought up to date."""
+"""The tables of jobs: their columns, and their rows as values."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Final
 
 import sqlalchemy as sa
-from alembic import command
-from alembic.config import Config
-from sqlalchemy.engine import Connection, Engine, make_url
 
 metadata = sa.MetaData()
 
@@ -31,14 +27,18 @@ jobs = sa.Table(
     sa.Column("total", sa.Integer),
     sa.Column("attempts", sa.Integer),
     sa.Column("reused", sa.Boolean),
-    sa.Column("cancel_asked", sa.Boolean),
     sa.Column("created", sa.Float),
     sa.Column("started", sa.Float),
     sa.Column("finished", sa.Float),
     sa.Column("lease_owner", sa.String(64)),
     sa.Column("lease_until", sa.Float),
     sa.Column("version", sa.Integer),
-    sa.Column("error", sa.JSON),
+    sa.Column("error", sa.JSON(none_as_null=True)),
+    sa.Column("lane", sa.String(8)),
+    sa.Column("kept", sa.Integer),
+    sa.Column("deadline", sa.Float),
+    sa.Column("retry_at", sa.Float),
+    sa.Column("note", sa.String(200)),
 )
 
 idempotency = sa.Table(
@@ -51,12 +51,38 @@ idempotency = sa.Table(
     sa.Column("created", sa.Float),
 )
 
+pins = sa.Table(
+    "pins",
+    metadata,
+    sa.Column("owner", sa.String(80), primary_key=True),
+    sa.Column("result", sa.String(64), primary_key=True),
+    sa.Column("created", sa.Float),
+)
+
 FINAL: Final = ("succeeded", "failed", "cancelled")
 
 
 @dataclass(frozen=True, slots=True)
 class JobRow:
-    """One row of the table of jobs; times are seconds since 1970 by the database's clock."""
+    """One row of the table of jobs; times are seconds since 1970 by the database's clock.
+
+    Parameters
+    ----------
+    version : int
+        Grows with every change that a client may care about.
+    done, total : int
+        Chunks that are there, and chunks altogether.
+    kept : int
+        Chunks that were there before the job began.
+    reused : bool
+        Whether the whole result was there already, or was computed for an equal job.
+    lane : str
+        "quick" jobs go to the workers several at a time, "bulk" ones chunk by chunk.
+    retry_at : float, optional
+        Not to be tried again before.
+    note : str, optional
+        Why it has to wait, where the queue itself is not the reason.
+    """
 
     seq: int
     id: str
@@ -72,7 +98,6 @@ class JobRow:
     total: int
     attempts: int
     reused: bool
-    cancel_asked: bool
     created: float
     started: float | None
     finished: float | None
@@ -80,6 +105,11 @@ class JobRow:
     lease_until: float | None
     version: int
     error: dict[str, Any] | None
+    lane: str = "bulk"
+    kept: int = 0
+    deadline: float | None = None
+    retry_at: float | None = None
+    note: str | None = None
 
     @property
     def final(self) -> bool:
@@ -93,42 +123,3 @@ def row(found: sa.Row[Any]) -> JobRow:
     if isinstance(values["error"], str):
         values["error"] = json.loads(values["error"])
     return JobRow(**values)
-
-
-def open_database(url: str) -> Engine:
-    """Open the database and bring its tables up to date."""
-    address = make_url(url)
-    if address.get_backend_name() == "sqlite" and address.database:
-        Path(address.database).parent.mkdir(parents=True, exist_ok=True)
-    engine = sa.create_engine(address, pool_pre_ping=True)
-    if engine.dialect.name == "sqlite":
-        sa.event.listen(engine, "connect", _prepare_sqlite)
-    migrate(engine)
-    return engine
-
-
-def migrate(engine: Engine) -> None:
-    """Apply the migrations that the database lacks."""
-    config = Config()
-    config.set_main_option("script_location", str(Path(__file__).with_name("migrations")))
-    config.set_main_option("path_separator", "os")
-    with engine.begin() as connection:
-        if engine.dialect.name == "postgresql":
-            # Replicas that start together must not migrate together.
-            connection.execute(sa.text("SELECT pg_advisory_xact_lock(7309453)"))
-        config.attributes["connection"] = connection
-        command.upgrade(config, "head")
-
-
-def _prepare_sqlite(connection: Any, _record: Any) -> None:
-    cursor = connection.cursor()
-    for pragma in ("journal_mode=WAL", "synchronous=FULL", "busy_timeout=10000"):
-        cursor.execute(f"PRAGMA {pragma}")
-    cursor.close()
-
-
-def now(connection: Connection) -> sa.ColumnElement[float]:
-    """Return the database's clock as an expression: leases compare no two machines' clocks."""
-    if connection.dialect.name == "sqlite":
-        return sa.literal_column("((julianday('now') - 2440587.5) * 86400.0)", sa.Float)
-    return sa.literal_column("extract(epoch from clock_timestamp())::float8", sa.Float)

@@ -6,12 +6,17 @@ import queue
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from sqlalchemy.engine import Connection, Engine
 
+from vibroimpact_service.jobs.database import RecordsUnavailableError, failing
+from vibroimpact_service.store import StoreFullError
+
 Value = TypeVar("Value")
-_MOST = 200
+_MOST: Final = 200
+
+Operation = Callable[[Connection], Any]
 
 
 class Writer:
@@ -23,7 +28,7 @@ class Writer:
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
-        self._waiting: queue.SimpleQueue[tuple[Callable[[Connection], Any], Future[Any]] | None]
+        self._waiting: queue.SimpleQueue[tuple[Operation, Future[Any]] | None]
         self._waiting = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._run, name="record-writer", daemon=True)
         self._thread.start()
@@ -55,10 +60,15 @@ class Writer:
             if item is None:
                 return
 
-    def _commit(self, group: list[tuple[Callable[[Connection], Any], Future[Any]]]) -> None:
+    def _commit(self, group: list[tuple[Operation, Future[Any]]]) -> None:
         try:
-            with self._engine.begin() as connection:
+            with failing(), self._engine.begin() as connection:
                 values = [operation(connection) for operation, _ in group]
+        except (RecordsUnavailableError, StoreFullError) as error:
+            # It is nobody's fault in particular: trying each alone would only take longer.
+            for _, future in group:
+                future.set_exception(error)
+            return
         except Exception as error:
             if len(group) == 1:
                 group[0][1].set_exception(error)

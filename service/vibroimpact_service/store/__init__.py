@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from vibroimpact_service.store.content import ContentStore, StoreFullError
+from vibroimpact_service.store.content import (
+    ContentStore,
+    Entry,
+    StoreFullError,
+    StoreUnavailableError,
+)
 
-__all__ = ["ContentStore", "Store", "StoreFullError"]
+__all__ = ["ContentStore", "Entry", "Store", "StoreFullError", "StoreUnavailableError"]
 
 
 class Store:
@@ -20,5 +25,5 @@ class Store:
         self.url = url
         self.requests = ContentStore(url, "requests")
         self.systems = ContentStore(url, "systems")
-        self.chunks = ContentStore(url, "chunks")
+        self.chunks = ContentStore(url, "chunks", durable=False)
         self.results = ContentStore(url, "results")

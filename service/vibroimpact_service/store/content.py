@@ -7,16 +7,35 @@ import hashlib
 import os
 import re
 import uuid
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from datetime import datetime
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import fsspec
 from fsspec.implementations.local import LocalFileSystem
 
 _NAME = re.compile(r"[0-9a-z_]{8,80}(\.[0-9a-z]{1,12})?")
+_AT_ONCE = 32  # questions to an object store under way at once
+_BROKEN_OFF_SECONDS = 3600.0
 
 
 class StoreFullError(OSError):
     """The store has no room for another block."""
+
+
+class StoreUnavailableError(ConnectionError):
+    """The store cannot be reached, or refuses."""
+
+
+class Entry(NamedTuple):
+    """A stored block: its name, size in bytes and when it was written, seconds since 1970."""
+
+    name: str
+    size: int
+    modified: float
 
 
 class ContentStore:
@@ -31,11 +50,17 @@ class ContentStore:
         Folder, or URL of a bucket.
     area : str
         Name of the part of it that this store uses.
+    durable : bool
+        Whether a block must survive a power failure once `put` returned.
     """
 
-    def __init__(self, url: str, area: str) -> None:
-        self._fs, root = fsspec.core.url_to_fs(url)
+    def __init__(self, url: str, area: str, *, durable: bool = True) -> None:
+        # Other processes write too: what was listed once must not be believed for ever.
+        options: dict[str, Any] = {"use_listings_cache": False} if "://" in url else {}
+        self._fs, root = fsspec.core.url_to_fs(url, **options)
+        self._local = isinstance(self._fs, LocalFileSystem)
         self._root = f"{root.rstrip('/')}/{area}"
+        self._durable = durable
 
     def put(self, name: str, data: bytes) -> None:
         """Store a block; readers see all of it or nothing.
@@ -44,18 +69,30 @@ class ContentStore:
         ------
         StoreFullError
             Where there is no room.
+        StoreUnavailableError
+            Where the store cannot be reached.
         """
         path = self._path(name)
-        content = hashlib.sha256(data).digest() + data
-        if not isinstance(self._fs, LocalFileSystem):
-            self._fs.pipe_file(path, content)
+        digest = hashlib.sha256(data).digest()
+        if self._local:
+            self._put_file(Path(path), digest, data)
             return
-        target = Path(path)
+        with _reaching():
+            self._fs.pipe_file(path, digest + data)
+
+    def _put_file(self, target: Path, digest: bytes, data: bytes) -> None:
         passing = target.with_name(f".{target.name}.{uuid.uuid4().hex}")
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
-            passing.write_bytes(content)
+            with passing.open("wb") as file:
+                file.write(digest)
+                file.write(data)
+                if self._durable:
+                    file.flush()
+                    os.fsync(file.fileno())
             passing.replace(target)
+            if self._durable:
+                _sync_folder(target.parent)
         except OSError as error:
             passing.unlink(missing_ok=True)
             if error.errno in (errno.ENOSPC, errno.EDQUOT):
@@ -63,10 +100,20 @@ class ContentStore:
             raise
 
     def get(self, name: str) -> bytes | None:
-        """Return a block, or None where it is absent or damaged."""
+        """Return a block, or None where it is absent or damaged.
+
+        Raises
+        ------
+        StoreUnavailableError
+            Where the store cannot be reached.
+        """
         path = self._path(name)
         try:
-            content: bytes = self._fs.cat_file(path)
+            if self._local:
+                content = Path(path).read_bytes()
+            else:
+                with _reaching():
+                    content = self._fs.cat_file(path)
         except FileNotFoundError:
             return None
         data = content[32:]
@@ -76,19 +123,98 @@ class ContentStore:
         return data
 
     def has(self, name: str) -> bool:
-        """Whether there is a block of that name."""
-        if isinstance(self._fs, LocalFileSystem):
-            return os.path.exists(self._path(name))  # noqa: PTH110 (hot path)
-        return bool(self._fs.exists(self._path(name)))
+        """Whether there is a block of that name, sound or not."""
+        path = self._path(name)
+        if self._local:
+            return os.path.exists(path)  # noqa: PTH110 (hot path)
+        with _reaching():
+            return bool(self._fs.exists(path))
+
+    def sound(self, name: str) -> bool:
+        """Whether there is a block of that name that can be read; a damaged one is removed."""
+        return self.has(name) and self.get(name) is not None
+
+    def present(self, names: Sequence[str]) -> set[str]:
+        """Return those of some names under which there is a block."""
+        if self._local:
+            return {name for name in names if self.has(name)}
+        with ThreadPoolExecutor(_AT_ONCE) as threads:
+            there = list(threads.map(self.has, names))
+        return {name for name, found in zip(names, there, strict=True) if found}
 
     def remove(self, name: str) -> None:
         """Remove a block if it is there."""
+        path = self._path(name)
         try:
-            self._fs.rm_file(self._path(name))
+            if self._local:
+                Path(path).unlink()
+            else:
+                with _reaching():
+                    self._fs.rm_file(path)
         except FileNotFoundError:
             return
+
+    def touch(self, name: str) -> None:
+        """Make a block count as new, where the store can do that."""
+        if self._local:
+            try:
+                os.utime(self._path(name))
+            except FileNotFoundError:
+                return
+
+    def entries(self) -> Iterator[Entry]:
+        """Yield all blocks."""
+        if self._local:
+            yield from self._files()
+            return
+        with _reaching():
+            found = self._fs.find(self._root, detail=True)
+        for path, about in found.items():
+            modified = about.get("LastModified") or about.get("created")
+            seconds = modified.timestamp() if isinstance(modified, datetime) else 0.0
+            yield Entry(path.rsplit("/", 1)[1], int(about["size"]), seconds)
+
+    def _files(self) -> Iterator[Entry]:
+        for path in Path(self._root).glob("*/*"):
+            try:
+                about = path.stat()
+            except FileNotFoundError:
+                continue
+            if _NAME.fullmatch(path.name):
+                yield Entry(path.name, about.st_size, about.st_mtime)
+
+    def tidy(self, now: float) -> None:
+        """Remove what writers that died halfway left behind."""
+        if not self._local:
+            return
+        for path in Path(self._root).glob("*/.*"):
+            try:
+                if now - path.stat().st_mtime > _BROKEN_OFF_SECONDS:
+                    path.unlink()
+            except FileNotFoundError:
+                continue
 
     def _path(self, name: str) -> str:
         if not _NAME.fullmatch(name):
             raise ValueError(f"{name!r} is not a name of the store")
         return f"{self._root}/{name[:2]}/{name}"
+
+
+def _sync_folder(folder: Path) -> None:
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+@contextmanager
+def _reaching() -> Iterator[None]:
+    """Turn whatever an object store raises into one error of our own."""
+    try:
+        yield
+    except FileNotFoundError:
+        raise
+    except Exception as error:
+        reason = f"the store cannot be reached: {type(error).__name__}"
+        raise StoreUnavailableError(errno.EIO, reason) from error

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from vibroimpact_service.jobs.work import Work
+from vibroimpact_service.jobs.work import Chunk, ChunkMissingError, Tick, Work
 from vibroimpact_service.store import Store
 
 
@@ -28,16 +28,19 @@ def _request(url: str, request: str) -> dict[str, Any]:
     return dict(json.loads(data))
 
 
-def split(url: str, kind: str, request: str, result: str) -> Sequence[str]:
+def split(url: str, kind: str, request: str, result: str) -> Sequence[Chunk]:
     asked = _request(url, request)
     if asked.get("fail"):
         raise WrongRequestError(asked["fail"])
     count = -(-asked["n"] // asked["chunk"])
-    return [hashlib.sha256(f"{result} {i} {count}".encode()).hexdigest() for i in range(count)]
+    names = [hashlib.sha256(f"{result} {i} {count}".encode()).hexdigest() for i in range(count)]
+    return [Chunk(name) for name in names]
 
 
-def solve(url: str, kind: str, request: str, result: str, indices: Sequence[int]) -> None:
-    asked, names = _request(url, request), split(url, kind, request, result)
+def solve(
+    url: str, kind: str, request: str, result: str, indices: Sequence[int], tick: Tick | None
+) -> None:
+    asked, chunks = _request(url, request), split(url, kind, request, result)
     for index in indices:
         if asked.get("log"):
             with Path(asked["log"]).open("a") as log:
@@ -47,15 +50,16 @@ def solve(url: str, kind: str, request: str, result: str, indices: Sequence[int]
             os.kill(os.getpid(), signal.SIGKILL)
         start = index * asked["chunk"]
         numbers = range(start, min(start + asked["chunk"], asked["n"]))
-        Store(url).chunks.put(names[index], str(sum(i * i for i in numbers)).encode())
+        Store(url).chunks.put(chunks[index].name, str(sum(i * i for i in numbers)).encode())
 
 
-def join(url: str, kind: str, request: str, result: str, names: Sequence[str]) -> None:
+def join(url: str, kind: str, request: str, result: str, chunks: Sequence[Chunk]) -> None:
     store = Store(url)
     total = 0
-    for name in names:
-        data = store.chunks.get(name)
-        assert data is not None
+    for chunk in chunks:
+        data = store.chunks.get(chunk.name)
+        if data is None:
+            raise ChunkMissingError(chunk.name)
         total += int(data)
     store.results.put(result, str(total).encode())
 

@@ -1,0 +1,122 @@
+"""How the database is opened, brought up to date, asked for the time, and how it fails."""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import sqlalchemy as sa
+from alembic import command
+from alembic.config import Config
+from sqlalchemy.engine import URL, Connection, Engine, make_url
+from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
+from sqlalchemy.exc import TimeoutError as PoolTimeoutError
+
+from vibroimpact_service.store import StoreFullError
+
+_READING = {"reading": True}
+
+
+class RecordsUnavailableError(ConnectionError):
+    """The database cannot be reached at the moment."""
+
+
+def open_database(url: str) -> Engine:
+    """Open the database and bring its tables up to date."""
+    address = make_url(url)
+    if address.get_backend_name() == "sqlite":
+        engine = _open_sqlite(address)
+    else:
+        engine = _open_server(address)
+    with failing():
+        migrate(engine)
+    return engine
+
+
+def _open_sqlite(address: URL) -> Engine:
+    if address.database:
+        Path(address.database).parent.mkdir(parents=True, exist_ok=True)
+    engine = sa.create_engine(address)
+
+    @sa.event.listens_for(engine, "connect")
+    def prepare(connection: Any, _record: Any) -> None:
+        # The driver must not begin transactions by itself: `begin` below does.
+        connection.isolation_level = None
+        for pragma in ("journal_mode=WAL", "synchronous=FULL", "busy_timeout=10000"):
+            connection.execute(f"PRAGMA {pragma}").close()
+
+    @sa.event.listens_for(engine, "begin")
+    def begin(connection: Connection) -> None:
+        # A transaction that reads first and writes later would fail, not wait, when another
+        # one wrote in between.
+        reading = connection.get_execution_options().get("reading")
+        connection.exec_driver_sql("BEGIN" if reading else "BEGIN IMMEDIATE")
+
+    return engine
+
+
+def _open_server(address: URL) -> Engine:
+    if address.drivername in ("postgresql", "postgres"):
+        address = address.set(drivername="postgresql+psycopg")
+    return sa.create_engine(
+        address,
+        pool_pre_ping=True,
+        pool_size=8,
+        pool_timeout=10,
+        connect_args={"connect_timeout": 5, "application_name": "vibroimpact"},
+    )
+
+
+def reader(engine: Engine) -> Engine:
+    """Return the same database for transactions that only read."""
+    return engine.execution_options(**_READING)
+
+
+def migrate(engine: Engine) -> None:
+    """Apply the migrations that the database lacks."""
+    config = Config()
+    config.set_main_option("script_location", str(Path(__file__).with_name("migrations")))
+    config.set_main_option("path_separator", "os")
+    with engine.begin() as connection:
+        if engine.dialect.name == "postgresql":
+            # Replicas that start together must not migrate together.
+            connection.execute(sa.text("SELECT pg_advisory_xact_lock(7309453)"))
+        config.attributes["connection"] = connection
+        command.upgrade(config, "head")
+
+
+def now(connection: Connection) -> sa.ColumnElement[float]:
+    """Return the database's clock as an expression: leases compare no two machines' clocks."""
+    if connection.dialect.name == "sqlite":
+        return sa.literal_column("((julianday('now') - 2440587.5) * 86400.0)", sa.Float)
+    return sa.literal_column("extract(epoch from clock_timestamp())::float8", sa.Float)
+
+
+@contextmanager
+def failing() -> Iterator[None]:
+    """Turn what a database raises when it cannot work now into errors of our own.
+
+    Raises
+    ------
+    RecordsUnavailableError
+        Where it cannot be reached.
+    StoreFullError
+        Where it has no room.
+    """
+    try:
+        yield
+    except PoolTimeoutError as error:
+        raise RecordsUnavailableError("all connections to the database are busy") from error
+    except DBAPIError as error:
+        if _full(error):
+            raise StoreFullError(errno.ENOSPC, "the database has no room") from error
+        if error.connection_invalidated or isinstance(error, OperationalError | InterfaceError):
+            raise RecordsUnavailableError("the database cannot be reached") from error
+        raise
+
+
+def _full(error: DBAPIError) -> bool:
+    return "disk is full" in str(error.orig) or getattr(error.orig, "sqlstate", None) == "53100"
