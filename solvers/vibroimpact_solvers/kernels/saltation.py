@@ -1,0 +1,83 @@
+"""How small deviations from a motion travel: through free flight and through impacts.
+
+A deviation is a column of a matrix with 2 n rows: ``scale_j dq_j`` of all modes, then
+``dq_j'``. With ``scale_j = |lambda_j|^(1/2)`` its length is the energy norm, in which the flight
+of a stable mode is a rotation.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.kernels.jit import kernel
+
+# Growth of one unstable mode over one flight, as an exponent: larger ones would overflow.
+_LARGEST = 300.0
+
+
+@kernel
+def fly(X: Floats, roots: Floats, scale: Floats, time: float) -> None:
+    """Take deviations through a free flight, in place.
+
+    Parameters
+    ----------
+    X : array, shape (2 mode, column)
+    roots : array, shape (mode,)
+        Signed natural frequencies, rad per unit of time; minus the growth rate if unstable.
+    scale : array, shape (mode,)
+        Positive factors of the displacements, rad per unit of time.
+    time : float
+    """
+    n = roots.size
+    for j in range(n):
+        rate = abs(roots[j])
+        phase = rate * time
+        if roots[j] > 0.0:
+            stay, reach, pull = math.cos(phase), math.sin(phase) / rate, -rate * math.sin(phase)
+        elif roots[j] < 0.0:
+            phase = min(phase, _LARGEST)
+            stay, reach, pull = math.cosh(phase), math.sinh(phase) / rate, rate * math.sinh(phase)
+        else:
+            stay, reach, pull = 1.0, time, 0.0
+        for c in range(X.shape[1]):
+            place, speed = X[j, c], X[n + j, c]
+            X[j, c] = stay * place + reach * scale[j] * speed
+            X[n + j, c] = pull / scale[j] * place + stay * speed
+
+
+@kernel
+def strike(
+    X: Floats, row: Floats, scale: Floats, curvature: float, drag: Floats, restitution: float
+) -> None:
+    """Take deviations through one impact by its saltation matrix, in place.
+
+    ``S = R + (F+ - R F-) n^T / (n . F-)`` with the impact law R, the rates F before and after
+    it, and n the direction of the constrained coordinate y.
+
+    Parameters
+    ----------
+    X : array, shape (2 mode, column)
+    row : array, shape (mode,)
+        ``w^T e_j``.
+    scale : array, shape (mode,)
+        As `fly` takes it.
+    curvature : float
+        Acceleration of y over its velocity, both just before the impact.
+    drag : array, shape (mode,)
+        ``E^T C E row``, zero without damping.
+    restitution : float
+    """
+    n = row.size
+    mobility = np.dot(row, row)
+    factor = (1.0 + restitution) / mobility
+    for c in range(X.shape[1]):
+        place, speed = 0.0, 0.0
+        for j in range(n):
+            place += row[j] / scale[j] * X[j, c]
+            speed += row[j] * X[n + j, c]
+        for j in range(n):
+            X[j, c] -= factor * row[j] * scale[j] * place
+            X[n + j, c] += factor * (row[j] * (curvature * place - speed) + drag[j] * place)
