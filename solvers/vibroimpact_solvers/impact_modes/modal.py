@@ -16,7 +16,6 @@ from vibroimpact_solvers.kernels.threads import over_ranges
 from vibroimpact_solvers.spectrum import Spectrum
 
 _EPS = float(np.finfo(np.float64).eps)
-_CAREFUL = 2e-14  # relative error of an impulse from which on it is computed with more care
 _NOISE = 1e-13  # of a load, relative to what a load of that size could do to a mode
 _ROWS = 2**22  # entries of the modal matrix taken at a time
 
@@ -78,17 +77,12 @@ class ModalFamily:
         return found, Amplitudes(at.omega, found.plus, D, U)
 
     def _scalar(self, at: Frequencies) -> Impulses:
-        """Return the impulses of one constraint; carefully where roundings are magnified."""
+        """Return the impulses of one constraint."""
         gap = float(self.equations[0].walls[0])
-        weights = self.rows[0] ** 2
-        eigenvalues = self.roots * np.abs(self.roots)
-        p, condition = response.impulse_one(eigenvalues, weights, at.omega, gap)
-        error = _EPS * condition
-        edge = ~(error < _CAREFUL)
-        if edge.any():
-            careful, _, _ = self._bordered(at[edge], with_motion=False)
-            p[edge], error[edge] = careful.plus[:, 0], careful.error
-        return Impulses(p[:, np.newaxis], p[:, np.newaxis], error)
+        p, condition = response.impulse_one(
+            self.roots, self.rests, self.rows[0] ** 2, at.omega, at.rests, gap
+        )
+        return Impulses(p[:, np.newaxis], p[:, np.newaxis], _EPS * condition)
 
     def _bordered(self, at: Frequencies, *, with_motion: bool) -> tuple[Impulses, Floats, Floats]:
         """Return impulses and the amplitudes D and U."""

@@ -46,9 +46,13 @@ def small_cosine(y: float) -> float:
 
 
 @inline
-def tangent(x: float) -> float:
-    """Return tan(x), abs(x) <= LARGEST; never infinite, as no number is a pole."""
+def tangent(x: float, rest: float) -> float:
+    """Return tan(x + rest), abs(x) <= LARGEST, of a phase and what rounding took from it.
+
+    Never infinite, as no sum of two numbers is a pole.
+    """
     k, y = quarter_turns(x)
+    y += rest
     sine, cosine = small_sine(y), small_cosine(y)
     half = 0.5 * k
     odd = ((half + _WHOLE) - _WHOLE) != half

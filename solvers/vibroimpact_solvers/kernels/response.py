@@ -2,7 +2,8 @@
 
 The response ``S = sum_j a_j^2 T(mu_j) / omega^2`` is summed for a block of frequencies at a
 time, one frequency in each lane of the vector unit. Near a pole of a mode its term outgrows
-the others and p goes through zero with it: finite, as no floating-point phase is a pole.
+the others and p goes through zero with it: finite, as no floating-point phase is a pole. Phases
+carry what rounding takes from them, so that close to its poles p is as good as the data are.
 """
 
 from __future__ import annotations
@@ -20,17 +21,28 @@ _LANES = 64  # frequencies of a block
 _MODES = 32  # terms that are summed before their sum joins the total, against rounding
 
 
-def impulse_one(lam: Floats, weight2: Floats, omega: Floats, gap: float) -> tuple[Floats, Floats]:
+def impulse_one(
+    roots: Floats,
+    rests: Floats,
+    weight2: Floats,
+    omega: Floats,
+    omega_rests: Floats,
+    gap: float,
+) -> tuple[Floats, Floats]:
     """Impulses of one constraint with equal gaps, eq. 10.53.
 
     Parameters
     ----------
-    lam : array, shape (mode,)
-        Eigenvalues, zero for rigid-body modes, negative for unstable ones.
+    roots : array, shape (mode,)
+        Natural frequencies, zero for rigid-body modes; minus the growth rate of unstable ones.
+    rests : array, shape (mode,)
+        What rounding took from them, relative to them.
     weight2 : array, shape (mode,)
         Squares of ``w^T e_j``.
     omega : array, shape (frequency,)
         Triangle-wave frequencies, positive, rad per unit of time.
+    omega_rests : array, shape (frequency,)
+        What rounding took from them, relative to them.
     gap : float
         Gap on both sides, length.
 
@@ -42,55 +54,61 @@ def impulse_one(lam: Floats, weight2: Floats, omega: Floats, gap: float) -> tupl
         impulse, or the phases of the modes are unknown, p is 0 and the condition infinite.
     """
     p, condition = np.empty(omega.size), np.empty(omega.size)
-    root = np.sqrt(np.abs(lam))
+    root = np.abs(roots)
     with np.errstate(over="ignore", divide="ignore"):
         over_root = weight2 / root
     # So soft that its tangent is its argument at any frequency: a rigid-body mode.
     rigid = ~np.isfinite(over_root)
-    swinging, falling = (lam > 0.0) & ~rigid, (lam < 0.0) & ~rigid
+    swinging, falling = (roots > 0.0) & ~rigid, (roots < 0.0) & ~rigid
     mass = float(weight2[rigid].sum())
 
     def piece(start: int, stop: int) -> None:
         some = slice(start, stop)
         _impulse_one(
             root[swinging],
+            rests[swinging],
             over_root[swinging],
             weight2[swinging],
             root[falling],
             weight2[falling],
             mass,
             omega[some],
+            omega_rests[some],
             gap,
             p[some],
             condition[some],
         )
 
-    over_ranges(piece, omega.size, float(lam.size) * omega.size)
+    over_ranges(piece, omega.size, float(roots.size) * omega.size)
     return p, condition
 
 
 @kernel
 def _impulse_one(
     root: Floats,
+    rest: Floats,
     over_root: Floats,
     weight2: Floats,
     growth: Floats,
     growth_weight2: Floats,
     rigid: float,
     omega: Floats,
+    omega_rest: Floats,
     gap: float,
     p: Floats,
     condition: Floats,
 ) -> None:
     total, spread = np.empty(_LANES), np.empty(_LANES)
-    q, w = np.empty(_LANES), np.empty(_LANES)
+    q, q_rest, w = np.empty(_LANES), np.empty(_LANES), np.empty(_LANES)
     largest = np.max(root) if root.size else 0.0
     for first in range(0, omega.size, _LANES):
         count = min(_LANES, omega.size - first)
         for lane in range(_LANES):
-            w[lane] = omega[first + min(lane, count - 1)]
+            f = first + min(lane, count - 1)
+            w[lane] = omega[f]
             q[lane] = 1.0 / w[lane]
-        _sum_swinging(root, over_root, weight2, q, w, total, spread)
+            q_rest[lane] = q[lane] * (fma(-q[lane], w[lane], 1.0) - omega_rest[f])
+        _sum_swinging(root, rest, over_root, weight2, q, q_rest, w, total, spread)
         for lane in range(count):
             S = total[lane] * w[lane] + rigid
             size = spread[lane] + 2.0 * rigid
@@ -106,9 +124,11 @@ def _impulse_one(
 @kernel
 def _sum_swinging(
     root: Floats,
+    rest: Floats,
     over_root: Floats,
     weight2: Floats,
     q: Floats,
+    q_rest: Floats,
     w: Floats,
     total: Floats,
     spread: Floats,
@@ -127,9 +147,10 @@ def _sum_swinging(
             some[lane] = 0.0
             some_spread[lane] = 0.0
         for j in range(first, min(first + _MODES, root.size)):
-            r, a, b = root[j], over_root[j], weight2[j]
+            r, e, a, b = root[j], rest[j], over_root[j], weight2[j]
             for lane in range(_LANES):
-                t = tangent(r * q[lane])
+                x = r * q[lane]
+                t = tangent(x, fma(r, q[lane], -x) + fma(r, q_rest[lane], e * x))
                 term = a * t
                 some[lane] += term
                 some_spread[lane] += fma(b, fma(t, t, 1.0), 2.0 * abs(term) * w[lane])
