@@ -90,6 +90,11 @@ class ImpactModesResult(Result):
     energy: Curve | None = Field(
         None, description="Total energy [frequency], mass length² / time²."
     )
+    stability: list[float | None] | None = Field(
+        None,
+        description="Spectral radius of the half-period map [frequency]; null where the order "
+        "of simultaneous impacts decides, or the member does not exist.",
+    )
     harmonics: list[list[Curve]] | None = Field(
         None,
         description="Fourier amplitudes [frequency, harmonic, dof], length: of sin(n Omega t) "

@@ -43,6 +43,7 @@ ENTRYWISE: Final = 1e-48
 
 _FAST = 0.5  # a rate of convergence at which another harmonic would not pay
 _BLOCK = 64  # powers held at a time
+_TERMS = 8  # numbers of terms are multiples of it
 _ONE = np.ones(1)
 
 
@@ -183,8 +184,8 @@ class Receptance:
             factors = coefficients(harmonics, terms, _ONE)[:, 0]
             moments = self._moments(terms)
             weights = self._rates(omega[group], harmonics)[:, np.newaxis] ** m * factors
-            S[group] = np.tensordot(weights, moments, axes=1)
-            energy[group] = np.tensordot(weights * (2 * m + 1), moments, axes=1)
+            S[group] = _weighted(weights, moments)
+            energy[group] = _weighted(weights * (2 * m + 1), moments)
             for f in group:
                 for k in range(1, harmonics + 1):
                     kappa, square = (k - 0.5) * np.pi, omega[f] ** 2
@@ -236,11 +237,16 @@ class Receptance:
         return np.asarray(bound)
 
     def _groups(self, omega: Floats, depth: float) -> Iterator[tuple[int, list[int], int]]:
-        """Yield numbers of harmonics, the frequencies that need them, and terms for these."""
+        """Yield numbers of harmonics, the frequencies that need them, and terms for these.
+
+        What a frequency gets does not depend on those beside it, so that the pieces of a job
+        give the numbers of the whole to the last bit.
+        """
         limits = [self.truncation(w, depth) for w in omega]
-        for harmonics in sorted({limit.harmonics for limit in limits}):
-            group = [f for f, limit in enumerate(limits) if limit.harmonics == harmonics]
-            yield harmonics, group, max(limits[f].terms for f in group)
+        needs = [(each.harmonics, -(-each.terms // _TERMS) * _TERMS) for each in limits]
+        for harmonics, terms in sorted(set(needs)):
+            group = [f for f, need in enumerate(needs) if need == (harmonics, terms)]
+            yield harmonics, group, terms
 
     def _rates(self, omega: Floats, harmonics: int) -> Floats:
         # Powers are measured by the bound, so that high ones neither grow nor vanish.
@@ -276,7 +282,7 @@ class Receptance:
             m = np.arange(start, start + len(block))
             weights = factors[m].T * rates[:, np.newaxis, np.newaxis] ** m
             for a in range(p.shape[1]):
-                part = np.tensordot(weights, block[:, :, a], axes=1)
+                part = _weighted(weights, block[:, :, a])
                 total = total + p[:, a, np.newaxis, np.newaxis] * part
         return np.asarray(total / omega[:, np.newaxis, np.newaxis] ** 2)
 
@@ -303,3 +309,15 @@ class Receptance:
                 continue
         message = "the structure is resonant at neighbouring frequencies to the last bit"
         raise ConvergenceError(message)
+
+
+def _weighted(weights: Floats, terms: Floats) -> Floats:
+    """Return ``sum_m weights[..., m] terms[m]``, term by term.
+
+    A matrix product would be quicker, but its roundings depend on how many rows it has.
+    """
+    shape = (*weights.shape[:-1], *[1] * (terms.ndim - 1))
+    total = weights[..., 0].reshape(shape) * terms[0]
+    for m in range(1, len(terms)):
+        total += weights[..., m].reshape(shape) * terms[m]
+    return np.asarray(total)
