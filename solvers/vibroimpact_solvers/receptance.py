@@ -243,7 +243,11 @@ class Receptance:
         give the numbers of the whole to the last bit.
         """
         limits = [self.truncation(w, depth) for w in omega]
-        needs = [(each.harmonics, -(-each.terms // _TERMS) * _TERMS) for each in limits]
+        # Without stiffness (rate 0) the first term is all there is.
+        needs = [
+            (each.harmonics, -(-each.terms // _TERMS) * _TERMS if each.rate else 1)
+            for each in limits
+        ]
         for harmonics, terms in sorted(set(needs)):
             group = [f for f, need in enumerate(needs) if need == (harmonics, terms)]
             yield harmonics, group, terms
