@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, get_type_hints
 
@@ -33,6 +34,12 @@ class Quantity:
     path : str
         Where documents and files hold it, such as ``"frequency/Omega"``; empty: under the
         field's own name.
+    record : bool
+        Whether documents hold a list of objects at the first part of the path, of which this
+        is one field, such as ``"bands/start"``.
+    rows_of : str
+        The dimension whose rows it counts, where the rows of many points stand one after the
+        other in it (a contiguous ragged array of the CF conventions).
     """
 
     dims: tuple[str, ...]
@@ -41,6 +48,27 @@ class Quantity:
     coordinate: bool = False
     flags: tuple[str, ...] = ()
     path: str = ""
+    record: bool = False
+    rows_of: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Described:
+    """A result whose arrays are not known before it is there.
+
+    Parameters
+    ----------
+    arrays : mapping
+        Values by name.
+    meanings : mapping
+        What they are, by the same names.
+    plain : mapping
+        What is not an array, by its path, such as ``"error/statement"``.
+    """
+
+    arrays: Mapping[str, NDArray[Any]]
+    meanings: Mapping[str, Quantity]
+    plain: Mapping[str, Any]
 
 
 def quantities(result: type[Any]) -> dict[str, Quantity]:

@@ -1,17 +1,28 @@
-"""What a plan costs on this machine: seconds from operations and memory written."""
+"""What a plan costs on this machine: seconds from operations and memory written.
+
+The rates are those of one core of a machine of 2024; ``benchmarks/http_load.py --only plans``
+shows how far they lead from what is measured.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
 
-from vibroimpact_solvers.plan import Plan
+from vibroimpact_solvers.plan import Plan, Stage
 
 FLOPS_PER_SECOND: Final = 1.0e9
-"""Rate of the kernels on one core; conservative, so that estimates err to the long side."""
+"""Rate of the kernels; conservative, so that estimates err to the long side."""
+RATES: Final[Mapping[Stage, float]] = {
+    # A walk along the motion ends where a limit is passed, mostly long before its bound.
+    Stage.EXISTENCE: 8.0e9,
+}
+"""Rates of stages whose operations are counted differently."""
 BYTES_PER_SECOND: Final = 5.0e8
-OVERHEAD_SECONDS: Final = 1e-4
+OVERHEAD_SECONDS: Final = 4e-4
 
 
 def seconds(plan: Plan) -> float:
     """Return the estimated time of a plan on one core."""
-    return OVERHEAD_SECONDS + plan.flops / FLOPS_PER_SECOND + plan.bytes / BYTES_PER_SECOND
+    work = sum(step.flops / RATES.get(step.stage, FLOPS_PER_SECOND) for step in plan.steps)
+    return OVERHEAD_SECONDS + work + plan.bytes / BYTES_PER_SECOND

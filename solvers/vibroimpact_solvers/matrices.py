@@ -175,6 +175,15 @@ class SymmetricMatrix:
             self.data.size if self.pattern is not None else self.n * min(2 * self.width + 1, self.n)
         )
 
+    @property
+    def main_diagonal(self) -> Floats:
+        """The entries (i, i), shape (n,)."""
+        if self.form is Form.DENSE:
+            return np.diagonal(self.data)
+        if self.form is Form.SPARSE:
+            return np.asarray(self.to_sparse().diagonal())
+        return np.asarray(self.data[0])
+
     def to_dense(self) -> Floats:
         """Return the full matrix, shape (n, n)."""
         if self.form is Form.DENSE:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -12,7 +14,23 @@ from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.matrices import SymmetricMatrix
 
-__all__ = ["ChainShape", "Constraint", "SymmetricMatrix", "System", "Units"]
+RANGE: Final = (1e-100, 1e100)
+"""Magnitudes that walls, matrices and frequencies may have: their squares stay finite."""
+
+__all__ = [
+    "RANGE",
+    "ChainShape",
+    "Constraint",
+    "SymmetricMatrix",
+    "System",
+    "Units",
+    "within_range",
+]
+
+
+def within_range(values: Floats) -> bool:
+    """Whether all magnitudes are in `RANGE`."""
+    return bool(((np.abs(values) >= RANGE[0]) & (np.abs(values) <= RANGE[1])).all())
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,10 +65,16 @@ class Constraint:
         if not any(self.weights):
             message = "all weights of the direction are zero"
             raise ModelError(("direction", "weights"), message, code="zero_direction")
+        if not within_range(np.array([weight for weight in self.weights if weight])):
+            message = f"a weight is neither zero nor between {RANGE[0]} and {RANGE[1]}"
+            raise ModelError(("direction", "weights"), message, code="out_of_range")
         walls = [wall for wall in (self.lower, self.upper) if wall is not None]
         if not walls or not all(map(math.isfinite, walls)):
             message = "a constraint needs at least one wall, at a finite distance"
             raise ModelError(("gap",), message, code="no_wall")
+        if not within_range(np.array([wall for wall in walls if wall])):
+            message = f"a wall's distance is neither zero nor between {RANGE[0]} and {RANGE[1]}"
+            raise ModelError(("gap",), message, code="out_of_range")
         if len(walls) == 2 and sum(walls) <= 0:
             message = f"the walls leave no room: lower + upper is {sum(walls)!r}, not positive"
             raise ModelError(("gap",), message, code="gap_not_positive")
@@ -146,9 +170,33 @@ class System:
             force.setflags(write=False)
             object.__setattr__(self, "force", force)
         self._check_constraints()
+        self._check_magnitudes()
         if self.chain is None and not self.M.is_positive_definite():
             message = "the mass matrix is not positive definite"
             raise ModelError(("M",), message, code="not_positive_definite")
+
+    def _check_magnitudes(self) -> None:
+        parts = [("M", self.M.data), ("K", self.K.data)]
+        parts += [("C", self.C.data)] if self.C is not None else []
+        parts += [("force", self.force)] if self.force is not None else []
+        for name, numbers in parts:
+            largest = float(np.abs(numbers).max(initial=0.0))
+            if largest and not within_range(np.array([largest])):
+                message = f"the largest entry is {largest!r}, not between {RANGE[0]} and {RANGE[1]}"
+                raise ModelError((name,), message, code="out_of_range")
+        if self.chain is None and not within_range(self.M.main_diagonal):
+            if not (self.M.main_diagonal > 0.0).all():
+                message = "the mass matrix is not positive definite"
+                raise ModelError(("M",), message, code="not_positive_definite")
+            message = f"a mass is not between {RANGE[0]} and {RANGE[1]}"
+            raise ModelError(("M",), message, code="out_of_range")
+
+    def limited(self, constraints: Sequence[Constraint]) -> System:
+        """Return the same structure with other limiters; its matrices are not checked again."""
+        found = copy.copy(self)
+        object.__setattr__(found, "constraints", tuple(constraints))
+        found._check_constraints()
+        return found
 
     def _check_constraints(self) -> None:
         seen: dict[tuple[tuple[int, float], ...], int] = {}

@@ -18,12 +18,14 @@ class Stage(StrEnum):
     RESPONSE = "response"
     IMPULSE = "impulse"
     EXISTENCE = "existence"
+    BANDS = "bands"
     SHAPE = "shape"
     WAVEFORM = "waveform"
     ENERGY = "energy"
     HARMONICS = "harmonics"
     STABILITY = "stability"
     FLIGHT = "flight"
+    HISTORY = "history"
     SLOW_FLOW = "slow_flow"
 
 
@@ -40,7 +42,9 @@ class Step:
     reason : str
         A sentence saying why this method.
     flops, bytes : float
-        Estimated floating-point operations and memory written.
+        Estimated floating-point operations and memory written, all times together.
+    count : int
+        How often it is done; in sweeps, at how many members for what each member needs.
     """
 
     stage: Stage
@@ -48,6 +52,7 @@ class Step:
     reason: str
     flops: float = 0.0
     bytes: float = 0.0
+    count: int = 1
 
 
 @dataclass(frozen=True, slots=True)

@@ -75,15 +75,14 @@ class Orbits:
     silent: Floats
 
 
-def commutes(rows: Floats) -> bool:
+def commutes(mobility: Floats) -> bool:
     """Whether impacts at these constraints, struck together, end the same in any order.
 
     Parameters
     ----------
-    rows : array, shape (constraint, mode)
-        ``W E``.
+    mobility : array, shape (constraint, constraint)
+        ``W M^(-1) W^T``.
     """
-    mobility = rows @ rows.T
     size = np.sqrt(np.diagonal(mobility))
     coupling = np.abs(mobility - np.diag(np.diagonal(mobility)))
     return bool((coupling <= _COUPLED * np.outer(size, size)).all())
@@ -111,7 +110,7 @@ def multipliers(orbits: Orbits) -> np.ndarray[tuple[int, int], np.dtype[np.compl
     """
     n = orbits.roots.size
     found = np.full((orbits.omega.size, 2 * n), np.nan, dtype=np.complex128)
-    if not (commutes(orbits.upper.rows) and commutes(orbits.lower.rows)):
+    if not all(commutes(side.rows @ side.rows.T) for side in (orbits.upper, orbits.lower)):
         return found
     scale = np.where(orbits.roots != 0.0, np.abs(orbits.roots), _usual(orbits))
     for f in range(orbits.omega.size):

@@ -91,12 +91,18 @@ class DirectFamily:
                 b[f, k] = sign * (wave @ motion.p[f])
         return b
 
-    def check(self, motion: Forces, problem: Problem, excess: float) -> tuple[Floats, Booleans]:
-        """Return a time at which a limit is passed or nan, and whether that is certain."""
+    def check(
+        self, motion: Forces, error: Floats, problem: Problem, excess: float
+    ) -> tuple[Floats, Booleans]:
+        """Return a time at which a limit is passed or nan, and whether that is certain.
+
+        The error is the relative one of the motion, shape (frequency,).
+        """
         size = motion.omega.size
         witness, certified = np.full(size, np.nan), np.zeros(size, dtype=np.bool_)
         for f, omega in enumerate(motion.omega):
             witness[f], certified[f] = self._check(float(omega), motion.p[f], problem, excess)
+        certified &= error < 0.1 * excess
         return witness, certified
 
     def _check(

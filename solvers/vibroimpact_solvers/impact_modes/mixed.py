@@ -9,6 +9,7 @@ from vibroimpact_solvers.impact_modes.direct import DirectFamily, Forces
 from vibroimpact_solvers.impact_modes.impulses import Impulses
 from vibroimpact_solvers.impact_modes.modal import Amplitudes, ModalFamily
 from vibroimpact_solvers.impact_modes.problem import Frequencies, Problem
+from vibroimpact_solvers.stability import Orbits
 
 
 class MixedFamily:
@@ -40,9 +41,18 @@ class MixedFamily:
         """Return the total energies, shape (frequency,)."""
         return self.modal.energy(motion)
 
-    def check(self, motion: Amplitudes, problem: Problem, excess: float) -> tuple[Floats, Booleans]:
-        """Return a time at which a limit is passed or nan, and whether that is certain."""
-        return self.modal.check(motion, problem, excess)
+    def orbits(self, motion: Amplitudes) -> Orbits:
+        """Return the motion as far as its stability depends on it."""
+        return self.modal.orbits(motion)
+
+    def check(
+        self, motion: Amplitudes, error: Floats, problem: Problem, excess: float
+    ) -> tuple[Floats, Booleans]:
+        """Return a time at which a limit is passed or nan, and whether that is certain.
+
+        The error is the relative one of the motion, shape (frequency,).
+        """
+        return self.modal.check(motion, error, problem, excess)
 
     def displacements(self, motion: Amplitudes, tau: Floats, dofs: Integers) -> Floats:
         """Return displacements, shape (frequency, tau, dof)."""

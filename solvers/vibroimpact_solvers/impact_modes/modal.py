@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ from vibroimpact_solvers.impact_modes.problem import Frequencies, Problem
 from vibroimpact_solvers.kernels import families, limits, response
 from vibroimpact_solvers.kernels.threads import over_ranges
 from vibroimpact_solvers.spectrum import Spectrum
+from vibroimpact_solvers.stability import Orbits, Side
 
 _EPS = float(np.finfo(np.float64).eps)
 _NOISE = 1e-13  # of a load, relative to what a load of that size could do to a mode
@@ -67,67 +69,10 @@ class ModalFamily:
 
     def members(self, at: Frequencies, *, with_motion: bool = True) -> tuple[Impulses, Amplitudes]:
         """Return impulses and motion of the members at some frequencies."""
-        if self.family.kind is not Kind.ODD or self.family.count > 1:
-            found, D, U = self._bordered(at, with_motion=with_motion)
-            return found, Amplitudes(at.omega, found.plus, D, U)
-        found = self._scalar(at)
-        D, U = np.zeros((2, at.size, 0))
-        if with_motion:
-            _, D, U = self._bordered(at, with_motion=True)
-        return found, Amplitudes(at.omega, found.plus, D, U)
+        return members((self,), at, with_motion=with_motion)[0]
 
-    def _scalar(self, at: Frequencies) -> Impulses:
-        """Return the impulses of one constraint."""
-        gap = float(self.equations[0].walls[0])
-        p, condition = response.impulse_one(
-            self.roots, self.rests, self.rows[0] ** 2, at.omega, at.rests, gap
-        )
-        return Impulses(p[:, np.newaxis], p[:, np.newaxis], _EPS * condition)
-
-    def _bordered(self, at: Frequencies, *, with_motion: bool) -> tuple[Impulses, Floats, Floats]:
-        """Return impulses and the amplitudes D and U."""
-        has_even = with_motion and self.family.kind is not Kind.ODD
-        D = np.zeros((at.size, self.roots.size if with_motion else 0))
-        U = np.zeros((at.size, self.roots.size if has_even else 0))
-        unknowns, errors = [], []
-        for one in self.equations:
-            z, error = np.empty((2, at.size, one.walls.size))
-            part_D = D if one.odd.size else np.zeros((at.size, 0))
-            part_U = U if one.even.size else np.zeros((at.size, 0))
-            self._solve(one, at, z, error, part_D, part_U)
-            unknowns.append(z)
-            errors.append(error)
-        return self._impulses(tuple(unknowns), tuple(errors)), D, U
-
-    def _solve(
-        self, one: Equations, at: Frequencies, z: Floats, error: Floats, D: Floats, U: Floats
-    ) -> None:
-        """Fill in the solutions of one system of equations and the motion they cause."""
-        odd = np.ascontiguousarray(one.odd @ self.rows)
-        even = np.ascontiguousarray(one.even @ self.rows)
-
-        def piece(start: int, stop: int) -> None:
-            some = slice(start, stop)
-            families.members(
-                self.roots,
-                self.rests,
-                odd,
-                even,
-                self.load,
-                one.walls,
-                at.omega[some],
-                at.rests[some],
-                one.share,
-                self.spectrum.uncertainty,
-                z[some],
-                error[some],
-                D[some],
-                U[some],
-            )
-
-        over_ranges(piece, at.size, 100.0 * self.roots.size * at.size)
-
-    def _impulses(self, unknowns: tuple[Floats, ...], errors: tuple[Floats, ...]) -> Impulses:
+    def impulses(self, unknowns: tuple[Floats, ...], errors: tuple[Floats, ...]) -> Impulses:
+        """Return the impulses of solutions, each (frequency, unknown), with their errors."""
         plus, minus = self.family.sides(unknowns)
         errors_plus, errors_minus = self.family.errors(errors)
         both = np.concatenate([plus, minus], axis=1)
@@ -162,8 +107,31 @@ class ModalFamily:
         """Return the total energies, shape (frequency,)."""
         return families.energies(self.roots, self.load, motion.omega, motion.D, motion.U)
 
-    def check(self, motion: Amplitudes, problem: Problem, excess: float) -> tuple[Floats, Booleans]:
-        """Return a time at which a limit is passed or nan, and whether that is certain."""
+    def orbits(self, motion: Amplitudes) -> Orbits:
+        """Return the motion as far as its stability depends on it."""
+        omega, D, U = motion.omega, motion.D, motion.U
+
+        def side(tau: float, struck: tuple[int, ...]) -> Side:
+            place, slope = limits.states(self.roots, self.load, omega, D, U, tau)
+            return Side(self.rows[list(struck)], place, slope * omega[:, np.newaxis])
+
+        return Orbits(
+            self.roots,
+            self.load,
+            omega,
+            upper=side(1.0, self.family.upper),
+            lower=side(-1.0, self.family.lower),
+            mirrored=self.family.kind is Kind.ODD,
+            silent=np.delete(self.spectrum.roots, self.heard),
+        )
+
+    def check(
+        self, motion: Amplitudes, error: Floats, problem: Problem, excess: float
+    ) -> tuple[Floats, Booleans]:
+        """Return a time at which a limit is passed or nan, and whether that is certain.
+
+        The error is the relative one of the motion, shape (frequency,).
+        """
         constraints = problem.system.constraints
         place = {index: i for i, index in enumerate(problem.active)}
         rows = np.ascontiguousarray(self.spectrum.along(constraints)[:, self.heard])
@@ -171,7 +139,11 @@ class ModalFamily:
         upper = np.array([np.inf if c.upper is None else c.upper for c in constraints])
         room = lower + upper
         size = np.where(np.isfinite(room), room, np.maximum(_finite(lower), _finite(upper)))
-        tolerance = excess * np.where(size > 0.0, size, 1.0)
+        size = np.where(size > 0.0, size, 1.0)
+        # In units of the largest of them no square over- or underflows.
+        unit = float(size.max())
+        tolerance = excess * size / unit
+        load, D, U = self.load / unit, motion.D / unit, motion.U / unit
         struck_lower = np.array([place.get(i) in self.family.lower for i in range(room.size)])
         struck_upper = np.array([place.get(i) in self.family.upper for i in range(room.size)])
         count = motion.omega.size
@@ -181,22 +153,116 @@ class ModalFamily:
             some = slice(start, stop)
             limits.check(
                 self.roots,
-                self.load,
+                load,
                 motion.omega[some],
-                motion.D[some],
-                motion.U[some],
+                D[some],
+                U[some],
                 rows,
-                lower,
-                upper,
+                lower / unit,
+                upper / unit,
                 struck_lower,
                 struck_upper,
                 tolerance,
+                error[some],
                 witness[some],
                 certified[some],
             )
 
         over_ranges(piece, count, 1e3 * rows.size * count)
         return witness, certified
+
+
+def members(
+    of: Sequence[ModalFamily], at: Frequencies, *, with_motion: bool = True
+) -> list[tuple[Impulses, Amplitudes]]:
+    """Return impulses and motion for families that differ in nothing but the places of walls.
+
+    The responses are those of the first and are computed once.
+    """
+    first = of[0]
+    if first.family.kind is not Kind.ODD or first.family.count > 1:
+        found, D, U = _bordered(of, at, with_motion=with_motion)
+    else:
+        found = _scalar(of, at)
+        D, U = np.zeros((2, len(of), at.size, 0))
+        if with_motion:
+            _, D, U = _bordered(of, at, with_motion=True)
+    return [(one, Amplitudes(at.omega, one.plus, D[i], U[i])) for i, one in enumerate(found)]
+
+
+def _scalar(of: Sequence[ModalFamily], at: Frequencies) -> list[Impulses]:
+    """Return the impulses of one constraint."""
+    first = of[0]
+    uncertainty, norms = first.spectrum.uncertainty, first.spectrum.norms
+    S, condition = response.response_one(
+        first.roots, first.rests, first.rows[0] ** 2, at.omega, at.rests, uncertainty, norms
+    )
+    found = []
+    for one in of:
+        p = response.impulses_of(S, at.omega, float(one.equations[0].walls[0]))
+        found.append(Impulses(p[:, np.newaxis], p[:, np.newaxis], _EPS * condition))
+    return found
+
+
+def _bordered(
+    of: Sequence[ModalFamily], at: Frequencies, *, with_motion: bool
+) -> tuple[list[Impulses], Floats, Floats]:
+    """Return impulses and the amplitudes D and U, shape (family, frequency, mode)."""
+    first = of[0]
+    has_even = with_motion and first.family.kind is not Kind.ODD
+    D = np.zeros((len(of), at.size, first.roots.size if with_motion else 0))
+    U = np.zeros((len(of), at.size, first.roots.size if has_even else 0))
+    unknowns, errors = [], []
+    for place, one in enumerate(first.equations):
+        walls = np.array([family.equations[place].walls for family in of])
+        z, error = np.empty((2, len(of), at.size, walls.shape[1]))
+        none = np.zeros((len(of), at.size, 0))
+        part_D, part_U = D if one.odd.size else none, U if one.even.size else none
+        _solve(first, one, walls, at, z, error, part_D, part_U)
+        unknowns.append(z)
+        errors.append(error)
+    found = []
+    for i, family in enumerate(of):
+        mine = tuple(z[i] for z in unknowns), tuple(error[i] for error in errors)
+        found.append(family.impulses(*mine))
+    return found, D, U
+
+
+def _solve(
+    of: ModalFamily,
+    one: Equations,
+    walls: Floats,
+    at: Frequencies,
+    z: Floats,
+    error: Floats,
+    D: Floats,
+    U: Floats,
+) -> None:
+    """Fill in the solutions of one system of equations and the motion they cause."""
+    odd = np.ascontiguousarray(one.odd @ of.rows)
+    even = np.ascontiguousarray(one.even @ of.rows)
+
+    def piece(start: int, stop: int) -> None:
+        some = slice(start, stop)
+        families.members(
+            of.roots,
+            of.rests,
+            odd,
+            even,
+            of.load,
+            walls,
+            at.omega[some],
+            at.rests[some],
+            one.share,
+            of.spectrum.uncertainty,
+            of.spectrum.norms,
+            z[:, some],
+            error[:, some],
+            D[:, some],
+            U[:, some],
+        )
+
+    over_ranges(piece, at.size, 100.0 * of.roots.size * at.size * len(walls))
 
 
 def _finite(walls: Floats) -> Floats:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from enum import StrEnum
 from typing import Final
 
 import numpy as np
 
-from vibroimpact_solvers import receptance, spectrum
+from vibroimpact_solvers import receptance, spectrum, stability
+from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.cost import OVERHEAD_SECONDS, seconds
 from vibroimpact_solvers.errors import PlanError
 from vibroimpact_solvers.impact_modes.family import Family, Kind
@@ -22,10 +25,11 @@ SMALL: Final = 256
 """Degrees of freedom up to which a full matrix is factorized at single frequencies."""
 FAR: Final = 1.1
 """Where the series starts without factorizations, over the largest natural frequency."""
-MEMORY: Final = 16e9
-"""Bytes that a spectrum may take."""
 
-_FEW = 256  # degrees of freedom up to which natural modes are always worth finding
+ALWAYS_MODAL: Final = 256
+"""Degrees of freedom up to which natural modes are always worth finding."""
+
+_MANY = 1000  # frequencies among which what all of them share does not count
 
 
 class Impulse(StrEnum):
@@ -68,11 +72,12 @@ def factorizes(system: System) -> bool:
 def _modal_steps(problem: Problem, family: Family) -> Iterator[Step]:
     system, points = problem.system, problem.omega.size
     method = spectrum.choose(system)
-    if spectrum.nbytes(system, method) > MEMORY:
+    if spectrum.nbytes(system, method) > spectrum.MEMORY:
         message = (
             f"all natural modes of {system.n} degrees of freedom take more than "
-            f"{MEMORY / 1e9:.0f} GB; without them only impulses, shapes and energy of limiters "
-            "with equal gaps and no static load can be found, in banded or sparse structures"
+            f"{spectrum.MEMORY / 1e9:.0f} GB; without them only impulses, shapes and energy of "
+            "limiters with equal gaps and no static load can be found, in banded or sparse "
+            "structures"
         )
         raise PlanError(message)
     known = spectrum.is_known(system, method)
@@ -84,7 +89,7 @@ def _modal_steps(problem: Problem, family: Family) -> Iterator[Step]:
         spectrum.nbytes(system, method),
     )
     yield _impulse_step(problem, family)
-    if problem.outputs & {"exists", "reason"}:
+    if problem.outputs & {"exists", "reason", "stability"}:
         yield _existence_step(problem)
     mixed = family.kind is Kind.ODD
     for _, stage, times in _displacements(problem):
@@ -93,6 +98,7 @@ def _modal_steps(problem: Problem, family: Family) -> Iterator[Step]:
         reason = f"{dofs} of {system.n} degrees of freedom at {times} times"
         if mixed:
             start = 1.0 if factorizes(system) else FAR
+            flops += 1e4 * points  # calls of the series, one frequency after another
             reason += (
                 f"; where Omega > {start:g} Omega_N the sum over modes cancels, the series keeps "
                 "the digits of every entry"
@@ -102,6 +108,10 @@ def _modal_steps(problem: Problem, family: Family) -> Iterator[Step]:
     if "energy" in problem.outputs:
         reason = "each mode holds a constant energy"
         yield Step(Stage.ENERGY, "modal sum", reason, 40.0 * points * system.n, 8.0 * points)
+    if "stability" in problem.outputs and _impacts_commute(problem):
+        reason = "multipliers of the map over half a period, from saltation matrices"
+        flops = 25.0 * points * (2.0 * system.n) ** 3
+        yield Step(Stage.STABILITY, "half-period map", reason, flops, 8.0 * points)
 
 
 def _direct_steps(problem: Problem) -> Iterator[Step]:
@@ -150,9 +160,18 @@ def _existence_step(problem: Problem) -> Step:
         "signs of impulses and pre-impact velocities, then a walk along the motion in steps "
         "that no limit can be passed in"
     )
-    steps = 20.0 + 4.0 * spectrum.largest_frequency(problem.system) / problem.omega
+    with np.errstate(over="ignore"):  # infinitely many, and so refused by whoever prices them
+        steps = 20.0 + 4.0 * spectrum.largest_frequency(problem.system) / problem.omega
     flops = float(steps.sum()) * limits * problem.system.n * 60.0
     return Step(Stage.EXISTENCE, Existence.CERTIFIED, reason, flops, 10.0 * problem.omega.size)
+
+
+def _impacts_commute(problem: Problem) -> bool:
+    """Whether impacts struck together end the same in any order."""
+    if len(problem.active) == 1:
+        return True
+    rows = problem.system.directions(problem.active)
+    return stability.commutes(rows @ problem.system.M.factorize()(rows.T))
 
 
 def _displacements(problem: Problem) -> Iterator[tuple[str, Stage, int]]:
@@ -170,12 +189,14 @@ def _displacements(problem: Problem) -> Iterator[tuple[str, Stage, int]]:
 def _direct_pays(problem: Problem) -> bool:
     """Whether it is cheaper to do without natural modes."""
     system, points = problem.system, problem.omega.size
-    if system.n <= _FEW or not factorizes(system) or "stability" in problem.outputs:
+    if system.n <= ALWAYS_MODAL or not factorizes(system) or "stability" in problem.outputs:
         return False
     method = spectrum.choose(system)
-    if spectrum.nbytes(system, method) > MEMORY:
+    if spectrum.nbytes(system, method) > spectrum.MEMORY:
         return True
-    modal: float = 0.0 if spectrum.is_known(system, method) else spectrum.flops(system, method)
+    # Whether they are known already does not count: a result does not depend on what was
+    # computed before it, nor on which worker computes it.
+    modal = spectrum.flops(system, method)
     times = sum(times for _, _, times in _displacements(problem))
     modal += points * system.n * (8.0 + 2.0 * times * problem.wanted_dofs.size)
     return _direct_flops(problem) < 0.5 * modal
@@ -221,6 +242,11 @@ def _skips(problem: Problem, family: Family, steps: tuple[Step, ...]) -> Iterato
             yield Skip("the walk above the spectrum", why)
     if problem.system.C is not None or any(c.restitution < 1.0 for c in problem.struck):
         yield Skip("damping and restitution", "impact modes are motions without loss")
+    if "stability" in problem.outputs:
+        if any(step.stage is Stage.STABILITY for step in steps):
+            yield Skip("stability of phantoms", "they are no motions")
+        else:
+            yield Skip("stability", stability.DIRECTION_DEPENDENT)
     for name in OUTPUTS:
         if name not in problem.outputs and name != "reason":
             yield Skip(name, "not asked")
@@ -240,10 +266,45 @@ def _silent_modes(problem: Problem) -> Iterator[Skip]:
 
 
 def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Problem]:
-    """Cut a problem into deterministic pieces of about the given cost, by frequency."""
+    """Cut a problem into deterministic pieces of about the given cost, by frequency.
+
+    Pieces of equally spaced frequencies end at whole multiples of some number of steps from
+    zero, so that a longer or shifted grid of the same steps has the same pieces.
+    """
     size = problem.omega.size
-    spectral = plan.step(Stage.SPECTRUM)
-    shared = Plan(KIND, (spectral,)) if spectral is not None else Plan(KIND, ())
-    each = (seconds(plan) - seconds(shared)) / size
-    points = max(1, int(seconds_each / max(each, OVERHEAD_SECONDS * 1e-3)))
-    return [problem.slice(start, start + points) for start in range(0, size, points)]
+    each = max(_seconds_of_one(problem, plan), OVERHEAD_SECONDS * 1e-3)
+    points = max(1, int(seconds_each / each))
+    first = -lattice_index(problem.fundamental) % points
+    bounds = [0, *range(first or points, size, points), size]
+    return [problem.slice(*pair) for pair in itertools.pairwise(bounds)]
+
+
+def _seconds_of_one(problem: Problem, plan: Plan) -> float:
+    """Return the price of one frequency beside others, the same for any grid of frequencies.
+
+    It is that of half the largest natural frequency, by the methods of the plan.
+    """
+    middle = np.array([spectrum.largest_frequency(problem.system) / np.pi])
+    many = replace(problem, omega=np.repeat(middle, _MANY), Omega=None, rests=None)
+    if plan.step(Stage.SPECTRUM) is None:
+        steps = tuple(_direct_steps(many))
+    else:
+        steps = tuple(_modal_steps(many, Family.of(many)))
+    own = tuple(step for step in steps if step.stage is not Stage.SPECTRUM)
+    return seconds(Plan(KIND, own)) / _MANY
+
+
+def lattice_index(points: Floats) -> int:
+    """Return how many steps the first of equally spaced points lies from zero; else 0."""
+    if points.size < 2:
+        return 0
+    step = float(points[-1] - points[0]) / (points.size - 1)
+    if step <= 0.0 or np.abs(np.diff(points) - step).max() > 1e-6 * step:
+        return 0
+    return round(float(points[0]) / step)
+
+
+def mark(problem: Problem) -> bytes:
+    """Return what tells a piece of a problem from its other pieces, to the last bit."""
+    assert problem.rests is not None
+    return b"".join(each.tobytes() for each in (problem.omega, problem.fundamental, problem.rests))

@@ -10,9 +10,8 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Booleans, Floats, Integers
 from vibroimpact_solvers.errors import ModelError
-from vibroimpact_solvers.model import Constraint, System
-
-_TWO_OVER_PI = np.longdouble("0.63661977236758134307553505349005744814")
+from vibroimpact_solvers.kernels.phases import conversion_rests
+from vibroimpact_solvers.model import RANGE, Constraint, System, within_range
 
 KIND: Final = "impact-modes"
 OUTPUTS: Final = (
@@ -22,6 +21,7 @@ OUTPUTS: Final = (
     "shape",
     "waveform",
     "energy",
+    "stability",
     "harmonics",
 )
 
@@ -48,17 +48,6 @@ class Frequencies:
     def size(self) -> int:
         """Their number."""
         return self.omega.size
-
-
-def _rests(omega: Floats, Omega: Floats | None) -> Floats:
-    """Return what rounding took from omega = (2/pi) Omega, relative to it."""
-    if Omega is None:
-        return np.zeros(omega.size)
-    exact = np.asarray(Omega).astype(np.longdouble) * _TWO_OVER_PI
-    with np.errstate(divide="ignore", invalid="ignore"):
-        rests = ((exact - omega) / exact).astype(np.float64)
-    # More than rounding: then omega is what is meant.
-    return np.where(np.abs(rests) < 1e-15, rests, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +95,9 @@ class Problem:
         dofs = np.arange(self.system.n) if self.dofs is None else self.dofs
         omega = np.ascontiguousarray(self.omega, dtype=np.float64)
         Omega = 0.5 * np.pi * omega if self.Omega is None else self.Omega
-        rests = _rests(omega, self.Omega) if self.rests is None else self.rests
+        rests = np.zeros(omega.size) if self.rests is None else self.rests
+        if self.rests is None and self.Omega is not None:
+            rests = conversion_rests(np.ravel(np.asarray(Omega, dtype=np.float64)), np.ravel(omega))
         tau = np.zeros(0) if self.tau is None else self.tau
         completed = {
             "active": tuple(self.active) or tuple(range(count)),
@@ -130,6 +121,9 @@ class Problem:
         if not (np.isfinite(self.omega) & (self.omega > 0)).all():
             message = "a frequency is not positive and finite"
             raise ModelError(("frequency",), message, code="frequency_not_positive")
+        if not within_range(self.omega):
+            message = f"a frequency is not between {RANGE[0]} and {RANGE[1]}"
+            raise ModelError(("frequency",), message, code="out_of_range")
         if not self.system.constraints:
             message = "impact modes need a constraint"
             raise ModelError(("system", "constraints"), message, code="no_constraint")

@@ -156,6 +156,12 @@ def concatenate(results: Sequence[Result]) -> Result:
     return replace(results[0], **joined)
 
 
+def part(result: Result, start: int, stop: int) -> Result:
+    """Return a result at some of its frequencies."""
+    some = {name: getattr(result, name) for name in _ALONG}
+    return replace(result, **{n: v[start:stop] for n, v in some.items() if v is not None})
+
+
 def empty() -> dict[str, Any]:
     """Return all fields of a result as not asked."""
     return dict.fromkeys(field.name for field in fields(Result))

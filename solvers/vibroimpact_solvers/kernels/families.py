@@ -47,6 +47,9 @@ _NEAR = 0.0625
 _LOUD = 4.0
 # ... or so close to the pole that the term cannot be trusted to be finite.
 _AT_POLE = 1e-9
+_RIGID = 1e-200
+# Of an even motion whose mu is less certain than this, relative to it, the pole at 0 is near.
+_UNCERTAIN = 1e-6
 
 
 @kernel
@@ -62,7 +65,8 @@ def is_at_pole(parity: int, mu: float) -> bool:
     """Whether the response must not even be evaluated."""
     if parity == 0:
         return abs(cosine(mu)) < _AT_POLE
-    return abs(mu * sine(mu)) < _AT_POLE
+    # Close to mu = 0 the response -1/mu is as good as mu is.
+    return abs(mu) < _RIGID if abs(mu) < _NEAR else abs(mu * sine(mu)) < _AT_POLE
 
 
 @kernel
@@ -76,18 +80,20 @@ def _add(
     rest: float,
     dmu: float,
     static: float,
+    noise: float,
 ) -> None:
     """Sum the response of one mode into the matrix, its wobble and the right-hand side."""
     value, slope = odd_response(mu) if parity == 0 else even_response(mu)
     value += slope * rest
-    change = abs(slope) * dmu + 2.0 * _EPS * abs(value)
+    change = abs(slope) * dmu + noise * abs(value)
     for i in range(column.size):
         for k in range(column.size):
             product = column[i] * column[k]
             S[i, k] += product * value
             dS[i, k] += abs(product) * change
         if parity == 1:
-            right[i] -= column[i] * static / mu
+            for k in range(right.shape[1]):
+                right[i, k] -= column[i] * static / mu
 
 
 @kernel
@@ -102,12 +108,13 @@ def _border(
     rest: float,
     dmu: float,
     static: float,
+    noise: float,
 ) -> None:
     """Give a mode its own unknown and equation, number `row`."""
     for i in range(column.size):
         A[i, row] = column[i]
         A[row, i] = column[i]
-        dA[i, row] = 2.0 * _EPS * abs(column[i])
+        dA[i, row] = noise * abs(column[i])
         dA[row, i] = dA[i, row]
     if parity == 0:
         gamma = math.sqrt(mu)
@@ -118,9 +125,11 @@ def _border(
         ratio, _ = odd_response(mu)
         A[row, row] = mu * ratio
         slope = 0.5 * (1.0 + mu * ratio * ratio + ratio)
-        right[row] = static * sine(mu)
+        for k in range(right.shape[1]):
+            right[row, k] = static * sine(mu)
         for i in range(column.size):
-            right[i] -= column[i] * static * sag(mu)
+            for k in range(right.shape[1]):
+                right[i, k] -= column[i] * static * sag(mu)
     A[row, row] += slope * rest
     dA[row, row] = abs(slope) * dmu + 2.0 * _EPS * abs(A[row, row])
 
@@ -182,7 +191,7 @@ def _remainder(quotient: float, divisor: float, dividend: float) -> float:
 
 @kernel
 def _scaled(
-    roots: Floats, rests: Floats, omega: float, rest: float, uncertainty: float
+    roots: Floats, rests: Floats, omega: float, rest: float, uncertainty: float, norms: float
 ) -> tuple[Floats, Floats, Floats]:
     """Return mu of all modes, what rounding took from it, and how uncertain it is."""
     mu, missing, doubt = np.empty(roots.size), np.empty(roots.size), np.empty(roots.size)
@@ -193,7 +202,7 @@ def _scaled(
         if mu[j] != 0.0:
             lost = _remainder(gamma, omega, roots[j]) + rests[j] - rest
             missing[j] = 2.0 * mu[j] * lost
-        doubt[j] = _EPS * abs(mu[j]) + uncertainty / (omega * omega)
+        doubt[j] = (_EPS + norms) * abs(mu[j]) + uncertainty / (omega * omega)
     return mu, missing, doubt
 
 
@@ -206,6 +215,7 @@ def _loud(
     even: Floats,
     load: Floats,
     share: float,
+    noise: float,
     near: Integers,
     S: Floats,
     dS: Floats,
@@ -218,21 +228,27 @@ def _loud(
         column = odd[:, j] if parity == 0 else even[:, j]
         weight = np.max(np.abs(column)) ** 2
         loudness[k] = np.inf if weight > 0.0 else 0.0
-        if weight > 0.0 and not is_at_pole(parity, mu[j]):
+        uncertain = parity == 1 and dmu[j] > _UNCERTAIN * abs(mu[j])
+        if weight > 0.0 and not uncertain and not is_at_pole(parity, mu[j]):
             value, _ = odd_response(mu[j]) if parity == 0 else even_response(mu[j])
             loudness[k] = abs(value) * weight
     kept = 0
     bordered = np.empty(near.size, dtype=np.int64)
-    for k in np.argsort(loudness):
+    order = np.argsort(loudness)
+    for place in range(order.size):
+        k = order[place]
         if loudness[k] == 0.0:
             continue
+        # Of modes that are all loud, as many as there are impulses drown the others and not
+        # one another: more borders would only make the system singular.
+        quiet = order.size - place > S.shape[0]
         loudest = 0.0
-        for i in range(right.size):
+        for i in range(S.shape[0]):
             loudest = max(loudest, abs(S[i, i]))
-        if loudness[k] < np.inf and (loudness[k] <= _LOUD * loudest or loudest == 0.0):
+        if loudness[k] < np.inf and (quiet or loudness[k] <= _LOUD * loudest or loudest == 0.0):
             j, parity = near[k] // 2, near[k] % 2
             column = odd[:, j] if parity == 0 else even[:, j]
-            _add(S, dS, right, column, parity, mu[j], rest[j], dmu[j], load[j] / share)
+            _add(S, dS, right, column, parity, mu[j], rest[j], dmu[j], load[j] / share, noise)
         else:
             bordered[kept] = near[k]
             kept += 1
@@ -250,14 +266,18 @@ def _system(
     walls: Floats,
     omega: float,
     share: float,
+    noise: float,
 ) -> tuple[Floats, Floats, Floats, Integers]:
-    """Return the bordered matrix, its wobble, the right-hand side and the bordered modes.
+    """Return the bordered matrix, its wobble, the right-hand sides and the bordered modes.
 
     A bordered mode j is named 2 j for its odd and 2 j + 1 for its even motion.
     """
-    nz, modes = walls.size, mu.size
+    nz, modes = walls.shape[1], mu.size
     S, dS = np.zeros((nz, nz)), np.zeros((nz, nz))
-    right = walls * (omega * omega / share)
+    right = np.empty((nz, walls.shape[0]))
+    for i in range(nz):
+        for k in range(walls.shape[0]):
+            right[i, k] = walls[k, i] * (omega * omega / share)
     near = np.empty(2 * modes, dtype=np.int64)
     count = 0
     for parity in range(2):
@@ -269,15 +289,18 @@ def _system(
                 near[count] = 2 * j + parity
                 count += 1
             else:
-                _add(S, dS, right, rows[:, j], parity, mu[j], rest[j], dmu[j], load[j] / share)
-    near = _loud(mu, rest, dmu, odd, even, load, share, near[:count], S, dS, right)
+                _add(
+                    S, dS, right, rows[:, j], parity, mu[j], rest[j], dmu[j], load[j] / share, noise
+                )
+    near = _loud(mu, rest, dmu, odd, even, load, share, noise, near[:count], S, dS, right)
     size = nz + near.size
-    A, dA, b = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
+    A, dA = np.zeros((size, size)), np.zeros((size, size))
+    b = np.zeros((size, walls.shape[0]))
     A[:nz, :nz], dA[:nz, :nz], b[:nz] = S, dS, right
     for k in range(near.size):
         j, parity = near[k] // 2, near[k] % 2
         column = odd[:, j] if parity == 0 else even[:, j]
-        _border(A, dA, b, nz + k, column, parity, mu[j], rest[j], dmu[j], load[j] / share)
+        _border(A, dA, b, nz + k, column, parity, mu[j], rest[j], dmu[j], load[j] / share, noise)
     return A, dA, b, near
 
 
@@ -326,12 +349,16 @@ def members(
     omega_rests: Floats,
     share: float,
     uncertainty: float,
+    norms: float,
     z: Floats,
     error: Floats,
     D: Floats,
     U: Floats,
 ) -> None:
-    """Find impulses and amplitudes.
+    """Find impulses and amplitudes, for several sets of walls at once.
+
+    What the sets share, all but the right-hand sides, is done once for each frequency; the
+    numbers of a set do not depend on the others.
 
     Parameters
     ----------
@@ -343,7 +370,7 @@ def members(
         Rows of the odd and the even motion; with no rows where there is no such motion.
     load : array, shape (mode,)
         Static load of each mode.
-    walls : array, shape (unknown,)
+    walls : array, shape (set, unknown)
         Where each struck wall is, seen along its row.
     omega : array, shape (frequency,)
         Triangle-wave frequencies.
@@ -353,44 +380,50 @@ def members(
         Factor of the modal forces, 1 or 1/2.
     uncertainty : float
         Absolute error of the eigenvalues.
-    z : array, shape (frequency, unknown)
+    norms : float
+        Error of the modes' norms and of their orthogonality, and relative one of eigenvalues.
+    z : array, shape (set, frequency, unknown)
         Receives the impulses; nan where the system is singular.
-    error : array, shape (frequency, unknown)
+    error : array, shape (set, frequency, unknown)
         Receives the absolute error of z that roundings in the data cause.
-    D : array, shape (frequency, mode)
+    D : array, shape (set, frequency, mode)
         Receives the amplitudes of the odd motion, ``D sin(gamma tau)/gamma`` or, for
         negative mu, ``D sinh(g tau)/(g cosh g)``; not wanted where it has no columns.
-    U : array, shape (frequency, mode)
+    U : array, shape (set, frequency, mode)
         Receives the place of the even motion at tau = 0, static one included, or, for mu
         <= -1, U of ``U cosh(g tau)/cosh(g)``; not wanted where it has no columns.
     """
-    nz = walls.size
+    nz = walls.shape[1]
     for f in range(omega.size):
-        mu, rest, dmu = _scaled(roots, rests, omega[f], omega_rests[f], uncertainty)
-        A, dA, b, near = _system(mu, rest, dmu, odd, even, load, walls, omega[f], share)
+        mu, rest, dmu = _scaled(roots, rests, omega[f], omega_rests[f], uncertainty, norms)
+        A, dA, right, near = _system(
+            mu, rest, dmu, odd, even, load, walls, omega[f], share, 2.0 * _EPS + norms
+        )
         inverse, sound = _inverse(A)
-        if not sound:
-            z[f] = np.nan
-            error[f] = np.inf
-            D[f] = 0.0
-            U[f] = 0.0
-            continue
-        v = np.dot(inverse, b)
-        v += np.dot(inverse, b - np.dot(A, v))
-        z[f] = v[:nz]
-        size = np.dot(dA, np.abs(v)) + 2.0 * _EPS * np.abs(b)
-        error[f] = np.dot(np.abs(inverse), size)[:nz]
-        if D.shape[1] > 0:
-            _amplitudes(mu, rest, odd, load, omega[f], share, 0, v[:nz], D[f])
-        if U.shape[1] > 0:
-            _amplitudes(mu, rest, even, load, omega[f], share, 1, v[:nz], U[f])
-        for k in range(near.size):
-            j = near[k] // 2
-            place = v[nz + k] * share / (omega[f] * omega[f])
-            if near[k] % 2 == 0 and D.shape[1] > 0:
-                D[f, j] = place / sine(mu[j])
-            elif near[k] % 2 == 1 and U.shape[1] > 0:
-                U[f, j] = place / cosine(mu[j])
+        for s in range(walls.shape[0]):
+            if not sound:
+                z[s, f] = np.nan
+                error[s, f] = np.inf
+                D[s, f] = 0.0
+                U[s, f] = 0.0
+                continue
+            b = right[:, s].copy()
+            v = np.dot(inverse, b)
+            v += np.dot(inverse, b - np.dot(A, v))
+            z[s, f] = v[:nz]
+            size = np.dot(dA, np.abs(v)) + 2.0 * _EPS * np.abs(b)
+            error[s, f] = np.dot(np.abs(inverse), size)[:nz]
+            if D.shape[2] > 0:
+                _amplitudes(mu, rest, odd, load, omega[f], share, 0, v[:nz], D[s, f])
+            if U.shape[2] > 0:
+                _amplitudes(mu, rest, even, load, omega[f], share, 1, v[:nz], U[s, f])
+            for k in range(near.size):
+                j = near[k] // 2
+                place = v[nz + k] * share / (omega[f] * omega[f])
+                if near[k] % 2 == 0 and D.shape[2] > 0:
+                    D[s, f, j] = place / sine(mu[j])
+                elif near[k] % 2 == 1 and U.shape[2] > 0:
+                    U[s, f, j] = place / cosine(mu[j])
 
 
 @kernel

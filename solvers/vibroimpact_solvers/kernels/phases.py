@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from typing import Final
 
-from vibroimpact_solvers.kernels.jit import fma, inline
+import numpy as np
+
+from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.kernels.jit import fma, inline, is_odd_bit, kernel
 
 LARGEST: Final = 2.0**50
 """Phases beyond it are not reduced: neighbouring numbers are a radian apart."""
 
 _TURNS = 0.6366197723675814  # 2/pi
+_TURNS_LOW = -3.935735335036497e-17
 # pi/2 in three parts: products with whole numbers up to 2^50 lose nothing that matters.
 _HIGH, _MIDDLE, _LOW = 1.5707963267948966, 6.123233995736766e-17, -1.4973849048591833e-33
 # Adding it and taking it away rounds to a whole number.
@@ -19,6 +23,10 @@ _S1, _S2, _S3 = -1.66666666666666324348e-01, 8.33333333332248946124e-03, -1.9841
 _S4, _S5, _S6 = 2.75573137070700676789e-06, -2.50507602534068634195e-08, 1.58969099521155010221e-10
 _C1, _C2, _C3 = 4.16666666666666019037e-02, -1.38888888888741095749e-03, 2.48015872894767294178e-05
 _C4, _C5, _C6 = -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.13596475577881948265e-11
+
+# tan(y)/y as a quotient of polynomials of y^2 on [-pi/4, pi/4]: minimax, relative error 1.9e-17.
+_T1, _T2, _T3 = -0.12828347015729352849, 0.0028059182130710982273, -7.4836346950550730807e-06
+_B1, _B2, _B3 = -0.46161680349062402781, 0.023344852709876219597, -0.00020844804018878226448
 
 
 @inline
@@ -49,13 +57,18 @@ def small_cosine(y: float) -> float:
 def tangent(x: float, rest: float) -> float:
     """Return tan(x + rest), abs(x) <= LARGEST, of a phase and what rounding took from it.
 
-    Never infinite, as no sum of two numbers is a pole.
+    For phases up to 1e12, which are known to 1e-4, the relative error is below 4.4e-16, apart
+    from what an error of 1e-32 of the phase makes. Never infinite, as no sum of two numbers is
+    a pole.
     """
-    k, y = quarter_turns(x)
-    y += rest
-    sine, cosine = small_sine(y), small_cosine(y)
-    half = 0.5 * k
-    odd = ((half + _WHOLE) - _WHOLE) != half
+    shifted = fma(x, _TURNS, _WHOLE)
+    k = shifted - _WHOLE
+    # The first step is exact. Phases are not known to where a third part of pi/2 would matter.
+    y = fma(-k, _MIDDLE, fma(-k, _HIGH, x)) + rest
+    z = y * y
+    sine = y * fma(z, fma(z, fma(z, _T3, _T2), _T1), 1.0)
+    cosine = fma(z, fma(z, fma(z, _B3, _B2), _B1), 1.0)
+    odd = is_odd_bit(shifted)
     # Both branches are cheap and a choice of numbers, unlike one of paths, can be vectorised.
     return (-cosine if odd else sine) / (sine if odd else cosine)
 
@@ -74,3 +87,17 @@ def sine_cosine(x: float) -> tuple[float, float]:
     flip = ((pair + _WHOLE) - _WHOLE) != pair
     sign = -1.0 if flip else 1.0
     return sign * (cosine if odd else sine), sign * (-sine if odd else cosine)
+
+
+@kernel
+def conversion_rests(Omega: Floats, omega: Floats) -> Floats:
+    """Return ``(2/pi Omega - omega)/omega``: what rounding took from omega, relative to it.
+
+    Where it is more than rounding, omega is what is meant and nothing was taken.
+    """
+    rests = np.empty(omega.size)
+    for f in range(omega.size):
+        lost = fma(Omega[f], _TURNS, -omega[f]) + Omega[f] * _TURNS_LOW
+        rest = lost / omega[f]
+        rests[f] = rest if abs(rest) < 1e-15 else 0.0
+    return rests

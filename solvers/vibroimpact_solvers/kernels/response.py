@@ -17,19 +17,28 @@ from vibroimpact_solvers.kernels.jit import fma, kernel
 from vibroimpact_solvers.kernels.phases import LARGEST, tangent
 from vibroimpact_solvers.kernels.threads import over_ranges
 
+_EPS = 2.220446049250313e-16
 _LANES = 64  # frequencies of a block
 _MODES = 32  # terms that are summed before their sum joins the total, against rounding
 
 
-def impulse_one(
+def impulses_of(S: Floats, omega: Floats, gap: float) -> Floats:
+    """Return the impulses that bring a response of `response_one` to a gap, shape (frequency,)."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        p = gap * omega * omega / S
+    return np.where(np.isfinite(S), p, 0.0)
+
+
+def response_one(
     roots: Floats,
     rests: Floats,
     weight2: Floats,
     omega: Floats,
     omega_rests: Floats,
-    gap: float,
+    uncertainty: float = 0.0,
+    norms: float = 0.0,
 ) -> tuple[Floats, Floats]:
-    """Impulses of one constraint with equal gaps, eq. 10.53.
+    """Responses of one constrained coordinate to impulses at it.
 
     Parameters
     ----------
@@ -43,17 +52,22 @@ def impulse_one(
         Triangle-wave frequencies, positive, rad per unit of time.
     omega_rests : array, shape (frequency,)
         What rounding took from them, relative to them.
-    gap : float
-        Gap on both sides, length.
+    uncertainty : float
+        Absolute error of the eigenvalues, beside the relative one of rounding. It may be that
+        of the matrices: an error of the modes changes the response no more than that of all
+        eigenvalues by the same amount.
+    norms : float
+        Error of the modes' norms and of their orthogonality, and relative one of eigenvalues,
+        beside that of rounding.
 
     Returns
     -------
-    p, condition : array, shape (frequency,)
-        Impulse parameter (10.49), and by how much relative errors of the natural frequencies
-        and weights are magnified in it. Where the response vanishes, so that there is no
-        impulse, or the phases of the modes are unknown, p is 0 and the condition infinite.
+    S, condition : array, shape (frequency,)
+        ``omega^2`` times the response, and by how much relative errors of the natural
+        frequencies and weights are magnified in it. Both are infinite where the response
+        vanishes, so that no impulse is of use, or the phases of the modes are unknown.
     """
-    p, condition = np.empty(omega.size), np.empty(omega.size)
+    S, condition = np.empty(omega.size), np.empty(omega.size)
     root = np.abs(roots)
     with np.errstate(over="ignore", divide="ignore"):
         over_root = weight2 / root
@@ -64,7 +78,7 @@ def impulse_one(
 
     def piece(start: int, stop: int) -> None:
         some = slice(start, stop)
-        _impulse_one(
+        _response_one(
             root[swinging],
             rests[swinging],
             over_root[swinging],
@@ -74,17 +88,18 @@ def impulse_one(
             mass,
             omega[some],
             omega_rests[some],
-            gap,
-            p[some],
+            uncertainty,
+            2.0 + norms / _EPS,
+            S[some],
             condition[some],
         )
 
     over_ranges(piece, omega.size, float(roots.size) * omega.size)
-    return p, condition
+    return S, condition
 
 
 @kernel
-def _impulse_one(
+def _response_one(
     root: Floats,
     rest: Floats,
     over_root: Floats,
@@ -94,66 +109,97 @@ def _impulse_one(
     rigid: float,
     omega: Floats,
     omega_rest: Floats,
-    gap: float,
-    p: Floats,
+    uncertainty: float,
+    roundings: float,
+    response: Floats,
     condition: Floats,
 ) -> None:
-    total, spread = np.empty(_LANES), np.empty(_LANES)
-    q, q_rest, w = np.empty(_LANES), np.empty(_LANES), np.empty(_LANES)
+    total, size, slope = np.empty(_LANES), np.empty(_LANES), np.empty(_LANES)
+    q, q_rest = np.empty(_LANES), np.empty(_LANES)
     largest = np.max(root) if root.size else 0.0
+    root_rest = root * rest
+    # Relative errors of the eigenvalues, in roundings.
+    doubt = 0.5 * (roundings - 2.0) + uncertainty / (2.0 * _EPS * root * root)
+    doubtful, doubtful_over = weight2 * (1.0 + doubt), over_root * doubt
+    still = np.sum(doubtful) + roundings * rigid
+    large_over = over_root * roundings
+    falling_doubt = 0.5 * (roundings - 2.0) + uncertainty / (2.0 * _EPS * growth * growth)
     for first in range(0, omega.size, _LANES):
         count = min(_LANES, omega.size - first)
         for lane in range(_LANES):
             f = first + min(lane, count - 1)
-            w[lane] = omega[f]
-            q[lane] = 1.0 / w[lane]
-            q_rest[lane] = q[lane] * (fma(-q[lane], w[lane], 1.0) - omega_rest[f])
-        _sum_swinging(root, rest, over_root, weight2, q, q_rest, w, total, spread)
+            q[lane] = 1.0 / omega[f]
+            q_rest[lane] = q[lane] * (fma(-q[lane], omega[f], 1.0) - omega_rest[f])
+        _sum_swinging(
+            root,
+            root_rest,
+            over_root,
+            large_over,
+            doubtful_over,
+            doubtful,
+            q,
+            q_rest,
+            total,
+            size,
+            slope,
+        )
         for lane in range(count):
-            S = total[lane] * w[lane] + rigid
-            size = spread[lane] + 2.0 * rigid
+            w = omega[first + lane]
+            S = total[lane] * w + rigid
+            # What relative changes of weights and natural frequencies change: a^2 |T| and,
+            # as the derivative of gamma T is 1/cos^2, a^2 (|T| + 1/cos^2); what changes of
+            # eigenvalues change: a^2 (1/cos^2 - T)/(2 lambda), which is 1/3 of a^2/omega^2 for
+            # rigid-body modes.
+            spread = size[lane] * w + still + slope[lane]
+            spread += rigid * uncertainty * q[lane] * q[lane] / (3.0 * _EPS)
             for j in range(growth.size):
-                term = growth_weight2[j] * math.tanh(growth[j] * q[lane]) / (growth[j] * q[lane])
+                g = growth[j] * q[lane]
+                term = growth_weight2[j] * math.tanh(g) / g
                 S += term
-                size += 2.0 * term
+                spread += roundings * term
+                steep = growth_weight2[j] / math.cosh(min(g, 300.0)) ** 2
+                spread += steep + (term - steep) * falling_doubt[j]
             known = largest * q[lane] < LARGEST and S != 0.0
-            p[first + lane] = gap * w[lane] * w[lane] / S if known else 0.0
-            condition[first + lane] = size / abs(S) if known else np.inf
+            response[first + lane] = S if known else np.inf
+            condition[first + lane] = spread / abs(S) if known else np.inf
 
 
 @kernel
 def _sum_swinging(
     root: Floats,
-    rest: Floats,
+    root_rest: Floats,
     over_root: Floats,
-    weight2: Floats,
+    large_over: Floats,
+    doubtful_over: Floats,
+    doubtful: Floats,
     q: Floats,
     q_rest: Floats,
-    w: Floats,
     total: Floats,
-    spread: Floats,
+    size: Floats,
+    slope: Floats,
 ) -> None:
-    """Sum ``S omega`` and what relative errors do to ``S omega^2`` over the stable modes.
+    """Sum over the stable modes ``a^2 tan/root`` and what makes up its error.
 
-    The latter is ``a^2 (2 |T| + 1/cos^2)`` for each mode: the response itself and its change
-    per relative change of the natural frequency.
+    `size` receives ``sum (r |a^2 tan| - d a^2 tan)/root`` and `slope` ``sum a^2 (1 + d) tan^2``
+    with the relative errors d of the eigenvalues and r of the weights, in roundings.
     """
-    some, some_spread = np.empty(_LANES), np.empty(_LANES)
+    some = np.empty(_LANES)
     for lane in range(_LANES):
         total[lane] = 0.0
-        spread[lane] = 0.0
+        size[lane] = 0.0
+        slope[lane] = 0.0
     for first in range(0, root.size, _MODES):
         for lane in range(_LANES):
             some[lane] = 0.0
-            some_spread[lane] = 0.0
         for j in range(first, min(first + _MODES, root.size)):
-            r, e, a, b = root[j], rest[j], over_root[j], weight2[j]
+            r, e, a = root[j], root_rest[j], over_root[j]
+            large, less, b = large_over[j], doubtful_over[j], doubtful[j]
             for lane in range(_LANES):
                 x = r * q[lane]
-                t = tangent(x, fma(r, q[lane], -x) + fma(r, q_rest[lane], e * x))
-                term = a * t
-                some[lane] += term
-                some_spread[lane] += fma(b, fma(t, t, 1.0), 2.0 * abs(term) * w[lane])
+                rest = fma(e, q[lane], fma(r, q_rest[lane], fma(r, q[lane], -x)))
+                t = tangent(x, rest)
+                some[lane] = fma(a, t, some[lane])
+                size[lane] = fma(large, abs(t), fma(-less, t, size[lane]))
+                slope[lane] = fma(b * t, t, slope[lane])
         for lane in range(_LANES):
             total[lane] += some[lane]
-            spread[lane] += some_spread[lane]

@@ -3,6 +3,7 @@
 from vibroimpact_solvers.spectrum.bounds import largest_frequency
 from vibroimpact_solvers.spectrum.cache import CACHE, Cache
 from vibroimpact_solvers.spectrum.methods import (
+    MEMORY,
     REASONS,
     Method,
     choose,
@@ -16,6 +17,7 @@ from vibroimpact_solvers.spectrum.natural import Spectrum
 
 __all__ = [
     "CACHE",
+    "MEMORY",
     "REASONS",
     "Cache",
     "Method",

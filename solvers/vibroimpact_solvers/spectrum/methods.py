@@ -8,12 +8,16 @@ from typing import Final
 
 import numpy as np
 import scipy.linalg
+from scipy.linalg import lapack
 
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix
 from vibroimpact_solvers.model import ChainShape, System
 from vibroimpact_solvers.spectrum.cache import CACHE
 from vibroimpact_solvers.spectrum.natural import Spectrum
+
+MEMORY: Final = 16e9
+"""Bytes that a spectrum may take."""
 
 _EPS = float(np.finfo(np.float64).eps)
 _HALF_PI = np.longdouble("1.5707963267948966192313216916397514421")
@@ -104,19 +108,42 @@ def _compute(system: System, method: Method) -> Spectrum:
         eigenvalues, modes = scipy.linalg.eigh(
             system.K.to_dense(), system.M.to_dense(), check_finite=False
         )
-    else:
-        eigenvalues, modes = _mass_scaled(system.M.data[0], system.K, method)
+        magnitude, condition = _full(system)
+        return _numerical(np.asarray(eigenvalues), np.asarray(modes), magnitude, condition)
+    eigenvalues, modes = _mass_scaled(system.M.data[0], system.K, method)
     return _numerical(np.asarray(eigenvalues), np.asarray(modes))
 
 
-def _numerical(eigenvalues: Floats, modes: Floats) -> Spectrum:
+def _full(system: System) -> tuple[float, float]:
+    """Return what roundings of a full M and K are relative to.
+
+    Those of the eigenvalues to ``|K| |M^-1|`` with the diagonal of M scaled to ones, which
+    elimination is blind to: more than the largest eigenvalue where M is close to singular.
+    Those of the modes' norms to the condition number of the scaled M.
+    """
+    M, K = system.M.to_dense(), system.K.to_dense()
+    scale = 1.0 / np.sqrt(np.diagonal(M))
+    outer = np.outer(scale, scale)
+    factor, _ = lapack.dpotrf(M * outer)
+    size = float(np.linalg.norm(M * outer, 1))
+    reciprocal, _ = lapack.dpocon(factor, size)
+    condition = 1.0 / max(float(reciprocal), _EPS)
+    return float(np.linalg.norm(K * outer, 1)) * condition / size, condition
+
+
+def _numerical(
+    eigenvalues: Floats, modes: Floats, magnitude: float = 0.0, condition: float = 1.0
+) -> Spectrum:
     """Return a spectrum whose eigenvalues are known to a few roundings of the largest."""
     n = eigenvalues.size
-    scale = float(np.abs(eigenvalues).max())
+    scale = max(float(np.abs(eigenvalues).max()), magnitude)
     # Below it a computed eigenvalue is noise: a rigid-body mode.
-    eigenvalues[np.abs(eigenvalues) <= max(16.0, np.sqrt(n)) * _EPS * scale] = 0.0
+    floor = max(16.0, np.sqrt(n)) * _EPS * scale
+    noise = np.abs(eigenvalues) <= floor
+    eigenvalues[noise] = 0.0
     held = _frozen(np.ascontiguousarray(modes))
-    return Spectrum(_roots(eigenvalues), held, n, 2.0 * _EPS * scale)
+    uncertainty = floor if noise.any() else 2.0 * _EPS * scale
+    return Spectrum(_roots(eigenvalues), held, n, uncertainty, norms=(1.0 + condition) * _EPS)
 
 
 def _roots(eigenvalues: Floats) -> Floats:

@@ -28,6 +28,9 @@ class Spectrum:
         Absolute error of every eigenvalue, beside the relative one of rounding.
     rests : array, shape (mode,), optional
         What rounding took from the roots, relative to them, where that is known.
+    norms : float
+        Error of the modes' norms and of their orthogonality, and relative one of eigenvalues,
+        beside that of rounding.
     """
 
     roots: Floats
@@ -35,6 +38,7 @@ class Spectrum:
     n: int
     uncertainty: float = 0.0
     rests: Floats | None = None
+    norms: float = 0.0
 
     @property
     def eigenvalues(self) -> Floats:

@@ -1,0 +1,111 @@
+"""Decides how bands are found and what is left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from enum import StrEnum
+
+import numpy as np
+
+from vibroimpact_solvers import impact_modes as modes
+from vibroimpact_solvers import spectrum
+from vibroimpact_solvers.errors import PlanError
+from vibroimpact_solvers.existence_bands.problem import KIND, OUTPUTS, Problem
+from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
+
+_SAMPLES = 60.0  # radii looked at in a band, about
+_SOFT = 1e-12  # eigenvalues down to minus this part of the largest count as zero
+
+
+class Method(StrEnum):
+    """How bands are found."""
+
+    CERTIFIED = "branch and bound"
+    SEARCH = "search"
+
+
+def plan(problem: Problem) -> Plan:
+    """Decide how the bands are found and what is left out."""
+    grows = "stability" in problem.outputs and _has_growth(problem)
+    steps = tuple(_steps(problem, grows=grows))
+    return Plan(KIND, steps, tuple(_skips(problem, steps, grows=grows)))
+
+
+def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Problem]:
+    """Return the problem as its only piece: bands must not be cut."""
+    return [problem]
+
+
+def _why_not_provable(problem: Problem) -> str | None:
+    """Return why bands have to be searched for, None where they can be proved."""
+    system = problem.system
+    struck = [system.constraints[index] for index in problem.active]
+    if len(struck) > 1:
+        return "several limiters are struck"
+    if not struck[0].symmetric:
+        return "the walls are not equally far"
+    if system.force is not None and system.force.any():
+        return "a static load acts"
+    shift = _SOFT * spectrum.largest_frequency(system) ** 2
+    if system.chain is None and not system.K.plus(shift, system.M).is_positive_definite():
+        return "the structure alone is unstable"
+    return None
+
+
+def _steps(problem: Problem, *, grows: bool) -> Iterator[Step]:
+    system = problem.system
+    method = spectrum.choose(system)
+    if spectrum.nbytes(system, method) > spectrum.MEMORY:
+        message = f"bands need all natural modes, too many with {system.n} degrees of freedom"
+        raise PlanError(message)
+    known = spectrum.is_known(system, method)
+    yield Step(
+        Stage.SPECTRUM,
+        method,
+        spectrum.REASONS[method] + ("; already known" if known else ""),
+        0.0 if known else spectrum.flops(system, method),
+        spectrum.nbytes(system, method),
+    )
+    phase = spectrum.largest_frequency(system) / problem.start
+    poles = system.n * (1.0 + 0.5 * phase)
+    limits = float(len(system.constraints))
+    obstacle = _why_not_provable(problem)
+    if obstacle is None:
+        reason = (
+            "one limiter with equal gaps: the sign of the impulse between neighbouring poles, "
+            "then boxes of frequency and time over which bounds decide; no band can hide"
+        )
+        flops = poles * (3e3 + 1e2 * phase) * system.n * limits
+        yield Step(Stage.BANDS, Method.CERTIFIED, reason, flops, 64.0 * poles)
+    else:
+        reason = f"{obstacle}: members between all poles, edges by bisection"
+        flops = poles * 20.0 * system.n * (100.0 + 50.0 * phase) * limits
+        yield Step(Stage.BANDS, Method.SEARCH, reason, flops, 64.0 * poles)
+    if grows:
+        reason = "multipliers of the half-period map at frequencies of every band"
+        flops = 0.5 * poles * _SAMPLES * 25.0 * (2.0 * system.n) ** 3
+        yield Step(Stage.STABILITY, "half-period map", reason, flops, 64.0 * poles)
+
+
+def _has_growth(problem: Problem) -> bool:
+    """Whether deviations grow the same in whatever order simultaneous impacts come."""
+    members = problem.members(np.array([problem.start]), frozenset({"stability"}))
+    return modes.plan(members).step(Stage.STABILITY) is not None
+
+
+def _skips(problem: Problem, steps: tuple[Step, ...], *, grows: bool) -> Iterator[Skip]:
+    yield Skip("shapes, energies and amplitudes", "no output needs them")
+    if any(step.method == Method.CERTIFIED for step in steps):
+        yield Skip("a grid of frequencies", "poles and bounds make the bands complete without one")
+        if len(problem.system.constraints) == 1:
+            why = "with one limiter and Omega > Omega_N every member exists"
+            yield Skip("the proof above the spectrum", why)
+    idle = [i for i in range(len(problem.system.constraints)) if i not in problem.active]
+    if idle:
+        listed = ", ".join(str(i) for i in idle)
+        yield Skip(f"impulses at constraints {listed}", "not active; their limits are checked")
+    if "stability" in problem.outputs and not grows:
+        yield Skip("stability", "direction-dependent: the order of simultaneous impacts decides")
+    for name in OUTPUTS:
+        if name not in problem.outputs:
+            yield Skip(name, "not asked")

@@ -1,0 +1,78 @@
+"""What is asked: where along a family members exist."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from vibroimpact_solvers import impact_modes as modes
+from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.model import System
+
+KIND: Final = "existence-bands"
+OUTPUTS: Final = ("bands", "rejected", "stability")
+
+FINEST: Final = 1e-15
+"""Smallest relative tolerance of edges that double precision allows."""
+USUAL: Final = 1e-12
+"""Relative tolerance of edges where none is asked for."""
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Where along a family members exist.
+
+    Parameters
+    ----------
+    system : System
+    start, stop : float
+        Range of the fundamental frequency Omega, rad per unit of time, 0 < start < stop.
+    active : tuple of int
+        The constraints that are struck; empty stands for all.
+    outputs : frozenset of str
+        What is wanted, out of `OUTPUTS`.
+    tolerance : float, optional
+        Relative width up to which edges are narrowed down.
+    """
+
+    system: System
+    start: float
+    stop: float
+    active: tuple[int, ...] = ()
+    outputs: frozenset[str] = frozenset({"bands", "rejected"})
+    tolerance: float | None = None
+
+    def __post_init__(self) -> None:
+        count = len(self.system.constraints)
+        object.__setattr__(self, "active", tuple(self.active) or tuple(range(count)))
+        object.__setattr__(self, "outputs", frozenset(self.outputs))
+        for name in ("start", "stop"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                message = f"the frequency is {value!r}, not positive and finite"
+                raise ModelError(("frequency", name), message, code="frequency_not_positive")
+        if not self.start < self.stop:
+            message = "the range is empty: stop must be above start"
+            raise ModelError(("frequency", "stop"), message, code="empty_grid")
+        if self.outputs - set(OUTPUTS) or not self.outputs:
+            message = f"outputs are {', '.join(OUTPUTS)}"
+            raise ModelError(("outputs",), message, code="unknown_output")
+        if self.tolerance is not None and not FINEST <= self.tolerance < 0.1:
+            message = f"the tolerance of edges is {self.tolerance!r}, not in [{FINEST:g}, 0.1)"
+            raise ModelError(("tolerance",), message, code="out_of_range")
+        # Constraints are checked as the members are.
+        self.members(np.array([self.start]), frozenset({"exists"}))
+
+    @property
+    def resolution(self) -> float:
+        """Relative width up to which edges are narrowed down."""
+        return USUAL if self.tolerance is None else self.tolerance
+
+    def members(self, Omega: Floats, outputs: frozenset[str]) -> modes.Problem:
+        """Return the problem of the members at some frequencies."""
+        omega = Omega * (2.0 / np.pi)
+        return modes.Problem(self.system, omega, self.active, outputs, Omega=Omega)

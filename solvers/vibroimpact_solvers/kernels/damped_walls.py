@@ -1,0 +1,111 @@
+"""A damped oscillator between elastic walls: its flights, and closed forms of its slow flow."""
+
+from __future__ import annotations
+
+import math
+
+from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.kernels.jit import kernel
+from vibroimpact_solvers.kernels.phases import sine_cosine
+from vibroimpact_solvers.kernels.waves import fold
+
+
+@kernel
+def state(
+    x: float, v: float, delta: float, root: float, square: float, s: float
+) -> tuple[float, float]:
+    """Return (x, v) of ``x'' + 2 delta x' + square x = 0`` a time s after a state.
+
+    `root` is the damped frequency, ``root^2 = square - delta^2``.
+    """
+    decay, sine, cosine = math.exp(-delta * s), math.sin(root * s), math.cos(root * s)
+    pull = (delta * v + square * x) / root
+    return (
+        decay * (x * cosine + (v + delta * x) / root * sine),
+        decay * (v * cosine - pull * sine),
+    )
+
+
+@kernel
+def crossing(x: float, v: float, delta: float, root: float, square: float, wall: float) -> float:
+    """Return when x reaches a wall above it from a state with v > 0; -1 where it turns before."""
+    top = math.atan2(v * root, delta * v + square * x) / root
+    if state(x, v, delta, root, square, top)[0] <= wall:
+        return -1.0
+    low, high = 0.0, top
+    # Without damping the walls would be met at the middle of the phase plane's arc.
+    s = min(0.5 * top, (wall - x) / v)
+    for _ in range(200):
+        here, speed = state(x, v, delta, root, square, s)
+        if here < wall:
+            low = s
+        else:
+            high = s
+        step = (wall - here) / speed if speed > 0.0 else math.inf
+        following = s + step
+        if not low < following < high:
+            following = 0.5 * (low + high)
+        if abs(following - s) <= 1e-16 * following or following in (low, high):
+            return following
+        s = following
+    return s
+
+
+@kernel
+def flights(
+    x: float, v: float, delta: float, root: float, square: float, wall: float,
+    until: float, times: Floats, speeds: Floats,
+) -> int:  # fmt: skip
+    """Write times and speeds of impacts, shape (impact,); return their number, v > 0 at first.
+
+    Minus their number where impacts go on after `until`; all that is there is written.
+    """
+    t = 0.0
+    for n in range(times.size):
+        s = crossing(x, v, delta, root, square, wall)
+        if s < 0.0:
+            return n
+        t += s
+        if t > until:
+            return -n
+        _, v = state(x, v, delta, root, square, s)
+        times[n], speeds[n] = t, v
+        # Seen from the other side the motion starts anew from the lower wall.
+        x = -wall
+    return -times.size
+
+
+@kernel
+def truncated(
+    clock: Floats, zeta: float, r0: float, coefficients: Floats, gamma: Floats, phi: Floats
+) -> None:
+    """Evaluate eq. 10.17 and 10.18; `clock` is Omega0 t, shape (time,), phi = 0 at 0.
+
+    Eq. 10.18 in the form ``F(r0) - exp(-2 zeta Omega0 t) F(r)`` with F = 2F1(-1/4, -1/4; 3/4; r)
+    by its power series, shape (term,); r stays below 0.36 up to gamma = pi/2.
+    """
+    last = coefficients.size - 1
+    first = 0.0
+    for k in range(last, -1, -1):
+        first = first * r0 + coefficients[k]
+    scale = math.sqrt(math.sqrt(4.0 / (45.0 * r0))) / (2.0 * zeta)
+    for i in range(clock.size):
+        growth = math.exp(2.0 * zeta * clock[i])
+        square = growth * growth
+        r = r0 * square * square
+        total = 0.0
+        for k in range(last, -1, -1):
+            total = total * r + coefficients[k]
+        gamma[i] = growth * math.sqrt(math.sqrt(11.25 * r0 / (1.0 - r)))
+        phi[i] = scale * (first - total / growth)
+
+
+@kernel
+def elastic_shapes(gamma: Floats, phi: Floats, x: Floats, v: Floats) -> None:
+    """Evaluate x/Delta and v/(Omega0 Delta), eq. 10.14; all shapes (time,)."""
+    for i in range(gamma.size):
+        tau, e = fold(phi[i])
+        s, c = sine_cosine(gamma[i] * tau)
+        sine, _ = sine_cosine(gamma[i])
+        x[i] = s / sine
+        v[i] = c / sine * e

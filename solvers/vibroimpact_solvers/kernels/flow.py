@@ -1,0 +1,329 @@
+"""The exact flow of a linear structure in normal form, and derivatives of coordinates along it.
+
+The state is a set of pairs z_j = (z1, z2), one pair for each mode or pair of complex modes:
+
+- *rotations* ``z' = [[alpha, nu], [-nu, alpha]] z``, underdamped and undamped modes;
+- *hyperbolas* ``z' = [[alpha, nu], [nu, alpha]] z``, overdamped and unstable ones;
+- *parabolas* ``z' = [[alpha, 1], [0, alpha]] z + (0, push)``, rigid-body and critical ones.
+
+A mode ``q'' + 2 delta q' + lambda q = push`` has alpha = -delta, z1 = nu q (q for parabolas)
+and z2 = q' + delta q. Rotations come first, then hyperbolas, then parabolas.
+
+A flow is the array F, shape (4, pair), with rows alpha, nu, rest and push, where nu + rest is
+nu to more than double precision, and split = [rotations, rotations + hyperbolas, damped].
+
+States stand in arrays Z of shape (states, 2, pair), each named by its index c. Linear forms
+stand in an array of shape (4, watched, 2, pair): the watched coordinates, their velocities, the
+changes of state by unit impulses, and the rates of these; `sizes`, shape (2, watched, pair),
+holds |form_j| rate_j^n for the derivative n that is bounded, and |form_j|.
+
+Arrays are passed whole and indexed in place: to unpack tuples or to take views costs numba
+atomic reference counts, which in the smallest systems last longer than the arithmetic.
+"""
+
+from __future__ import annotations
+
+import math
+
+from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.kernels.jit import fma, inline, kernel
+from vibroimpact_solvers.kernels.phases import quarter_turns, small_cosine, small_sine
+
+_WHOLE = 6755399441055744.0
+
+
+@inline
+def _sine_cosine(x: float, rest: float) -> tuple[float, float]:
+    """Return sine and cosine of x + rest, without branches."""
+    k, y = quarter_turns(x)
+    y += rest
+    sine, cosine = small_sine(y), small_cosine(y)
+    half = 0.5 * k
+    odd = ((half + _WHOLE) - _WHOLE) != half
+    floor = (half - 0.25 + _WHOLE) - _WHOLE
+    pair = 0.5 * floor
+    flip = ((pair + _WHOLE) - _WHOLE) != pair
+    sign = -1.0 if flip else 1.0
+    return sign * (cosine if odd else sine), sign * (-sine if odd else cosine)
+
+
+@kernel
+def propagators(F: Floats, split: Integers, s: float, ds: float, P: Floats) -> None:
+    """Fill in what takes states through a time s + ds: (stay, turn) of every pair.
+
+    Parameters
+    ----------
+    F, split : array
+        See the module.
+    s, ds : float
+        The time and what rounding took from it.
+    P : array, shape (2, pair)
+        Rotations: e^(alpha s) (cos nu s, sin nu s); hyperbolas: with cosh and sinh; parabolas:
+        e^(alpha s) (1, s).
+    """
+    for j in range(split[0]):
+        phase = F[1, j] * s
+        lost = fma(F[1, j], s, -phase)
+        P[1, j], P[0, j] = _sine_cosine(phase, fma(F[1, j], ds, fma(F[2, j], s, lost)))
+    if split[2]:
+        for j in range(split[0]):
+            decay = math.exp(F[0, j] * s + F[0, j] * ds)
+            P[1, j] *= decay
+            P[0, j] *= decay
+    time = s + ds
+    for j in range(split[0], split[1]):
+        slow = math.exp((F[0, j] - F[1, j]) * time)
+        twice = math.expm1(2.0 * F[1, j] * time)
+        P[1, j] = 0.5 * slow * twice
+        P[0, j] = slow + P[1, j]
+    for j in range(split[1], F.shape[1]):
+        P[0, j] = math.exp(F[0, j] * time)
+        P[1, j] = P[0, j] * time
+
+
+@inline
+def take(
+    F: Floats, split: Integers, P: Floats, s: float, Z: Floats, c: int, out: Floats, o: int
+) -> None:
+    """Take the state Z[c] to out[o], through the time s that the propagators P belong to."""
+    for j in range(split[0]):
+        a, b = Z[c, 0, j], Z[c, 1, j]
+        out[o, 0, j] = fma(P[0, j], a, P[1, j] * b)
+        out[o, 1, j] = fma(P[0, j], b, -(P[1, j] * a))
+    for j in range(split[0], split[1]):
+        a, b = Z[c, 0, j], Z[c, 1, j]
+        out[o, 0, j] = P[0, j] * a + P[1, j] * b
+        out[o, 1, j] = P[0, j] * b + P[1, j] * a
+    for j in range(split[1], F.shape[1]):
+        a, b = Z[c, 0, j], Z[c, 1, j]
+        out[o, 0, j] = P[0, j] * a + P[1, j] * b + 0.5 * F[3, j] * s * s
+        out[o, 1, j] = P[0, j] * b + F[3, j] * s
+
+
+@inline
+def rates(F: Floats, split: Integers, Z: Floats, c: int, out: Floats, o: int) -> None:
+    """Fill in the rate of the state Z[c], pushes included, as out[o]."""
+    for j in range(split[0]):
+        a, b = Z[c, 0, j], Z[c, 1, j]
+        out[o, 0, j] = F[0, j] * a + F[1, j] * b
+        out[o, 1, j] = F[0, j] * b - F[1, j] * a
+    for j in range(split[0], split[1]):
+        a, b = Z[c, 0, j], Z[c, 1, j]
+        out[o, 0, j] = F[0, j] * a + F[1, j] * b
+        out[o, 1, j] = F[0, j] * b + F[1, j] * a
+    for j in range(split[1], F.shape[1]):
+        a, b = Z[c, 0, j], Z[c, 1, j]
+        out[o, 0, j] = F[0, j] * a + b
+        out[o, 1, j] = F[0, j] * b + F[3, j]
+
+
+@inline
+def total(work: Floats, row: int, n: int) -> float:
+    """Return the sum of the first n entries of work[row], by halves; overwrites work[3]."""
+    found = 0.0
+    if n <= 16:
+        for j in range(n):
+            found += work[row, j]
+        return found
+    rest = (n + 1) // 2
+    work[3, rest - 1] = work[row, rest - 1]
+    for j in range(n - rest):
+        work[3, j] = work[row, j] + work[row, rest + j]
+    n = rest
+    while n > 8:
+        rest = (n + 1) // 2
+        for j in range(n - rest):
+            work[3, j] += work[3, rest + j]
+        n = rest
+    for j in range(n):
+        found += work[3, j]
+    return found
+
+
+@inline
+def product(forms: Floats, kind: int, i: int, Z: Floats, c: int) -> float:
+    """Return the value of the linear form forms[kind, i] at the state Z[c]."""
+    s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
+    n = Z.shape[2]
+    even = n - n % 2
+    for j in range(0, even, 2):
+        s0 += forms[kind, i, 0, j] * Z[c, 0, j]
+        s1 += forms[kind, i, 1, j] * Z[c, 1, j]
+        s2 += forms[kind, i, 0, j + 1] * Z[c, 0, j + 1]
+        s3 += forms[kind, i, 1, j + 1] * Z[c, 1, j + 1]
+    for j in range(even, n):
+        s0 += forms[kind, i, 0, j] * Z[c, 0, j]
+        s1 += forms[kind, i, 1, j] * Z[c, 1, j]
+    return (s0 + s2) + (s1 + s3)
+
+
+@kernel
+def derivatives(
+    F: Floats, split: Integers, forms: Floats, i: int, Z: Floats, c: int, work: Floats, d: Floats
+) -> None:
+    """Fill in the derivatives 0 ... d.size - 1 of a watched coordinate along the flow.
+
+    Every pair obeys ``y'' = 2 alpha y' - (alpha^2 +- nu^2) y``.
+
+    Parameters
+    ----------
+    F, split, forms, Z : array
+        See the module.
+    i, c : int
+        Which coordinate, and at which state.
+    work : array, shape (4, pair)
+    d : array, shape (order,), of even size
+    """
+    if F.shape[1] <= 4:
+        _few(F, split, forms, i, Z, c, d)
+    else:
+        _many(F, split, forms, i, Z, c, work, d)
+    for j in range(split[1], F.shape[1]):
+        if F[3, j] != 0.0:
+            # The push moves z2 alone; only parabolas without damping carry one.
+            d[1] += forms[0, i, 1, j] * F[3, j]
+            d[2] += forms[0, i, 0, j] * F[3, j]
+
+
+@inline
+def _few(F: Floats, split: Integers, forms: Floats, i: int, Z: Floats, c: int, d: Floats) -> None:
+    """Sum the derivatives one pair after the other."""
+    for k in range(d.size):
+        d[k] = 0.0
+    for j in range(F.shape[1]):
+        sign = 1.0 if j < split[0] else (-1.0 if j < split[1] else 0.0)
+        turn = F[1, j] if j < split[1] else 1.0
+        first, second = forms[0, i, 0, j], forms[0, i, 1, j]
+        a = first * Z[c, 0, j] + second * Z[c, 1, j]
+        b = F[0, j] * a + turn * (first * Z[c, 1, j] - sign * second * Z[c, 0, j])
+        twice, square = 2.0 * F[0, j], -(F[0, j] * F[0, j] + sign * turn * turn)
+        for k in range(0, d.size, 2):
+            d[k] += a
+            d[k + 1] += b
+            if twice == 0.0:  # two short chains of products instead of a long one
+                a *= square
+                b *= square
+            else:
+                a = twice * b + square * a
+                b = twice * a + square * b
+
+
+@kernel
+def _many(
+    F: Floats, split: Integers, forms: Floats, i: int, Z: Floats, c: int, work: Floats, d: Floats
+) -> None:
+    """Sum the derivatives of all pairs at a time, in vector loops."""
+    n = F.shape[1]
+    for j in range(split[0]):
+        z1, z2 = Z[c, 0, j], Z[c, 1, j]
+        work[0, j] = forms[0, i, 0, j] * z1 + forms[0, i, 1, j] * z2
+        work[1, j] = F[1, j] * (forms[0, i, 0, j] * z2 - forms[0, i, 1, j] * z1)
+        work[2, j] = -F[1, j] * F[1, j]
+    for j in range(split[0], split[1]):
+        z1, z2 = Z[c, 0, j], Z[c, 1, j]
+        work[0, j] = forms[0, i, 0, j] * z1 + forms[0, i, 1, j] * z2
+        work[1, j] = F[1, j] * (forms[0, i, 0, j] * z2 + forms[0, i, 1, j] * z1)
+        work[2, j] = F[1, j] * F[1, j]
+    for j in range(split[1], n):
+        work[0, j] = forms[0, i, 0, j] * Z[c, 0, j] + forms[0, i, 1, j] * Z[c, 1, j]
+        work[1, j] = forms[0, i, 0, j] * Z[c, 1, j]
+        work[2, j] = 0.0
+    if split[2]:
+        for j in range(n):
+            work[1, j] += F[0, j] * work[0, j]
+            work[2, j] -= F[0, j] * F[0, j]
+        for k in range(d.size):
+            d[k] = total(work, 0, n)
+            for j in range(n):
+                following = 2.0 * F[0, j] * work[1, j] + work[2, j] * work[0, j]
+                work[0, j] = work[1, j]
+                work[1, j] = following
+        return
+    for k in range(0, d.size, 2):
+        d[k] = total(work, 0, n)
+        d[k + 1] = total(work, 1, n)
+        for j in range(n):
+            work[0, j] *= work[2, j]
+            work[1, j] *= work[2, j]
+
+
+@inline
+def magnitudes(split: Integers, Z: Floats, c: int, out: Floats) -> None:
+    """Fill in |z_j| of every pair, shape (pair,); |z1| + |z2| where it is not a rotation."""
+    for j in range(split[0]):
+        out[j] = math.sqrt(Z[c, 0, j] * Z[c, 0, j] + Z[c, 1, j] * Z[c, 1, j])
+    for j in range(split[0], Z.shape[2]):
+        out[j] = abs(Z[c, 0, j]) + abs(Z[c, 1, j])
+
+
+@inline
+def _weighted(sizes: Floats, kind: int, i: int, size: Floats, n: int) -> float:
+    """Return the sum of ``sizes[kind, i, j] size[j]`` over the first n pairs."""
+    s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
+    whole = n - n % 4
+    for j in range(0, whole, 4):
+        s0 += sizes[kind, i, j] * size[j]
+        s1 += sizes[kind, i, j + 1] * size[j + 1]
+        s2 += sizes[kind, i, j + 2] * size[j + 2]
+        s3 += sizes[kind, i, j + 3] * size[j + 3]
+    for j in range(whole, n):
+        s0 += sizes[kind, i, j] * size[j]
+    return (s0 + s1) + (s2 + s3)
+
+
+@inline
+def bound(
+    F: Floats,
+    split: Integers,
+    forms: Floats,
+    sizes: Floats,
+    i: int,
+    Z: Floats,
+    c: int,
+    size: Floats,
+    order: int,
+    H: float,
+) -> float:
+    """Return a bound of the derivative `order` (at least 3) of a coordinate in the next H.
+
+    Parameters
+    ----------
+    F, split, forms, sizes, Z : array
+        See the module.
+    i, c : int
+        Which coordinate, and from which state on.
+    size : array, shape (pair,)
+        As `magnitudes` returns it.
+    order : int
+    H : float
+        Finite.
+    """
+    found = _weighted(sizes, 0, i, size, split[0])
+    for j in range(split[0], split[1]):
+        found += sizes[0, i, j] * size[j] * math.exp(max(0.0, F[0, j] + F[1, j]) * H)
+    for j in range(split[1], F.shape[1]):
+        rate = abs(F[0, j])
+        if rate > 0.0:
+            # (alpha + N)^order = alpha^order + order alpha^(order-1) N on e^(alpha h)(z1 + h z2).
+            slides = abs(forms[0, i, 0, j] * Z[c, 1, j])
+            first = abs(forms[0, i, 0, j] * Z[c, 0, j]) + H * slides
+            first += abs(forms[0, i, 1, j] * Z[c, 1, j])
+            growth = math.exp(max(0.0, F[0, j]) * H)
+            found += growth * rate ** (order - 1) * (rate * first + order * slides)
+    return found
+
+
+@inline
+def reach(
+    F: Floats, split: Integers, sizes: Floats, i: int, Z: Floats, c: int, size: Floats, H: float
+) -> float:
+    """Return a bound of the magnitude of a coordinate in the next H; arguments as of `bound`."""
+    found = _weighted(sizes, 1, i, size, split[0])
+    for j in range(split[0], split[1]):
+        if sizes[1, i, j] * size[j] > 0.0:
+            found += sizes[1, i, j] * size[j] * math.exp(max(0.0, F[0, j] + F[1, j]) * H)
+    for j in range(split[1], F.shape[1]):
+        if sizes[1, i, j] > 0.0:
+            moved = abs(Z[c, 0, j]) + H * abs(Z[c, 1, j]) + 0.5 * H * H * abs(F[3, j])
+            found += sizes[1, i, j] * math.exp(max(0.0, F[0, j]) * H) * moved
+    return found

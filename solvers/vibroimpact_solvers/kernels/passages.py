@@ -1,0 +1,204 @@
+"""First passage of a coordinate through a wall, proved from its Taylor polynomial and remainder.
+
+A coordinate with derivatives d_0 ... d_{n-1} at some instant and ``|y^(n)| <= B`` after it
+stays between the envelopes ``p(h) -+ B h^n / n!``, p being its Taylor polynomial. The first
+root of an envelope minus the wall is therefore not later than the first passage of y: nothing
+that happens before it can be missed. Roots are isolated by the signs of Bernstein coefficients
+(Descartes' rule on an interval), which never skips one.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.kernels.jit import fma, inline, kernel
+
+ORDER: Final = 12
+"""Degree n of the envelopes: derivatives up to n - 1 and a bound of the n-th."""
+DEPTH: Final = 48
+"""Halvings after which the left end of an interval counts as the root."""
+
+_FACTORIALS = np.array([1.0 / math.factorial(k) for k in range(ORDER + 1)])
+_BINOMIALS = np.array([1.0 / math.comb(ORDER, k) for k in range(ORDER + 1)])
+_NEVER = 2.0
+
+
+@inline
+def horizon(bound: float, allowed: float) -> float:
+    """Return the h at which the remainder ``bound h^n / n!`` reaches what is allowed."""
+    if bound <= 0.0:
+        return math.inf
+    return float((allowed / (bound * _FACTORIALS[ORDER])) ** (1.0 / ORDER))
+
+
+@inline
+def remainder(bound: float, h: float) -> float:
+    """Return ``bound h^n / n!``."""
+    return float(bound * h**ORDER * _FACTORIALS[ORDER])
+
+
+@kernel
+def first_passage(
+    d: Floats, bound: float, H: float, above: float, below: float, work: Floats
+) -> tuple[float, int]:
+    """Return a time before which no wall is passed, and at which wall it was found.
+
+    Parameters
+    ----------
+    d : array, shape (ORDER,)
+        Derivatives of y at h = 0; the value itself is not used.
+    bound : float
+        Of the magnitude of derivative ORDER in [0, H].
+    H : float
+        Length of the interval, finite.
+    above, below : float
+        Distances to the upper and lower wall, infinite where there is none; zero for a wall
+        that is just being left (its derivative points away).
+    work : array, shape (DEPTH + 5, DEPTH + 2)
+
+    Returns
+    -------
+    h : float
+        H where no envelope meets a wall.
+    side : int
+        1 upper, -1 lower, 0 none.
+    """
+    h = _straight(d, bound, H, above, below)
+    if h >= 0.0:
+        return h, (0 if h >= H else (1 if d[1] > 0.0 else -1))
+    c, b = work[0], work[1]
+    power = 1.0
+    c[0] = b[0] = 0.0
+    for k in range(1, ORDER):
+        power *= H
+        c[k] = d[k] * power * _FACTORIALS[k]
+        b[k] = c[k] * _BINOMIALS[k]
+    b[ORDER] = 0.0
+    rest = bound * power * H * _FACTORIALS[ORDER]
+    for j in range(1, ORDER + 1):
+        for i in range(ORDER, j - 1, -1):
+            b[i] += b[i - 1]
+    highest, lowest = b[ORDER] + rest, b[ORDER] - rest
+    for i in range(1, ORDER):
+        highest = max(highest, b[i])
+        lowest = min(lowest, b[i])
+    up, down = _NEVER, _NEVER
+    if highest >= above:
+        up = _first_root(b, c, rest, 1.0, above, work)
+    if lowest <= -below:
+        down = _first_root(b, c, rest, -1.0, below, work)
+    if up > 1.0 and down > 1.0:
+        return H, 0
+    return (up * H, 1) if up <= down else (down * H, -1)
+
+
+@inline
+def _straight(d: Floats, bound: float, H: float, above: float, below: float) -> float:
+    """Return the first passage where y runs straight to a wall: H if it is later, -1 if unsure.
+
+    While the higher derivatives cannot halve the velocity, y moves towards that wall only and
+    is there before ``2 room / |y'|``.
+    """
+    speed, room = abs(d[1]), (above if d[1] > 0.0 else below)
+    if not 2.0 * room < speed * 1e300:
+        return -1.0
+    h = min(H, 2.0 * room / speed)
+    power, changes = h, 0.0
+    for k in range(2, ORDER):
+        changes += abs(d[k]) * power * _FACTORIALS[k - 1]
+        power *= h
+    changes += bound * power * _FACTORIALS[ORDER - 1]
+    if not changes <= 0.5 * speed:
+        return -1.0
+    sign = 1.0 if d[1] > 0.0 else -1.0
+    rest = bound * _FACTORIALS[ORDER]
+    t = min(h, room / speed)
+    for _ in range(30):
+        value, slope = rest * t, rest
+        for k in range(ORDER - 1, 0, -1):
+            factor = sign * d[k] * _FACTORIALS[k]
+            slope = fma(slope, t, value + factor)
+            value = (value + factor) * t
+        step = (value - room) / slope
+        t -= step
+        if abs(step) <= 1e-9 * t:
+            return H if t >= H else max(t, 0.0)
+        # The velocity is known to a factor of three: no step leads far astray.
+        t = min(max(t, 0.0), h)
+        if t == H and step < 0.0:
+            return H
+    return -1.0
+
+
+@kernel
+def _first_root(b: Floats, c: Floats, rest: float, sign: float, room: float, work: Floats) -> float:
+    """Return the first root in (0, 1] of ``sign p(t) + rest t^n - room``, or _NEVER."""
+    n, top = ORDER, 2
+    lefts, ends = work[DEPTH + 3], work[DEPTH + 4]
+    for i in range(n + 1):
+        work[top, i] = sign * b[i] - room
+    work[top, n] += rest
+    lefts[0], ends[0] = 0.0, 1.0
+    # Intervals wait on a stack, the leftmost on top.
+    while top >= 2:
+        f, left, end = work[top], lefts[top - 2], ends[top - 2]
+        changes, last = 0, 0.0
+        for i in range(n + 1):
+            if f[i] != 0.0:
+                if last * f[i] < 0.0:
+                    changes += 1
+                last = 1.0 if f[i] > 0.0 else -1.0
+        if changes == 0 and last > 0.0:
+            return float(left)
+        if changes == 1 and last > 0.0:
+            return _bracketed(c, rest, sign, room, left, end)
+        if changes == 0:
+            top -= 1
+        elif top == DEPTH + 2:
+            return float(left)
+        else:
+            # de Casteljau: f keeps the right half, the left one goes on top of it.
+            g = work[top + 1]
+            g[0] = f[0]
+            for j in range(1, n + 1):
+                for i in range(n - j + 1):
+                    f[i] = 0.5 * (f[i] + f[i + 1])
+                g[j] = f[0]
+            middle = 0.5 * (left + end)
+            lefts[top - 1], ends[top - 1] = left, middle
+            lefts[top - 2] = middle
+            top += 1
+    return _NEVER
+
+
+@kernel
+def _bracketed(
+    c: Floats, rest: float, sign: float, room: float, left: float, right: float
+) -> float:
+    """Return the only root in (left, right] by Newton's method kept inside the bracket."""
+    t = 0.5 * (left + right)
+    for _ in range(200):
+        value, slope = rest * t, rest
+        for k in range(ORDER - 1, 0, -1):
+            factor = sign * c[k]
+            slope = fma(slope, t, value + factor)
+            value = (value + factor) * t
+        value -= room
+        if value < 0.0:
+            left = t
+        elif value > 0.0:
+            right = t
+        else:
+            return t
+        step = value / slope if slope > 0.0 else math.inf
+        new = t - step
+        if not left < new < right:
+            new = 0.5 * (left + right)
+        if abs(new - t) <= 2e-16 * t or new == t:
+            return new
+        t = new
+    return t

@@ -1,0 +1,215 @@
+"""Internal resonances: harmonics of an impact mode that meet the structure held at its limiter.
+
+The struck coordinate moves much like a given triangle wave, of which the structure feels the
+odd harmonics. What resonates with it is the structure with that coordinate held: natural
+frequencies nu of the parts it falls into, divided by odd numbers (eq. 10.70-10.76 for the
+uniform chain, any M and K here).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Final
+
+import numpy as np
+import scipy.sparse
+import scipy.sparse.csgraph
+
+from vibroimpact_solvers import spectrum
+from vibroimpact_solvers.arrays import Floats, Integers, Quantity
+from vibroimpact_solvers.errors import ModelError, PlanError
+from vibroimpact_solvers.matrices import SymmetricMatrix
+from vibroimpact_solvers.model import ChainShape, System
+from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
+
+KIND: Final = "resonances"
+OUTPUTS: Final = ("Omega", "harmonic", "part")
+
+_SILENT = 1e-12  # excitation, relative to the largest, that is only rounding
+_METHOD: Final = "held structure"
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Which resonances.
+
+    Parameters
+    ----------
+    system : System
+    constraint : int
+        The constraint whose coordinate moves.
+    odd_max : int
+        Highest odd harmonic.
+    outputs : frozenset of str
+        What is wanted, out of `OUTPUTS`.
+    """
+
+    system: System
+    constraint: int = 0
+    odd_max: int = 9
+    outputs: frozenset[str] = frozenset(OUTPUTS)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "outputs", frozenset(self.outputs))
+        count = len(self.system.constraints)
+        if not 0 <= self.constraint < count:
+            message = f"{self.constraint} is not below the number of constraints, {count}"
+            raise ModelError(("constraint",), message, code="index_out_of_range")
+        if self.odd_max < 1:
+            message = "the highest harmonic is below 1"
+            raise ModelError(("odd_max",), message, code="out_of_range")
+        if self.outputs - set(OUTPUTS) or not self.outputs:
+            message = f"outputs are {', '.join(OUTPUTS)}"
+            raise ModelError(("outputs",), message, code="unknown_output")
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """Resonances, by ascending frequency."""
+
+    Omega: Annotated[
+        Floats | None,
+        Quantity(("resonance",), "time-1", "fundamental frequency of the impact mode"),
+    ]
+    harmonic: Annotated[
+        Integers | None, Quantity(("resonance",), "1", "odd multiple of Omega that resonates")
+    ]
+    part: Annotated[
+        Integers | None,
+        Quantity(("resonance",), "1", "part of the held structure, by its lowest dof"),
+    ]
+    natural: Annotated[
+        Floats,
+        Quantity(("resonance",), "time-1", "natural frequency of the held structure"),
+    ]
+
+    #: How far the numbers can be trusted.
+    error_statement: str
+
+
+def plan(problem: Problem) -> Plan:
+    """Decide how the resonances are found."""
+    parts = list(_parts(problem))
+    methods = [(part, spectrum.choose(part.system)) for part in parts]
+    size = sum(spectrum.nbytes(part.system, method) for part, method in methods)
+    if size > spectrum.MEMORY:
+        message = f"the natural modes of the held structure take more than {size / 1e9:.0f} GB"
+        raise PlanError(message)
+    names = sorted({str(method) for _, method in methods})
+    reason = f"{len(parts)} parts fall apart when the coordinate is held ({', '.join(names)})"
+    flops = sum(spectrum.flops(part.system, method) for part, method in methods)
+    steps = (Step(Stage.SPECTRUM, _METHOD, reason, flops, size),)
+    skips = (
+        Skip("even harmonics", "the triangle wave has none"),
+        Skip("modes that the held coordinate does not move", "nothing excites them"),
+    )
+    return Plan(KIND, steps, skips)
+
+
+def solve(problem: Problem, plan: Plan, tick: Callable[[int, int], None] | None = None) -> Result:
+    """Find the resonances.
+
+    Parameters
+    ----------
+    problem : Problem
+    plan : Plan
+        The one that `plan(problem)` returned.
+    tick : callable, optional
+        Called with (done, total) parts; may raise `Cancelled`.
+    """
+    parts = list(_parts(problem))
+    found, places = [np.empty(0)], [np.empty(0, dtype=np.int64)]
+    for index, part in enumerate(parts):
+        if tick is not None:
+            tick(index, len(parts))
+        roots = part.excited()
+        found.append(roots)
+        places.append(np.full(roots.size, index))
+    if tick is not None:
+        tick(len(parts), len(parts))
+    natural, place = np.concatenate(found), np.concatenate(places)
+    odd = np.arange(1, problem.odd_max + 1, 2)
+    Omega = (natural[:, np.newaxis] / odd).ravel()
+    order = np.argsort(Omega, kind="stable")
+    wanted = problem.outputs
+    return Result(
+        Omega=Omega[order] if "Omega" in wanted else None,
+        harmonic=np.tile(odd, natural.size)[order] if "harmonic" in wanted else None,
+        part=np.repeat(place, odd.size)[order] if "part" in wanted else None,
+        natural=np.repeat(natural, odd.size)[order],
+        error_statement="eigenvalues of the held structure to a few roundings of the largest",
+    )
+
+
+def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Problem]:
+    """Return the problem as its only piece."""
+    return [replace(problem)]
+
+
+def join(problem: Problem, plan: Plan, results: Sequence[Result]) -> Result:
+    """Return the result of the only piece."""
+    (result,) = results
+    return result
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Part:
+    """A part of the held structure.
+
+    Parameters
+    ----------
+    system : System
+    stiff, heavy : array, shape (dof,)
+        What a unit displacement of the held coordinate does to it: forces by K and by M.
+    """
+
+    system: System
+    stiff: Floats
+    heavy: Floats
+
+    def excited(self) -> Floats:
+        """Return the natural frequencies that the held coordinate excites."""
+        natural = spectrum.spectrum(self.system)
+        modes = natural.modes
+        push = modes.T @ self.stiff - natural.eigenvalues * (modes.T @ self.heavy)
+        size = np.abs(modes.T) @ np.abs(self.stiff)
+        size += np.abs(natural.eigenvalues) * (np.abs(modes.T) @ np.abs(self.heavy))
+        heard = np.abs(push) > _SILENT * size.max(initial=0.0)
+        return np.asarray(natural.roots[heard & (natural.roots > 0.0)])
+
+
+def _parts(problem: Problem) -> Iterator[_Part]:
+    """Yield the parts into which the structure falls when the coordinate is held."""
+    system = problem.system
+    coordinate = system.constraints[problem.constraint].coordinate
+    if system.n == 1:
+        return
+    held, weight = max(coordinate, key=lambda pair: abs(pair[1]))
+    free = np.delete(np.arange(system.n), held)
+    place = np.empty(system.n, dtype=np.int64)
+    place[free] = np.arange(free.size)
+    # x = Z (free dofs) + u y with the coordinate y: the held dof makes up for the others.
+    others = [(place[dof], -w / weight) for dof, w in coordinate if dof != held]
+    entries = [np.ones(free.size), np.array([w for _, w in others])]
+    rows = [free, np.full(len(others), held)]
+    columns = [np.arange(free.size), np.array([p for p, _ in others], dtype=np.int64)]
+    index = (np.concatenate(rows).astype(np.int64), np.concatenate(columns))
+    Z = scipy.sparse.csr_array((np.concatenate(entries), index), shape=(system.n, free.size))
+    K, M = system.K.to_sparse(), system.M.to_sparse()
+    moved = np.zeros(system.n)
+    moved[held] = 1.0 / weight
+    stiff, heavy = Z.T @ (K @ moved), Z.T @ (M @ moved)
+    K, M = (Z.T @ K @ Z).tocsr(), (Z.T @ M @ Z).tocsr()
+    count, label = scipy.sparse.csgraph.connected_components(abs(K) + abs(M), directed=False)
+    for part in range(count):
+        dofs = np.flatnonzero(label == part)
+        if not (stiff[dofs].any() or heavy[dofs].any()):
+            continue
+        chain = None
+        if system.chain is not None and len(coordinate) == 1:
+            chain = ChainShape(dofs.size, system.chain.mass, system.chain.stiffness)
+        masses, springs = (
+            SymmetricMatrix.leanest(matrix[dofs][:, dofs].tocsr()) for matrix in (M, K)
+        )
+        yield _Part(System(masses, springs, (), chain=chain), stiff[dofs], heavy[dofs])

@@ -1,0 +1,184 @@
+"""What the models of slow flows share: their start, their motion and their impacts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import ClassVar, Protocol, Self
+
+from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.model import System
+
+
+class Stage(IntEnum):
+    """What a motion is at at some time."""
+
+    IMPACTS = 0
+    FREE = 1
+    REST = 2
+
+
+STAGES = tuple(stage.name.lower() for stage in Stage)
+
+
+@dataclass(frozen=True, slots=True)
+class Initial:
+    """Where a motion starts, at t = 0; each model names the fields that it takes.
+
+    Parameters
+    ----------
+    gamma : float
+        Frequency ratio gamma = Omega0 / omega (eq. 10.5); lambda of eq. 10.110.
+    phi : float
+        Phase of the triangle wave.
+    A, B : float
+        Amplitudes of the second mass (eq. 10.43), length.
+    omega : float
+        Triangle-wave frequency, 1/time.
+    energy : float
+        Total energy, mass length^2 / time^2.
+    root : int
+        Which root of eq. 10.10: k = root // 2, the sign + for even and - for odd ones less 1.
+    x, v : float
+        Displacement and velocity of the constrained mass.
+    """
+
+    gamma: float | None = None
+    phi: float | None = None
+    A: float | None = None
+    B: float | None = None
+    omega: float | None = None
+    energy: float | None = None
+    root: int | None = None
+    x: float | None = None
+    v: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """One description of a motion.
+
+    Parameters
+    ----------
+    method, about : str
+        Its method in two words, and what it is in a sentence.
+    impact_flops : float
+        Operations for one impact, of descriptions that follow the motion through them.
+    """
+
+    method: str
+    about: str
+    impact_flops: float = 0.0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Motion:
+    """A motion at some times; None stands for what the model has not, or was not asked.
+
+    Parameters
+    ----------
+    stage : array, shape (time,)
+        Codes of `Stage`.
+    phi : array, shape (time,)
+        Phase of the triangle wave; nan after the last impact.
+    gamma, omega : array, shape (time,)
+        Frequency ratio and triangle-wave frequency, 1/time.
+    A, B : array, shape (time,)
+        Amplitudes of the second mass, length.
+    x, v : array, shape (time, dof)
+        Displacement and velocity.
+    """
+
+    stage: Integers
+    phi: Floats | None = None
+    gamma: Floats | None = None
+    omega: Floats | None = None
+    A: Floats | None = None
+    B: Floats | None = None
+    x: Floats | None = None
+    v: Floats | None = None
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Impacts:
+    """The impacts of the exact motion, shapes (impact,).
+
+    Parameters
+    ----------
+    time : array
+    velocity : array
+        Speed before the impact.
+    phi : array
+        Phase, an odd number.
+    gamma : array, optional
+        Frequency ratio at the impact, from the energies before and after it.
+    """
+
+    time: Floats
+    velocity: Floats
+    phi: Floats
+    gamma: Floats | None
+
+
+class Asked(Protocol):
+    """What a model is made of."""
+
+    @property
+    def system(self) -> System:
+        """The structure."""
+
+    @property
+    def initial(self) -> Initial:
+        """The start."""
+
+    @property
+    def variant(self) -> str:
+        """The description."""
+
+    @property
+    def t(self) -> Floats:
+        """The times, shape (time,)."""
+
+
+class Model(Protocol):
+    """A system of the chapter with its parameters and its start.
+
+    Attributes
+    ----------
+    VARIANTS : mapping of str to Variant
+        The descriptions of its motion; ``"exact"`` is one of them.
+    INITIAL : tuple of str
+        Fields of `Initial` that it takes.
+    """
+
+    VARIANTS: ClassVar[Mapping[str, Variant]]
+    INITIAL: ClassVar[tuple[str, ...]]
+
+    @classmethod
+    def of(cls, asked: Asked) -> Self:
+        """Take the parameters from a system and a start.
+
+        Raises
+        ------
+        ModelError
+            Where they are not the model's.
+        """
+
+    def motion(self, variant: str, t: Floats, *, shapes: bool = True) -> Motion:
+        """Return the motion at some times; without displacements unless `shapes`."""
+
+    def impulse(self, motion: Motion) -> Floats | None:
+        """Return the impulse parameter p along a motion; None where the model has none."""
+
+    def impacts(self, until: float) -> Impacts:
+        """Return the impacts of the exact motion at times 0 to `until`."""
+
+    def duration(self, variant: str) -> float:
+        """Return when the impacts end."""
+
+    def expected_impacts(self, until: float) -> float:
+        """Return about how many impacts the exact motion has."""
+
+    def exists(self) -> bool | None:
+        """Whether a member of a family is a motion; None where the model has no families."""

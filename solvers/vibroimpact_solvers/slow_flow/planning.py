@@ -1,0 +1,58 @@
+"""Decides what is computed of a slow flow; `solving` follows and decides nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from vibroimpact_solvers.errors import PlanError
+from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
+from vibroimpact_solvers.slow_flow.lossy_flights import MOST
+from vibroimpact_solvers.slow_flow.problem import KIND, OUTPUTS, Problem
+
+_EACH: Final = 300.0  # operations for one time
+_IMPACT: Final = 2000.0  # operations for one impact of the exact motion, at most
+_PATIENCE: Final = 1e11  # operations of an integration
+
+
+def plan(problem: Problem) -> Plan:
+    """Decide what is computed and what is left out."""
+    return Plan(KIND, tuple(_steps(problem)), tuple(_skips(problem)))
+
+
+def _steps(problem: Problem) -> Iterator[Step]:
+    variant = problem.moving.VARIANTS[problem.variant]
+    impacts = problem.moving.expected_impacts(float(problem.t.max()))
+    if impacts > MOST:
+        message = f"about {impacts:.3g} impacts are more than {MOST}: ask for less time"
+        raise PlanError(message)
+    following = variant.impact_flops * impacts
+    if following > _PATIENCE:
+        message = f"{variant.about}: about {impacts:.3g} impacts would take too long"
+        raise PlanError(message)
+    size, dofs = problem.t.size, problem.system.n
+    columns = 4.0 + (1.0 + 2.0 * dofs) * len(problem.outputs & {"x", "v", "impulse"})
+    flops = _EACH * size + following
+    yield Step(Stage.SLOW_FLOW, variant.method, variant.about, flops, 8.0 * columns * size)
+    if "error" in problem.outputs and problem.variant != "exact":
+        exact = problem.moving.VARIANTS["exact"]
+        yield Step(
+            Stage.FLIGHT,
+            exact.method,
+            f"the exact motion, with which {problem.variant} is compared: {exact.about}",
+            _EACH * size + _IMPACT * impacts,
+            8.0 * dofs * size + 32.0 * impacts,
+        )
+
+
+def _skips(problem: Problem) -> Iterator[Skip]:
+    for name in OUTPUTS:
+        if name not in problem.outputs:
+            yield Skip(name, "not asked")
+    if "error" in problem.outputs and problem.variant == "exact":
+        yield Skip("a second solution for the error", "the variant is the exact one")
+
+
+def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Problem]:
+    """Return the problem as one piece: its impacts follow from one another."""
+    return [problem]

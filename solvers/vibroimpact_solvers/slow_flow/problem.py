@@ -1,0 +1,88 @@
+"""What is asked: a motion with slowly changing impacts, by which description, at which times."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import Final
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.model import System
+from vibroimpact_solvers.slow_flow.models import MODELS
+from vibroimpact_solvers.slow_flow.motion import Initial, Model
+
+KIND: Final = "slow-flow"
+OUTPUTS: Final = ("state", "x", "v", "impulse", "error")
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Which motion, described how, at which times.
+
+    Parameters
+    ----------
+    system : System
+        The structure with its limiter; it must be the one that the model is about.
+    model : str
+        Out of `MODELS`.
+    variant : str
+        Description of the motion, out of the model's variants.
+    initial : Initial
+        Where the motion starts.
+    t : array, shape (time,)
+        Times, not negative.
+    outputs : frozenset of str
+        What is wanted, out of `OUTPUTS`.
+    tolerance : float, optional
+        Accepted and not needed: a variant has the error that it has, and reports it.
+    """
+
+    system: System
+    model: str
+    variant: str
+    initial: Initial
+    t: Floats
+    outputs: frozenset[str] = frozenset(OUTPUTS)
+    tolerance: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "t", np.ascontiguousarray(self.t, dtype=np.float64))
+        object.__setattr__(self, "outputs", frozenset(self.outputs))
+        if self.t.ndim != 1 or self.t.size == 0:
+            raise ModelError(("t",), "there is no time", code="empty_grid")
+        if not (np.isfinite(self.t) & (self.t >= 0.0)).all():
+            message = "a time is negative or not finite"
+            raise ModelError(("t",), message, code="negative_time")
+        if self.outputs - set(OUTPUTS) or not self.outputs:
+            message = f"outputs are {', '.join(OUTPUTS)}"
+            raise ModelError(("outputs",), message, code="unknown_output")
+        if self.model not in MODELS:
+            message = f"models are {', '.join(MODELS)}"
+            raise ModelError(("model",), message, code="unknown_model")
+        variants = MODELS[self.model].VARIANTS
+        if self.variant not in variants:
+            message = f"variants of {self.model} are {', '.join(variants)}"
+            raise ModelError(("variant",), message, code="unknown_variant")
+        self._check_initial(MODELS[self.model])
+        object.__setattr__(self, "_moving", MODELS[self.model].of(self))
+
+    def _check_initial(self, model: type[Model]) -> None:
+        for field in fields(self.initial):
+            value = getattr(self.initial, field.name)
+            if value is None:
+                continue
+            if field.name not in model.INITIAL:
+                message = f"{self.model} starts from {', '.join(model.INITIAL)}"
+                raise ModelError(("initial", field.name), message, code="not_of_this_model")
+            if not math.isfinite(value):
+                message = f"{field.name} is not finite"
+                raise ModelError(("initial", field.name), message, code="not_finite")
+
+    @property
+    def moving(self) -> Model:
+        """The model with its parameters."""
+        moving: Model = self.__dict__["_moving"]
+        return moving

@@ -1,0 +1,144 @@
+"""Integration of slow flows up to grazing, where their equations are singular.
+
+At gamma = pi/2 the rate of gamma is infinite, as tan(gamma). In the time s with dt = cos(gamma) ds
+the equations are regular and gamma passes pi/2 at a finite rate; t is one of the unknowns then.
+Equations that are regular anyway take s = t.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.errors import ConvergenceError
+
+Rates = Callable[[float, float, Floats], Sequence[float]]
+"""Rates in s of (gamma, phi, ..., t) at tau, e and the state."""
+
+_RELATIVE, _ABSOLUTE = 1e-11, 1e-14
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Flow:
+    """A solution as pieces, each smooth.
+
+    Parameters
+    ----------
+    starts : array, shape (piece,)
+        Times at which they begin.
+    pieces : list
+        The dense solution of each; t is the last component.
+    end : float
+        Time at which gamma = pi/2, or inf.
+    last : array
+        State at that time, or the last one computed.
+    """
+
+    starts: Floats
+    pieces: list[Any]
+    end: float
+    last: Floats
+
+    def at(self, t: Floats) -> Floats:
+        """Return the states at times before the end, shape (time, unknown)."""
+        found = np.empty((t.size, self.last.size))
+        which = np.maximum(np.searchsorted(self.starts, t, side="right") - 1, 0)
+        for index in np.unique(which):
+            here = which == index
+            found[here] = self._piece(index, t[here])
+        return found
+
+    def _piece(self, index: int, t: Floats) -> Floats:
+        """Return the states at times in one piece: s by regula falsi, as t grows with s."""
+        solution = self.pieces[index]
+        nodes = solution.ts
+        times = solution(nodes)[-1]
+        step = np.clip(np.searchsorted(times, t), 1, nodes.size - 1)
+        low, high = nodes[step - 1], nodes[step]
+        below, above = times[step - 1] - t, times[step] - t
+        side = np.zeros(t.size)
+        for _ in range(60):
+            s = low - below * (high - low) / np.where(above > below, above - below, 1.0)
+            miss = solution(s)[-1] - t
+            if (np.abs(miss) <= 2e-15 * np.maximum(1.0, t)).all():
+                break
+            early = np.where(miss < 0.0, -1.0, 1.0)
+            # The Illinois rule: an end that stays twice counts half.
+            stays = np.where(early == side, 0.5, 1.0)
+            below, above = (
+                np.where(early < 0.0, miss, stays * below),
+                np.where(early < 0.0, stays * above, miss),
+            )
+            low, high = np.where(early < 0.0, s, low), np.where(early < 0.0, high, s)
+            side = early
+        state: Floats = solution(s)[:-1].T
+        return state
+
+
+def integrate(rates: Rates, state: Floats, until: float, *, by_flights: bool) -> Flow:
+    """Integrate from a state (gamma, phi, ...) at t = 0 to gamma = pi/2 or `until`.
+
+    Parameters
+    ----------
+    rates : callable
+    state : array, shape (unknown,)
+    until : float
+        Last time wanted.
+    by_flights : bool
+        Whether the rates jump at impacts, so that each flight is a piece of its own.
+    """
+    y = np.append(np.asarray(state, dtype=np.float64), 0.0)
+    starts, pieces = [], []
+    grazed = False
+    while not grazed and y[-1] < until:
+        # The side from which an impact is seen is that of the flight that begins.
+        flight = math.floor(0.5 * (y[1] + 1.0) + 1e-9)
+        run = solve_ivp(
+            _right(rates, flight if by_flights else None),
+            (0.0, 1e6 + 1e3 * until),
+            y,
+            "DOP853",
+            rtol=_RELATIVE,
+            atol=_ABSOLUTE,
+            dense_output=True,
+            events=_events(until, 2.0 * flight + 1.0 if by_flights else math.inf),
+        )
+        if run.status != 1:
+            raise ConvergenceError(f"the slow flow cannot be integrated: {run.message}")
+        starts.append(float(y[-1]))
+        pieces.append(run.sol)
+        events = run.t_events or []
+        grazed = events[0].size > 0
+        y = run.y[:, -1]
+        if by_flights and events[2].size > 0:
+            y[1] = 2.0 * flight + 1.0
+    return Flow(np.array(starts), pieces, float(y[-1]) if grazed else math.inf, y[:-1])
+
+
+def _right(rates: Rates, flight: int | None) -> Callable[[float, Floats], list[float]]:
+    def right(s: float, y: Floats) -> list[float]:
+        at = math.floor(0.5 * (y[1] + 1.0)) if flight is None else flight
+        e = 1.0 - 2.0 * (at % 2)
+        return list(rates(e * (float(y[1]) - 2.0 * at), e, y))
+
+    return right
+
+
+def _events(until: float, impact: float) -> list[Callable[[float, Floats], float]]:
+    def grazing(s: float, y: Floats) -> float:
+        return 0.5 * math.pi - float(y[0])
+
+    def over(s: float, y: Floats) -> float:
+        return float(y[-1]) - until
+
+    def striking(s: float, y: Floats) -> float:
+        return float(y[1]) - impact if math.isfinite(impact) else -1.0
+
+    grazing.terminal = over.terminal = striking.terminal = True  # type: ignore[attr-defined]
+    return [grazing, over, striking]

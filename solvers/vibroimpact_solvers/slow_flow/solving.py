@@ -1,0 +1,116 @@
+"""Does what a plan of a slow flow lists."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.plan import Plan, Stage
+from vibroimpact_solvers.slow_flow.motion import Motion
+from vibroimpact_solvers.slow_flow.problem import Problem
+from vibroimpact_solvers.slow_flow.result import Result
+
+Tick = Callable[[int, int], None]
+
+_MEASURED: Final = (
+    "measured: differences from the exact motion from the same start, at the times asked for and "
+    "at its impacts"
+)
+_EXACT: Final = "the exact motion; its only errors are roundings"
+_UNKNOWN: Final = "not asked"
+
+
+def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
+    """Compute what the plan lists.
+
+    Parameters
+    ----------
+    problem : Problem
+    plan : Plan
+        The one that `plan(problem)` returned.
+    tick : callable, optional
+        Called with (done, total) steps; may raise `Cancelled`.
+    """
+    model, outputs = problem.moving, problem.outputs
+    total = len(plan.steps)
+    shapes = bool(outputs & {"x", "v", "error"})
+    started = time.perf_counter()
+    motion = model.motion(problem.variant, problem.t, shapes=shapes)
+    seconds = time.perf_counter() - started
+    if tick is not None:
+        tick(1, total)
+    state = "state" in outputs
+    exists = model.exists()
+    fields: dict[str, Any] = {
+        "t": problem.t,
+        "dof": np.arange(problem.system.n) if shapes else None,
+        "stage": motion.stage,
+        "gamma": motion.gamma if state else None,
+        "omega": motion.omega if state else None,
+        "phi": motion.phi if state else None,
+        "A": motion.A if state else None,
+        "B": motion.B if state else None,
+        "x": motion.x if "x" in outputs else None,
+        "v": motion.v if "v" in outputs else None,
+        "impulse": model.impulse(motion) if "impulse" in outputs else None,
+        "t_max": np.array(model.duration(problem.variant)),
+        "t_max_exact": np.array(model.duration("exact")),
+        "exists": None if exists is None else np.array(exists),
+        "seconds": np.array(seconds),
+    }
+    fields |= _errors(problem, plan, motion) if "error" in outputs else _no_errors()
+    if tick is not None:
+        tick(total, total)
+    return Result(**fields)
+
+
+def _no_errors() -> dict[str, Any]:
+    names = ("impact", "impact_time", "impact_velocity", "error_x", "error_gamma", "error_phi")
+    return {**dict.fromkeys((*names, "seconds_exact")), "error_statement": _UNKNOWN}
+
+
+def _errors(problem: Problem, plan: Plan, motion: Motion) -> dict[str, Any]:
+    """Return the exact impacts and the differences from the exact motion."""
+    model, variant = problem.moving, problem.variant
+    exact, seconds = motion, None
+    if plan.step(Stage.FLIGHT) is not None:
+        started = time.perf_counter()
+        exact = model.motion("exact", problem.t)
+        seconds = np.array(time.perf_counter() - started)
+    assert motion.x is not None
+    assert exact.x is not None
+    found = _no_errors() | {
+        "error_x": motion.x - exact.x,
+        "seconds_exact": seconds,
+        "error_statement": _EXACT if variant == "exact" else _MEASURED,
+    }
+    impacts = model.impacts(float(problem.t.max()))
+    if impacts.time.size == 0:
+        return found
+    found |= {
+        "impact": np.arange(1, impacts.time.size + 1),
+        "impact_time": impacts.time,
+        "impact_velocity": impacts.velocity,
+    }
+    if variant == "exact":
+        zeros: Floats = np.zeros(impacts.time.size)
+        return found | {
+            "error_phi": zeros,
+            "error_gamma": None if impacts.gamma is None else zeros,
+        }
+    at = model.motion(variant, impacts.time, shapes=False)
+    if at.phi is not None:
+        found["error_phi"] = at.phi - impacts.phi
+    if impacts.gamma is not None and at.gamma is not None:
+        found["error_gamma"] = at.gamma - impacts.gamma
+    return found
+
+
+def join(problem: Problem, plan: Plan, results: Sequence[Result]) -> Result:
+    """Return the result of the only piece."""
+    (result,) = results
+    return result

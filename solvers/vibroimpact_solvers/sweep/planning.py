@@ -1,0 +1,165 @@
+"""Counts what is done how often, says what need not be done, and cuts a lattice into pieces."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any, Final
+
+from vibroimpact_solvers.cost import BYTES_PER_SECOND, FLOPS_PER_SECOND, OVERHEAD_SECONDS
+from vibroimpact_solvers.errors import ModelError, SolverError
+from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
+from vibroimpact_solvers.sweep.problem import KIND, Axis, Index, Problem, Span, rank
+
+_TRIED: Final = 1000
+"""Points at which a plan is tried before the sweep is taken to have none."""
+_SHARED: Final = 0.9
+"""Part of the price of impulses that is the response, where responses are shared."""
+
+
+def plan(problem: Problem) -> Plan:
+    """Decide how often each stage is done.
+
+    The methods are those of the first point that has a plan. Every point is solved by the plan
+    that it would have alone, so that it does not depend on its neighbours.
+    """
+    point, of_point = _first(problem)
+    steps = tuple(_steps(problem, point, of_point))
+    return Plan(KIND, steps, tuple(_skips(problem, of_point)))
+
+
+def _first(problem: Problem) -> tuple[Any, Plan]:
+    """Return the problem and the plan of the first point that has one."""
+    error: SolverError | None = None
+    for index in itertools.islice(problem.points(), _TRIED):
+        try:
+            point = problem.problem(index)
+            return point, problem.swept.solver.plan(point)
+        except SolverError as caught:
+            error = error or caught
+    if isinstance(error, ModelError):
+        raise error.under("base")
+    assert error is not None
+    raise error
+
+
+def _steps(problem: Problem, point: Any, of_point: Plan) -> Iterator[Step]:
+    swept, points = problem.swept, math.prod(problem.shape)
+    members = 1 if swept.members is None else swept.members(point)
+    for step in of_point.steps:
+        if step.stage is Stage.IMPULSE and swept.together is not None:
+            responses = problem.count(Stage.RESPONSE)
+            yield replace(
+                step,
+                stage=Stage.RESPONSE,
+                flops=_SHARED * step.flops * responses,
+                bytes=0.0,
+                count=responses * members,
+            )
+            step = replace(
+                step, reason="walls put to the responses", flops=(1.0 - _SHARED) * step.flops
+            )
+        count = problem.count(step.stage)
+        # What is kept of a spectrum is one at a time; results stand at every point.
+        kept = 1 if step.stage is Stage.SPECTRUM else points
+        each = 1 if step.stage is Stage.SPECTRUM else members
+        yield replace(step, flops=step.flops * count, bytes=step.bytes * kept, count=count * each)
+
+
+def _skips(problem: Problem, of_point: Plan) -> Iterator[Skip]:
+    points = math.prod(problem.shape)
+    for axis in problem.axes:
+        if axis.stage is None:
+            what = f"computing again along {axis.name}"
+            yield Skip(what, f"{axis.why}: one result stands for all {axis.values.size} values")
+    stages = dict.fromkeys(step.stage for step in of_point.steps)
+    if problem.swept.together is not None and Stage.IMPULSE in stages:
+        stages = dict.fromkeys((Stage.RESPONSE, *stages))
+    for stage in sorted(stages, key=rank):
+        count = problem.count(stage)
+        idle = [a.name for a in problem.axes if rank(a.stage) > rank(stage) and a.stage is not None]
+        if idle and count < points:
+            what = f"{stage} at {points - count} of {points} points"
+            yield Skip(what, f"{', '.join(idle)}: later stages only")
+    yield from of_point.skips
+
+
+def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Problem]:
+    """Cut a lattice along its slowest axes into pieces of about the given cost.
+
+    Cuts lie at multiples of a power of two on the lattice that all axes of one start and step
+    share, whatever the ends of this one: pieces of a longer or a shifted sweep are the same.
+    """
+    shape = [1] * len(problem.axes)
+    cuts: list[list[Span]] = [[(k, k + 1) for k in range(*span)] for span in problem.spans]
+    for place in reversed(problem.order):
+        axis = problem.axes[place]
+        one = _seconds(problem, plan, shape)
+        shape[place] = axis.values.size
+        price = _seconds(problem, plan, shape)
+        if axis.stage is None or (price <= seconds_each and place != problem.order[0]):
+            cuts[place] = [problem.spans[place]]
+            continue
+        shape[place] = min(2, axis.values.size)
+        each = _seconds(problem, plan, shape) - one if shape[place] > 1 else one
+        places = 1 << int(math.log2(max(seconds_each / max(each, 1e-9), 1.0)))
+        cuts[place] = _cuts(axis, problem.spans[place], places)
+        if price > seconds_each:
+            break
+    return [problem.piece(spans) for spans in _ordered(problem, cuts)]
+
+
+def content(piece: Problem) -> bytes:
+    """Return what the result of a piece depends on, beside the versions of the solvers."""
+    text = hashlib.sha256(piece.kind.encode())
+    text.update(piece.content)
+    for axis, (start, stop) in zip(piece.axes, piece.spans, strict=True):
+        text.update(f"|{axis.path}|{axis.name}|{stop - start}|".encode())
+        text.update(axis.values[start:stop].tobytes())
+    return text.digest()
+
+
+def spans(problem: Problem, shapes: list[Index]) -> list[tuple[Span, ...]]:
+    """Return where pieces lie that `split` returned, from their shapes in that order."""
+    at = [start for start, _ in problem.spans]
+    found = []
+    for shape in shapes:
+        found.append(tuple((a, a + size) for a, size in zip(at, shape, strict=True)))
+        for place in reversed(problem.order):
+            at[place] += shape[place]
+            if at[place] < problem.spans[place][1]:
+                break
+            at[place] = problem.spans[place][0]
+    return found
+
+
+def _ordered(problem: Problem, cuts: list[list[Span]]) -> Iterator[tuple[Span, ...]]:
+    """Yield all combinations, the slowest axis slowest."""
+    back = [problem.order.index(place) for place in range(len(cuts))]
+    for found in itertools.product(*(cuts[place] for place in problem.order)):
+        yield tuple(found[place] for place in back)
+
+
+def _cuts(axis: Axis, span: Span, places: int) -> list[Span]:
+    start, stop = span
+    first = start + places - (start + axis.offset) % places
+    bounds = [start, *range(first, stop, places), stop]
+    return list(itertools.pairwise(bounds))
+
+
+def _seconds(problem: Problem, plan: Plan, shape: list[int]) -> float:
+    """Return the planned time of a piece of a shape, whatever is known already."""
+    piece = problem.piece(tuple((0, size) for size in shape))
+    total = 0.0
+    for step in plan.steps:
+        share = piece.count(step.stage) / problem.count(step.stage)
+        flops = step.flops * share
+        if step.stage is Stage.SPECTRUM:
+            # Workers that know a spectrum must cut alike those that do not.
+            flops = 14.0 * (step.bytes / 8.0) ** 1.5 * piece.count(step.stage)
+        total += flops / FLOPS_PER_SECOND + step.bytes * share / BYTES_PER_SECOND
+    active = (size for size, axis in zip(shape, problem.axes, strict=True) if axis.stage)
+    return total + OVERHEAD_SECONDS * math.prod(active)

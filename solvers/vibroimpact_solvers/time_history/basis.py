@@ -1,0 +1,409 @@
+"""Coordinates in which a structure moves exactly: pairs in normal form (`kernels.flow`).
+
+A basis belongs to a structure with some constraints held at their walls (none: free flight).
+Modes that damping does not couple are a pair each; those that it couples are complex modes of
+their first-order equations; loads are pairs of their own (`loads`). Everything else about the
+structure is a linear form on the pairs: displacements, velocities, contact forces.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.errors import PlanError
+from vibroimpact_solvers.kernels.passages import ORDER
+
+ILL: Final = 1e8
+"""Condition number of the complex modes beyond which they are not used."""
+_NOISE = 16  # vectors that stand for rounding
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Modes:
+    """Modal equations ``q'' + damping q' + lambda q = load + cosine cos - sine sin``.
+
+    Parameters
+    ----------
+    roots, rests : array, shape (mode,)
+        Signed natural frequencies and what rounding took from them, relative to them.
+    damping : array, shape (mode, mode), optional
+        ``E^T C E``.
+    load : array, shape (mode,)
+        Constant load.
+    frequencies : array, shape (load,)
+    cosine, sine : array, shape (mode, load)
+        Harmonic loads.
+    shapes : array, shape (dof, mode)
+        The modes as columns.
+    base : array, shape (dof,)
+        Displacement at which all modal coordinates are zero.
+    weighted : array, shape (dof, mode)
+        ``M E``, which takes displacements to modal coordinates.
+    """
+
+    roots: Floats
+    rests: Floats
+    damping: Floats | None
+    load: Floats
+    frequencies: Floats
+    cosine: Floats
+    sine: Floats
+    shapes: Floats
+    base: Floats
+    weighted: Floats
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Pairs:
+    """Rates of some pairs; kind is 0 for rotations, 1 hyperbolas, 2 parabolas."""
+
+    kind: Integers
+    alpha: Floats
+    nu: Floats
+    rest: Floats
+    push: Floats
+
+
+class Basis:
+    """Normal form of modal equations.
+
+    Times are measured in units of ``2^-exponent`` and so are velocities, which keeps powers
+    of frequencies within range and changes no digit.
+
+    Parameters
+    ----------
+    modes : Modes
+    exponent : int
+
+    Attributes
+    ----------
+    rates, split : array
+        F and split of `kernels.flow`.
+    """
+
+    def __init__(self, modes: Modes, exponent: int) -> None:
+        self.modes, self.exponent = modes, exponent
+        unit = math.ldexp(1.0, -exponent)
+        self._roots = modes.roots * unit
+        self._eigenvalues = self._roots * np.abs(self._roots)
+        damping = np.zeros((0, 0)) if modes.damping is None else modes.damping * unit
+        self._single, self._coupled = _apart(damping, self._roots.size)
+        self._omega = modes.frequencies * unit
+        load = modes.load * unit**2
+        pairs = [self._single_pairs(damping, load), self._coupled_pairs(damping)]
+        pairs += self._load_pairs(damping, load, unit)
+        self._order = np.argsort(np.concatenate([p.kind for p in pairs]), kind="stable")
+        self.rates: Floats = np.ascontiguousarray(
+            [
+                np.concatenate([getattr(p, name) for p in pairs])[self._order]
+                for name in ("alpha", "nu", "rest", "push")
+            ]
+        )
+        self.alpha, self.nu, _, self.push = self.rates
+        kinds = np.concatenate([p.kind for p in pairs])
+        counts = [(kinds == 0).sum(), (kinds <= 1).sum(), self.alpha.any()]
+        self.split: Integers = np.array([int(c) for c in counts], dtype=np.int64)
+
+    # -- how the pairs are found --
+
+    def _single_pairs(self, damping: Floats, load: Floats) -> _Pairs:
+        """Return the pairs of the modes that damping does not couple, in their order."""
+        one = self._single
+        delta = 0.5 * damping.diagonal()[one] if damping.size else np.zeros(one.size)
+        self._delta: Floats = delta
+        with np.errstate(divide="ignore", invalid="ignore"):
+            self.still = np.where(self._eigenvalues != 0.0, load / self._eigenvalues, 0.0)
+        # In the wider type where there is one, so that rounding nu costs no phase.
+        roots = self._roots[one].astype(np.longdouble) * (1 + self.modes.rests[one])
+        square = roots * np.abs(roots) - delta.astype(np.longdouble) ** 2
+        kind = np.where(square > 0.0, 0, np.where(square < 0.0, 1, 2))
+        exact = np.sqrt(np.abs(square))
+        nu = exact.astype(np.float64)
+        free = np.where((self._eigenvalues[one] == 0.0) & (delta == 0.0), load[one], 0.0)
+        self._stretch: Floats = np.where(kind == 2, 1.0, nu)
+        return _Pairs(kind, -delta, nu, (exact - nu).astype(np.float64), free)
+
+    def _coupled_pairs(self, damping: Floats) -> _Pairs:
+        """Return the complex modes of the modes that damping couples."""
+        some = self._coupled
+        n, none = some.size, np.zeros(some.size)
+        if n == 0:
+            self._T: Floats = np.zeros((0, 0))
+            self._inverse = self._T
+            return _Pairs(np.zeros(0, np.int64), none, none, none, none)
+        if (self.modes.load[some][self._eigenvalues[some] == 0.0] != 0.0).any():
+            raise PlanError("a constant load drives a rigid-body mode that damping couples")
+        A = np.block(
+            [
+                [np.zeros((n, n)), np.eye(n)],
+                [-np.diag(self._eigenvalues[some]), -damping[np.ix_(some, some)]],
+            ]
+        )
+        sigma, vectors = np.linalg.eig(A)
+        norm = np.concatenate([np.maximum(np.abs(self._eigenvalues[some]), 1e-8), np.ones(n)])
+        upper = np.flatnonzero(sigma.imag > 0.0)
+        real = np.flatnonzero(sigma.imag == 0.0)
+        real = real[np.argsort(-sigma[real].real)]
+        first = [vectors[:, upper].real]
+        second = [vectors[:, upper].imag]
+        # The roots of real rates, the two farthest neighbours together.
+        fast, slow = real[0::2], real[1::2]
+        first.append(vectors[:, fast].real + vectors[:, slow].real)
+        second.append(vectors[:, fast].real - vectors[:, slow].real)
+        columns: Floats = np.stack([np.concatenate(first, axis=1), np.concatenate(second, axis=1)])
+        lengths = np.sqrt((columns**2 * norm[:, np.newaxis]).sum(axis=(0, 1)) / 2.0)
+        columns /= lengths
+        self._T = np.concatenate([columns[0], columns[1]], axis=1)
+        root = np.sqrt(norm)[:, np.newaxis]
+        if not np.linalg.cond(root * self._T) < ILL:
+            message = (
+                "damping makes modes of the structure almost equal, which complex modes cannot "
+                "tell apart"
+            )
+            raise PlanError(message)
+        self._inverse = np.asarray(np.linalg.inv(self._T), dtype=np.float64)
+        alpha = [sigma[upper].real, 0.5 * (sigma[fast] + sigma[slow]).real]
+        nu = [sigma[upper].imag, 0.5 * (sigma[fast] - sigma[slow]).real]
+        kind = [np.zeros(upper.size, np.int64), np.ones(fast.size, np.int64)]
+        return _Pairs(
+            np.concatenate(kind), np.concatenate(alpha), np.concatenate(nu), none, none.copy()
+        )
+
+    def _load_pairs(self, damping: Floats, load: Floats, unit: float) -> list[_Pairs]:
+        """Return the pairs of the loads; keep the responses to them, shape (mode, load)."""
+        count, omega = self._omega.size, self._omega
+        force = (self.modes.cosine + 1j * self.modes.sine) * unit**2
+        self._response = np.zeros(force.shape, dtype=np.complex128)
+        if count:
+            one, some = self._single, self._coupled
+            stiffness = self._eigenvalues[one, np.newaxis] - omega**2
+            stiffness = stiffness + 2j * self._delta[:, np.newaxis] * omega
+            _require_no_resonance(stiffness, omega, force[one])
+            self._response[one] = force[one] / np.where(force[one] == 0.0, 1.0, stiffness)
+            for k in range(count if some.size else 0):
+                matrix = np.diag(self._eigenvalues[some] - omega[k] ** 2)
+                dynamic = matrix + 1j * omega[k] * damping[np.ix_(some, some)]
+                self._response[some, k] = np.linalg.solve(dynamic, force[some, k])
+        none = np.zeros(count)
+        found = [_Pairs(np.zeros(count, np.int64), none, omega, none, none)]
+        self._creep: Floats = np.zeros((self._roots.size, 0))
+        slides = (self._eigenvalues[self._single] == 0.0) & (self._delta != 0.0)
+        slides &= load[self._single] != 0.0
+        if slides.any():
+            self._creep = np.zeros((self._roots.size, 1))
+            modes = self._single[slides]
+            self._creep[modes, 0] = load[modes] / (2.0 * self._delta[slides])
+            none = np.zeros(1)
+            found.append(_Pairs(np.full(1, 2), none, none, none, none))
+        return found
+
+    # -- what the kernels take --
+
+    @property
+    def pairs(self) -> int:
+        """Their number."""
+        return int(self.nu.size)
+
+    @cached_property
+    def own(self) -> Floats:
+        """0 for the pairs of loads and 1 for the others, shape (pair,)."""
+        return np.where(self._order < self._loads.start, 1.0, 0.0)
+
+    @cached_property
+    def noise(self) -> Floats:
+        """Vectors of length 1 in all directions, loads apart, shape (row, 2, pair)."""
+        noise = np.random.default_rng(0).standard_normal((_NOISE, 2, self.pairs)) * self.own
+        lengths = np.sqrt((noise**2).sum(axis=(1, 2), keepdims=True))
+        return np.ascontiguousarray(noise / np.maximum(lengths, 1e-300))
+
+    @cached_property
+    def growth(self) -> float:
+        """The largest rate at which a pair can grow, per unit of the basis' time."""
+        hyperbolas = slice(int(self.split[0]), int(self.split[1]))
+        rates = np.concatenate([self.alpha, (self.alpha + self.nu)[hyperbolas]])
+        return float(max(rates.max(initial=0.0), 0.0))
+
+    # -- states --
+
+    def loads(self, time: float) -> Floats:
+        """Return the state of the loads at a time of the basis, shape (2, load)."""
+        phase = self._omega * time
+        found = np.stack([np.cos(phase), -np.sin(phase)])
+        return np.concatenate([found, np.tile([[time], [1.0]], self._creep.shape[1])], axis=1)
+
+    def loads_of(self, z: Floats) -> Floats:
+        """Return the state of the loads in a state, shape (2, load)."""
+        return self._natural(z)[:, self._loads]
+
+    def pairs_of(self, q: Floats, rate: Floats, loads: Floats | None = None) -> Floats:
+        """Return the state, shape (2, pair), of modal coordinates from the equilibrium.
+
+        q and their rates, per unit of the basis' time, have shape (mode,); loads is their
+        state, absent where a deviation is meant, which does not feel them.
+        """
+        found = np.zeros((2, self.pairs))
+        if loads is not None:
+            found[:, self._loads] = loads
+            moved, moving = self._carried(loads)
+            q, rate = q - moved, rate - moving
+        one, some = self._single, self._coupled
+        found[0, : one.size] = q[one] * self._stretch
+        found[1, : one.size] = rate[one] + self._delta * q[one]
+        both = self._inverse @ np.concatenate([q[some], rate[some]])
+        found[:, one.size : one.size + some.size] = both.reshape(2, some.size)
+        return np.ascontiguousarray(found[:, self._order])
+
+    def coordinates(self, z: Floats) -> tuple[Floats, Floats]:
+        """Return modal coordinates from the equilibrium and their rates, each (…, mode)."""
+        natural = self._natural(z)
+        one, some = self._single, self._coupled
+        q: Floats = np.zeros((*z.shape[:-2], self._roots.size))
+        rate: Floats = np.zeros_like(q)
+        place = natural[..., 0, : one.size] / self._stretch
+        q[..., one] = place
+        rate[..., one] = natural[..., 1, : one.size] - self._delta * place
+        if some.size:
+            pairs = natural[..., one.size : one.size + some.size]
+            n = some.size
+            first, second = self._T[:n], self._T[n:]
+            q[..., some] = pairs[..., 0, :] @ first[:, :n].T + pairs[..., 1, :] @ first[:, n:].T
+            rate[..., some] = (
+                pairs[..., 0, :] @ second[:, :n].T + pairs[..., 1, :] @ second[:, n:].T
+            )
+        if self._loads.start < self.pairs:
+            moved, moving = self._carried(natural[..., self._loads])
+            q += moved
+            rate += moving
+        return q, rate
+
+    def rate(self, z: Floats) -> Floats:
+        """Return the rate of a state, loads included."""
+        rate = self.drift(z)
+        rate[1] += self.push
+        return rate
+
+    @property
+    def _loads(self) -> slice:
+        return slice(self._single.size + self._coupled.size, self.pairs)
+
+    def _natural(self, z: Floats) -> Floats:
+        """Return pairs in the order in which they were found: modes, complex modes, loads."""
+        natural = np.empty_like(z)
+        natural[..., self._order] = z
+        return natural
+
+    def _carried(self, loads: Floats) -> tuple[Floats, Floats]:
+        """Return what the loads add to modal coordinates and rates; loads (…, 2, load)."""
+        H, count = self._response, self._omega.size
+        a, b = loads[..., 0, :count], loads[..., 1, :count]
+        q = a @ H.real.T + b @ H.imag.T
+        rate = (self._omega * b) @ H.real.T - (self._omega * a) @ H.imag.T
+        q = q + loads[..., 0, count:] @ self._creep.T
+        return q, rate + loads[..., 1, count:] @ self._creep.T
+
+    # -- linear forms --
+
+    def displacement(self, rows: Floats) -> Floats:
+        """Return the form of ``rows . q``, shape (row, 2, pair), of rows (row, mode)."""
+        found = np.zeros((rows.shape[0], 2, self.pairs))
+        one, some = self._single.size, self._coupled.size
+        found[:, 0, :one] = rows[:, self._single] / self._stretch
+        coupled = rows[:, self._coupled] @ self._T[:some]
+        found[:, :, one : one + some] = coupled.reshape(rows.shape[0], 2, some)
+        H, count = self._response, self._omega.size
+        found[:, 0, one + some : one + some + count] = rows @ H.real
+        found[:, 1, one + some : one + some + count] = rows @ H.imag
+        found[:, 0, one + some + count :] = rows @ self._creep
+        return np.ascontiguousarray(found[..., self._order])
+
+    def velocity(self, rows: Floats) -> Floats:
+        """Return the form of ``rows . q'`` per unit of the basis' time."""
+        found = np.zeros((rows.shape[0], 2, self.pairs))
+        one, some = self._single.size, self._coupled.size
+        found[:, 0, :one] = -rows[:, self._single] * self._delta / self._stretch
+        found[:, 1, :one] = rows[:, self._single]
+        coupled = rows[:, self._coupled] @ self._T[some:]
+        found[:, :, one : one + some] = coupled.reshape(rows.shape[0], 2, some)
+        H, count = self._response, self._omega.size
+        found[:, 0, one + some : one + some + count] = -(rows @ H.imag) * self._omega
+        found[:, 1, one + some : one + some + count] = (rows @ H.real) * self._omega
+        found[:, 1, one + some + count :] = rows @ self._creep
+        return np.ascontiguousarray(found[..., self._order])
+
+    def drive(self, cosine: Floats, sine: Floats) -> Floats:
+        """Return the form of ``cosine cos(omega t) - sine sin(omega t)``, each (row, load)."""
+        found = np.zeros((cosine.shape[0], 2, self.pairs))
+        start = self._single.size + self._coupled.size
+        found[:, 0, start : start + self._omega.size] = cosine
+        found[:, 1, start : start + self._omega.size] = sine
+        return np.ascontiguousarray(found[..., self._order])
+
+    def kick(self, rows: Floats) -> Floats:
+        """Return the change of state by unit impulses along rows, shape (row, 2, pair)."""
+        found = np.zeros((rows.shape[0], 2, self.pairs))
+        one, some = self._single.size, self._coupled.size
+        found[:, 1, :one] = rows[:, self._single]
+        coupled = rows[:, self._coupled] @ self._inverse[:, some:].T
+        found[:, :, one : one + some] = coupled.reshape(rows.shape[0], 2, some)
+        return np.ascontiguousarray(found[..., self._order])
+
+    def level(self, rows: Floats) -> Floats:
+        """Return ``rows . q`` at the zero of the state, shape (row,)."""
+        return np.asarray(rows @ self.still)
+
+    def drift(self, z: Floats) -> Floats:
+        """Return the rates, without pushes, of states, shape (…, 2, pair)."""
+        a, b = z[..., 0, :], z[..., 1, :]
+        there, back = self._turns
+        return np.stack([self.alpha * a + there * b, self.alpha * b + back * a], axis=-2)
+
+    def rates_of(self, forms: Floats) -> Floats:
+        """Return the forms of the time derivatives of forms, pushes apart."""
+        a, b = forms[..., 0, :], forms[..., 1, :]
+        there, back = self._turns
+        return np.stack([self.alpha * a + back * b, self.alpha * b + there * a], axis=-2)
+
+    @property
+    def _turns(self) -> tuple[Floats, Floats]:
+        index = np.arange(self.pairs)
+        there = np.where(index < self.split[1], self.nu, 1.0)
+        back = np.where(index < self.split[0], -self.nu, np.where(index < self.split[1], there, 0))
+        return there, back
+
+    def weight(self, forms: Floats) -> tuple[Floats, Floats]:
+        """Return |row_j| rate_j^ORDER and |row_j| of forms, each shape (row, pair)."""
+        index = np.arange(self.pairs)
+        rotates = index < self.split[0]
+        apart = np.abs(self.alpha) + np.where(index < self.split[1], self.nu, 0.0)
+        rate = np.where(rotates, np.hypot(self.alpha, self.nu), apart)
+        size = np.where(rotates, np.hypot(forms[:, 0], forms[:, 1]), np.abs(forms).max(axis=1))
+        return size * rate**ORDER, size
+
+
+def _apart(damping: Floats, n: int) -> tuple[Integers, Integers]:
+    """Return the modes that damping does not couple to others, and those that it does."""
+    everyone = np.arange(n)
+    if damping.size == 0:
+        return everyone, everyone[:0]
+    off = np.abs(damping - np.diag(damping.diagonal()))
+    coupled = (off > 1e-13 * np.abs(damping).max()).any(axis=1)
+    return everyone[~coupled], everyone[coupled]
+
+
+def _require_no_resonance(stiffness: Floats, omega: Floats, force: Floats) -> None:
+    near = (np.abs(stiffness) < 1e-6 * omega**2) & (force != 0.0)
+    if near.any():
+        raise PlanError("a harmonic load is in resonance with a mode that has no damping")
+
+
+def exponent_of(rates: Floats, time: float) -> int:
+    """Return the exponent of two by which times are scaled: near the largest rate."""
+    largest = float(np.abs(rates).max(initial=0.0))
+    scale = largest if largest > 0.0 else 1.0 / time
+    return math.frexp(scale)[1] if 0.0 < scale < math.inf else 0

@@ -1,0 +1,118 @@
+"""Decides how a motion is followed and what is left out; `solving` follows it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from enum import StrEnum
+
+import numpy as np
+
+from vibroimpact_solvers import spectrum
+from vibroimpact_solvers.matrices import Form
+from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
+from vibroimpact_solvers.time_history.problem import EXACT, KIND, OUTPUTS, Problem, State
+
+_FEW = 500  # degrees of freedom up to which a full K is factorized for a plan
+
+
+class Flight(StrEnum):
+    """Methods for the motion."""
+
+    MODAL = "exact flights"
+    SPLITTING = "splitting"
+    INTEGRATED = "integrator of scipy"
+
+
+def plan(problem: Problem) -> Plan:
+    """Decide how the motion is followed and what is left out."""
+    far = _far(problem)
+    return Plan(KIND, tuple(_steps(problem, far)), tuple(_skips(problem, far)))
+
+
+def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Problem]:
+    """Return the problem itself: a motion is one piece, each part needing the one before."""
+    return [problem]
+
+
+def _steps(problem: Problem, far: list[int]) -> Iterator[Step]:
+    system = problem.system
+    method = spectrum.choose(system)
+    known = spectrum.is_known(system, method)
+    yield Step(
+        Stage.SPECTRUM,
+        method,
+        spectrum.REASONS[method] + ("; already known" if known else ""),
+        0.0 if known else spectrum.flops(system, method),
+        spectrum.nbytes(system, method),
+    )
+    yield _flight(problem, len(system.constraints) - len(far))
+    if problem.outputs & {"x", "v", "energy"}:
+        times, dofs = problem.times.size, problem.wanted_dofs.size
+        reason = f"{dofs} of {system.n} degrees of freedom at {times} times"
+        flops = times * system.n * (40.0 + 4.0 * dofs)
+        yield Step(Stage.HISTORY, "modal sum", reason, flops, 16.0 * times * dofs)
+
+
+def _flight(problem: Problem, count: int) -> Step:
+    """Return the step of the motion, `count` constraints being within reach."""
+    system = problem.system
+    turns = problem.t_end * spectrum.largest_frequency(system)
+    if problem.method != EXACT:
+        reason = "asked for, to compare with; it can miss impacts"
+        flops = 3e5 * (20.0 + turns) * system.n
+        return Step(Stage.FLIGHT, Flight.INTEGRATED, f"{problem.method}: {reason}", flops)
+    if problem.limiter is not None:
+        reason = (
+            "soft limiters: exact linear flow and kicks in turns, of order six; steps are halved "
+            "until the motion stays the same"
+        )
+        flops = 2e3 * (20.0 + turns) * system.n * (10.0 + 4.0 * count)
+        return Step(Stage.FLIGHT, Flight.SPLITTING, reason, flops)
+    # An expansion lasts about the time of the fastest mode; an impact takes two at least.
+    expansions = 10.0 + 2.0 * turns
+    reason = (
+        "exact between impacts, which are found by certified expansions of the constrained "
+        "coordinates"
+    )
+    flops = expansions * system.n * (60.0 + 60.0 * count)
+    return Step(Stage.FLIGHT, Flight.MODAL, reason, flops, 48.0 * expansions if count else 0.0)
+
+
+def _far(problem: Problem) -> list[int]:
+    """Return the constraints whose walls are out of reach for as long as energy is only lost.
+
+    ``|y| <= (2 E w^T K^-1 w)^(1/2)`` for a positive definite K and no load.
+    """
+    system, state = problem.system, problem.initial
+    loaded = problem.load or (system.force is not None and system.force.any())
+    if not isinstance(state, State) or loaded or problem.limiter is not None:
+        return []
+    dense = Form.DENSE in {system.K.form, system.M.form}
+    if (dense and system.n > _FEW) or not system.K.is_positive_definite():
+        return []
+    energy = 0.5 * float(state.v @ (system.M @ state.v) + state.x @ (system.K @ state.x))
+    W = system.directions(range(len(system.constraints)))
+    if not len(W):
+        return []
+    compliance = np.einsum("ij,ij->i", W, system.K.factorize()(np.ascontiguousarray(W.T)).T)
+    reach = np.sqrt(2.0 * energy * compliance) * (1.0 + 1e-12)
+    walls = [
+        min(np.inf if wall is None else wall for wall in (c.lower, c.upper))
+        for c in system.constraints
+    ]
+    return [i for i, wall in enumerate(walls) if reach[i] < wall]
+
+
+def _skips(problem: Problem, far: list[int]) -> Iterator[Skip]:
+    for index in far:
+        yield Skip(f"constraint {index}", "the energy of the motion does not reach its walls")
+    if problem.method == EXACT and problem.limiter is None:
+        why = "in each flight, while the modes' amplitudes do not add up to them"
+        yield Skip("walls that are out of reach", why)
+        why = "one flight in closed form"
+        yield Skip("the search after the last possible impact", why)
+    if problem.limiter is not None and any(c.restitution < 1.0 for c in problem.system.constraints):
+        yield Skip("restitution", "soft limiters give back what they take")
+    for name in OUTPUTS:
+        if name not in problem.outputs:
+            yield Skip(name, "not asked")

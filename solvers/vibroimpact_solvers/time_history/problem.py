@@ -1,0 +1,200 @@
+"""What is asked: the motion of a structure from some state, with impacts at its limiters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.model import System
+from vibroimpact_solvers.time_history.limiters import Power
+from vibroimpact_solvers.time_history.loads import Harmonic
+
+KIND: Final = "time-history"
+EXACT: Final = "exact"
+INTEGRATORS: Final = ("RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")
+"""Integrators of scipy that can be had to compare with."""
+OUTPUTS: Final = ("x", "v", "impacts", "energy", "contacts")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class State:
+    """Displacements and velocities at t = 0, each shape (dof,)."""
+
+    x: Floats
+    v: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """The member of a family of impact modes at which a motion starts, at tau = 0.
+
+    Parameters
+    ----------
+    Omega : float
+        Its fundamental frequency.
+    active : tuple of int
+        The constraints that it strikes; empty stands for all.
+    """
+
+    Omega: float
+    active: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """One motion, and what about it.
+
+    Parameters
+    ----------
+    system : System
+    initial : State or Member
+    t_end : float
+        Length of the motion, positive.
+    t : array, shape (time,), optional
+        Ascending times of the history, in [0, t_end].
+    dofs : array of int, optional
+        Degrees of freedom of the history; None for all.
+    outputs : frozenset of str
+        What is wanted, out of `OUTPUTS`.
+    tolerance : float, optional
+        Accuracy asked for, relative to the size of the motion; None: 1e-6.
+    load : tuple of Harmonic
+        Harmonic loads, beside the constant one of the system.
+    limiter : Power, optional
+        The law of soft limiters; None for rigid ones.
+    method : str
+        `EXACT`, or one of the `INTEGRATORS` to compare with.
+    """
+
+    system: System
+    initial: State | Member
+    t_end: float
+    t: Floats | None = None
+    dofs: Integers | None = None
+    outputs: frozenset[str] = frozenset({"impacts"})
+    tolerance: float | None = None
+    load: tuple[Harmonic, ...] = ()
+    limiter: Power | None = None
+    method: str = EXACT
+
+    def __post_init__(self) -> None:
+        t = np.zeros(0) if self.t is None else np.ascontiguousarray(self.t, dtype=np.float64)
+        dofs = np.arange(self.system.n) if self.dofs is None else self.dofs
+        object.__setattr__(self, "t", t)
+        object.__setattr__(self, "dofs", np.asarray(dofs, dtype=np.int64))
+        object.__setattr__(self, "outputs", frozenset(self.outputs))
+        self._check_times()
+        self._check_outputs()
+        self._check_load()
+        self._check_limiter()
+        if isinstance(self.initial, State):
+            self._check_state(self.initial)
+        else:
+            self._check_member(self.initial)
+
+    def _check_times(self) -> None:
+        if not (np.isfinite(self.t_end) and self.t_end > 0.0):
+            message = f"the end is {self.t_end!r}, not a positive time"
+            raise ModelError(("t_end",), message, code="out_of_range")
+        times = self.times
+        if not np.isfinite(times).all() or not (np.diff(times) >= 0.0).all():
+            raise ModelError(("t",), "the times do not ascend", code="not_ascending")
+        if times.size and not 0.0 <= times[0] <= times[-1] <= self.t_end:
+            message = f"the times are not between 0 and t_end = {self.t_end!r}"
+            raise ModelError(("t",), message, code="out_of_range")
+
+    def _check_outputs(self) -> None:
+        if self.outputs - set(OUTPUTS) or not self.outputs:
+            message = f"outputs are {', '.join(OUTPUTS)}"
+            raise ModelError(("outputs",), message, code="unknown_output")
+        if self.outputs & {"x", "v", "energy"} and self.times.size == 0:
+            raise ModelError(("t",), "a history needs the times t", code="missing_t")
+        if self.tolerance is not None and not 1e-15 <= self.tolerance < 1.0:
+            message = f"the tolerance is {self.tolerance!r}; double precision gives 1e-15 at best"
+            raise ModelError(("tolerance",), message, code="out_of_range")
+        for place, index in enumerate(self.wanted_dofs.tolist()):
+            if not 0 <= index < self.system.n:
+                message = f"{index} is not below {self.system.n}"
+                raise ModelError(("dofs", place), message, code="index_out_of_range")
+        if len(set(self.wanted_dofs.tolist())) != self.wanted_dofs.size:
+            raise ModelError(("dofs",), "an index is given twice", code="duplicate_index")
+
+    def _check_load(self) -> None:
+        for place, term in enumerate(self.load):
+            if not 0 <= term.dof < self.system.n:
+                message = f"{term.dof} is not below {self.system.n}"
+                raise ModelError(("load", place, "dof"), message, code="index_out_of_range")
+            for name in ("amplitude", "frequency", "phase"):
+                value = getattr(term, name)
+                if not np.isfinite(value) or (name == "frequency" and value < 0.0):
+                    message = f"the {name} is {value!r}"
+                    raise ModelError(("load", place, name), message, code="out_of_range")
+
+    def _check_limiter(self) -> None:
+        if self.method not in {EXACT, *INTEGRATORS}:
+            message = f"methods are {EXACT} and, to compare with, {', '.join(INTEGRATORS)}"
+            raise ModelError(("method",), message, code="unknown_choice")
+        if self.limiter is None:
+            return
+        for name, least in (("exponent", 1.0), ("stiffness", 0.0), ("scale", 0.0)):
+            value = getattr(self.limiter, name)
+            if not (np.isfinite(value) and value >= least and value > 0.0):
+                message = f"the {name} is {value!r}"
+                raise ModelError(("limiter", name), message, code="out_of_range")
+        for index, constraint in enumerate(self.system.constraints):
+            if any(
+                wall is not None and wall <= 0.0 for wall in (constraint.lower, constraint.upper)
+            ):
+                message = "a soft limiter needs positive gaps"
+                pointer = ("system", "constraints", index, "gap")
+                raise ModelError(pointer, message, code="gap_not_positive")
+        if isinstance(self.initial, Member):
+            message = "impact modes are motions between rigid limiters"
+            raise ModelError(("initial",), message, code="not_rigid")
+
+    def _check_state(self, state: State) -> None:
+        for name, values in (("x", state.x), ("v", state.v)):
+            if values.shape != (self.system.n,):
+                message = f"{values.size} numbers for {self.system.n} degrees of freedom"
+                raise ModelError(("initial", name), message, code="wrong_length")
+            if not np.isfinite(values).all():
+                message = "an entry is nan or infinite"
+                raise ModelError(("initial", name), message, code="not_finite")
+        rigid = self.system.constraints if self.limiter is None else ()
+        for index, constraint in enumerate(rigid):
+            terms = [weight * state.x[dof] for dof, weight in constraint.coordinate]
+            y, grain = float(np.sum(terms)), 1e-14 * float(np.abs(terms).sum())
+            low = -np.inf if constraint.lower is None else -constraint.lower
+            high = np.inf if constraint.upper is None else constraint.upper
+            if not low - grain <= y <= high + grain:
+                message = (
+                    f"constraint {index} is at {y!r}, outside of its limits [{low!r}, {high!r}]"
+                )
+                raise ModelError(("initial", "x"), message, code="outside_limits")
+
+    def _check_member(self, member: Member) -> None:
+        if not (np.isfinite(member.Omega) and member.Omega > 0.0):
+            message = f"Omega is {member.Omega!r}, not positive"
+            raise ModelError(("initial", "impact_mode", "Omega"), message, code="out_of_range")
+        count = len(self.system.constraints)
+        for place, index in enumerate(member.active):
+            if not 0 <= index < count:
+                pointer = ("initial", "impact_mode", "active", place)
+                message = f"{index} is not below {count}"
+                raise ModelError(pointer, message, code="index_out_of_range")
+
+    @property
+    def times(self) -> Floats:
+        """Times of the history, shape (time,)."""
+        assert self.t is not None
+        return self.t
+
+    @property
+    def wanted_dofs(self) -> Integers:
+        """Degrees of freedom of the history, shape (dof,)."""
+        assert self.dofs is not None
+        return self.dofs

@@ -1,0 +1,118 @@
+"""The reference method: an integrator of scipy with event functions.
+
+It can miss impacts and does so, and stalls at accumulation points; it is here to be compared
+with, as most people would write it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+import scipy.integrate
+
+from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.errors import ConvergenceError
+from vibroimpact_solvers.time_history.limiters import Power
+from vibroimpact_solvers.time_history.run import Tick
+from vibroimpact_solvers.time_history.structure import Structure
+
+# Its many overloads know no events that are functions with attributes.
+_SOLVE: Final[Any] = scipy.integrate.solve_ivp
+_MOST: Final = 100_000
+"""Impacts after which it gives up: at an accumulation point they never end."""
+
+
+@dataclass
+class Reference:
+    """What an integration returned: states at the wanted times and a table of impacts."""
+
+    x: Floats
+    v: Floats
+    times: list[float] = field(default_factory=list)
+    struck: list[tuple[int, int]] = field(default_factory=list)
+    blows: list[tuple[float, float]] = field(default_factory=list)
+    evaluations: int = 0
+
+
+def follow(
+    structure: Structure,
+    law: Power | None,
+    x: Floats,
+    v: Floats,
+    wanted: Floats,
+    t_end: float,
+    tolerance: float,
+    method: str,
+    tick: Tick | None = None,
+) -> Reference:
+    """Integrate a motion from impact to impact, or with soft limiters.
+
+    Raises
+    ------
+    ConvergenceError
+        Where the integrator fails or impacts do not end.
+    """
+    system, n = structure.system, structure.system.n
+    solve, W, drive = system.M.factorize(), structure.W, structure.drive
+    sizes = None if law is None else law.sizes(system)
+
+    def rate(t: float, z: Floats) -> Floats:
+        force = structure.force - system.K @ z[:n]
+        if system.C is not None:
+            force = force - system.C @ z[n:]
+        phase = drive.frequencies * t
+        force = force + drive.cosine @ np.cos(phase) - drive.sine @ np.sin(phase)
+        if law is not None and sizes is not None:
+            force = force + law.forces(W @ z[:n], sizes) @ W
+        return np.concatenate([z[n:], solve(force)])
+
+    walls = [] if law is not None else _walls(structure)
+    found = Reference(np.empty((wanted.size, n)), np.empty((wanted.size, n)))
+    now, z, inverse = 0.0, np.concatenate([x, v]), solve(np.ascontiguousarray(W.T))
+    while True:
+        later = np.flatnonzero(wanted >= now)
+        run = _SOLVE(
+            rate, (now, t_end), z, method, rtol=max(tolerance, 3e-14), atol=tolerance,
+            events=[event for event, _, _ in walls], dense_output=True,
+        )  # fmt: skip
+        if run.status < 0:
+            raise ConvergenceError(f"{method}: {run.message}")
+        found.evaluations += int(run.nfev)
+        inside = later[wanted[later] <= run.t[-1]]
+        if inside.size:
+            states = run.sol(wanted[inside]).T
+            found.x[inside], found.v[inside] = states[:, :n], states[:, n:]
+        if run.status == 0:
+            return found
+        which = next(i for i, times in enumerate(run.t_events) if times.size)
+        now, z = float(run.t[-1]), run.y[:, -1].copy()
+        _, index, side = walls[which]
+        speed, mobility = float(W[index] @ z[n:]), float(W[index] @ inverse[:, index])
+        impulse = -(1.0 + system.constraints[index].restitution) * speed / mobility
+        z[n:] += impulse * inverse[:, index]
+        found.times.append(now)
+        found.struck.append((index, side))
+        found.blows.append((speed, abs(impulse)))
+        if tick is not None:
+            tick(int(1e3 * now / t_end), 1000)
+        if len(found.times) >= _MOST:
+            raise ConvergenceError(f"{method}: more than {_MOST} impacts until t = {now!r}")
+
+
+def _walls(structure: Structure) -> list[tuple[Any, int, int]]:
+    """Return event functions, and which constraint and side they are of."""
+    found, n = [], structure.system.n
+    for index, constraint in enumerate(structure.system.constraints):
+        for side, wall in ((1, constraint.upper), (-1, constraint.lower)):
+            if wall is None:
+                continue
+            row = side * structure.W[index]
+
+            def event(t: float, z: Floats, row: Floats = row, wall: float = wall) -> float:
+                return float(row @ z[:n] - wall)
+
+            event.terminal, event.direction = True, 1.0  # type: ignore[attr-defined]  # scipy's way
+            found.append((event, index, side))
+    return found

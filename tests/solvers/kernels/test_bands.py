@@ -1,0 +1,94 @@
+"""Bounds over boxes hold everywhere in them; signs change where they are said to."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+
+from vibroimpact_solvers.kernels import bands
+
+
+def margin(root: np.ndarray, alpha: np.ndarray, beta: np.ndarray, q: float, tau: float) -> float:
+    """P in extended precision."""
+    with mpmath.workdps(30):
+        total = mpmath.mpf(0)
+        for r, a, b in zip(root, alpha, beta, strict=True):
+            theta = mpmath.mpf(r) * mpmath.mpf(q)
+            part = a * mpmath.sin(theta) - b * mpmath.sin(theta * mpmath.mpf(tau))
+            total += part / (r * mpmath.cos(theta))
+        return float(total)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_bounds_hold_inside_the_box(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    tried = 0
+    while tried < 40:
+        n = int(rng.integers(1, 6))
+        root = np.sort(rng.uniform(0.2, 3.0, n))
+        row, other = rng.normal(size=(2, n))
+        alpha, beta = rng.uniform(0.2, 2.0) * row**2, row * other
+        if rng.random() < 0.5:
+            alpha = beta = row**2
+        q, half = rng.uniform(0.1, 6.0), 10.0 ** rng.uniform(-6, -1.5)
+        tau, width = rng.uniform(-1, 1), 10.0 ** rng.uniform(-6, -1)
+        turns = np.floor(np.outer([q - half, q + half], root) / np.pi + 0.5)
+        if q - half <= 0 or (turns[0] != turns[1]).any():
+            continue  # a pole lies inside: no cell of a sign band
+        tried += 1
+        none = np.zeros(1)
+        cell, far, sums = np.empty((6, n)), np.empty((1, 3, n)), np.empty((1, 6))
+        near = np.empty(n, np.int64)
+        count = bands._prepare(
+            root, alpha[None], beta[None], none, none, q, half, cell, far, sums, near
+        )
+        value, low, high, least, rounding = bands._box(
+            root, alpha, beta, 0.0, q, half, tau, width, cell, far[0], sums[0], near[:count]
+        )
+        for s in np.linspace(-1, 1, 7):
+            exact = margin(root, alpha, beta, q + s * half, tau)
+            assert low <= exact <= high
+            for t in np.linspace(-1, 1, 7):
+                assert least <= margin(root, alpha, beta, q + s * half, tau + t * width)
+        assert value == pytest.approx(margin(root, alpha, beta, q, tau), abs=8 * rounding, rel=1e-9)
+
+
+def test_the_sign_changes_once_between_poles() -> None:
+    root, weight2 = np.array([0.7, 1.1, 1.9]), np.array([0.3, 0.5, 0.2])
+    left, right = np.pi / 2 / 1.9, np.pi / 2 / 1.1
+    zero = bands.sign_change(root, weight2, 0.0, left, right)
+    with mpmath.workdps(30):
+
+        def response(q: mpmath.mpf) -> mpmath.mpf:
+            terms = zip(root.tolist(), weight2.tolist(), strict=True)
+            return sum(w / r * mpmath.tan(r * q) for r, w in terms)
+
+        exact = mpmath.findroot(response, (zero * (1 - 1e-6), zero * (1 + 1e-6)), solver="anderson")
+    assert zero == pytest.approx(float(exact), rel=4e-16)
+
+
+def test_one_oscillator_has_members_below_its_first_pole_only() -> None:
+    # y = sin(theta tau)/sin(theta) passes its limit wherever |sin(theta)| < 1 past the pole.
+    one = np.ones(1)
+    none = np.zeros(1)
+    bounds, status, witness, _, _ = bands.survey(
+        one, one[None], one[None], none, none, 0, np.pi + 1e-3, 1.5 * np.pi - 1e-3, 1e-12, 10**7
+    )
+    assert status.tolist() == [bands.PHANTOM]
+    assert bounds[0] == np.pi + 1e-3
+    assert bounds[-1] == 1.5 * np.pi - 1e-3
+    theta = bounds[0]
+    assert np.abs(np.sin(theta * witness[0])) > np.abs(np.sin(theta))
+
+
+def test_what_the_budget_does_not_reach_is_undecided() -> None:
+    root = np.linspace(0.3, 2.0, 12)
+    weight2 = np.full((1, 12), 1.0 / 12)
+    poles = np.sort(np.outer(0.5 * np.pi / root, [1.0, 3.0, 5.0]).ravel())
+    zero = bands.sign_change(root, weight2[0], 0.0, poles[12], poles[13])
+    none = np.zeros(1)
+    _, status, _, _, _ = bands.survey(
+        root, weight2, weight2, none, none, 0, zero, poles[13], 1e-12, 1
+    )
+    assert bands.UNDECIDED in status
