@@ -7,7 +7,15 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError
 
-from vibroimpact_schema.values import LARGEST_INTEGER, Count, Document, Positive, Positives, holds
+from vibroimpact_schema.values import (
+    LARGEST_INTEGER,
+    Count,
+    Document,
+    NonNegative,
+    Positive,
+    Positives,
+    holds,
+)
 
 VALUES: Final = "@values"
 STEPS: Final = "@steps"
@@ -50,6 +58,17 @@ class FrequencyRange(Frequencies):
     def _forwards(cls, stop: float, info: ValidationInfo) -> float:
         if stop < info.data.get("start", stop):
             raise PydanticCustomError("reversed_grid", "stop lies below start")
+        return stop
+
+
+class FrequencyInterval(FrequencyRange):
+    """All frequencies between two."""
+
+    @field_validator("stop")
+    @classmethod
+    def _extended(cls, stop: float, info: ValidationInfo) -> float:
+        if stop == info.data.get("start"):
+            raise PydanticCustomError("empty_grid", "start and stop coincide")
         return stop
 
 
@@ -103,6 +122,56 @@ FrequencyGrid = Annotated[
         custom_error_type="frequency_form",
         custom_error_message="frequencies are an object with values, with start, stop and num, "
         "or with start, stop and step",
+    ),
+]
+
+
+class TimeValues(Document):
+    """Times one by one, in any order."""
+
+    values: Annotated[list[NonNegative], Field(min_length=1, fail_fast=True)] = Field(
+        description="The times, not negative."
+    )
+
+    @property
+    def count(self) -> int:
+        """How many times there are."""
+        return len(self.values)
+
+
+class TimePoints(Document):
+    """A number of equally spaced times, both ends included."""
+
+    start: NonNegative = Field(0.0, description="First time.")
+    stop: Positive = Field(description="Last time; after start.")
+    num: Annotated[Count, Field(ge=2)] = Field(description="How many.")
+
+    @field_validator("stop")
+    @classmethod
+    def _forwards(cls, stop: float, info: ValidationInfo) -> float:
+        if stop <= info.data.get("start", 0.0):
+            raise PydanticCustomError("reversed_grid", "stop is not after start")
+        return stop
+
+    @property
+    def count(self) -> int:
+        """How many times there are."""
+        return self.num
+
+
+def time_form(value: Any) -> str | None:
+    """Return the tag of the form in which times are written."""
+    if holds(value, "values"):
+        return VALUES
+    return POINTS if isinstance(value, (dict, TimePoints)) else None
+
+
+TimeGrid = Annotated[
+    Annotated[TimeValues, Tag(VALUES)] | Annotated[TimePoints, Tag(POINTS)],
+    Discriminator(
+        time_form,
+        custom_error_type="time_form",
+        custom_error_message="times are an object with values, or with start, stop and num",
     ),
 ]
 

@@ -17,6 +17,7 @@ class Progress(Document):
 
     done: Index
     total: Index
+    kept: Index = Field(0, description="Of those done, how many were there already.")
 
 
 class Job(Document):
@@ -35,6 +36,7 @@ class Job(Document):
     created: AwareDatetime
     started: AwareDatetime | None
     finished: AwareDatetime | None
+    deadline: AwareDatetime | None = Field(None, description="When it fails if it is not done.")
     attempts: Index = Field(description="How often it was begun.")
     estimate: NonNegative | None = Field(description="Planned seconds of computing.")
     reused: bool = Field(description="Whether the result was there already.")

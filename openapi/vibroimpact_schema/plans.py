@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from vibroimpact_schema.values import Digest, Document, NonNegative
+from vibroimpact_schema.values import Count, Digest, Document, NonNegative
 
 
 class PlanStep(Document):
@@ -15,6 +15,7 @@ class PlanStep(Document):
     reason: str = Field(description="Why this method.")
     flops: NonNegative = Field(description="Estimated floating-point operations.")
     bytes: NonNegative = Field(description="Estimated memory written.")
+    count: Count = Field(1, description="How often it is done in a sweep.")
 
 
 class PlanSkip(Document):

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field
 
-from vibroimpact_schema.grids import FrequencyGrid
-from vibroimpact_schema.systems import System
-from vibroimpact_schema.values import Document, Indices, Number, Positive
+from vibroimpact_schema.grids import FrequencyGrid, FrequencyInterval, TimeGrid
+from vibroimpact_schema.motions import HarmonicLoad, Initial, Limiter, Times
+from vibroimpact_schema.systems import AnySystem, System
+from vibroimpact_schema.values import Document, Index, Indices, Number, Positive
 
 Priority = Annotated[int, Field(strict=True, ge=-10, le=10)]
 
@@ -21,9 +22,13 @@ class ComputationRequest(Document):
         None, description="Relative accuracy asked for; absent: what double precision gives."
     )
 
+    def with_system(self, system: AnySystem) -> Self:
+        """Return the same request about another structure."""
+        return self.model_copy(update={"system": system})
+
 
 ImpactModesOutput = Literal[
-    "impulse", "exists", "reason", "shape", "waveform", "energy", "harmonics"
+    "impulse", "exists", "reason", "shape", "waveform", "energy", "stability", "harmonics"
 ]
 
 
@@ -55,7 +60,198 @@ class ImpactModesRequest(ComputationRequest):
         "shape: x at tau = 1 [frequency, dof] (length); "
         "waveform: x at tau [frequency, tau, dof] (length); "
         "energy [frequency] (mass length² / time²); "
+        "stability: spectral radius of the half-period map, the growth of the fastest "
+        "deviation per half period, 1 for stable modes [frequency]; "
         "harmonics: Fourier amplitudes [frequency, harmonic, dof] (length).",
+    )
+
+
+ExistenceBandsOutput = Literal["bands", "rejected", "stability"]
+
+
+class ExistenceBandsRequest(ComputationRequest):
+    """Ranges of frequency in which impact modes are real motions of the structure.
+
+    With one limiter struck, equal gaps and no load they are proved: no band can hide between
+    those found. Else members between all poles are looked at, and the result says what width
+    could hide.
+    """
+
+    frequency: FrequencyInterval
+    active: Annotated[Indices, Field(min_length=1)] | None = Field(
+        None, description="Indices of the constraints that are hit; absent: all."
+    )
+    tolerance: Annotated[Number, Field(ge=1e-15, lt=0.1)] | None = Field(
+        None, description="Relative width to which edges are narrowed down; absent: 1e-12."
+    )
+    outputs: Annotated[list[ExistenceBandsOutput], Field(min_length=1, fail_fast=True)] = Field(
+        ["bands", "rejected"],
+        description="What to compute; what is not asked for is not computed. "
+        "bands: where members exist; rejected: where all impulses are positive and the members "
+        "are phantoms all the same; stability: where in the bands members are stable.",
+    )
+
+
+ResonancesOutput = Literal["Omega", "harmonic", "part"]
+
+
+class ResonancesRequest(ComputationRequest):
+    """Internal resonances: odd harmonics that meet the structure held at a limiter."""
+
+    constraint: Index = Field(0, description="Index of the constraint whose coordinate moves.")
+    odd_max: Annotated[int, Field(strict=True, ge=1, le=9999)] = Field(
+        9, description="Highest odd harmonic."
+    )
+    outputs: Annotated[list[ResonancesOutput], Field(min_length=1, fail_fast=True)] = Field(
+        ["Omega", "harmonic", "part"], description="What is wanted, each [resonance]."
+    )
+
+
+TimeHistoryOutput = Literal["x", "v", "impacts", "energy", "contacts"]
+
+
+TimeHistoryMethod = Literal["exact", "RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA"]
+
+
+class TimeHistoryRequest(ComputationRequest):
+    """Time history: the motion from an initial state, with every impact on its way.
+
+    Between impacts the motion is exact; tolerance is relative to the size of the motion, and the
+    result says until when it can hold.
+    """
+
+    initial: Initial
+    t_end: Positive = Field(description="Length of the motion.")
+    t: Times | None = Field(None, description="Times of the history; needed by x, v and energy.")
+    dofs: Annotated[Indices, Field(min_length=1)] | None = Field(
+        None, description="Degrees of freedom of x and v; absent: all."
+    )
+    load: Annotated[list[HarmonicLoad], Field(fail_fast=True)] | None = Field(
+        None, description="Harmonic loads, beside the constant one of the system."
+    )
+    limiter: Limiter | None = Field(None, description="The law of the limiters; absent: rigid.")
+    method: TimeHistoryMethod = Field(
+        "exact",
+        description="exact, or an integrator of scipy to compare with, which can miss impacts.",
+    )
+    outputs: Annotated[list[TimeHistoryOutput], Field(min_length=1, fail_fast=True)] = Field(
+        ["impacts"],
+        description="What to compute; what is not asked for is not computed. "
+        "x, v: displacement and velocity [time, dof]; "
+        "impacts: a table of all impacts; "
+        "energy: kinetic and elastic energy and that of the constant load [time]; "
+        "contacts: a table of the times that coordinates rest at their walls.",
+    )
+
+
+SlowFlowModel = Literal["damped", "two_oscillator", "restitution", "bouncing_ball", "oscillator"]
+SlowFlowVariant = Literal[
+    "exact",
+    "transformed",
+    "averaged",
+    "truncated",
+    "leading",
+    "soft_wall",
+    "corrected",
+    "second_order",
+    "printed",
+    "high_energy",
+    "high_energy_printed",
+    "grazing",
+    "grazing_printed",
+    "nstt",
+    "nsct",
+    "family",
+]
+SlowFlowOutput = Literal["state", "x", "v", "impulse", "error"]
+
+
+class SlowFlowInitial(Document):
+    """Where a slow flow starts, at t = 0; each model takes some of the fields."""
+
+    gamma: Positive | None = Field(
+        None,
+        description="Frequency ratio Omega0/omega (lambda of eq. 10.110); damped, "
+        "two_oscillator, restitution, oscillator.",
+    )
+    phi: Number | None = Field(
+        None,
+        description="Phase of the triangle wave, absent: 0; damped, two_oscillator, oscillator.",
+    )
+    A: Number | None = Field(
+        None, description="Sine amplitude of the second mass, absent: 0; two_oscillator."
+    )
+    B: Number | None = Field(
+        None, description="Cosine amplitude of the second mass, absent: 0; two_oscillator."
+    )
+    omega: Positive | None = Field(
+        None, description="Triangle-wave frequency in place of gamma; restitution."
+    )
+    energy: Positive | None = Field(
+        None, description="Total energy in place of gamma (eq. 10.10); oscillator."
+    )
+    root: Index | None = Field(
+        None,
+        description="Which gamma of that energy, by size from 0, absent: 0; oscillator.",
+    )
+    x: Number | None = Field(
+        None,
+        description="Displacement, with v in place of omega: restitution; height of release: "
+        "bouncing_ball.",
+    )
+    v: Number | None = Field(None, description="Velocity; restitution.")
+
+
+class SlowFlowRequest(ComputationRequest):
+    """Slow flow: a motion with impacts whose amplitude or frequency changes slowly.
+
+    The system is the one that the model is about: `damped`: an oscillator with viscous damping
+    between elastic walls; `two_oscillator`: the same with a second mass coupled to it;
+    `restitution`: an oscillator between lossy walls; `bouncing_ball`: a mass under a constant
+    load over a lossy floor; `oscillator`: an undamped one between elastic walls, or below one.
+    """
+
+    model: SlowFlowModel
+    variant: SlowFlowVariant = Field(
+        description="Description of the motion: exact, of every model; "
+        "transformed, averaged, truncated, leading of damped; "
+        "transformed, averaged, truncated, soft_wall of two_oscillator; "
+        "corrected, second_order, printed, high_energy, grazing and the last two as printed, of "
+        "restitution; nstt and nsct of bouncing_ball; family of oscillator."
+    )
+    initial: SlowFlowInitial
+    t: TimeGrid
+    outputs: Annotated[list[SlowFlowOutput], Field(min_length=1, fail_fast=True)] = Field(
+        ["state", "x", "v", "error"],
+        description="What to compute; what is not asked for is not computed. "
+        "state: gamma, omega, phi, A, B as far as the model has them [time]; "
+        "x, v: displacement and velocity [time, dof] (length, length / time); "
+        "impulse: p [time] (mass length / time²); "
+        "error: differences from the exact motion, and its impacts.",
+    )
+
+
+class Webhook(Document):
+    """A server that is sent a message when a job ends, signed as Standard Webhooks says."""
+
+    url: Annotated[str, Field(max_length=2000, pattern="^https://[!-~]+$")] = Field(
+        description="Address; https, and not in a private network.",
+        examples=["https://example.org/hooks/vibroimpact"],
+    )
+    secret: Annotated[str, Field(pattern="^whsec_[A-Za-z0-9+/]{32,88}={0,2}$")] = Field(
+        description="Signs the message: whsec_ and 24 to 64 bytes in base64.",
+        examples=["whsec_" + "MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw"],
+    )
+
+
+class BatchRequest(Document):
+    """Many tiny computations of one kind, answered at once and kept nowhere."""
+
+    kind: Annotated[str, Field(max_length=40)] = Field(
+        description="Kind of computation.", examples=["impact-modes"]
+    )
+    requests: list[dict[str, Any]] = Field(
+        min_length=1, description="The requests, each as POST /v1/compute/{kind} takes it."
     )
 
 
@@ -67,3 +263,7 @@ class JobRequest(Document):
     )
     request: dict[str, Any] = Field(description="The request, as POST /v1/compute/{kind} takes it.")
     priority: Priority = Field(0, description="Higher goes first among one's own jobs.")
+    deadline_seconds: Annotated[float, Field(strict=True, gt=0, le=3.2e7)] | None = Field(
+        None, description="The job fails where it is not done so many seconds after this request."
+    )
+    webhook: Webhook | None = Field(None, description="Told when the job ends.")

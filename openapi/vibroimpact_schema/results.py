@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import AwareDatetime, Field
 
 from vibroimpact_schema.plans import Steps
+from vibroimpact_schema.problems import Problem
 from vibroimpact_schema.values import Digest, Document, Index
 
 Curve = list[float]
@@ -101,3 +102,265 @@ class ImpactModesResult(Result):
         "for odd and cos(n Omega t) for even multiples n.",
     )
     error: ImpulseError
+
+
+BandEdge = Literal["range", "negative_impulse", "wrong_velocity", "penetration", "singular"]
+
+
+class Band(Document):
+    """A range of frequency in which members exist."""
+
+    start: float = Field(description="Lower edge, Omega, 1/time.")
+    stop: float = Field(description="Upper edge, Omega, 1/time.")
+    start_reason: BandEdge = Field(
+        description="What members below are, or range where none was asked for."
+    )
+    stop_reason: BandEdge = Field(description="What members above are.")
+    edge_error: float = Field(description="Largest absolute error of the edges, 1/time.")
+    certified: bool = Field(description="Whether existence is proved throughout.")
+
+
+class RejectedRange(Document):
+    """A range in which all impulses are positive and the members are phantoms all the same."""
+
+    start: float
+    stop: float
+    reason: BandEdge
+    certified: bool = Field(description="Whether that is proved throughout.")
+    witness: float | None = Field(
+        description="Triangle-wave time at which a limit is passed, somewhere in the range."
+    )
+    constraint: int = Field(description="The limit that is passed; -1: unknown.")
+
+
+class StabilityRange(Document):
+    """A range inside a band in which members are all stable or all unstable."""
+
+    start: float
+    stop: float
+    stable: bool
+    radius: float = Field(
+        description="Largest spectral radius of the half-period map among the members looked at."
+    )
+
+
+class UnresolvedRange(Document):
+    """A range that could not be decided."""
+
+    start: float
+    stop: float
+
+
+class BandError(Document):
+    """How far the bands can be trusted."""
+
+    resolution: float = Field(
+        description="Relative width below which a band, or a gap between bands, could hide."
+    )
+    statement: str = Field(description="How the bands were obtained.")
+
+
+class ExistenceBandsResult(Result):
+    """Bands of existence, ascending; outputs that were not asked for are absent."""
+
+    kind: Literal["existence-bands"]
+    bands: list[Band] | None = None
+    rejected: list[RejectedRange] | None = None
+    stability: list[StabilityRange] | None = None
+    unresolved: list[UnresolvedRange] = Field(description="Empty, but in extreme cases.")
+    error: BandError
+
+
+class Statement(Document):
+    """How far the numbers can be trusted, in words."""
+
+    statement: str
+
+
+class ResonancesResult(Result):
+    """Internal resonances by ascending frequency."""
+
+    kind: Literal["resonances"]
+    Omega: Curve | None = Field(
+        None, description="Fundamental frequency of the impact mode [resonance], 1/time."
+    )
+    harmonic: list[Index] | None = Field(
+        None, description="Odd multiple of Omega that resonates [resonance]."
+    )
+    part: list[Index] | None = Field(
+        None,
+        description="Which part of the structure, as it falls apart when the coordinate is held, "
+        "counted from the lowest degree of freedom [resonance].",
+    )
+    natural: Curve = Field(
+        description="Natural frequency of the held structure [resonance], 1/time."
+    )
+    error: Statement
+
+
+Side = Literal[-1, 1]
+
+
+class Impacts(Document):
+    """All impacts in order, one column each [impact]."""
+
+    time: Curve = Field(description="Time of the impact.")
+    constraint: list[Index] = Field(description="Index of the constraint.")
+    side: list[Side] = Field(description="Wall: 1 the upper, -1 the lower one.")
+    velocity: Curve = Field(description="Velocity of the coordinate before it, length / time.")
+    impulse: Curve = Field(description="Impulse on the structure, mass length / time.")
+    condition: list[float | None] = Field(
+        description="Estimated error of the state relative to it, in units of the rounding 2^-52."
+    )
+
+
+class Contacts(Document):
+    """When constrained coordinates rest at their walls, one column each [contact]."""
+
+    start: Curve = Field(
+        description="Time of the last impact listed before it; what follows until the rest is "
+        "infinitely many impacts, summed."
+    )
+    rest: Curve = Field(description="Time at which the coordinate comes to rest.")
+    stop: Curve = Field(description="Time of release, or the end of the motion.")
+    constraint: list[Index] = Field(description="Index of the constraint.")
+    side: list[Side] = Field(description="Wall: 1 the upper, -1 the lower one.")
+
+
+class Count(Document):
+    """How many of what."""
+
+    impacts: Index = Field(description="Impacts, without those summed in a chatter.")
+    grazings: Index = Field(description="Touches of a wall without an impulse.")
+    expansions: Index = Field(description="Expansions that the search for impacts took.")
+
+
+class MotionError(Document):
+    """How far the numbers can be trusted."""
+
+    condition: float = Field(
+        description="Largest error of the state relative to it, in units of the rounding 2^-52."
+    )
+    penetration: float = Field(
+        description="Largest distance between a wall and the place of an impact at it, length."
+    )
+    predictable_until: float = Field(
+        description="Time until which the tolerance can hold in double precision; t_end if it "
+        "holds to the end."
+    )
+    tolerance: float = Field(description="The tolerance meant.")
+    energy_drift: float | None = Field(
+        None, description="Largest relative change of the energy, where it is conserved and asked."
+    )
+    difference: float | None = Field(
+        None,
+        description="Difference to the same motion with steps of twice the length, relative to "
+        "the largest state; absent where nothing steps.",
+    )
+    statement: str = Field(description="How the errors were obtained.")
+
+
+class TimeHistoryResult(Result):
+    """A motion; outputs that were not asked for are absent."""
+
+    kind: Literal["time-history"]
+    t: Curve | None = Field(None, description="Times [time].")
+    dof: list[Index] | None = Field(None, description="The degrees of freedom [dof].")
+    x: list[Curve] | None = Field(None, description="Displacement [time, dof], length.")
+    v: list[Curve] | None = Field(None, description="Velocity [time, dof], length / time.")
+    energy: Curve | None = Field(
+        None,
+        description="Kinetic and elastic energy and that of the constant load [time], "
+        "mass length² / time².",
+    )
+    impacts: Impacts | None = Field(None, description="Table of impacts.")
+    contacts: Contacts | None = Field(None, description="Table of contacts.")
+    count: Count
+    error: MotionError
+
+
+class SlowFlowImpacts(Document):
+    """The impacts of the exact motion."""
+
+    time: Curve = Field(description="Times [impact].")
+    velocity: Curve = Field(description="Speed before each [impact], length / time.")
+
+
+class SlowFlowError(Document):
+    """How far a variant is from the exact motion, and what it took."""
+
+    x: list[Curve] | None = Field(
+        None, description="Displacement less the exact one [time, dof], length."
+    )
+    gamma: list[float | None] | None = Field(
+        None,
+        description="Frequency ratio less the exact one at the impacts [impact]; null after the "
+        "variant's last impact.",
+    )
+    phi: list[float | None] | None = Field(
+        None,
+        description="Phase less the exact one at the impacts [impact]; null after the variant's "
+        "last impact.",
+    )
+    seconds: float = Field(description="Time that the variant took, s.")
+    seconds_exact: float | None = Field(None, description="Time that the exact motion took, s.")
+    statement: str = Field(description="How the errors were obtained.")
+
+
+SlowFlowStage = Literal["impacts", "free", "rest"]
+
+
+class SlowFlowResult(Result):
+    """A motion whose impacts change slowly; outputs that were not asked for are absent."""
+
+    kind: Literal["slow-flow"]
+    t: Curve = Field(description="Times [time].")
+    dof: list[Index] | None = Field(None, description="The degrees of freedom [dof].")
+    impact: list[Index] | None = Field(
+        None, description="Numbers of the exact motion's impacts, from 1 [impact]."
+    )
+    stage: list[SlowFlowStage] = Field(description="Stage of the motion [time].")
+    gamma: list[float | None] | None = Field(
+        None, description="Frequency ratio Omega0/omega [time]; null after the last impact."
+    )
+    omega: list[float | None] | None = Field(
+        None, description="Triangle-wave frequency [time], 1/time; null after the last impact."
+    )
+    phi: list[float | None] | None = Field(
+        None, description="Phase of the triangle wave [time]; null after the last impact."
+    )
+    A: list[float | None] | None = Field(
+        None, description="Sine amplitude of the second mass [time], length."
+    )
+    B: list[float | None] | None = Field(
+        None, description="Cosine amplitude of the second mass [time], length."
+    )
+    x: list[Curve] | None = Field(None, description="Displacement [time, dof], length.")
+    v: list[Curve] | None = Field(None, description="Velocity [time, dof], length / time.")
+    impulse: list[float | None] | None = Field(
+        None, description="Impulse parameter p [time], mass length / time²."
+    )
+    t_max: float | None = Field(
+        description="End of the impacts by this variant, time; null: they never end."
+    )
+    t_max_exact: float | None = Field(
+        description="End of the impacts of the exact motion, time; null: they never end."
+    )
+    exists: bool | None = Field(None, description="Whether a member of a family is a real motion.")
+    impacts: SlowFlowImpacts | None = None
+    error: SlowFlowError
+
+
+class BatchAnswer(Document):
+    """The answer to one request of a batch: its result, or the problem with it."""
+
+    result: dict[str, Any] | None = Field(
+        None, description="As POST /v1/compute/{kind} answers the request."
+    )
+    problem: Problem | None = Field(None, description="Why there is no result.")
+
+
+class BatchAnswers(Document):
+    """The answers to the requests of a batch, in their order."""
+
+    answers: list[BatchAnswer]

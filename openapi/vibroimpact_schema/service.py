@@ -18,9 +18,21 @@ class ServiceLimits(Document):
     """What the service accepts."""
 
     body_bytes: Count
+    header_bytes: Count = Field(description="Address and header fields together.")
+    points: Count = Field(description="Points of a grid.")
+    job_seconds: NonNegative = Field(description="Planned computing of one request.")
+    unfinished_jobs: Count = Field(description="Unfinished jobs of one owner.")
+    requests_per_minute: Count | None = Field(
+        description="Of a key that has no number of its own; null where no keys are needed."
+    )
+    seconds_per_hour: NonNegative | None = Field(
+        description="Planned computing of such a key; null where no keys are needed."
+    )
     dofs: Count = Field(description="Degrees of freedom of a system.")
     result_bytes: Count = Field(description="Largest result, by the numbers it would hold.")
     inline_seconds: NonNegative = Field(description="Planned work above it becomes a job.")
+    batch_requests: Count = Field(description="Most requests of one batch.")
+    batch_seconds: NonNegative = Field(description="Most planned work of one of them.")
     wait_seconds: NonNegative = Field(description="Longest wait of Prefer: wait.")
     poll_seconds: NonNegative = Field(description="Longest wait of GET /v1/jobs/{id}?wait=.")
 
@@ -33,6 +45,11 @@ class Version(Document):
     api: str
     kinds: list[str]
     representations: list[str] = Field(description="Media types of results.")
+    codings: list[str] = Field(description="Content codings of answers.")
+    system_types: list[str] = Field(description="Media types in which systems are taken.")
+    capabilities: list[str] = Field(
+        description="What else it can: keys, oidc, events, ranges, idempotency, …"
+    )
     limits: ServiceLimits
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,29 @@ def pack(arrays: Mapping[str, np.ndarray[Any, Any]], meta: Mapping[str, Any]) ->
     head += b" " * (-(len(head) + 44) % _ALIGN)
     body = b"".join([len(head).to_bytes(8, "little"), head, *blocks])
     return _MAGIC + hashlib.sha256(body).digest() + body
+
+
+def open_file(path: Path, offset: int) -> tuple[dict[str, np.ndarray[Any, Any]], dict[str, Any]]:
+    """Return the arrays and the document of a bundle in a file, without reading the arrays.
+
+    They are maps of the file; whether it is what was written is up to whoever keeps it.
+    """
+    with path.open("rb") as file:
+        file.seek(offset)
+        opening = file.read(44)
+        if opening[:4] != _MAGIC:
+            raise DamagedBundle
+        head = json.loads(file.read(int.from_bytes(opening[36:44], "little")))
+        start = file.tell()
+    arrays: dict[str, np.ndarray[Any, Any]] = {}
+    for entry in head["arrays"]:
+        shape, dtype = tuple(entry["shape"]), np.dtype(entry["dtype"])
+        if 0 in shape:
+            arrays[entry["name"]] = np.empty(shape, dtype)
+            continue
+        where = start + entry["offset"]
+        arrays[entry["name"]] = np.memmap(path, dtype, "r", where, shape)
+    return arrays, head["meta"]
 
 
 def unpack(data: bytes) -> tuple[dict[str, np.ndarray[Any, Any]], dict[str, Any]]:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from vibroimpact_schema import systems
+from vibroimpact_schema.sweeps import SweepRequest
 from vibroimpact_service import problems
+from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
 from vibroimpact_solvers.plan import Plan, Stage
 
@@ -46,15 +49,38 @@ def check(request: Any, settings: Settings) -> None:
     ProblemError
         413 with the field that claims too much.
     """
-    check_system(request.system, settings, "/system")
-    grid = getattr(request, "frequency", None)
-    if grid is not None and grid.count > settings.max_points:
-        message = f"{grid.count} frequencies are more than {settings.max_points}"
-        raise problems.too_large("/frequency", "too_many_points", message)
+    where = ""
+    if isinstance(request, SweepRequest):
+        _check_lattice(request, settings)
+        request, where = request.base, "/base"
+    check_system(request.system, settings, f"{where}/system")
+    for name, points in (("frequency", "frequencies"), ("t", "times")):
+        count = _points(getattr(request, name, None))
+        if count > settings.max_points:
+            message = f"{count} {points} are more than {settings.max_points}"
+            raise problems.too_large(f"{where}/{name}", "too_many_points", message)
+
+
+def _points(grid: Any) -> int:
+    """Return how many points a grid claims; a range between two has none of its own."""
+    if isinstance(grid, list):
+        return len(grid)
+    return int(getattr(grid, "count", getattr(grid, "num", 0)))
+
+
+def _check_lattice(request: SweepRequest, settings: Settings) -> None:
+    counts = [axis.count for axis in request.root.axes]
+    points = math.prod(counts)
+    if points > settings.max_sweep_points:
+        product = " x ".join(str(count) for count in counts)
+        message = f"{product} = {points} points are more than {settings.max_sweep_points}"
+        raise problems.too_large("/axes", "too_many_points", message)
 
 
 def check_plan(plan: Plan, settings: Settings) -> None:
-    """Refuse a computation whose result would be larger than the service keeps."""
+    """Refuse a computation without end, or whose result is larger than the service keeps."""
+    if not math.isfinite(plan.flops):
+        raise ProblemError(problems.TOO_COSTLY, "The plan counts more operations than there are.")
     size = sum(step.bytes for step in plan.steps if step.stage is not Stage.SPECTRUM)
     if size > settings.max_result_bytes:
         message = f"about {size:.3g} bytes of results are more than {settings.max_result_bytes}"
@@ -63,7 +89,11 @@ def check_plan(plan: Plan, settings: Settings) -> None:
 
 def check_system(system: systems.AnySystem, settings: Settings, where: str = "") -> None:
     """Refuse a system that claims more degrees of freedom than the service accepts."""
-    n = dofs(system)
+    check_dofs(dofs(system), settings, where)
+
+
+def check_dofs(n: int, settings: Settings, where: str = "") -> None:
+    """Refuse a number of degrees of freedom that the service does not accept."""
     if n > settings.max_dofs:
         message = f"{n} degrees of freedom are more than {settings.max_dofs}"
         raise problems.too_large(where, "too_many_dofs", message)

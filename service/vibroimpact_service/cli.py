@@ -1,8 +1,9 @@
-"""The commands of the service: serve, and write the contract."""
+"""The commands of the service: serve, scheduler, worker, certificates, and the contract."""
 
 from __future__ import annotations
 
 import json
+import logging
 import os
 import signal
 import sys
@@ -10,11 +11,15 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Any
 
+import orjson
 import structlog
 import typer
 import uvicorn
 
+from vibroimpact_service import loading
+from vibroimpact_service.jobs import nursery
 from vibroimpact_service.settings import Settings
+from vibroimpact_service.wire import connection
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
@@ -36,15 +41,101 @@ def serve(
 
     Everything else is set by environment variables VIBROIMPACT_….
     """
-    from vibroimpact_service.app import create_app  # worker processes import this module too
+    # Worker processes import this module too.
+    from vibroimpact_service.access.gate import ExposedError, keys_needed
 
     given: dict[str, Any] = {"host": host, "port": port, "data": data}
     settings = Settings(**{name: value for name, value in given.items() if value is not None})
+    try:
+        keys_needed(settings)
+    except ExposedError as error:
+        typer.echo(f"The service does not start: {error}", err=True)
+        raise typer.Exit(2) from None
+    if settings.scheduler is None:
+        # It loads the numerical libraries while this process loads those of HTTP.
+        nursery.open_nursery(loading.NUMERICAL)
+    from vibroimpact_service.app import create_app
+
     _log_to_stderr()
-    server = _Server(create_app(settings), settings)
+    # Work in threads must not keep the event loop waiting for as long as Python lets it.
+    sys.setswitchinterval(0.001)
+    server = Server(create_app(settings), settings)
     server.run()
     if not server.started:
         raise typer.Exit(3)
+
+
+@app.command()
+def scheduler(
+    host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Port; 0 takes a free one.")] = 8786,
+    tls: Annotated[
+        Path | None, typer.Option(help="Folder of `vibroimpact certificates` [VIBROIMPACT_TLS_…].")
+    ] = None,
+) -> None:
+    """Run a scheduler for workers on several machines, until SIGTERM or Ctrl-C."""
+    from vibroimpact_service.jobs import cluster
+
+    _log_to_stderr()
+    cluster.schedule(_cluster_settings(tls), host, port, _say)
+
+
+@app.command()
+def worker(
+    address: Annotated[
+        str | None, typer.Argument(help="tls://… of the scheduler [VIBROIMPACT_SCHEDULER].")
+    ] = None,
+    workers: Annotated[int | None, typer.Option(help="Processes [one per core].")] = None,
+    tls: Annotated[
+        Path | None, typer.Option(help="Folder of `vibroimpact certificates` [VIBROIMPACT_TLS_…].")
+    ] = None,
+) -> None:
+    """Run workers for a scheduler elsewhere, until SIGTERM or Ctrl-C.
+
+    They need the same store as the services: VIBROIMPACT_STORE of the services must be an
+    address under which these workers reach it too. They survive restarts of the scheduler.
+    """
+    from vibroimpact_service import tasks
+    from vibroimpact_service.jobs import cluster
+
+    settings = _cluster_settings(tls, scheduler=address, workers=workers)
+    if settings.scheduler is None or not settings.scheduler.startswith("tls://"):
+        typer.echo("the address of the scheduler must be given, as tls://host:port", err=True)
+        raise typer.Exit(2)
+    _log_to_stderr()
+    cluster.work(settings, tasks.WORK.modules, lambda count: _say(f"{count} workers"))
+
+
+@app.command()
+def certificates(
+    folder: Annotated[Path, typer.Argument(help="Where to write ca.pem, cert.pem and key.pem.")],
+    days: Annotated[int, typer.Option(min=1, help="How long they hold.")] = 825,
+) -> None:
+    """Write the keys and certificates by which services, scheduler and workers trust another."""
+    from vibroimpact_service.jobs import certificates as files
+
+    try:
+        authority, certificate, key = files.write(folder, days)
+    except FileExistsError as error:
+        typer.echo(f"{error.filename} exists already", err=True)
+        raise typer.Exit(1) from None
+    for name, path in (("CA", authority), ("CERT", certificate), ("KEY", key)):
+        typer.echo(f"VIBROIMPACT_TLS_{name}={path.absolute()}")
+
+
+def _cluster_settings(tls: Path | None, **given: Any) -> Settings:
+    if tls is not None:
+        given |= {
+            "tls_ca": tls / "ca.pem",
+            "tls_cert": tls / "cert.pem",
+            "tls_key": tls / "key.pem",
+        }
+    return Settings(**{name: value for name, value in given.items() if value is not None})
+
+
+def _say(text: str) -> None:
+    sys.stdout.write(f"{text}\n")
+    sys.stdout.flush()
 
 
 @app.command()
@@ -73,7 +164,7 @@ def contract_text() -> str:
     )
 
 
-class _Server(uvicorn.Server):
+class Server(uvicorn.Server):
     """uvicorn that says where it listens and tells the application when to stop."""
 
     def __init__(self, application: FastAPI, settings: Settings) -> None:
@@ -81,17 +172,21 @@ class _Server(uvicorn.Server):
             application,
             host=settings.host,
             port=settings.port,
+            http=connection(settings),
             log_config=None,
             access_log=False,
             server_header=False,
             ws="none",
             lifespan="on",
             timeout_graceful_shutdown=8,
+            timeout_keep_alive=30,
+            reset_contextvars=True,
         )
         super().__init__(config)
         self._application, self._note = application, settings.data / "service.json"
 
     async def startup(self, sockets: list[object] | None = None) -> None:  # type: ignore[override]
+        """Listen, then note and print where."""
         await super().startup(sockets)  # type: ignore[arg-type]
         if self.should_exit or not self.servers:
             return
@@ -101,14 +196,15 @@ class _Server(uvicorn.Server):
         passing = self._note.with_suffix(".tmp")
         passing.write_text(json.dumps({"url": url, "pid": os.getpid()}))
         passing.replace(self._note)
-        sys.stdout.write(f"{url}\n")
-        sys.stdout.flush()
+        _say(url)
 
     async def shutdown(self, sockets: list[object] | None = None) -> None:  # type: ignore[override]
+        """Remove the note and stop."""
         self._note.unlink(missing_ok=True)
         await super().shutdown(sockets)  # type: ignore[arg-type]
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Take a signal."""
         # Event streams and long polls end themselves; uvicorn would wait for them.
         self._application.state.drain.set()
         # The signal is obeyed here and not raised again at the end, as uvicorn would:
@@ -124,9 +220,11 @@ def _log_to_stderr() -> None:
             structlog.processors.add_log_level,
             structlog.processors.TimeStamper(fmt="iso", utc=True),
             structlog.processors.format_exc_info,
-            structlog.processors.JSONRenderer(),
+            structlog.processors.JSONRenderer(serializer=orjson.dumps, default=str),
         ],
-        logger_factory=structlog.WriteLoggerFactory(file=sys.stderr),
+        wrapper_class=structlog.make_filtering_bound_logger(logging.INFO),
+        logger_factory=structlog.BytesLoggerFactory(file=sys.stderr.buffer),
+        cache_logger_on_first_use=True,
     )
 
 

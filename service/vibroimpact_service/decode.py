@@ -6,16 +6,22 @@ Sizes are judged as claimed, before anything of that size is allocated.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from decimal import Decimal
 from functools import lru_cache
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
-from vibroimpact_schema import grids, requests, systems
-from vibroimpact_service import digest
+from vibroimpact_schema import grids, motions, requests, sweeps, systems
+from vibroimpact_service import digest, lattice
+from vibroimpact_solvers import existence_bands as bands
 from vibroimpact_solvers import impact_modes as modes
 from vibroimpact_solvers import presets
+from vibroimpact_solvers import resonances as held
+from vibroimpact_solvers import slow_flow as flows
+from vibroimpact_solvers import sweep as swept
+from vibroimpact_solvers import time_history as histories
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System, Units
@@ -34,6 +40,11 @@ def system(document: systems.AnySystem) -> System:
     except OverflowError:
         message = "its numbers are too large for double precision"
         raise ModelError((), message, code="overflow") from None
+
+
+def constraints(document: systems.AnySystem) -> list[Constraint]:
+    """Return the limiters of a system's document."""
+    return [_constraint(i, c) for i, c in enumerate(document.constraints)]
 
 
 class _Named:
@@ -56,27 +67,27 @@ class _Named:
 def _known_system(named: _Named) -> System:
     # The checks of a large system, and the spectrum that it keeps, are paid for once.
     document = named.document
-    constraints = [_constraint(i, c) for i, c in enumerate(document.constraints)]
+    limiters = constraints(document)
     units = None
     if document.units is not None:
         units = Units(document.units.length, document.units.mass, document.units.time)
     match document:
         case systems.Chain():
             return presets.chain(
-                document.n, constraints, document.mass, document.stiffness, units=units
+                document.n, limiters, document.mass, document.stiffness, units=units
             )
         case systems.Oscillator():
-            return presets.oscillator(constraints, document.Omega0, document.zeta, units=units)
+            return presets.oscillator(limiters, document.Omega0, document.zeta, units=units)
         case systems.TwoMass():
             return presets.two_mass(
-                constraints, document.Omega0, document.coupling, document.zeta, units=units
+                limiters, document.Omega0, document.coupling, document.zeta, units=units
             )
         case systems.DoublePendulum():
-            return presets.double_pendulum(constraints, document.mu, units=units)
+            return presets.double_pendulum(limiters, document.mu, units=units)
         case systems.BouncingBall():
-            return presets.bouncing_ball(constraints, document.g, units=units)
+            return presets.bouncing_ball(limiters, document.g, units=units)
         case systems.MatrixSystem():
-            return _matrix_system(document, constraints, units)
+            return _matrix_system(document, limiters, units)
 
 
 def _matrix_system(
@@ -141,12 +152,28 @@ def frequencies(grid: Any) -> tuple[Floats, Floats]:
         case grids.FrequencyPoints():
             given = np.linspace(grid.start, grid.stop, grid.num)
         case grids.FrequencySteps():
-            given = grid.start + grid.step * np.arange(grid.count)
+            given = _lattice(grid.start, grid.step, grid.count)
             # The last step may pass the end by rounding.
             given[-1] = min(given[-1], grid.stop)
     if grid.unit == "Omega":
         return given, given * (2.0 / np.pi)
     return given * (np.pi / 2.0), given
+
+
+def _lattice(start: float, step: float, count: int) -> Floats:
+    """Return start, start + step, …, shape (count,).
+
+    Each is the double nearest to the decimal number that is meant, 0.6 + 0.1 being 0.7, so
+    that grids of the same steps that overlap have the same numbers there, to the last bit.
+    """
+    first, each = Decimal(repr(start)), Decimal(repr(step))
+    places = max(0, -min(int(d.normalize().as_tuple().exponent) for d in (first, each)))
+    whole = int(first.scaleb(places)) + int(each.scaleb(places)) * (count - 1)
+    if places > 22 or whole >= 2**53:  # beyond it numerator or denominator would be rounded
+        return start + step * np.arange(count, dtype=np.float64)
+    numerators = int(first.scaleb(places)) + int(each.scaleb(places)) * np.arange(count)
+    found: Floats = numerators.astype(np.float64) / 10.0**places
+    return found
 
 
 def impact_modes(request: requests.ImpactModesRequest, of: System) -> modes.Problem:
@@ -165,5 +192,100 @@ def impact_modes(request: requests.ImpactModesRequest, of: System) -> modes.Prob
     )
 
 
+def existence_bands(request: requests.ExistenceBandsRequest, of: System) -> bands.Problem:
+    """Return the problem of existence bands."""
+    grid = request.frequency
+    factor = 1.0 if grid.unit == "Omega" else 0.5 * np.pi
+    return bands.Problem(
+        of,
+        grid.start * factor,
+        grid.stop * factor,
+        tuple(request.active or ()),
+        frozenset(request.outputs),
+        request.tolerance,
+    )
+
+
+def resonances(request: requests.ResonancesRequest, of: System) -> held.Problem:
+    """Return the problem of internal resonances."""
+    return held.Problem(of, request.constraint, request.odd_max, frozenset(request.outputs))
+
+
+def time_history(request: requests.TimeHistoryRequest, of: System) -> histories.Problem:
+    """Return the problem of a time history."""
+    initial: histories.State | histories.Member
+    match request.initial:
+        case motions.InitialState(x=x, v=v):
+            initial = histories.State(np.array(x), np.array(v))
+        case motions.InitialMode(impact_mode=mode):
+            initial = histories.Member(mode.Omega, tuple(mode.active or ()))
+    return histories.Problem(
+        of,
+        initial,
+        request.t_end,
+        times(request.t, request.t_end),
+        _indices(request.dofs),
+        frozenset(request.outputs),
+        request.tolerance,
+        load=tuple(
+            histories.Harmonic(term.dof, term.amplitude, term.frequency, term.phase)
+            for term in request.load or ()
+        ),
+        limiter=_limiter(request.limiter),
+        method=request.method,
+    )
+
+
+def _limiter(of: Any) -> histories.Power | None:
+    if isinstance(of, motions.PowerLimiter):
+        return histories.Power(of.exponent, of.stiffness, of.scale)
+    return None
+
+
+def times(of: Any, t_end: float) -> Floats | None:
+    """Return the times of a history, shape (time,)."""
+    if of is None:
+        return None
+    if isinstance(of, motions.EqualTimes):
+        return np.linspace(0.0, t_end, of.num)
+    return np.array(of)
+
+
+def time_grid(grid: Any) -> Floats:
+    """Return the times of a grid, shape (time,)."""
+    if isinstance(grid, grids.TimeValues):
+        return np.array(grid.values)
+    return np.linspace(grid.start, grid.stop, grid.num)
+
+
+def slow_flow(request: requests.SlowFlowRequest, of: System) -> flows.Problem:
+    """Return the problem of a slow flow."""
+    return flows.Problem(
+        of,
+        request.model,
+        request.variant,
+        flows.Initial(**request.initial.model_dump()),
+        time_grid(request.t),
+        frozenset(request.outputs),
+        request.tolerance,
+    )
+
+
 def _indices(given: Sequence[int] | None) -> np.ndarray[Any, np.dtype[np.int64]] | None:
     return None if given is None else np.array(given, dtype=np.int64)
+
+
+_SWEPT: Final[Mapping[str, Callable[[Any, System], Any]]] = {
+    "impact-modes": impact_modes,
+    "existence-bands": existence_bands,
+    "resonances": resonances,
+    "time-history": time_history,
+    "slow-flow": slow_flow,
+}
+
+
+def sweep(request: sweeps.SweepRequest, of: System) -> swept.Problem:
+    """Return the problem of a sweep, whose points have structures of their own."""
+    kind = request.root.kind
+    by = lattice.Decoders(_SWEPT[kind], system, constraints)
+    return lattice.problem(kind, request.base, request.root.axes, of, by)

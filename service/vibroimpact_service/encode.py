@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import dataclasses
 import io
-from collections.abc import Mapping
+import mmap
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final, TypeVar
 
 import h5netcdf
@@ -18,7 +20,7 @@ import orjson
 from numpy.typing import NDArray
 
 from vibroimpact_service import bundle
-from vibroimpact_solvers.arrays import Quantity, quantities
+from vibroimpact_solvers.arrays import Described, Quantity, quantities
 
 Array = NDArray[Any]
 Result = TypeVar("Result")
@@ -26,6 +28,8 @@ Result = TypeVar("Result")
 _LARGE = 2**16
 """Bytes from which an array is compressed; below it the chunk index costs more than it saves."""
 _CHUNK = 2**20
+_PIECE = 8 * 2**20
+"""Bytes from which an array is written piece by piece."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,16 +46,21 @@ class Content:
         The fields that are not arrays, such as the error statement.
     head : mapping
         Kind, digest, request, plan, provenance and units: what surrounds the numbers.
+    free : bool
+        Whether the dimensions are those of this result alone, not of its kind.
     """
 
     arrays: Mapping[str, Array]
     meanings: Mapping[str, Quantity]
     plain: Mapping[str, Any]
     head: Mapping[str, Any]
+    free: bool = False
 
 
-def freeze(result: Any, head: Mapping[str, Any]) -> bytes:
-    """Return the bundle of a result; fields that are None were not asked for and are left out."""
+def describe(result: Any, head: Mapping[str, Any]) -> Content:
+    """Return what a result holds; fields that are None were not asked for and are left out."""
+    if isinstance(result, Described):
+        return Content(result.arrays, result.meanings, result.plain, head, free=True)
     meanings = quantities(type(result))
     arrays, plain = {}, {}
     for field in dataclasses.fields(result):
@@ -59,11 +68,18 @@ def freeze(result: Any, head: Mapping[str, Any]) -> bytes:
         if value is None:
             continue
         if field.name in meanings:
-            arrays[field.name] = np.ascontiguousarray(value)
+            arrays[field.name] = np.asarray(value, order="C")
         else:
             plain[field.name] = value
-    described = {name: dataclasses.asdict(meanings[name]) for name in arrays}
-    return bundle.pack(arrays, {"head": head, "plain": plain, "meanings": described})
+    return Content(arrays, {name: meanings[name] for name in arrays}, plain, head)
+
+
+def freeze(result: Any, head: Mapping[str, Any]) -> bytes:
+    """Return the bundle of a result."""
+    content = describe(result, head)
+    described = {name: dataclasses.asdict(each) for name, each in content.meanings.items()}
+    meta = {"head": head, "plain": content.plain, "meanings": described}
+    return bundle.pack(content.arrays, {**meta, "free": True} if content.free else meta)
 
 
 def open_bundle(data: bytes) -> Content:
@@ -74,19 +90,29 @@ def open_bundle(data: bytes) -> Content:
     DamagedBundle
         Where the bytes are not what `freeze` returned.
     """
-    arrays, meta = bundle.unpack(data)
+    return _content(*bundle.unpack(data))
+
+
+def open_file(path: Path, offset: int) -> Content:
+    """Return the content of a bundle in a file, whose arrays stay there until they are used."""
+    return _content(*bundle.open_file(path, offset))
+
+
+def _content(arrays: dict[str, Array], meta: dict[str, Any]) -> Content:
     meanings = {
         name: Quantity(
             **{**meaning, "dims": tuple(meaning["dims"]), "flags": tuple(meaning["flags"])}
         )
         for name, meaning in meta["meanings"].items()
     }
-    return Content(arrays, meanings, meta["plain"], meta["head"])
+    return Content(arrays, meanings, meta["plain"], meta["head"], meta.get("free", False))
 
 
 def thaw(data: bytes, result: type[Result]) -> Result:
     """Return the result that a bundle was made of."""
     content = open_bundle(data)
+    if issubclass(result, Described):
+        return result(content.arrays, content.meanings, content.plain)
     absent = dict.fromkeys((f.name for f in dataclasses.fields(result)), None)  # type: ignore[arg-type]
     return result(**{**absent, **content.arrays, **content.plain})
 
@@ -98,17 +124,29 @@ def json(content: Content) -> bytes:
     """Return the result document; floats as their shortest text, which reads back to the bit."""
     head = content.head
     document: dict[str, Any] = {"kind": head["kind"], "digest": head["digest"]}
+    tables: dict[str, dict[str, Any]] = {}
     for name, values in content.arrays.items():
         meaning = content.meanings[name]
-        _place(document, meaning.path or name, _plain(values, meaning))
+        if meaning.record:
+            table, _, column = meaning.path.partition("/")
+            tables.setdefault(table, {})[column] = _plain(values, meaning)
+        else:
+            _place(document, meaning.path or name, _plain(values, meaning))
+    for table, columns in tables.items():
+        rows = zip(*columns.values(), strict=True)
+        document[table] = [dict(zip(columns, row, strict=True)) for row in rows]
     for name, value in content.plain.items():
         _place(document, name.replace("_", "/", 1), value)
+    if content.free:
+        document["dimensions"] = {name: m.dims for name, m in content.meanings.items()}
     document["plan"] = head["plan"]
     document["provenance"] = head["provenance"]
     return orjson.dumps(document, option=orjson.OPT_SERIALIZE_NUMPY)
 
 
 def _plain(values: Array, meaning: Quantity) -> Any:
+    if values.ndim == 0:
+        return values.item()
     if meaning.flags and values.dtype != np.bool_:
         return np.array(meaning.flags, dtype=object)[values].tolist()
     return values
@@ -132,6 +170,12 @@ def hdf5(content: Content) -> bytes:
     return buffer.getvalue()
 
 
+def rewrite(stored: Path, offset: int, path: Path) -> None:
+    """Write the file of a stored bundle to a path, holding only pieces of the arrays in memory."""
+    with h5netcdf.File(path, "w") as file:
+        _Writer(file, open_file(stored, offset)).write()
+
+
 class _Writer:
     """Writes one file."""
 
@@ -139,14 +183,18 @@ class _Writer:
         self.file, self.content = file, content
         # A dimension is called after the first coordinate along it, as xarray expects.
         self.axes: dict[str, str] = {}
-        self.beside: dict[str, list[str]] = {}
+        self.beside: dict[str, set[str]] = {}
         for name, meaning in content.meanings.items():
-            if meaning.coordinate and len(meaning.dims) == 1:
-                (dim,) = meaning.dims
-                if dim in self.axes:
-                    self.beside.setdefault(dim, []).append(name)
+            if meaning.coordinate:
+                (dim, *others) = meaning.dims
+                if others or dim in self.axes:
+                    self.beside[name] = set(meaning.dims)
                 else:
                     self.axes[dim] = name
+        groups = {meaning.path.partition("/")[0] for meaning in content.meanings.values()}
+        for dim in {dim for meaning in content.meanings.values() for dim in meaning.dims}:
+            if dim in groups and dim not in self.axes:
+                self.axes[dim] = f"{dim}_index"  # its own name is that of a group
 
     def write(self) -> None:
         """Write everything."""
@@ -158,9 +206,11 @@ class _Writer:
         for name, values in arrays.items():
             self._variable(name, values, meanings[name])
         for name, value in self.content.plain.items():
-            group, _, attribute = name.partition("_")
-            place = self.file.groups.get(group) or self.file.create_group(group)
-            place.attrs[attribute] = value
+            group, _, attribute = name.replace("_", "/", 1).rpartition("/")
+            if group and group not in self.file.groups:
+                self.file.create_group(group)
+            place = self.file.groups[group] if group else self.file
+            place.attrs[attribute] = "\n".join(value) if isinstance(value, list) else value
 
     def _attributes(self) -> None:
         head = self.content.head
@@ -175,17 +225,25 @@ class _Writer:
     def _variable(self, name: str, values: Array, meaning: Quantity) -> None:
         root = meaning.coordinate or not meaning.path
         place = name if root else meaning.path
-        stored = values.astype(np.int8) if meaning.flags else values
         dims = tuple(self.axes.get(dim, dim) for dim in meaning.dims)
-        variable = self.file.create_variable(
-            place, dims, stored.dtype, data=stored, **_storage(stored)
-        )
+        dtype = np.dtype(np.int8) if meaning.flags else values.dtype
+        storage = _storage(values.shape, dtype)
+        if values.nbytes <= _PIECE:
+            data = values.astype(dtype, copy=False)
+            variable = self.file.create_variable(place, dims, dtype, data=data, **storage)
+        else:
+            variable = self.file.create_variable(place, dims, dtype, **storage)
+            for rows in _pieces(values.shape, dtype, storage["chunks"][0]):
+                variable[rows] = values[rows].astype(dtype)
+                _let_go(values)
         variable.attrs["long_name"] = meaning.long_name
         variable.attrs["units"] = unit(meaning.unit, self.content.head["units"])
         if meaning.flags:
             variable.attrs["flag_values"] = np.arange(len(meaning.flags), dtype=np.int8)
             variable.attrs["flag_meanings"] = " ".join(meaning.flags)
-        beside = [n for dim in meaning.dims for n in self.beside.get(dim, ())]
+        if meaning.rows_of:
+            variable.attrs["sample_dimension"] = self.axes.get(meaning.rows_of, meaning.rows_of)
+        beside = [n for n, dims in self.beside.items() if dims <= set(meaning.dims)]
         if beside and not meaning.coordinate:
             variable.attrs["coordinates"] = " ".join(beside)
         if root and meaning.path:
@@ -200,24 +258,43 @@ class _Writer:
         raw[group][name] = raw[target]
 
 
-def _storage(values: Array) -> dict[str, Any]:
+def _pieces(shape: tuple[int, ...], dtype: Any, chunk: int) -> Iterator[slice]:
+    """Yield ranges of rows, whole chunks of some mebibytes."""
+    row = dtype.itemsize * int(np.prod(shape[1:], dtype=np.int64))
+    count = chunk * max(1, _PIECE // max(1, row * chunk))
+    for start in range(0, shape[0], count):
+        yield slice(start, min(start + count, shape[0]))
+
+
+def _let_go(values: Array) -> None:
+    """Give back the memory of those pages of a file that were read."""
+    base: Any = values
+    while base is not None and not isinstance(base, mmap.mmap):
+        base = getattr(base, "base", None)
+    if base is not None:
+        base.madvise(mmap.MADV_DONTNEED)
+
+
+def _storage(shape: tuple[int, ...], dtype: Any) -> dict[str, Any]:
     """Return how an array is laid out: small ones plainly, large ones compressed in chunks."""
-    if values.nbytes < _LARGE:
+    size = dtype.itemsize * int(np.prod(shape, dtype=np.int64))
+    if size < _LARGE:
         return {}
     return {
-        "chunks": _chunks(values),
+        "chunks": _chunks(shape, dtype.itemsize),
         "compression": "gzip",
-        "compression_opts": 4,
+        # Digits of numbers hardly get shorter by more effort, and large arrays feel it.
+        "compression_opts": 4 if size <= _PIECE else 1,
         "shuffle": True,
         "fletcher32": True,
     }
 
 
-def _chunks(values: Array) -> tuple[int, ...]:
+def _chunks(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...]:
     """Return chunks of about a mebibyte that keep the last axes whole."""
-    chunks = list(values.shape)
-    for axis in range(values.ndim):
-        rest = values.itemsize * int(np.prod(chunks[axis + 1 :], dtype=np.int64))
+    chunks = list(shape)
+    for axis in range(len(shape)):
+        rest = itemsize * int(np.prod(chunks[axis + 1 :], dtype=np.int64))
         chunks[axis] = min(chunks[axis], max(1, _CHUNK // rest))
         if chunks[axis] > 1:
             break

@@ -3,11 +3,13 @@
 To add a kind:
 
 1. Write the solver module; it offers ``plan``, ``solve``, ``split``, ``join`` and the result
-   class ``Result``, whose arrays say what they are (`vibroimpact_solvers.arrays.Quantity`).
+   class ``Result``, whose arrays say what they are (`vibroimpact_solvers.arrays.Quantity`);
+   and ``mark``, where pieces are to be shared between requests (see `Kind.axis`).
 2. Write its request in `vibroimpact_schema.requests` and its result in
    `vibroimpact_schema.results`.
 3. Write the function that makes the solver's problem of the request, in `decode`.
 4. Add one row to `KINDS`, and an example to ``openapi/examples``.
+5. To let it be swept, add a row to `vibroimpact_solvers.sweep.stages.KINDS`.
 
 Routes, jobs, encodings and the contract follow from the row.
 """
@@ -16,10 +18,10 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, Protocol, cast
 
-from vibroimpact_schema import requests, results
+from vibroimpact_schema import requests, results, sweeps
 from vibroimpact_service.jobs.work import Tick
 
 if TYPE_CHECKING:
@@ -28,7 +30,12 @@ if TYPE_CHECKING:
 
 
 class Solver(Protocol):
-    """What the module of a computation offers."""
+    """What the module of a computation offers.
+
+    Where pieces of one problem can be pieces of another, it also offers ``content(piece)``:
+    bytes that tell what their result depends on, beside the versions of the solvers. They are
+    then stored under that name, and outlive the job.
+    """
 
     Result: type[Any]
 
@@ -40,6 +47,13 @@ class Solver(Protocol):
 
     def split(self, problem: Any, plan: Plan, seconds: float) -> list[Any]:
         """Cut a problem into pieces of about that cost."""
+
+    def mark(self, problem: Any) -> bytes:
+        """Return what tells a piece from all others; called where the kind has an axis.
+
+        Pieces with the same mark, of requests that are equal apart from their axis, give the
+        same numbers to the last bit where the plans of both took the same methods.
+        """
 
     def join(self, problem: Any, plan: Plan, results: Sequence[Any]) -> Any:
         """Put the results of the pieces together."""
@@ -62,21 +76,28 @@ class Kind:
         import than the service may take to start.
     decoder : str
         Name of the function in `decode` that makes a problem of a request.
+    structure : tuple of str
+        Path of the structure in a request.
+    axis : str, optional
+        Field of the request along which `split` cuts and which `mark` covers: requests that
+        differ in it alone share the pieces that they have in common.
     """
 
     name: str
     title: str
-    request: type[requests.ComputationRequest]
+    request: type[requests.ComputationRequest] | type[sweeps.SweepRequest]
     result: type[results.Result]
     module: str
     decoder: str
+    axis: str | None = None
+    structure: tuple[str, ...] = field(default=("system",), kw_only=True)
 
     @property
     def solver(self) -> Solver:
         """The solver's module."""
         return cast("Solver", importlib.import_module(self.module))
 
-    def problem(self, request: requests.ComputationRequest, system: System) -> Any:
+    def problem(self, request: Any, system: System) -> Any:
         """Return the solver's problem of a request."""
         decode = importlib.import_module("vibroimpact_service.decode")
         make = cast("Callable[[Any, Any], Any]", getattr(decode, self.decoder))
@@ -93,6 +114,48 @@ KINDS: Final[Mapping[str, Kind]] = {
             results.ImpactModesResult,
             "vibroimpact_solvers.impact_modes",
             "impact_modes",
+            axis="frequency",
+        ),
+        Kind(
+            "existence-bands",
+            "Existence bands",
+            requests.ExistenceBandsRequest,
+            results.ExistenceBandsResult,
+            "vibroimpact_solvers.existence_bands",
+            "existence_bands",
+        ),
+        Kind(
+            "resonances",
+            "Internal resonances",
+            requests.ResonancesRequest,
+            results.ResonancesResult,
+            "vibroimpact_solvers.resonances",
+            "resonances",
+        ),
+        Kind(
+            "time-history",
+            "Time history",
+            requests.TimeHistoryRequest,
+            results.TimeHistoryResult,
+            "vibroimpact_solvers.time_history",
+            "time_history",
+        ),
+        Kind(
+            "slow-flow",
+            "Slow flows",
+            requests.SlowFlowRequest,
+            results.SlowFlowResult,
+            "vibroimpact_solvers.slow_flow",
+            "slow_flow",
+        ),
+        Kind(
+            "sweep",
+            "Sweep",
+            sweeps.SweepRequest,
+            sweeps.SweepResult,
+            "vibroimpact_solvers.sweep",
+            "sweep",
+            structure=("base", "system"),
         ),
     )
 }

@@ -14,6 +14,9 @@ HDF5: Final = "application/x-hdf5"
 REPRESENTATIONS: Final = (JSON, HDF5)
 """Media types of results; the first is the default."""
 
+CODINGS: Final = ("zstd", "gzip")
+"""Content codings of answers, the better one first."""
+
 LONGEST_WAIT: Final = 20.0
 """Seconds above which Prefer: wait is cut, below the timeouts of common proxies."""
 
@@ -36,6 +39,15 @@ def representation(accept: str | None, offered: Sequence[str] = REPRESENTATIONS)
         if quality > 0 and (best is None or quality > best[0]):
             best = quality, offer
     return best[1] if best else None
+
+
+def coding(accept_encoding: str | None) -> str | None:
+    """Return the content coding to send, ``zstd`` or ``gzip``, or None for none."""
+    if not accept_encoding:
+        return None
+    wanted = dict(_media_range(item) for item in accept_encoding.split(","))
+    best = max(CODINGS, key=lambda each: wanted.get(each, wanted.get("*", 0.0)))
+    return best if wanted.get(best, wanted.get("*", 0.0)) > 0 else None
 
 
 def _media_range(item: str) -> tuple[str, float]:

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 
-from vibroimpact_schema import grids, systems
+from vibroimpact_schema import grids, motions, sweeps, systems
 from vibroimpact_schema.problems import Fault, Problem
 from vibroimpact_solvers.errors import ConvergenceError, ModelError, PlanError
 
@@ -19,7 +20,7 @@ PAGES: Final = "/docs/problems/"
 
 _MOST_FAULTS = 20
 _LONGEST_NAME = 64
-_TAGS = systems.TAGS | grids.TAGS
+_TAGS = systems.TAGS | grids.TAGS | motions.TAGS | sweeps.TAGS
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +46,27 @@ MALFORMED = Type(
     "The body must be one JSON document in UTF-8, without duplicate names and with at most "
     "200 levels of nesting.",
 )
+MALFORMED_FILE = Type(
+    "malformed_file",
+    400,
+    "The file is not what its media type says",
+    "Matrix Market text must be real and general or symmetric; .npy must hold real numbers and "
+    "have the length that its header claims.",
+)
 BAD_REQUEST = Type(
     "bad_request", 400, "The request cannot be read", "It violates HTTP or breaks off."
+)
+UNAUTHENTICATED = Type(
+    "unauthenticated",
+    401,
+    "A key is needed",
+    "Send Authorization: Bearer and an API key or token that is valid.",
+)
+FORBIDDEN = Type(
+    "forbidden",
+    403,
+    "The key is not good for this",
+    "Use a key that has the scope that detail names.",
 )
 NOT_FOUND = Type(
     "not_found",
@@ -76,20 +96,40 @@ NOT_ACCEPTABLE = Type(
     "The wanted media type is not available",
     "Results are application/json or application/x-hdf5.",
 )
+TIMEOUT = Type(
+    "timeout",
+    408,
+    "The request came too slowly",
+    "Send it again over a better connection.",
+    retryable=True,
+)
 TOO_LARGE = Type(
     "too_large",
     413,
     "The request is too large",
     "The body, the system, a grid or the result would exceed a limit; GET /v1/version lists them.",
 )
+TOO_COSTLY = Type(
+    "too_costly",
+    413,
+    "The computation costs too much",
+    "Its plan exceeds what one computation, or this key, may cost; detail has the numbers.",
+)
 UNSUPPORTED_MEDIA_TYPE = Type(
     "unsupported_media_type",
     415,
     "The media type or coding of the body is not supported",
-    "Send application/json in UTF-8 without content coding.",
+    "Send application/json in UTF-8 without content coding; to /v1/systems also "
+    "application/x-matrix-market or application/x-npy.",
 )
 RANGE_NOT_SATISFIABLE = Type(
     "range_not_satisfiable", 416, "No such bytes", "Content-Range tells the size."
+)
+MISDIRECTED = Type(
+    "misdirected",
+    421,
+    "The service does not go by this name",
+    "Host must be a name of this machine, or one that the setting hosts lists.",
 )
 INVALID = Type(
     "invalid_request",
@@ -128,6 +168,30 @@ DEADLINE = Type(
     "The job was not done by its deadline",
     "Ask for less, or set a later deadline.",
 )
+TOO_MANY = Type(
+    "too_many_requests",
+    429,
+    "There were too many requests",
+    "Ask again after Retry-After.",
+    retryable=True,
+)
+QUOTA_SPENT = Type(
+    "quota_spent",
+    429,
+    "The key has too little computing left",
+    "Ask for less, or again after Retry-After; detail has the numbers.",
+    retryable=True,
+)
+TOO_MANY_JOBS = Type(
+    "too_many_jobs",
+    429,
+    "Too many jobs are unfinished",
+    "Wait until some have ended, or cancel some.",
+    retryable=True,
+)
+HEADER_TOO_LARGE = Type(
+    "header_too_large", 431, "The header is too large", "Send fewer and shorter header fields."
+)
 INTERNAL = Type(
     "internal_error",
     500,
@@ -152,18 +216,28 @@ UNAVAILABLE = Type(
 TYPES: Final[Mapping[str, Type]] = {
     t.code: t
     for t in (
-        *(MALFORMED, BAD_REQUEST, NOT_FOUND, NOT_READY, NO_RESULT),
-        *(METHOD_NOT_ALLOWED, NOT_ACCEPTABLE, TOO_LARGE, UNSUPPORTED_MEDIA_TYPE),
-        *(RANGE_NOT_SATISFIABLE, INVALID, NOT_POSSIBLE, NO_CONVERGENCE, KEY_REUSED),
-        *(WORKER_LOST, DEADLINE, INTERNAL, STORE_FULL, UNAVAILABLE),
+        *(
+            MALFORMED,
+            MALFORMED_FILE,
+            BAD_REQUEST,
+            UNAUTHENTICATED,
+            FORBIDDEN,
+            NOT_FOUND,
+            NOT_READY,
+            NO_RESULT,
+        ),
+        *(METHOD_NOT_ALLOWED, NOT_ACCEPTABLE, TIMEOUT, TOO_LARGE, TOO_COSTLY),
+        *(UNSUPPORTED_MEDIA_TYPE, RANGE_NOT_SATISFIABLE, MISDIRECTED, INVALID, NOT_POSSIBLE),
+        *(NO_CONVERGENCE, KEY_REUSED, WORKER_LOST, DEADLINE, TOO_MANY, QUOTA_SPENT),
+        *(TOO_MANY_JOBS, HEADER_TOO_LARGE, INTERNAL, STORE_FULL, UNAVAILABLE),
     )
 }
 _OF_STATUS: Final = {
     t.status: t
     for t in (
-        *(BAD_REQUEST, NOT_FOUND, METHOD_NOT_ALLOWED, NOT_ACCEPTABLE),
-        *(TOO_LARGE, UNSUPPORTED_MEDIA_TYPE, RANGE_NOT_SATISFIABLE, INVALID, INTERNAL),
-        UNAVAILABLE,
+        *(BAD_REQUEST, UNAUTHENTICATED, FORBIDDEN, NOT_FOUND, METHOD_NOT_ALLOWED),
+        *(NOT_ACCEPTABLE, TIMEOUT, TOO_LARGE, UNSUPPORTED_MEDIA_TYPE, RANGE_NOT_SATISFIABLE),
+        *(MISDIRECTED, INVALID, TOO_MANY, HEADER_TOO_LARGE, INTERNAL, UNAVAILABLE),
     )
 }
 
@@ -269,7 +343,7 @@ def of_validation(error: ValidationError, document: Any, *prefix: str) -> Proble
     found = error.errors(include_url=False, include_input=False)
     faults = [
         Fault(
-            pointer=pointer((*prefix, *_place(item["loc"], document))),
+            pointer=pointer((*prefix, *_place(item["loc"], document), *_tag(item))),
             code=_CODES.get(item["type"], item["type"]),
             message=sentence(item["type"], item["msg"], item.get("ctx", {})),
         )
@@ -337,6 +411,13 @@ def _place(path: Sequence[str | int], document: Any) -> list[str | int]:
             continue
         place.append(part if isinstance(part, int) else _shown(part))
     return place
+
+
+def _tag(item: ErrorDetails) -> tuple[str, ...]:
+    """Return the field that should have told which of several documents was meant."""
+    if item["type"] not in {"union_tag_invalid", "union_tag_not_found"}:
+        return ()
+    return (item["ctx"]["discriminator"].strip("'"),)
 
 
 def _shown(name: str) -> str:

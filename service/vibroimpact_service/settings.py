@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Literal
 
 from pydantic import Field
 from pydantic_settings import BaseSettings, SettingsConfigDict
@@ -16,6 +17,11 @@ class Settings(BaseSettings):
 
     host: str = Field("127.0.0.1", description="Address to listen on.")
     port: int = Field(8000, ge=0, le=65535, description="Port to listen on; 0 takes a free one.")
+    hosts: tuple[str, ...] = Field(
+        (),
+        description="Names in the header Host that are answered; absent: on a loopback address "
+        "without keys only those of this machine, else any.",
+    )
     data: Path = Field(Path("vibroimpact-data"), description="Folder for records and results.")
     database: str | None = Field(None, description="SQLAlchemy URL; absent: SQLite in the folder.")
     store: str | None = Field(None, description="fsspec URL of the store; absent: the folder.")
@@ -29,6 +35,12 @@ class Settings(BaseSettings):
     grace_seconds: float = Field(
         10.0, ge=0, description="After it, a cancelled call that goes on loses its worker."
     )
+    webhook_private: bool = Field(
+        False, description="Whether messages may go to servers in private networks."
+    )
+    webhook_ca: Path | None = Field(
+        None, description="Authority that their certificates are signed by, beside the usual ones."
+    )
     driven_jobs: int = Field(16, ge=1, description="Jobs under way at once.")
     keep_jobs_days: float = Field(90.0, gt=0, description="Age at which ended jobs are removed.")
     keep_results_days: float = Field(
@@ -41,15 +53,70 @@ class Settings(BaseSettings):
         None, ge=0, description="Size of all results beyond which the oldest are removed."
     )
     clean_seconds: float = Field(3600.0, gt=0, description="Time between two cleanings.")
+    access: Literal["auto", "keys", "open"] = Field(
+        "auto",
+        description="Who may ask. keys: whoever has a key or token. open: anybody who reaches "
+        "the port may compute, see and cancel everything. auto: keys where there are any or an "
+        "issuer is set; without, a loopback address is open and any other one is refused.",
+    )
+    oidc_issuer: str | None = Field(
+        None, description="Address of an OpenID Connect issuer whose tokens are accepted."
+    )
+    oidc_audience: str = Field("vibroimpact", description="Audience that its tokens must name.")
+    oidc_scope_prefix: str = Field(
+        "vibroimpact:", description="What precedes read, submit, … among the scopes of a token."
+    )
+    requests_per_minute: int = Field(
+        6000, ge=1, description="Requests of a key that has no number of its own."
+    )
+    seconds_per_hour: float = Field(
+        36_000.0, gt=0, description="Planned computing of a key that has no number of its own."
+    )
+    max_job_seconds: float = Field(
+        86_400.0, gt=0, description="Planned computing above which a request is refused."
+    )
+    max_unfinished_jobs: int = Field(
+        1000, ge=1, description="Unfinished jobs that one owner may have."
+    )
+    limits_storage: str = Field(
+        "memory://", description="Where requests are counted; redis://… where replicas share."
+    )
+    cors_origins: tuple[str, ...] = Field(
+        (), description='Origins of web pages that may read answers, as JSON: ["https://a.b"].'
+    )
     max_body_bytes: int = Field(64 * 2**20, ge=1024, description="Largest request body.")
+    max_bodies_bytes: int = Field(
+        512 * 2**20, ge=2048, description="All request bodies in memory at once."
+    )
+    max_header_bytes: int = Field(32 * 2**10, ge=1024, description="Largest header section.")
+    max_connections: int = Field(2000, ge=1, description="Connections at once.")
+    header_seconds: float = Field(10.0, gt=0, description="Longest time a header may take.")
+    body_seconds: float = Field(
+        30.0, gt=0, description="Longest pause within a body, or within the reading of an answer."
+    )
     max_dofs: int = Field(5000, ge=1, description="Most degrees of freedom of a system.")
     max_points: int = Field(10_000_000, ge=1, description="Most points of a grid.")
+    max_sweep_points: int = Field(1_000_000, ge=1, description="Most points of a sweep.")
     max_result_bytes: int = Field(2**30, ge=1024, description="Largest result.")
     inline_seconds: float = Field(
         1.0, ge=0, description="Planned work above it becomes a job instead of being awaited."
     )
+    inline_overrun_seconds: float = Field(
+        10.0,
+        gt=0,
+        description="Time after which what was to be answered at once becomes a job.",
+    )
+    batch_requests: int = Field(1000, ge=1, description="Most requests of one batch.")
+    batch_seconds: float = Field(
+        0.1, gt=0, description="Planned work up to which a request may be part of a batch."
+    )
     inline_threads: int = Field(
-        max(4, (os.cpu_count() or 2) + 2), ge=1, description="Threads for checks and small work."
+        max(2, os.cpu_count() or 2),
+        ge=1,
+        description="Threads for checks and small work; more only keep one another waiting.",
+    )
+    max_waiting: int = Field(
+        256, ge=1, description="Requests that wait for these threads; more are answered 503."
     )
 
     @property

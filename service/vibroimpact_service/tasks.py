@@ -17,7 +17,7 @@ from pydantic import TypeAdapter
 
 from vibroimpact_schema.plans import PlanSkip, PlanStep, Steps
 from vibroimpact_schema.systems import AnySystem, System, SystemReference
-from vibroimpact_service import claims, digest, intake, problems
+from vibroimpact_service import claims, digest, intake, loading, problems
 from vibroimpact_service.jobs.work import (
     Chunk,
     ChunkMissingError,
@@ -65,14 +65,13 @@ def assign(store: Store, kind: Kind, request: Any, settings: Settings | None = N
     from vibroimpact_service import decode  # the numerical libraries load at the first request
 
     if isinstance(request.system, SystemReference):
-        system = stored_system(store, request.system, "system")
-        request = request.model_copy(update={"system": system})
+        request = request.with_system(stored_system(store, request.system, *kind.structure))
     if settings is not None:
         claims.check(request, settings)
     try:
         model = decode.system(request.system)
     except ModelError as error:
-        raise problems.of(error.under("system")) from None
+        raise problems.of(error.under(*kind.structure)) from None
     try:
         problem = kind.problem(request, model)
         plan = kind.solver.plan(problem)
@@ -113,6 +112,7 @@ def plan_document(plan: Plan) -> Steps:
                 reason=step.reason,
                 flops=step.flops,
                 bytes=step.bytes,
+                count=step.count,
             )
             for step in plan.steps
         ],
@@ -145,16 +145,32 @@ def seconds(assignment: Assignment) -> float:
     return cost.seconds(assignment.plan)
 
 
-def compute(store: Store, result_name: str, assignment: Assignment, request: bytes) -> None:
-    """Compute a result in one go and store it."""
+def compute(
+    store: Store,
+    result_name: str,
+    assignment: Assignment,
+    request: bytes,
+    tick: Tick | None = None,
+) -> bytes | None:
+    """Compute a result in one go and store it; return its bundle, unless it was there already.
+
+    It need not outlive a power failure: whoever asks again has it computed again.
+    """
     kind, problem, plan = assignment
-    keep(store, result_name, assignment, request, kind.solver.solve(problem, plan))
+    result = kind.solver.solve(problem, plan, tick)
+    return keep(store, result_name, assignment, request, result, durable=False)
 
 
 def keep(
-    store: Store, result_name: str, assignment: Assignment, request: bytes, result: Any
-) -> None:
-    """Store a result under its name, unless it is there already.
+    store: Store,
+    result_name: str,
+    assignment: Assignment,
+    request: bytes,
+    result: Any,
+    *,
+    durable: bool = True,
+) -> bytes | None:
+    """Store a result under its name and return its bundle, unless it is there already.
 
     What surrounds the numbers (when, by which version) is fixed here, once: whoever asks
     later gets the same bytes.
@@ -162,22 +178,27 @@ def keep(
     from vibroimpact_service import encode
 
     if store.results.has(result_name):
-        return
+        return None
+    created = datetime.now(UTC).isoformat(timespec="milliseconds")
+    surroundings = head(result_name, assignment, request, created)
+    data = encode.freeze(result, surroundings)
+    store.results.put(result_name, data, durable=durable)
+    return data
+
+
+def head(result_name: str, assignment: Assignment, request: bytes, created: str) -> dict[str, Any]:
+    """Return what surrounds the numbers of a result."""
     units = assignment.problem.system.units
-    head = {
+    return {
         "kind": assignment.kind.name,
         "digest": result_name,
         "request": request.decode(),
         "plan": plan_document(assignment.plan).model_dump(),
-        "provenance": {
-            "created": datetime.now(UTC).isoformat(timespec="milliseconds"),
-            "solver_version": SOLVER_VERSION,
-        },
+        "provenance": {"created": created, "solver_version": SOLVER_VERSION},
         "units": None
         if units is None
         else {"length": units.length, "mass": units.mass, "time": units.time},
     }
-    store.results.put(result_name, encode.freeze(result, head))
 
 
 @cache
@@ -194,32 +215,64 @@ def solver_name() -> str:
     return f"{SOLVER_VERSION}+{text.hexdigest()[:16]}"
 
 
+class Known(NamedTuple):
+    """A job's request as a process needs it for any of its chunks."""
+
+    assignment: Assignment
+    canonical: bytes
+    pieces: list[Any]
+    names: list[str]
+    """Names of the chunks, one per piece."""
+
+
+def request_block(owner: str, canonical: bytes) -> bytes:
+    """Return what is stored of a request: whose it is, and its canonical form."""
+    return digest.content(owner.encode()).encode() + b"\n" + canonical
+
+
 @lru_cache(maxsize=4)
-def _known(store_url: str, kind: str, request: str) -> tuple[Assignment, bytes]:
+def _known(store_url: str, kind: str, request: str, seconds_each: float) -> Known:
     # Decoded and planned once per process, however many chunks of the job it computes.
     store = Store(store_url)
     data = store.requests.get(request)
     if data is None:
         raise FileNotFoundError("the request of the job is gone")
-    document = intake.document(KINDS[kind].request, orjson.loads(data))
-    return assign(store, KINDS[kind], document), data
+    owner, _, canonical = data.rpartition(b"\n")
+    document = intake.document(KINDS[kind].request, orjson.loads(canonical))
+    assignment = assign(store, KINDS[kind], document)
+    pieces = assignment.kind.solver.split(assignment.problem, assignment.plan, seconds_each)
+    return Known(assignment, canonical, pieces, _names(owner, assignment, document, pieces))
 
 
-def _pieces(assignment: Assignment) -> list[Any]:
-    kind, problem, plan = assignment
-    return kind.solver.split(problem, plan, CHUNK_SECONDS)
+def _names(owner: bytes, assignment: Assignment, request: Any, pieces: list[Any]) -> list[str]:
+    """Return the names of chunks: by content, so that other requests find what they share.
 
-
-def _chunk_name(result_name: str, index: int, count: int) -> str:
-    return digest.content(f"{result_name}:{CHUNK_SECONDS}:{index}:{count}".encode())
+    Everything that the numbers of a piece depend on goes into its name: the request apart from
+    the axis that is cut, the methods that the plan of the whole chose, and the piece's own
+    points, bit for bit. The owner does too: a hit would reveal what somebody else asked.
+    """
+    kind, _, plan = assignment
+    if hasattr(kind.solver, "content"):
+        name = digest.name(owner.decode(), kind.name, solver_name(), b"")
+        return [digest.content(name.encode() + kind.solver.content(piece)) for piece in pieces]
+    methods = [(step.stage.value, str(step.method)) for step in plan.steps]
+    rest = request.model_dump(exclude_none=True, exclude={kind.axis} if kind.axis else None)
+    common = digest.dumps({"request": rest, "methods": methods})
+    name = digest.name(owner.decode(), kind.name, solver_name(), common)
+    if kind.axis is None:
+        marks = [f":{CHUNK_SECONDS}:{i}:{len(pieces)}".encode() for i in range(len(pieces))]
+    else:
+        marks = [kind.solver.mark(piece) for piece in pieces]
+    return [digest.content(name.encode() + mark) for mark in marks]
 
 
 def split(store_url: str, kind: str, request: str, result: str) -> Sequence[Chunk]:
     """Return the chunks of a job."""
-    assignment, _ = _known(store_url, kind, request)
-    count = len(_pieces(assignment))
-    each = seconds(assignment) / max(1, count)
-    return [Chunk(_chunk_name(result, index, count), each) for index in range(count)]
+    known = _known(store_url, kind, request, CHUNK_SECONDS)
+    each = seconds(known.assignment) / max(1, len(known.names))
+    solver, axis = known.assignment.kind.solver, known.assignment.kind.axis
+    lasting = axis is not None or hasattr(solver, "content")
+    return [Chunk(name, each, lasting) for name in known.names]
 
 
 def solve(
@@ -233,29 +286,30 @@ def solve(
     """Compute some chunks of a job and store each."""
     from vibroimpact_service import encode
 
-    assignment, _ = _known(store_url, kind, request)
-    store, solver = Store(store_url), assignment.kind.solver
-    pieces = _pieces(assignment)
+    known = _known(store_url, kind, request, CHUNK_SECONDS)
+    store, solver = Store(store_url), known.assignment.kind.solver
     for index in indices:
+        if store.chunks.has(known.names[index]):
+            continue  # the call is repeated because its worker died halfway
         # By the plan of the whole: one of the piece alone could take another method for it.
-        values = solver.solve(pieces[index], assignment.plan, tick)
-        store.chunks.put(_chunk_name(result, index, len(pieces)), encode.freeze(values, {}))
+        values = solver.solve(known.pieces[index], known.assignment.plan, tick)
+        store.chunks.put(known.names[index], encode.freeze(values, {}))
 
 
 def join(store_url: str, kind: str, request: str, result: str, chunks: Sequence[Chunk]) -> None:
     """Put the chunks of a job together and store its result."""
     from vibroimpact_service import encode
 
-    assignment, data = _known(store_url, kind, request)
-    store, solver = Store(store_url), assignment.kind.solver
+    known = _known(store_url, kind, request, CHUNK_SECONDS)
+    store, solver = Store(store_url), known.assignment.kind.solver
     parts = []
     for chunk in chunks:
         block = store.chunks.get(chunk.name)
         if block is None:
             raise ChunkMissingError(chunk.name)
         parts.append(encode.thaw(block, solver.Result))
-    whole = solver.join(assignment.problem, assignment.plan, parts)
-    keep(store, result, assignment, data, whole)
+    whole = solver.join(known.assignment.problem, known.assignment.plan, parts)
+    keep(store, result, known.assignment, known.canonical, whole)
 
 
 def explain(error: BaseException) -> dict[str, Any]:
@@ -278,4 +332,11 @@ def prepare() -> None:
     log.debug("prepared", modules=[decode.__name__, encode.__name__])
 
 
-WORK: Final = Work(split=split, solve=solve, join=join, explain=explain, prepare=prepare)
+WORK: Final = Work(
+    split=split,
+    solve=solve,
+    join=join,
+    explain=explain,
+    prepare=prepare,
+    modules=loading.NUMERICAL,
+)

@@ -6,7 +6,6 @@ import asyncio
 from collections.abc import AsyncIterator, Iterator
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -14,10 +13,22 @@ from starlette.testclient import TestClient
 
 from vibroimpact_service import tasks
 from vibroimpact_service.app import create_app
+from vibroimpact_service.jobs.engine import EngineUnavailableError
 from vibroimpact_service.jobs.ledger import KeyReusedError, NewJob
 from vibroimpact_service.jobs.records import JobRow
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
+
+
+class Engine:
+    """No workers."""
+
+    ready = True
+    failure = None
+    slots = 2
+
+    async def run(self, function: Any, *args: Any) -> Any:
+        raise EngineUnavailableError
 
 
 class Queue:
@@ -27,7 +38,7 @@ class Queue:
         self.store = store
         self.rows: dict[str, JobRow] = {}
         self.keys: dict[str, NewJob] = {}
-        self.engine = SimpleNamespace(ready=True, failure=None)
+        self.engine = Engine()
         self.healthy = True
         self.at_once = False
         self._changed = asyncio.Event()
@@ -67,6 +78,7 @@ class Queue:
             lease_until=None,
             version=1,
             error=None,
+            deadline=None if new.deadline is None else 1e9 + new.deadline,
         )
         if self.at_once:
             self.run(new.id)
@@ -150,13 +162,20 @@ class Queue:
             self._changed.clear()
             await self._changed.wait()
 
+    async def unfinished(self, owner: str, most: int) -> int:
+        mine = [row for row in self.rows.values() if row.owner == owner and not row.final]
+        return min(most, len(mine))
+
+    async def waiting(self) -> dict[str, int]:
+        return {s: sum(r.state == s for r in self.rows.values()) for s in ("queued", "running")}
+
     def waiting_reason(self, job: JobRow, position: int) -> str | None:
         return "it is next" if job.state == "queued" else None
 
 
 @pytest.fixture
 def settings(tmp_path: Path) -> Settings:
-    return Settings(data=tmp_path, max_body_bytes=2**20, max_dofs=500)
+    return Settings(data=tmp_path, max_body_bytes=2**20, max_dofs=500, hosts=("testserver",))
 
 
 @pytest.fixture

@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from starlette.testclient import TestClient
 
 from vibroimpact_schema.requests import ImpactModesRequest
+from vibroimpact_schema.sweeps import SweepRequest
 from vibroimpact_service import claims, problems
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
@@ -73,3 +75,37 @@ def test_results_are_bounded_and_spectra_are_not_results() -> None:
     with pytest.raises(ProblemError) as caught:
         claims.check_plan(Plan("kind", (Step(Stage.SHAPE, "sum", "", bytes=2.0**21),)), SETTINGS)
     assert caught.value.type is problems.TOO_LARGE
+
+
+def sweep(axes: list[dict[str, Any]], frequency: dict[str, Any] = GRID) -> SweepRequest:
+    base = {"system": CHAIN, "frequency": frequency}
+    return SweepRequest.model_validate({"kind": "impact-modes", "base": base, "axes": axes})
+
+
+def test_lattices_are_bounded_with_their_numbers() -> None:
+    axes = [
+        {"path": "system.stiffness", "start": 1, "stop": 2, "num": 100},
+        {"path": "system.mass", "start": 1, "stop": 2, "num": 101},
+    ]
+    settings = SETTINGS.model_copy(update={"max_sweep_points": 10_000})
+    claims.check(sweep([axes[0], {**axes[1], "num": 100}]), settings)
+    with pytest.raises(ProblemError) as caught:
+        claims.check(sweep(axes), settings)
+    assert caught.value.type is problems.TOO_LARGE
+    assert caught.value.errors[0].pointer == "/axes"
+    assert "100 x 101 = 10100 points are more than 10000" in caught.value.errors[0].message
+
+
+def test_the_base_of_a_sweep_is_bounded_too() -> None:
+    axis = {"path": "system.stiffness", "values": [1.0]}
+    with pytest.raises(ProblemError) as caught:
+        claims.check(sweep([axis], {"start": 1, "stop": 2, "num": 1001}), SETTINGS)
+    assert caught.value.errors[0].pointer == "/base/frequency"
+
+
+def test_a_plan_without_end_is_refused(http: TestClient, request_body: dict[str, Any]) -> None:
+    request_body["frequency"] = {"start": 5e-324, "stop": 1.0, "step": 0.1}
+    for path in ("/v1/plan/impact-modes", "/v1/compute/impact-modes"):
+        answer = http.post(path, json=request_body)
+        assert answer.status_code == 422
+        assert answer.json()["errors"][0]["pointer"] == "/frequency"

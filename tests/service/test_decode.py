@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from decimal import Decimal
 from typing import Any
 
 import numpy as np
@@ -169,7 +170,25 @@ def test_grids_meet_their_ends() -> None:
     assert (Omega[0], Omega[-1], Omega.size) == (1.0, 2.0, 11)
     Omega, _ = decode.frequencies(GRID.validate_python({"start": 1.0, "stop": 1.95, "step": 0.1}))
     assert Omega.size == 10
-    assert Omega[-1] == pytest.approx(1.9)
+    assert Omega[-1] == 1.9
+
+
+@pytest.mark.parametrize(
+    ("start", "step", "count"),
+    [("0.6", "0.1", 30), ("1e-7", "3e-9", 1000), ("12345.5", "0.0001", 5000), ("2", "1", 9)],
+)
+def test_steps_are_the_decimals_that_are_meant(start: str, step: str, count: int) -> None:
+    exact = [float(Decimal(start) + i * Decimal(step)) for i in range(count)]
+    stop = float(Decimal(start) + (count - 1) * Decimal(step))
+    grid = {"start": float(start), "stop": stop, "step": float(step)}
+    Omega, _ = decode.frequencies(GRID.validate_python(grid))
+    assert Omega.tolist() == exact
+
+
+def test_steps_of_many_digits_are_taken_as_they_are() -> None:
+    grid = {"start": 1 / 3, "stop": 1.0, "step": 1 / 7}
+    Omega, _ = decode.frequencies(GRID.validate_python(grid))
+    np.testing.assert_allclose(Omega, 1 / 3 + np.arange(5) / 7, rtol=1e-15)
 
 
 def test_impact_modes() -> None:

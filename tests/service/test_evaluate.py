@@ -13,9 +13,10 @@ from typing import Any
 import orjson
 import pytest
 
-from vibroimpact_service import evaluate, problems
+from vibroimpact_service import evaluate, problems, tasks
 from vibroimpact_service.evaluate import Answer, Evaluation, Question, Queued
 from vibroimpact_service.kinds import KINDS, Kind, Solver
+from vibroimpact_service.metrics import Metrics
 from vibroimpact_service.negotiate import HDF5, JSON, Preference
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
@@ -37,28 +38,33 @@ class Counting(Kind):
 
     @property
     def solver(self) -> Solver:
-        def solve(problem: Any, plan: Any) -> Any:
+        def solve(problem: Any, plan: Any, tick: Any = None) -> Any:
             self.calls.append(problem)
             assert self.gate.wait(20)
             if self.error is not None:
                 raise self.error
             return impact_modes.solve(problem, plan)
 
-        given = {name: getattr(impact_modes, name) for name in ("Result", "plan", "split", "join")}
+        offered = ("Result", "plan", "split", "mark", "join")
+        given = {name: getattr(impact_modes, name) for name in offered}
         return SimpleNamespace(solve=solve, **given)  # type: ignore[return-value]
 
 
 def counting(error: Exception | None = None) -> Counting:
     row = KINDS["impact-modes"]
     return Counting(
-        row.name, row.title, row.request, row.result, row.module, row.decoder,
+        row.name, row.title, row.request, row.result, row.module, row.decoder, row.axis,
         [], threading.Event(), error,
     )  # fmt: skip
 
 
+async def free(plan: Any, seconds: float) -> None:
+    """Charge nothing."""
+
+
 @pytest.fixture
 def use(settings: Settings, store: Store, queue: Any) -> Iterator[Evaluation]:
-    evaluation = Evaluation(settings, store, queue)
+    evaluation = Evaluation(settings, store, queue, Metrics())
     yield evaluation
     evaluation.close()
 
@@ -84,14 +90,14 @@ def test_small_work_is_answered_at_once_and_known_the_next_time(
 ) -> None:
     async def main() -> None:
         question = await asked(use, request_body)
-        first = await use.compute(question, PLAIN, JSON)
-        second = await use.compute(await asked(use, request_body), PLAIN, JSON)
+        first = await use.compute(question, PLAIN, JSON, free)
+        second = await use.compute(await asked(use, request_body), PLAIN, JSON, free)
         assert isinstance(first, Answer)
         assert isinstance(second, Answer)
         assert (first.cache, second.cache) == ("fwd=miss", "hit")
         assert set(first.seconds) == {"plan", "solve", "encode"}
         assert first.representation == second.representation
-        file = await use.compute(question, PLAIN, HDF5)
+        file = await use.compute(question, PLAIN, HDF5, free)
         assert isinstance(file, Answer)
         assert file.cache == "hit"
         assert file.representation.data.startswith(b"\x89HDF")
@@ -106,7 +112,7 @@ def test_equal_requests_at_the_same_time_are_computed_once(
 
     async def main() -> None:
         questions = [await asked(use, request_body, kind) for _ in range(200)]
-        waiting = [asyncio.create_task(use.compute(q, PLAIN, JSON)) for q in questions]
+        waiting = [asyncio.create_task(use.compute(q, PLAIN, JSON, free)) for q in questions]
         while not kind.calls:
             await asyncio.sleep(0.01)
         kind.gate.set()
@@ -125,10 +131,10 @@ def test_one_who_goes_away_takes_nothing_from_the_others(
 
     async def main() -> None:
         question = await asked(use, request_body, kind)
-        impatient = asyncio.create_task(use.compute(question, PLAIN, JSON))
+        impatient = asyncio.create_task(use.compute(question, PLAIN, JSON, free))
         while not kind.calls:
             await asyncio.sleep(0.01)
-        patient = asyncio.create_task(use.compute(question, PLAIN, JSON))
+        patient = asyncio.create_task(use.compute(question, PLAIN, JSON, free))
         await asyncio.sleep(0.05)
         impatient.cancel()
         kind.gate.set()
@@ -145,10 +151,10 @@ def test_a_job_for_what_is_being_computed_waits_for_it(
 
     async def main() -> None:
         question = await asked(use, request_body, kind)
-        inline = asyncio.create_task(use.compute(question, PLAIN, JSON))
+        inline = asyncio.create_task(use.compute(question, PLAIN, JSON, free))
         while not kind.calls:
             await asyncio.sleep(0.01)
-        job = asyncio.create_task(use.submit(question, 0, None))
+        job = asyncio.create_task(use.submit(question, 0, free, None))
         await asyncio.sleep(0.05)
         assert not queue.rows
         kind.gate.set()
@@ -168,7 +174,7 @@ def test_a_failed_computation_is_a_problem_for_all_and_may_be_tried_again(
         question = await asked(use, request_body, kind)
         for _ in range(2):
             with pytest.raises(ConvergenceError):
-                await use.compute(question, PLAIN, JSON)
+                await use.compute(question, PLAIN, JSON, free)
         assert len(kind.calls) == 2
         assert not store.results.has(question.digest)
 
@@ -176,17 +182,19 @@ def test_a_failed_computation_is_a_problem_for_all_and_may_be_tried_again(
 
 
 def test_large_work_becomes_a_job(store: Store, queue: Any, request_body: dict[str, Any]) -> None:
-    use = Evaluation(Settings(data=Path("unused"), inline_seconds=0), store, queue)
+    use = Evaluation(Settings(data=Path("unused"), inline_seconds=0), store, queue, Metrics())
 
     async def main() -> None:
         question = await asked(use, request_body)
-        outcome = await use.compute(question, PLAIN, JSON)
+        outcome = await use.compute(question, PLAIN, JSON, free)
         assert isinstance(outcome, Queued)
         assert outcome.job.seconds > 0
-        assert store.requests.get(outcome.job.request) == question.canonical
+        assert store.requests.get(outcome.job.request) == tasks.request_block(
+            OWNER, question.canonical
+        )
         assert not store.results.has(question.digest)
         queue.run(outcome.job.id)
-        known = await use.compute(question, PLAIN, JSON)
+        known = await use.compute(question, PLAIN, JSON, free)
         assert isinstance(known, Answer)
 
     run(main)
@@ -196,15 +204,15 @@ def test_large_work_becomes_a_job(store: Store, queue: Any, request_body: dict[s
 def test_preferences(use: Evaluation, queue: Any, request_body: dict[str, Any]) -> None:
     async def main() -> None:
         question = await asked(use, request_body)
-        first = await use.compute(question, Preference(respond_async=True), JSON)
+        first = await use.compute(question, Preference(respond_async=True), JSON, free)
         assert isinstance(first, Queued)
         assert first.job.state == "queued"
-        short = await use.compute(question, Preference(True, 0.05), JSON)
+        short = await use.compute(question, Preference(True, 0.05), JSON, free)
         assert isinstance(short, Queued)
         queue.at_once = True
-        waited = await use.compute(question, Preference(True, 5), JSON)
+        waited = await use.compute(question, Preference(True, 5), JSON, free)
         assert isinstance(waited, Answer)
-        again = await use.compute(question, Preference(respond_async=True), JSON)
+        again = await use.compute(question, Preference(respond_async=True), JSON, free)
         assert isinstance(again, Queued)
         assert again.job.reused
         assert again.job.final
@@ -217,7 +225,7 @@ def test_a_failed_job_is_returned_as_a_job(
 ) -> None:
     async def main() -> None:
         question = await asked(use, request_body)
-        outcome = await use.compute(question, Preference(respond_async=True), JSON)
+        outcome = await use.compute(question, Preference(respond_async=True), JSON, free)
         assert isinstance(outcome, Queued)
         store.requests.remove(outcome.job.request)
         queue.run(outcome.job.id)
@@ -237,7 +245,7 @@ def test_plans_do_no_work(use: Evaluation, store: Store, request_body: dict[str,
         assert plan.seconds > 0
         assert [step.stage for step in plan.steps][:2] == ["spectrum", "impulse"]
         assert not store.results.has(question.digest)
-        await use.compute(question, PLAIN, JSON)
+        await use.compute(question, PLAIN, JSON, free)
         assert (await use.plan(question)).cached
 
     run(main)
@@ -276,7 +284,7 @@ def test_nothing_is_kept_of_what_is_wrong(
     async def main() -> None:
         for preference in (PLAIN, Preference(respond_async=True)):
             with pytest.raises(ProblemError) as caught:
-                await use.compute(await asked(use, request_body), preference, JSON)
+                await use.compute(await asked(use, request_body), preference, JSON, free)
             assert caught.value.type in (problems.INVALID, problems.TOO_LARGE)
 
     run(main)
@@ -318,17 +326,43 @@ def test_large_bodies_are_read_off_the_event_loop(
 
 def test_systems_are_stored_by_content(use: Evaluation, chain: dict[str, Any]) -> None:
     async def main() -> None:
-        first, new = await use.store_system(OWNER, body(chain))
-        again, still_new = await use.store_system(OWNER, body({**chain, "mass": 1.0}))
+        first, new = await use.store_system(OWNER, JSON, body(chain))
+        again, still_new = await use.store_system(OWNER, JSON, body({**chain, "mass": 1.0}))
         assert (new, still_new) == (True, False)
         assert first == again
         assert (first.n, first.constraints) == (13, 1)
-        other, _ = await use.store_system("you", body(chain))
+        other, _ = await use.store_system("you", JSON, body(chain))
         assert other.id != first.id
         data = await use.system(first.id)
         assert orjson.loads(data or b"")["preset"] == "chain"
         moved = {"id": first.id, "constraints": [{"dof": 0, "gap": 1}]}
-        copy, _ = await use.store_system(OWNER, body(moved))
+        copy, _ = await use.store_system(OWNER, JSON, body(moved))
         assert copy.id not in (first.id, other.id)
 
     run(main)
+
+
+def test_too_many_waiting_requests_are_sent_away(
+    settings: Settings, store: Store, queue: Any, request_body: dict[str, Any]
+) -> None:
+    chosen = settings.model_copy(update={"max_waiting": 2, "inline_threads": 1})
+    use = Evaluation(chosen, store, queue, Metrics())
+
+    async def main() -> None:
+        questions = []
+        for number in range(8):
+            body_ = {**request_body, "frequency": {"values": [1.0 + number]}}
+            questions.append(await asked(use, body_))
+        answers = await asyncio.gather(
+            *(use.compute(q, PLAIN, JSON, free) for q in questions), return_exceptions=True
+        )
+        refused = [each for each in answers if isinstance(each, ProblemError)]
+        assert len(refused) == 6
+        assert {each.type for each in refused} == {problems.UNAVAILABLE}
+        assert refused[0].headers["Retry-After"] == "1"
+        assert isinstance(await use.compute(questions[-1], PLAIN, JSON, free), Answer)
+
+    try:
+        run(main)
+    finally:
+        use.close()

@@ -6,7 +6,7 @@ import dataclasses
 import importlib
 import inspect
 from types import UnionType
-from typing import Any, get_args, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 import pytest
 
@@ -45,7 +45,10 @@ class TestEveryKind:
 
 
 def _inner(hint: Any) -> Any:
-    """Return the model of an optional field."""
+    """Return the model of an optional field, or of the rows of a table."""
     if isinstance(hint, UnionType):
-        return next(part for part in get_args(hint) if part is not type(None))
+        return _inner(next(part for part in get_args(hint) if part is not type(None)))
+    rows = get_args(hint)
+    if get_origin(hint) is list and hasattr(rows[0], "model_fields"):
+        return rows[0]
     return hint

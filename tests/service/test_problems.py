@@ -52,7 +52,10 @@ def test_types_have_unique_codes_and_client_errors_are_only_retryable_where_time
     assert {type_.code for type_ in defined} == set(problems.TYPES)
     assert len({id(type_) for type_ in defined}) == len(problems.TYPES)
     retryable = {code for code, type_ in problems.TYPES.items() if type_.retryable}
-    assert retryable == {"not_ready", "store_full", "unavailable"}
+    assert retryable == {
+        *("not_ready", "quota_spent", "store_full", "timeout", "too_many_jobs"),
+        *("too_many_requests", "unavailable"),
+    }
 
 
 @pytest.mark.parametrize("status", [400, 404, 405, 406, 413, 415, 418, 422, 431, 500, 503, 599])
@@ -77,7 +80,7 @@ def of_validation(content: Any, *prefix: str) -> ProblemError:
     [
         ({"system": CHAIN}, "/frequency", "missing"),
         ({"system": {**CHAIN, "n": "3"}}, "/system/n", "wrong_type"),
-        ({"system": {**CHAIN, "preset": "x"}}, "/system", "unknown_choice"),
+        ({"system": {**CHAIN, "preset": "x"}}, "/system/preset", "unknown_choice"),
         (
             {"system": {**CHAIN, "constraints": [{"dof": 0}]}},
             "/system/constraints/0/gap",

@@ -51,11 +51,66 @@ def test_pieces_give_the_numbers_of_the_whole(
         np.testing.assert_array_equal(joined.arrays[field], values)
 
 
-def test_names_of_chunks_belong_to_one_result(store: Store, request_body: dict[str, Any]) -> None:
-    _, name, _ = keep_request(store, request_body)
-    first = tasks.split(store.url, KIND.name, name, "ab" * 32)
-    assert first == tasks.split(store.url, KIND.name, name, "ab" * 32)
-    assert set(first).isdisjoint(tasks.split(store.url, KIND.name, name, "cd" * 32))
+def keep_for(store: Store, owner: str, content: dict[str, Any]) -> str:
+    request = ImpactModesRequest.model_validate(content)
+    block = tasks.request_block(owner, digest.canonical(request))
+    name = digest.content(block)
+    store.requests.put(name, block)
+    return name
+
+
+def steps(start: float, stop: float) -> dict[str, Any]:
+    return {"start": start, "stop": stop, "step": 0.001}
+
+
+def test_longer_and_shifted_sweeps_share_their_chunks(
+    store: Store, request_body: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tasks, "CHUNK_SECONDS", 0.0002)
+
+    def chunks(owner: str, **changes: Any) -> set[str]:
+        name = keep_for(store, owner, {**request_body, **changes})
+        found = tasks.split(store.url, KIND.name, name, RESULT)
+        assert all(chunk.lasting for chunk in found)
+        assert len({chunk.name for chunk in found}) == len(found)
+        return {chunk.name for chunk in found}
+
+    first = chunks("ann", frequency=steps(0.6, 1.6))
+    assert len(first) > 6
+    assert first == chunks("ann", frequency=steps(0.6, 1.6))
+    # All but the incomplete pieces at the ends are the same.
+    assert len(first - chunks("ann", frequency=steps(0.6, 1.9))) <= 1
+    assert len(first - chunks("ann", frequency=steps(0.573, 1.6))) <= 1
+    # Whatever else changes, nothing is shared; nor is anything between owners.
+    assert first.isdisjoint(chunks("bob", frequency=steps(0.6, 1.6)))
+    assert first.isdisjoint(chunks("ann", frequency=steps(0.6, 1.6), outputs=["impulse"]))
+    assert first.isdisjoint(chunks("ann", frequency={**steps(0.6, 1.6), "unit": "omega"}))
+    assert first.isdisjoint(chunks("ann", frequency={**steps(0.6, 1.6), "step": 0.0011}))
+
+
+def test_a_longer_sweep_from_shared_chunks_has_the_numbers_of_one_in_one_go(
+    store: Store, request_body: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tasks, "CHUNK_SECONDS", 0.0002)
+    request_body["outputs"] = ["impulse", "exists", "reason", "shape", "energy"]
+    computed = []
+    for grid in (steps(0.9, 1.6), steps(0.6, 2.1)):
+        name = keep_for(store, "ann", {**request_body, "frequency": grid})
+        chunks = tasks.split(store.url, KIND.name, name, RESULT)
+        there = store.chunks.present([chunk.name for chunk in chunks])
+        missing = [i for i, chunk in enumerate(chunks) if chunk.name not in there]
+        computed.append(len(missing))
+        tasks.solve(store.url, KIND.name, name, RESULT, missing)
+    assert computed[1] < len(chunks)
+    tasks.join(store.url, KIND.name, name, RESULT, chunks)
+    request = ImpactModesRequest.model_validate({**request_body, "frequency": steps(0.6, 2.1)})
+    assignment = tasks.assign(store, KIND, request)
+    whole = "cd" * 32
+    tasks.compute(store, whole, assignment, digest.canonical(request))
+    joined, once = (encode.open_bundle(store.results.get(n) or b"") for n in (RESULT, whole))
+    assert set(joined.arrays) == set(once.arrays)
+    for field, values in once.arrays.items():
+        np.testing.assert_array_equal(joined.arrays[field], values)
 
 
 def test_what_surrounds_the_numbers_is_fixed_when_they_are_stored(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from importlib import resources
 from typing import Any
 
@@ -14,4 +15,16 @@ def requests(kind: str) -> dict[str, dict[str, Any]]:
         prefix, _, rest = file.name.partition(".")
         if prefix == kind and rest.endswith(".json"):
             found[rest.removesuffix(".json")] = json.loads(file.read_text())
+    return found
+
+
+def answers(operation: str) -> dict[str, Any]:
+    """Return examples of the answers of an operation, by status; they were given by a service."""
+    return dict(_answers().get(operation, {}))
+
+
+@cache
+def _answers() -> dict[str, dict[str, Any]]:
+    found = json.loads(resources.files(__name__).joinpath("answers.json").read_text())
+    assert isinstance(found, dict)
     return found

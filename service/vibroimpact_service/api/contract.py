@@ -13,12 +13,18 @@ from starlette.responses import JSONResponse
 
 from vibroimpact_schema import examples, plans
 from vibroimpact_schema import jobs as job_documents
+from vibroimpact_schema import keys as key_documents
+from vibroimpact_schema import results as result_documents
 from vibroimpact_schema import service as service_documents
 from vibroimpact_schema.problems import Problem
-from vibroimpact_schema.requests import JobRequest
+from vibroimpact_schema.requests import BatchRequest, JobRequest
 from vibroimpact_schema.systems import System
 from vibroimpact_service import negotiate, problems
+from vibroimpact_service.access.caller import Scope
+from vibroimpact_service.api import guard
+from vibroimpact_service.api.lifecycle import DEPRECATED
 from vibroimpact_service.kinds import KINDS, Kind
+from vibroimpact_service.problems import ProblemError
 
 TITLE: Final = "Vibroimpact"
 SUMMARY: Final = "Impact modes and motions of structures with rigid amplitude limiters."
@@ -31,7 +37,8 @@ DESCRIPTION: Final = (
 
 Routing = dict[str, Any]
 _REF = "#/components/schemas/{model}"
-_BODY_PROBLEMS = (400, 413, 415, 422, 500, 503)
+_CALLER_PROBLEMS = (401, 403, 421, 429)
+_BODY_PROBLEMS = (400, 408, 413, 415, 422, 500, 503)
 _READ_PROBLEMS = (400, 404, 422, 500, 503)
 
 
@@ -61,6 +68,39 @@ def plan(kind: Kind) -> Routing:
         {200: _answer("The plan.", plans.Plan)},
         _BODY_PROBLEMS,
         body=_request_of(kind),
+    )
+
+
+def batch() -> Routing:
+    """Describe POST /v1/batch."""
+    shown = {
+        "impact-modes": {
+            "summary": "The same chain at two frequencies",
+            "value": {
+                "kind": "impact-modes",
+                "requests": [
+                    {
+                        "system": {
+                            "preset": "chain",
+                            "n": 13,
+                            "constraints": [{"dof": 5, "gap": 0.2}],
+                        },
+                        "frequency": {"values": [frequency]},
+                        "outputs": ["impulse"],
+                    }
+                    for frequency in (1.0, 2.0)
+                ],
+            },
+        }
+    }
+    return _route(
+        "compute_batch",
+        "Many tiny computations at once",
+        "Each request is answered by its result or its problem, in the same order. Nothing is "
+        "stored; GET /v1/version tells how many there may be, and larger work is a job.",
+        {200: _answer("The answers.", result_documents.BatchAnswers)},
+        _BODY_PROBLEMS,
+        body=_json_body("BatchRequest", shown),
     )
 
 
@@ -187,7 +227,7 @@ def store_system() -> Routing:
             200: _answer("It was known.", service_documents.StoredSystem, located),
         },
         _BODY_PROBLEMS,
-        body=_json_body("System", shown),
+        body=_system_body(shown),
     )
 
 
@@ -202,6 +242,49 @@ def system() -> Routing:
         _READ_PROBLEMS,
         headers=(_IF_NONE_MATCH,),
     )
+
+
+def key_list() -> Routing:
+    """Describe GET /v1/keys."""
+    answers = {200: _answer("All keys.", key_documents.KeyList)}
+    text = "Their secrets are not kept and cannot be shown."
+    return _route("list_keys", "List API keys", text, answers, (404, 500, 503))
+
+
+def make_key() -> Routing:
+    """Describe POST /v1/keys."""
+    example = {"owner": "ann", "label": "laptop", "scopes": ["read", "submit"], "days": 365}
+    shown = {"laptop": {"summary": "A key for a year", "value": example}}
+    return _route(
+        "make_key",
+        "Make an API key",
+        "The answer shows the key itself, this once.",
+        {201: _answer("The key.", key_documents.MadeKey)},
+        (*_BODY_PROBLEMS, 404),
+        body=_json_body("KeyRequest", shown),
+    )
+
+
+def revoke_key() -> Routing:
+    """Describe DELETE /v1/keys/{key}."""
+    answers = {200: _answer("The key.", key_documents.ApiKey)}
+    text = "It is refused from now on. Jobs and results of its owner stay."
+    return _route("revoke_key", "Revoke an API key", text, answers, _READ_PROBLEMS)
+
+
+def audit() -> Routing:
+    """Describe GET /v1/audit."""
+    answers = {200: _answer("A page of acts.", key_documents.ActList)}
+    text = "Who made and revoked which keys, newest first."
+    return _route("list_acts", "Administrative acts", text, answers, _READ_PROBLEMS)
+
+
+def metrics() -> Routing:
+    """Describe GET /metrics."""
+    content = {"text/plain": {"schema": {"type": "string"}}}
+    answers = {200: {"description": "The figures.", "content": content}}
+    text = "Requests, queue, workers, cache and solve times, in the format of Prometheus."
+    return _route("metrics", "The service's own figures", text, answers, (500, 503))
 
 
 def live() -> Routing:
@@ -238,11 +321,27 @@ def document(app: FastAPI) -> dict[str, Any]:
             schemas.pop(name, None)
         schemas.update(_request_schemas())
         contract["components"]["schemas"] = dict(sorted(schemas.items()))
-        for path in contract["paths"].values():
-            for operation in path.values():
+        contract["components"]["securitySchemes"] = {"key": _KEY_SCHEME}
+        for path, operations in contract["paths"].items():
+            for method, operation in operations.items():
+                _add_access(operation, guard.rule(method.upper(), path))
+                if (method.upper(), path) in DEPRECATED:
+                    operation["deprecated"] = True
                 _add_problems(operation)
+                _describe_parameters(operation)
+                _add_examples(operation)
+                _add_links(operation)
     found: dict[str, Any] = app.openapi()
     return found
+
+
+def _add_access(operation: dict[str, Any], scope: Scope | None) -> None:
+    if scope is None:
+        return
+    operation["security"] = [{"key": [scope.value]}, {}]
+    operation["x-problems"] = sorted({*operation["x-problems"], *_CALLER_PROBLEMS})
+    for answer in operation["responses"].values():
+        answer.setdefault("headers", {}).update(_RATE_HEADERS)
 
 
 def _add_problems(operation: dict[str, Any]) -> None:
@@ -257,9 +356,40 @@ def _add_problems(operation: dict[str, Any]) -> None:
     operation["responses"] = dict(sorted(answers.items()))
 
 
+def _describe_parameters(operation: dict[str, Any]) -> None:
+    for parameter in operation.get("parameters", ()):
+        if parameter["in"] == "path":
+            parameter |= _PATHS[parameter["name"]]
+        elif parameter["in"] == "query":
+            # What is absent is absent; an address cannot hold null.
+            schema = parameter["schema"]
+            (given,) = [s for s in schema.pop("anyOf", [{}]) if s.get("type") != "null"]
+            schema.update(given)
+
+
+def _add_examples(operation: dict[str, Any]) -> None:
+    shown = examples.answers(operation["operationId"])
+    for status, answer in operation["responses"].items():
+        for media_type, content in answer.get("content", {}).items():
+            if media_type == problems.MEDIA_TYPE:
+                type_ = problems.of_status(int(status))
+                problem = ProblemError(type_, type_.about).document("6f1c0d")
+                content["example"] = problem.model_dump(mode="json")
+            elif status in shown and media_type != negotiate.HDF5:
+                content["example"] = shown[status]
+
+
+def _add_links(operation: dict[str, Any]) -> None:
+    for status, links in _LINKS.get(operation["operationId"], {}).items():
+        for target, parameters in links.items():
+            link = {"operationId": target, "parameters": parameters}
+            operation["responses"][status].setdefault("links", {})[target] = link
+
+
 def _request_schemas() -> dict[str, Any]:
     requests: list[type[BaseModel]] = [kind.request for kind in KINDS.values()]
-    models: list[type[BaseModel]] = [*requests, JobRequest, Problem]
+    models: list[type[BaseModel]] = [*requests, BatchRequest, JobRequest]
+    models += [key_documents.KeyRequest, Problem]
     _, found = models_json_schema([(m, "validation") for m in models], ref_template=_REF)
     schemas: dict[str, Any] = found["$defs"]
     adapter = TypeAdapter[Any](System)
@@ -269,6 +399,8 @@ def _request_schemas() -> dict[str, Any]:
     choices = [{"$ref": _REF.format(model=model.__name__)} for model in requests]
     schemas["JobRequest"]["properties"]["request"] |= {"anyOf": choices}
     schemas["JobRequest"]["properties"]["kind"] |= {"enum": list(KINDS)}
+    schemas["BatchRequest"]["properties"]["requests"]["items"] = {"anyOf": choices}
+    schemas["BatchRequest"]["properties"]["kind"] |= {"enum": list(KINDS)}
     return schemas
 
 
@@ -330,6 +462,19 @@ def _json_body(schema: str, shown: Mapping[str, Any]) -> dict[str, Any]:
     return {"required": True, "content": content}
 
 
+def _system_body(shown: Mapping[str, Any]) -> dict[str, Any]:
+    body = _json_body("System", shown)
+    market = "%%MatrixMarket matrix coordinate real symmetric\n2 2 3\n1 1 2.0\n2 1 -1.0\n2 2 2.0\n"
+    about = "K alone (masses 1), M and K, or M, K and C, one text after another."
+    body["content"]["application/x-matrix-market"] = {
+        "schema": {"type": "string", "description": about},
+        "examples": {"K": {"summary": "Stiffness of two masses", "value": market}},
+    }
+    about = "float64 of shape (n, n): K; (2, n, n): M and K; (3, n, n): M, K and C."
+    body["content"]["application/x-npy"] = {"schema": {**_BINARY, "description": about}}
+    return body
+
+
 def _header(description: str) -> dict[str, Any]:
     return {"description": description, "schema": {"type": "string"}}
 
@@ -343,6 +488,59 @@ def _parameter(name: str, description: str, **schema: Any) -> dict[str, Any]:
         "schema": {"type": "string", **schema},
     }
 
+
+_KEY_SCHEME: Final = {
+    "type": "http",
+    "scheme": "bearer",
+    "description": "An API key (vik_…) or a token of the OpenID Connect issuer that the service "
+    "trusts. A service on a loopback address without keys needs none.",
+}
+_RATE_HEADERS: Final = {
+    "RateLimit": _header("What is left of the rates and quotas of a key."),
+    "RateLimit-Policy": _header("The rates and quotas of a key."),
+}
+_PATHS: Final = {
+    "job": {
+        "description": "Id of a job.",
+        "schema": {"type": "string", "pattern": "^job_[0-9a-f]{32}$"},
+        "example": "job_00000000000000000000000000000000",
+    },
+    "digest": {
+        "description": "Name of a result.",
+        "schema": {"type": "string", "pattern": "^[0-9a-f]{64}$"},
+        "example": "0" * 64,
+    },
+    "system": {
+        "description": "Id of a system.",
+        "schema": {"type": "string", "pattern": "^sys_[0-9a-f]{64}$"},
+        "example": "sys_" + "0" * 64,
+    },
+    "key": {
+        "description": "Id of a key.",
+        "schema": {"type": "string", "pattern": "^[0-9a-f]{12}$"},
+        "example": "0" * 12,
+    },
+}
+_OF_JOB: Final = {
+    operation: {"job": "$response.body#/id"}
+    for operation in ("get_job", "cancel_job", "get_job_result", "follow_job")
+}
+_LINKS: Final[Mapping[str, Mapping[str, Mapping[str, Mapping[str, str]]]]] = {
+    "submit_job": {"201": _OF_JOB},
+    **{
+        f"compute_{kind.decoder}": {
+            "200": {"get_result": {"digest": "$response.body#/digest"}},
+            "202": _OF_JOB,
+        }
+        for kind in KINDS.values()
+    },
+    "get_job": {"200": {"get_result": {"digest": "$response.body#/digest"}}},
+    "store_system": {
+        status: {"get_system": {"system": "$response.body#/id"}} for status in ("200", "201")
+    },
+    "make_key": {"201": {"revoke_key": {"key": "$response.body#/id"}}},
+}
+"""Operation -> status -> what can be asked next, and from where its parameters come."""
 
 _BINARY: Final = {"type": "string", "format": "binary"}
 _NOT_MODIFIED: Final = {"description": "The caller has it: If-None-Match names it."}

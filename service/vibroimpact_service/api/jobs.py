@@ -16,6 +16,7 @@ from vibroimpact_schema.jobs import Job, JobList, Progress
 from vibroimpact_schema.problems import Problem
 from vibroimpact_service import problems
 from vibroimpact_service.api import contract, exchange
+from vibroimpact_service.api.guard import Guarded
 from vibroimpact_service.jobs.queue import JobQueue
 from vibroimpact_service.jobs.records import JobRow
 from vibroimpact_service.problems import ProblemError
@@ -23,7 +24,7 @@ from vibroimpact_service.problems import ProblemError
 LONGEST_POLL: Final = 25.0
 _JOB = re.compile(r"job_[0-9a-f]{32}")
 
-router = APIRouter(tags=["jobs"])
+router = APIRouter(tags=["jobs"], route_class=Guarded)
 
 State = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 
@@ -40,11 +41,12 @@ async def described(queue: JobQueue, job: JobRow) -> Job:
         phase=job.phase,
         waiting_reason=queue.waiting_reason(job, position or 0),
         queue_position=position,
-        progress=Progress(done=job.done, total=job.total),
+        progress=Progress(done=job.done, total=job.total, kept=job.kept),
         priority=job.priority,
         created=_time(job.created),
         started=None if job.started is None else _time(job.started),
         finished=None if job.finished is None else _time(job.finished),
+        deadline=None if job.deadline is None else _time(job.deadline),
         attempts=job.attempts,
         estimate=job.seconds,
         reused=job.reused,
@@ -64,8 +66,8 @@ async def submit(request: Request) -> Response:
     key = exchange.idempotency_key(request)
     body = await exchange.read_json(request)
     use = exchange.evaluation(request)
-    asked, priority = await use.ask_job(exchange.OWNER, body)
-    job = await use.submit(asked, priority, key)
+    asked, terms = await use.ask_job(exchange.owner(request), body)
+    job = await use.submit(asked, exchange.spending(request), key, terms)
     headers = {"Location": f"/v1/jobs/{job.id}"}
     return exchange.document(await described(use.queue, job), 201, headers)
 
@@ -82,7 +84,7 @@ async def listed(
 ) -> Response:
     """List one's own jobs, newest first."""
     queue = exchange.evaluation(request).queue
-    rows = await queue.list(exchange.OWNER, state, kind, cursor, limit + 1)
+    rows = await queue.list(exchange.owner(request), state, kind, cursor, limit + 1)
     page, more = rows[:limit], len(rows) > limit
     following = str(page[-1].seq) if more else None
     headers = {}
@@ -112,13 +114,14 @@ async def looked_up(
 ) -> Response:
     """Return a job."""
     queue = exchange.evaluation(request).queue
-    row = await _row(queue, job)
+    owner = exchange.owner(request)
+    row = await _row(queue, owner, job)
     if wait and not row.final:
         seconds = min(wait, LONGEST_POLL)
         if since is None:
-            waiting = queue.finished(exchange.OWNER, job, seconds)
+            waiting = queue.finished(owner, job, seconds)
         else:
-            waiting = queue.wait(exchange.OWNER, job, since, seconds)
+            waiting = queue.wait(owner, job, since, seconds)
         row = await exchange.unless_draining(request, waiting) or row
     return exchange.document(await described(queue, row))
 
@@ -127,8 +130,9 @@ async def looked_up(
 async def cancelled(request: Request, job: str) -> Response:
     """Cancel a job; a final one stays as it is."""
     queue = exchange.evaluation(request).queue
-    await _row(queue, job)
-    row = await queue.cancel(exchange.OWNER, job)
+    owner = exchange.owner(request)
+    await _row(queue, owner, job)
+    row = await queue.cancel(owner, job)
     assert row is not None
     return exchange.document(await described(queue, row))
 
@@ -138,7 +142,7 @@ async def result(request: Request, job: str) -> Response:
     """Return the result of a job."""
     media_type = exchange.wanted_representation(request)
     use = exchange.evaluation(request)
-    row = await _row(use.queue, job)
+    row = await _row(use.queue, exchange.owner(request), job)
     if row.state in ("failed", "cancelled"):
         raise ProblemError(problems.NO_RESULT, f"The job was {row.state}.")
     if row.state != "succeeded":
@@ -148,14 +152,14 @@ async def result(request: Request, job: str) -> Response:
     found = await use.result(row.result, media_type)
     if found is None:
         raise ProblemError(problems.NO_RESULT, "The result is no longer stored; submit it again.")
-    return exchange.result(request, row.result, found)
+    return await exchange.result(request, row.result, found)
 
 
 @router.get("/v1/jobs/{job}/events", **contract.events())
 async def events(request: Request, job: str) -> Response:
     """Follow a job by server-sent events."""
     queue = exchange.evaluation(request).queue
-    await _row(queue, job)
+    await _row(queue, exchange.owner(request), job)
     last = request.headers.get("last-event-id", "")
     seen = int(last) if last.isdigit() and len(last) < 10 else 0
     stream = _events(request, queue, job, seen)
@@ -168,7 +172,7 @@ async def events(request: Request, job: str) -> Response:
 async def _events(request: Request, queue: JobQueue, job: str, seen: int) -> AsyncIterator[bytes]:
     """Yield the job whenever it changed, under the number of the change, until it is final."""
     yield b"retry: 1000\n\n"
-    changes = queue.events(exchange.OWNER, job, seen)
+    changes = queue.events(exchange.owner(request), job, seen)
     while True:
         change: Any = await exchange.unless_draining(request, _next(changes))
         if change is None:
@@ -188,8 +192,8 @@ async def _next(changes: AsyncIterator[JobRow | None]) -> tuple[JobRow | None] |
     return None
 
 
-async def _row(queue: JobQueue, job: str) -> JobRow:
-    row = await queue.get(exchange.OWNER, job) if _JOB.fullmatch(job) else None
+async def _row(queue: JobQueue, owner: str, job: str) -> JobRow:
+    row = await queue.get(owner, job) if _JOB.fullmatch(job) else None
     if row is None:
         raise ProblemError(problems.NOT_FOUND, "There is no such job.")
     return row

@@ -11,12 +11,16 @@ from starlette.responses import Response
 
 from vibroimpact_schema.service import Health, ServiceLimits, Version
 from vibroimpact_service import negotiate, problems
+from vibroimpact_service.access.gate import Gate
 from vibroimpact_service.api import contract, exchange
+from vibroimpact_service.api.guard import Guarded
 from vibroimpact_service.api.jobs import LONGEST_POLL
+from vibroimpact_service.evaluate import SYSTEM_TYPES
 from vibroimpact_service.kinds import KINDS
+from vibroimpact_service.metrics import MEDIA_TYPE, Metrics
 from vibroimpact_service.problems import ProblemError
 
-router = APIRouter(tags=["service"])
+router = APIRouter(tags=["service"], route_class=Guarded)
 
 
 @router.get("/v1/health/live", **contract.live())
@@ -46,11 +50,23 @@ async def about(request: Request) -> Response:
     """Say what the service is, what it can and what it accepts."""
     settings = exchange.settings(request)
     number = version("vibroimpact")
+    gate: Gate = request.app.state.gate
+    closed = gate.closed
+    capabilities = ["console", "events", "idempotency", "ranges", "uploads"]
+    capabilities += ["keys"] * closed + ["oidc"] * (closed and settings.oidc_issuer is not None)
     limits = ServiceLimits(
         body_bytes=settings.max_body_bytes,
+        header_bytes=settings.max_header_bytes,
+        points=settings.max_points,
+        job_seconds=settings.max_job_seconds,
+        unfinished_jobs=settings.max_unfinished_jobs,
+        requests_per_minute=settings.requests_per_minute if closed else None,
+        seconds_per_hour=settings.seconds_per_hour if closed else None,
         dofs=settings.max_dofs,
         result_bytes=settings.max_result_bytes,
         inline_seconds=settings.inline_seconds,
+        batch_requests=settings.batch_requests,
+        batch_seconds=settings.batch_seconds,
         wait_seconds=negotiate.LONGEST_WAIT,
         poll_seconds=LONGEST_POLL,
     )
@@ -61,9 +77,21 @@ async def about(request: Request) -> Response:
             api="v1",
             kinds=list(KINDS),
             representations=list(negotiate.REPRESENTATIONS),
+            codings=list(negotiate.CODINGS),
+            system_types=list(SYSTEM_TYPES),
+            capabilities=sorted(capabilities),
             limits=limits,
         )
     )
+
+
+@router.get("/metrics", **contract.metrics())
+async def metrics(request: Request) -> Response:
+    """Return the service's own figures."""
+    queue = exchange.evaluation(request).queue
+    found: Metrics = request.app.state.metrics
+    text = found.text(await queue.waiting(), queue.engine.slots, queue.engine.ready)
+    return Response(text, media_type=MEDIA_TYPE)
 
 
 @router.get("/openapi.json", include_in_schema=False)

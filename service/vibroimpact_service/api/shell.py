@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
+import time
 import uuid
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any, Final
 
 import structlog
@@ -17,7 +18,10 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from vibroimpact_schema.problems import Fault
 from vibroimpact_service import problems
+from vibroimpact_service.access.gate import Gate, loopback
+from vibroimpact_service.metrics import Metrics
 from vibroimpact_service.problems import ProblemError
+from vibroimpact_service.settings import Settings
 
 log = structlog.get_logger("vibroimpact.http")
 
@@ -28,34 +32,56 @@ SECURITY: Final[Mapping[str, str]] = {
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "DENY",
 }
+EXPOSED: Final = (
+    *("Cache-Status", "Content-Disposition", "Content-Location", "Content-Range", "ETag", "Link"),
+    *("Location", "Preference-Applied", "RateLimit", "RateLimit-Policy", "Repr-Digest"),
+    *("Retry-After", "Server-Timing", "X-Request-ID"),
+)
+"""Header fields that pages of other origins may read."""
+
+_LOCAL_NAMES: Final = ("localhost", "127.0.0.1", "[::1]")
+_METHODS: Final = frozenset({"GET", "HEAD", "POST", "DELETE", "OPTIONS"})
+_PORT = re.compile(r":\d{1,5}$")
 _REQUEST_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 
 
 class Shell:
     """The outermost layer: nothing leaves without it, and no exception gets past it."""
 
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
+    def __init__(self, app: ASGIApp, settings: Settings, metrics: Metrics, gate: Gate) -> None:
+        self._app, self._settings, self._metrics, self._gate = app, settings, metrics, gate
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve one request."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        given = Headers(scope=scope).get("x-request-id", "")
+        began = time.perf_counter()
+        sent = Headers(scope=scope)
+        given = sent.get("x-request-id", "")
         request_id = given if _REQUEST_ID.fullmatch(given) else uuid.uuid4().hex
         head = scope["method"] == "HEAD"
-        state = {**scope.get("state", {}), "request_id": request_id, "head": head}
+        more_headers: dict[str, str] = {}
+        state = {
+            **scope.get("state", {}),
+            "request_id": request_id,
+            "head": head,
+            "more_headers": more_headers,
+        }
+        structlog.contextvars.bind_contextvars(request_id=request_id)
         inner = {**scope, "state": state}
         if head:
             inner["method"] = "GET"
         started = False
+        status = 0
 
         async def outward(message: Message) -> None:
-            nonlocal started
+            nonlocal started, status
             if message["type"] == "http.response.start":
-                started = True
+                started, status = True, message["status"]
                 headers = MutableHeaders(scope=message)
+                for name, value in state["more_headers"].items():
+                    headers.setdefault(name, value)
                 headers["X-Request-ID"] = request_id
                 headers.setdefault("Cache-Control", "no-store")
                 for name, value in SECURITY.items():
@@ -65,16 +91,60 @@ class Shell:
             await send(message)
 
         try:
+            self._check_host(sent.get("host", ""))
             await self._app(inner, receive, outward)
         except ClientDisconnect:
-            log.info("caller went away", request_id=request_id)
+            log.info("caller went away")
         except Exception as error:
             problem = problems.of(error)
             if problem.type is problems.INTERNAL:
-                log.exception("request failed", request_id=request_id, path=scope["path"][:200])
+                log.exception("request failed", path=scope["path"][:200])
             if started:
                 raise  # too late for another answer: the connection is cut
             await answer(problem, request_id)(inner, receive, outward)
+        finally:
+            self._note(inner, scope["method"], status, time.perf_counter() - began)
+
+    def _check_host(self, host: str) -> None:
+        """Refuse names that the service does not go by.
+
+        A page in a browser of this machine could reach a service without keys under a name of
+        its own that it lets point here; asking for ours keeps it out.
+        """
+        names: Collection[str] = self._settings.hosts
+        if not names:
+            if self._gate.closed or not loopback(self._settings.host):
+                return
+            names = _LOCAL_NAMES
+        name = host.rpartition(":")[0] if _PORT.search(host) else host
+        if name.lower() not in names:
+            raise ProblemError(problems.MISDIRECTED, problems.MISDIRECTED.about)
+
+    def _note(self, scope: Scope, method: str, status: int, seconds: float) -> None:
+        """Count and log an exchange, under its route: addresses would be countless."""
+        route = getattr(scope.get("route"), "path", "")
+        shown = method if method in _METHODS else "other"
+        self._metrics.answered(shown, route, status, seconds)
+        caller = scope["state"].get("caller")
+        log.info(
+            "request",
+            method=shown,
+            path=scope["path"][:200],
+            status=status,
+            ms=round(1e3 * seconds, 2),
+            caller=None if caller is None else caller.name,
+        )
+
+
+def cross_origin(settings: Settings) -> dict[str, Any]:
+    """Return what pages of other origins may do, where the settings name any."""
+    return {
+        "allow_origins": settings.cors_origins,
+        "allow_methods": ["GET", "HEAD", "POST", "DELETE"],
+        "allow_headers": ["*", "Authorization"],
+        "expose_headers": list(EXPOSED),
+        "max_age": 600,
+    }
 
 
 def answer(problem: ProblemError, request_id: str) -> Response:

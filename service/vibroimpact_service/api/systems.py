@@ -10,9 +10,11 @@ from starlette.responses import Response
 
 from vibroimpact_service import digest, negotiate, problems
 from vibroimpact_service.api import contract, exchange
+from vibroimpact_service.api.guard import Guarded
+from vibroimpact_service.evaluate import SYSTEM_TYPES
 from vibroimpact_service.problems import ProblemError
 
-router = APIRouter(tags=["systems"])
+router = APIRouter(tags=["systems"], route_class=Guarded)
 
 _SYSTEM = re.compile(r"sys_[0-9a-f]{64}")
 
@@ -20,8 +22,9 @@ _SYSTEM = re.compile(r"sys_[0-9a-f]{64}")
 @router.post("/v1/systems", **contract.store_system())
 async def store(request: Request) -> Response:
     """Store a system."""
-    body = await exchange.read_json(request)
-    stored, new = await exchange.evaluation(request).store_system(exchange.OWNER, body)
+    media_type, body = await exchange.read_body(request, SYSTEM_TYPES)
+    use = exchange.evaluation(request)
+    stored, new = await use.store_system(exchange.owner(request), media_type, body)
     headers = {"Location": f"/v1/systems/{stored.id}"}
     return exchange.document(stored, 201 if new else 200, headers)
 
@@ -30,7 +33,7 @@ async def store(request: Request) -> Response:
 async def system(request: Request, system: str) -> Response:
     """Return a stored system."""
     data = None
-    if _SYSTEM.fullmatch(system):
+    if _SYSTEM.fullmatch(system) and digest.owned(exchange.owner(request), system):
         data = await exchange.evaluation(request).system(system)
     if data is None:
         raise ProblemError(problems.NOT_FOUND, "There is no such system.")

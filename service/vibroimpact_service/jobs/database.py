@@ -17,6 +17,8 @@ from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
 from vibroimpact_service.store import StoreFullError
 
+MIGRATIONS = Path(__file__).with_name("migrations")
+
 _READING = {"reading": True}
 
 
@@ -26,14 +28,18 @@ class RecordsUnavailableError(ConnectionError):
 
 def open_database(url: str) -> Engine:
     """Open the database and bring its tables up to date."""
+    engine = connect(url)
+    with failing():
+        migrate(engine, MIGRATIONS)
+    return engine
+
+
+def connect(url: str) -> Engine:
+    """Open the database as it is."""
     address = make_url(url)
     if address.get_backend_name() == "sqlite":
-        engine = _open_sqlite(address)
-    else:
-        engine = _open_server(address)
-    with failing():
-        migrate(engine)
-    return engine
+        return _open_sqlite(address)
+    return _open_server(address)
 
 
 def _open_sqlite(address: URL) -> Engine:
@@ -75,10 +81,10 @@ def reader(engine: Engine) -> Engine:
     return engine.execution_options(**_READING)
 
 
-def migrate(engine: Engine) -> None:
-    """Apply the migrations that the database lacks."""
+def migrate(engine: Engine, scripts: Path) -> None:
+    """Apply those migrations of a folder that the database lacks."""
     config = Config()
-    config.set_main_option("script_location", str(Path(__file__).with_name("migrations")))
+    config.set_main_option("script_location", str(scripts))
     config.set_main_option("path_separator", "os")
     with engine.begin() as connection:
         if engine.dialect.name == "postgresql":

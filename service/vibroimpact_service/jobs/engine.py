@@ -1,11 +1,13 @@
-"""The only module that knows Dask: workers of our own, or those of a scheduler elsewhere."""
+"""Gives calls to Dask: to workers of our own, or to those of a scheduler elsewhere."""
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import logging
 import threading
 import time
+import uuid
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -15,6 +17,7 @@ import structlog
 from distributed import Client, Future, LocalCluster, Security, WorkerPlugin, get_worker
 from distributed.scheduler import KilledWorker
 
+from vibroimpact_service.jobs import certificates, nursery
 from vibroimpact_service.jobs.work import StoppedError, WorkerLostError, nothing
 from vibroimpact_service.settings import Settings
 
@@ -30,12 +33,17 @@ CONFIG: Final[dict[str, Any]] = {
     "distributed.comm.timeouts.tcp": "15s",
     "distributed.comm.timeouts.connect": "15s",
     "distributed.admin.tick.limit": "30s",
+    # A local cluster gives up for good a worker that is being started anew when some earlier
+    # death of it is this long ago: with the 15 s of Dask, two deaths can cost the worker.
+    "distributed.deploy.lost-worker-timeout": "3650 days",
+    "distributed.worker.multiprocessing-method": nursery.METHOD,
     # Dask's status pages know no keys: they show nothing.
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
 }
-_RETRY_SECONDS = 2.0
+_RETRY_SECONDS = 0.5
 _LOOK_SECONDS = 1.0
+_MISSING_SECONDS = 60.0  # workers of our own that are away for longer will not come back
 _SEND_SECONDS = 0.002  # Dask collects messages to the scheduler for 10 ms otherwise
 
 log = structlog.get_logger("vibroimpact.engine")
@@ -61,10 +69,18 @@ class Engine:
     settings : Settings
     prepare : callable
         Called once in every worker as it starts, in a thread of its own.
+    modules : sequence of str
+        What workers of our own are born with; see `nursery`.
     """
 
-    def __init__(self, settings: Settings, prepare: Callable[[], None] = nothing) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        prepare: Callable[[], None] = nothing,
+        modules: Sequence[str] = (),
+    ) -> None:
         self._settings, self._prepare = settings, prepare
+        self._modules = tuple(modules)
         self._client: Client | None = None
         self._cluster: LocalCluster | None = None
         self._closing = threading.Event()
@@ -122,6 +138,31 @@ class Engine:
         call = Call(key, future)
         future.add_done_callback(lambda _: ended(call))
         return call
+
+    async def run(self, function: Callable[..., Any], *args: Any) -> Any:
+        """Return the value of one quick call, for somebody who waits for it.
+
+        Raises
+        ------
+        EngineUnavailableError, WorkerLostError, Exception
+            As the call failed.
+        """
+        loop, ended = asyncio.get_running_loop(), asyncio.Event()
+        key = f"call-{uuid.uuid4().hex}"
+
+        def end(_: Call) -> None:
+            loop.call_soon_threadsafe(ended.set)
+
+        call = self.submit(key, FAST, 1, end, function, *args)
+        try:
+            await ended.wait()
+        except BaseException:
+            self.forget([call])
+            raise
+        error = self.error(call)
+        if error is not None:
+            raise error
+        return (await asyncio.to_thread(self.values, [call]))[0]
 
     @staticmethod
     def error(call: Call) -> BaseException | None:
@@ -189,25 +230,30 @@ class Engine:
 
     def _connect(self) -> Client:
         if self._settings.scheduler is None:
-            security = Security.temporary()
-            self._cluster = self._own_cluster(security)
-            client = Client(self._cluster, security=security, set_as_default=False)
+            passing = _passing_security()
+            self._cluster = self._own_cluster(passing)
+            client = Client(self._cluster, security=passing, set_as_default=False)
         else:
-            address, security = self._settings.scheduler, _security(self._settings)
-            client = Client(address, security=security, set_as_default=False, timeout="10s")
+            client = Client(
+                self._settings.scheduler,
+                security=security(self._settings),
+                set_as_default=False,
+                timeout="10s",
+            )
         client.scheduler_comm.interval = _SEND_SECONDS
         if self._prepare is not nothing:
             client.register_plugin(_Preparation(self._prepare), name="vibroimpact-preparation")
         return client
 
-    def _own_cluster(self, security: Security) -> LocalCluster:
+    def _own_cluster(self, passing: Security) -> LocalCluster:
+        nursery.open_nursery(self._modules)
         return LocalCluster(
             n_workers=self._settings.workers,
             threads_per_worker=len(LANES),
             processes=True,
             host="127.0.0.1",
             protocol="tls://",
-            security=security,
+            security=passing,
             resources=dict.fromkeys(LANES, 1),
             dashboard_address="127.0.0.1:0",
             worker_dashboard_address="127.0.0.1:0",
@@ -216,9 +262,15 @@ class Engine:
 
     def _keep_up(self, client: Client) -> None:
         """Watch the connection until it breaks, and calls that do not stop."""
+        complete = time.monotonic()
         while not self._closing.is_set() and client.status == "running":
             self.slots = len(client.nthreads())
             self.failure = None if self.slots else "there are no workers"
+            if self._cluster is None or self.slots >= self._settings.workers:
+                complete = time.monotonic()
+            elif time.monotonic() - complete > _MISSING_SECONDS:
+                log.warning("workers started anew: some did not come back", there=self.slots)
+                return
             self._stop_stubborn(client)
             self._closing.wait(_LOOK_SECONDS if self.slots else _LOOK_SECONDS / 5)
 
@@ -247,11 +299,35 @@ class Engine:
                 cluster.close(timeout=10)
 
 
-def _security(settings: Settings) -> Security:
+def _passing_security() -> Security:
+    """Return keys and certificates that live as long as this process, and only in it."""
+    made = certificates.make(days=3650)
+    cert, key = made.certificate.decode(), made.key.decode()
+    return _security(made.authority.decode(), cert, key)
+
+
+def security(settings: Settings) -> Security:
+    """Return the keys and certificates that settings name.
+
+    Raises
+    ------
+    ValueError
+        Where they do not name all three.
+    """
+    if settings.tls_ca is None or settings.tls_cert is None or settings.tls_key is None:
+        raise ValueError("a scheduler needs VIBROIMPACT_TLS_CA, _TLS_CERT and _TLS_KEY")
+    return _security(str(settings.tls_ca), str(settings.tls_cert), str(settings.tls_key))
+
+
+def _security(authority: str, cert: str, key: str) -> Security:
     return Security(
-        tls_ca_file=str(settings.tls_ca),
-        tls_client_cert=str(settings.tls_cert),
-        tls_client_key=str(settings.tls_key),
+        tls_ca_file=authority,
+        tls_client_cert=cert,
+        tls_client_key=key,
+        tls_scheduler_cert=cert,
+        tls_scheduler_key=key,
+        tls_worker_cert=cert,
+        tls_worker_key=key,
         require_encryption=True,
     )
 

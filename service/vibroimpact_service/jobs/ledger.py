@@ -11,13 +11,14 @@ from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine import Connection
 
 from vibroimpact_service.jobs.database import now
-from vibroimpact_service.jobs.records import JobRow, idempotency, jobs, pins, row
+from vibroimpact_service.jobs.records import JobRow, idempotency, jobs, pins, row, webhooks
 
 QUICK_SECONDS: Final = 0.1
 """Planned work up to which a job goes to the workers together with others."""
 
 # Literal, not bound: only then does a database see that the partial indices apply.
 QUEUED: Final = jobs.c.state == sa.literal_column("'queued'")
+UNFINISHED: Final = ("queued", "running")
 RUNNING: Final = jobs.c.state == sa.literal_column("'running'")
 
 
@@ -44,6 +45,8 @@ class NewJob:
         Idempotency key.
     deadline : float, optional
         Seconds from now after which the job fails, where it is not done.
+    webhook : tuple of str, optional
+        Where to send a message when it ends, and the secret that signs it.
     """
 
     id: str
@@ -56,6 +59,7 @@ class NewJob:
     reused: bool
     key: str | None = None
     deadline: float | None = None
+    webhook: tuple[str, str] | None = None
 
 
 def insert(news: Sequence[NewJob]) -> Callable[[Connection], list[JobRow]]:
@@ -65,6 +69,7 @@ def insert(news: Sequence[NewJob]) -> Callable[[Connection], list[JobRow]]:
         earlier = {new.id: _earlier(connection, new) for new in news if new.key is not None}
         fresh = [new for new in news if earlier.get(new.id) is None]
         known = {job.id: job for job in _insert(connection, fresh)}
+        _insert_webhooks(connection, fresh)
         return [earlier.get(new.id) or known[new.id] for new in news]
 
     return operation
@@ -86,6 +91,14 @@ def _insert(connection: Connection, news: Sequence[NewJob]) -> list[JobRow]:
     if any(new.deadline is not None for new in news):
         found = _set_deadlines(connection, news)
     return [row(each) for each in found]
+
+
+def _insert_webhooks(connection: Connection, news: Sequence[NewJob]) -> None:
+    for new in news:
+        if new.webhook is not None:
+            url, secret = new.webhook
+            values = {"job": new.id, "url": url, "secret": secret, "attempts": 0}
+            connection.execute(webhooks.insert().values(**values, due=now(connection)))
 
 
 def _values(new: NewJob) -> dict[str, Any]:
@@ -131,8 +144,9 @@ def _earlier(connection: Connection, new: NewJob) -> JobRow | None:
             created=now(connection),
         )
         .on_conflict_do_nothing()
-    )
-    if taken.rowcount:
+        .returning(idempotency.c.key)
+    ).all()
+    if taken:
         return None
     where = (idempotency.c.owner == new.owner) & (idempotency.c.key == new.key)
     found = connection.execute(idempotency.select().where(where)).one()
@@ -185,6 +199,20 @@ def ahead(connection: Connection, asked: Sequence[JobRow]) -> dict[str, int]:
 def _count(connection: Connection, where: sa.ColumnElement[bool]) -> int:
     query = sa.select(sa.func.count()).select_from(jobs).where(QUEUED, where)
     return int(connection.execute(query).scalar_one())
+
+
+def unfinished(connection: Connection, owner: str, most: int) -> int:
+    """Return how many jobs of an owner are queued or running; counting ends at `most`."""
+    found = sa.select(jobs.c.seq).where(jobs.c.owner == owner, jobs.c.state.in_(UNFINISHED))
+    some = found.limit(most).subquery()
+    return int(connection.execute(sa.select(sa.func.count()).select_from(some)).scalar_one())
+
+
+def waiting(connection: Connection) -> dict[str, int]:
+    """Return how many jobs are queued, and how many running."""
+    counts = {"queued": sa.select(sa.func.count()).select_from(jobs).where(QUEUED)}
+    counts["running"] = sa.select(sa.func.count()).select_from(jobs).where(RUNNING)
+    return {state: int(connection.execute(q).scalar_one()) for state, q in counts.items()}
 
 
 def versions(connection: Connection, asked: Sequence[str]) -> dict[str, int]:

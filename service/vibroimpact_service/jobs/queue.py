@@ -25,6 +25,7 @@ from vibroimpact_service.jobs.records import JobRow
 from vibroimpact_service.jobs.retention import Retention
 from vibroimpact_service.jobs.shares import Shares
 from vibroimpact_service.jobs.watch import Watch
+from vibroimpact_service.jobs.webhooks import Webhooks
 from vibroimpact_service.jobs.work import DeadlineError, Work
 from vibroimpact_service.jobs.writer import Writer
 from vibroimpact_service.settings import Settings
@@ -61,7 +62,7 @@ class JobQueue:
     def __init__(self, settings: Settings, store: Store, work: Work) -> None:
         self._settings, self._store, self._work = settings, store, work
         self._me = f"{socket.gethostname()}-{os.getpid()}-{uuid.uuid4().hex[:8]}"[-64:]
-        self.engine = Engine(settings, work.prepare)
+        self.engine = Engine(settings, work.prepare, work.modules)
         self._drivers: set[Driver] = set()
         self._threads = ThreadPoolExecutor(settings.driven_jobs + _MOST_GROUPS, "drive")
         self._readers = ThreadPoolExecutor(4, "records")
@@ -97,7 +98,14 @@ class JobQueue:
             self._work, self._watch.tell,
         )  # fmt: skip
         retention = Retention(self._settings, self._store, self._writer, self._reader)
-        loops = (self._claim(), self._renew(), self._watch.look(), retention.loop())
+        webhooks = Webhooks(self._settings, self._writer, self._reader)
+        loops = (
+            self._claim(),
+            self._renew(),
+            self._watch.look(),
+            retention.loop(),
+            webhooks.loop(),
+        )
         self._tasks = [asyncio.create_task(loop) for loop in loops]
 
     async def close(self) -> None:
@@ -159,6 +167,14 @@ class JobQueue:
         return await self._read(
             lambda connection: ledger.page(connection, owner, state, kind, before, limit)
         )
+
+    async def unfinished(self, owner: str, most: int) -> int:
+        """Return how many jobs of an owner are not final; counting ends at `most`."""
+        return await self._read(lambda connection: ledger.unfinished(connection, owner, most))
+
+    async def waiting(self) -> dict[str, int]:
+        """Return how many jobs are queued, and how many running."""
+        return await self._read(ledger.waiting)
 
     async def cancel(self, owner: str, job: str) -> JobRow | None:
         """Cancel a job; return it, or None where there is none of that owner.

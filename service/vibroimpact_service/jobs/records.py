@@ -59,6 +59,16 @@ pins = sa.Table(
     sa.Column("created", sa.Float),
 )
 
+webhooks = sa.Table(
+    "webhooks",
+    metadata,
+    sa.Column("job", sa.String(40), primary_key=True),
+    sa.Column("url", sa.String(2000)),
+    sa.Column("secret", sa.String(120)),
+    sa.Column("attempts", sa.Integer),
+    sa.Column("due", sa.Float),
+)
+
 FINAL: Final = ("succeeded", "failed", "cancelled")
 
 
@@ -117,9 +127,9 @@ class JobRow:
         return self.state in FINAL
 
 
-def row(found: sa.Row[Any]) -> JobRow:
+def row(found: sa.Row[Any] | dict[str, Any]) -> JobRow:
     """Return a selected row of `jobs` as a value."""
-    values = dict(found._mapping)
+    values = found if isinstance(found, dict) else dict(found._mapping)
     if isinstance(values["error"], str):
         values["error"] = json.loads(values["error"])
     return JobRow(**values)

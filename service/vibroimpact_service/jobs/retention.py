@@ -12,7 +12,7 @@ from sqlalchemy.engine import Connection, Engine
 
 from vibroimpact_service.jobs.database import failing, now
 from vibroimpact_service.jobs.ledger import QUEUED, RUNNING
-from vibroimpact_service.jobs.records import idempotency, jobs, pins
+from vibroimpact_service.jobs.records import idempotency, jobs, pins, webhooks
 from vibroimpact_service.jobs.writer import Writer
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Entry, Store
@@ -110,5 +110,6 @@ def _forget_jobs(connection: Connection, age: float) -> int:
     gone = list(connection.execute(old).scalars())
     if gone:
         connection.execute(idempotency.delete().where(idempotency.c.job.in_(gone)))
+        connection.execute(webhooks.delete().where(webhooks.c.job.in_(gone)))
         connection.execute(jobs.delete().where(jobs.c.id.in_(gone)))
     return len(gone)

@@ -73,6 +73,8 @@ class Work:
         ``(exception) -> problem document`` for a job that failed.
     prepare : callable
         Called once in every worker as it starts, beside its work: loads what is slow to load.
+    modules : tuple of str
+        What is slow to load, for workers that are forked from a process that has it.
     """
 
     split: Callable[[str, str, str, str], Sequence[Chunk]]
@@ -80,3 +82,4 @@ class Work:
     join: Callable[[str, str, str, str, Sequence[Chunk]], None]
     explain: Callable[[BaseException], dict[str, Any]]
     prepare: Callable[[], None] = nothing
+    modules: tuple[str, ...] = ()

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from vibroimpact_service.store.content import (
+    HEAD,
     ContentStore,
     Entry,
     StoreFullError,
     StoreUnavailableError,
 )
 
-__all__ = ["ContentStore", "Entry", "Store", "StoreFullError", "StoreUnavailableError"]
+__all__ = ["HEAD", "ContentStore", "Entry", "Store", "StoreFullError", "StoreUnavailableError"]
 
 
 class Store:

@@ -7,17 +7,20 @@ import hashlib
 import os
 import re
 import uuid
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 
 import fsspec
 from fsspec.implementations.local import LocalFileSystem
 
 _NAME = re.compile(r"[0-9a-z_]{8,80}(\.[0-9a-z]{1,12})?")
+HEAD = 32
+"""Bytes of the hash before a block."""
+_PIECE = 2**20
 _AT_ONCE = 32  # questions to an object store under way at once
 _BROKEN_OFF_SECONDS = 3600.0
 
@@ -61,9 +64,12 @@ class ContentStore:
         self._local = isinstance(self._fs, LocalFileSystem)
         self._root = f"{root.rstrip('/')}/{area}"
         self._durable = durable
+        self._checked: dict[str, tuple[int, int, int]] = {}
 
-    def put(self, name: str, data: bytes) -> None:
+    def put(self, name: str, data: bytes, *, durable: bool | None = None) -> None:
         """Store a block; readers see all of it or nothing.
+
+        With `durable` false, a power failure soon after may take it away again.
 
         Raises
         ------
@@ -75,23 +81,27 @@ class ContentStore:
         path = self._path(name)
         digest = hashlib.sha256(data).digest()
         if self._local:
-            self._put_file(Path(path), digest, data)
+            durable = self._durable if durable is None else durable
+            self._put_file(Path(path), digest, [data], durable)
             return
         with _reaching():
-            self._fs.pipe_file(path, digest + data)
+            try:
+                self._fs.pipe_file(path, digest + data)
+            except FileNotFoundError as error:  # there is no such bucket
+                raise StoreUnavailableError(errno.ENOENT, "there is no such store") from error
 
-    def _put_file(self, target: Path, digest: bytes, data: bytes) -> None:
+    def _put_file(self, target: Path, digest: bytes, data: Iterable[bytes], durable: bool) -> None:
         passing = target.with_name(f".{target.name}.{uuid.uuid4().hex}")
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
             with passing.open("wb") as file:
                 file.write(digest)
-                file.write(data)
-                if self._durable:
+                file.writelines(data)
+                if durable:
                     file.flush()
                     os.fsync(file.fileno())
             passing.replace(target)
-            if self._durable:
+            if durable:
                 _sync_folder(target.parent)
         except OSError as error:
             passing.unlink(missing_ok=True)
@@ -121,6 +131,47 @@ class ContentStore:
             self.remove(name)
             return None
         return data
+
+    def size(self, name: str) -> int | None:
+        """Return the bytes of a block, or None where there is none; of a store in a folder."""
+        try:
+            return os.stat(self._path(name)).st_size - HEAD  # noqa: PTH116 (hot path)
+        except FileNotFoundError:
+            return None
+
+    def file(self, name: str) -> Path | None:
+        """Return the file of a block, for those too large for memory; None where there is none.
+
+        The block begins behind the `HEAD` bytes of its hash. A damaged one is removed. Only a
+        store in a folder has files.
+        """
+        path = Path(self._path(name))
+        if not self._local or not path.exists():
+            return None
+        about = path.stat()
+        mark = (about.st_ino, about.st_mtime_ns, about.st_size)
+        # Read through once per process: such a file is asked for piece by piece.
+        if self._checked.get(name) != mark:
+            with path.open("rb") as file:
+                head = file.read(HEAD)
+                if _hash(file).digest() != head:
+                    self.remove(name)
+                    return None
+            self._checked[name] = mark
+        return path
+
+    def put_file(self, name: str, source: Path) -> None:
+        """Store the content of a file as a block, of a store in a folder; as `put`."""
+        with source.open("rb") as file:
+            digest = _hash(file).digest()
+            file.seek(0)
+            pieces = iter(lambda: file.read(_PIECE), b"")
+            self._put_file(Path(self._path(name)), digest, pieces, self._durable)
+
+    @property
+    def local(self) -> bool:
+        """Whether the store is a folder."""
+        return self._local
 
     def has(self, name: str) -> bool:
         """Whether there is a block of that name, sound or not."""
@@ -200,6 +251,14 @@ class ContentStore:
         return f"{self._root}/{name[:2]}/{name}"
 
 
+def _hash(file: IO[bytes]) -> hashlib._Hash:
+    """Return the hash of the rest of a file."""
+    text = hashlib.sha256()
+    for piece in iter(lambda: file.read(_PIECE), b""):
+        text.update(piece)
+    return text
+
+
 def _sync_folder(folder: Path) -> None:
     handle = os.open(folder, os.O_RDONLY)
     try:
@@ -213,7 +272,7 @@ def _reaching() -> Iterator[None]:
     """Turn whatever an object store raises into one error of our own."""
     try:
         yield
-    except FileNotFoundError:
+    except (FileNotFoundError, StoreUnavailableError):
         raise
     except Exception as error:
         reason = f"the store cannot be reached: {type(error).__name__}"

@@ -15,6 +15,8 @@ from starlette.testclient import TestClient
 
 from vibroimpact_schema.problems import Problem
 from vibroimpact_schema.results import ImpactModesResult
+from vibroimpact_service.app import create_app
+from vibroimpact_service.settings import Settings
 
 COMPUTE = "/v1/compute/impact-modes"
 HDF5 = {"Accept": "application/x-hdf5"}
@@ -45,7 +47,7 @@ def test_a_result_comes_with_its_name(http: TestClient, request_body: dict[str, 
     assert headers["content-location"] == f"/v1/results/{result.digest}"
     assert headers["cache-status"] == "vibroimpact; fwd=miss"
     assert headers["cache-control"] == "private, max-age=31536000, immutable"
-    assert headers["vary"] == "Accept"
+    assert headers["vary"] == "Accept, Accept-Encoding"
     assert all(part in headers["server-timing"] for part in ("plan;", "solve;", "encode;"))
     again = post(http, request_body)
     assert again.headers["cache-status"] == "vibroimpact; hit"
@@ -313,3 +315,13 @@ def test_a_key_stands_for_the_job_that_a_request_became(
 def test_unknown_kinds_are_not_found(http: TestClient) -> None:
     problem(http.post("/v1/compute/no-such-kind", json={}), 404)
     problem(http.get(COMPUTE), 405)
+
+
+def test_what_takes_longer_than_planned_becomes_a_job(
+    settings: Settings, queue: Any, request_body: dict[str, Any]
+) -> None:
+    hasty = settings.model_copy(update={"inline_overrun_seconds": 1e-9})
+    with TestClient(create_app(hasty, queue)) as http:
+        answer = http.post("/v1/compute/impact-modes", json=request_body)
+        assert answer.status_code == 202
+        assert answer.headers["Location"] == f"/v1/jobs/{answer.json()['id']}"

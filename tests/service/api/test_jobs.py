@@ -157,6 +157,37 @@ def test_wrong_parameters_are_named(http: TestClient, query: str) -> None:
     assert answer.json()["errors"][0]["parameter"] == query.partition("=")[0]
 
 
+def test_terms_of_a_job(http: TestClient, queue: Any, request_body: dict[str, Any]) -> None:
+    secret = "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw"
+    hook = {"url": "https://example.org/hook", "secret": secret}
+    job = submit(http, request_body, deadline_seconds=60.0, webhook=hook).json()
+    assert job["deadline"] == "2001-09-09T01:47:40Z"
+    assert secret not in str(job)
+    assert submit(http, request_body).json()["deadline"] is None
+    queue.change(job["id"], state="running", done=5, total=9, kept=2)
+    progress = http.get(f"/v1/jobs/{job['id']}").json()["progress"]
+    assert progress == {"done": 5, "total": 9, "kept": 2}
+
+
+@pytest.mark.parametrize(
+    ("changes", "pointer"),
+    [
+        ({"url": "http://example.org/"}, "/webhook/url"),
+        ({"url": "https://192.168.0.1/"}, "/webhook/url"),
+        ({"url": "https://example.org/\u00e4"}, "/webhook/url"),
+        ({"secret": "short"}, "/webhook/secret"),
+        ({"secret": "whsec_" + "A" * 33}, "/webhook/secret"),
+    ],
+)
+def test_wrong_webhooks(
+    http: TestClient, request_body: dict[str, Any], changes: dict[str, str], pointer: str
+) -> None:
+    hook = {"url": "https://example.org/hook", "secret": "whsec_" + "A" * 32, **changes}
+    answer = submit(http, request_body, webhook=hook)
+    assert answer.status_code == 422
+    assert answer.json()["errors"][0]["pointer"] == pointer
+
+
 def test_idempotency_keys(http: TestClient, request_body: dict[str, Any]) -> None:
     first = submit(http, request_body, key="k-1").json()["id"]
     assert submit(http, request_body, key="k-1").json()["id"] == first

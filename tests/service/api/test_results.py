@@ -3,13 +3,26 @@
 from __future__ import annotations
 
 import base64
+import gzip
 import hashlib
+import io
 from typing import Any
 
+import h5py
+import numpy as np
 import pytest
+import zstandard
 from starlette.testclient import TestClient
 
+from vibroimpact_service import representations
+from vibroimpact_service.api import exchange
+from vibroimpact_service.app import create_app
+
 HDF5 = {"Accept": "application/x-hdf5"}
+
+
+def unzstd(data: bytes) -> bytes:
+    return zstandard.ZstdDecompressor().decompress(data)
 
 
 @pytest.fixture
@@ -34,7 +47,7 @@ def test_a_result_never_changes(http: TestClient, address: str, accept: str) -> 
 def test_the_two_representations_have_tags_of_their_own(http: TestClient, address: str) -> None:
     json_, hdf5 = http.get(address), http.get(address, headers=HDF5)
     assert json_.headers["etag"] != hdf5.headers["etag"]
-    assert json_.headers["vary"] == hdf5.headers["vary"] == "Accept"
+    assert json_.headers["vary"] == hdf5.headers["vary"] == "Accept, Accept-Encoding"
     condition = {"If-None-Match": f"{json_.headers['etag']}, {hdf5.headers['etag']}"}
     for more in ({}, HDF5):
         answer = http.get(address, headers={**condition, **more})
@@ -65,6 +78,60 @@ def test_parts_make_up_the_whole(http: TestClient, address: str) -> None:
         assert part.headers["content-type"] == "application/x-hdf5"
         parts.append(part.content)
     assert b"".join(parts) == whole.content
+
+
+@pytest.mark.parametrize(("coding", "plain"), [("gzip", gzip.decompress), ("zstd", unzstd)])
+def test_json_is_compressed_where_that_is_accepted(
+    http: TestClient, request_body: dict[str, Any], coding: str, plain: Any
+) -> None:
+    request_body["frequency"]["num"] = 1000
+    identity = {"Accept-Encoding": "identity"}
+    whole = http.post("/v1/compute/impact-modes", json=request_body, headers=identity)
+    where = whole.headers["content-location"]
+    with http.stream("GET", where, headers={"Accept-Encoding": coding}) as coded:
+        raw = b"".join(coded.iter_raw())
+    assert coded.headers["content-encoding"] == coding
+    assert len(raw) < len(whole.content) / 2
+    assert plain(raw) == whole.content
+    sha256 = hashlib.sha256(raw)
+    assert coded.headers["etag"] == f'"{sha256.hexdigest()}"' != whole.headers["etag"]
+    assert base64.b64encode(sha256.digest()).decode() in coded.headers["repr-digest"]
+    again = {"Accept-Encoding": coding, "If-None-Match": coded.headers["etag"]}
+    assert http.get(where, headers=again).status_code == 304
+    # Ranges are of the bytes without coding; HDF5 is compressed inside.
+    part = http.get(where, headers={"Accept-Encoding": coding, "Range": "bytes=0-9"})
+    assert (part.status_code, part.content) == (206, whole.content[:10])
+    file = http.get(where, headers={"Accept-Encoding": coding, **HDF5})
+    assert "content-encoding" not in file.headers
+
+
+def test_a_large_result_is_sent_from_its_file(
+    http: TestClient, address: str, monkeypatch: pytest.MonkeyPatch, settings: Any
+) -> None:
+    whole = http.get(address, headers=HDF5)
+    for part in settings.data.glob("store/results/*/*.h5"):
+        part.unlink()
+    monkeypatch.setattr(representations, "LARGE", 100)
+    monkeypatch.setattr(exchange, "_PIECE", 1000)
+    with TestClient(create_app(settings, http.app.state.evaluation.queue)) as fresh:
+        streamed = fresh.get(address, headers=HDF5)
+        assert streamed.headers["etag"] == f'"{hashlib.sha256(streamed.content).hexdigest()}"'
+        with (
+            h5py.File(io.BytesIO(whole.content)) as first,
+            h5py.File(io.BytesIO(streamed.content)) as second,
+        ):
+            assert list(first) == list(second)
+            assert np.array_equal(first["impulse"], second["impulse"])
+        assert int(streamed.headers["content-length"]) == len(streamed.content)
+        head = fresh.head(address, headers=HDF5)
+        assert (head.headers["content-length"], head.content) == (
+            streamed.headers["content-length"],
+            b"",
+        )
+        part = fresh.get(address, headers={**HDF5, "Range": "bytes=500-2499"})
+        assert (part.status_code, part.content) == (206, streamed.content[500:2500])
+        text = fresh.get(address)
+        assert (text.status_code, text.json()["code"]) == (406, "not_acceptable")
 
 
 def test_ranges_that_cannot_be(http: TestClient, address: str) -> None:

@@ -41,7 +41,16 @@ def test_every_type_of_problem_has_its_page(http: TestClient, code: str) -> None
 
 
 def test_unknown_addresses_and_methods(http: TestClient) -> None:
-    for address in ("/", "/v1", "/v1/jobs/", "/v1//jobs", "/docs/problems/x", "/%00"):
+    for address in (
+        "/v1",
+        "/console/",
+        "/console/..%2fapp.py",
+        "/console/__init__.py",
+        "/v1/jobs/",
+        "/v1//jobs",
+        "/docs/problems/x",
+        "/%00",
+    ):
         answer = http.get(address)
         assert answer.status_code == 404
         assert answer.headers["content-type"] == "application/problem+json"
@@ -94,7 +103,7 @@ def test_a_caller_who_goes_away_is_no_error(http: TestClient) -> None:
         "type": "http", "asgi": {"version": "3.0"}, "http_version": "1.1", "method": "POST",
         "path": "/v1/compute/impact-modes", "raw_path": b"/v1/compute/impact-modes",
         "query_string": b"", "root_path": "", "scheme": "http",
-        "headers": [(b"content-type", b"application/json")],
+        "headers": [(b"content-type", b"application/json"), (b"host", b"testserver")],
     }  # fmt: skip
     messages = iter(
         [

@@ -1,4 +1,4 @@
-"""The job queue with its real parts: SQLite, workers over TLS, a store in a folder."""
+"""The job queue with its real parts: SQLite and PostgreSQL, workers over TLS, a store."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import sys
 import uuid
 from collections.abc import AsyncIterator, Callable, Coroutine
 from contextlib import asynccontextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,22 @@ from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 
 
+@dataclass(frozen=True)
+class Place:
+    """Where a queue keeps what it must not lose."""
+
+    folder: Path
+    database: str | None
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def place(request: pytest.FixtureRequest, tmp_path: Path) -> Place:
+    database = None
+    if request.param == "postgresql":
+        database = request.getfixturevalue("postgresql")()
+    return Place(tmp_path, database)
+
+
 class Bench:
     """A queue, its store, and short ways to submit to it."""
 
@@ -30,7 +47,13 @@ class Bench:
         self.queue, self.store = queue, store
 
     async def submit(
-        self, *, owner: str = "ann", key: str | None = None, seconds: float = 5.0, **asked: Any
+        self,
+        *,
+        owner: str = "ann",
+        key: str | None = None,
+        seconds: float = 5.0,
+        deadline: float | None = None,
+        **asked: Any,
     ) -> Any:
         data = json.dumps({"n": 100, "chunk": 10} | asked, sort_keys=True).encode()
         request = hashlib.sha256(data).hexdigest()
@@ -38,7 +61,7 @@ class Bench:
         result = hashlib.sha256(owner.encode() + data).hexdigest()
         new = NewJob(
             uuid.uuid4().hex, owner, "squares", request, result, 0, seconds,
-            self.store.results.has(result), key,
+            self.store.results.has(result), key, deadline,
         )  # fmt: skip
         return await self.queue.submit(new)
 
@@ -49,8 +72,8 @@ class Bench:
 
 
 @asynccontextmanager
-async def bench(folder: Path) -> AsyncIterator[Bench]:
-    settings = Settings(data=folder, workers=1)
+async def bench(place: Place) -> AsyncIterator[Bench]:
+    settings = Settings(data=place.folder, database=place.database, workers=1, grace_seconds=1.0)
     store = Store(settings.store_url)
     queue = JobQueue(settings, store, counting.WORK)
     await queue.start()
@@ -60,9 +83,9 @@ async def bench(folder: Path) -> AsyncIterator[Bench]:
         await queue.close()
 
 
-def run(scenario: Callable[[Bench], Coroutine[Any, Any, None]], folder: Path) -> None:
+def run(scenario: Callable[[Bench], Coroutine[Any, Any, None]], place: Place) -> None:
     async def all_of_it() -> None:
-        async with bench(folder) as b:
+        async with bench(place) as b:
             await scenario(b)
 
     asyncio.run(all_of_it())
@@ -72,7 +95,7 @@ def squares(n: int) -> int:
     return (n - 1) * n * (2 * n - 1) // 6
 
 
-def test_jobs_end_as_they_should(tmp_path: Path) -> None:
+def test_jobs_end_as_they_should(place: Place) -> None:
     """One start of the workers serves the scenarios that do not disturb one another."""
 
     async def scenario(b: Bench) -> None:
@@ -121,10 +144,10 @@ def test_jobs_end_as_they_should(tmp_path: Path) -> None:
         assert [j.seq for j in listed] == sorted((j.seq for j in listed), reverse=True)
         assert len(await b.queue.list("ann", "cancelled", None, None, 10)) == 1
 
-    run(scenario, tmp_path)
+    run(scenario, place)
 
 
-def test_a_poison_chunk_fails_its_own_job_only(tmp_path: Path) -> None:
+def test_a_poison_chunk_fails_its_own_job_only(place: Place) -> None:
     async def scenario(b: Bench) -> None:
         bad = await b.submit(poison=3)
         good = await b.submit(n=200, sleep=0.05)
@@ -135,11 +158,58 @@ def test_a_poison_chunk_fails_its_own_job_only(tmp_path: Path) -> None:
         assert good.state == "succeeded"
         assert b.value(good) == squares(200)
 
-    run(scenario, tmp_path)
+    run(scenario, place)
 
 
-def test_a_restart_goes_on_from_the_chunks_that_are_there(tmp_path: Path) -> None:
-    log = tmp_path / "log"
+def test_calls_that_do_not_stop_lose_their_worker(place: Place) -> None:
+    async def scenario(b: Bench) -> None:
+        deaf = await b.submit(n=10, sleep=300.0)  # it never looks whether it is wanted
+        next_one = await b.submit(n=20)
+        while (await b.queue.get("ann", deaf.id)).state == "queued":
+            await asyncio.sleep(0.05)
+        started = asyncio.get_running_loop().time()
+        cancelled = await b.queue.cancel("ann", deaf.id)
+        assert cancelled.state == "cancelled"
+        done = await b.queue.finished("ann", next_one.id, 60)
+        assert done.state == "succeeded"
+        assert b.value(done) == squares(20)
+        assert asyncio.get_running_loop().time() - started < 60
+
+    run(scenario, place)
+
+
+def test_a_deadline_ends_a_job(place: Place) -> None:
+    async def scenario(b: Bench) -> None:
+        late = await b.submit(n=1000, sleep=0.2, deadline=2.0)
+        assert late.deadline - late.created == pytest.approx(2.0)
+        in_time = await b.submit(n=30, deadline=300.0)
+        late = await b.queue.finished("ann", late.id, 60)
+        assert late.state == "failed"
+        assert late.error["code"] == "DeadlineError"
+        assert late.finished - late.created >= 2.0
+        in_time = await b.queue.finished("ann", in_time.id, 60)
+        assert in_time.state == "succeeded"
+
+    run(scenario, place)
+
+
+def test_a_waiting_job_says_why_and_where(place: Place) -> None:
+    async def scenario(b: Bench) -> None:
+        jobs = [await b.submit(n=10, sleep=0.01, seconds=5.0, salt=i) for i in range(3)]
+        assert b.queue.waiting_reason(jobs[0], 0)
+        places = await b.queue.positions(jobs)
+        waiting = [job.id for job in jobs if job.id in places]
+        assert [places[job] for job in waiting] == sorted(places[job] for job in waiting)
+        for job in jobs:
+            done = await b.queue.finished("ann", job.id, 60)
+            assert done.state == "succeeded"
+            assert b.queue.waiting_reason(done, 0) is None
+
+    run(scenario, place)
+
+
+def test_a_restart_goes_on_from_the_chunks_that_are_there(place: Place) -> None:
+    log = place.folder / "log"
 
     async def interrupted(b: Bench) -> None:
         job = await b.submit(n=300, sleep=0.1, log=str(log))
@@ -157,8 +227,8 @@ def test_a_restart_goes_on_from_the_chunks_that_are_there(tmp_path: Path) -> Non
         assert done.attempts == 2
         assert b.value(done) == squares(300)
 
-    run(interrupted, tmp_path)
-    run(resumed, tmp_path)
+    run(interrupted, place)
+    run(resumed, place)
     computed = [int(line) for line in log.read_text().split()]
     assert set(computed) == set(range(30))
     # At most the chunks in flight when it stopped were computed twice.
@@ -172,4 +242,4 @@ def test_two_services_do_not_share_a_folder(tmp_path: Path) -> None:
         with pytest.raises(DataInUseError):
             await other.start()
 
-    run(scenario, tmp_path)
+    run(scenario, Place(tmp_path, None))

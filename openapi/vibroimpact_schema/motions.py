@@ -1,0 +1,122 @@
+"""Documents that describe a motion: where it starts, when it is looked at, what drives it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Final, Literal
+
+from pydantic import Discriminator, Field, Tag
+
+from vibroimpact_schema.values import (
+    Count,
+    Document,
+    Index,
+    Indices,
+    NonNegative,
+    Number,
+    Numbers,
+    Positive,
+    holds,
+)
+
+STATE: Final = "@state"
+MODE: Final = "@mode"
+TIMES: Final = "@times"
+EQUAL: Final = "@equal"
+
+
+class InitialState(Document):
+    """Displacements and velocities at t = 0."""
+
+    x: Numbers = Field(description="Displacements [dof], inside of all limits.", min_length=1)
+    v: Numbers = Field(description="Velocities [dof].", min_length=1)
+
+
+class Member(Document):
+    """A member of a family of impact modes."""
+
+    Omega: Positive = Field(description="Its fundamental angular frequency.")
+    active: Annotated[Indices, Field(min_length=1)] | None = Field(
+        None, description="Indices of the constraints that it strikes; absent: all."
+    )
+
+
+class InitialMode(Document):
+    """An impact mode at tau = 0, half-way between its impacts."""
+
+    impact_mode: Member
+
+
+def initial_form(value: Any) -> str | None:
+    """Return the tag of the form in which an initial state is written."""
+    if holds(value, "impact_mode"):
+        return MODE
+    return STATE if isinstance(value, (dict, InitialState)) else None
+
+
+Initial = Annotated[
+    Annotated[InitialState, Tag(STATE)] | Annotated[InitialMode, Tag(MODE)],
+    Discriminator(
+        initial_form,
+        custom_error_type="initial_form",
+        custom_error_message="an initial state is an object with x and v, or with impact_mode",
+    ),
+]
+
+
+class EqualTimes(Document):
+    """A number of equally spaced times from 0 to t_end, both included."""
+
+    num: Count = Field(description="How many.")
+
+
+Instants = Annotated[
+    list[NonNegative],
+    Field(min_length=1, fail_fast=True, description="Ascending times, up to t_end."),
+]
+
+
+def times_form(value: Any) -> str | None:
+    """Return the tag of the form in which times are written."""
+    if isinstance(value, list):
+        return TIMES
+    return EQUAL if isinstance(value, (dict, EqualTimes)) else None
+
+
+Times = Annotated[
+    Annotated[EqualTimes, Tag(EQUAL)] | Annotated[Instants, Tag(TIMES)],
+    Discriminator(
+        times_form,
+        custom_error_type="times_form",
+        custom_error_message="times are an object with num, or a list of them",
+    ),
+]
+
+
+class HarmonicLoad(Document):
+    """A load ``amplitude cos(frequency t + phase)`` on one degree of freedom."""
+
+    dof: Index = Field(description="Where it acts.")
+    amplitude: Number = Field(description="Its amplitude, mass length / time².")
+    frequency: NonNegative = Field(description="Its angular frequency.")
+    phase: Number = Field(0.0, description="Its phase at t = 0.")
+
+
+class RigidLimiter(Document):
+    """Rigid limiters: impacts with the coefficients of restitution of the constraints."""
+
+    law: Literal["rigid"]
+
+
+class PowerLimiter(Document):
+    """Soft limiters: the force -stiffness (y / (scale gap))^exponent on each coordinate."""
+
+    law: Literal["power"]
+    exponent: Annotated[Number, Field(ge=1)] = Field(17.0, description="At least 1.")
+    stiffness: Positive = Field(1.0, description="Force at scale times the gap.")
+    scale: Positive = Field(1.0, description="Factor of the gaps.")
+
+
+Limiter = Annotated[RigidLimiter | PowerLimiter, Field(discriminator="law")]
+
+TAGS: Final = frozenset({STATE, MODE, TIMES, EQUAL, "rigid", "power"})
+"""Parts of an error's path that name a branch of a union, not a place in the document."""

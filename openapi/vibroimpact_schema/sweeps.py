@@ -1,0 +1,250 @@
+"""Documents about sweeps: a computation over a lattice of values of some of its fields."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Final, Literal, Self, TypeVar
+
+from pydantic import (
+    ConfigDict,
+    Discriminator,
+    Field,
+    RootModel,
+    Tag,
+    ValidationInfo,
+    field_validator,
+)
+from pydantic_core import PydanticCustomError
+
+from vibroimpact_schema import requests
+from vibroimpact_schema.grids import POINTS, STEPS, VALUES
+from vibroimpact_schema.requests import ComputationRequest
+from vibroimpact_schema.results import Result
+from vibroimpact_schema.systems import AnySystem, SystemReference
+from vibroimpact_schema.values import LARGEST_INTEGER, Count, Document, Number, Positive, holds
+
+_ROUNDING = 4.0 * 2.0**-52
+
+Output = TypeVar("Output")
+Outputs = Annotated[list[Output], Field(min_length=1, fail_fast=True)]
+
+
+class Axis(Document):
+    """What all axes share."""
+
+    path: Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+(\.[A-Za-z0-9_]+)*$", max_length=200)] = (
+        Field(
+            description="The number of the base request that varies: names of fields, keys and "
+            "indices from 0, with dots between. An entry of a matrix takes its mirror image along.",
+            examples=["system.constraints.0.gap", "system.K.0.1"],
+        )
+    )
+    name: Annotated[str, Field(pattern="^[A-Za-z][A-Za-z0-9_]{0,39}$")] | None = Field(
+        None,
+        description="Name of the dimension; absent: the end of the path, as much of it as tells "
+        "the axis from all others.",
+        examples=["gap"],
+    )
+
+
+class AxisValues(Axis):
+    """Values one by one, in any order."""
+
+    values: Annotated[list[Number], Field(min_length=1, fail_fast=True)]
+
+    @property
+    def count(self) -> int:
+        """How many values there are."""
+        return len(self.values)
+
+
+class AxisRange(Axis):
+    """What axes between two values share."""
+
+    start: Number = Field(description="First value.")
+    stop: Number = Field(description="Last value; not below start.")
+
+    @field_validator("stop")
+    @classmethod
+    def _forwards(cls, stop: float, info: ValidationInfo) -> float:
+        if stop < info.data.get("start", stop):
+            raise PydanticCustomError("reversed_grid", "stop lies below start")
+        return stop
+
+
+class AxisPoints(AxisRange):
+    """A number of equally spaced values, both ends included."""
+
+    num: Count = Field(description="How many.")
+
+    @property
+    def count(self) -> int:
+        """How many values there are."""
+        return self.num
+
+    @field_validator("num")
+    @classmethod
+    def _extended(cls, num: int, info: ValidationInfo) -> int:
+        start, stop = info.data.get("start"), info.data.get("stop")
+        if num > 1 and start is not None and start == stop:
+            raise PydanticCustomError("empty_grid", "start and stop coincide: num must be 1")
+        return num
+
+
+class AxisSteps(AxisRange):
+    """Values start, start + step, … up to stop, which is included where a step meets it.
+
+    They are counted in decimal numbers and rounded once, so that a longer or a shifted axis of
+    the same lattice has the same numbers, and what was computed for them is used again.
+    """
+
+    step: Positive = Field(description="Distance of neighbours.")
+
+    @property
+    def count(self) -> int:
+        """How many values there are."""
+        size = max(abs(self.start), abs(self.stop))
+        steps = (self.stop - self.start + _ROUNDING * size) / self.step
+        return int(min(steps, LARGEST_INTEGER - 1.0)) + 1
+
+
+def axis_form(value: Any) -> str | None:
+    """Return the tag of the form in which an axis is written."""
+    if holds(value, "values"):
+        return VALUES
+    if holds(value, "step"):
+        return STEPS
+    return POINTS if isinstance(value, (dict, AxisPoints)) else None
+
+
+AnyAxis = AxisValues | AxisPoints | AxisSteps
+AxisDocument = Annotated[
+    Annotated[AxisValues, Tag(VALUES)]
+    | Annotated[AxisPoints, Tag(POINTS)]
+    | Annotated[AxisSteps, Tag(STEPS)],
+    Discriminator(
+        axis_form,
+        custom_error_type="axis_form",
+        custom_error_message="an axis is an object with path and values, with path, start, stop "
+        "and num, or with path, start, stop and step",
+    ),
+]
+
+
+class SweepOf(Document):
+    """What the sweeps of all kinds share."""
+
+    kind: str
+    base: ComputationRequest
+    axes: Annotated[list[AxisDocument], Field(min_length=1, max_length=8)] = Field(
+        description="Each is a dimension of the results, in this order, before their own."
+    )
+
+
+_BASE: Final = "The request whose fields vary."
+_OUTPUTS: Final = "What to compute; absent: the outputs of the base."
+
+
+class ImpactModesSweep(SweepOf):
+    """Impact modes over a lattice."""
+
+    kind: Literal["impact-modes"]
+    base: requests.ImpactModesRequest = Field(description=_BASE)
+    outputs: Outputs[requests.ImpactModesOutput] | None = Field(None, description=_OUTPUTS)
+
+
+class ExistenceBandsSweep(SweepOf):
+    """Existence bands over a lattice."""
+
+    kind: Literal["existence-bands"]
+    base: requests.ExistenceBandsRequest = Field(description=_BASE)
+    outputs: Outputs[requests.ExistenceBandsOutput] | None = Field(None, description=_OUTPUTS)
+
+
+class ResonancesSweep(SweepOf):
+    """Internal resonances over a lattice."""
+
+    kind: Literal["resonances"]
+    base: requests.ResonancesRequest = Field(description=_BASE)
+    outputs: Outputs[requests.ResonancesOutput] | None = Field(None, description=_OUTPUTS)
+
+
+class TimeHistorySweep(SweepOf):
+    """Time histories over a lattice."""
+
+    kind: Literal["time-history"]
+    base: requests.TimeHistoryRequest = Field(description=_BASE)
+    outputs: Outputs[requests.TimeHistoryOutput] | None = Field(None, description=_OUTPUTS)
+
+
+class SlowFlowSweep(SweepOf):
+    """Slow flows over a lattice."""
+
+    kind: Literal["slow-flow"]
+    base: requests.SlowFlowRequest = Field(description=_BASE)
+    outputs: Outputs[requests.SlowFlowOutput] | None = Field(None, description=_OUTPUTS)
+
+
+AnySweep = Annotated[
+    ImpactModesSweep | ExistenceBandsSweep | ResonancesSweep | TimeHistorySweep | SlowFlowSweep,
+    Field(discriminator="kind"),
+]
+
+
+class SweepRequest(RootModel[AnySweep]):
+    """A computation at every point of the lattice that its axes span.
+
+    What an axis does not touch is computed once for all its values.
+    """
+
+    model_config = ConfigDict(strict=True, frozen=True, hide_input_in_errors=True)
+
+    @property
+    def base(self) -> ComputationRequest:
+        """The request whose fields vary, with the outputs that are wanted."""
+        outputs = self.root.outputs
+        return self.root.base if outputs is None else self._based(outputs=outputs)
+
+    @property
+    def system(self) -> AnySystem | SystemReference:
+        """The structure of the base."""
+        return self.root.base.system
+
+    @property
+    def points(self) -> int:
+        """How many points the lattice has."""
+        return math.prod(axis.count for axis in self.root.axes)
+
+    def with_system(self, system: AnySystem) -> Self:
+        """Return the same request about another structure."""
+        return type(self)(self.root.model_copy(update={"base": self._based(system=system)}))
+
+    def _based(self, **fields: Any) -> ComputationRequest:
+        return self.root.base.model_copy(update=fields)
+
+
+class SweepResult(Result):
+    """The outputs of the base over the lattice: the axes first, then their own dimensions.
+
+    Outputs stand under their own names as in results of the base's kind. Tables whose length
+    differs from point to point are joined to one table each, in the order of the points, the
+    last axis fastest; ``<table>_count`` and ``<table>_offset`` tell how many rows each point has
+    and which is its first.
+    """
+
+    model_config = ConfigDict(extra="allow")
+
+    kind: Literal["sweep"]
+    axes: dict[str, list[float]] = Field(description="Values of each axis, in their order.")
+    of: str = Field(description="Kind of the base.", examples=["impact-modes"])
+    dimensions: dict[str, list[str]] = Field(description="Names of the dimensions of every output.")
+    status: Any = Field(
+        description="Whether there is a result at each point: ok, or why not; nested lists [axes]."
+    )
+    error: dict[str, Any] | None = None
+
+
+TAGS: Final = frozenset(
+    {"impact-modes", "existence-bands", "resonances", "time-history", "slow-flow"}
+)
+"""Parts of an error's path that name a branch of a union, not a place in the document."""

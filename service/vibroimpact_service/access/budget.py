@@ -1,0 +1,159 @@
+"""How often somebody may ask, and how much computing: windows, what is left, and the headers."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Final
+
+from limits import RateLimitItemPerHour, RateLimitItemPerMinute
+from limits.aio.storage import SlidingWindowCounterSupport, Storage
+from limits.aio.strategies import SlidingWindowCounterRateLimiter
+from limits.limits import RateLimitItem
+from limits.storage import storage_from_string
+
+from vibroimpact_service import problems
+from vibroimpact_service.access.caller import LOCAL, Allowance, Caller
+from vibroimpact_service.problems import ProblemError
+from vibroimpact_service.settings import Settings
+from vibroimpact_solvers.plan import Plan
+
+_MILLI: Final = 1000
+_FAILURES: Final = RateLimitItemPerMinute(60, 1, "failures")
+
+
+class Budget:
+    """Counts what callers ask for, over sliding windows of a minute and of an hour.
+
+    Parameters
+    ----------
+    settings : Settings
+        With the allowance of those keys that have none of their own, and where to count:
+        in this process, or in a Redis that replicas share.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        storage = storage_from_string(f"async+{settings.limits_storage}")
+        assert isinstance(storage, Storage)
+        assert isinstance(storage, SlidingWindowCounterSupport)
+        self._storage: SlidingWindowCounterSupport = storage
+        self._windows = SlidingWindowCounterRateLimiter(storage)
+
+    async def ask(self, caller: Caller) -> dict[str, str]:
+        """Count a request; return the headers that say what is left.
+
+        Raises
+        ------
+        ProblemError
+            429 where there were too many.
+        """
+        most = self._allowance(caller).requests_per_minute
+        if most is None:
+            return {}
+        window = RateLimitItemPerMinute(most, 1, "requests")
+        good = await self._windows.hit(window, caller.name)
+        headers, wait = await self._headers("requests", "requests", window, caller.name, 1)
+        if good:
+            return headers
+        headers["Retry-After"] = str(wait)
+        detail = f"More than {most} requests in a minute; ask again in {wait} s."
+        raise ProblemError(problems.TOO_MANY, detail, headers=headers)
+
+    async def spend(self, caller: Caller, plan: Plan, seconds: float) -> dict[str, str]:
+        """Charge the planned cost of a computation; return the headers that say what is left.
+
+        Raises
+        ------
+        ProblemError
+            413 where it is more than one computation may cost, 429 where it is more than is
+            left; with the numbers.
+        """
+        cost = (
+            f"The plan costs about {seconds:.3g} s, {plan.flops:.3g} flops "
+            f"and {plan.bytes:.3g} bytes"
+        )
+        longest = self._settings.max_job_seconds
+        if seconds > longest:
+            detail = f"{cost}; one computation may cost {longest:g} s."
+            raise ProblemError(problems.TOO_COSTLY, detail)
+        most = self._allowance(caller).seconds_per_hour
+        if most is None:
+            return {}
+        if seconds > most:
+            detail = f"{cost}; this key has {most:g} s per hour."
+            raise ProblemError(problems.TOO_COSTLY, detail)
+        window = RateLimitItemPerHour(max(1, round(_MILLI * most)), 1, "compute")
+        milliseconds = max(1, math.ceil(_MILLI * seconds))
+        good = await self._windows.hit(window, caller.name, cost=milliseconds)
+        headers, wait = await self._headers("compute", "ms", window, caller.name, milliseconds)
+        if good:
+            return headers
+        headers["Retry-After"] = str(wait)
+        stats = await self._windows.get_window_stats(window, caller.name)
+        left = stats.remaining / _MILLI
+        detail = f"{cost}; {left:g} s are left of {most:g} s per hour. Ask again in {wait} s."
+        raise ProblemError(problems.QUOTA_SPENT, detail, headers=headers)
+
+    async def failed(self, address: str) -> None:
+        """Count a request without a good key from an address.
+
+        Raises
+        ------
+        ProblemError
+            429 where there were too many.
+        """
+        if not await self._windows.hit(_FAILURES, address):
+            stats = await self._windows.get_window_stats(_FAILURES, address)
+            wait = _seconds_to(stats.reset_time)
+            detail = f"Too many requests without a good key; ask again in {wait} s."
+            raise ProblemError(problems.TOO_MANY, detail, headers={"Retry-After": str(wait)})
+
+    def _allowance(self, caller: Caller) -> Allowance:
+        if caller is LOCAL:
+            return caller.allowance
+        own, settings = caller.allowance, self._settings
+        return Allowance(
+            own.requests_per_minute or settings.requests_per_minute,
+            own.seconds_per_hour or settings.seconds_per_hour,
+        )
+
+    async def _headers(
+        self, name: str, unit: str, window: RateLimitItem, caller: str, cost: int
+    ) -> tuple[dict[str, str], int]:
+        """Return RateLimit and RateLimit-Policy, and seconds after which that cost has room."""
+        most, length = window.amount, window.get_expiry()
+        counts = await self._storage.get_sliding_window(window.key_for(caller), length)
+        before, before_left, here, here_left = counts
+        left = max(0, most - math.floor(before * before_left / length + here))
+        wait = _wait(cost, most, length, before, before_left, here, here_left - length)
+        headers = {
+            "RateLimit": f'"{name}";r={left};t={wait}',
+            "RateLimit-Policy": f'"{name}";q={most};w={length};qu="{unit}"',
+        }
+        return headers, wait
+
+
+def _wait(
+    cost: int, most: int, length: float, before: float, before_left: float, here: float, rest: float
+) -> int:
+    """Return seconds until a cost has room in a sliding window.
+
+    The count of the window before fades linearly; this window's begins to fade when it ends,
+    in `rest` seconds.
+    """
+    excess = before * before_left / length + here + cost - most
+    if excess <= 0:
+        return _whole(rest)
+    if before * before_left / length >= excess:
+        return _whole(excess * length / before)
+    fading = length * (1.0 - (most - cost) / here) if here else 0.0
+    return _whole(rest + max(0.0, fading))
+
+
+def _seconds_to(moment: float) -> int:
+    return _whole(moment - time.time())
+
+
+def _whole(seconds: float) -> int:
+    return max(1, math.ceil(seconds - 1e-6))

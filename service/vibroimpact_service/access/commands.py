@@ -1,0 +1,114 @@
+"""The commands about API keys: create, list, revoke, and the log of such acts."""
+
+from __future__ import annotations
+
+import getpass
+import json
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, TypeVar
+
+import typer
+from sqlalchemy.engine import Connection
+
+from vibroimpact_schema.keys import KeyRequest
+from vibroimpact_service import intake
+from vibroimpact_service.access import records
+from vibroimpact_service.access.caller import Allowance, Scope
+from vibroimpact_service.access.gate import open_records
+from vibroimpact_service.problems import ProblemError
+from vibroimpact_service.settings import Settings
+
+Value = TypeVar("Value")
+Data = Annotated[
+    Path | None, typer.Option(help="Folder of the service's records [./vibroimpact-data].")
+]
+
+app = typer.Typer(help="API keys of the service: create, list, revoke.", no_args_is_help=True)
+
+
+@app.command()
+def create(
+    owner: Annotated[str, typer.Argument(help="Whose jobs and results it shows.")],
+    label: Annotated[str, typer.Option(help="What it is for.")] = "",
+    scope: Annotated[
+        list[Scope] | None, typer.Option(help="What it is good for; several times [read submit].")
+    ] = None,
+    days: Annotated[float | None, typer.Option(help="After which it expires.")] = None,
+    requests_per_minute: Annotated[int | None, typer.Option(help="Own rate.")] = None,
+    seconds_per_hour: Annotated[float | None, typer.Option(help="Own computing quota.")] = None,
+    data: Data = None,
+) -> None:
+    """Make a key and print it; it cannot be shown again."""
+    asked = {
+        "owner": owner, "label": label, "days": days,
+        "scopes": [s.value for s in scope or (Scope.READ, Scope.SUBMIT)],
+        "requests_per_minute": requests_per_minute, "seconds_per_hour": seconds_per_hour,
+    }  # fmt: skip
+    try:
+        checked = intake.document(KeyRequest, asked)
+    except ProblemError as error:
+        typer.echo(error.detail, err=True)
+        raise typer.Exit(2) from None
+    new = records.NewKey(
+        checked.owner,
+        checked.label,
+        frozenset(Scope(name) for name in checked.scopes),
+        Allowance(checked.requests_per_minute, checked.seconds_per_hour),
+        checked.days,
+    )
+    text, _ = _change(data, lambda connection: records.create(connection, _actor(), new))
+    typer.echo(text)
+
+
+@app.command("list")
+def show(data: Data = None) -> None:
+    """List all keys, without their secrets."""
+    for row in _change(data, records.listed):
+        state = "valid" if row.valid else "revoked" if row.revoked is not None else "expired"
+        scopes = ",".join(sorted(row.scopes))
+        typer.echo(f"{row.id}  {state:8}  {row.owner}  {scopes}  {_day(row.created)}  {row.label}")
+
+
+@app.command()
+def revoke(
+    key: Annotated[str, typer.Argument(help="Its id, as the list shows it.")], data: Data = None
+) -> None:
+    """Make a key worthless from now on, also for services that run."""
+    row = _change(data, lambda connection: records.revoke(connection, _actor(), key))
+    if row is None:
+        typer.echo("there is no such key", err=True)
+        raise typer.Exit(1)
+    typer.echo(f"{row.id} is revoked")
+
+
+@app.command()
+def audit(data: Data = None) -> None:
+    """Print who made and revoked which keys, newest first."""
+    for row in _change(data, lambda connection: records.acts(connection, None, 500)):
+        when = datetime.fromtimestamp(row.time, UTC).isoformat(timespec="seconds")
+        line = {"time": when, "actor": row.actor, "act": row.act, "subject": row.subject}
+        typer.echo(json.dumps(line | json.loads(row.about)))
+
+
+def _change(data: Path | None, operation: Callable[[Connection], Value]) -> Value:
+    settings = Settings() if data is None else Settings(data=data)
+    engine = open_records(settings)
+    try:
+        with engine.begin() as connection:
+            return operation(connection)
+    finally:
+        engine.dispose()
+
+
+def _actor() -> str:
+    return f"command line of {getpass.getuser()}"[:80]
+
+
+def _day(seconds: float) -> str:
+    return datetime.fromtimestamp(seconds, UTC).date().isoformat()
+
+
+if __name__ == "__main__":
+    app()

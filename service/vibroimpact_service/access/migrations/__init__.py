@@ -1,0 +1,1 @@
+"""The migrations of keys and administrative acts."""

@@ -1,0 +1,101 @@
+"""Scheduler and workers as processes of their own, for services on several machines."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import signal
+from collections.abc import Awaitable, Callable, Sequence
+from typing import Any, Final
+
+import dask
+import structlog
+from distributed import Nanny, Scheduler
+
+from vibroimpact_service.jobs import nursery
+from vibroimpact_service.jobs.engine import CONFIG, LANES, security
+from vibroimpact_service.settings import Settings
+
+log = structlog.get_logger("vibroimpact.cluster")
+
+_RETRY_SECONDS: Final = 1.0
+
+
+def schedule(settings: Settings, host: str, port: int, ready: Callable[[str], None]) -> None:
+    """Run a scheduler until SIGTERM or SIGINT; `ready` is told its address.
+
+    It holds no state that is needed: services submit again what it forgot as it died.
+    """
+
+    async def run(stop: asyncio.Event) -> None:
+        async with Scheduler(
+            host=host,
+            port=port,
+            protocol="tls://",
+            security=security(settings),
+            dashboard=False,
+        ) as scheduler:
+            ready(scheduler.address)
+            await _first(stop.wait(), scheduler.finished())
+
+    _until_signalled(run)
+
+
+def work(settings: Settings, modules: Sequence[str], ready: Callable[[int], None]) -> None:
+    """Run workers for a scheduler elsewhere until SIGTERM or SIGINT.
+
+    They wait for a scheduler that is not there, and come back to one that was started anew.
+    `ready` is told their number whenever they are connected.
+    """
+
+    async def run(stop: asyncio.Event) -> None:
+        nursery.open_nursery(modules)
+        while not stop.is_set():
+            try:
+                await _work_once(settings, ready, stop)
+            except Exception as error:
+                log.warning("no scheduler", error=f"{type(error).__name__}: {error}")
+            await _first(stop.wait(), asyncio.sleep(_RETRY_SECONDS))
+
+    _until_signalled(run)
+
+
+async def _work_once(settings: Settings, ready: Callable[[int], None], stop: asyncio.Event) -> None:
+    """Run workers until the scheduler, or one of them, is gone for good."""
+    nannies = [
+        Nanny(
+            settings.scheduler,
+            nthreads=len(LANES),
+            resources=dict.fromkeys(LANES, 1),
+            security=security(settings),
+            local_directory=None,
+        )
+        for _ in range(settings.workers)
+    ]
+    try:
+        await asyncio.gather(*nannies)
+        ready(len(nannies))
+        await _first(stop.wait(), *(nanny.finished() for nanny in nannies))
+    finally:
+        await asyncio.gather(*(nanny.close(timeout=5) for nanny in nannies), return_exceptions=True)
+
+
+def _until_signalled(run: Callable[[asyncio.Event], Awaitable[None]]) -> None:
+    async def main() -> None:
+        stop = asyncio.Event()
+        for sign in (signal.SIGTERM, signal.SIGINT):
+            asyncio.get_running_loop().add_signal_handler(sign, stop.set)
+        await run(stop)
+
+    logging.getLogger("distributed").setLevel(logging.ERROR)
+    with dask.config.set(CONFIG):
+        asyncio.run(main())
+
+
+async def _first(*waiting: Any) -> None:
+    """Wait until one of several is there; give up the others."""
+    tasks = [asyncio.ensure_future(each) for each in waiting]
+    await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    for task in tasks:
+        task.cancel()
+    await asyncio.gather(*tasks, return_exceptions=True)

@@ -1,0 +1,156 @@
+"""A PostgreSQL of the tests' own, for whatever must hold on it as well as on SQLite."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import tempfile
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+GIVEN = "VIBROIMPACT_TEST_POSTGRESQL"
+
+
+class PostgreSQL:
+    """A server on a free port of this machine, which can be killed and started again."""
+
+    def __init__(self, programs: Path) -> None:
+        self._programs = programs
+        self.folder = Path(tempfile.mkdtemp(prefix="vibroimpact-postgresql-"))
+        # The server refuses to run as root.
+        self._as: dict[str, Any] = {}
+        if os.geteuid() == 0:
+            self._as = {"user": "nobody", "group": "nogroup", "extra_groups": []}
+            shutil.chown(self.folder, "nobody", "nogroup")
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            self.port: int = free.getsockname()[1]
+        self._run(
+            "initdb", "-D", self._data, "-U", "test", "-A", "trust", "-E", "UTF8",
+            "--locale=C", "--no-sync",
+        )  # fmt: skip
+        self.process: subprocess.Popen[bytes] | None = None
+        self.start()
+
+    @property
+    def _data(self) -> str:
+        return str(self.folder / "data")
+
+    def _run(self, program: str, *arguments: str) -> None:
+        command = [str(self._programs / program), *arguments]
+        ended = subprocess.run(
+            command, cwd=self.folder, capture_output=True, text=True, check=False, **self._as
+        )
+        assert ended.returncode == 0, ended.stderr
+
+    def start(self) -> None:
+        """Start it and wait until it takes connections."""
+        command = [
+            str(self._programs / "postgres"), "-D", self._data, "-h", "127.0.0.1",
+            "-p", str(self.port), "-k", str(self.folder), "-c", "max_connections=200",
+        ]  # fmt: skip
+        with (self.folder / "log").open("ab") as log:
+            self.process = subprocess.Popen(
+                command, cwd=self.folder, stdout=log, stderr=log, **self._as
+            )
+        end = time.monotonic() + 60
+        while not self._answers():
+            log_text = (self.folder / "log").read_text()
+            assert self.process.poll() is None, log_text
+            assert time.monotonic() < end, log_text
+            time.sleep(0.05)
+
+    def _answers(self) -> bool:
+        import psycopg
+
+        try:
+            self._ask("SELECT 1", "postgres")
+        except psycopg.OperationalError:
+            return False
+        return True
+
+    def kill(self) -> None:
+        """Kill it without warning."""
+        assert self.process is not None
+        self.process.kill()
+        self.process.wait(30)
+
+    def stop(self) -> None:
+        """Stop it and remove its data."""
+        if self.process is not None and self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+            self.process.wait(30)
+        shutil.rmtree(self.folder)
+
+    def _ask(self, statement: str, database: str) -> None:
+        import psycopg
+
+        url = f"postgresql://test@127.0.0.1:{self.port}/{database}"
+        with psycopg.connect(url, autocommit=True, connect_timeout=5) as connection:
+            connection.execute(statement)
+
+    def new(self) -> str:
+        """Make a database and return its URL."""
+        name = f"vibroimpact_{uuid.uuid4().hex}"
+        self._ask(f"CREATE DATABASE {name}", "postgres")
+        return f"postgresql://test@127.0.0.1:{self.port}/{name}"
+
+
+def programs() -> Path:
+    """Return the folder of PostgreSQL's programs.
+
+    Where there are none the tests cannot be run; a failure if the environment variable
+    VIBROIMPACT_TEST_POSTGRESQL_REQUIRED says so, as the project's own check does.
+    """
+    places = [*Path("/usr/lib/postgresql").glob("*/bin"), *Path("/usr/pgsql").glob("*/bin")]
+    on_path = shutil.which("initdb")
+    if on_path is not None:
+        places.append(Path(on_path).resolve().parent)
+    for place in sorted(places, reverse=True):
+        if (place / "initdb").exists() and (place / "postgres").exists():
+            return place
+    missing = f"PostgreSQL is not installed, and {GIVEN} names none"
+    if os.environ.get(f"{GIVEN}_REQUIRED"):
+        pytest.fail(missing)
+    pytest.skip(missing)
+
+
+@pytest.fixture(scope="session")
+def postgresql() -> Iterator[Callable[[], str]]:
+    """Return the function that makes an empty database and returns its URL.
+
+    The environment variable VIBROIMPACT_TEST_POSTGRESQL can name a server whose user may create
+    databases, as ``postgresql://user@host:port/database``.
+    """
+    given = os.environ.get(GIVEN)
+    if given is not None:
+        yield lambda: _in_given(given)
+        return
+    server = PostgreSQL(programs())
+    yield server.new
+    server.stop()
+
+
+@pytest.fixture
+def killable_postgresql() -> Iterator[PostgreSQL]:
+    """Return a server that no other test uses."""
+    server = PostgreSQL(programs())
+    yield server
+    server.stop()
+
+
+def _in_given(url: str) -> str:
+    import psycopg
+
+    name = f"vibroimpact_{uuid.uuid4().hex}"
+    with psycopg.connect(url, autocommit=True) as connection:
+        connection.execute(f"CREATE DATABASE {name}")
+    return url.rsplit("/", 1)[0] + f"/{name}"

@@ -1,0 +1,46 @@
+"""Grids of times."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from pydantic import TypeAdapter, ValidationError
+
+from vibroimpact_schema import grids
+
+GRID: TypeAdapter[grids.TimeValues | grids.TimePoints] = TypeAdapter(grids.TimeGrid)
+
+
+@pytest.mark.parametrize(
+    ("document", "count"),
+    [
+        ({"values": [0, 2.5, 1]}, 3),
+        ({"stop": 10, "num": 11}, 11),
+        ({"start": 5, "stop": 10, "num": 2}, 2),
+    ],
+)
+def test_both_forms(document: Any, count: int) -> None:
+    grid = GRID.validate_python(document)
+    assert grid.count == count
+    assert GRID.validate_python(grid.model_dump()) == grid
+
+
+@pytest.mark.parametrize(
+    ("document", "kind", "place"),
+    [
+        ({"values": []}, "too_short", ("values",)),
+        ({"values": [1, -1]}, "greater_than_equal", ("values", 1)),
+        ({"values": [float("nan")]}, "finite_number", ("values", 0)),
+        ({"start": 2, "stop": 1, "num": 5}, "reversed_grid", ("stop",)),
+        ({"stop": 1, "num": 1}, "greater_than_equal", ("num",)),
+        ({"num": 3}, "missing", ("stop",)),
+        (3, "time_form", ()),
+    ],
+)
+def test_faults_name_their_place(document: Any, kind: str, place: tuple[Any, ...]) -> None:
+    with pytest.raises(ValidationError) as caught:
+        GRID.validate_python(document)
+    first = caught.value.errors()[0]
+    found = tuple(part for part in first["loc"] if part not in grids.TAGS)
+    assert (first["type"], found) == (kind, place)

@@ -1,0 +1,114 @@
+"""Rates and quotas: what is left is said, too much is refused with the numbers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from starlette.testclient import TestClient
+
+from vibroimpact_service.access import budget
+from vibroimpact_service.app import create_app
+from vibroimpact_service.settings import Settings
+
+COMPUTE = "/v1/compute/impact-modes"
+
+
+def test_requests_are_counted_per_key(closed: TestClient, make_key: Any, bob: Any) -> None:
+    key = make_key("ann", rate=5)
+    left = []
+    for _ in range(5):
+        answer = closed.get("/v1/jobs", headers=key)
+        assert answer.status_code == 200
+        assert answer.headers["ratelimit-policy"] == '"requests";q=5;w=60;qu="requests"'
+        left.append(answer.headers["ratelimit"].split(";")[1])
+    assert left == ["r=4", "r=3", "r=2", "r=1", "r=0"]
+    over = closed.get("/v1/jobs", headers=key)
+    assert over.status_code == 429
+    assert over.json()["code"] == "too_many_requests"
+    assert 1 <= int(over.headers["retry-after"]) <= 120
+    assert over.headers["ratelimit"].startswith('"requests";r=0;t=')
+    assert closed.get("/v1/jobs", headers=bob).status_code == 200
+    # Other errors say what is left as well.
+    assert "ratelimit" in closed.get("/v1/jobs/x", headers=bob).headers
+
+
+def test_computing_is_charged_by_its_plan(
+    closed: TestClient, make_key: Any, request_body: dict[str, Any]
+) -> None:
+    plan = closed.post("/v1/plan/impact-modes", json=request_body, headers=make_key("ann")).json()
+    quota = 2.5 * max(plan["seconds"], 0.001)
+    key = make_key("eve", seconds=quota)
+    answers = []
+    for number in range(4):
+        request_body["frequency"]["stop"] = 2.0 + 0.01 * number
+        answers.append(closed.post(COMPUTE, json=request_body, headers=key))
+    assert answers[0].status_code == 200
+    assert '"compute";q=' in answers[0].headers["ratelimit-policy"]
+    assert answers[-1].status_code == 429
+    problem = answers[-1].json()
+    assert problem["code"] == "quota_spent"
+    assert f"of {quota:g} s per hour" in problem["detail"]
+    assert "flops" in problem["detail"]
+    assert int(answers[-1].headers["retry-after"]) >= 1
+    # What is known costs nothing.
+    request_body["frequency"]["stop"] = 2.0
+    again = closed.post(COMPUTE, json=request_body, headers=key)
+    assert (again.status_code, again.headers["cache-status"]) == (200, "vibroimpact; hit")
+
+
+def test_a_computation_may_cost_too_much_at_all(
+    settings: Settings, queue: Any, request_body: dict[str, Any]
+) -> None:
+    request_body["frequency"]["num"] = 100_000
+    chosen = settings.model_copy(update={"max_job_seconds": 1e-4})
+    with TestClient(create_app(chosen, queue)) as http:
+        for path, body in (
+            (COMPUTE, request_body),
+            ("/v1/jobs", {"kind": "impact-modes", "request": request_body}),
+        ):
+            answer = http.post(path, json=body)
+            assert answer.status_code == 413
+            assert answer.json()["code"] == "too_costly"
+            assert "0.0001 s" in answer.json()["detail"]
+
+
+def test_unfinished_jobs_are_counted_per_owner(
+    settings: Settings, queue: Any, request_body: dict[str, Any]
+) -> None:
+    chosen = settings.model_copy(update={"max_unfinished_jobs": 2})
+    with TestClient(create_app(chosen, queue)) as http:
+        codes = []
+        for number in range(3):
+            request_body["frequency"]["stop"] = 2.0 + number
+            body = {"kind": "impact-modes", "request": request_body}
+            codes.append(http.post("/v1/jobs", json=body))
+        assert [a.status_code for a in codes] == [201, 201, 429]
+        assert codes[-1].json()["code"] == "too_many_jobs"
+        assert codes[-1].headers["retry-after"] == "10"
+
+
+def test_guessing_keys_ends_soon(closed: TestClient, ann: dict[str, str]) -> None:
+    codes = {closed.get("/v1/jobs").status_code for _ in range(60)}
+    assert codes == {401}
+    over = closed.get("/v1/jobs")
+    assert over.status_code == 429
+    assert over.headers["retry-after"]
+    assert closed.get("/v1/jobs", headers=ann).status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("before", "before_left", "here", "rest", "cost", "seconds"),
+    [
+        # Room for 60 per minute. A minute that ended with 60 frees one per second.
+        (60, 60.0, 0, 60.0, 1, 1),
+        (60, 60.0, 0, 60.0, 10, 10),
+        # All spent in this minute: nothing fades before it ends in 20 s, then one per second.
+        (0, 0.0, 60, 20.0, 1, 21),
+        (0, 0.0, 60, 20.0, 30, 50),
+    ],
+)
+def test_the_wait_until_a_cost_has_room(
+    before: float, before_left: float, here: float, rest: float, cost: int, seconds: int
+) -> None:
+    assert budget._wait(cost, 60, 60, before, before_left, here, rest) == seconds

@@ -1,0 +1,55 @@
+"""POST /v1/batch: every request of a batch is answered in its place."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from starlette.testclient import TestClient
+
+from vibroimpact_schema.results import BatchAnswers
+
+
+def test_answers_are_those_of_single_requests(
+    http: TestClient, request_body: dict[str, Any]
+) -> None:
+    bodies = [
+        {**request_body, "frequency": {"values": [1.0 + i / 8]}, "outputs": ["impulse", "exists"]}
+        for i in range(5)
+    ]
+    answer = http.post("/v1/batch", json={"kind": "impact-modes", "requests": bodies})
+    assert answer.status_code == 200
+    BatchAnswers.model_validate_json(answer.content)
+    for body, found in zip(bodies, answer.json()["answers"], strict=True):
+        single = http.post("/v1/compute/impact-modes", json=body).json()
+        for document in (single, found["result"]):
+            assert document.pop("provenance")["created"]
+            assert document.pop("plan")["steps"]  # the second one finds the spectrum known
+        assert found["result"] == single
+
+
+def test_a_wrong_request_spoils_no_other(http: TestClient, request_body: dict[str, Any]) -> None:
+    wrong = {**request_body, "color": "red"}
+    large = {**request_body, "frequency": {"start": 0.5, "stop": 2.0, "num": 9_000_000}}
+    impossible = {**request_body, "system": {"M": [[1, 2], [2, 1]], "K": [[1, 0], [0, 1]]}}
+    batch = {"kind": "impact-modes", "requests": [request_body, wrong, large, impossible]}
+    answers = http.post("/v1/batch", json=batch).json()["answers"]
+    assert answers[0]["result"]["impulse"]
+    assert answers[1]["problem"]["errors"][0]["pointer"] == "/color"
+    assert answers[2]["problem"]["code"] == "too_large"
+    assert answers[3]["problem"]["status"] == 422
+
+
+@pytest.mark.parametrize(
+    ("batch", "status", "pointer"),
+    [
+        ({"kind": "impact-modes", "requests": []}, 422, "/requests"),
+        ({"kind": "impact-modes", "requests": [3]}, 422, "/requests/0"),
+        ({"kind": "other", "requests": [{}]}, 422, "/kind"),
+        ({"kind": "impact-modes", "requests": [{}] * 1001}, 413, "/requests"),
+    ],
+)
+def test_wrong_batches(http: TestClient, batch: Any, status: int, pointer: str) -> None:
+    answer = http.post("/v1/batch", json=batch)
+    assert answer.status_code == status
+    assert answer.json()["errors"][0]["pointer"] == pointer

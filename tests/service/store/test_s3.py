@@ -1,0 +1,135 @@
+"""The store in buckets: a real server that speaks S3, as a process of its own."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import time
+import uuid
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import fsspec
+import pytest
+
+from vibroimpact_service import digest, encode, tasks
+from vibroimpact_service.kinds import KINDS
+from vibroimpact_service.store import Store, StoreUnavailableError
+
+NAME = "ab" * 32
+
+
+class Server:
+    """moto's server."""
+
+    def __init__(self, log: Path) -> None:
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            port = free.getsockname()[1]
+        self.url = f"http://127.0.0.1:{port}"
+        command = [sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", str(port)]
+        with log.open("wb") as file:
+            self.process = subprocess.Popen(command, stdout=file, stderr=file)
+        end = time.monotonic() + 90
+        while True:
+            with socket.socket() as trial:
+                if trial.connect_ex(("127.0.0.1", port)) == 0:
+                    return
+            assert self.process.poll() is None, log.read_text()
+            assert time.monotonic() < end, "no server"
+            time.sleep(0.05)
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    found = Server(tmp_path_factory.mktemp("s3") / "log")
+    given = {
+        "AWS_ENDPOINT_URL": found.url,
+        "AWS_ACCESS_KEY_ID": "test",
+        "AWS_SECRET_ACCESS_KEY": "test",
+        "AWS_DEFAULT_REGION": "us-east-1",
+    }
+    before = {name: os.environ.get(name) for name in given}
+    os.environ.update(given)
+    yield found
+    for name, value in before.items():
+        if value is None:
+            del os.environ[name]
+        else:
+            os.environ[name] = value
+    found.process.kill()
+    found.process.wait(10)
+
+
+@pytest.fixture
+def url(server: Server) -> str:
+    bucket = f"bucket-{uuid.uuid4().hex}"
+    fsspec.filesystem("s3").mkdir(bucket)
+    return f"s3://{bucket}/vibroimpact"
+
+
+def test_blocks_come_back(url: str) -> None:
+    store, other = Store(url).results, Store(url).results
+    assert store.get(NAME) is None
+    assert not store.has(NAME)
+    store.put(NAME, b"block")
+    assert other.has(NAME)
+    assert other.get(NAME) == b"block"
+    assert other.sound(NAME)
+    assert store.present([NAME, "cd" * 32]) == {NAME}
+    (entry,) = store.entries()
+    assert (entry.name, entry.size) == (NAME, 32 + 5)
+    assert abs(entry.modified - time.time()) < 60
+    other.remove(NAME)
+    other.remove(NAME)
+    assert store.get(NAME) is None
+    assert list(store.entries()) == []
+
+
+def test_a_damaged_block_is_removed(url: str) -> None:
+    store = Store(url).results
+    store.put(NAME, b"block")
+    files = fsspec.filesystem("s3")
+    (path,) = files.find(url)
+    content = bytearray(files.cat_file(path))
+    content[-1] ^= 1
+    files.pipe_file(path, bytes(content))
+    assert not store.sound(NAME)
+    assert not store.has(NAME)
+
+
+def test_a_job_from_its_request_to_its_result(url: str, request_body: dict[str, Any]) -> None:
+    kind = KINDS["impact-modes"]
+    store = Store(url)
+    request = kind.request.model_validate(request_body)
+    block = tasks.request_block("ann", digest.canonical(request))
+    name = digest.content(block)
+    store.requests.put(name, block)
+    chunks = tasks.split(url, kind.name, name, NAME)
+    tasks.solve(url, kind.name, name, NAME, range(len(chunks)))
+    assert store.chunks.present([chunk.name for chunk in chunks]) == {c.name for c in chunks}
+    tasks.join(url, kind.name, name, NAME, chunks)
+    content = encode.open_bundle(store.results.get(NAME) or b"")
+    assert content.arrays["impulse"].shape == (5, 1)
+
+
+def test_a_server_that_is_gone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, url: str) -> None:
+    store = Store(url).results
+    missing = Store("s3://no-such-bucket/x").results
+    with pytest.raises(StoreUnavailableError):
+        missing.put(NAME, b"block")
+    assert missing.get(NAME) is None
+    with socket.socket() as nobody:
+        nobody.bind(("127.0.0.1", 0))
+        monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{nobody.getsockname()[1]}")
+        fsspec.filesystem("s3").clear_instance_cache()
+        gone = Store("s3://bucket/x").results
+        with pytest.raises(StoreUnavailableError):
+            gone.put(NAME, b"block")
+        with pytest.raises(StoreUnavailableError):
+            gone.get(NAME)
+    fsspec.filesystem("s3").clear_instance_cache()
+    store.put(NAME, b"block")
