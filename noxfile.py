@@ -69,6 +69,44 @@ def tests(session: nox.Session) -> None:
     session.run("pytest", *session.posargs)
 
 
+@nox.session
+def fuzz(session: nox.Session) -> None:
+    """Send schemathesis' requests to a service: no 5xx, nothing but what the contract says.
+
+    ``nox -s fuzz -- --cases 50000 --examples 400 --seed 7`` for a night.
+    """
+    install(session, "-e", ".[fuzz]")
+    session.run("python", "tests/fuzz/conformance.py", *session.posargs)
+
+
+@nox.session
+def browser(session: nox.Session) -> None:
+    """Look at the pages of the service in a real Chromium (Debian: apt install chromium)."""
+    install(session, "-e", ".[browser]")
+    session.run("pytest", "tests/browser", *session.posargs)
+
+
+@nox.session
+def guard(session: nox.Session) -> None:
+    """Compare hot kernels with reference loops: none may have become half as slow again."""
+    install(session, "-e", ".[test]")
+    session.run("python", "-m", "benchmarks.guard")
+
+
+@nox.session
+def benchmarks(session: nox.Session) -> None:
+    """Run all benchmarks with all peers, keep the results and draw the page of the docs."""
+    install(session, "-e", ".[bench]")
+    session.run("vibroimpact", "bench", *session.posargs, "--save")
+
+
+@nox.session
+def faults(session: nox.Session) -> None:
+    """Kill processes at random moments, fill disks, cut networks; all jobs must end well."""
+    install(session, "-e", ".[test]")
+    session.run("pytest", "-m", "faults", "-s", "tests/acceptance/faults", *session.posargs)
+
+
 @nox.session(venv_backend="none")
 def readme_tests(session: nox.Session) -> None:
     """Run the README's test command, word for word, in a copy of the committed tree."""

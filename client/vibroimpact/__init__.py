@@ -1,8 +1,15 @@
 """The client library of the vibroimpact computation service."""
 
-from vibroimpact.client import Client, impact_modes_request
+from vibroimpact.async_client import AsyncClient
+from vibroimpact.client import (
+    Client,
+    impact_modes_request,
+    slow_flow_request,
+    time_history_request,
+)
 from vibroimpact.errors import (
     AccessDenied,
+    ConfigurationError,
     ConnectionFailed,
     EmbeddedServiceError,
     InvalidRequest,
@@ -16,21 +23,27 @@ from vibroimpact.errors import (
     Unavailable,
     VibroimpactError,
 )
-from vibroimpact.jobs import Job
+from vibroimpact.jobs import AsyncJob, Job, Submitted
 from vibroimpact.results import Result
+from vibroimpact.sweeps import sweep_request
 from vibroimpact.systems import (
     bouncing_ball,
     chain,
     constraint,
     double_pendulum,
+    harmonic,
     oscillator,
+    soft,
     system,
     two_mass,
 )
 
 __all__ = [
     "AccessDenied",
+    "AsyncClient",
+    "AsyncJob",
     "Client",
+    "ConfigurationError",
     "ConnectionFailed",
     "EmbeddedServiceError",
     "InvalidRequest",
@@ -41,6 +54,7 @@ __all__ = [
     "NotFound",
     "Result",
     "ServerError",
+    "Submitted",
     "TooLarge",
     "TooManyRequests",
     "Unavailable",
@@ -49,8 +63,13 @@ __all__ = [
     "chain",
     "constraint",
     "double_pendulum",
+    "harmonic",
     "impact_modes_request",
     "oscillator",
+    "slow_flow_request",
+    "soft",
+    "sweep_request",
     "system",
+    "time_history_request",
     "two_mass",
 ]

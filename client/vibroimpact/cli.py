@@ -16,6 +16,16 @@ app = typer.Typer(
     add_completion=False,
 )
 
+_HELP = {
+    "bench": "Run the benchmarks of a checkout.",
+    "certificates": "Make the certificates that scheduler and workers know one another by.",
+    "keys": "Make and revoke API keys.",
+    "scheduler": "Run the scheduler of a cluster.",
+    "serve": "Run the service.",
+    "worker": "Run a worker of a cluster.",
+}
+"""What help says of commands that are not loaded for it."""
+
 
 @app.command()
 def demo(
@@ -25,6 +35,21 @@ def demo(
     from vibroimpact.demo import run
 
     if not run(out):
+        raise typer.Exit(1)
+
+
+@app.command()
+def gallery(
+    figures: Annotated[
+        list[str] | None,
+        typer.Argument(help="Figures such as 10.19; none: all.", metavar="[FIG]..."),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the pictures.")] = Path("gallery"),
+) -> None:
+    """Compute, draw and check figures of the chapter with a service of our own."""
+    from vibroimpact.gallery import run
+
+    if not run(figures or [], out):
         raise typer.Exit(1)
 
 
@@ -40,10 +65,14 @@ def _add_server_command(point: EntryPoint) -> None:
     Loading costs a second, which ``vibroimpact --help`` need not spend.
     """
     if point.name not in sys.argv[1:2]:
-        app.command(point.name, help="Run the service.")(lambda: None)
+        app.command(point.name, help=_HELP.get(point.name))(lambda: None)
         return
     try:
-        app.command(point.name)(point.load())
+        found = point.load()
+        if isinstance(found, typer.Typer):
+            app.add_typer(found, name=point.name)
+        else:
+            app.command(point.name)(found)
     except ImportError as error:
         message = f"vibroimpact {point.name} needs: pip install 'vibroimpact[all]'  ({error})"
         sys.exit(message)

@@ -2,59 +2,33 @@
 
 from __future__ import annotations
 
-import os
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 
+from vibroimpact import conversations
+from vibroimpact.config import connection
 from vibroimpact.embedded import EmbeddedService
-from vibroimpact.jobs import Job
+from vibroimpact.jobs import Job, Submitted
 from vibroimpact.results import Result
-from vibroimpact.systems import Document, frequencies
+from vibroimpact.sweeps import sweep_request
+from vibroimpact.systems import Document, frequencies, times
 from vibroimpact.transport import Transport
 
-_HDF5 = "application/x-hdf5"
+Answer = TypeVar("Answer")
+_HISTORY = ("x", "v", "energy")
 
 
-class Client:
-    """A connection to a vibroimpact service.
+class Computations(ABC, Generic[Answer]):
+    """The kinds of computation as methods; what they return is there at once or to be awaited."""
 
-    Parameters
-    ----------
-    url : str, optional
-        Address of the service; absent: ``VIBROIMPACT_URL``, or else a service of its own is
-        started in the background and stopped by `close`.
-    data : path, optional
-        Where that service keeps its records and results; absent: nothing outlives it.
-    timeout : float
-        Longest wait for one answer, in seconds.
-
-    Examples
-    --------
-    >>> with Client() as client:  # doctest: +SKIP
-    ...     structure = chain(13, [constraint(5, 0.2)])
-    ...     result = client.impact_modes(structure, (0.6, 2.4, 1000))
-    ...     result.plot()
-    """
-
-    def __init__(
-        self, url: str | None = None, data: str | Path | None = None, timeout: float = 60.0
-    ) -> None:
-        address = url or os.environ.get("VIBROIMPACT_URL")
-        self._service = None if address else EmbeddedService(data)
-        self._transport = Transport(address or self._embedded_url(), timeout)
-
-    def _embedded_url(self) -> str:
-        assert self._service is not None
-        return self._service.url
-
-    @property
-    def url(self) -> str:
-        """Address of the service."""
-        return self._transport.url
+    @abstractmethod
+    def compute(self, kind: str, request: Mapping[str, Any], *, progress: bool = False) -> Answer:
+        """Compute anything; waits for the job where the service makes one of it."""
 
     def impact_modes(
         self,
@@ -66,7 +40,7 @@ class Client:
         active: Sequence[int] | None = None,
         dofs: Sequence[int] | None = None,
         tau: Any = None,
-    ) -> Result:
+    ) -> Answer:
         """Compute impact modes, eq. 10.49-10.59 and 10.87-10.89.
 
         Parameters
@@ -77,7 +51,8 @@ class Client:
             Where: fundamental angular frequencies Omega, or those of the triangle wave with
             ``unit="omega"``.
         outputs : sequence of str
-            What is wanted: impulse, exists, reason, shape, waveform, energy.
+            What is wanted: impulse, exists, reason, shape, waveform, energy, stability,
+            harmonics.
         active : sequence of int, optional
             Constraints that are struck; absent: all.
         dofs : sequence of int, optional
@@ -90,34 +65,272 @@ class Client:
         )
         return self.compute("impact-modes", request)
 
-    def compute(self, kind: str, request: Mapping[str, Any]) -> Result:
+    def existence_bands(
+        self,
+        system: Document,
+        start: float,
+        stop: float,
+        *,
+        unit: str = "Omega",
+        outputs: Sequence[str] = ("bands", "rejected"),
+        active: Sequence[int] | None = None,
+        tolerance: float | None = None,
+    ) -> Answer:
+        """Find the ranges of frequency in which impact modes are real.
+
+        Parameters
+        ----------
+        system : dict
+            The structure, as `chain`, `system` and their like describe it.
+        start, stop : float
+            Between which frequencies: Omega, or omega with ``unit="omega"``.
+        outputs : sequence of str
+            What is wanted: bands, rejected, stability.
+        active : sequence of int, optional
+            Constraints that are struck; absent: all.
+        tolerance : float, optional
+            Relative width to which edges are narrowed down.
+        """
+        request: Document = {
+            "system": dict(system),
+            "frequency": {"start": float(start), "stop": float(stop), "unit": unit},
+            "outputs": list(outputs),
+        }
+        if active is not None:
+            request["active"] = [int(i) for i in active]
+        if tolerance is not None:
+            request["tolerance"] = float(tolerance)
+        return self.compute("existence-bands", request)
+
+    def resonances(self, system: Document, constraint: int = 0, odd_max: int = 9) -> Answer:
+        """Find the internal resonances of a structure held at a limiter, eq. 10.70-10.76.
+
+        Parameters
+        ----------
+        system : dict
+            The structure, as `chain`, `system` and their like describe it.
+        constraint : int
+            Index of the constraint whose coordinate moves.
+        odd_max : int
+            Highest odd harmonic.
+        """
+        request = {"system": dict(system), "constraint": int(constraint), "odd_max": int(odd_max)}
+        return self.compute("resonances", request)
+
+    def time_history(
+        self,
+        system: Document,
+        initial: Any,
+        t_end: float,
+        *,
+        t: Any = None,
+        outputs: Sequence[str] | None = None,
+        dofs: Sequence[int] | None = None,
+        load: Sequence[Mapping[str, Any]] | None = None,
+        limiter: Mapping[str, Any] | None = None,
+        method: str = "exact",
+        tolerance: float | None = None,
+    ) -> Answer:
+        """Compute a motion with its impacts.
+
+        Parameters
+        ----------
+        system : dict
+            The structure, as `chain`, `system` and their like describe it.
+        initial : (x, v) or float or dict
+            Displacements and velocities at t = 0, or the frequency Omega of the impact mode
+            that the motion starts as, or the document itself.
+        t_end : float
+            Length of the motion.
+        t : int or array, optional
+            Times of the history, or the number of equally spaced ones.
+        outputs : sequence of str, optional
+            What is wanted: x, v, impacts, energy, contacts; absent: impacts and contacts, with
+            times x, v and energy too.
+        dofs : sequence of int, optional
+            Degrees of freedom of x and v; absent: all.
+        load : sequence of dict, optional
+            Harmonic loads, as `harmonic` describes them.
+        limiter : dict, optional
+            The law of soft limiters, as `soft` describes it; absent: rigid.
+        method : str
+            "exact", or an integrator of scipy to compare with: RK45, DOP853, Radau, LSODA, …
+        tolerance : float, optional
+            Accuracy meant, relative to the size of the motion; the result says until when double
+            precision can hold it.
+        """
+        request = time_history_request(
+            system,
+            initial,
+            t_end,
+            t=t,
+            outputs=outputs,
+            dofs=dofs,
+            load=load,
+            limiter=limiter,
+            method=method,
+            tolerance=tolerance,
+        )
+        return self.compute("time-history", request)
+
+    def slow_flow(
+        self,
+        system: Document,
+        model: str,
+        variant: str,
+        initial: Mapping[str, float],
+        t: Any,
+        *,
+        outputs: Sequence[str] = ("state", "x", "v", "error"),
+    ) -> Answer:
+        """Compute a motion whose impacts change slowly, and its error.
+
+        Parameters
+        ----------
+        system : dict
+            The one that the model is about, as `oscillator` and its like describe it.
+        model : str
+            ``damped`` (eq. 10.13-10.21), ``two_oscillator`` (10.41-10.46), ``restitution``
+            (10.90-10.123), ``bouncing_ball`` (10.124-10.149) or ``oscillator`` (10.1-10.12).
+        variant : str
+            Description of the motion, such as ``exact``, ``averaged`` or ``corrected``.
+        initial : mapping
+            The start, such as ``{"gamma": 0.2}`` or ``{"omega": 5}``.
+        t : array, (start, stop, num) or dict
+            Times.
+        outputs : sequence of str
+            What is wanted: state, x, v, impulse, error.
+        """
+        request = slow_flow_request(system, model, variant, initial, t, outputs=outputs)
+        return self.compute("slow-flow", request)
+
+    def sweep(
+        self,
+        kind: str,
+        base: Mapping[str, Any],
+        axes: Mapping[str, Any],
+        outputs: Sequence[str] | None = None,
+        *,
+        progress: bool = False,
+    ) -> Answer:
+        """Compute anything at every point of a lattice of values of some of its numbers.
+
+        What an axis does not touch is computed once for all its values.
+
+        Parameters
+        ----------
+        kind : str
+            Of the computation, such as ``"impact-modes"``.
+        base : dict
+            A request of that kind, as `impact_modes_request` makes it.
+        axes : mapping
+            Path of a number of the base -> its values: an array, (start, stop, num), or a
+            dictionary with start, stop and step. Results have these axes in this order, before
+            their own dimensions.
+        outputs : sequence of str, optional
+            What is wanted; absent: the outputs of the base.
+        progress : bool
+            Show a progress bar while a job does it.
+        """
+        request = sweep_request(kind, base, axes, outputs)
+        return self.compute("sweep", request, progress=progress)
+
+
+class Client(Computations[Result]):
+    """A connection to a vibroimpact service.
+
+    Parameters
+    ----------
+    url : str, optional
+        Address of the service; absent: ``VIBROIMPACT_URL``, or that of the profile, or else a
+        service of its own is started in the background and stopped by `close`.
+    data : path, optional
+        Where that service keeps its records and results; absent: nothing outlives it.
+    timeout : float, optional
+        Longest wait for one answer, in seconds; absent: ``VIBROIMPACT_TIMEOUT``, or that of the
+        profile, or 60.
+    key : str, optional
+        API key or token; absent: ``VIBROIMPACT_KEY``, or that of the profile.
+    profile : str, optional
+        Name in the file of profiles, see `vibroimpact.config`; absent: ``VIBROIMPACT_PROFILE``,
+        or the file's default.
+
+    Examples
+    --------
+    >>> with Client() as client:  # doctest: +SKIP
+    ...     structure = chain(13, [constraint(5, 0.2)])
+    ...     result = client.impact_modes(structure, (0.6, 2.4, 1000))
+    ...     result.plot()
+    """
+
+    def __init__(
+        self,
+        url: str | None = None,
+        data: str | Path | None = None,
+        timeout: float | None = None,
+        *,
+        key: str | None = None,
+        profile: str | None = None,
+    ) -> None:
+        meant = connection(url, key, timeout, profile)
+        self._service = None if meant.url else EmbeddedService(data)
+        address = self._service.url if self._service is not None else str(meant.url)
+        self._transport = Transport(address, meant.timeout, key=meant.key)
+
+    @property
+    def url(self) -> str:
+        """Address of the service."""
+        return self._transport.url
+
+    def compute(self, kind: str, request: Mapping[str, Any], *, progress: bool = False) -> Result:
         """Compute anything; waits for the job where the service makes one of it."""
-        headers = {"Accept": _HDF5}
-        path = f"/v1/compute/{kind}"
-        answer = self._transport.request("POST", path, json=dict(request), headers=headers)
-        if answer.status_code == 202:
-            return Job(self._transport, answer.json()).wait().result()
-        return Result(answer.content)
+        found = self._transport.hold(conversations.ask(kind, request))
+        if isinstance(found, bytes):
+            return Result(found)
+        return Job(self._transport, found).wait(progress=progress).result()
 
     def submit(self, kind: str, request: Mapping[str, Any], priority: int = 0) -> Job:
         """Queue a computation; it is durable when this returns."""
-        body = {"kind": kind, "request": dict(request), "priority": priority}
-        return Job(self._transport, self._transport.request("POST", "/v1/jobs", json=body).json())
+        document = self._transport.hold(conversations.submit(kind, request, priority))
+        return Job(self._transport, document)
+
+    def submit_many(
+        self, kind: str, requests: Sequence[Mapping[str, Any]], priority: int = 0
+    ) -> Submitted[Job]:
+        """Queue many computations; what is wrong with some does not keep the others."""
+        found = self._transport.hold(conversations.submit_many(kind, requests, priority))
+        return Submitted.of(found, lambda document: Job(self._transport, document))
+
+    def as_completed(self, jobs: Sequence[Job], timeout: float | None = None) -> Iterator[Job]:
+        """Yield jobs as they become final, well or not.
+
+        Raises
+        ------
+        JobTimeout
+            Where none became final for so many seconds; the jobs go on.
+        """
+        waiting = list(jobs)
+        while waiting:
+            documents = [job.document for job in waiting]
+            final, found = self._transport.hold(conversations.first_final(documents, timeout))
+            for job, document in zip(waiting, found, strict=True):
+                job.document = document
+            yield from [waiting[place] for place in final]
+            waiting = [job for job in waiting if not job.final]
 
     def plan(self, kind: str, request: Mapping[str, Any]) -> dict[str, Any]:
         """Return what would be computed and skipped, and why, without computing it."""
-        answer = self._transport.request("POST", f"/v1/plan/{kind}", json=dict(request))
-        return dict(answer.json())
+        return self._transport.hold(conversations.plan(kind, request))
 
     def job(self, job_id: str) -> Job:
         """Return a job by its id."""
-        return Job(self._transport, self._transport.request("GET", f"/v1/jobs/{job_id}").json())
+        return Job(self._transport, self._transport.hold(conversations.job(job_id)))
 
     def jobs(self, state: str | None = None, kind: str | None = None) -> Iterator[Job]:
         """Return all jobs, newest first."""
         params = {key: value for key, value in (("state", state), ("kind", kind)) if value}
         while True:
-            page = self._transport.request("GET", "/v1/jobs", params=params).json()
+            page = self._transport.hold(conversations.job_page(params))
             for document in page["jobs"]:
                 yield Job(self._transport, document)
             if page["next"] is None:
@@ -126,12 +339,11 @@ class Client:
 
     def result(self, digest: str) -> Result:
         """Return a result by its name."""
-        path = f"/v1/results/{digest}"
-        return Result(self._transport.request("GET", path, headers={"Accept": _HDF5}).content)
+        return Result(self._transport.hold(conversations.result(digest)))
 
     def version(self) -> dict[str, Any]:
         """Return what the service is and can."""
-        return dict(self._transport.request("GET", "/v1/version").json())
+        return self._transport.hold(conversations.version())
 
     def close(self) -> None:
         """Close the connection, and the service where it is our own."""
@@ -176,3 +388,72 @@ def impact_modes_request(
     if tau is not None:
         request["tau"] = np.atleast_1d(np.asarray(tau, dtype=np.float64)).tolist()
     return request
+
+
+def time_history_request(
+    system: Document,
+    initial: Any,
+    t_end: float,
+    *,
+    t: Any = None,
+    outputs: Sequence[str] | None = None,
+    dofs: Sequence[int] | None = None,
+    load: Sequence[Mapping[str, Any]] | None = None,
+    limiter: Mapping[str, Any] | None = None,
+    method: str = "exact",
+    tolerance: float | None = None,
+) -> Document:
+    """Return the request document that `Client.time_history` sends."""
+    if outputs is None:
+        outputs = ("impacts", "contacts") if t is None else (*_HISTORY, "impacts", "contacts")
+    request: Document = {
+        "system": dict(system),
+        "initial": _initial(initial),
+        "t_end": float(t_end),
+        "outputs": list(outputs),
+    }
+    if isinstance(t, int):
+        request["t"] = {"num": t}
+    elif t is not None:
+        request["t"] = np.atleast_1d(np.asarray(t, dtype=np.float64)).tolist()
+    if dofs is not None:
+        request["dofs"] = [int(i) for i in dofs]
+    if load is not None:
+        request["load"] = [dict(term) for term in load]
+    if limiter is not None:
+        request["limiter"] = dict(limiter)
+    if method != "exact":
+        request["method"] = method
+    if tolerance is not None:
+        request["tolerance"] = float(tolerance)
+    return request
+
+
+def slow_flow_request(
+    system: Document,
+    model: str,
+    variant: str,
+    initial: Mapping[str, float],
+    t: Any,
+    *,
+    outputs: Sequence[str] = ("state", "x", "v", "error"),
+) -> Document:
+    """Return the request document that `Client.slow_flow` sends."""
+    start = {name: value if name == "root" else float(value) for name, value in initial.items()}
+    return {
+        "system": dict(system),
+        "model": model,
+        "variant": variant,
+        "initial": start,
+        "t": times(t),
+        "outputs": list(outputs),
+    }
+
+
+def _initial(initial: Any) -> Document:
+    if isinstance(initial, Mapping):
+        return dict(initial)
+    if isinstance(initial, int | float):
+        return {"impact_mode": {"Omega": float(initial)}}
+    x, v = (np.atleast_1d(np.asarray(part, dtype=np.float64)).tolist() for part in initial)
+    return {"x": x, "v": v}

@@ -5,6 +5,7 @@
     VibroimpactError
     ├── ConnectionFailed       nobody answers at the address
     ├── EmbeddedServiceError   the service of our own did not start
+    ├── ConfigurationError     the environment or the file of profiles cannot be understood
     ├── JobFailed              the job ended without a result; `problem` says why
     ├── JobCancelled           somebody cancelled it
     ├── JobTimeout             it goes on, but we waited long enough
@@ -35,6 +36,10 @@ class ConnectionFailed(VibroimpactError):
 
 class EmbeddedServiceError(VibroimpactError):
     """The service that the client starts for itself did not start."""
+
+
+class ConfigurationError(VibroimpactError):
+    """What the environment or the file of profiles say cannot be understood."""
 
 
 class JobFailed(VibroimpactError):

@@ -1,31 +1,25 @@
-"""A job on the service: look at it, wait for it, cancel it, take its result."""
+"""Jobs on the service: look at them, wait for them, cancel them, take their results."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any, Generic, TypeVar
 
-from vibroimpact.errors import JobCancelled, JobFailed, JobTimeout
+from vibroimpact import conversations
+from vibroimpact.errors import JobCancelled, JobFailed, ServerError
 from vibroimpact.results import Result
-from vibroimpact.transport import Transport
+from vibroimpact.transport import AsyncTransport, Transport
 
-_POLL = 25.0  # the service answers earlier when something changes
-_HDF5 = "application/x-hdf5"
+AnyJob = TypeVar("AnyJob")
+Document = dict[str, Any]
 
 
-class Job:
-    """A queued computation.
+class JobState:
+    """What a job was when last looked at."""
 
-    Parameters
-    ----------
-    transport : Transport
-    document : dict
-        The job as the service describes it.
-    """
-
-    def __init__(self, transport: Transport, document: dict[str, Any]) -> None:
-        self._transport = transport
+    def __init__(self, document: Document) -> None:
         self.document = document
 
     @property
@@ -35,7 +29,7 @@ class Job:
 
     @property
     def state(self) -> str:
-        """Queued, running, succeeded, failed or cancelled, when last looked at."""
+        """Queued, running, succeeded, failed or cancelled."""
         return str(self.document["state"])
 
     @property
@@ -49,12 +43,53 @@ class Job:
         done = self.document["progress"]
         return int(done["done"]), int(done["total"])
 
+    def _note(self, document: Document) -> None:
+        self.document = document
+
+    def _require_success(self) -> None:
+        if self.state == "failed":
+            raise JobFailed(self.id, self.document.get("error") or {})
+        if self.state == "cancelled":
+            raise JobCancelled(f"job {self.id} was cancelled")
+
+    @contextmanager
+    def _shown(self, *, progress: bool) -> Iterator[Callable[[Document], None]]:
+        """Yield what takes note of changes, and shows them in a bar where that is wanted."""
+        if not progress:
+            yield self._note
+            return
+        from vibroimpact.progress import bar
+
+        with bar(str(self.document["kind"])) as show:
+
+            def note(document: Document) -> None:
+                self._note(document)
+                show(document)
+
+            yield note
+
+    def __repr__(self) -> str:
+        """Return id, kind and state."""
+        return f"<{type(self).__name__} {self.id} {self.document['kind']} {self.state}>"
+
+
+class Job(JobState):
+    """A queued computation.
+
+    Parameters
+    ----------
+    transport : Transport
+    document : dict
+        The job as the service describes it.
+    """
+
+    def __init__(self, transport: Transport, document: Document) -> None:
+        super().__init__(document)
+        self._transport = transport
+
     def refresh(self, wait: float = 0.0) -> Job:
         """Look at it again, waiting up to so many seconds for a change."""
-        params = None
-        if wait > 0:
-            params = {"wait": f"{wait:g}", "since": str(self.document["version"])}
-        self.document = self._transport.request("GET", f"/v1/jobs/{self.id}", params=params).json()
+        self._note(self._transport.hold(conversations.look(self.document, wait)))
         return self
 
     def wait(self, timeout: float | None = None, *, progress: bool = False) -> Job:
@@ -71,39 +106,85 @@ class Job:
         ------
         JobFailed, JobCancelled, JobTimeout
         """
-        if progress:
-            from vibroimpact.progress import bar
-
-            with bar(str(self.document["kind"])) as show:
-                self._wait(timeout, show)
-        else:
-            self._wait(timeout, None)
-        if self.state == "failed":
-            raise JobFailed(self.id, self.document.get("error") or {})
-        if self.state == "cancelled":
-            raise JobCancelled(f"job {self.id} was cancelled")
+        with self._shown(progress=progress) as note:
+            self._transport.hold(conversations.wait(self.document, timeout, note))
+        self._require_success()
         return self
-
-    def _wait(self, timeout: float | None, show: Callable[[dict[str, Any]], None] | None) -> None:
-        deadline = None if timeout is None else time.monotonic() + timeout
-        while not self.final:
-            left = _POLL if deadline is None else min(_POLL, deadline - time.monotonic())
-            if left <= 0:
-                raise JobTimeout(f"job {self.id} is {self.state} after {timeout:g} s")
-            self.refresh(wait=max(left, 0.01))
-            if show is not None:
-                show(self.document)
 
     def cancel(self) -> Job:
         """Cancel it; nothing happens to a job that ended."""
-        self._transport.request("DELETE", f"/v1/jobs/{self.id}")
-        return self.refresh()
+        self._note(self._transport.hold(conversations.cancel(self.document)))
+        return self
 
     def result(self) -> Result:
         """Return the result of a job that succeeded."""
-        path = f"/v1/jobs/{self.id}/result"
-        return Result(self._transport.request("GET", path, headers={"Accept": _HDF5}).content)
+        return Result(self._transport.hold(conversations.job_result(self.document)))
 
-    def __repr__(self) -> str:
-        """Return id, kind and state."""
-        return f"<Job {self.id} {self.document['kind']} {self.state}>"
+
+class AsyncJob(JobState):
+    """A queued computation, waited for asynchronously; otherwise as `Job`."""
+
+    def __init__(self, transport: AsyncTransport, document: Document) -> None:
+        super().__init__(document)
+        self._transport = transport
+
+    async def refresh(self, wait: float = 0.0) -> AsyncJob:
+        """Look at it again, waiting up to so many seconds for a change."""
+        self._note(await self._transport.hold(conversations.look(self.document, wait)))
+        return self
+
+    async def wait(self, timeout: float | None = None, *, progress: bool = False) -> AsyncJob:
+        """Wait until it ended well; raises as `Job.wait`."""
+        with self._shown(progress=progress) as note:
+            await self._transport.hold(conversations.wait(self.document, timeout, note))
+        self._require_success()
+        return self
+
+    async def cancel(self) -> AsyncJob:
+        """Cancel it; nothing happens to a job that ended."""
+        self._note(await self._transport.hold(conversations.cancel(self.document)))
+        return self
+
+    async def result(self) -> Result:
+        """Return the result of a job that succeeded."""
+        return Result(await self._transport.hold(conversations.job_result(self.document)))
+
+
+@dataclass(frozen=True, slots=True)
+class Submitted(Generic[AnyJob]):
+    """What became of many computations that were queued at once.
+
+    Parameters
+    ----------
+    inserted : list
+        Jobs that will do work.
+    existing : list
+        Jobs whose results were there already.
+    errors : dict
+        Place of a request -> the problem that it met.
+    """
+
+    inserted: list[AnyJob] = field(default_factory=list)
+    existing: list[AnyJob] = field(default_factory=list)
+    errors: dict[int, ServerError] = field(default_factory=dict)
+
+    @property
+    def jobs(self) -> list[AnyJob]:
+        """All jobs."""
+        return [*self.existing, *self.inserted]
+
+    @classmethod
+    def of(
+        cls,
+        found: Sequence[Document | ServerError],
+        make: Callable[[Document], AnyJob],
+    ) -> Submitted[AnyJob]:
+        """Sort what was found."""
+        sorted_out = cls()
+        for place, one in enumerate(found):
+            if isinstance(one, ServerError):
+                sorted_out.errors[place] = one
+            else:
+                jobs = sorted_out.existing if one["reused"] else sorted_out.inserted
+                jobs.append(make(one))
+        return sorted_out

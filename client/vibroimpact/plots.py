@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 REAL, PHANTOM, WALL = "#0b5394", "#b7b7b7", "#c0392b"
 
 
-def _axes(ax: Axes | None) -> Axes:
+def axes_or_new(ax: Axes | None) -> Axes:
+    """Return the axes to draw in; where none are given, those of a new figure."""
     if ax is not None:
         return ax
     from matplotlib import pyplot
@@ -24,7 +25,7 @@ def _axes(ax: Axes | None) -> Axes:
 
 def impulse(result: Result, ax: Axes | None = None) -> Axes:
     """Draw p over Omega: real members in colour, phantoms in grey, no lines through poles."""
-    ax = _axes(ax)
+    ax = axes_or_new(ax)
     Omega, p = result.Omega, result.impulse
     order = np.argsort(Omega, kind="stable")
     exists: Array = result.exists if "exists" in dir(result) else np.all(p > 0, axis=1)
@@ -46,9 +47,45 @@ def impulse(result: Result, ax: Axes | None = None) -> Axes:
     return ax
 
 
+def bands(result: Result, ax: Axes | None = None) -> Axes:
+    """Draw where members exist, where they fail despite positive impulses, and where stable."""
+    ax = axes_or_new(ax)
+    lanes = [
+        ("bands", "real", REAL, None),
+        ("rejected", "rejected", PHANTOM, None),
+        ("stability", "stable", "#38761d", True),
+        ("stability", "unstable", "#e69138", False),
+    ]
+    shown = [lane for lane in lanes if lane[0] in dir(result)]
+    for place, (name, _, color, stable) in enumerate(reversed(shown)):
+        table = getattr(result, name)
+        some = np.ones(table.start.size, dtype=bool)
+        if stable is not None:
+            some = (table.stable == "yes") == stable
+        spans = list(zip(table.start[some], (table.stop - table.start)[some], strict=True))
+        ax.broken_barh(spans, (place - 0.35, 0.7), facecolors=color)
+    ax.set_yticks(range(len(shown)), [label for _, label, _, _ in reversed(shown)])
+    ax.set_xlabel(r"fundamental frequency $\Omega$")
+    ax.margins(x=0.0)
+    return ax
+
+
+def resonances(result: Result, ax: Axes | None = None) -> Axes:
+    """Draw the frequencies of resonance, a row for each harmonic, coloured by part."""
+    ax = axes_or_new(ax)
+    for part in np.unique(result.part):
+        mine = result.part == part
+        ax.plot(result.Omega[mine], result.harmonic[mine], "|", markersize=12, label=f"part {part}")
+    ax.set_yticks(np.unique(result.harmonic))
+    ax.set_xlabel(r"fundamental frequency $\Omega$")
+    ax.set_ylabel("resonating harmonic")
+    ax.legend(frameon=False)
+    return ax
+
+
 def shape(result: Result, index: int = 0, ax: Axes | None = None) -> Axes:
     """Draw the displacement of every computed degree of freedom at tau = 1."""
-    ax = _axes(ax)
+    ax = axes_or_new(ax)
     x = result.shape[index]
     ax.axhline(0.0, color="black", linewidth=0.6)
     ax.plot(result.dof, x, "-", color=REAL, linewidth=1.0, alpha=0.5)
@@ -59,6 +96,90 @@ def shape(result: Result, index: int = 0, ax: Axes | None = None) -> Axes:
     ax.set_ylabel(r"displacement at $\tau = 1$")
     ax.set_title(rf"impact mode at $\Omega$ = {result.Omega[index]:.6g}", fontsize="medium")
     ax.set_xticks(result.dof if result.dof.size <= 30 else ax.get_xticks())
+    return ax
+
+
+def history(result: Result, dof: int | None = None, ax: Axes | None = None) -> Axes:
+    """Draw a coordinate over time, with its walls and the impacts of its constraint."""
+    ax = axes_or_new(ax)
+    dof, column = _column(result, dof)
+    ax.plot(result.t, result.x[:, column], color=REAL, linewidth=1.2)
+    _impacts(result, dof, ax)
+    until = result.error.predictable_until
+    if until < result.t[-1]:
+        ax.axvspan(until, result.t[-1], color=PHANTOM, alpha=0.25, linewidth=0.0)
+        ax.annotate("not predictable", (until, 1.0), (4, -4), va="top", fontsize="small",
+                    xycoords=("data", "axes fraction"), textcoords="offset points")  # fmt: skip
+    ax.set_xlabel("time")
+    ax.set_ylabel(rf"displacement $x_{{{dof}}}$")
+    ax.margins(x=0.0)
+    return ax
+
+
+def phase_plane(result: Result, dof: int | None = None, ax: Axes | None = None) -> Axes:
+    """Draw velocity over displacement of a degree of freedom, with the walls it strikes.
+
+    The line breaks at impacts, where the velocity jumps.
+    """
+    ax = axes_or_new(ax)
+    dof, column = _column(result, dof)
+    x, v = result.x[:, column], result.v[:, column]
+    breaks = np.zeros(0, dtype=np.int64)
+    if "impacts" in dir(result):
+        breaks = np.unique(np.searchsorted(result.t, result.impacts.time))
+        breaks = breaks[(breaks > 0) & (breaks < x.size)]
+    ax.plot(np.insert(x, breaks, np.nan), np.insert(v, breaks, np.nan), color=REAL, linewidth=0.9)
+    for wall in _gaps(result, dof):
+        ax.axvline(wall, color=WALL, linewidth=2.0)
+    ax.set_xlabel(rf"displacement $x_{{{dof}}}$")
+    ax.set_ylabel(rf"velocity $v_{{{dof}}}$")
+    return ax
+
+
+def _column(result: Result, dof: int | None) -> tuple[int, int]:
+    """Return a degree of freedom and its column: the first constrained one, if none is named."""
+    there = [int(d) for d in result.dof]
+    if dof is None:
+        struck = [c.get("dof") for c in result.request["system"].get("constraints") or ()]
+        dof = next((d for d in struck if d in there), there[0])
+    return dof, there.index(dof)
+
+
+def _gaps(result: Result, dof: int) -> list[float]:
+    """Return the places of the walls of a degree of freedom."""
+    walls: list[float] = []
+    for constraint in result.request["system"].get("constraints") or ():
+        if constraint.get("dof") == dof:
+            gap = constraint["gap"]
+            single = isinstance(gap, int | float)
+            lower, upper = (gap, gap) if single else (gap.get("lower"), gap.get("upper"))
+            walls += [s * w for s, w in ((-1.0, lower), (1.0, upper)) if w is not None]
+    return walls
+
+
+def _impacts(result: Result, dof: int, ax: Axes) -> None:
+    for wall in _gaps(result, dof):
+        ax.axhline(wall, color=WALL, linewidth=1.5)
+    if "impacts" not in dir(result):
+        return
+    constraints = result.request["system"].get("constraints") or ()
+    mine = [i for i, c in enumerate(constraints) if c.get("dof") == dof]
+    struck = np.isin(result.impacts.constraint, mine)
+    walls = _gaps(result, dof)
+    if struck.any() and walls:
+        places = np.where(result.impacts.side > 0, max(walls), min(walls))
+        ax.plot(result.impacts.time[struck], places[struck], ".", color=WALL, markersize=5)
+
+
+def displacement(result: Result, ax: Axes | None = None) -> Axes:
+    """Draw every computed degree of freedom over time."""
+    ax = axes_or_new(ax)
+    for column, dof in enumerate(result.dof):
+        ax.plot(result.t, result.x[:, column], linewidth=1.2, label=f"degree of freedom {dof}")
+    ax.set_xlabel("time")
+    ax.set_ylabel("displacement")
+    if result.dof.size > 1:
+        ax.legend(frameon=False)
     return ax
 
 

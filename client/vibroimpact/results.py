@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import io
 import json
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,47 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Array = np.ndarray[Any, Any]
+
+
+class Table(Mapping[str, Any]):
+    """Columns of equal length, or single numbers: ``impacts["time"]``, ``impacts.time``."""
+
+    def __init__(self, columns: dict[str, Any]) -> None:
+        self._columns = columns
+
+    @classmethod
+    def of(cls, group: h5py.Group) -> Table:
+        """Read a group of a file."""
+        columns = {k: _decoded(v) for k, v in group.items() if isinstance(v, h5py.Dataset)}
+        single = {k: _single(v) for k, v in group.attrs.items() if not k.startswith("_")}
+        return cls({**columns, **single})
+
+    def __getitem__(self, name: str) -> Any:
+        """Return a column."""
+        return self._columns[name]
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a column."""
+        columns: dict[str, Any] = self.__dict__.get("_columns", {})
+        if name in columns:
+            return columns[name]
+        raise AttributeError(f"the table has no {name!r}; it has {', '.join(columns)}")
+
+    def part(self, start: int, stop: int) -> Table:
+        """Return some of the rows."""
+        return Table({name: column[start:stop] for name, column in self._columns.items()})
+
+    def __iter__(self) -> Iterator[str]:
+        """Yield the names."""
+        return iter(self._columns)
+
+    def __len__(self) -> int:
+        """Return how many columns there are."""
+        return len(self._columns)
+
+    def __repr__(self) -> str:
+        """Return names and sizes."""
+        return f"<Table {', '.join(self._columns)}>"
 
 
 class Result:
@@ -33,6 +75,7 @@ class Result:
     def __init__(self, content: bytes) -> None:
         self._content = content
         self._arrays: dict[str, Array] = {}
+        self._tables: dict[str, Table] = {}
         self._long_names: dict[str, str] = {}
         with h5py.File(io.BytesIO(content), "r") as file:
             self.kind = str(file.attrs["kind"])
@@ -41,20 +84,45 @@ class Result:
             self.request: dict[str, Any] = json.loads(str(file.attrs["request"]))
             self.plan: dict[str, Any] = json.loads(str(file.attrs["plan"]))
             for name, item in file.items():
-                if isinstance(item, h5py.Dataset):
+                if isinstance(item, h5py.Dataset) and not _is_bare(item):
                     self._arrays[name] = _decoded(item)
                     self._long_names[name] = str(item.attrs.get("long_name", name))
+                elif isinstance(item, h5py.Group):
+                    self._tables[name] = Table.of(item)
 
-    def __getattr__(self, name: str) -> Array:
-        """Return an output."""
+    def __getattr__(self, name: str) -> Any:
+        """Return an output: an array, or a table of them."""
         arrays: dict[str, Array] = self.__dict__.get("_arrays", {})
         if name in arrays:
             return arrays[name]
-        raise AttributeError(f"the result has no {name!r}; it has {', '.join(sorted(arrays))}")
+        tables: dict[str, Table] = self.__dict__.get("_tables", {})
+        if name in tables:
+            return tables[name]
+        there = ", ".join(sorted([*arrays, *tables]))
+        raise AttributeError(f"the result has no {name!r}; it has {there}")
 
     def __dir__(self) -> list[str]:
         """Return the names of attributes, outputs among them."""
-        return [*super().__dir__(), *self._arrays]
+        return [*super().__dir__(), *self._arrays, *self._tables]
+
+    def rows(self, table: str, **at: float) -> Table:
+        """Return the rows of a table that belong to one point of a sweep.
+
+        Parameters
+        ----------
+        table : str
+            Its name, such as ``"impacts"``.
+        **at : float
+            Where to stand on each axis; the nearest value is taken.
+        """
+        dim = table if f"{table}_count" in self._arrays else table.removesuffix("s")
+        counts, offsets = self._arrays[f"{dim}_count"], self._arrays[f"{dim}_offset"]
+        axes = [str(dim) for dim in self.to_xarray()["status"].dims]
+        if set(at) != set(axes):
+            raise ValueError(f"a point is named by all axes: {', '.join(axes)}")
+        point = tuple(int(np.abs(self._arrays[axis] - at[axis]).argmin()) for axis in axes)
+        first = int(offsets[point])
+        return self._tables[table].part(first, first + int(counts[point]))
 
     def to_hdf5(self, path: str | Path) -> Path:
         """Write the file as the service sent it; return its path."""
@@ -69,10 +137,39 @@ class Result:
         with xarray.open_dataset(io.BytesIO(self._content), engine="h5netcdf") as data:
             return data.load()
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the impulse over the frequency, or the shape where there is one frequency."""
-        from vibroimpact import plots
+    def plot(
+        self,
+        ax: Axes | None = None,
+        *,
+        output: str | None = None,
+        at: Mapping[str, float] | None = None,
+    ) -> Axes:
+        """Draw the impulse over frequency, the shape at a single one, or the motion over time.
 
+        Of a sweep: an output over the one or two dimensions that are left, see
+        `vibroimpact.sweep_plots.draw`.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Where to draw; absent: a new figure.
+        output : str, optional
+            What to draw of a sweep; absent: the first output.
+        at : mapping, optional
+            Of a sweep: dimension -> where to stand on it.
+        """
+        from vibroimpact import plots, sweep_plots
+
+        if self.kind == "sweep":
+            return sweep_plots.draw(self, output, at, ax)
+        if self.kind == "existence-bands":
+            return plots.bands(self, ax)
+        if self.kind == "resonances":
+            return plots.resonances(self, ax)
+        if self.kind == "time-history":
+            return plots.history(self, ax=ax)
+        if self.kind == "slow-flow":
+            return plots.displacement(self, ax)
         if "shape" in self._arrays and self.Omega.size == 1:
             return plots.shape(self, 0, ax)
         return plots.impulse(self, ax)
@@ -90,6 +187,17 @@ class Result:
         )
         head = f"<b>{html.escape(self.kind)}</b> <code>{self.digest[:12]}</code>"
         return f"{head}<table>{rows}</table>"
+
+
+def _is_bare(item: h5py.Dataset) -> bool:
+    """Whether a dataset only stands for a dimension without a coordinate."""
+    name = item.attrs.get("NAME", b"")
+    return bytes(name).startswith(b"This is a netCDF dimension but not a netCDF variable")
+
+
+def _single(value: Any) -> Any:
+    """Return a number that a file holds as an array of one."""
+    return value.item() if isinstance(value, np.ndarray) and value.size == 1 else value
 
 
 def _decoded(item: h5py.Dataset) -> Array:

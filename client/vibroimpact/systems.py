@@ -126,5 +126,35 @@ def frequencies(given: Any, unit: str = "Omega") -> Document:
     return {"values": np.atleast_1d(np.asarray(given, dtype=np.float64)).tolist(), "unit": unit}
 
 
+def times(given: Any) -> Document:
+    """Return the document of times: an array, a mapping, or (start, stop, num)."""
+    if isinstance(given, Mapping):
+        return dict(given)
+    if isinstance(given, tuple) and len(given) == 3:
+        start, stop, num = given
+        return {"start": float(start), "stop": float(stop), "num": int(num)}
+    return {"values": np.atleast_1d(np.asarray(given, dtype=np.float64)).tolist()}
+
+
 def _preset(name: str, constraints: Iterable[Document], **parameters: Any) -> Document:
     return {"preset": name, **parameters, "constraints": list(constraints)}
+
+
+def harmonic(dof: int, amplitude: float, frequency: float, phase: float = 0.0) -> Document:
+    """Return a load ``amplitude cos(frequency t + phase)`` on one degree of freedom."""
+    return {
+        "dof": int(dof),
+        "amplitude": float(amplitude),
+        "frequency": float(frequency),
+        "phase": float(phase),
+    }
+
+
+def soft(exponent: float = 17.0, stiffness: float = 1.0, scale: float = 1.0) -> Document:
+    """Return soft limiters with the force ``-stiffness (y / (scale gap))^exponent``."""
+    return {
+        "law": "power",
+        "exponent": float(exponent),
+        "stiffness": float(stiffness),
+        "scale": float(scale),
+    }

@@ -1,21 +1,25 @@
-"""One request and its answer: addresses, timeouts, retries, and problems as exceptions."""
+"""Holds conversations over HTTP: one class waits, the other is asynchronous."""
 
 from __future__ import annotations
 
-import random
+import asyncio
 import time
-import uuid
 from collections.abc import Mapping
 from typing import Any
 
 # httpx2 is the maintained successor of httpx, with the same interface.
 import httpx2
 
-from vibroimpact.errors import ConnectionFailed, from_problem
+from vibroimpact import conversations
+from vibroimpact.conversations import Conversation, NoAnswer, Outcome, Pause, Reply
 
-_AGAIN = frozenset({408, 429, 500, 502, 503, 504})
-_TRIES = 4
-_LONGEST_PAUSE = 120.0
+_CONNECT_SECONDS = 5.0
+
+
+def _settings(url: str, timeout: float, key: str | None) -> dict[str, Any]:
+    headers = {} if key is None else {"Authorization": f"Bearer {key}"}
+    limits = httpx2.Timeout(timeout, connect=_CONNECT_SECONDS)
+    return {"base_url": url, "timeout": limits, "headers": headers}
 
 
 class Transport:
@@ -29,74 +33,92 @@ class Transport:
         Longest wait for an answer, in seconds.
     transport : httpx2.BaseTransport, optional
         Where requests go instead of the network; for tests.
+    key : str, optional
+        API key or token.
     """
 
     def __init__(
-        self, url: str, timeout: float, transport: httpx2.BaseTransport | None = None
+        self,
+        url: str,
+        timeout: float,
+        transport: httpx2.BaseTransport | None = None,
+        key: str | None = None,
     ) -> None:
-        limits = httpx2.Timeout(timeout, connect=5.0)
-        self._http = httpx2.Client(base_url=url, timeout=limits, transport=transport)
+        self._http = httpx2.Client(transport=transport, **_settings(url, timeout, key))
         self.url = url
 
-    def request(
-        self,
-        method: str,
-        path: str,
-        *,
-        json: Any = None,
-        params: Mapping[str, str] | None = None,
-        headers: Mapping[str, str] | None = None,
-    ) -> httpx2.Response:
-        """Send a request, again where that is safe, and return a good answer.
+    def hold(self, conversation: Conversation[Outcome]) -> Outcome:
+        """Hold a conversation and return its outcome."""
+        reply: Reply = None
+        try:
+            while True:
+                step = conversation.send(reply)
+                if isinstance(step, Pause):
+                    time.sleep(step.seconds)
+                    reply = None
+                    continue
+                try:
+                    reply = self._http.request(
+                        step.method,
+                        step.path,
+                        json=step.json,
+                        params=step.params,
+                        headers=step.headers,
+                    )
+                except httpx2.TransportError as error:
+                    reply = NoAnswer(self.url, error)
+        except StopIteration as end:
+            outcome: Outcome = end.value
+            return outcome
 
-        Raises
-        ------
-        ConnectionFailed
-            Where nobody answers.
-        ServerError
-            Where the answer is a problem.
-        """
-        sent = dict(headers or {})
-        if method == "POST":
-            # The same for all tries, so that the service does it once.
-            sent.setdefault("Idempotency-Key", uuid.uuid4().hex)
-        for turn in range(_TRIES):
-            last = turn == _TRIES - 1
-            try:
-                answer = self._http.request(method, path, json=json, params=params, headers=sent)
-            except httpx2.TransportError as error:
-                if last:
-                    message = f"no answer from {self.url}: {error}"
-                    raise ConnectionFailed(message) from error
-                time.sleep(_pause(turn, None))
-                continue
-            if answer.status_code not in _AGAIN or last or not _retryable(answer):
-                break
-            time.sleep(_pause(turn, answer.headers.get("Retry-After")))
-        if answer.status_code >= 400:
-            raise from_problem(_problem(answer))
-        return answer
+    def request(
+        self, method: str, path: str, *, json: Any = None, params: Mapping[str, str] | None = None
+    ) -> httpx2.Response:
+        """Send a request, again where that is safe, and return a good answer."""
+        return self.hold(conversations.request(method, path, json=json, params=params))
 
     def close(self) -> None:
         """Close the connections."""
         self._http.close()
 
 
-def _pause(turn: int, asked: str | None) -> float:
-    if asked is not None and asked.isdigit():
-        return min(float(asked), _LONGEST_PAUSE)
-    return min(8.0, 0.5 * 2.0**turn) * random.uniform(0.5, 1.0)
+class AsyncTransport:
+    """The same, asynchronously."""
 
+    def __init__(
+        self,
+        url: str,
+        timeout: float,
+        transport: httpx2.AsyncBaseTransport | None = None,
+        key: str | None = None,
+    ) -> None:
+        self._http = httpx2.AsyncClient(transport=transport, **_settings(url, timeout, key))
+        self.url = url
 
-def _problem(answer: httpx2.Response) -> dict[str, Any]:
-    try:
-        problem = answer.json()
-    except ValueError:
-        problem = None
-    if not isinstance(problem, dict):
-        problem = {"detail": answer.text[:200]}
-    return {"status": answer.status_code} | problem
+    async def hold(self, conversation: Conversation[Outcome]) -> Outcome:
+        """Hold a conversation and return its outcome."""
+        reply: Reply = None
+        try:
+            while True:
+                step = conversation.send(reply)
+                if isinstance(step, Pause):
+                    await asyncio.sleep(step.seconds)
+                    reply = None
+                    continue
+                try:
+                    reply = await self._http.request(
+                        step.method,
+                        step.path,
+                        json=step.json,
+                        params=step.params,
+                        headers=step.headers,
+                    )
+                except httpx2.TransportError as error:
+                    reply = NoAnswer(self.url, error)
+        except StopIteration as end:
+            outcome: Outcome = end.value
+            return outcome
 
-
-def _retryable(answer: httpx2.Response) -> bool:
-    return bool(_problem(answer).get("retryable", True))
+    async def close(self) -> None:
+        """Close the connections."""
+        await self._http.aclose()

@@ -11,6 +11,7 @@ import pytest
 import xarray
 
 import vibroimpact as vi
+from vibroimpact import plots
 
 mpl.use("Agg")
 
@@ -100,3 +101,61 @@ def test_a_service_that_cannot_start_says_why(tmp_path: Path) -> None:
         assert other.version()["kinds"]
         with pytest.raises(vi.EmbeddedServiceError):
             vi.Client(data=tmp_path / "fine")
+
+
+def test_a_history_is_arrays_tables_and_pictures(client: vi.Client) -> None:
+    ball = vi.bouncing_ball([vi.constraint(0, {"lower": 0.0}, restitution=0.9)])
+    result = client.time_history(ball, ([1.0], [0.0]), 10.0, t=101)
+    assert result.kind == "time-history"
+    assert result.x.shape == result.v.shape == (101, 1)
+    assert result.energy.shape == (101,)
+    assert result.impacts.time.size == result.count.impacts > 100
+    np.testing.assert_allclose(result.impacts["time"][0], np.sqrt(2.0 / 9.81), rtol=1e-15)
+    np.testing.assert_allclose(result.contacts.rest, 19.0 * np.sqrt(2.0 / 9.81), rtol=1e-14)
+    assert result.error.predictable_until == 10.0
+    assert "estimate" in result.error.statement
+    ax = result.plot()
+    assert ax.get_xlabel() == "time"
+    plane = plots.phase_plane(result)
+    assert "velocity" in plane.get_ylabel()
+    with pytest.raises(AttributeError, match="it has"):
+        _ = result.impacts.nothing
+    assert {"time", "constraint", "side"} <= set(result.impacts)
+    assert result.to_xarray().sizes == {"t": 101, "dof": 1}
+
+
+def test_a_history_starts_on_an_impact_mode(client: vi.Client) -> None:
+    load = [vi.harmonic(0, 1e-9, 0.5)]
+    result = client.time_history(STRUCTURE, 3.0, 10.0, dofs=[5], t=[0.0, 10.0], load=load)
+    half = np.pi / 3.0
+    expected = half * np.arange(0.5, 10.0 / half)
+    np.testing.assert_allclose(result.impacts.time, expected, rtol=1e-7)
+    assert result.impacts.side.tolist() == [(-1) ** n for n in range(expected.size)]
+
+
+def test_faults_of_a_history_are_named(client: vi.Client) -> None:
+    for initial, t_end, pointer in (
+        (([0.0] * 5 + [0.3] + [0.0] * 7, [0.0] * 13), 1.0, "/initial/x"),
+        (([0.0], [0.0]), 1.0, "/initial/x"),
+        (([0.0] * 13, [0.0] * 13), 0.0, "/t_end"),
+        (0.5, 1.0, "/initial/impact_mode/Omega"),
+    ):
+        with pytest.raises(vi.InvalidRequest) as caught:
+            client.time_history(STRUCTURE, initial, t_end)
+        assert pointer in str(caught.value)
+    with pytest.raises(vi.InvalidRequest, match="/tolerance"):
+        client.time_history(STRUCTURE, ([0.0] * 13, [0.0] * 13), 1.0, tolerance=1e-18)
+
+
+def test_bands_and_resonances_are_tables_and_pictures(client: vi.Client) -> None:
+    structure = vi.chain(13, [vi.constraint(5, 0.2)])
+    result = client.existence_bands(structure, 1.5, 3.0, outputs=("bands", "rejected", "stability"))
+    assert result.bands.stop[-1] == 3.0
+    # eq. 10.63
+    assert result.bands.start[-1] == pytest.approx(2 * np.sin(13 * np.pi / 28), rel=1e-14)
+    assert set(result.bands.certified) == {"yes"}
+    assert result.bands.stop_reason[-1] == "range"
+    assert result.plot().get_xlabel()
+    held = client.resonances(structure, odd_max=3)
+    assert held.Omega.size == 24
+    assert held.plot().get_ylabel() == "resonating harmonic"

@@ -9,7 +9,7 @@ from pydantic import TypeAdapter
 
 import vibroimpact as vi
 from vibroimpact.systems import frequencies, matrix
-from vibroimpact_schema.requests import ImpactModesRequest
+from vibroimpact_schema.requests import ImpactModesRequest, SlowFlowRequest
 from vibroimpact_schema.systems import System
 
 STOP = [vi.constraint(0, 0.1)]
@@ -63,3 +63,11 @@ def test_the_request_is_what_the_schema_takes() -> None:
         vi.chain(3, STOP), [1.0], outputs=("waveform",), tau=[0.5], dofs=np.array([1]), active=[0]
     )
     ImpactModesRequest.model_validate(request)
+
+
+def test_the_request_of_a_slow_flow_is_what_the_schema_takes() -> None:
+    for t in ((0, 9, 10), [0.5, 1.0], {"stop": 3.0, "num": 4}):
+        request = vi.slow_flow_request(
+            vi.oscillator(STOP), "oscillator", "family", {"energy": 1, "root": 1}, t
+        )
+        SlowFlowRequest.model_validate(request)

@@ -1,0 +1,1 @@
+"""Benchmarks: run time against error, speed against peers, scaling, and what plans skip."""

@@ -1,0 +1,149 @@
+"""How times are measured: warmed up, in turns, as medians, on a machine that is described.
+
+Functions that are compared take turns in one run, so that whatever else the machine does
+hits all of them; a ratio is the median over the rounds of the ratio in each round. Beside the
+time on the clock stands that of the processor, which neighbours on a shared machine
+lengthen less.
+"""
+
+from __future__ import annotations
+
+import gc
+import math
+import os
+import platform
+import statistics
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+Work = Callable[[], object]
+
+SAMPLE = 0.02
+"""Seconds that a sample should take at least: quick functions are repeated inside it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """Seconds of one call.
+
+    Parameters
+    ----------
+    wall, processor : float
+        Medians over the rounds.
+    best : float
+        The least time of the processor.
+    rounds : tuple of float
+        Time of the processor in each round.
+    """
+
+    wall: float
+    processor: float
+    best: float
+    rounds: tuple[float, ...]
+
+
+def measure(rounds: int = 7, sample: float = SAMPLE, **functions: Work) -> dict[str, Timing]:
+    """Time functions in turns.
+
+    Parameters
+    ----------
+    rounds : int
+        How often each has its turn.
+    sample : float
+        Seconds of one turn, at least.
+    functions
+        What is timed, by name; each is called once before, which compiles and fills caches.
+    """
+    repeats = {name: _repeats(function, sample) for name, function in functions.items()}
+    wall: dict[str, list[float]] = {name: [] for name in functions}
+    processor: dict[str, list[float]] = {name: [] for name in functions}
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        for _ in range(rounds):
+            for name, function in functions.items():
+                clock, used = time.perf_counter(), time.process_time()
+                for _ in range(repeats[name]):
+                    function()
+                processor[name].append((time.process_time() - used) / repeats[name])
+                wall[name].append((time.perf_counter() - clock) / repeats[name])
+    finally:
+        if collects:
+            gc.enable()
+    return {
+        name: Timing(
+            statistics.median(wall[name]),
+            statistics.median(processor[name]),
+            min(processor[name]),
+            tuple(processor[name]),
+        )
+        for name in functions
+    }
+
+
+def _repeats(function: Work, sample: float) -> int:
+    function()
+    start = time.perf_counter()
+    function()
+    once = time.perf_counter() - start
+    return max(1, math.ceil(sample / max(once, 1e-7)))
+
+
+def ratio(slow: Timing, fast: Timing) -> float:
+    """Return how many times faster the second is: the median of the ratios in each round."""
+    return statistics.median(a / b for a, b in zip(slow.rounds, fast.rounds, strict=True))
+
+
+def worst(errors: Iterable[float]) -> float:
+    """Return the largest relative error, for a table; 0 where there is none."""
+    return float(np.max(np.abs(np.fromiter(errors, dtype=np.float64)), initial=0.0))
+
+
+def machine() -> dict[str, Any]:
+    """Describe the machine and what is installed on it."""
+    return {
+        "processor": _processor(),
+        "cores": len(os.sched_getaffinity(0))
+        if hasattr(os, "sched_getaffinity")
+        else os.cpu_count(),
+        "vectors": _vectors(),
+        "system": f"{platform.system()} {platform.release()}",
+        "python": platform.python_version(),
+        "packages": versions("vibroimpact", "numpy", "scipy", "numba", "llvmlite"),
+        "load": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
+    }
+
+
+def versions(*packages: str) -> Mapping[str, str]:
+    """Return the versions of the packages that are installed."""
+    found = {}
+    for package in packages:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def _processor() -> str:
+    path = Path("/proc/cpuinfo")
+    if path.exists():
+        first = path.read_text().split("\n\n", 1)[0].splitlines()
+        pairs = (line.partition(":") for line in first)
+        facts = {name.strip(): value.strip() for name, _, value in pairs}
+        name, megahertz = facts.get("model name", ""), facts.get("cpu MHz", "")
+        family = f"family {facts.get('cpu family')} model {facts.get('model')}"
+        return f"{name}, {family}, {megahertz} MHz"
+    return platform.processor()
+
+
+def _vectors() -> str:
+    path = Path("/proc/cpuinfo")
+    flags = path.read_text() if path.exists() else ""
+    return next((name for name in ("avx512f", "avx2", "sse2") if f" {name}" in flags), "unknown")

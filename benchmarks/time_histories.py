@@ -1,0 +1,289 @@
+"""Time histories: run time against error, and impacts missed, against general integrators."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import partial
+from typing import Any, Final
+
+import mpmath
+import numpy as np
+
+from benchmarks.harness import measure, ratio
+from benchmarks.peers import PEERS, Integrator, Outcome, Scene, installed, settings, solve_ivp
+from benchmarks.tables import Goal, Plot, Table
+from vibroimpact_solvers import impact_modes, presets, spectrum, time_history
+from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.model import Constraint, System
+from vibroimpact_solvers.time_history import Problem, State
+
+_MICRO = 1e6
+_TOLERANCES: Final = (1e-6, 1e-9, 1e-12, 1e-15)
+_GAP = 0.2
+
+
+def ours(system: System, scene: Scene) -> Outcome:
+    """Plan and solve, as the service does: the impacts and the state at the end."""
+    n = scene.n
+    problem = Problem(
+        system,
+        State(scene.state[:n], scene.state[n:]),
+        scene.t_end,
+        t=np.array([scene.t_end]),
+        outputs=frozenset({"impacts", "x", "v"}),
+    )
+    found = time_history.solve(problem, time_history.plan(problem))
+    assert found.impact_time is not None
+    assert found.x is not None
+    assert found.v is not None
+    return Outcome(tuple(found.impact_time.tolist()), np.concatenate([found.x[0], found.v[0]]))
+
+
+def oscillator() -> tuple[System, Scene, list[float]]:
+    """Return case A, with the times of its impacts to 30 digits, rounded.
+
+    One mass, Omega = 1, walls at +-1, k = 0.95, x = 0, v = 5, 100 impacts. A flight from wall
+    to wall with speed u takes 2 arctan(1/u).
+    """
+    with mpmath.workdps(30):
+        k, speed = mpmath.mpf("0.95"), mpmath.sqrt(24)
+        t, times = mpmath.asin(mpmath.mpf(1) / 5), []
+        for _ in range(101):
+            times.append(t)
+            speed *= k
+            t += 2 * mpmath.atan(1 / speed)
+        end = float((times[99] + times[100]) / 2)
+    system = presets.oscillator([Constraint.at(0, 1.0, 0.95)], 1.0)
+    scene = Scene(np.eye(1), 0, 1.0, 0.95, np.array([0.0, 5.0]), end)
+    return system, scene, [float(t) for t in times[:100]]
+
+
+def from_mode(n: int, dof: int, omega: float, periods: int) -> tuple[System, Scene, Floats]:
+    """Return an elastic chain that starts on its impact mode, at tau = 0, and its first state."""
+    system = presets.chain(n, [Constraint.at(dof, _GAP)])
+    natural = spectrum.spectrum(system)
+    problem = impact_modes.Problem(system, np.array([omega]), outputs=frozenset({"impulse"}))
+    impulse = impact_modes.solve(problem, impact_modes.plan(problem)).impulse
+    assert impulse is not None
+    # x = p/omega^2 sum e_j a_j sin(gamma tau)/(gamma cos gamma), eq. 10.47, at tau = 0.
+    gamma = natural.roots / omega
+    amplitude = natural.rows(np.array([dof]))[0] / np.cos(gamma)
+    v = impulse[0, 0] / omega * (natural.modes @ amplitude)
+    state = np.concatenate([np.zeros(n), v])
+    scene = Scene(system.K.to_dense(), dof, _GAP, 1.0, state, periods * 4.0 / omega)
+    return system, scene, state
+
+
+def _errors(case: str, outcome: Outcome, exact: Any) -> tuple[int, float]:
+    """Return how many impacts are missing, and the error of what was found."""
+    if case == "A":
+        missing = max(0, len(exact) - len(outcome.times))
+        if missing or not outcome.times:
+            return missing, float("nan")
+        return 0, max(1e-17, abs(outcome.times[99] / exact[99] - 1.0))
+    count, state = exact
+    missing = max(0, count - len(outcome.times))
+    error = float(np.abs(outcome.state - state).max() / np.abs(state).max())
+    return missing, max(1e-17, error)
+
+
+def cases() -> list[tuple[str, str, System, Scene, Any]]:
+    """Return the cases with their exact answers."""
+    found: list[tuple[str, str, System, Scene, Any]] = []
+    system, scene, times = oscillator()
+    found.append(("A", "oscillator, k=0.95, 100 impacts", system, scene, times))
+    roots = spectrum.spectrum(presets.chain(13, [Constraint.at(5, _GAP)])).roots
+    omega = 2.0 / np.pi * roots[4] + 0.02
+    for periods in (1, 10):
+        system, scene, state = from_mode(13, 5, omega, periods)
+        title = f"chain N=13, elastic, {periods} period{'s' if periods > 1 else ''}"
+        found.append(("B", title, system, scene, (2 * periods, state)))
+    top = 2.0 * math.sin(100 * math.pi / 202)
+    system, scene, state = from_mode(100, 49, 1.5 * 2.0 / np.pi * top, 10)
+    found.append(("C", "chain N=100, elastic, 10 periods", system, scene, (20, state)))
+    return found
+
+
+def work_precision() -> Table:
+    """Run time against error from loose to tight tolerances, all integrators in one run.
+
+    A: error of the time of the hundredth impact. B and C: error of the state after whole
+    periods of an impact mode, whose first state is exact to rounding; the modes are unstable,
+    which magnifies that rounding.
+    """
+    rows: list[tuple[Any, ...]] = []
+    for case, title, system, scene, exact in cases():
+        prepared: list[tuple[str, float | None, Integrator]] = [
+            ("Vibroimpact", None, partial(ours, system))
+        ]
+        for name in installed():
+            if case == "C" and name not in {"heyoka", "scipy DOP853"}:
+                continue
+            if name == "diffrax Dopri8" and case != "A":
+                continue
+            for tolerance in _tolerances(name):
+                prepared.append((name, tolerance, PEERS[name][1](tolerance)(scene)))
+        for name, setting, run in prepared:
+            missing, error = _errors(case, run(scene), exact)
+            timed = measure(rounds=3, sample=0.0, run=partial(run, scene))["run"]
+            shown = "–" if setting is None else f"{setting:g}"
+            rows.append((f"{case}: {title}", name, shown, timed.processor * 1e3, missing, error))
+    return Table(
+        "Run time against error: time histories",
+        ("case", "integrator", "tolerance", "time [ms]", "impacts missed", "error"),
+        rows,
+        f"Time of the processor, one core, compiled beforehand. {settings()}. Relative "
+        "tolerances; absolute ones are a hundredth of them. No number: impacts are missing.",
+        plots=(Plot("time [ms]", "error", by="integrator", panel="case"),),
+    )
+
+
+def _tolerances(name: str) -> Sequence[float]:
+    if name == "heyoka":
+        return (1e-9, 1e-12, 2.0**-52)
+    if name.startswith("scipy"):
+        return (1e-6, 1e-9, 1e-12, 2.5e-14)
+    return (1e-6, 1e-9, 1e-12)
+
+
+def against_heyoka() -> Table:
+    """Compare with heyoka at full precision, taking turns in one run."""
+    if "heyoka" not in installed():
+        return Table("Against heyoka", ("case",), [], "heyoka is not installed")
+    rows = []
+    goals = {"A": 8.0, "B": 8.0, "C": 5.0}
+    for case, title, system, scene, _ in cases():
+        peer = PEERS["heyoka"][1](2.0**-52)(scene)
+        mine = partial(ours, system, scene)
+        found = measure(rounds=7, ours=mine, heyoka=partial(peer, scene))
+        impacts = len(mine().times)
+        times = ratio(found["heyoka"], found["ours"])
+        goal = None if "1 period" in title and case == "B" and "10" not in title else goals[case]
+        rows.append(
+            (
+                f"{case}: {title}",
+                impacts,
+                found["ours"].processor / impacts * _MICRO,
+                found["heyoka"].processor / impacts * _MICRO,
+                times,
+                goal,
+            )
+        )
+    return Table(
+        "Against heyoka",
+        ("case", "impacts", "ours [µs/impact]", "heyoka [µs/impact]", "times faster", "goal"),
+        rows,
+        "Ours with planning, error estimate and condition; heyoka's integrator made beforehand.",
+        Goal("times faster", "goal", at_least=True),
+    )
+
+
+def long_motions() -> Table:
+    """Compare with heyoka in elastic motions with many impacts, where starting costs nothing."""
+    rows: list[tuple[Any, ...]] = []
+    for title, n, dof, factor, periods, goal in (
+        ("oscillator", 1, 0, 1.5, 5000, 8.0),
+        ("chain N=13", 13, 5, 1.05, 500, 8.0),
+        ("chain N=100", 100, 49, 1.5, 250, 5.0),
+        ("chain N=1000", 1000, 499, 1.5, 20, 3.0),
+    ):
+        top = spectrum.spectrum(presets.chain(n, [Constraint.at(dof, _GAP)])).largest_frequency
+        system, scene, _ = from_mode(n, dof, factor * 2.0 / np.pi * top, periods)
+        functions: dict[str, Any] = {"ours": partial(ours, system, scene)}
+        if n < 1000 and "heyoka" in installed():
+            functions["heyoka"] = partial(PEERS["heyoka"][1](2.0**-52)(scene), scene)
+        found = measure(3, **functions)
+        impacts = len(ours(system, scene).times)
+        each = found["ours"].processor / impacts * _MICRO
+        if "heyoka" not in found:
+            rows.append((title, impacts, each, None, None, None))
+            continue
+        theirs = len(functions["heyoka"]().times)
+        peer = found["heyoka"].processor / theirs * _MICRO
+        rows.append((title, impacts, each, peer, peer / each, goal))
+    return Table(
+        "Against heyoka, long motions",
+        ("case", "impacts", "ours [µs/impact]", "heyoka [µs/impact]", "times faster", "goal"),
+        rows,
+        "heyoka at full double precision. A thousand masses take it minutes to compile.",
+        Goal("times faster", "goal", at_least=True),
+    )
+
+
+def bouncing_ball() -> Table:
+    """Drop a ball from 1 m, k = 0.9: infinitely many impacts before it rests at 8.5789… s."""
+    exact = math.sqrt(2.0 / 9.81) * 1.9 / 0.1
+    system = presets.bouncing_ball([Constraint((0,), (1.0,), 0.0, None, 0.9)])
+    problem = Problem(
+        system,
+        State(np.array([1.0]), np.array([0.0])),
+        20.0,
+        t=np.array([20.0]),
+        outputs=frozenset({"impacts", "contacts", "x", "v"}),
+    )
+    rows: list[tuple[Any, ...]] = []
+    found = time_history.solve(problem, time_history.plan(problem))
+    assert found.contact_rest is not None
+    assert found.x is not None
+    timed = measure(rounds=5, ours=lambda: time_history.solve(problem, time_history.plan(problem)))[
+        "ours"
+    ]
+    rest = float(found.contact_rest[0])
+    rows.append(("Vibroimpact", "rests", abs(rest / exact - 1.0), float(found.x[0, 0]), timed.wall))
+    rows += [_scipy_ball(method) for method in ("DOP853", "LSODA")]
+    return Table(
+        "E: the bouncing ball",
+        ("integrator", "outcome", "error of the time of rest", "x at t = 20", "time [s]"),
+        rows,
+        "Peers are stopped after 10⁴ impacts or when an impact is no later than the last.",
+    )
+
+
+def _scipy_ball(method: str) -> tuple[Any, ...]:
+    def floor(t: float, y: Floats) -> float:
+        return float(y[0])
+
+    floor.terminal, floor.direction = True, -1.0  # type: ignore[attr-defined]
+    state: dict[str, Any] = {}
+
+    def fall(t: float, y: Floats) -> Any:
+        return solve_ivp(
+            lambda t, y: [y[1], -9.81],
+            (t, 20.0),
+            y,
+            method=method,
+            rtol=1e-10,
+            atol=1e-12,
+            events=floor,
+        )
+
+    def run() -> None:
+        t, y, outcome, count = 0.0, np.array([1.0, 0.0]), "falls through the floor", 0
+        while t < 20.0:
+            try:
+                found = fall(t, y)
+            except ValueError:
+                outcome = "throws"
+                break
+            if found.status != 1:
+                break
+            count += 1
+            if found.t[-1] <= t or count >= 10_000:
+                outcome = "stalls"
+                break
+            t, y = found.t[-1], np.array([0.0, -0.9 * found.y[1, -1]])
+        state.update(t=t, y=float(found.y[0, -1]), outcome=outcome)
+
+    timed = measure(rounds=1, sample=0.0, run=run)["run"]
+    exact = math.sqrt(2.0 / 9.81) * 1.9 / 0.1
+    return (
+        f"scipy {method}",
+        state["outcome"],
+        abs(state["t"] / exact - 1.0),
+        state["y"],
+        timed.wall,
+    )
+
+
+TABLES: Final = (work_precision, against_heyoka, long_motions, bouncing_ball)

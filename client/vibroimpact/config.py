@@ -1,0 +1,109 @@
+"""Which service is meant: arguments before the environment before a file of profiles.
+
+The file is ``~/.config/vibroimpact/config.toml``, or the one that VIBROIMPACT_CONFIG names::
+
+    default = "lab"
+
+    [profiles.lab]
+    url = "https://vibroimpact.lab.example"
+    key = "vik_..."
+    timeout = 120
+"""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from vibroimpact.errors import ConfigurationError
+
+TIMEOUT: Final = 60.0
+"""Longest wait for one answer where nothing else is said, in seconds."""
+_FIELDS: Final[Mapping[str, tuple[type, ...]]] = {
+    "url": (str,),
+    "key": (str,),
+    "timeout": (int, float),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Connection:
+    """Where the service is and how to speak to it; no address stands for one of our own."""
+
+    url: str | None
+    key: str | None
+    timeout: float
+
+
+def connection(
+    url: str | None = None,
+    key: str | None = None,
+    timeout: float | None = None,
+    profile: str | None = None,
+    environment: Mapping[str, str] = os.environ,
+) -> Connection:
+    """Return what arguments, environment and file say together.
+
+    The key of a profile goes to the address of that profile and to no other.
+
+    Raises
+    ------
+    ConfigurationError
+        Where they cannot be understood.
+    """
+    chosen = profile or environment.get("VIBROIMPACT_PROFILE")
+    given_url = url or environment.get("VIBROIMPACT_URL")
+    # A profile asked for in the program goes before an address in the environment.
+    if profile is not None and url is None:
+        given_url = None
+    said = {} if given_url is not None and chosen is None else _profile(chosen, environment)
+    address = given_url or said.get("url")
+    own = said if address == said.get("url") else {}
+    wait = timeout if timeout is not None else _seconds(environment) or said.get("timeout")
+    return Connection(
+        address,
+        key or environment.get("VIBROIMPACT_KEY") or own.get("key"),
+        TIMEOUT if wait is None else float(wait),
+    )
+
+
+def _seconds(environment: Mapping[str, str]) -> float | None:
+    text = environment.get("VIBROIMPACT_TIMEOUT")
+    try:
+        return None if text is None else float(text)
+    except ValueError:
+        raise ConfigurationError(f"VIBROIMPACT_TIMEOUT is {text!r}, not a number") from None
+
+
+def _profile(name: str | None, environment: Mapping[str, str]) -> dict[str, Any]:
+    path = _path(environment)
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        if name is None:
+            return {}
+        raise ConfigurationError(f"there is no file of profiles {path}") from None
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ConfigurationError(f"{path}: {error}") from None
+    chosen = name or content.get("default")
+    if chosen is None:
+        return {}
+    profiles = content.get("profiles", {})
+    if not isinstance(profiles, dict) or not isinstance(profiles.get(chosen), dict):
+        raise ConfigurationError(f"{path} has no profile {chosen!r}")
+    found: dict[str, Any] = profiles[chosen]
+    for field, value in found.items():
+        if field not in _FIELDS or not isinstance(value, _FIELDS[field]):
+            raise ConfigurationError(f"{path}: profile {chosen!r}: {field} is not understood")
+    return found
+
+
+def _path(environment: Mapping[str, str]) -> Path:
+    if "VIBROIMPACT_CONFIG" in environment:
+        return Path(environment["VIBROIMPACT_CONFIG"]).expanduser()
+    base = environment.get("XDG_CONFIG_HOME") or "~/.config"
+    return Path(base).expanduser() / "vibroimpact" / "config.toml"

@@ -1,0 +1,94 @@
+"""The figures of the chapter: a script each, computed by a service, drawn and checked."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+
+from vibroimpact.client import Client
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def folder() -> Path:
+    """Return where the scripts are: in the installed package, or in the repository."""
+    here = Path(__file__).resolve().parent
+    installed = here / "_gallery"
+    return installed if installed.is_dir() else here.parent.parent / "docs" / "gallery"
+
+
+def figures() -> list[str]:
+    """Return the numbers of the figures that there are, such as ``"10.19"``."""
+    return [_number(path) for path in sorted(folder().glob("fig_*.py"))]
+
+
+def draw(client: Client, figure: str) -> Figure:
+    """Compute and draw one figure.
+
+    Raises
+    ------
+    AssertionError
+        Where a number is not the expected one.
+    """
+    with _importable(folder()):
+        script: Any = importlib.import_module(_module(figure))
+        drawn: Figure = script.draw(client)
+        return drawn
+
+
+def run(wanted: Sequence[str], out: Path) -> bool:
+    """Draw figures, all where none is named; return whether all of them are right."""
+    console = Console()
+    chosen = list(wanted) or figures()
+    unknown = [figure for figure in chosen if figure not in figures()]
+    if unknown:
+        known = ", ".join(figures())
+        console.print(f"there is no figure {', '.join(unknown)}; there are {known}")
+        return False
+    out.mkdir(parents=True, exist_ok=True)
+    wrong = 0
+    with console.status("starting a service of our own …"):
+        client = Client()
+    with client:
+        for figure in chosen:
+            with console.status(f"Fig. {figure} …"):
+                wrong += not _written(client, figure, out, console)
+    return wrong == 0
+
+
+def _written(client: Client, figure: str, out: Path, console: Console) -> bool:
+    path = out / f"{_module(figure)}.png"
+    try:
+        draw(client, figure).savefig(path, dpi=110)
+    except AssertionError as error:
+        console.print(f"Fig. {figure}: a number is not the expected one\n{error}")
+        return False
+    console.print(f"Fig. {figure}: {path}")
+    return True
+
+
+def _module(figure: str) -> str:
+    chapter, _, number = figure.partition(".")
+    return f"fig_{chapter}_{int(number):02d}"
+
+
+def _number(path: Path) -> str:
+    _, chapter, number = path.stem.split("_")
+    return f"{chapter}.{int(number)}"
+
+
+@contextmanager
+def _importable(place: Path) -> Iterator[None]:
+    """Let scripts import one another, as they do when they are run by themselves."""
+    sys.path.insert(0, str(place))
+    try:
+        yield
+    finally:
+        sys.path.remove(str(place))

@@ -1,0 +1,53 @@
+"""Profiles of chains against exact flights and soft limiters, Fig. 10.13-10.18."""
+
+import soft_limiter
+from drawing import SOFT, close, np, profile, vi
+
+
+def natural(n):
+    """Return the natural frequencies 2 sin(pi j / 2 (n + 1)), eq. 10.63."""
+    return 2 * np.sin(np.pi * np.arange(1, n + 1) / (2 * (n + 1)))
+
+
+def stiffness(n):
+    """Return K of the chain with unit springs."""
+    return 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+
+
+def mode(client, n, dofs, omega, p, quarter=1, alpha=0.955):
+    """Return an impact mode, checked, and the soft limiter's motion from its start.
+
+    `p` are the impulses expected; the profile of the soft limiter is taken at the
+    quarter-th quarter of the period.
+    """
+    system = vi.chain(n, [vi.constraint(dof, 0.2) for dof in dofs])
+    found = client.impact_modes(
+        system, [omega], unit="omega", outputs=("impulse", "exists", "shape")
+    )
+    close(found.impulse[0], p)
+    assert found.exists[0]
+    period = 4 / omega
+    # The exact flight over the first quarter, which no growth of errors spoils.
+    exact = client.time_history(
+        system, float(found.Omega[0]), period / 4, t=[0.0, period / 4 * (1 - 1e-12)],
+        outputs=("x", "v"),
+    )  # fmt: skip
+    assert np.abs(exact.x[1] - found.shape[0]).max() < 1e-9 * np.abs(found.shape).max()
+    start = exact.x[0], exact.v[0]
+    stops = dict.fromkeys(dofs, alpha * 0.2)
+    end = (quarter + 1) * period / 4
+    soft = soft_limiter.integrate(np.eye(n), stiffness(n), stops, start, end)
+    assert abs(soft.drift) < 1e-4
+    turn = soft_limiter.turning(soft, dofs[0], quarter * period / 4)
+    return found, soft, soft.x[turn]
+
+
+def both(ax, found, soft, dofs, difference):
+    """Draw both profiles; they differ by less than a part of the largest displacement."""
+    shape = found.shape[0]
+    profile(ax, shape, {dof + 1: 0.2 for dof in dofs}, "impact mode")
+    profile(ax, soft, None, "soft limiter", SOFT, "x")
+    part = np.abs(soft - shape).max() / np.abs(shape).max()
+    assert part < difference, part
+    ax.set_title(rf"$\omega$ = {found.omega[0]:.5f}", fontsize="medium")
+    ax.legend(frameon=False, fontsize="small")

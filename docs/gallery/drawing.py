@@ -1,0 +1,56 @@
+"""What the scripts of the gallery share: colours, profiles, and being run by themselves."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+import vibroimpact as vi
+
+REAL, SOFT, PHANTOM, WALL, OTHER = "#0b5394", "#cc4125", "#b7b7b7", "#c0392b", "#38761d"
+
+
+def panels(rows: int = 1, columns: int = 1, size: tuple[float, float] = (8.0, 4.0)):
+    """Return a figure and its axes."""
+    figure = Figure(figsize=size, layout="constrained")
+    return figure, figure.subplots(rows, columns)
+
+
+def profile(ax, x, walls=None, label="", color=REAL, marker="o"):
+    """Draw the displacements of the masses of a chain, counted from 1."""
+    masses = np.arange(1, len(x) + 1)
+    ax.axhline(0.0, color="black", linewidth=0.5)
+    ax.plot(masses, x, "-" + marker, color=color, linewidth=1.2, markersize=5, label=label)
+    for mass, wall in (walls or {}).items():
+        ax.hlines([-wall, wall], mass - 0.35, mass + 0.35, color=WALL, linewidth=3.0)
+    ax.set_xticks(masses)
+    ax.set_xlabel("mass")
+
+
+def impulses(ax, modes, natural, top, index=0, color=REAL, label="p"):
+    """Draw p over Omega, phantoms in grey, natural frequencies as dots."""
+    p = modes.impulse[:, index].copy()
+    p[np.abs(p) > 20 * top] = np.nan
+    ax.plot(modes.Omega, p, color=PHANTOM, linewidth=1.2)
+    ax.plot(modes.Omega, np.where(modes.exists, p, np.nan), color=color, linewidth=2, label=label)
+    ax.plot(natural, np.zeros(len(natural)), "o", color=WALL, markersize=5)
+    ax.axhline(0.0, color="black", linewidth=0.5)
+    ax.set_ylim(-0.35 * top, top)
+    ax.set_xlim(modes.Omega[0], modes.Omega[-1])
+    ax.set_xlabel(r"fundamental frequency $\Omega$")
+
+
+def close(found, expected, relative=1e-12) -> None:
+    """Assert that numbers agree."""
+    np.testing.assert_allclose(found, expected, rtol=relative, atol=0)
+
+
+def main(draw) -> None:
+    """Run a script against a service of its own and write its picture beside it."""
+    path = Path(sys.argv[0]).with_suffix(".png")
+    with vi.Client() as client:
+        draw(client).savefig(path, dpi=110)
+    sys.stdout.write(f"{path}\n")

@@ -1,0 +1,28 @@
+"""Fig. 10.5: impulse parameter over frequency, two masses of which the first is constrained."""
+
+from drawing import close, impulses, main, np, panels, vi
+
+SYSTEM = vi.two_mass([vi.constraint(0, 0.2)])
+P = {1.05: 0.02058396430488, 1.3: 0.20269613699682, 1.5: -0.63993096002864, 2.0: 0.13754234154401}
+
+
+def draw(client):
+    figure, ax = panels(size=(8, 4))
+    modes = client.impact_modes(SYSTEM, (0.5, 4.0, 7001))
+    impulses(ax, modes, [1.0, np.sqrt(3)], 1.2)
+    ax.set_ylabel(r"$p_1$")
+    for Omega, p in P.items():
+        one = client.impact_modes(SYSTEM, [Omega])
+        close(one.impulse[0, 0], p)
+        assert one.exists[0] == (p > 0)
+    # p > 0 on (1, 1.45475), yet the motion is real on (1, 1.42913) only.
+    edge = client.impact_modes(SYSTEM, [1.42912, 1.42914])
+    assert edge.exists.tolist() == [True, False]
+    assert (edge.impulse > 0).all()
+    ax.axvspan(1.42913, 1.45475, color="#f3d9c9")
+    ax.text(1.46, 1.05, "p > 0 and not real", fontsize="small")
+    return figure
+
+
+if __name__ == "__main__":
+    main(draw)

@@ -1,0 +1,22 @@
+"""Fig. 10.8: impulse parameter of the double pendulum, mu = 2, limits +-0.1."""
+
+from drawing import close, impulses, main, np, panels, vi
+
+SYSTEM = vi.double_pendulum([vi.constraint(0, 0.1)], mu=2.0)
+P = {0.85: 0.03506514842022, 1.0: 0.56845722253134, 1.2: -0.17853866229629, 4.0: 1.77349543865192}
+
+
+def draw(client):
+    figure, ax = panels(size=(8, 4))
+    modes = client.impact_modes(SYSTEM, (0.5, 3.0, 5001))
+    impulses(ax, modes, [np.sqrt(2 / 3), np.sqrt(2)], 1.2)
+    ax.set_ylabel(r"$p_1$")
+    for Omega, p in P.items():
+        one = client.impact_modes(SYSTEM, [Omega])
+        close(one.impulse[0, 0], p)
+        assert one.exists[0] == (p > 0)
+    return figure
+
+
+if __name__ == "__main__":
+    main(draw)

@@ -1,0 +1,42 @@
+"""Profiles of the double pendulum, Fig. 10.9 and 10.10: n = 20, beta = 0.702145."""
+
+import soft_limiter
+from drawing import REAL, SOFT, WALL, close, np, panels, vi
+
+SYSTEM = vi.double_pendulum([vi.constraint(0, 0.1)], mu=2.0)
+M, K = [[4, 1], [1, 1]], [[4, 0], [0, 1]]
+
+
+def draw(client, omega, p, shape, difference):
+    """Draw horizontal displacements of both masses, x1 = phi1 and x2 = phi1 + phi2."""
+    figure, ax = panels(size=(7, 4))
+    mode = client.impact_modes(
+        SYSTEM, [omega], unit="omega", outputs=("impulse", "exists", "shape")
+    )
+    close(mode.impulse[0, 0], p)
+    close(mode.shape[0], shape)
+    assert mode.exists[0]
+    period = 4 / omega
+    exact = client.time_history(SYSTEM, float(mode.Omega[0]), period, t=[0.0], outputs=("x", "v"))
+    start = exact.x[0], exact.v[0]
+    # beta_1 = beta / (m2 g l Delta_1), the force of eq. 10.33 in units of m2 g l.
+    soft = soft_limiter.integrate(M, K, {0: 0.1}, start, period, power=39, beta=BETA)
+    turn = soft_limiter.turning(soft, 0, period / 4)
+    assert abs(soft.drift) < 1e-5
+    for angles, color, name, marker in (
+        (mode.shape[0], REAL, "impact mode", "o"),
+        (soft.x[turn], SOFT, "soft limiter", "x"),
+    ):
+        across = [0.0, angles[0], angles.sum()]
+        ax.plot(across, [0, -1, -2], "-" + marker, color=color, label=name)
+    ax.vlines([-0.1, 0.1], -1.15, -0.85, color=WALL, linewidth=3)
+    found = np.abs(soft.x[turn] - shape).max()
+    assert found < difference, found
+    ax.set_xlabel("horizontal displacement")
+    ax.set_yticks([0, -1, -2], ["support", "top mass", "bottom mass"])
+    ax.set_title(rf"$\omega$ = {omega:.4f}", fontsize="medium")
+    ax.legend(frameon=False)
+    return figure
+
+
+BETA = 0.702145 / 0.1

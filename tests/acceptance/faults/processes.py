@@ -1,0 +1,135 @@
+"""Real processes that can be killed, and what is known of the work that they did."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import httpx2
+
+HERE = Path(__file__).parent
+SLOW = 90.0
+"""Seconds after which something that must happen counts as not happening."""
+
+
+def until(condition: Callable[[], Any], what: str, seconds: float = SLOW) -> Any:
+    """Wait for a condition and return its value."""
+    end = time.monotonic() + seconds
+    while True:
+        value = condition()
+        if value:
+            return value
+        assert time.monotonic() < end, f"after {seconds} s: {what}"
+        time.sleep(0.02)
+
+
+class Begun(NamedTuple):
+    """A chunk that a worker began."""
+
+    result: str
+    index: int
+    pid: int
+    time: float
+
+
+class Record:
+    """What the workers noted."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def begun(self) -> list[Begun]:
+        """Return all chunks that were begun, in order."""
+        if not self.path.exists():
+            return []
+        lines = [line.split() for line in self.path.read_text().splitlines()]
+        return [Begun(r, int(i), int(p), float(t)) for r, i, p, t in lines]
+
+    def after(self, moment: float, *but: int) -> Begun | None:
+        """Return the first chunk that was begun after a moment, not by some processes."""
+        found = (b for b in self.begun() if b.time > moment and b.pid not in but)
+        return next(found, None)
+
+    def repeated(self) -> int:
+        """Return how many chunks were begun more often than once, counting each repetition."""
+        times = Counter((b.result, b.index) for b in self.begun())
+        return sum(count - 1 for count in times.values())
+
+
+class Process:
+    """A process of the service with its own group, so that all of it can be ended."""
+
+    def __init__(self, command: Sequence[str], folder: Path, **environment: str) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self.errors = folder / "stderr.txt"
+        with self.errors.open("ab") as errors:
+            self.process = subprocess.Popen(
+                command,
+                env={**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(HERE), **environment},
+                stdout=errors,
+                stderr=errors,
+                start_new_session=True,
+            )
+
+    def kill(self) -> float:
+        """Kill the process, not its children, without warning; return when."""
+        moment = time.time()
+        self.process.kill()
+        self.process.wait(30)
+        return moment
+
+    def end(self) -> None:
+        """End it and all its children."""
+        if self.process.poll() is None:
+            self.process.terminate()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self.process.wait(20)
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.wait(30)
+
+
+class Replica(Process):
+    """A service with HTTP."""
+
+    def __init__(self, folder: Path, record: Record, **settings: str) -> None:
+        self.note = folder / "service.json"
+        self.note.unlink(missing_ok=True)
+        environment = {f"VIBROIMPACT_{name.upper()}": value for name, value in settings.items()}
+        defaults = {"VIBROIMPACT_PORT": "0", "VIBROIMPACT_DATA": str(folder)}
+        command = [sys.executable, str(HERE / "replica.py")]
+        super().__init__(
+            command,
+            folder,
+            **{"RECORD": str(record.path), "VIBROIMPACT_WORKERS": "1", **defaults, **environment},
+        )
+        until(lambda: self.note.exists() or self.process.poll() is not None, "no HTTP")
+        assert self.process.poll() is None, self.errors.read_text()
+        self.http = httpx2.Client(base_url=json.loads(self.note.read_text())["url"], timeout=30)
+
+    def ready(self) -> bool:
+        """Whether it says that it can take work."""
+        try:
+            return bool(self.http.get("/v1/health/ready").is_success)
+        except httpx2.TransportError:
+            return False
+
+    def end(self) -> None:
+        """End it and all its children."""
+        self.http.close()
+        super().end()
+
+
+def program(*arguments: str) -> list[str]:
+    """Return the command line of ``vibroimpact …``."""
+    start = "import sys; from vibroimpact.cli import main; sys.argv[0] = 'vibroimpact'; main()"
+    return [sys.executable, "-c", start, *arguments]

@@ -1,0 +1,49 @@
+"""The service's own work, slowed down, that notes in a file which chunk was begun, when and where.
+
+The file is named by RECORD; each line is ``result index pid time``.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+from vibroimpact_service import tasks
+from vibroimpact_service.jobs.work import Tick
+from vibroimpact_service.store import Store
+
+# Small pieces, so that a job of a few seconds has many.
+tasks.CHUNK_SECONDS = 0.015  # type: ignore[misc]
+
+SLEEP = float(os.environ.get("RECORD_SLEEP", "0.1"))
+
+
+def solve(
+    store_url: str,
+    kind: str,
+    request: str,
+    result: str,
+    indices: Sequence[int],
+    tick: Tick | None = None,
+) -> None:
+    """Compute chunks one by one and note each as it begins."""
+    chunks = tasks.split(store_url, kind, request, result)
+    there = Store(store_url).chunks.present([chunks[index].name for index in indices])
+    for index in indices:
+        if chunks[index].name in there:
+            continue  # as the service's own work does
+        line = f"{result} {index} {os.getpid()} {time.time()}\n"
+        handle = os.open(os.environ["RECORD"], os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
+        os.write(handle, line.encode())
+        os.close(handle)
+        end = time.monotonic() + SLEEP
+        while time.monotonic() < end:
+            time.sleep(0.01)
+            if tick is not None:
+                tick(0, 1)
+        tasks.solve(store_url, kind, request, result, [index], tick)
+
+
+WORK = replace(tasks.WORK, solve=solve, modules=(*tasks.WORK.modules, __name__))

@@ -1,0 +1,71 @@
+"""One process with everything: its workers are killed, it is killed itself."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import statistics
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from processes import Record, Replica, until
+from users import User, sweep, tiny
+
+
+def test_killed_workers(
+    started: Callable[[Any], Any],
+    tmp_path: Path,
+    record: Record,
+    moments: random.Random,
+    slowness: float,
+) -> None:
+    replica = started(Replica(tmp_path / "data", record))
+    until(replica.ready, "no workers")
+    user = User([replica])
+    user.submit(sweep(0.6), *(tiny(0.7 + i / 100) for i in range(10)), sweep(0.61))
+    seconds = []
+    for _ in range(4):
+        last = until(lambda: record.begun()[-1:], "nothing begins")[0]
+        time.sleep(moments.uniform(0.0, 0.6))
+        last = record.begun()[-1]
+        moment = time.time()
+        os.kill(last.pid, signal.SIGKILL)
+        again = until(lambda m=moment, p=last.pid: record.after(m, p), "no other worker")
+        seconds.append(again.time - moment)
+    print("seconds from a worker's death to the next chunk:", [round(s, 2) for s in seconds])
+    user.check()
+    print("chunks begun again:", record.repeated())
+    assert record.repeated() <= 4 * 2  # one worker has two lanes
+    assert statistics.median(seconds) <= 5.0 * slowness
+
+
+def test_killed_service(
+    started: Callable[[Any], Any],
+    tmp_path: Path,
+    record: Record,
+    moments: random.Random,
+    slowness: float,
+) -> None:
+    replica = started(Replica(tmp_path / "data", record))
+    user = User([replica])
+    user.submit(sweep(0.6), *(tiny(0.7 + i / 100) for i in range(10)))
+    seconds = []
+    for round_ in range(3):
+        before = len(record.begun())
+        until(lambda b=before: len(record.begun()) > b, "nothing begins")
+        time.sleep(moments.uniform(0.0, 0.6))
+        replica.kill()
+        moment = time.time()
+        replica = started(Replica(tmp_path / "data", record))
+        user.replicas = [replica]
+        again = until(lambda m=moment: record.after(m), "the jobs do not go on")
+        seconds.append(again.time - moment)
+        user.submit(tiny(0.9 + round_ / 100))
+    print("seconds from a restart to the next chunk:", [round(s, 2) for s in seconds])
+    user.check()
+    print("chunks begun again:", record.repeated())
+    assert record.repeated() <= 3 * 2
+    assert statistics.median(seconds) <= 3.0 * slowness

@@ -1,0 +1,92 @@
+"""What users of a service that is being killed do, and what they may expect in the end."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import httpx2
+import numpy as np
+from processes import SLOW, Replica, until
+
+from vibroimpact_schema.requests import ImpactModesRequest
+from vibroimpact_service import decode
+from vibroimpact_solvers import impact_modes
+
+PASSING = (httpx2.TransportError, httpx2.HTTPStatusError)
+"""Answers after which a careful client asks again."""
+
+
+def sweep(start: float, num: int = 8_000) -> dict[str, Any]:
+    """Return a request that is cut into some forty chunks."""
+    return {
+        "system": {"preset": "chain", "n": 40, "constraints": [{"dof": 5, "gap": 0.2}]},
+        "frequency": {"start": start, "stop": 2.4, "num": num},
+        "outputs": ["impulse", "exists"],
+    }
+
+
+def tiny(start: float) -> dict[str, Any]:
+    """Return a request that is one chunk."""
+    return sweep(start, 20)
+
+
+def impulses(content: dict[str, Any]) -> np.ndarray[Any, Any]:
+    """Return what the solver itself finds, in this process."""
+    request = ImpactModesRequest.model_validate(content)
+    problem = decode.impact_modes(request, decode.system(request.system))
+    found = impact_modes.solve(problem, impact_modes.plan(problem)).impulse
+    assert found is not None
+    return found
+
+
+@dataclass
+class User:
+    """Submits jobs under idempotency keys, to whichever replica answers, until each is accepted."""
+
+    replicas: list[Replica]
+    accepted: dict[str, tuple[str, dict[str, Any]]] = field(default_factory=dict)
+
+    def ask(self, method: str, path: str, **arguments: Any) -> Any:
+        """Return an answer, however often it takes to get one."""
+        end = time.monotonic() + SLOW
+        while time.monotonic() < end:
+            for replica in self.replicas:
+                try:
+                    answer = replica.http.request(method, path, **arguments)
+                    if answer.status_code in (502, 503, 507):
+                        answer.raise_for_status()
+                except PASSING as error:
+                    last = error
+                    time.sleep(0.1)
+                else:
+                    return answer
+        raise last
+
+    def submit(self, *contents: dict[str, Any]) -> None:
+        """Submit jobs."""
+        for content in contents:
+            key = f"key-{len(self.accepted)}"
+            body = {"kind": "impact-modes", "request": content}
+            answer = self.ask("POST", "/v1/jobs", json=body, headers={"Idempotency-Key": key})
+            assert answer.status_code == 201, answer.text
+            self.accepted[key] = (answer.json()["id"], content)
+
+    def check(self) -> None:
+        """Check that every accepted job ends well, with the right numbers, and is there once."""
+        for key, (job, content) in self.accepted.items():
+            done = until(lambda job=job: self._final(job), f"{job} does not end")
+            assert done["state"] == "succeeded", done
+            assert done["progress"]["done"] == done["progress"]["total"]
+            answer = self.ask("GET", done["result"])
+            np.testing.assert_array_equal(np.array(answer.json()["impulse"]), impulses(content))
+            body = {"kind": "impact-modes", "request": content}
+            again = self.ask("POST", "/v1/jobs", json=body, headers={"Idempotency-Key": key})
+            assert again.json()["id"] == job
+        listed = [job["id"] for job in self.ask("GET", "/v1/jobs?limit=500").json()["jobs"]]
+        assert sorted(listed) == sorted(job for job, _ in self.accepted.values())
+
+    def _final(self, job: str) -> dict[str, Any] | None:
+        document: dict[str, Any] = self.ask("GET", f"/v1/jobs/{job}?wait=5").json()
+        return document if document["final"] else None

@@ -1,0 +1,142 @@
+"""Every conversation is the same, whether it is waited for or awaited."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+import httpx2
+import pytest
+
+from vibroimpact import conversations, errors
+from vibroimpact.jobs import Submitted
+from vibroimpact.transport import AsyncTransport, Transport
+
+Hold = Callable[..., Any]
+
+
+class Service:
+    """Plays jobs that end after they were looked at a number of times."""
+
+    def __init__(self, **looks: int) -> None:
+        self.looks = looks
+        self.seen: list[str] = []
+        self.keys: list[str | None] = []
+
+    def __call__(self, request: httpx2.Request) -> httpx2.Response:
+        self.seen.append(f"{request.method} {request.url.path}")
+        self.keys.append(request.headers.get("Authorization"))
+        name = request.url.path.rpartition("/")[2]
+        if request.method == "POST":
+            if b"bad" in request.content:
+                return httpx2.Response(422, json={"detail": "bad", "code": "x"})
+            return httpx2.Response(201, json=self.job("new", reused=b"known" in request.content))
+        self.looks[name] -= 1
+        return httpx2.Response(200, json=self.job(name, final=self.looks[name] <= 0))
+
+    def job(self, name: str, *, final: bool = False, reused: bool = False) -> dict[str, Any]:
+        state = "succeeded" if final else "running"
+        return {"id": name, "version": 1, "state": state, "final": final, "reused": reused}
+
+
+@pytest.fixture(params=["waiting", "async"])
+def hold(request: pytest.FixtureRequest) -> Hold:
+    """Return the function that holds a conversation with a played service."""
+
+    def waiting(service: Service, conversation: Any, key: str | None = None) -> Any:
+        transport = Transport("http://service", 5.0, httpx2.MockTransport(service), key)
+        try:
+            return transport.hold(conversation)
+        finally:
+            transport.close()
+
+    def awaited(service: Service, conversation: Any, key: str | None = None) -> Any:
+        async def holding() -> Any:
+            transport = AsyncTransport("http://service", 5.0, httpx2.MockTransport(service), key)
+            try:
+                return await transport.hold(conversation)
+            finally:
+                await transport.close()
+
+        return asyncio.run(holding())
+
+    return waiting if request.param == "waiting" else awaited
+
+
+@pytest.fixture(autouse=True)
+def pauses(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    found: list[float] = []
+
+    async def sleep(seconds: float) -> None:
+        found.append(seconds)
+
+    monkeypatch.setattr("vibroimpact.transport.time.sleep", found.append)
+    monkeypatch.setattr("vibroimpact.transport.asyncio.sleep", sleep)
+    return found
+
+
+def test_a_job_is_looked_at_until_it_is_final(hold: Hold) -> None:
+    service, noted = Service(a=3), []
+    final = hold(service, conversations.wait(service.job("a"), None, noted.append))
+    assert final["final"]
+    assert [document["final"] for document in noted] == [False, False, True]
+
+
+def test_waiting_ends_with_the_time(hold: Hold) -> None:
+    service = Service(a=99)
+    with pytest.raises(errors.JobTimeout, match="job a is running"):
+        hold(service, conversations.wait(service.job("a"), 0.0, lambda _: None))
+
+
+def test_the_first_final_of_many(hold: Hold) -> None:
+    service = Service(a=5, b=2, c=2)
+    jobs = [service.job(name) for name in "abc"]
+    final, found = hold(service, conversations.first_final(jobs, None))
+    assert final == [1, 2]
+    assert [document["final"] for document in found] == [False, True, True]
+    with pytest.raises(errors.JobTimeout, match="1 jobs are not final"):
+        hold(service, conversations.first_final(found[:1], 0.0))
+
+
+def test_one_wrong_request_does_not_keep_the_others(hold: Hold) -> None:
+    requests = [{"n": "fine"}, {"n": "bad"}, {"n": "known"}]
+    found = hold(Service(), conversations.submit_many("kind", requests, 0))
+    sorted_out = Submitted.of(found, lambda document: document["id"])
+    assert (len(sorted_out.inserted), len(sorted_out.existing)) == (1, 1)
+    assert sorted_out.jobs == ["new", "new"]
+    assert isinstance(sorted_out.errors[1], errors.InvalidRequest)
+
+
+def test_the_key_goes_with_every_request(hold: Hold) -> None:
+    service = Service(a=1)
+    hold(service, conversations.job("a"), "vik_mine")
+    assert service.keys == ["Bearer vik_mine"]
+    hold(service, conversations.job("a"))
+    assert service.keys[1] is None
+
+
+def test_passing_faults_are_tried_again(hold: Hold, pauses: list[float]) -> None:
+    answers: list[Any] = [
+        httpx2.ConnectError("down"),
+        httpx2.Response(503, json={"detail": "so"}, headers={"Retry-After": "3"}),
+        httpx2.Response(200, json={"version": "1"}),
+    ]
+
+    def service(request: httpx2.Request) -> httpx2.Response:
+        answer = answers.pop(0)
+        if isinstance(answer, Exception):
+            raise answer
+        found: httpx2.Response = answer
+        return found
+
+    assert hold(service, conversations.version()) == {"version": "1"}
+    assert pauses[1:] == [3.0]
+
+
+def test_a_dead_service_is_given_up_on(hold: Hold) -> None:
+    def service(request: httpx2.Request) -> httpx2.Response:
+        raise httpx2.ConnectError("down")
+
+    with pytest.raises(errors.ConnectionFailed, match="http://service"):
+        hold(service, conversations.version())

@@ -1,0 +1,114 @@
+"""Requests for sweeps from numbers and arrays; pictures of what comes back."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+import xarray
+
+from vibroimpact import sweep_request
+from vibroimpact.sweep_plots import draw
+from vibroimpact.sweeps import axis
+from vibroimpact_schema.sweeps import SweepRequest
+
+mpl.use("Agg")
+
+BASE = {
+    "system": {"preset": "chain", "n": 3, "constraints": [{"dof": 0, "gap": 0.1}]},
+    "frequency": {"values": [1.0]},
+}
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        (np.array([1.0, 2.0]), {"values": [1.0, 2.0]}),
+        ([3], {"values": [3.0]}),
+        (4.0, {"values": [4.0]}),
+        ((1, 2, 3), {"start": 1.0, "stop": 2.0, "num": 3}),
+        (
+            {"start": 1, "stop": 2, "step": 0.5, "name": "k"},
+            {"start": 1, "stop": 2, "step": 0.5, "name": "k"},
+        ),
+    ],
+)
+def test_axes_from_what_is_at_hand(given: Any, expected: dict[str, Any]) -> None:
+    assert axis("system.stiffness", given) == {"path": "system.stiffness"} | expected
+
+
+def test_requests_fit_the_contract() -> None:
+    axes = {"system.constraints.0.gap": (0.1, 0.2, 3), "system.stiffness": [1.0, 2.0]}
+    request = sweep_request("impact-modes", BASE, axes, ["impulse"])
+    checked = SweepRequest.model_validate(request)
+    assert [a.path for a in checked.root.axes] == list(axes)
+    assert checked.points == 6
+    assert "outputs" not in sweep_request("impact-modes", BASE, axes)
+
+
+class Played:
+    """A result with given arrays."""
+
+    def __init__(self, **arrays: Any) -> None:
+        self.data = xarray.Dataset(
+            arrays, coords={"gap": [0.3, 0.1, 0.2], "k": [1.0, 2.0], "Omega": [1.0, 1.5, 2.0, 2.5]}
+        )
+        self.data["gap"].attrs = {"units": "m", "long_name": "gap, system.constraints.0.gap"}
+
+    def to_xarray(self) -> xarray.Dataset:
+        return self.data
+
+
+def played() -> Any:
+    impulse = np.arange(24.0).reshape(3, 2, 4, 1)
+    exists = (("gap", "k", "Omega"), (np.arange(24) % 2).astype(np.int8).reshape(3, 2, 4))
+    flags = {"flag_meanings": "phantom real"}
+    return Played(impulse=(("gap", "k", "Omega", "constraint"), impulse), exists=(*exists, flags))
+
+
+def test_a_map_over_two_axes_in_ascending_order() -> None:
+    ax = draw(played(), at={"Omega": 1.4})
+    (mesh,) = ax.collections
+    values = mesh.get_array()
+    # Omega = 1.5 is the nearest, column 1; rows gap 0.1, 0.2, 0.3.
+    np.testing.assert_array_equal(values, [[9.0, 13.0], [17.0, 21.0], [1.0, 5.0]])
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("k", "gap (m)")
+    assert ax.get_title() == "Omega = 1.5"
+
+
+def test_phantoms_are_left_out_of_maps() -> None:
+    ax = draw(played(), at={"k": 1.0})
+    values = ax.collections[0].get_array()
+    assert values.mask[:, ::2].all()
+    assert not values.mask[:, 1::2].any()
+
+
+def test_lines_over_one_axis() -> None:
+    ax = draw(played(), at={"Omega": 2.5, "k": 2.0})
+    grey, colour = ax.lines
+    np.testing.assert_array_equal(grey.get_xdata(), [0.1, 0.2, 0.3])
+    np.testing.assert_array_equal(colour.get_ydata(), [15.0, 23.0, 7.0])
+
+
+def test_codes_are_drawn_with_their_meanings() -> None:
+    ax = draw(played(), "exists", {"k": 1.0})
+    bar = ax.figure.axes[-1]
+    assert [text.get_text() for text in bar.get_yticklabels()] == ["phantom", "real"]
+    ax = draw(played(), "exists", {"k": 1.0, "gap": 0.2})
+    assert [text.get_text() for text in ax.get_yticklabels()] == ["phantom", "real"]
+
+
+def test_what_cannot_be_drawn_says_what_is_left() -> None:
+    with pytest.raises(ValueError, match="left are: gap, k, Omega"):
+        draw(played())
+    with pytest.raises(ValueError, match="left are: none"):
+        draw(played(), at={"gap": 0.1, "k": 1.0, "Omega": 1.0})
+
+
+def test_the_picture_can_be_written() -> None:
+    file = io.BytesIO()
+    draw(played(), at={"k": 1.0}).figure.savefig(file)
+    assert file.getbuffer().nbytes > 1000
