@@ -6,7 +6,7 @@ from vibroimpact_solvers.time_history.planning import plan, split
 from vibroimpact_solvers.time_history.problem import KIND, OUTPUTS, Member, Problem, State
 from vibroimpact_solvers.time_history.result import Result
 from vibroimpact_solvers.time_history.run import Tick
-from vibroimpact_solvers.time_history.solving import join, solve
+from vibroimpact_solvers.time_history.solving import Prepared, join, prepare, solve
 
 __all__ = [
     "KIND",
@@ -14,12 +14,14 @@ __all__ = [
     "Harmonic",
     "Member",
     "Power",
+    "Prepared",
     "Problem",
     "Result",
     "State",
     "Tick",
     "join",
     "plan",
+    "prepare",
     "solve",
     "split",
 ]

@@ -11,7 +11,8 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.errors import ConvergenceError
-from vibroimpact_solvers.kernels.flight import Stop, fly, impulses, length
+from vibroimpact_solvers.kernels.flight import Stop, begin, fly, impulses, spread
+from vibroimpact_solvers.time_history.basis import COLUMNS
 from vibroimpact_solvers.time_history.structure import Contact, Scene, Structure
 
 Tick = Callable[[int, int], None]
@@ -23,8 +24,6 @@ CHATTER: Final = 1e-8
 _ROWS = 4096  # of the table that the compiled loop fills
 _BUFFER = 2**21  # numbers in the buffer of samples
 _EXPANSIONS = 2e7  # pairs expanded between two ticks
-_COLUMNS = 2  # deviations taken along
-_DEPENDENT = 16.0  # times the growth of independent roundings
 _SWITCHES = 50  # contacts that may begin and end at one and the same time
 
 
@@ -56,15 +55,18 @@ class Run:
     Parameters
     ----------
     structure : Structure
-    x, v : array, shape (dof,)
-        Initial state.
+    z : array, shape (2, pair)
+        Initial state, in the free scene.
     wanted : array, shape (time,)
-        Times at which `take` is given the state.
+        Times at which `take` is given the state, in units of the basis.
     t_end : float
+        In these units too.
     take : callable
         Called with the scene, states (time, 2, pair) and the index of the first of them.
     keep : bool
         Whether the table of impacts is wanted.
+    estimate : bool
+        Whether errors are.
     """
 
     def __init__(
@@ -76,19 +78,20 @@ class Run:
         take: Take,
         *,
         keep: bool,
+        estimate: bool = True,
         tick: Tick | None = None,
     ) -> None:
         self.structure, self.take, self.tick = structure, take, tick
         self.scene = structure.scene()
-        self.scale = math.ldexp(1.0, structure.exponent)
-        self.wanted = wanted * self.scale
+        self.scale = structure.scale
+        self.wanted = wanted
+        self.columns = COLUMNS if estimate else 0
         self.clock = np.zeros(8)
-        self._draw_noise()
-        self.Z = np.empty((1 + _COLUMNS, *z.shape))
+        self.Z = np.empty((1 + self.columns, *z.shape))
         self.Z[0] = z
-        self.clock[7] = length(self.Z, 0, self.scene.basis.own)
-        self.Z[1:] = self.noise[:_COLUMNS] * self.clock[7]
-        self.clock[2], self.clock[4] = t_end * self.scale, CHATTER
+        basis = self.scene.basis
+        begin(self.Z, basis.noise, basis.own, self.clock)
+        self.clock[2], self.clock[4] = t_end, CHATTER
         self.counts = np.zeros(11, dtype=np.int64)
         self.impacts, self.rests = Impacts(keep), list[Rest]()
         self.contacts: dict[Contact, Rest] = {}
@@ -108,17 +111,16 @@ class Run:
             self.counts[3] = self.counts[2] + budget
             self.counts[7] = bool(self.contacts)
             basis = self.scene.basis
-            growth = basis.growth
-            self.clock[3] = 1.0 / growth if growth > 0.0 else math.inf
+            self.clock[3] = basis.longest
             stop = Stop(
                 fly(
                     basis.rates, basis.split, self.scene.forms, self.scene.sizes, self.scene.walls,
-                    self.scene.mobility, self.Z, self.noise, basis.own, self.clock, self.counts,
-                    *self._table, self.wanted, self._buffer,
+                    self.scene.mobility, self.Z, basis.noise, basis.drifts, self.scene.bends,
+                    basis.own, self.clock, self.counts, *self._table, self.wanted, self._buffer,
                 )
             )  # fmt: skip
             self._flush_samples()
-            self._flush_table()
+            self._flush_table(last=stop is Stop.END)
             if stop is Stop.CONTACT:
                 self._rest(int(self.counts[5]), int(self.counts[6]), float(self.clock[5]))
             elif stop is Stop.RELEASE:
@@ -151,13 +153,16 @@ class Run:
             self.take(self.scene, self._buffer[: count - first], first)
         self.counts[4] = count
 
-    def _flush_table(self) -> None:
+    def _flush_table(self, *, last: bool) -> None:
         count = int(self.counts[0])
         if count:
             at, where, what = self._table
-            places = where[:count].copy()
-            places[:, 0] = np.array(self.scene.flying, dtype=np.int64)[places[:, 0]]
-            self._keep(at[:count].copy(), places, what[:count].copy())
+            at, where, what = at[:count], where[:count], what[:count]
+            if not last:
+                at, where, what = at.copy(), where.copy(), what.copy()
+            if self.scene.contacts:
+                where[:, 0] = np.array(self.scene.flying, dtype=np.int64)[where[:, 0]]
+            self._keep(at, where, what)
         self.counts[0] = 0
 
     def _keep(self, at: Floats, where: Integers, what: Floats) -> None:
@@ -185,7 +190,6 @@ class Run:
             for c, (dx, dv) in enumerate(moved, start=1):
                 self.Z[c] = self.structure.enter(scene, dx, dv)
             self.scene = scene
-            self._draw_noise()
             self._samples(scene)
         self.Z[0] = self.structure.enter(scene, x, v, loads)
         time, count = self._switched
@@ -277,14 +281,5 @@ class Run:
 
     @property
     def growth(self) -> float:
-        """Deviations relative to the motion, in units of the relative rounding.
-
-        The deviations are those of independent roundings. Real ones are not independent from
-        one impact to the next: errors of up to 11 times as much were met.
-        """
-        mean = float((self.Z[1:] ** 2 * self.scene.basis.own).sum()) / _COLUMNS
-        return _DEPENDENT * math.sqrt(mean) / self.clock[7] if self.clock[7] > 0.0 else 0.0
-
-    def _draw_noise(self) -> None:
-        """Take the vectors that stand for rounding in the scene."""
-        self.noise = self.scene.basis.noise
+        """The error of the state relative to the motion, in units of 2^-52."""
+        return float(spread(self.Z, self.scene.basis.own, self.clock[7]))

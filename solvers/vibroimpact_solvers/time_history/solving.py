@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
 
 from vibroimpact_solvers import spectrum
-from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.plan import Plan, Stage
 from vibroimpact_solvers.time_history import reference, soft
+from vibroimpact_solvers.time_history.history import History
 from vibroimpact_solvers.time_history.planning import Flight
-from vibroimpact_solvers.time_history.problem import Problem
+from vibroimpact_solvers.time_history.problem import Member, Problem, State
 from vibroimpact_solvers.time_history.result import Result, empty
 from vibroimpact_solvers.time_history.run import Run, Tick
 from vibroimpact_solvers.time_history.start import initial_state
-from vibroimpact_solvers.time_history.structure import Scene, Structure
+from vibroimpact_solvers.time_history.structure import Structure
 
 TOLERANCE: Final = 1e-6
 """Meant where none is asked for."""
@@ -34,7 +33,49 @@ _HALVED = (
     "estimate: difference to the same motion with steps of twice the length, relative to the "
     "largest state; penetration is the largest coordinate over scale times its gap"
 )
+_UNKNOWN = "none: no estimate was asked for"
 _NONE = "none: the integrator's own control of its steps; it can miss impacts"
+
+
+class Prepared:
+    """A motion prepared for any number of initial states: everything that they share.
+
+    May be used by several threads at once, and motions without contacts leave the interpreter
+    free while they last.
+
+    Parameters
+    ----------
+    problem : Problem
+    plan : Plan
+        The one that `plan(problem)` returned.
+    """
+
+    def __init__(self, problem: Problem, plan: Plan) -> None:
+        self.problem = problem
+        step, flight = plan.step(Stage.SPECTRUM), plan.step(Stage.FLIGHT)
+        assert step is not None
+        assert flight is not None
+        method = spectrum.Method(step.method)
+        self.structure = Structure.of(problem.system, method, problem.t_end, problem.load)
+        self._solver = _METHODS.get(Flight(flight.method), _integrated)
+        self.wanted = problem.times if plan.step(Stage.HISTORY) else np.zeros(0)
+
+    def solve(self, initial: State | Member | None = None, tick: Tick | None = None) -> Result:
+        """Compute the motion from an initial state; absent: from that of the problem.
+
+        Raises
+        ------
+        ModelError
+            Where the initial state is not finite, or outside of the limits.
+        """
+        start = self.problem.initial if initial is None else initial
+        history = History(self.problem, self.structure)
+        return self._solver(self, start, history, tick)
+
+
+def prepare(problem: Problem, plan: Plan) -> Prepared:
+    """Prepare what the plan lists, for any number of initial states."""
+    return Prepared(problem, plan)
 
 
 def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
@@ -48,38 +89,40 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     tick : callable, optional
         Called with (done, total) thousandths of the motion; may raise `Cancelled`.
     """
-    step = plan.step(Stage.SPECTRUM)
-    assert step is not None
-    structure = Structure.of(
-        problem.system, spectrum.Method(step.method), problem.t_end, problem.load
-    )
-    history = _History(problem, structure)
-    flight = plan.step(Stage.FLIGHT)
-    assert flight is not None
-    solver = _METHODS.get(Flight(flight.method), _integrated)
-    wanted = problem.times if plan.step(Stage.HISTORY) else np.zeros(0)
-    return solver(problem, structure, history, wanted, tick)
+    return Prepared(problem, plan).solve(tick=tick)
 
 
 def _exact(
-    problem: Problem, structure: Structure, history: _History, wanted: Floats, tick: Tick | None
+    prepared: Prepared, initial: State | Member, history: History, tick: Tick | None
 ) -> Result:
     """Fly from impact to impact."""
-    keep = "impacts" in problem.outputs
-    z = initial_state(problem, structure)
-    run = Run(structure, z, wanted, problem.t_end, history.take, keep=keep, tick=tick)
+    problem, structure = prepared.problem, prepared.structure
+    z = initial_state(problem, initial, structure)
+    run = Run(
+        structure,
+        z,
+        prepared.wanted * structure.scale,
+        problem.t_end * structure.scale,
+        history.take,
+        keep="impacts" in problem.outputs,
+        estimate=problem.estimate,
+        tick=tick,
+    )
     run.finish()
     return _result(problem, run, history)
 
 
 def _soft(
-    problem: Problem, structure: Structure, history: _History, wanted: Floats, tick: Tick | None
+    prepared: Prepared, initial: State | Member, history: History, tick: Tick | None
 ) -> Result:
     """Split into exact flow and kicks of the soft limiters."""
+    problem, structure = prepared.problem, prepared.structure
     assert problem.limiter is not None
-    z = initial_state(problem, structure)
+    z = initial_state(problem, initial, structure)
     tolerance = TOLERANCE if problem.tolerance is None else problem.tolerance
-    run = soft.follow(structure, problem.limiter, z, wanted, problem.t_end, tolerance, tick)
+    run = soft.follow(
+        structure, problem.limiter, z, prepared.wanted, problem.t_end, tolerance, tick
+    )
     history.take(structure.scene(), run.states, 0)
     found = _bare(problem, history)
     found.update(
@@ -92,14 +135,23 @@ def _soft(
 
 
 def _integrated(
-    problem: Problem, structure: Structure, history: _History, wanted: Floats, tick: Tick | None
+    prepared: Prepared, initial: State | Member, history: History, tick: Tick | None
 ) -> Result:
-    """Integrate with scipy."""
-    x, v = structure.place(structure.scene(), initial_state(problem, structure))
-    v = v * math.ldexp(1.0, structure.exponent)
+    """Step with an integrator of scipy."""
+    problem, structure = prepared.problem, prepared.structure
+    x, v = structure.place(structure.scene(), initial_state(problem, initial, structure))
+    v = v * structure.scale
     tolerance = TOLERANCE if problem.tolerance is None else problem.tolerance
     run = reference.follow(
-        structure, problem.limiter, x, v, wanted, problem.t_end, tolerance, problem.method, tick
+        structure,
+        problem.limiter,
+        x,
+        v,
+        prepared.wanted,
+        problem.t_end,
+        tolerance,
+        problem.method,
+        tick,
     )
     history.fill(run.x, run.v, slice(None))
     found = _bare(problem, history)
@@ -128,80 +180,15 @@ def join(problem: Problem, plan: Plan, results: Sequence[Result]) -> Result:
     return result
 
 
-class _History:
-    """The arrays along the wanted times, filled in as the motion goes on."""
-
-    def __init__(self, problem: Problem, structure: Structure) -> None:
-        self.problem, self.structure = problem, structure
-        times, outputs = problem.times.size, problem.outputs
-        shape = (times, problem.wanted_dofs.size)
-        self.x = np.empty(shape) if "x" in outputs else None
-        self.v = np.empty(shape) if "v" in outputs else None
-        self._all = np.array_equal(problem.wanted_dofs, np.arange(problem.system.n))
-        self.energy = np.empty(times) if "energy" in outputs else None
-
-    def take(self, scene: Scene, samples: Floats, first: int) -> None:
-        """Fill in what is wanted at some times from states, shape (time, 2, pair)."""
-        basis, modes = scene.basis, scene.basis.modes
-        scale = math.ldexp(1.0, basis.exponent)
-        some = slice(first, first + samples.shape[0])
-        q, rate = basis.coordinates(samples)
-        q += basis.still
-        rate *= scale
-        dofs = self.problem.wanted_dofs
-        shapes, base = modes.shapes, modes.base
-        if self.energy is None and not self._all:
-            shapes, base = shapes[dofs], base[dofs]
-        if (self.x is not None and self.v is not None) or self.energy is not None:
-            both = np.concatenate([q, rate]) @ shapes.T  # one pass over a large matrix
-            self.fill(both[: q.shape[0]] + base, both[q.shape[0] :], some)
-        elif self.x is not None:
-            self.x[some] = q @ shapes.T + base
-        elif self.v is not None:
-            self.v[some] = rate @ shapes.T
-
-    def fill(self, x: Floats, v: Floats, some: slice) -> None:
-        """Fill in what is wanted from x and v, of all dofs where the energy is wanted."""
-        dofs = self.problem.wanted_dofs
-        whole = x.shape[1] == self.problem.system.n
-        if self.x is not None:
-            self.x[some] = x[:, dofs] if whole else x
-        if self.v is not None:
-            self.v[some] = v[:, dofs] if whole else v
-        if self.energy is not None:
-            system, law = self.problem.system, self.problem.limiter
-            force = self.structure.force
-            energy = 0.5 * (v * (system.M @ v.T).T).sum(axis=1)
-            energy += (x * (0.5 * (system.K @ x.T).T - force)).sum(axis=1)
-            if law is not None:
-                energy += law.potential(x @ self.structure.W.T, law.sizes(system))
-            self.energy[some] = energy
-
-    @property
-    def drift(self) -> float | None:
-        """The largest change of the energy relative to it, where it is conserved."""
-        system = self.problem.system
-        lossless = system.C is None and not self.problem.load
-        if self.problem.limiter is None:
-            lossless &= all(c.restitution == 1.0 for c in system.constraints)
-        if self.energy is None or self.energy.size == 0 or not lossless:
-            return None
-        size = float(np.abs(self.energy).max())
-        return float(np.abs(self.energy - self.energy[0]).max()) / size if size > 0.0 else 0.0
-
-
-def _bare(problem: Problem, history: _History) -> dict[str, Any]:
+def _bare(problem: Problem, history: History) -> dict[str, Any]:
     """Return the history and, for methods that know no more, empty tables."""
-    found, none, outputs = empty(), np.zeros(0), problem.outputs
+    found, outputs = dict(_NOTHING), problem.outputs
     if outputs & {"x", "v", "energy"}:
         found.update(t=problem.times, x=history.x, v=history.v, energy=history.energy)
     if outputs & {"x", "v"}:
         found["dof"] = problem.wanted_dofs
     for table in outputs & {"impacts", "contacts"}:
-        for name in found:
-            if name.startswith(table[:-1] + "_"):
-                whole = name.endswith(("_constraint", "_side"))
-                found[name] = none.astype(np.int64) if whole else none
+        found.update(_TABLES[table])
     found.update(
         count_impacts=0,
         count_grazings=0,
@@ -216,24 +203,35 @@ def _bare(problem: Problem, history: _History) -> dict[str, Any]:
     return found
 
 
-def _result(problem: Problem, run: Run, history: _History) -> Result:
+_NOTHING: Final = empty()
+_TABLES: Final = {
+    table: {
+        name: np.zeros(0, np.int64 if name.endswith(("_constraint", "_side")) else np.float64)
+        for name in _NOTHING
+        if name.startswith(table[:-1] + "_")
+    }
+    for table in ("impacts", "contacts")
+}
+
+
+def _result(problem: Problem, run: Run, history: History) -> Result:
     outputs, scale = problem.outputs, run.scale
     found = _bare(problem, history)
     at = _joined(run.impacts.at, (0, 2))
     times = (at[:, 0] + at[:, 1]) / scale
     growth = _joined(run.impacts.growth, (0,))
     if "impacts" in outputs:
-        where = _joined(run.impacts.where, (0, 2)).astype(np.int64)
-        what = _joined(run.impacts.what, (0, 3)) * scale
+        where = _joined(run.impacts.where, (0, 2)).astype(np.int64, copy=False)
+        what = _joined(run.impacts.what, (0, 3))
         found.update(
             impact_time=times,
             impact_constraint=where[:, 0],
             impact_side=where[:, 1],
-            impact_velocity=what[:, 0],
-            impact_impulse=what[:, 1],
-            impact_condition=growth,
+            impact_velocity=what[:, 0] * scale,
+            impact_impulse=what[:, 1] * scale,
+            impact_condition=growth if problem.estimate else np.full(growth.size, np.nan),
         )
-    if "contacts" in outputs:
+    if "contacts" in outputs and run.rests:
         rests = run.rests
         found.update(
             contact_start=np.array([r.start for r in rests]) / scale,
@@ -242,19 +240,25 @@ def _result(problem: Problem, run: Run, history: _History) -> Result:
             contact_constraint=np.array([r.contact[0] for r in rests], dtype=np.int64),
             contact_side=np.array([r.contact[1] for r in rests], dtype=np.int64),
         )
-    tolerance = found["error_tolerance"]
-    lost = np.flatnonzero(growth * 4.0 * _EPS > tolerance)
     found.update(
         count_impacts=run.impacts.count,
         count_grazings=int(run.counts[8]),
         count_expansions=int(run.counts[2]),
-        error_condition=float(max(growth.max(initial=1.0), run.growth)),
         error_penetration=float(run.clock[6]),
-        error_predictable_until=float(times[lost[0]]) if lost.size else problem.t_end,
-        error_statement=_STATEMENT,
+        error_statement=_STATEMENT if problem.estimate else _UNKNOWN,
     )
+    if problem.estimate:
+        lost = np.flatnonzero(~(growth * _EPS <= found["error_tolerance"]))
+        found.update(
+            error_condition=max(1.0, float(growth.max(initial=0.0)), run.growth),
+            error_predictable_until=float(times[lost[0]]) if lost.size else problem.t_end,
+        )
+    else:
+        found.update(error_condition=np.nan, error_predictable_until=np.nan)
     return Result(**found)
 
 
 def _joined(pieces: list[Any], shape: tuple[int, ...]) -> Any:
+    if len(pieces) == 1:
+        return pieces[0]
     return np.concatenate(pieces) if pieces else np.zeros(shape)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from vibroimpact_solvers import impact_modes
@@ -11,19 +9,31 @@ from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.impact_modes.family import Family
 from vibroimpact_solvers.impact_modes.modal import ModalFamily
+from vibroimpact_solvers.kernels.modal import state_of
 from vibroimpact_solvers.time_history.problem import Member, Problem, State
 from vibroimpact_solvers.time_history.structure import Structure
 
 
-def initial_state(problem: Problem, structure: Structure) -> Floats:
+def initial_state(problem: Problem, initial: State | Member, structure: Structure) -> Floats:
     """Return the state at t = 0 in the free scene, shape (2, pair)."""
-    scene = structure.scene()
-    unit = math.ldexp(1.0, -structure.exponent)
-    loads = scene.basis.loads(0.0)
-    if isinstance(problem.initial, State):
-        return structure.enter(scene, problem.initial.x, unit * problem.initial.v, loads)
-    q, rate = _member(problem, problem.initial, structure)
-    return scene.basis.pairs_of(q - scene.basis.still, unit * rate, loads)
+    scene, unit = structure.scene(), 1.0 / structure.scale
+    basis = scene.basis
+    if not isinstance(initial, State):
+        q, rate = _member(problem, initial, structure)
+        return basis.pairs_of(q - basis.still, unit * rate, basis.loads(0.0))
+    if not basis.plain:
+        if initial is not problem.initial:
+            problem.check(initial)
+        return structure.enter(scene, initial.x, unit * initial.v, basis.loads(0.0))
+    modes, Z = basis.modes, np.zeros((1, 2, basis.pairs))
+    if initial.x.shape != (structure.system.n,) or initial.v.shape != initial.x.shape or (
+        not state_of(
+            initial.x, initial.v, unit, modes.weighted, basis.normal, basis.place, structure.W,
+            structure.limits if problem.limiter is None else structure.far, Z,
+        )
+    ):  # fmt: skip
+        problem.check(initial)
+    return np.asarray(Z[0])
 
 
 def _member(problem: Problem, member: Member, structure: Structure) -> tuple[Floats, Floats]:
