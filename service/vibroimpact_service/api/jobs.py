@@ -115,14 +115,16 @@ async def looked_up(
     """Return a job."""
     queue = exchange.evaluation(request).queue
     owner = exchange.owner(request)
-    row = await _row(queue, owner, job)
-    if wait and not row.final:
+    row = None
+    if wait and _JOB.fullmatch(job):
         seconds = min(wait, LONGEST_POLL)
         if since is None:
             waiting = queue.finished(owner, job, seconds)
         else:
             waiting = queue.wait(owner, job, since, seconds)
-        row = await exchange.unless_draining(request, waiting) or row
+        row = await exchange.unless_draining(request, waiting)
+    if row is None:  # nobody waits, the service stops, or there is no such job
+        row = await _row(queue, owner, job)
     return exchange.document(await described(queue, row))
 
 
@@ -149,7 +151,7 @@ async def result(request: Request, job: str) -> Response:
         later = str(max(1, min(30, math.ceil(row.seconds))))
         detail = f"The job is {row.state}."
         raise ProblemError(problems.NOT_READY, detail, headers={"Retry-After": later})
-    found = await use.result(row.result, media_type)
+    found = await use.result_of(row, media_type)
     if found is None:
         raise ProblemError(problems.NO_RESULT, "The result is no longer stored; submit it again.")
     return await exchange.result(request, row.result, found)
