@@ -27,6 +27,9 @@ Compute = Callable[[Tick], object]
 """Computes a job and stores its result."""
 
 _LATE_SECONDS: Final = 0.25
+_IN_LINE: Final = 16
+"""Jobs that may be computed or wait for it, per thread: at some milliseconds each, the way through
+the queue and the workers takes longer than the line."""
 
 
 class _Until:
@@ -46,13 +49,13 @@ class Spot:
     Parameters
     ----------
     threads : int
-        How many may be computed at a time.
+        How many are computed at a time.
     seconds : float
         Planned work up to which a job is computed here; 0: none is.
     """
 
     def __init__(self, threads: int, seconds: float) -> None:
-        self._seconds, self._most = seconds, threads
+        self._seconds, self._most = seconds, threads * _IN_LINE
         self._threads = ThreadPoolExecutor(threads, "spot")
         self._flights: dict[str, asyncio.Future[None]] = {}
 
