@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -116,8 +116,9 @@ class Queue:
         row = self.rows.get(job)
         return row if row is not None and row.owner == owner else None
 
-    async def position(self, job: JobRow) -> int:
-        return sum(row.state == "queued" and row.seq < job.seq for row in self.rows.values())
+    async def positions(self, jobs: Sequence[JobRow]) -> dict[str, int]:
+        queued = [row.seq for row in self.rows.values() if row.state == "queued"]
+        return {j.id: sum(s < j.seq for s in queued) for j in jobs if j.state == "queued"}
 
     async def list(
         self, owner: str, state: str | None, kind: str | None, before: int | None, limit: int

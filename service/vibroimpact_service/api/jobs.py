@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from datetime import UTC, datetime
 from typing import Annotated, Any, Final, Literal, cast
 
@@ -31,7 +31,15 @@ State = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 
 async def described(queue: JobQueue, job: JobRow) -> Job:
     """Return the document of a job."""
-    position = await queue.position(job) if job.state == "queued" else None
+    return (await _described(queue, [job]))[0]
+
+
+async def _described(queue: JobQueue, jobs: Sequence[JobRow]) -> list[Job]:
+    places = await queue.positions(jobs)
+    return [_document(queue, job, places.get(job.id)) for job in jobs]
+
+
+def _document(queue: JobQueue, job: JobRow, position: int | None) -> Job:
     return Job(
         id=job.id,
         version=job.version,
@@ -91,7 +99,7 @@ async def listed(
     if following is not None:
         url = request.url.include_query_params(cursor=following)
         headers["Link"] = f'<{url.path}?{url.query}>; rel="next"'
-    jobs = [await described(queue, row) for row in page]
+    jobs = await _described(queue, page)
     return exchange.document(JobList(jobs=jobs, next=following), headers=headers)
 
 

@@ -184,10 +184,6 @@ class JobQueue:
             if len(self._ended) > _REMEMBERED:
                 self._ended.popitem(last=False)
 
-    async def position(self, job: JobRow) -> int:
-        """Return how many jobs go before a queued one."""
-        return (await self.positions([job]))[job.id]
-
     async def positions(self, jobs: Sequence[JobRow]) -> dict[str, int]:
         """Return how many jobs go before each of those jobs that are queued."""
         queued = [job for job in jobs if job.state == "queued"]
