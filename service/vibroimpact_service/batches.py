@@ -58,7 +58,7 @@ def _answer(settings: Settings, store: Store, owner: str, kind: Kind, content: A
     result = kind.solver.solve(assignment.problem, assignment.plan)
     created = datetime.now(UTC).isoformat(timespec="milliseconds")
     head = tasks.head(name, assignment, canonical, created)
-    return encode.json(encode.open_bundle(encode.freeze(result, head)))
+    return encode.json(encode.describe(result, head))
 
 
 def parts(requests: Sequence[Any], count: int) -> list[tuple[int, bytes]]:

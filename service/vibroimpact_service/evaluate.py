@@ -31,7 +31,8 @@ from vibroimpact_service.jobs.engine import EngineUnavailableError
 from vibroimpact_service.jobs.ledger import KeyReusedError, NewJob
 from vibroimpact_service.jobs.queue import JobQueue
 from vibroimpact_service.jobs.records import JobRow
-from vibroimpact_service.jobs.work import WorkerLostError
+from vibroimpact_service.jobs.spot import Compute
+from vibroimpact_service.jobs.work import Tick, WorkerLostError
 from vibroimpact_service.kinds import KINDS, Kind
 from vibroimpact_service.metrics import Metrics
 from vibroimpact_service.negotiate import Preference
@@ -49,6 +50,8 @@ log = structlog.get_logger("vibroimpact.evaluate")
 Admit = Callable[[PlanOfWork, float], Awaitable[None]]
 """Told the plan and its planned seconds before the work begins; raises where it must not."""
 
+_SMALL_REQUEST: Final = 2**16
+"""Bytes of a request up to which it stands in the records; larger ones stand in the store."""
 _SHELF_BYTES: Final = 64 * 2**20
 _SMALL_BODY: Final = 2**14
 """Bytes up to which a body is read on the event loop: handing it to a thread costs more."""
@@ -251,16 +254,21 @@ class Evaluation:
         terms = terms or Terms()
         await self._landed(asked.digest)
         reused = self._store.results.has(asked.digest)
-        seconds = 0.0
+        seconds, compute = 0.0, None
         if not reused:
-            await self._room(asked.owner)
             assignment = await self._assign(asked)
             seconds = tasks.seconds(assignment)
+            if self.queue.takes(seconds):
+                compute = self._compute(asked, assignment)
+            else:
+                await self._room(asked.owner)
             await admit(assignment.plan, seconds)
         self._metrics.result(asked.kind.name, "hit" if reused else "job")
         block = tasks.request_block(asked.owner, asked.canonical)
         name = digest.content(block)
-        await self._thread(lambda: self._keep_request(name, block))
+        recorded = len(block) <= _SMALL_REQUEST
+        if not recorded:
+            await self._thread(lambda: self._keep_request(name, block))
         new = NewJob(
             id=f"job_{uuid.uuid4().hex}",
             owner=asked.owner,
@@ -273,12 +281,42 @@ class Evaluation:
             key=key,
             deadline=terms.deadline,
             webhook=terms.webhook,
+            block=block if recorded else None,
         )
         try:
-            return await self.queue.submit(new)
+            return await self.queue.submit(new, compute)
         except KeyReusedError:
             detail = "The Idempotency-Key stands for another request."
             raise ProblemError(problems.KEY_REUSED, detail) from None
+
+    def _compute(self, asked: Question, assignment: tasks.Assignment) -> Compute:
+        def compute(tick: Tick) -> None:
+            tasks.compute(self._store, asked.digest, assignment, asked.canonical, tick)
+
+        return compute
+
+    async def result_of(self, job: JobRow, media_type: str) -> Representation | None:
+        """Return the result of a job that succeeded, or None where it is no longer there.
+
+        Those of quick jobs are not awaited to reach the disk. What a power failure took away
+        is computed again, from the request in the records.
+        """
+        found = await self.result(job.result, media_type)
+        if found is not None or job.lane != "quick":
+            return found
+        block = await self.queue.request(job.request)
+        if block is None:
+            return None
+        _, _, canonical = block.rpartition(b"\n")
+        asked = question(job.owner, KINDS[job.kind], intake.parse(canonical))
+        if asked.digest != job.result:
+            return None  # it was computed by other solvers than these
+        assignment = await self._assign(asked)
+        flight = self._flights.get(asked.digest)
+        if flight is None:
+            flight = self._take_off(asked, assignment, media_type)
+        await asyncio.shield(flight)
+        return await self.result(job.result, media_type)
 
     async def result(self, name: str, media_type: str) -> Representation | None:
         """Return a stored result in a media type, or None where there is none."""
@@ -402,9 +440,7 @@ class Evaluation:
         self._metrics.result(asked.kind.name, "miss" if flight is None else "collapsed")
         cache = "fwd=miss" if flight is None else "fwd=miss; collapsed"
         if flight is None:
-            flight = asyncio.create_task(self._fly(asked, assignment, media_type))
-            self._flights[asked.digest] = flight
-            flight.add_done_callback(lambda done: self._land(asked.digest, done))
+            flight = self._take_off(asked, assignment, media_type)
         # Whoever asked may go away; the others still wait.
         seconds = await asyncio.shield(flight)
         started = time.perf_counter()
@@ -413,6 +449,14 @@ class Evaluation:
             raise ProblemError(problems.UNAVAILABLE, "The result was lost as it was stored.")
         encoded = seconds["encode"] + time.perf_counter() - started
         return Answer(asked.digest, result, cache, {"plan": planned, **seconds, "encode": encoded})
+
+    def _take_off(
+        self, asked: Question, assignment: tasks.Assignment, media_type: str
+    ) -> asyncio.Task[dict[str, float]]:
+        flight = asyncio.create_task(self._fly(asked, assignment, media_type))
+        self._flights[asked.digest] = flight
+        flight.add_done_callback(lambda done: self._land(asked.digest, done))
+        return flight
 
     async def _fly(
         self, asked: Question, assignment: tasks.Assignment, media_type: str

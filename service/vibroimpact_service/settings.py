@@ -106,6 +106,11 @@ class Settings(BaseSettings):
         gt=0,
         description="Time after which what was to be answered at once becomes a job.",
     )
+    spot_seconds: float = Field(
+        0.02,
+        ge=0,
+        description="Planned work of a job below it is done while the job is submitted.",
+    )
     batch_requests: int = Field(1000, ge=1, description="Most requests of one batch.")
     batch_seconds: float = Field(
         0.1, gt=0, description="Planned work up to which a request may be part of a batch."

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import cache
+from types import MappingProxyType
 from typing import Any, get_type_hints
 
 import numpy as np
@@ -71,7 +73,8 @@ class Described:
     plain: Mapping[str, Any]
 
 
-def quantities(result: type[Any]) -> dict[str, Quantity]:
+@cache
+def quantities(result: type[Any]) -> Mapping[str, Quantity]:
     """Return the quantity of every annotated field of a result class, by field name."""
     hints = get_type_hints(result, include_extras=True)
     found: dict[str, Quantity] = {}
@@ -79,4 +82,4 @@ def quantities(result: type[Any]) -> dict[str, Quantity]:
         for note in getattr(hints[field.name], "__metadata__", ()):
             if isinstance(note, Quantity):
                 found[field.name] = note
-    return found
+    return MappingProxyType(found)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -49,7 +49,15 @@ class Queue:
     async def close(self) -> None:
         """Nothing to close."""
 
-    async def submit(self, new: NewJob) -> JobRow:
+    def takes(self, seconds: float) -> bool:
+        return False
+
+    async def request(self, name: str) -> bytes | None:
+        return self.store.requests.get(name)
+
+    async def submit(self, new: NewJob, compute: Any = None) -> JobRow:
+        if new.block is not None:
+            self.store.requests.put(new.request, new.block)
         if new.key is not None:
             earlier = self.keys.setdefault(new.key, new)
             if earlier.result != new.result:
@@ -108,8 +116,9 @@ class Queue:
         row = self.rows.get(job)
         return row if row is not None and row.owner == owner else None
 
-    async def position(self, job: JobRow) -> int:
-        return sum(row.state == "queued" and row.seq < job.seq for row in self.rows.values())
+    async def positions(self, jobs: Sequence[JobRow]) -> dict[str, int]:
+        queued = [row.seq for row in self.rows.values() if row.state == "queued"]
+        return {j.id: sum(s < j.seq for s in queued) for j in jobs if j.state == "queued"}
 
     async def list(
         self, owner: str, state: str | None, kind: str | None, before: int | None, limit: int

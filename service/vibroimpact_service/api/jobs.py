@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from datetime import UTC, datetime
 from typing import Annotated, Any, Final, Literal, cast
 
@@ -31,7 +31,15 @@ State = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 
 async def described(queue: JobQueue, job: JobRow) -> Job:
     """Return the document of a job."""
-    position = await queue.position(job) if job.state == "queued" else None
+    return (await _described(queue, [job]))[0]
+
+
+async def _described(queue: JobQueue, jobs: Sequence[JobRow]) -> list[Job]:
+    places = await queue.positions(jobs)
+    return [_document(queue, job, places.get(job.id)) for job in jobs]
+
+
+def _document(queue: JobQueue, job: JobRow, position: int | None) -> Job:
     return Job(
         id=job.id,
         version=job.version,
@@ -91,7 +99,7 @@ async def listed(
     if following is not None:
         url = request.url.include_query_params(cursor=following)
         headers["Link"] = f'<{url.path}?{url.query}>; rel="next"'
-    jobs = [await described(queue, row) for row in page]
+    jobs = await _described(queue, page)
     return exchange.document(JobList(jobs=jobs, next=following), headers=headers)
 
 
@@ -115,14 +123,16 @@ async def looked_up(
     """Return a job."""
     queue = exchange.evaluation(request).queue
     owner = exchange.owner(request)
-    row = await _row(queue, owner, job)
-    if wait and not row.final:
+    row = None
+    if wait and _JOB.fullmatch(job):
         seconds = min(wait, LONGEST_POLL)
         if since is None:
             waiting = queue.finished(owner, job, seconds)
         else:
             waiting = queue.wait(owner, job, since, seconds)
-        row = await exchange.unless_draining(request, waiting) or row
+        row = await exchange.unless_draining(request, waiting)
+    if row is None:  # nobody waits, the service stops, or there is no such job
+        row = await _row(queue, owner, job)
     return exchange.document(await described(queue, row))
 
 
@@ -149,7 +159,7 @@ async def result(request: Request, job: str) -> Response:
         later = str(max(1, min(30, math.ceil(row.seconds))))
         detail = f"The job is {row.state}."
         raise ProblemError(problems.NOT_READY, detail, headers={"Retry-After": later})
-    found = await use.result(row.result, media_type)
+    found = await use.result_of(row, media_type)
     if found is None:
         raise ProblemError(problems.NO_RESULT, "The result is no longer stored; submit it again.")
     return await exchange.result(request, row.result, found)

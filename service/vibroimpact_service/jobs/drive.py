@@ -54,6 +54,8 @@ class Surroundings:
         Under which leases are held.
     tell : callable
         ``(jobs)``: these changed.
+    supply : callable
+        ``(request)``: sees to it that workers find what is asked.
     """
 
     me: str
@@ -63,6 +65,7 @@ class Surroundings:
     store: Store
     work: Work
     tell: Callable[[Collection[str]], None]
+    supply: Callable[[str], None]
 
 
 class Driver:
@@ -112,6 +115,15 @@ class Driver:
             try:
                 return self.around.writer.submit(operation).result()
             except (RecordsUnavailableError, StoreFullError):
+                self.check()
+                time.sleep(_RETRY_SECONDS)
+
+    def supply(self, job: JobRow) -> None:
+        """See to it that workers find what a job asks, however long the records are away."""
+        while True:
+            try:
+                return self.around.supply(job.request)
+            except RecordsUnavailableError:
                 self.check()
                 time.sleep(_RETRY_SECONDS)
 
@@ -180,6 +192,7 @@ class Drive(Driver):
         reused = self.around.store.results.sound(self.job.result)
         if not reused:
             self._report(phase="planning", wait=False)
+            self.supply(self.job)
             for attempt in range(_JOINS):
                 chunks, missing = self._whole(calls.cut)
                 if attempt == 0:

@@ -37,6 +37,15 @@ CONFIG: Final[dict[str, Any]] = {
     # death of it is this long ago: with the 15 s of Dask, two deaths can cost the worker.
     "distributed.deploy.lost-worker-timeout": "3650 days",
     "distributed.worker.multiprocessing-method": nursery.METHOD,
+    # What Dask measures of itself all the time, in every process: nobody looks at it.
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "5s",
+    "distributed.admin.system-monitor.disk": False,
+    "distributed.admin.system-monitor.gil.enabled": False,
+    "distributed.diagnostics.nvml": False,
+    # A result has one copy, and it is gone as soon as it was fetched.
+    "distributed.scheduler.active-memory-manager.start": False,
     # Dask's status pages know no keys: they show nothing.
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],

@@ -45,10 +45,15 @@ class Group(Driver):
         except LeaseLostError:
             log.info("jobs no longer ours", jobs=list(self.held))
         except (ClosingError, EngineUnavailableError):
-            try:
-                self.put_back(self.held)
-            except (ClosingError, LeaseLostError):
-                log.info("jobs left to their leases", jobs=list(self.held))
+            self._give_back()
+        except calls.PASSING as error:
+            self._give_back(_DELAY, str(error.strerror or error))
+
+    def _give_back(self, seconds: float = 0.0, note: str | None = None) -> None:
+        try:
+            self.put_back(self.held, seconds, note)
+        except (ClosingError, LeaseLostError):
+            log.info("jobs left to their leases", jobs=list(self.held))
 
     def _run(self, jobs: list[JobRow]) -> None:
         store = self.around.store.results
@@ -56,6 +61,8 @@ class Group(Driver):
         if there:
             self._succeed(there, reused=True)
         missing = [job for job in jobs if job not in there]
+        for job in missing:
+            self.supply(job)
         if missing:
             error = self._call(missing)
             if isinstance(error, WorkerLostError):

@@ -11,7 +11,15 @@ from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine import Connection
 
 from vibroimpact_service.jobs.database import now
-from vibroimpact_service.jobs.records import JobRow, idempotency, jobs, pins, row, webhooks
+from vibroimpact_service.jobs.records import (
+    JobRow,
+    idempotency,
+    jobs,
+    pins,
+    requests,
+    row,
+    webhooks,
+)
 
 QUICK_SECONDS: Final = 0.1
 """Planned work up to which a job goes to the workers together with others."""
@@ -47,6 +55,10 @@ class NewJob:
         Seconds from now after which the job fails, where it is not done.
     webhook : tuple of str, optional
         Where to send a message when it ends, and the secret that signs it.
+    block : bytes, optional
+        What is asked, to be recorded with the job; absent: it stands in the store already.
+    computed : bool
+        Whether the result was computed for this job, before its record is written.
     """
 
     id: str
@@ -60,6 +72,13 @@ class NewJob:
     key: str | None = None
     deadline: float | None = None
     webhook: tuple[str, str] | None = None
+    block: bytes | None = None
+    computed: bool = False
+
+    @property
+    def done(self) -> bool:
+        """Whether the result is there."""
+        return self.reused or self.computed
 
 
 def insert(news: Sequence[NewJob]) -> Callable[[Connection], list[JobRow]]:
@@ -68,6 +87,7 @@ def insert(news: Sequence[NewJob]) -> Callable[[Connection], list[JobRow]]:
     def operation(connection: Connection) -> list[JobRow]:
         earlier = {new.id: _earlier(connection, new) for new in news if new.key is not None}
         fresh = [new for new in news if earlier.get(new.id) is None]
+        _insert_requests(connection, fresh)
         known = {job.id: job for job in _insert(connection, fresh)}
         _insert_webhooks(connection, fresh)
         return [earlier.get(new.id) or known[new.id] for new in news]
@@ -78,19 +98,30 @@ def insert(news: Sequence[NewJob]) -> Callable[[Connection], list[JobRow]]:
 def _insert(connection: Connection, news: Sequence[NewJob]) -> list[JobRow]:
     clock = now(connection)
     found: list[sa.Row[Any]] = []
-    for reused in (False, True):
-        values = [_values(new) for new in news if new.reused is reused]
+    for times in (("created",), ("created", "finished"), ("created", "started", "finished")):
+        values = [_values(new) for new in news if _times(new) == times]
         if not values:
             continue
         # SQL expressions cannot stand in the rows of a bulk insertion, so they stand beside.
-        clocks: dict[str, Any] = {"created": clock}
-        if reused:
-            clocks["finished"] = clock
+        clocks = dict.fromkeys(times, clock)
         insertion = jobs.insert().values(**clocks).returning(*jobs.c)
         found += connection.execute(insertion, values).all()
     if any(new.deadline is not None for new in news):
         found = _set_deadlines(connection, news)
     return [row(each) for each in found]
+
+
+def _insert_requests(connection: Connection, news: Sequence[NewJob]) -> None:
+    blocks = {new.request: new.block for new in news if new.block is not None}
+    if not blocks:
+        return
+    dialect = postgresql if connection.dialect.name == "postgresql" else sqlite
+    clock = now(connection)
+    insertion = dialect.insert(requests).values(created=clock)
+    # One that is there already counts as new: nobody may take it for abandoned now.
+    again = insertion.on_conflict_do_update(index_elements=["name"], set_={"created": clock})
+    # In one order everywhere: replicas that record the same ones must not wait in a circle.
+    connection.execute(again, [{"name": name, "data": blocks[name]} for name in sorted(blocks)])
 
 
 def _insert_webhooks(connection: Connection, news: Sequence[NewJob]) -> None:
@@ -101,6 +132,13 @@ def _insert_webhooks(connection: Connection, news: Sequence[NewJob]) -> None:
             connection.execute(webhooks.insert().values(**values, due=now(connection)))
 
 
+def _times(new: NewJob) -> tuple[str, ...]:
+    """Return which columns get the time of the submission."""
+    if new.computed:
+        return "created", "started", "finished"
+    return ("created", "finished") if new.reused else ("created",)
+
+
 def _values(new: NewJob) -> dict[str, Any]:
     return {
         "id": new.id,
@@ -108,15 +146,15 @@ def _values(new: NewJob) -> dict[str, Any]:
         "kind": new.kind,
         "request": new.request,
         "result": new.result,
-        "state": "succeeded" if new.reused else "queued",
-        "phase": "done" if new.reused else "waiting",
+        "state": "succeeded" if new.done else "queued",
+        "phase": "done" if new.done else "waiting",
         "lane": "quick" if new.seconds <= QUICK_SECONDS else "bulk",
         "priority": new.priority,
         "seconds": new.seconds,
-        "done": int(new.reused),
+        "done": int(new.done),
         "total": 1,
         "kept": int(new.reused),
-        "attempts": 0,
+        "attempts": int(new.computed),
         "reused": new.reused,
         "version": 1,
     }
@@ -124,7 +162,7 @@ def _values(new: NewJob) -> dict[str, Any]:
 
 def _set_deadlines(connection: Connection, news: Sequence[NewJob]) -> list[sa.Row[Any]]:
     for new in news:
-        if new.deadline is not None and not new.reused:
+        if new.deadline is not None and not new.done:
             until = jobs.c.created + new.deadline
             connection.execute(jobs.update().where(jobs.c.id == new.id).values(deadline=until))
     mine = jobs.c.id.in_([new.id for new in news])
@@ -160,6 +198,12 @@ def find(connection: Connection, owner: str, job: str) -> JobRow | None:
     where = (jobs.c.id == job) & (jobs.c.owner == owner)
     found = connection.execute(jobs.select().where(where)).one_or_none()
     return None if found is None else row(found)
+
+
+def request(connection: Connection, name: str) -> bytes | None:
+    """Return what a job asks, where it was recorded with the job."""
+    found = connection.execute(sa.select(requests.c.data).where(requests.c.name == name))
+    return found.scalar_one_or_none()
 
 
 def page(

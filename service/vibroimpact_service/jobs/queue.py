@@ -7,8 +7,11 @@ import fcntl
 import os
 import socket
 import uuid
+import time
+from collections import OrderedDict
 from collections.abc import AsyncIterator, Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any, Final, TypeVar
 
@@ -24,6 +27,7 @@ from vibroimpact_service.jobs.ledger import NewJob
 from vibroimpact_service.jobs.records import JobRow
 from vibroimpact_service.jobs.retention import Retention
 from vibroimpact_service.jobs.shares import Shares
+from vibroimpact_service.jobs.spot import Compute, Spot
 from vibroimpact_service.jobs.watch import Watch
 from vibroimpact_service.jobs.webhooks import Webhooks
 from vibroimpact_service.jobs.work import DeadlineError, Work
@@ -42,6 +46,8 @@ _GROUPS: Final = 2  # groups of quick jobs per worker: one computed, one ready b
 _MOST_GROUPS: Final = 32
 _GROUP_JOBS: Final = 64
 _GROUP_SECONDS: Final = 0.1
+_REMEMBERED: Final = 4096
+_REMEMBERED_SECONDS: Final = 60.0
 
 
 class DataInUseError(RuntimeError):
@@ -66,6 +72,8 @@ class JobQueue:
         self._drivers: set[Driver] = set()
         self._threads = ThreadPoolExecutor(settings.driven_jobs + _MOST_GROUPS, "drive")
         self._readers = ThreadPoolExecutor(4, "records")
+        self._spot = Spot(settings.inline_threads, settings.spot_seconds)
+        self._ended: OrderedDict[str, tuple[float, JobRow]] = OrderedDict()
         self._wake = asyncio.Event()
         self._tasks: list[asyncio.Task[None]] = []
         self._closing = False
@@ -95,7 +103,7 @@ class JobQueue:
         self._watch = Watch(self._versions)
         self._around = Surroundings(
             self._me, self._writer, self.engine, Shares(lambda: self.engine.slots), self._store,
-            self._work, self._watch.tell,
+            self._work, self._watch.tell, self._supply,
         )  # fmt: skip
         retention = Retention(self._settings, self._store, self._writer, self._reader)
         webhooks = Webhooks(self._settings, self._writer, self._reader)
@@ -117,6 +125,7 @@ class JobQueue:
         await asyncio.gather(*self._tasks, return_exceptions=True)
         for driver in tuple(self._drivers):
             driver.close()
+        await asyncio.to_thread(self._spot.close)
         await asyncio.to_thread(self._threads.shutdown)
         await asyncio.to_thread(self.engine.close)
         await asyncio.to_thread(self._writer.close)
@@ -125,8 +134,14 @@ class JobQueue:
         if self._lock is not None:
             self._lock.close()
 
-    async def submit(self, new: NewJob) -> JobRow:
+    def takes(self, seconds: float) -> bool:
+        """Whether a job of that planned work would be computed while it is submitted."""
+        return self._spot.takes(seconds)
+
+    async def submit(self, new: NewJob, compute: Compute | None = None) -> JobRow:
         """Record a job and return its row; when this returns, the job is durable.
+
+        With `compute` it is computed here first, where there is a thread free for it.
 
         Raises
         ------
@@ -137,21 +152,37 @@ class JobQueue:
         StoreFullError
             Where it has no room.
         """
+        if compute is not None and new.result not in self._driven_results():
+            known = self._spot.knows(new.result)
+            if await self._spot.computed(new.result, compute):
+                new = replace(new, computed=not known, reused=known)
         return (await self.submit_many([new]))[0]
 
     async def submit_many(self, news: Sequence[NewJob]) -> list[JobRow]:
         """Record jobs, all or none, and return their rows in the same order; as `submit`."""
         jobs = await self._write(ledger.insert(news))
-        self._wake.set()
+        if not all(job.final for job in jobs):
+            self._wake.set()
+        for job in jobs:
+            self._remember(job)
         return jobs
 
     async def get(self, owner: str, job: str) -> JobRow | None:
         """Return a job of that owner, or None."""
-        return await self._read(lambda connection: ledger.find(connection, owner, job))
+        ended, found = self._ended.get(job, (0.0, None))
+        if found is not None and time.monotonic() - ended < _REMEMBERED_SECONDS:
+            return found if found.owner == owner else None
+        found = await self._read(lambda connection: ledger.find(connection, owner, job))
+        if found is not None:
+            self._remember(found)
+        return found
 
-    async def position(self, job: JobRow) -> int:
-        """Return how many jobs go before a queued one."""
-        return (await self.positions([job]))[job.id]
+    def _remember(self, job: JobRow) -> None:
+        """Keep a job that ended at hand for a while: nothing of it will change."""
+        if job.final:
+            self._ended[job.id] = time.monotonic(), job
+            if len(self._ended) > _REMEMBERED:
+                self._ended.popitem(last=False)
 
     async def positions(self, jobs: Sequence[JobRow]) -> dict[str, int]:
         """Return how many jobs go before each of those jobs that are queued."""
@@ -217,11 +248,17 @@ class JobQueue:
     async def finished(self, owner: str, job: str, seconds: float) -> JobRow | None:
         """Return a job once it is final or time is over."""
         deadline = self._loop.time() + seconds
-        found = await self.get(owner, job)
-        while found is not None and not found.final and self._loop.time() < deadline:
-            left = deadline - self._loop.time()
-            found = await self.wait(owner, job, found.version, left)
-        return found
+        with self._watch.on(job) as changed:
+            while True:
+                changed.clear()
+                found = await self.get(owner, job)
+                left = deadline - self._loop.time()
+                if found is None or found.final or left <= 0:
+                    return found
+                try:
+                    await asyncio.wait_for(changed.wait(), left)
+                except TimeoutError:
+                    continue
 
     async def events(self, owner: str, job: str, version: int) -> AsyncIterator[JobRow | None]:
         """Yield a job whenever it changed since a version, to its end; None as a sign of life."""
@@ -242,10 +279,13 @@ class JobQueue:
             return job.note
         if not self.engine.ready:
             return self.engine.failure or "the workers are starting"
-        driven = (each for driver in tuple(self._drivers) for each in driver.held.values())
-        if any(each.result == job.result for each in driven):
+        if job.result in self._driven_results():
             return "an equal job is being computed; this one gets the same result"
         return f"{position} jobs are in front of it" if position else "it is next"
+
+    def _driven_results(self) -> set[str]:
+        drivers = tuple(self._drivers)
+        return {job.result for driver in drivers for job in driver.held.values()}
 
     @property
     def healthy(self) -> bool:
@@ -330,6 +370,23 @@ class JobQueue:
 
     async def _versions(self, jobs: Sequence[str]) -> dict[str, int]:
         return await self._read(lambda connection: ledger.versions(connection, jobs))
+
+    async def request(self, name: str) -> bytes | None:
+        """Return what a job asks, or None where that is known no more."""
+        block = await asyncio.to_thread(self._store.requests.get, name)
+        if block is None:
+            block = await self._read(lambda connection: ledger.request(connection, name))
+        return block
+
+    def _supply(self, name: str) -> None:
+        """See to it that workers find what a job asks; called in threads of drives."""
+        if self._store.requests.sound(name):
+            return
+        with failing(), self._reader.connect() as connection:
+            block = ledger.request(connection, name)
+        if block is not None:
+            # It stands in the records too, and can be put here again.
+            self._store.requests.put(name, block, durable=False)
 
     async def _write(self, operation: Callable[[Connection], Value]) -> Value:
         return await asyncio.wrap_future(self._writer.submit(operation))

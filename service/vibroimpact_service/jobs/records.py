@@ -59,6 +59,14 @@ pins = sa.Table(
     sa.Column("created", sa.Float),
 )
 
+requests = sa.Table(
+    "requests",
+    metadata,
+    sa.Column("name", sa.String(64), primary_key=True),
+    sa.Column("data", sa.LargeBinary),
+    sa.Column("created", sa.Float),
+)
+
 webhooks = sa.Table(
     "webhooks",
     metadata,

@@ -12,7 +12,7 @@ from sqlalchemy.engine import Connection, Engine
 
 from vibroimpact_service.jobs.database import failing, now
 from vibroimpact_service.jobs.ledger import QUEUED, RUNNING
-from vibroimpact_service.jobs.records import idempotency, jobs, pins, webhooks
+from vibroimpact_service.jobs.records import idempotency, jobs, pins, requests, webhooks
 from vibroimpact_service.jobs.writer import Writer
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Entry, Store
@@ -60,6 +60,8 @@ class Retention:
     def _remove_jobs(self) -> None:
         age = self._settings.keep_jobs_days * _DAY
         while self._writer.submit(lambda connection: _forget_jobs(connection, age)).result():
+            continue
+        while self._writer.submit(_forget_requests).result():
             continue
 
     def _remove_results(self, needed: set[str]) -> None:
@@ -113,3 +115,15 @@ def _forget_jobs(connection: Connection, age: float) -> int:
         connection.execute(webhooks.delete().where(webhooks.c.job.in_(gone)))
         connection.execute(jobs.delete().where(jobs.c.id.in_(gone)))
     return len(gone)
+
+
+def _forget_requests(connection: Connection) -> int:
+    """Remove some recorded requests that no job refers to any more; return how many."""
+    lonely = ~sa.exists().where(jobs.c.request == requests.c.name)
+    old = requests.c.created < now(connection) - _FRESH_SECONDS
+    some = sa.select(requests.c.name).where(old, lonely).limit(_AT_ONCE)
+    names = list(connection.execute(some).scalars())
+    if names:
+        # Looked at again: another replica may have recorded a job with one of them meanwhile.
+        connection.execute(requests.delete().where(requests.c.name.in_(names), old, lonely))
+    return len(names)

@@ -11,8 +11,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from datetime import datetime
+from itertools import chain, count
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import IO, Any, Final, NamedTuple
 
 import fsspec
 from fsspec.implementations.local import LocalFileSystem
@@ -82,7 +83,7 @@ class ContentStore:
         digest = hashlib.sha256(data).digest()
         if self._local:
             durable = self._durable if durable is None else durable
-            self._put_file(Path(path), digest, [data], durable)
+            self._put_file(path, digest, [data], durable)
             return
         with _reaching():
             try:
@@ -90,21 +91,24 @@ class ContentStore:
             except FileNotFoundError as error:  # there is no such bucket
                 raise StoreUnavailableError(errno.ENOENT, "there is no such store") from error
 
-    def _put_file(self, target: Path, digest: bytes, data: Iterable[bytes], durable: bool) -> None:
-        passing = target.with_name(f".{target.name}.{uuid.uuid4().hex}")
+    def _put_file(self, target: str, digest: bytes, data: Iterable[bytes], durable: bool) -> None:
+        # In plain calls of the system: chunks of some milliseconds are written by it.
+        folder, name = os.path.split(target)
+        passing = f"{folder}/.{name}.{_passing_name()}"
         try:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            with passing.open("wb") as file:
-                file.write(digest)
-                file.writelines(data)
+            handle = _open_new(passing, folder)
+            try:
+                for piece in chain([digest], data):
+                    _write(handle, piece)
                 if durable:
-                    file.flush()
-                    os.fsync(file.fileno())
-            passing.replace(target)
+                    os.fsync(handle)
+            finally:
+                os.close(handle)
+            os.rename(passing, target)  # noqa: PTH104 (hot path)
             if durable:
-                _sync_folder(target.parent)
+                _sync_folder(folder)
         except OSError as error:
-            passing.unlink(missing_ok=True)
+            Path(passing).unlink(missing_ok=True)
             if error.errno in (errno.ENOSPC, errno.EDQUOT):
                 raise StoreFullError(error.errno, "the store is full") from error
             raise
@@ -120,7 +124,7 @@ class ContentStore:
         path = self._path(name)
         try:
             if self._local:
-                content = Path(path).read_bytes()
+                content = _read(path)
             else:
                 with _reaching():
                     content = self._fs.cat_file(path)
@@ -166,7 +170,7 @@ class ContentStore:
             digest = _hash(file).digest()
             file.seek(0)
             pieces = iter(lambda: file.read(_PIECE), b"")
-            self._put_file(Path(self._path(name)), digest, pieces, self._durable)
+            self._put_file(self._path(name), digest, pieces, self._durable)
 
     @property
     def local(self) -> bool:
@@ -198,7 +202,7 @@ class ContentStore:
         path = self._path(name)
         try:
             if self._local:
-                Path(path).unlink()
+                os.unlink(path)  # noqa: PTH108 (hot path)
             else:
                 with _reaching():
                     self._fs.rm_file(path)
@@ -259,7 +263,37 @@ def _hash(file: IO[bytes]) -> hashlib._Hash:
     return text
 
 
-def _sync_folder(folder: Path) -> None:
+_SEPARATE: Final = uuid.uuid4().hex
+_counted = count()
+
+
+def _passing_name() -> str:
+    """Return a name that no writer uses at the same time, of this machine or another."""
+    return f"{_SEPARATE}-{os.getpid()}-{next(_counted)}"  # forked processes share the first part
+
+
+def _open_new(path: str, folder: str) -> int:
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+    try:
+        return os.open(path, flags, 0o666)
+    except FileNotFoundError:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        return os.open(path, flags, 0o666)
+
+
+def _write(handle: int, data: bytes) -> None:
+    rest = memoryview(data)
+    while rest:
+        rest = rest[os.write(handle, rest) :]
+
+
+def _read(path: str) -> bytes:
+    handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    with open(handle, "rb", buffering=0) as file:
+        return file.readall()
+
+
+def _sync_folder(folder: str) -> None:
     handle = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(handle)
