@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import Any
 
 import orjson
+import structlog
 
 from vibroimpact_service import digest, intake, problems, tasks
 from vibroimpact_service.jobs.work import Tick
@@ -14,6 +16,8 @@ from vibroimpact_service.kinds import KINDS, Kind
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
+
+log = structlog.get_logger("vibroimpact.batches")
 
 
 def answers(
@@ -26,19 +30,22 @@ def answers(
     settings : Settings
     owner, kind : str
     contents : bytes
-        JSON array of requests.
+        Some requests, as `parts` packs them.
     first : int
         Position of the first of them in the whole batch.
     tick : Tick, optional
     """
     store = Store(settings.store_url)
-    requests = orjson.loads(contents)
+    requests = pickle.loads(contents)
     found = []
     for position, content in enumerate(requests, first):
         try:
             found.append(b'{"result":' + _answer(settings, store, owner, KINDS[kind], content))
         except Exception as error:
-            document = problems.of(error).document(f"batch-{position}").model_dump(mode="json")
+            problem = problems.of(error)
+            if problem.type is problems.INTERNAL:
+                log.exception("request of a batch failed", kind=kind, position=position)
+            document = problem.document(f"batch-{position}").model_dump(mode="json")
             found.append(b'{"problem":' + orjson.dumps(document))
         if tick is not None:
             tick(position, len(requests))
@@ -50,6 +57,7 @@ def _answer(settings: Settings, store: Store, owner: str, kind: Kind, content: A
 
     request = intake.document(kind.request, content)
     canonical = digest.canonical(request)
+    tasks.check_references(owner, canonical, content)
     name = digest.name(owner, kind.name, tasks.solver_name(), canonical)
     assignment = tasks.assign(store, kind, request, settings)
     if tasks.seconds(assignment) > settings.batch_seconds:
@@ -62,9 +70,13 @@ def _answer(settings: Settings, store: Store, owner: str, kind: Kind, content: A
 
 
 def parts(requests: Sequence[Any], count: int) -> list[tuple[int, bytes]]:
-    """Cut a batch into about equal parts; return the first position and the JSON of each."""
+    """Cut a batch into about equal parts; return the first position and the bytes of each.
+
+    They are not JSON: that would refuse integers of more than 64 bits and turn NaN into null,
+    about which the answer should rather say where it stands.
+    """
     size = max(1, -(-len(requests) // count))
     return [
-        (start, orjson.dumps(requests[start : start + size]))
+        (start, pickle.dumps(requests[start : start + size]))
         for start in range(0, len(requests), size)
     ]

@@ -6,7 +6,7 @@ import asyncio
 import base64
 import time
 import uuid
-from collections.abc import Awaitable, Callable, Iterable
+from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any, Final, TypeVar
@@ -414,7 +414,7 @@ class Evaluation:
 
             document = upload.system(media_type, body, self._settings)
         if hasattr(document, "id"):
-            _check_references(owner, {"id": document.id}, ())
+            tasks.check_reference(owner, document.id)
             document = tasks.stored_system(self._store, document)
         claims.check_system(document, self._settings)
         system = tasks.checked_system(document)
@@ -538,27 +538,9 @@ def question(owner: str, kind: Kind, content: Any, *prefix: str) -> Question:
     """
     request = intake.document(kind.request, content, *prefix)
     canonical = digest.canonical(request)
-    if b'"sys_' in canonical:
-        _check_references(owner, content, prefix)
+    tasks.check_references(owner, canonical, content, *prefix)
     name = digest.name(owner, kind.name, tasks.solver_name(), canonical)
     return Question(owner, kind, request, canonical, name)
-
-
-def _check_references(owner: str, content: Any, place: tuple[str | int, ...]) -> None:
-    """Refuse a request that names a system of someone else, as if there were none."""
-    if isinstance(content, dict):
-        name = content.get("id")
-        if isinstance(name, str) and name.startswith("sys_") and not digest.owned(owner, name):
-            where = problems.pointer((*place, "id"))
-            raise problems.invalid(where, "unknown_system", "there is no such system")
-        parts: Iterable[tuple[str | int, Any]] = content.items()
-    elif isinstance(content, list):
-        parts = enumerate(content)
-    else:
-        return
-    for name, part in parts:
-        if isinstance(part, dict | list):
-            _check_references(owner, part, (*place, name))
 
 
 def kind_named(name: str, *prefix: str) -> Kind:

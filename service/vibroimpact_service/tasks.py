@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from functools import cache, lru_cache
 from importlib.metadata import version
@@ -100,6 +100,43 @@ def stored_system(store: Store, reference: SystemReference, *where: str) -> AnyS
     if reference.constraints is not None:
         return system.model_copy(update={"constraints": reference.constraints})
     return system
+
+
+def check_references(owner: str, canonical: bytes, content: Any, *place: str | int) -> None:
+    """Refuse a request that names a system of someone else, as if there were none.
+
+    `canonical` is its canonical form, which tells most that name no system at all; `content`
+    the JSON content that it was, and `place` the path from the body to that.
+
+    Raises
+    ------
+    ProblemError
+        422 with the place of the name.
+    """
+    if b'"sys_' in canonical:
+        _check_parts(owner, content, place)
+
+
+def _check_parts(owner: str, content: Any, place: tuple[str | int, ...]) -> None:
+    if isinstance(content, dict):
+        name = content.get("id")
+        if isinstance(name, str) and name.startswith("sys_"):
+            check_reference(owner, name, *place)
+        parts: Iterable[tuple[str | int, Any]] = content.items()
+    elif isinstance(content, list):
+        parts = enumerate(content)
+    else:
+        return
+    for name, part in parts:
+        if isinstance(part, dict | list):
+            _check_parts(owner, part, (*place, name))
+
+
+def check_reference(owner: str, name: str, *place: str | int) -> None:
+    """Refuse the name of a system of someone else."""
+    if not digest.owned(owner, name):
+        where = problems.pointer((*place, "id"))
+        raise problems.invalid(where, "unknown_system", "there is no such system")
 
 
 def plan_document(plan: Plan) -> Steps:

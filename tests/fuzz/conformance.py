@@ -1,13 +1,15 @@
 """schemathesis against a service of its own: all checks, examples, coverage, fuzzing, stateful.
 
-    python tests/fuzz/conformance.py [--cases 5000] [--seed 1]
+    python tests/fuzz/conformance.py [--cases 5000] [--seed 1] [--examples 50]
 
-Fails on any failed check, and where fewer cases ran than were asked for.
+Fails on any failed check, on any error in the log of the service, and where fewer cases ran than
+were asked for.
 """
 
 from __future__ import annotations
 
 import argparse
+import http.client
 import json
 import os
 import re
@@ -15,24 +17,50 @@ import subprocess
 import sys
 import tempfile
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+from vibroimpact_schema import examples
+from vibroimpact_service.kinds import KINDS
 
 HERE = Path(__file__).parent
+USERS = ("ann", "bob")
+"""All is done as the first, and then nothing of it may be there for the second."""
+PHASES = ("examples,coverage", "fuzzing,stateful")
+"""What runs at the same time: schemathesis itself keeps a core busy with making cases up."""
+SETTINGS = {
+    "WORKERS": "1",
+    # Cases of schemathesis may be as large as these; larger ones are answered 413.
+    "MAX_DOFS": "200",
+    "MAX_POINTS": "20000",
+    "MAX_SWEEP_POINTS": "2000",
+    "MAX_JOB_SECONDS": "20",
+    "INLINE_SECONDS": "0.2",
+    "INLINE_OVERRUN_SECONDS": "1",
+    "MAX_UNFINISHED_JOBS": "10000",
+}
 
 
-def start(data: Path) -> tuple[subprocess.Popen[bytes], str, str]:
-    """Start a service with keys; return its process, its address and a key for everything."""
-    command = [sys.executable, "-m", "vibroimpact_service.access.commands", "create", "fuzz"]
+def make_key(data: Path, owner: str) -> str:
+    """Return a key for everything."""
+    command = [sys.executable, "-m", "vibroimpact_service.access.commands", "create", owner]
     scopes = [part for name in ("read", "submit", "metrics", "admin") for part in ("--scope", name)]
     more = ["--requests-per-minute", "10000000", "--seconds-per-hour", "1e9", "--data", str(data)]
-    key = subprocess.run([*command, *scopes, *more], capture_output=True, text=True, check=True)
-    settings = {"MAX_DOFS": "200", "MAX_POINTS": "100000", "WORKERS": "1", "INLINE_SECONDS": "0.2"}
+    made = subprocess.run([*command, *scopes, *more], capture_output=True, text=True, check=True)
+    return made.stdout.strip()
+
+
+def start(data: Path) -> tuple[subprocess.Popen[bytes], str, dict[str, str]]:
+    """Start a service; return its process, its address and the header of each of its users."""
+    users = {name: f"Bearer {make_key(data, name)}" for name in USERS}
     process = subprocess.Popen(
         [sys.executable, "-m", "vibroimpact_service", "--port", "0", "--data", str(data)],
         env={
             **os.environ,
             "OMP_NUM_THREADS": "1",
-            **{f"VIBROIMPACT_{name}": value for name, value in settings.items()},
+            **{f"VIBROIMPACT_{name}": value for name, value in SETTINGS.items()},
         },
         stdout=subprocess.DEVNULL,
         stderr=(data / "stderr.txt").open("wb"),
@@ -42,52 +70,94 @@ def start(data: Path) -> tuple[subprocess.Popen[bytes], str, str]:
         if process.poll() is not None or time.monotonic() > end:
             sys.exit((data / "stderr.txt").read_text())
         time.sleep(0.05)
-    return process, json.loads(note.read_text())["url"], key.stdout.strip()
+    return process, json.loads(note.read_text())["url"], users
 
 
-def run(url: str, key: str, examples: int, seed: int) -> tuple[int, int]:
-    """Run schemathesis; return its exit code and the number of cases."""
-    command = [
-        *(str(Path(sys.executable).with_name("st")), "--config-file", "schemathesis.toml"),
-        *("run", f"{url}/openapi.json", "--checks", "all", "--header"),
-        *(f"Authorization: Bearer {key}", "--max-examples", str(examples), "--seed", str(seed)),
-        *("--phases", "examples,coverage,fuzzing,stateful", "--workers", "1"),
+def warm(url: str, authorization: str) -> None:
+    """Have every kernel compiled, by the examples, before a case has to wait for it."""
+    connection = http.client.HTTPConnection(urlsplit(url).netloc, timeout=300)
+    headers = {"Content-Type": "application/json", "Authorization": authorization}
+    for kind in KINDS:
+        for name, example in examples.requests(kind).items():
+            body = json.dumps(example["request"])
+            connection.request("POST", f"/v1/compute/{kind}", body, headers)
+            answer = connection.getresponse()
+            text = answer.read()
+            if answer.status not in (200, 202):
+                sys.exit(f"the example {kind}.{name} is answered {answer.status}: {text[:500]!r}")
+    connection.close()
+
+
+def run(url: str, users: Path, phases: str, number: int, seed: int) -> tuple[int, int]:
+    """Run phases of schemathesis; return its exit code and the number of cases."""
+    command: list[Any] = [
+        *(Path(sys.executable).with_name("st"), "--config-file", HERE / "schemathesis.toml"),
+        *("run", f"{url}/openapi.json"),
+        *("--max-examples", number, "--seed", seed, "--phases", phases, "--workers", 1),
         *("--generation-database", "none", "--continue-on-failure", "--no-color"),
-        *("--request-timeout", "30", "--warnings", "off"),
+        *("--request-timeout", 30, "--warnings", "off"),
     ]
-    hooks = {**os.environ, "SCHEMATHESIS_HOOKS": "hooks", "PYTHONPATH": str(HERE)}
-    process = subprocess.Popen(command, cwd=HERE, env=hooks, stdout=subprocess.PIPE, text=True)
+    place = users.with_name(phases)  # for what schemathesis keeps
+    place.mkdir()
+    process = subprocess.Popen(
+        [str(part) for part in command],
+        cwd=place,
+        env={
+            **os.environ,
+            "SCHEMATHESIS_HOOKS": "hooks",
+            "PYTHONPATH": str(HERE),
+            "FUZZ_USERS": str(users),
+        },
+        stdout=subprocess.PIPE,
+        text=True,
+    )
     assert process.stdout is not None
     words = []
     for line in process.stdout:
-        sys.stdout.write(line)
+        # Bodies that failed can be long; schemathesis shows them whole.
+        sys.stdout.write(line if len(line) < 2000 else line[:2000] + "…\n")
         words.append(line)
-    found = re.findall(r"([\d,]+) (?:generated|passed|total)", "".join(words))
-    return process.wait(), max((int(each.replace(",", "")) for each in found), default=0)
+    found = re.findall(r"([\d,]+) generated", "".join(words))
+    return process.wait(), sum(int(each.replace(",", "")) for each in found)
+
+
+def identity(name: str, authorization: str) -> dict[str, Any]:
+    """Return a user as Web Fuzzing Commons describe one."""
+    header = {"name": "Authorization", "value": authorization}
+    return {"name": name, "fixedHeaders": [header]}
+
+
+def failures(log: Path) -> list[str]:
+    """Return what the service noted as its own failures."""
+    words = ('"level":"error"', '"level":"critical"', "Traceback (most recent call last)")
+    return [line for line in log.read_text().splitlines() if any(word in line for word in words)]
 
 
 def main() -> None:
     """Run, and judge."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cases", type=int, default=5000, help="fewer are a failure")
-    parser.add_argument("--examples", type=int, default=0, help="per operation [from the cases]")
+    parser.add_argument("--examples", type=int, default=50, help="made up for each operation")
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(len(PHASES)) as pool:
         data = Path(folder)
-        process, url, key = start(data)
+        process, url, users = start(data)
+        file = data / "users.json"
+        file.write_text(json.dumps({"auth": [identity(*user) for user in users.items()]}))
         began = time.monotonic()
-        code, cases = run(url, key, given.examples or max(10, given.cases // 60), given.seed)
-        print(f"{cases} cases in {time.monotonic() - began:.0f} s, seed {given.seed}")
+        warm(url, users[USERS[0]])
+        print(f"kernels ready after {time.monotonic() - began:.0f} s", flush=True)
+        runs = [
+            pool.submit(run, url, file, phases, given.examples, given.seed) for phases in PHASES
+        ]
+        codes, counts = zip(*(each.result() for each in runs), strict=True)
+        print(f"{sum(counts)} cases in {time.monotonic() - began:.0f} s, seed {given.seed}")
         process.terminate()
         stopped = process.wait(60)
-        errors = [
-            line
-            for line in (data / "stderr.txt").read_text().splitlines()
-            if '"level":"error"' in line or "Traceback" in line
-        ]
-    print(*errors[:20], sep="\n")
-    sys.exit(1 if code or stopped or errors or cases < given.cases else 0)
+        errors = failures(data / "stderr.txt")
+    print(*(line[:5000] for line in errors[:20]), sep="\n")
+    sys.exit(1 if any(codes) or stopped or errors or sum(counts) < given.cases else 0)
 
 
 if __name__ == "__main__":

@@ -218,7 +218,9 @@ def idempotency_key(request: Request) -> str | None:
     given = request.headers.get("idempotency-key")
     if given is None:
         return None
-    key = given.strip().strip('"')
+    key = given.strip()
+    if len(key) > 2 and key[0] == key[-1] == '"':  # a string of a structured field (RFC 9651)
+        key = key[1:-1]
     if not _KEY.fullmatch(key):
         detail = "Idempotency-Key must be 1 to 255 visible ASCII characters."
         raise ProblemError(problems.BAD_REQUEST, detail)

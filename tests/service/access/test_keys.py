@@ -170,6 +170,11 @@ def test_what_is_someone_elses_is_not_there(
         assert answer.status_code == 422, path
         assert answer.json()["errors"][0]["pointer"] == pointer
         assert answer.json()["errors"][0]["code"] == "unknown_system"
+    batch = {"kind": "impact-modes", "requests": [request_body, named]}
+    own, foreign = closed.post("/v1/batch", json=batch, headers=bob).json()["answers"]
+    assert own["result"]["impulse"]
+    assert foreign["problem"]["errors"][0]["code"] == "unknown_system"
+    assert foreign["problem"]["errors"][0]["pointer"] == "/system/id"
 
 
 def test_equal_requests_of_two_owners_know_nothing_of_each_other(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import pytest
@@ -38,6 +39,23 @@ def test_a_wrong_request_spoils_no_other(http: TestClient, request_body: dict[st
     assert answers[1]["problem"]["errors"][0]["pointer"] == "/color"
     assert answers[2]["problem"]["code"] == "too_large"
     assert answers[3]["problem"]["status"] == 422
+
+
+def test_numbers_beyond_json_are_told_in_their_place(
+    http: TestClient, request_body: dict[str, Any]
+) -> None:
+    beyond = [
+        {**request_body, "active": [10**400]},
+        {**request_body, "frequency": {"values": [float("nan")]}},
+        {**request_body, "tolerance": float("inf")},
+    ]
+    content = json.dumps({"kind": "impact-modes", "requests": [*beyond, request_body]})
+    answer = http.post("/v1/batch", content=content, headers={"Content-Type": "application/json"})
+    assert answer.status_code == 200
+    *problems, last = answer.json()["answers"]
+    pointers = [each["problem"]["errors"][0]["pointer"] for each in problems]
+    assert pointers == ["/active/0", "/frequency/values/0", "/tolerance"]
+    assert last["result"]["impulse"]
 
 
 @pytest.mark.parametrize(

@@ -312,6 +312,16 @@ def test_a_key_stands_for_the_job_that_a_request_became(
     problem(post(http, request_body, Idempotency_Key="a b"), 400)
 
 
+@pytest.mark.parametrize("key", ["k", '"', '""', '"k"', "'", "~" * 255])
+def test_any_visible_text_is_an_idempotency_key(
+    http: TestClient, request_body: dict[str, Any], key: str
+) -> None:
+    first = post(http, request_body, Prefer="respond-async", Idempotency_Key=key)
+    assert first.status_code == 202
+    again = post(http, request_body, Prefer="respond-async", Idempotency_Key=key.strip('"') or key)
+    assert again.json()["id"] == first.json()["id"]
+
+
 def test_unknown_kinds_are_not_found(http: TestClient) -> None:
     problem(http.post("/v1/compute/no-such-kind", json={}), 404)
     problem(http.get(COMPUTE), 405)
