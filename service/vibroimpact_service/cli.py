@@ -7,6 +7,8 @@ import logging
 import os
 import signal
 import sys
+import threading
+import time
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Any
@@ -25,6 +27,9 @@ if TYPE_CHECKING:
     from fastapi import FastAPI
 
 _CONTRACT = Path(__file__).resolve().parents[2] / "openapi" / "openapi.json"
+
+_STOPPING_SECONDS = 2.0
+"""What computations have for noticing that they are to stop, when the service ends."""
 
 app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False)
 
@@ -61,6 +66,7 @@ def serve(
     sys.setswitchinterval(0.001)
     server = Server(create_app(settings), settings)
     server.run()
+    _let_go()
     if not server.started:
         raise typer.Exit(3)
 
@@ -162,6 +168,23 @@ def contract_text() -> str:
     return (
         json.dumps(contract.document(create_app(Settings())), indent=1, ensure_ascii=False) + "\n"
     )
+
+
+def _let_go() -> None:
+    """End the process where a computation does not notice in time that it is to stop.
+
+    Nobody waits for it any more, and what it may be writing appears whole or not at all; the
+    interpreter would wait for its thread for ever.
+    """
+    end = time.monotonic() + _STOPPING_SECONDS
+    others = [each for each in threading.enumerate() if each is not threading.current_thread()]
+    for thread in others:
+        if not thread.daemon:
+            thread.join(max(0.0, end - time.monotonic()))
+    if any(thread.is_alive() and not thread.daemon for thread in others):
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(0)
 
 
 class Server(uvicorn.Server):

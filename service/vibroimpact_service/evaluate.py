@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import base64
+import threading
 import time
 import uuid
 from collections.abc import Awaitable, Callable
@@ -67,20 +68,20 @@ class OverrunError(Cancelled):
 
 
 class _Limit:
-    """Stops a computation some time after it first told of its progress.
+    """Stops a computation some time after it first told of its progress, or when all must end.
 
     What came before, such as the compilation of kernels, is not its own work.
     """
 
-    def __init__(self, seconds: float) -> None:
-        self._seconds = seconds
+    def __init__(self, seconds: float, closing: threading.Event) -> None:
+        self._seconds, self._closing = seconds, closing
         self._end: float | None = None
 
     def __call__(self, done: int, total: int) -> None:
         now = time.perf_counter()
         if self._end is None:
             self._end = now + self._seconds
-        if now > self._end:
+        if now > self._end or self._closing.is_set():
             raise OverrunError
 
 
@@ -146,6 +147,7 @@ class Evaluation:
         self._settings, self._store, self.queue = settings, store, queue
         self._threads = ThreadPoolExecutor(settings.inline_threads, "inline")
         self._files = ThreadPoolExecutor(2, "files")
+        self._closing = threading.Event()
         self._waiting = 0
         self._flights: dict[str, asyncio.Task[dict[str, float]]] = {}
         self._shelf = Shelf(_SHELF_BYTES)
@@ -153,9 +155,10 @@ class Evaluation:
         self._loading: dict[tuple[str, str], asyncio.Future[Representation | None]] = {}
 
     def close(self) -> None:
-        """Wait for what is being computed."""
-        self._threads.shutdown()
-        self._files.shutdown()
+        """Stop what is being computed: nobody waits for it any more."""
+        self._closing.set()
+        for threads in (self._threads, self._files):
+            threads.shutdown(wait=False, cancel_futures=True)
 
     async def ask(self, owner: str, kind: Kind, body: bytes) -> Question:
         """Check the bytes of a request, off the event loop unless they are few."""
@@ -465,7 +468,7 @@ class Evaluation:
             name, started = asked.digest, time.perf_counter()
             data = None
             if not self._store.results.has(name):
-                limit = _Limit(self._settings.inline_overrun_seconds)
+                limit = _Limit(self._settings.inline_overrun_seconds, self._closing)
                 data = tasks.compute(self._store, name, assignment, asked.canonical, limit)
             solved = time.perf_counter()
             found = None

@@ -6,8 +6,8 @@ import asyncio
 import fcntl
 import os
 import socket
-import uuid
 import time
+import uuid
 from collections import OrderedDict
 from collections.abc import AsyncIterator, Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -125,7 +125,7 @@ class JobQueue:
         await asyncio.gather(*self._tasks, return_exceptions=True)
         for driver in tuple(self._drivers):
             driver.close()
-        await asyncio.to_thread(self._spot.close)
+        self._spot.close()
         await asyncio.to_thread(self._threads.shutdown)
         await asyncio.to_thread(self.engine.close)
         await asyncio.to_thread(self._writer.close)

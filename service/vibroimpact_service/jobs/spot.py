@@ -58,6 +58,7 @@ class Spot:
         self._seconds, self._most = seconds, threads * _IN_LINE
         self._threads = ThreadPoolExecutor(threads, "spot")
         self._flights: dict[str, asyncio.Future[None]] = {}
+        self._ticks: set[_Until] = set()
 
     def takes(self, seconds: float) -> bool:
         """Whether a job of that planned work would be computed here now."""
@@ -92,22 +93,26 @@ class Spot:
         return True
 
     def close(self) -> None:
-        """Wait for what is being computed."""
-        self._threads.shutdown()
+        """Stop what is being computed: nobody waits for it any more."""
+        for tick in self._ticks:
+            tick.late = True
+        self._threads.shutdown(wait=False, cancel_futures=True)
 
     async def _compute(self, result: str, compute: Compute) -> None:
         tick = _Until()
         work = asyncio.get_running_loop().run_in_executor(self._threads, compute, tick)
         # The thread is taken until it has stopped, however late that is noticed.
-        work.add_done_callback(lambda done: self._landed(result, done))
+        self._ticks.add(tick)
+        work.add_done_callback(lambda done: self._landed(result, tick, done))
         try:
             await asyncio.wait_for(asyncio.shield(work), _LATE_SECONDS)
         except TimeoutError:
             tick.late = True
             raise
 
-    def _landed(self, result: str, work: asyncio.Future[object]) -> None:
+    def _landed(self, result: str, tick: _Until, work: asyncio.Future[object]) -> None:
         del self._flights[result]
+        self._ticks.discard(tick)
         _looked_at(work)
 
 

@@ -30,18 +30,29 @@ class Writer:
         self._engine = engine
         self._waiting: queue.SimpleQueue[tuple[Operation, Future[Any]] | None]
         self._waiting = queue.SimpleQueue()
+        self._lock, self._closed = threading.Lock(), False
         self._thread = threading.Thread(target=self._run, name="record-writer", daemon=True)
         self._thread.start()
 
     def submit(self, operation: Callable[[Connection], Value]) -> Future[Value]:
-        """Queue an operation; its future is done once it is durable."""
+        """Queue an operation; its future is done once it is durable.
+
+        Once the writer is closed, the future has a RecordsUnavailableError.
+        """
         future: Future[Value] = Future()
-        self._waiting.put((operation, future))
+        with self._lock:
+            if self._closed:
+                future.set_exception(RecordsUnavailableError("the service ends"))
+            else:
+                self._waiting.put((operation, future))
         return future
 
     def close(self) -> None:
         """Write what waits, then stop."""
-        self._waiting.put(None)
+        with self._lock:
+            if not self._closed:
+                self._waiting.put(None)
+            self._closed = True
         self._thread.join()
 
     def _run(self) -> None:

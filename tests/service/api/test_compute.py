@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
+import subprocess
+import sys
+import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +22,7 @@ from vibroimpact_schema.problems import Problem
 from vibroimpact_schema.results import ImpactModesResult
 from vibroimpact_service.app import create_app
 from vibroimpact_service.settings import Settings
+from vibroimpact_solvers import impact_modes
 
 COMPUTE = "/v1/compute/impact-modes"
 HDF5 = {"Accept": "application/x-hdf5"}
@@ -335,3 +341,42 @@ def test_what_takes_longer_than_planned_becomes_a_job(
         answer = http.post("/v1/compute/impact-modes", json=request_body)
         assert answer.status_code == 202
         assert answer.headers["Location"] == f"/v1/jobs/{answer.json()['id']}"
+
+
+def test_what_nobody_waits_for_stops_when_the_service_ends(
+    settings: Settings, queue: Any, request_body: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, ended = threading.Event(), threading.Event()
+
+    def endless(problem: Any, plan: Any, tick: Any) -> Any:
+        begun.set()
+        try:
+            while True:
+                tick(0, 1)
+                time.sleep(0.001)
+        finally:
+            ended.set()
+
+    monkeypatch.setattr(impact_modes, "solve", endless)
+    with TestClient(create_app(settings, queue)) as http:
+
+        def ask() -> None:
+            with contextlib.suppress(Exception):  # the service ends before it answers
+                post(http, request_body)
+
+        asking = threading.Thread(target=ask)
+        asking.start()
+        assert begun.wait(20)
+    assert ended.wait(5)
+    asking.join(20)
+    assert not asking.is_alive()
+
+
+def test_the_process_ends_beside_a_computation_that_notices_nothing() -> None:
+    stuck = (
+        "import threading\n"
+        "from vibroimpact_service import cli\n"
+        "threading.Thread(target=threading.Event().wait).start()\n"
+        "cli._let_go()\n"
+    )
+    assert subprocess.run([sys.executable, "-c", stuck], timeout=60, check=False).returncode == 0
