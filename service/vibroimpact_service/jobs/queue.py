@@ -6,8 +6,8 @@ import asyncio
 import fcntl
 import os
 import socket
-import uuid
 import time
+import uuid
 from collections import OrderedDict
 from collections.abc import AsyncIterator, Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
