@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from functools import cache
 from types import MappingProxyType
-from typing import Any, get_type_hints
+from typing import Any, Final, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,13 +72,23 @@ class Described:
     plain: Mapping[str, Any]
 
 
-@cache
 def quantities(result: type[Any]) -> Mapping[str, Quantity]:
     """Return the quantity of every annotated field of a result class, by field name."""
+    found = _known.get(result)
+    if found is None:
+        found = _known[result] = MappingProxyType(_annotated(result))
+    return found
+
+
+_known: Final[dict[type[Any], Mapping[str, Quantity]]] = {}
+"""What was found out before: to evaluate annotations takes longer than many a computation."""
+
+
+def _annotated(result: type[Any]) -> dict[str, Quantity]:
     hints = get_type_hints(result, include_extras=True)
     found: dict[str, Quantity] = {}
     for field in fields(result):
         for note in getattr(hints[field.name], "__metadata__", ()):
             if isinstance(note, Quantity):
                 found[field.name] = note
-    return MappingProxyType(found)
+    return found

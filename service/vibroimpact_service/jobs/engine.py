@@ -44,6 +44,9 @@ CONFIG: Final[dict[str, Any]] = {
     "distributed.admin.system-monitor.disk": False,
     "distributed.admin.system-monitor.gil.enabled": False,
     "distributed.diagnostics.nvml": False,
+    "distributed.worker.memory.monitor-interval": "500ms",
+    # There are never many bundles to be moved: each user has a few per worker at a time.
+    "distributed.scheduler.work-stealing-interval": "1s",
     # A result has one copy, and it is gone as soon as it was fetched.
     "distributed.scheduler.active-memory-manager.start": False,
     # Dask's status pages know no keys: they show nothing.

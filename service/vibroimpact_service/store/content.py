@@ -289,7 +289,7 @@ def _write(handle: int, data: bytes) -> None:
 
 def _read(path: str) -> bytes:
     handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-    with open(handle, "rb", buffering=0) as file:
+    with os.fdopen(handle, "rb", buffering=0) as file:
         return file.readall()
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.integrate import solve_ivp
+import scipy  # its parts load as they are used: they are slow to load
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ConvergenceError
@@ -99,7 +99,7 @@ def integrate(rates: Rates, state: Floats, until: float, *, by_flights: bool) ->
     while not grazed and y[-1] < until:
         # The side from which an impact is seen is that of the flight that begins.
         flight = math.floor(0.5 * (y[1] + 1.0) + 1e-9)
-        run = solve_ivp(
+        run = scipy.integrate.solve_ivp(
             _right(rates, flight if by_flights else None),
             (0.0, 1e6 + 1e3 * until),
             y,

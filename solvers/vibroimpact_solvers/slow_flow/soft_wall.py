@@ -11,8 +11,7 @@ import math
 from typing import Final
 
 import numpy as np
-from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
+import scipy  # its parts load as they are used: they are slow to load
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ConvergenceError
@@ -32,7 +31,7 @@ def half_period(alpha: float, energy: float) -> float:
     def left(x: float) -> float:
         return energy - float(potential(np.array(x)))
 
-    top = brentq(left, 0.0, math.sqrt(2.0 * energy), xtol=1e-15)
+    top = scipy.optimize.brentq(left, 0.0, math.sqrt(2.0 * energy), xtol=1e-15)
     # x = top (1 - u^2) takes the root of the turning point away.
     x = top * (1.0 - _U**2)
     speed = np.sqrt(2.0 * np.maximum(energy - potential(x), 1e-300))
@@ -42,7 +41,9 @@ def half_period(alpha: float, energy: float) -> float:
 def matched(gamma0: float) -> float:
     """Return alpha for the initial frequency ratio: the rigid half period is 2 gamma0."""
     energy = 0.5 / math.sin(gamma0) ** 2
-    return float(brentq(lambda alpha: half_period(alpha, energy) - 2.0 * gamma0, 0.2, 1.2))
+    return float(
+        scipy.optimize.brentq(lambda alpha: half_period(alpha, energy) - 2.0 * gamma0, 0.2, 1.2)
+    )
 
 
 def motion(of: Coupled, alpha: float, state: Floats, t: Floats) -> Floats:
@@ -59,7 +60,7 @@ def motion(of: Coupled, alpha: float, state: Floats, t: Floats) -> Floats:
     # A step from one wall to the other would try places far beyond it.
     step = 0.2 * of.Delta / max(float(np.abs(state[2:]).max()), of.Omega0 * of.Delta)
     order = np.argsort(t, kind="stable")
-    run = solve_ivp(
+    run = scipy.integrate.solve_ivp(
         right, (0.0, max(float(t.max()), 1e-12)), state, "DOP853",
         t_eval=t[order], rtol=1e-9, atol=1e-11, max_step=step,
     )  # fmt: skip

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
-import scipy.integrate
+import scipy  # its parts load as they are used: they are slow to load
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ConvergenceError
@@ -18,8 +18,6 @@ from vibroimpact_solvers.time_history.limiters import Power
 from vibroimpact_solvers.time_history.run import Tick
 from vibroimpact_solvers.time_history.structure import Structure
 
-# Its many overloads know no events that are functions with attributes.
-_SOLVE: Final[Any] = scipy.integrate.solve_ivp
 _MOST: Final = 100_000
 """Impacts after which it gives up: at an accumulation point they never end."""
 
@@ -70,10 +68,12 @@ def follow(
 
     walls = [] if law is not None else _walls(structure)
     found = Reference(np.empty((wanted.size, n)), np.empty((wanted.size, n)))
+    # Its many overloads know no events that are functions with attributes.
+    solve_ivp: Any = scipy.integrate.solve_ivp
     now, z, inverse = 0.0, np.concatenate([x, v]), solve(np.ascontiguousarray(W.T))
     while True:
         later = np.flatnonzero(wanted >= now)
-        run = _SOLVE(
+        run = solve_ivp(
             rate, (now, t_end), z, method, rtol=max(tolerance, 3e-14), atol=tolerance,
             events=[event for event, _, _ in walls], dense_output=True,
         )  # fmt: skip

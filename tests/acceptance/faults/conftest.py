@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import os
 import random
-import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
@@ -15,6 +13,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 from processes import Process, Record
+from shared import Machine
 
 Some = TypeVar("Some", bound=Process)
 
@@ -39,30 +38,23 @@ def record(tmp_path: Path) -> Record:
 
 
 @pytest.fixture
-def started() -> Iterator[Callable[[Some], Some]]:
+def machine() -> Iterator[Machine]:
+    """Return the clock by which limits are measured."""
+    found = Machine()
+    yield found
+    found.close()
+
+
+@pytest.fixture
+def started(machine: Machine) -> Iterator[Callable[[Some], Some]]:
     """Return a function that takes note of a process, which is ended after the test."""
     all_of_them: list[Any] = []
 
     def note(process: Some) -> Some:
         all_of_them.append(process)
+        machine.owns(process.process.pid)
         return process
 
     yield note
     for process in reversed(all_of_them):
         process.end()
-
-
-_IMPORT_SECONDS = 1.5
-
-
-@pytest.fixture
-def slowness() -> float:
-    """Return how much slower than an idle machine this one is at the moment, 1 or more.
-
-    The limits are those of an idle machine with two cores. Others may be at work on this one.
-    """
-    started_at = time.monotonic()
-    subprocess.run([sys.executable, "-c", "import vibroimpact_service.app"], check=True)
-    factor = max(1.0, (time.monotonic() - started_at) / _IMPORT_SECONDS)
-    print(f"slower than an idle machine by {factor:.1f}")
-    return factor

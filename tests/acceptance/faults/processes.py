@@ -33,8 +33,9 @@ def until(condition: Callable[[], Any], what: str, seconds: float = SLOW) -> Any
 
 
 class Begun(NamedTuple):
-    """A chunk that a worker began."""
+    """A chunk that a worker began or stored."""
 
+    what: str
     result: str
     index: int
     pid: int
@@ -47,12 +48,16 @@ class Record:
     def __init__(self, path: Path) -> None:
         self.path = path
 
-    def begun(self) -> list[Begun]:
-        """Return all chunks that were begun, in order."""
+    def noted(self) -> list[Begun]:
+        """Return all notes, in order."""
         if not self.path.exists():
             return []
         lines = [line.split() for line in self.path.read_text().splitlines()]
-        return [Begun(r, int(i), int(p), float(t)) for r, i, p, t in lines]
+        return [Begun(w, r, int(i), int(p), float(t)) for w, r, i, p, t in lines]
+
+    def begun(self) -> list[Begun]:
+        """Return all chunks that were begun, in order."""
+        return [note for note in self.noted() if note.what == "begun"]
 
     def after(self, moment: float, *but: int) -> Begun | None:
         """Return the first chunk that was begun after a moment, not by some processes."""
@@ -63,6 +68,24 @@ class Record:
         """Return how many chunks were begun more often than once, counting each repetition."""
         times = Counter((b.result, b.index) for b in self.begun())
         return sum(count - 1 for count in times.values())
+
+    def check(self, given_up: int = 0) -> None:
+        """Check that only chunks in flight were repeated: none that had been stored.
+
+        `given_up` is how many may be stored twice, because a worker that nobody reached went
+        on with what it had been given.
+        """
+        stored: set[tuple[str, int]] = set()
+        twice = 0
+        for note in self.noted():
+            chunk = (note.result, note.index)
+            if note.what == "stored":
+                twice += chunk in stored
+                stored.add(chunk)
+            else:
+                assert chunk not in stored, f"{note} is computed again though it was stored"
+        print("chunks begun again:", self.repeated(), "of them stored twice:", twice)
+        assert twice <= given_up
 
 
 class Process:

@@ -1,6 +1,6 @@
-"""The service's own work, slowed down, that notes in a file which chunk was begun, when and where.
+"""The service's own work, slowed down, that notes when and where chunks were begun and stored.
 
-The file is named by RECORD; each line is ``result index pid time``.
+The file is named by RECORD; each line is ``begun|stored result index pid time``.
 """
 
 from __future__ import annotations
@@ -34,16 +34,21 @@ def solve(
     for index in indices:
         if chunks[index].name in there:
             continue  # as the service's own work does
-        line = f"{result} {index} {os.getpid()} {time.time()}\n"
-        handle = os.open(os.environ["RECORD"], os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
-        os.write(handle, line.encode())
-        os.close(handle)
+        _note("begun", result, index)
         end = time.monotonic() + SLEEP
         while time.monotonic() < end:
             time.sleep(0.01)
             if tick is not None:
                 tick(0, 1)
         tasks.solve(store_url, kind, request, result, [index], tick)
+        _note("stored", result, index)
+
+
+def _note(what: str, result: str, index: int) -> None:
+    line = f"{what} {result} {index} {os.getpid()} {time.time()}\n"
+    handle = os.open(os.environ["RECORD"], os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
+    os.write(handle, line.encode())
+    os.close(handle)
 
 
 WORK = replace(tasks.WORK, solve=solve, modules=(*tasks.WORK.modules, __name__))

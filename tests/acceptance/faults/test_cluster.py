@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 from processes import Process, Record, Replica, program, until
+from shared import Machine
 from users import User, sweep, tiny
 
 from vibroimpact_service.jobs import certificates
@@ -35,7 +36,7 @@ def test_a_killed_replica_of_two(
     record: Record,
     moments: random.Random,
     postgresql: Callable[[], str],
-    slowness: float,
+    machine: Machine,
 ) -> None:
     shared = {"database": postgresql(), "store": str(tmp_path / "store")}
     replicas = [started(Replica(tmp_path / name, record, **shared)) for name in "ab"]
@@ -49,11 +50,12 @@ def test_a_killed_replica_of_two(
     user.submit(tiny(0.9))
     held = user.ask("GET", "/v1/jobs?state=running").json()["jobs"]
     taken = until(lambda: all_again(user, held) and time.time(), "jobs stay with the dead replica")
-    print("seconds from a replica's death to the take-over of its jobs:", round(taken - moment, 2))
+    seconds = machine.seconds(moment, taken)
+    print("seconds from a replica's death to the take-over of its jobs:", round(seconds, 2))
     user.check()
-    print("chunks begun again:", record.repeated())
+    record.check()
     assert record.repeated() <= 2
-    assert taken - moment <= 12.0 * slowness
+    assert seconds <= 12.0
 
 
 def all_again(user: User, held: list[dict[str, Any]]) -> bool:
@@ -71,7 +73,7 @@ def test_a_killed_scheduler(
     record: Record,
     moments: random.Random,
     postgresql: Callable[[], str],
-    slowness: float,
+    machine: Machine,
 ) -> None:
     address = "tls://127.0.0.1:" + str(free_port())
     tls = keys(tmp_path / "tls")
@@ -104,12 +106,12 @@ def test_a_killed_scheduler(
         before_it = {begun.pid for begun in record.begun()}
         current = scheduler()
         again = until(lambda m=moment, b=before_it: record.after(m, *b), "no other worker")
-        seconds.append(again.time - moment)
+        seconds.append(machine.seconds(moment, again.time))
     print("seconds from a scheduler's death to the next chunk:", [round(s, 2) for s in seconds])
     user.check()
-    print("chunks begun again:", record.repeated())
+    record.check()
     assert record.repeated() <= 2 * 2
-    assert max(seconds) <= 15.0 * slowness
+    assert max(seconds) <= 15.0
 
 
 def test_killed_postgresql(
@@ -134,8 +136,8 @@ def test_killed_postgresql(
         killable_postgresql.start()
         user.submit(tiny(0.9 + round_ / 100))
     user.check()
-    print("chunks begun again:", record.repeated())
-    assert record.repeated() <= 3 * 2
+    record.check()
+    assert record.repeated() == 0  # the workers need no database
 
 
 def free_port() -> int:
@@ -207,6 +209,5 @@ def test_a_worker_whose_network_is_cut(
     moment = time.time()
     user.check()
     print("seconds from the cut to the end of all jobs:", round(time.time() - moment, 2))
-    print("chunks begun again:", record.repeated())
     # The worker goes on with what it was given, two bundles of eight chunks at most.
-    assert record.repeated() <= 16
+    record.check(given_up=16)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import random
 import signal
-import statistics
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from processes import Record, Replica, until
+from shared import Machine
 from users import User, sweep, tiny
 
 
@@ -20,7 +20,7 @@ def test_killed_workers(
     tmp_path: Path,
     record: Record,
     moments: random.Random,
-    slowness: float,
+    machine: Machine,
 ) -> None:
     replica = started(Replica(tmp_path / "data", record))
     until(replica.ready, "no workers")
@@ -34,12 +34,12 @@ def test_killed_workers(
         moment = time.time()
         os.kill(last.pid, signal.SIGKILL)
         again = until(lambda m=moment, p=last.pid: record.after(m, p), "no other worker")
-        seconds.append(again.time - moment)
+        seconds.append(machine.seconds(moment, again.time))
     print("seconds from a worker's death to the next chunk:", [round(s, 2) for s in seconds])
     user.check()
-    print("chunks begun again:", record.repeated())
-    assert record.repeated() <= 4 * 2  # one worker has two lanes
-    assert statistics.median(seconds) <= 5.0 * slowness
+    record.check()
+    assert record.repeated() <= 4 * 2  # one worker computes two chunks at a time
+    assert max(seconds) <= 5.0
 
 
 def test_killed_service(
@@ -47,7 +47,7 @@ def test_killed_service(
     tmp_path: Path,
     record: Record,
     moments: random.Random,
-    slowness: float,
+    machine: Machine,
 ) -> None:
     replica = started(Replica(tmp_path / "data", record))
     user = User([replica])
@@ -62,10 +62,10 @@ def test_killed_service(
         replica = started(Replica(tmp_path / "data", record))
         user.replicas = [replica]
         again = until(lambda m=moment: record.after(m), "the jobs do not go on")
-        seconds.append(again.time - moment)
+        seconds.append(machine.seconds(moment, again.time))
         user.submit(tiny(0.9 + round_ / 100))
     print("seconds from a restart to the next chunk:", [round(s, 2) for s in seconds])
     user.check()
-    print("chunks begun again:", record.repeated())
+    record.check()
     assert record.repeated() <= 3 * 2
-    assert statistics.median(seconds) <= 3.0 * slowness
+    assert max(seconds) <= 3.0

@@ -5,9 +5,7 @@ from __future__ import annotations
 from alembic import context
 
 connection = context.config.attributes["connection"]
-# A line of versions of its own: keys and jobs change independently.
-context.configure(
-    connection=connection, render_as_batch=True, version_table="alembic_version_access"
-)
+table = context.config.attributes["table"]
+context.configure(connection=connection, render_as_batch=True, version_table=table)
 with context.begin_transaction():
     context.run_migrations()

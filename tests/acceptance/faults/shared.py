@@ -1,0 +1,89 @@
+"""How much of the machine was left for the tests: others may be at work on it."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from pathlib import Path
+
+_EVERY = 0.2
+
+
+class Machine:
+    """A clock of the time in which the machine was ours, or idle.
+
+    It goes by the wall where nobody else computes, and stands still where others take all
+    processors. So the limits are those of a machine of one's own, and mean the same on one
+    that is shared. What our own processes take from one another counts.
+    """
+
+    def __init__(self) -> None:
+        self._sessions = {os.getsid(0)}
+        self._used: dict[int, int] = {}
+        self._ours = 0
+        self._moments: list[tuple[float, float]] = []
+        self._left = 0.0
+        self._before = self._look(), _all()
+        self._moments.append((time.time(), 0.0))
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def owns(self, process: int) -> None:
+        """Count the session of a process, and so all its descendants, as ours."""
+        self._sessions.add(process)
+
+    def seconds(self, start: float, stop: float) -> float:
+        """Return how long the machine was ours or idle between two times."""
+        while self._moments[-1][0] < stop:
+            time.sleep(_EVERY)
+        return self._at(stop) - self._at(start)
+
+    def close(self) -> None:
+        """Stop."""
+        self._closing.set()
+        self._thread.join()
+
+    def _at(self, moment: float) -> float:
+        before = self._moments[0]
+        for after in self._moments[1:]:
+            if after[0] >= moment:
+                part = (moment - before[0]) / (after[0] - before[0])
+                return before[1] + max(0.0, part) * (after[1] - before[1])
+            before = after
+        return before[1]
+
+    def _run(self) -> None:
+        while not self._closing.wait(_EVERY):
+            ours, (busy, total) = self._look(), _all()
+            ours_before, (busy_before, total_before) = self._before
+            if total == total_before:
+                continue
+            others = max(0, busy - busy_before - (ours - ours_before))
+            share = 1.0 - min(1.0, others / (total - total_before))
+            now = time.time()
+            self._left += share * (now - self._moments[-1][0])
+            self._moments.append((now, self._left))
+            self._before = ours, (busy, total)
+
+    def _look(self) -> int:
+        """Return the ticks that our processes used, those that ended included."""
+        for stat in Path("/proc").glob("[0-9]*/stat"):
+            try:
+                fields = stat.read_text().rpartition(")")[2].split()
+            except OSError:
+                continue
+            if int(fields[3]) in self._sessions:
+                process, used = int(stat.parent.name), int(fields[11]) + int(fields[12])
+                self._ours += max(0, used - self._used.get(process, 0))
+                self._used[process] = used
+        return self._ours
+
+
+def _all() -> tuple[int, int]:
+    """Return the busy ticks and all ticks of the processors so far."""
+    line = Path("/proc/stat").read_text().splitlines()[0]
+    user, nice, system, idle, iowait, irq, softirq, steal = map(int, line.split()[1:9])
+    busy = user + nice + system + irq + softirq + steal
+    return busy, busy + idle + iowait
