@@ -195,6 +195,8 @@ class Members:
             condition=np.minimum(impulses.error / _EPS, _SINGULAR),
             error_statement=self._statement(),
         )
+        if problem.tolerance is not None:
+            found["within_tolerance"] = impulses.error <= problem.tolerance
         if "impulse" in outputs:
             found["impulse"] = impulses.plus
             found["impulse_lower"] = None if self.family.kind is Kind.ODD else impulses.minus
