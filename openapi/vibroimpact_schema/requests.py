@@ -19,7 +19,9 @@ class ComputationRequest(Document):
 
     system: System
     tolerance: Positive | None = Field(
-        None, description="Relative accuracy asked for; absent: what double precision gives."
+        None,
+        description="Relative error allowed; absent: what double precision gives. The error of the "
+        "result says what keeps it.",
     )
 
     def with_system(self, system: AnySystem) -> Self:

@@ -45,6 +45,11 @@ class ImpulseError(Document):
         description="Magnification of relative roundings in the impulses [frequency]; "
         "null: unbounded."
     )
+    within_tolerance: list[bool] | None = Field(
+        None,
+        description="Whether the error is within the tolerance asked for [frequency]; absent "
+        "where none was.",
+    )
     statement: str = Field(description="How the errors were obtained.")
 
 
@@ -177,6 +182,17 @@ class Statement(Document):
     statement: str
 
 
+class ResonanceError(Statement):
+    """How far natural frequencies can be trusted."""
+
+    natural: Curve = Field(description="Relative error of the natural frequency [resonance].")
+    within_tolerance: list[bool] | None = Field(
+        None,
+        description="Whether that is within the tolerance asked for [resonance]; absent where "
+        "none was.",
+    )
+
+
 class ResonancesResult(Result):
     """Internal resonances by ascending frequency."""
 
@@ -195,7 +211,7 @@ class ResonancesResult(Result):
     natural: Curve = Field(
         description="Natural frequency of the held structure [resonance], 1/time."
     )
-    error: Statement
+    error: ResonanceError
 
 
 Side = Literal[-1, 1]
@@ -304,6 +320,11 @@ class SlowFlowError(Document):
     )
     seconds: float = Field(description="Time that the variant took, s.")
     seconds_exact: float | None = Field(None, description="Time that the exact motion took, s.")
+    within_tolerance: bool | None = Field(
+        None,
+        description="Whether the largest error of the displacement, relative to the largest "
+        "displacement, is within the tolerance asked for; absent where none was.",
+    )
     statement: str = Field(description="How the errors were obtained.")
 
 

@@ -208,7 +208,9 @@ def existence_bands(request: requests.ExistenceBandsRequest, of: System) -> band
 
 def resonances(request: requests.ResonancesRequest, of: System) -> held.Problem:
     """Return the problem of internal resonances."""
-    return held.Problem(of, request.constraint, request.odd_max, frozenset(request.outputs))
+    return held.Problem(
+        of, request.constraint, request.odd_max, frozenset(request.outputs), request.tolerance
+    )
 
 
 def time_history(request: requests.TimeHistoryRequest, of: System) -> histories.Problem:

@@ -276,6 +276,17 @@ def pivots(matrix: SymmetricMatrix) -> Floats:
     scipy.linalg.LinAlgError
         Where the factors without row exchanges do not exist.
     """
+    return np.asarray(symmetric_factors(matrix).U.diagonal())
+
+
+def symmetric_factors(matrix: SymmetricMatrix) -> scipy.sparse.linalg.SuperLU:
+    """Return sparse factors L and U = D L^T of a symmetric matrix, rows and columns alike.
+
+    Raises
+    ------
+    scipy.linalg.LinAlgError
+        Where the factors without row exchanges do not exist.
+    """
     options = {"SymmetricMode": True}
     try:
         factors = scipy.sparse.linalg.splu(
@@ -288,7 +299,7 @@ def pivots(matrix: SymmetricMatrix) -> Floats:
         raise scipy.linalg.LinAlgError(str(error)) from None
     if not np.array_equal(factors.perm_r, factors.perm_c):
         raise scipy.linalg.LinAlgError("rows were exchanged")
-    return np.asarray(factors.U.diagonal())
+    return factors
 
 
 def _diagonal_factor(matrix: SymmetricMatrix) -> Solve:

@@ -17,7 +17,7 @@ import scipy.sparse
 import scipy.sparse.csgraph
 
 from vibroimpact_solvers import spectrum
-from vibroimpact_solvers.arrays import Floats, Integers, Quantity
+from vibroimpact_solvers.arrays import Booleans, Floats, Integers, Quantity
 from vibroimpact_solvers.errors import ModelError, PlanError
 from vibroimpact_solvers.matrices import SymmetricMatrix
 from vibroimpact_solvers.model import ChainShape, System
@@ -28,6 +28,10 @@ OUTPUTS: Final = ("Omega", "harmonic", "part")
 
 _SILENT = 1e-12  # excitation, relative to the largest, that is only rounding
 _METHOD: Final = "held structure"
+_EPS = float(np.finfo(np.float64).eps)
+_STATEMENT: Final = (
+    "estimate: roundings of the eigenvalues of the held structure, a few of the largest one each"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +47,15 @@ class Problem:
         Highest odd harmonic.
     outputs : frozenset of str
         What is wanted, out of `OUTPUTS`.
+    tolerance : float, optional
+        Relative error that frequencies may have; the result says which are within it.
     """
 
     system: System
     constraint: int = 0
     odd_max: int = 9
     outputs: frozenset[str] = frozenset(OUTPUTS)
+    tolerance: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "outputs", frozenset(self.outputs))
@@ -62,6 +69,9 @@ class Problem:
         if self.outputs - set(OUTPUTS) or not self.outputs:
             message = f"outputs are {', '.join(OUTPUTS)}"
             raise ModelError(("outputs",), message, code="unknown_output")
+        if self.tolerance is not None and not 0.0 < self.tolerance < 1.0:
+            message = f"the tolerance is {self.tolerance!r}, not between 0 and 1"
+            raise ModelError(("tolerance",), message, code="out_of_range")
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +92,22 @@ class Result:
     natural: Annotated[
         Floats,
         Quantity(("resonance",), "time-1", "natural frequency of the held structure"),
+    ]
+    error_natural: Annotated[
+        Floats,
+        Quantity(
+            ("resonance",), "1", "relative error of the natural frequency", path="error/natural"
+        ),
+    ]
+    within_tolerance: Annotated[
+        Booleans | None,
+        Quantity(
+            ("resonance",),
+            "1",
+            "whether that error is within the tolerance asked for",
+            flags=("beyond", "within"),
+            path="error/within_tolerance",
+        ),
     ]
 
     #: How far the numbers can be trusted.
@@ -120,11 +146,13 @@ def solve(problem: Problem, plan: Plan, tick: Callable[[int, int], None] | None 
     """
     parts = list(_parts(problem))
     found, places = [np.empty(0)], [np.empty(0, dtype=np.int64)]
+    errors = [np.empty(0)]
     for index, part in enumerate(parts):
         if tick is not None:
             tick(index, len(parts))
-        roots = part.excited()
+        roots, error = part.excited()
         found.append(roots)
+        errors.append(error)
         places.append(np.full(roots.size, index))
     if tick is not None:
         tick(len(parts), len(parts))
@@ -132,13 +160,16 @@ def solve(problem: Problem, plan: Plan, tick: Callable[[int, int], None] | None 
     odd = np.arange(1, problem.odd_max + 1, 2)
     Omega = (natural[:, np.newaxis] / odd).ravel()
     order = np.argsort(Omega, kind="stable")
+    error = np.repeat(np.concatenate(errors), odd.size)[order]
     wanted = problem.outputs
     return Result(
         Omega=Omega[order] if "Omega" in wanted else None,
         harmonic=np.tile(odd, natural.size)[order] if "harmonic" in wanted else None,
         part=np.repeat(place, odd.size)[order] if "part" in wanted else None,
         natural=np.repeat(natural, odd.size)[order],
-        error_statement="eigenvalues of the held structure to a few roundings of the largest",
+        error_natural=error,
+        within_tolerance=None if problem.tolerance is None else error <= problem.tolerance,
+        error_statement=_STATEMENT,
     )
 
 
@@ -168,15 +199,17 @@ class _Part:
     stiff: Floats
     heavy: Floats
 
-    def excited(self) -> Floats:
-        """Return the natural frequencies that the held coordinate excites."""
+    def excited(self) -> tuple[Floats, Floats]:
+        """Return the natural frequencies that the held coordinate excites, and their errors."""
         natural = spectrum.spectrum(self.system)
         modes = natural.modes
         push = modes.T @ self.stiff - natural.eigenvalues * (modes.T @ self.heavy)
         size = np.abs(modes.T) @ np.abs(self.stiff)
         size += np.abs(natural.eigenvalues) * (np.abs(modes.T) @ np.abs(self.heavy))
         heard = np.abs(push) > _SILENT * size.max(initial=0.0)
-        return np.asarray(natural.roots[heard & (natural.roots > 0.0)])
+        chosen = heard & (natural.roots > 0.0)
+        relative = natural.uncertainty / np.abs(natural.eigenvalues[chosen]) + natural.norms
+        return np.asarray(natural.roots[chosen]), np.minimum(0.5 * relative + 4.0 * _EPS, 1.0)
 
 
 def _parts(problem: Problem) -> Iterator[_Part]:

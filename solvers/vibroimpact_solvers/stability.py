@@ -112,8 +112,10 @@ def multipliers(orbits: Orbits) -> np.ndarray[tuple[int, int], np.dtype[np.compl
     found = np.full((orbits.omega.size, 2 * n), np.nan, dtype=np.complex128)
     if not all(commutes(side.rows @ side.rows.T) for side in (orbits.upper, orbits.lower)):
         return found
-    scale = np.where(orbits.roots != 0.0, np.abs(orbits.roots), _usual(orbits))
     for f in range(orbits.omega.size):
+        # Slow modes are measured by what they do in a flight: in units of their own frequency
+        # they would spoil the digits of the map.
+        scale = np.maximum(np.abs(orbits.roots), orbits.omega[f])
         P = period_map(orbits, f, scale)
         if P is None:
             continue
@@ -121,12 +123,6 @@ def multipliers(orbits: Orbits) -> np.ndarray[tuple[int, int], np.dtype[np.compl
         found[f, :2] = 1.0
         found[f, 2:] = values if orbits.mirrored else np.sqrt(values)
     return found
-
-
-def _usual(orbits: Orbits) -> float:
-    """Return the size of the natural frequencies, for those that have none."""
-    size = np.abs(orbits.roots)
-    return float(size.max(initial=0.0)) or float(orbits.omega.mean())
 
 
 def period_map(orbits: Orbits, f: int, scale: Floats) -> Floats | None:

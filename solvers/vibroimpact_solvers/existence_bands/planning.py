@@ -8,12 +8,13 @@ from enum import StrEnum
 import numpy as np
 
 from vibroimpact_solvers import impact_modes as modes
-from vibroimpact_solvers import spectrum
+from vibroimpact_solvers import receptance, spectrum
 from vibroimpact_solvers.errors import PlanError
 from vibroimpact_solvers.existence_bands.problem import KIND, OUTPUTS, Problem
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 
 _SAMPLES = 60.0  # radii looked at in a band, about
+_POINTS = 4000.0  # members looked at, about
 _SOFT = 1e-12  # eigenvalues down to minus this part of the largest count as zero
 
 
@@ -54,6 +55,14 @@ def _why_not_provable(problem: Problem) -> str | None:
 
 def _steps(problem: Problem, *, grows: bool) -> Iterator[Step]:
     system = problem.system
+    partial = _partial_step(problem)
+    if partial is not None:
+        yield partial
+        reason = (
+            "the poles are all known, the members between them by partial modes: edges by bisection"
+        )
+        yield Step(Stage.BANDS, Method.SEARCH, reason, 5e6 * _POINTS, 64.0 * _POINTS)
+        return
     method = spectrum.choose(system)
     if spectrum.nbytes(system, method) > spectrum.MEMORY:
         message = f"bands need all natural modes, too many with {system.n} degrees of freedom"
@@ -85,6 +94,31 @@ def _steps(problem: Problem, *, grows: bool) -> Iterator[Step]:
         reason = "multipliers of the half-period map at frequencies of every band"
         flops = 0.5 * poles * _SAMPLES * 25.0 * (2.0 * system.n) ** 3
         yield Step(Stage.STABILITY, "half-period map", reason, flops, 64.0 * poles)
+
+
+def _partial_step(problem: Problem) -> Step | None:
+    """Return the step that finds only modes around harmonics, None where all modes pay."""
+    system = problem.system
+    members = problem.members(np.array([problem.start, problem.stop]), frozenset({"reason"}))
+    if "stability" in problem.outputs or not modes.allows_partial(members):
+        return None
+    bound = spectrum.largest_frequency(system)
+    odd = np.arange(1.0, bound / problem.start + 2.0, 2.0)
+    width = receptance.size(system.n, bound)
+    low, high = (odd * problem.start) ** 2, np.minimum(odd * problem.stop, bound) ** 2
+    all_cells = np.ceil(system.n / receptance.MODES)
+    cells = float(min(np.sum(np.ceil(np.maximum(high - low, 0.0) / width) + 1.0), all_cells))
+    flops = cells * modes.cell_flops(members)
+    method = spectrum.choose(system)
+    fits = spectrum.nbytes(system, method) <= spectrum.MEMORY
+    if fits and flops > 0.5 * spectrum.flops(system, method):
+        return None
+    reason = (
+        f"of {system.n} natural modes only those around {odd.size} harmonics, in {cells:.0f} cells "
+        "of frequency: none missed by the inertia of factors, the others by a series"
+    )
+    size = 8.0 * cells * 128.0 * len(system.constraints)
+    return Step(Stage.SPECTRUM, receptance.METHOD, reason, flops, size, int(cells))
 
 
 def _has_growth(problem: Problem) -> bool:

@@ -13,6 +13,7 @@ from vibroimpact_solvers.existence_bands.problem import Problem
 from vibroimpact_solvers.existence_bands.ranges import Band, Findings, Rejected
 from vibroimpact_solvers.existence_bands.result import Edge
 from vibroimpact_solvers.impact_modes import Reason
+from vibroimpact_solvers.plan import Plan
 from vibroimpact_solvers.spectrum import Spectrum
 
 STATEMENT: Final = (
@@ -27,21 +28,54 @@ _OUTPUTS: Final = frozenset({"reason"})
 _REJECTED: Final = (Reason.WRONG_VELOCITY, Reason.PENETRATION)
 
 
+def poles_of(problem: Problem, natural: Spectrum) -> Floats:
+    """Return the poles of impulses by all natural modes.
+
+    Odd motions have them where Omega is an odd fraction of a natural frequency, even ones where
+    it is an even fraction.
+    """
+    roots = natural.roots[natural.roots > 0.0]
+    rows = natural.along([problem.system.constraints[i] for i in problem.active])
+    heard = np.abs(rows[:, natural.roots > 0.0]).max(axis=0, initial=0.0) > 0.0
+    poles = [
+        root / np.arange(max(1, np.ceil(root / problem.stop)), np.floor(root / problem.start) + 1.0)
+        for root in roots[heard]
+    ]
+    return np.concatenate([np.empty(0), *poles])
+
+
+def poles_around(problem: Problem, tick: Callable[[int, int], None] | None) -> Floats:
+    """Return the poles of an odd motion by the natural modes around its harmonics."""
+    members = problem.members(np.array([problem.start, problem.stop]), _OUTPUTS)
+    waves = modes.partial_waves(members)
+    odd = np.arange(1.0, waves.bound / problem.start + 2.0, 2.0)
+    found = [np.empty(0)]
+    for place, k in enumerate(odd):
+        if tick is not None:
+            tick(place, odd.size)
+        found.append(waves.natural(k * problem.start, min(k * problem.stop, waves.bound)) / k)
+    return np.concatenate(found)
+
+
 class SearchedBands:
     """Finds the bands of one problem.
 
     Parameters
     ----------
     problem : Problem
-    natural : Spectrum
+    poles : array
+        Frequencies Omega at which impulses pass zero, from `poles_of` or `poles_around`.
+    plan : callable
+        The plan of members at some frequencies.
     """
 
-    def __init__(self, problem: Problem, natural: Spectrum) -> None:
-        self.problem = problem
-        roots = natural.roots[natural.roots > 0.0]
-        rows = natural.along([problem.system.constraints[i] for i in problem.active])
-        rows = rows[:, natural.roots > 0.0]
-        self.roots = roots[np.abs(rows).max(axis=0, initial=0.0) > 0.0]
+    def __init__(
+        self,
+        problem: Problem,
+        poles: Floats,
+        plan: Callable[[modes.Problem], Plan] = modes.plan,
+    ) -> None:
+        self.problem, self.poles, self.plan = problem, poles, plan
 
     def find(self, tick: Callable[[int, int], None] | None) -> Findings:
         """Return all bands that members at a grid of frequencies show."""
@@ -74,13 +108,7 @@ class SearchedBands:
     def _grid(self) -> Floats:
         """Return the frequencies looked at: the more the closer poles are."""
         start, stop = self.problem.start, self.problem.stop
-        # Odd motions have poles where Omega is an odd fraction of a natural frequency, even
-        # ones where it is an even fraction.
-        poles = [
-            root / np.arange(max(1, np.ceil(root / stop)), np.floor(root / start) + 1.0)
-            for root in self.roots
-        ]
-        marks = np.unique(np.concatenate([[start, stop], *poles]))
+        marks = np.unique(np.concatenate([[start, stop], self.poles]))
         between = max(2, min(_BETWEEN, _MOST // marks.size))
         # Denser towards the poles, where everything happens.
         share = 0.5 - 0.5 * np.cos(np.pi * (np.arange(between) + 0.5) / between)
@@ -93,7 +121,7 @@ class SearchedBands:
     ) -> tuple[Integers, Floats]:
         """Return reason codes of members and witnesses, each (frequency,)."""
         members = self.problem.members(Omega, _OUTPUTS)
-        found = modes.solve(members, modes.plan(members), tick)
+        found = modes.solve(members, self.plan(members), tick)
         assert found.reason is not None
         assert found.witness is not None
         return found.reason, found.witness

@@ -8,14 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact_solvers import spectrum
+from vibroimpact_solvers import impact_modes as modes
+from vibroimpact_solvers import receptance, spectrum
 from vibroimpact_solvers.existence_bands import growth
 from vibroimpact_solvers.existence_bands.certified import CertifiedBands
 from vibroimpact_solvers.existence_bands.planning import Method
 from vibroimpact_solvers.existence_bands.problem import Problem
 from vibroimpact_solvers.existence_bands.ranges import Band, Findings, Rejected
 from vibroimpact_solvers.existence_bands.result import Result
-from vibroimpact_solvers.existence_bands.search import SearchedBands
+from vibroimpact_solvers.existence_bands.search import SearchedBands, poles_around, poles_of
 from vibroimpact_solvers.plan import Plan, Stage
 
 
@@ -31,11 +32,16 @@ def solve(problem: Problem, plan: Plan, tick: Callable[[int, int], None] | None 
         Called with (done, total); may raise `Cancelled`.
     """
     steps = {step.stage: step for step in plan.steps}
-    natural = spectrum.spectrum(problem.system, spectrum.Method(steps[Stage.SPECTRUM].method))
-    if steps[Stage.BANDS].method == Method.CERTIFIED:
-        found = CertifiedBands(problem, natural).find(tick)
+    method = steps[Stage.SPECTRUM].method
+    if method == receptance.METHOD:
+        poles = poles_around(problem, tick)
+        found = SearchedBands(problem, poles, modes.partial_plan).find(tick)
     else:
-        found = SearchedBands(problem, natural).find(tick)
+        natural = spectrum.spectrum(problem.system, spectrum.Method(method))
+        if steps[Stage.BANDS].method == Method.CERTIFIED:
+            found = CertifiedBands(problem, natural).find(tick)
+        else:
+            found = SearchedBands(problem, poles_of(problem, natural)).find(tick)
     found.bands.sort(key=lambda band: band.start)
     found.rejected.sort(key=lambda rejected: rejected.start)
     found.unresolved.sort()

@@ -4,10 +4,17 @@ Every active constraint strikes its upper wall at tau = 1 and its lower one at t
 frequency has one member of the family, real or phantom.
 """
 
-from vibroimpact_solvers.impact_modes.planning import mark, plan, split
+from vibroimpact_solvers.impact_modes.planning import (
+    allows_partial,
+    cell_flops,
+    mark,
+    partial_plan,
+    plan,
+    split,
+)
 from vibroimpact_solvers.impact_modes.problem import KIND, OUTPUTS, Problem
 from vibroimpact_solvers.impact_modes.result import REASONS, Reason, Result
-from vibroimpact_solvers.impact_modes.solving import Tick, join, solve
+from vibroimpact_solvers.impact_modes.solving import Tick, join, partial_waves, solve
 
 __all__ = [
     "KIND",
@@ -17,8 +24,12 @@ __all__ = [
     "Reason",
     "Result",
     "Tick",
+    "allows_partial",
+    "cell_flops",
     "join",
     "mark",
+    "partial_plan",
+    "partial_waves",
     "plan",
     "solve",
     "split",

@@ -9,7 +9,7 @@ import numpy as np
 from vibroimpact_solvers.arrays import Booleans, Floats, Integers
 from vibroimpact_solvers.impact_modes.impulses import Impulses
 from vibroimpact_solvers.impact_modes.problem import Frequencies, Problem
-from vibroimpact_solvers.receptance import ENTRYWISE, IMPULSES, Receptance
+from vibroimpact_solvers.receptance import ENTRYWISE, IMPULSES, Receptance, Rows, Waves
 
 _EPS = float(np.finfo(np.float64).eps)
 _GRIDS = (65, 257, 1025, 8193)  # numbers of times at which a limit is looked at
@@ -38,12 +38,22 @@ class DirectFamily:
         Upper bound of the natural frequencies.
     factorizes : bool
         Whether solves at single frequencies are allowed; else all is left to the series.
+    waves : Waves, optional
+        Where the harmonics come from; absent: a factorization for each.
     """
 
-    def __init__(self, problem: Problem, bound: float, *, factorizes: bool = True) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        bound: float,
+        *,
+        factorizes: bool = True,
+        waves: Waves | None = None,
+    ) -> None:
         self.factorizes = factorizes
         harmonics = None if factorizes else 0
-        self.receptance = Receptance(problem.system, problem.active, bound, harmonics)
+        self.receptance = Receptance(problem.system, problem.active, bound, harmonics, waves)
+        self.limits = Rows.along(problem.system.constraints)
         self.gaps = np.array([c.upper for c in problem.struck], dtype=np.float64)
 
     @property
@@ -54,7 +64,7 @@ class DirectFamily:
     def members(self, at: Frequencies, *, with_motion: bool = True) -> tuple[Impulses, Forces]:
         """Return impulses and motion of the members at some frequencies."""
         omega = at.omega
-        S, energy = self.receptance.impulse_matrices(omega)
+        S, energy, doubt = self.receptance.impulse_matrices(omega)
         # Relative changes of all natural frequencies change S at most by this.
         slope = (np.abs(energy) + np.abs(S)) / (omega**2)[:, np.newaxis, np.newaxis]
         p, error = np.zeros((omega.size, self.gaps.size)), np.full(omega.size, np.inf)
@@ -65,7 +75,7 @@ class DirectFamily:
                 continue
             p[f] = inverse @ self.gaps
             limit = self.receptance.truncation(float(omega[f]), IMPULSES)
-            wobble = 8.0 * _EPS * slope[f] + limit.remainder * np.abs(S[f])
+            wobble = 8.0 * _EPS * slope[f] + limit.remainder * np.abs(S[f]) + doubt[f]
             absolute = np.abs(inverse) @ (wobble @ np.abs(p[f]) + _EPS * np.abs(self.gaps))
             error[f] = absolute.max() / np.abs(p[f]).max()
         return Impulses(p, p, error), Forces(omega, p)
@@ -73,21 +83,22 @@ class DirectFamily:
     def displacements(self, motion: Forces, tau: Floats, dofs: Integers) -> Floats:
         """Return displacements, shape (frequency, tau, dof)."""
         omega, p = motion.omega, motion.p
-        return self.receptance.displacements(omega, p, tau, lambda x: x[dofs], ENTRYWISE)
+        return self.receptance.displacements(omega, p, tau, Rows(dofs), ENTRYWISE)
 
     def energy(self, motion: Forces) -> Floats:
         """Return the total energies, shape (frequency,)."""
-        _, matrices = self.receptance.impulse_matrices(motion.omega)
+        _, matrices, _ = self.receptance.impulse_matrices(motion.omega)
         work = np.einsum("fa,fab,fb->f", motion.p, matrices, motion.p)
         return np.asarray(0.5 * work / motion.omega**2)
 
     def harmonics(self, motion: Forces, orders: Integers, dofs: Integers) -> Floats:
         """Return Fourier amplitudes for odd orders, shape (frequency, order, dof)."""
+        rows = Rows(dofs)
         b = np.zeros((motion.omega.size, orders.size, dofs.size))
         for f, omega in enumerate(motion.omega):
             for k, order in enumerate(orders):
                 sign = 2.0 if order % 4 == 1 else -2.0
-                wave = self.receptance.dynamic(0.5 * np.pi * order * omega)[dofs]
+                wave = self.receptance.waves.rows(0.5 * np.pi * order * omega, rows)
                 b[f, k] = sign * (wave @ motion.p[f])
         return b
 
@@ -109,11 +120,7 @@ class DirectFamily:
         self, omega: float, p: Floats, problem: Problem, excess: float
     ) -> tuple[float, bool]:
         system = problem.system
-        directions = system.directions(range(len(system.constraints)))
-
-        def rows(vectors: Floats) -> Floats:
-            return np.asarray(directions @ vectors)
-
+        rows = self.limits
         walls = [(c.lower, c.upper) for c in system.constraints]
         limit = np.array([min(w for w in pair if w is not None) for pair in walls])
         over = limit + excess * 2.0 * np.abs(limit)

@@ -64,6 +64,29 @@ def plan(problem: Problem) -> Plan:
     return Plan(KIND, steps, tuple(_skips(problem, family, steps)))
 
 
+def partial_plan(problem: Problem) -> Plan:
+    """Return the plan that goes by the natural modes around harmonics, whatever it costs."""
+    waves = _partial_step(problem, at_any_price=True)
+    others = [step for step in _direct_steps(problem) if step.stage is not Stage.SPECTRUM]
+    return Plan(KIND, tuple(others if waves is None else [waves, *others]))
+
+
+def allows_partial(problem: Problem) -> bool:
+    """Whether members can be found without all natural modes, and there are many of these."""
+    system = problem.system
+    odd = Family.of(problem).kind is Kind.ODD
+    return odd and system.n > ALWAYS_MODAL and factorizes(system)
+
+
+def cell_flops(problem: Problem) -> float:
+    """Estimated operations for the modes about one cell, and the series of the others."""
+    system, reach = problem.system, receptance.Reach.of(problem.tolerance)
+    kept = receptance.MODES * reach.factor
+    solves = 2.5 * kept + reach.terms * len(problem.active)
+    flops = 3.0 * _factor_flops(system) + solves * _solve_flops(system)
+    return flops + 8.0 * system.n * kept**2
+
+
 def factorizes(system: System) -> bool:
     """Whether direct solves at single frequencies are cheap."""
     return system.n <= SMALL or Form.DENSE not in {system.M.form, system.K.form}
@@ -114,28 +137,45 @@ def _modal_steps(problem: Problem, family: Family) -> Iterator[Step]:
         yield Step(Stage.STABILITY, "half-period map", reason, flops, 8.0 * points)
 
 
+def has_all_modes(plan: Plan) -> bool:
+    """Whether a plan goes by all natural modes."""
+    step = plan.step(Stage.SPECTRUM)
+    return step is not None and step.method != receptance.METHOD
+
+
 def _direct_steps(problem: Problem) -> Iterator[Step]:
     system, points = problem.system, problem.omega.size
     bound = spectrum.largest_frequency(system)
+    partial = _partial_step(problem)
+    if partial is not None:
+        yield partial
     limits = [receptance.truncation(bound, w, receptance.IMPULSES) for w in problem.fundamental]
     harmonics = sum(limit.harmonics for limit in limits)
     terms = max(limit.terms for limit in limits)
     reason = f"no natural modes: {terms} powers of the structure bounded by Omega_N <= {bound:.4g}"
-    if harmonics:
+    if harmonics and partial is None:
         reason += f" and {harmonics / points:.1f} harmonics solved at each frequency"
-    yield Step(Stage.IMPULSE, Impulse.DIRECT, reason, _direct_flops(problem), 16.0 * points)
+    elif harmonics:
+        reason = (
+            f"{harmonics / points:.1f} harmonics at each frequency by partial modes, all others "
+            f"by {terms} powers of the structure bounded by Omega_N <= {bound:.4g}"
+        )
+    waves = _factorized_flops(problem) if partial is None else 1e5 * harmonics
+    work = waves + _products_flops(problem)
+    yield Step(Stage.IMPULSE, Impulse.DIRECT, reason, work, 16.0 * points)
     if problem.outputs & {"exists", "reason"}:
-        yield _existence_step(problem)
+        # Only the limited coordinates are followed, by series of few rows.
+        yield replace(_existence_step(problem), flops=waves + 2e7 * points)
     for name, stage, times in _displacements(problem):
         dofs = problem.wanted_dofs.size
         reason = f"{dofs} of {system.n} degrees of freedom at {times} times"
-        flops = 4.0 * terms * points * times * dofs + 2.0 * _direct_flops(problem)
-        if name == "harmonics":
+        flops = 4.0 * terms * points * times * dofs + 2.0 * work
+        if name == "harmonics" and partial is None:
             flops = points * times * _factor_flops(system)
         yield Step(stage, Displacement.DIRECT, reason, flops, 8.0 * points * times * dofs)
     if "energy" in problem.outputs:
         reason = "from the response at the constraints and its slope"
-        yield Step(Stage.ENERGY, "direct", reason, _direct_flops(problem), 8.0 * points)
+        yield Step(Stage.ENERGY, "direct", reason, work, 8.0 * points)
 
 
 def _impulse_step(problem: Problem, family: Family) -> Step:
@@ -203,11 +243,64 @@ def _direct_pays(problem: Problem) -> bool:
 
 
 def _direct_flops(problem: Problem) -> float:
+    partial = _partial_step(problem)
+    waves = _factorized_flops(problem) if partial is None else partial.flops
+    return waves + _products_flops(problem)
+
+
+def _products_flops(problem: Problem) -> float:
     system = problem.system
-    ratios = spectrum.largest_frequency(system) / problem.fundamental
-    harmonics = float(np.maximum(0.0, np.ceil(0.7071 * ratios - 0.5)).sum())
-    products = 2.0 * (system.K.entries + system.M.entries) * len(problem.active)
-    return harmonics * _factor_flops(system) + 100.0 * float(products)
+    return 100.0 * 2.0 * (system.K.entries + system.M.entries) * len(problem.active)
+
+
+def _factorized_flops(problem: Problem) -> float:
+    return _wave_frequencies(problem).size * _factor_flops(problem.system)
+
+
+def _wave_frequencies(problem: Problem) -> Floats:
+    """Return the frequencies at which the structure is driven, of all members."""
+    bound = spectrum.largest_frequency(problem.system)
+    limits = [receptance.truncation(bound, w, receptance.IMPULSES) for w in problem.fundamental]
+    found = [
+        w * np.arange(1.0, 2.0 * limit.harmonics, 2.0)
+        for w, limit in zip(problem.fundamental, limits, strict=True)
+    ]
+    if "harmonics" in problem.outputs:
+        orders = np.arange(1.0, problem.highest_harmonic + 1.0, 2.0)
+        found.append(np.outer(problem.fundamental, orders).ravel())
+    return np.concatenate(found)
+
+
+def _partial_step(problem: Problem, *, at_any_price: bool = False) -> Step | None:
+    """Return the step that finds modes around the harmonics, None where solving costs less."""
+    system = problem.system
+    frequencies = _wave_frequencies(problem)
+    if system.n <= ALWAYS_MODAL or not frequencies.size:
+        return None
+    bound, reach = spectrum.largest_frequency(system), receptance.Reach.of(problem.tolerance)
+    cells = receptance.touched(system.n, bound, frequencies)
+    kept, each = receptance.MODES * reach.factor, cell_flops(problem)
+    if not at_any_price and cells * each > frequencies.size * _factor_flops(system):
+        return None
+    places = problem.wanted_dofs.size if any(_displacements(problem)) else 0
+    places += len(problem.system.constraints)
+    size = 8.0 * cells * places * (kept + reach.terms * len(problem.active))
+    reason = (
+        f"few of {system.n} natural modes matter: about {kept} around each of {cells} cells in "
+        f"which {frequencies.size} harmonics lie, none missed by the inertia of factors; the "
+        f"others by their static correction in the cell and {reach.terms - 1} accelerations"
+    )
+    return Step(Stage.SPECTRUM, receptance.METHOD, reason, cells * each, size, cells)
+
+
+def _solve_flops(system: System) -> float:
+    """Estimated operations of one solve with factors at hand."""
+    width = max(system.M.width, system.K.width)
+    if Form.SPARSE in {system.M.form, system.K.form}:
+        return 200.0 * system.n
+    if Form.DENSE in {system.M.form, system.K.form}:
+        return 2.0 * float(system.n) ** 2
+    return 8.0 * system.n * (width + 2)
 
 
 def _factor_flops(system: System) -> float:
@@ -215,7 +308,7 @@ def _factor_flops(system: System) -> float:
     width = max(system.M.width, system.K.width)
     if Form.SPARSE in {system.M.form, system.K.form}:
         # Nested dissection of a planar mesh; three-dimensional ones cost more.
-        return 100.0 * math.pow(system.n, 1.5)
+        return 20.0 * math.pow(system.n, 1.5)
     if Form.DENSE in {system.M.form, system.K.form}:
         return float(system.n) ** 3
     return 4.0 * system.n * (width + 1) ** 2 + 50.0 * system.n
@@ -223,10 +316,12 @@ def _factor_flops(system: System) -> float:
 
 def _skips(problem: Problem, family: Family, steps: tuple[Step, ...]) -> Iterator[Skip]:
     n, count = problem.system.n, family.count
-    if any(step.stage is Stage.SPECTRUM for step in steps):
+    if has_all_modes(Plan(KIND, steps)):
         what = f"{n - count} of {n} rows of the modal matrix in the impulses"
         yield Skip(what, "only constrained coordinates enter them")
         yield from _silent_modes(problem)
+    elif any(step.stage is Stage.SPECTRUM for step in steps):
+        yield Skip("natural modes away from the harmonics", "a series stands for all of them")
     else:
         yield Skip("natural modes", "direct solves and a power series cost less")
     if family.kind is Kind.ODD:
@@ -286,7 +381,7 @@ def _seconds_of_one(problem: Problem, plan: Plan) -> float:
     """
     middle = np.array([spectrum.largest_frequency(problem.system) / np.pi])
     many = replace(problem, omega=np.repeat(middle, _MANY), Omega=None, rests=None)
-    if plan.step(Stage.SPECTRUM) is None:
+    if not has_all_modes(plan):
         steps = tuple(_direct_steps(many))
     else:
         steps = tuple(_modal_steps(many, Family.of(many)))

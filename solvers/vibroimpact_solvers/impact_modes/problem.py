@@ -70,7 +70,9 @@ class Problem:
     tau : array, optional
         Triangle-wave times of the waveform, in [-1, 1].
     tolerance : float, optional
-        Relative accuracy asked for; None for what double precision gives.
+        Relative error that impulses may have: decides how many natural modes a partial spectrum
+        keeps, and the result says which members are within it. None for what double precision
+        gives.
     Omega : array, shape (frequency,), optional
         The fundamental frequencies where they were given instead of omega, kept to the bit.
     highest_harmonic : int

@@ -134,6 +134,16 @@ class Result:
             path="error/condition",
         ),
     ]
+    within_tolerance: Annotated[
+        Booleans | None,
+        Quantity(
+            ("frequency",),
+            "1",
+            "whether the stated error of the impulse is within the tolerance asked for",
+            flags=("beyond", "within"),
+            path="error/within_tolerance",
+        ),
+    ]
 
     #: How the errors were obtained.
     error_statement: str

@@ -16,10 +16,16 @@ from vibroimpact_solvers.impact_modes.impulses import Impulses
 from vibroimpact_solvers.impact_modes.mixed import MixedFamily
 from vibroimpact_solvers.impact_modes.modal import ModalFamily
 from vibroimpact_solvers.impact_modes.modal import members as modal_members
-from vibroimpact_solvers.impact_modes.planning import FAR, Displacement, factorizes
+from vibroimpact_solvers.impact_modes.planning import (
+    FAR,
+    Displacement,
+    factorizes,
+    has_all_modes,
+)
 from vibroimpact_solvers.impact_modes.problem import Frequencies, Problem
 from vibroimpact_solvers.impact_modes.result import Reason, Result, concatenate, empty
 from vibroimpact_solvers.plan import Plan, Stage
+from vibroimpact_solvers.receptance import ModalWaves, Reach
 from vibroimpact_solvers.spectrum import Spectrum
 
 Tick = Callable[[int, int], None]
@@ -40,6 +46,11 @@ _STATEMENT = (
 _DIRECT = (
     "estimate: what roundings in the natural frequencies change, to first order, and the bound "
     "of the truncated series, relative to the largest impulse of the member"
+)
+_PARTIAL = (
+    "estimate: what roundings in the natural frequencies change, to first order, and the bounds "
+    "of the truncated series, that of the natural modes left out among them, relative to the "
+    "largest impulse of the member"
 )
 
 
@@ -114,9 +125,10 @@ def _evaluator(
 ) -> tuple[Evaluator[Any], float]:
     """Return the family as the plan wants it, and the largest natural frequency or a bound."""
     step = plan.step(Stage.SPECTRUM)
-    if step is None:
+    if step is None or not has_all_modes(plan):
         bound = spectrum.largest_frequency(problem.system)
-        return DirectFamily(problem, bound), bound
+        waves = None if step is None else partial_waves(problem)
+        return DirectFamily(problem, bound, waves=waves), bound
     if natural is None:
         natural = spectrum.spectrum(problem.system, spectrum.Method(step.method))
     modal, largest = ModalFamily(problem, family, natural), natural.largest_frequency
@@ -127,6 +139,16 @@ def _evaluator(
     direct = DirectFamily(problem, largest * (1.0 + 1e-12), factorizes=solves)
     start = largest * ((1.0 + 1e-9) if solves else FAR)
     return MixedFamily(modal, direct, start * 2.0 / np.pi), largest
+
+
+def partial_waves(problem: Problem) -> ModalWaves:
+    """Return the waves of a problem by the natural modes around them."""
+    system = problem.system
+    moved = problem.outputs & {"shape", "waveform", "harmonics"}
+    places = problem.wanted_dofs if moved else np.empty(0, dtype=np.int64)
+    directions = np.ascontiguousarray(system.directions(problem.active).T)
+    bound, reach = spectrum.largest_frequency(system), Reach.of(problem.tolerance)
+    return ModalWaves(system, directions, bound, places, reach)
 
 
 class Members:
@@ -171,8 +193,10 @@ class Members:
             constraint=np.array(problem.active, dtype=np.int64),
             impulse_error=np.minimum(impulses.error, 1.0),
             condition=np.minimum(impulses.error / _EPS, _SINGULAR),
-            error_statement=_STATEMENT if self.plan.step(Stage.SPECTRUM) else _DIRECT,
+            error_statement=self._statement(),
         )
+        if problem.tolerance is not None:
+            found["within_tolerance"] = impulses.error <= problem.tolerance
         if "impulse" in outputs:
             found["impulse"] = impulses.plus
             found["impulse_lower"] = None if self.family.kind is Kind.ODD else impulses.minus
@@ -197,6 +221,11 @@ class Members:
         if self.plan.step(Stage.ENERGY):
             found["energy"] = self.evaluator.energy(motion)
         return Result(**found)
+
+    def _statement(self) -> str:
+        if has_all_modes(self.plan):
+            return _STATEMENT
+        return _PARTIAL if self.plan.step(Stage.SPECTRUM) else _DIRECT
 
     def walks(self, problem: Problem, reason: Integers) -> Booleans:
         """Return where only a walk along the motion can tell whether the member exists."""

@@ -13,6 +13,8 @@ from vibroimpact_solvers.kernels.jit import kernel
 from vibroimpact_solvers.kernels.phases import sine_cosine
 from vibroimpact_solvers.kernels.waves import fold
 
+_LITTLE = 1e-4  # losses and changes of the clock, relative to it, up to which series serve
+
 
 @kernel
 def slow_flow(
@@ -48,7 +50,15 @@ def slow_flow(
     """
     sine0 = 2.0 / (math.exp(w0) + math.exp(-w0))
     for i in range(start, stop):
-        y = y0 + 0.5 * kappa * clock[i]
+        change = 0.5 * kappa * clock[i]
+        if kappa < _LITTLE and abs(change) < _LITTLE * y0:
+            gain = _small_gain(change, w0, kappa * kappa / 48.0 if second else 0.0)
+            out[0, i] = math.atan(math.exp(w0 + gain))
+            out[1, i] = 2.0 * gain / kappa
+            if shapes:
+                out[2, i] = math.exp(w0 + gain)
+            continue
+        y = y0 + change
         w = log_tangent(y, rows)
         if second:
             w = _corrected(y, w, kappa * kappa / 48.0, sine0, rows)
@@ -59,6 +69,21 @@ def slow_flow(
             out[2, i] = z
     if shapes:
         _first_order(out, start, stop, kappa)
+
+
+@kernel
+def _small_gain(change: float, w0: float, part: float) -> float:
+    """Return ln(tan lambda) - w0 after a small change of Ti2, its Taylor series.
+
+    The difference of two logarithms loses as many digits as the losses are small.
+    """
+    lam = math.atan(math.exp(w0))
+    s, c = 0.5 * math.sin(2.0 * lam), math.cos(2.0 * lam)
+    # d w/d y = 1/lambda, d lambda/d y = s/lambda.
+    change *= 1.0 + 2.0 * part * c * s / lam
+    second = -s / lam**3
+    third = (3.0 * s / lam - c) * s / lam**4
+    return change * (1.0 / lam + change * (0.5 * second + change * third / 6.0))
 
 
 @kernel

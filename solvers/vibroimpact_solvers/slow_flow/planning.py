@@ -34,7 +34,7 @@ def _steps(problem: Problem) -> Iterator[Step]:
     columns = 4.0 + (1.0 + 2.0 * dofs) * len(problem.outputs & {"x", "v", "impulse"})
     flops = _EACH * size + following
     yield Step(Stage.SLOW_FLOW, variant.method, variant.about, flops, 8.0 * columns * size)
-    if "error" in problem.outputs and problem.variant != "exact":
+    if problem.compares and problem.variant != "exact":
         exact = problem.moving.VARIANTS["exact"]
         yield Step(
             Stage.FLIGHT,
@@ -49,7 +49,7 @@ def _skips(problem: Problem) -> Iterator[Skip]:
     for name in OUTPUTS:
         if name not in problem.outputs:
             yield Skip(name, "not asked")
-    if "error" in problem.outputs and problem.variant == "exact":
+    if problem.compares and problem.variant == "exact":
         yield Skip("a second solution for the error", "the variant is the exact one")
 
 

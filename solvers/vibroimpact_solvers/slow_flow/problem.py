@@ -37,7 +37,8 @@ class Problem:
     outputs : frozenset of str
         What is wanted, out of `OUTPUTS`.
     tolerance : float, optional
-        Accepted and not needed: a variant has the error that it has, and reports it.
+        Error of displacements, relative to the largest, that the variant may have: it is compared
+        with the exact motion, and the result says whether it is within.
     """
 
     system: System
@@ -59,6 +60,9 @@ class Problem:
         if self.outputs - set(OUTPUTS) or not self.outputs:
             message = f"outputs are {', '.join(OUTPUTS)}"
             raise ModelError(("outputs",), message, code="unknown_output")
+        if self.tolerance is not None and not 0.0 < self.tolerance < 1.0:
+            message = f"the tolerance is {self.tolerance!r}, not between 0 and 1"
+            raise ModelError(("tolerance",), message, code="out_of_range")
         if self.model not in MODELS:
             message = f"models are {', '.join(MODELS)}"
             raise ModelError(("model",), message, code="unknown_model")
@@ -80,6 +84,11 @@ class Problem:
             if not math.isfinite(value):
                 message = f"{field.name} is not finite"
                 raise ModelError(("initial", field.name), message, code="not_finite")
+
+    @property
+    def compares(self) -> bool:
+        """Whether the error of the variant is wanted, for itself or to judge it."""
+        return "error" in self.outputs or self.tolerance is not None
 
     @property
     def moving(self) -> Model:

@@ -263,5 +263,7 @@ def _from_frequency(asked: Asked, Omega: float, Delta: float, k: float) -> Fligh
     x = 0.25 * math.log(k) * Delta * math.cos(gamma) if k > 0.0 else 0.0
     v = math.sqrt(speed**2 + Omega**2 * (Delta - x) * (Delta + x))
     flights = Flights.from_state(Omega, Delta, k, x, v)
-    assert flights is not None
+    if flights is None:
+        message = "the motion grazes the walls: rounding decides whether it reaches them"
+        raise parameters.outside("omega" if start.gamma is None else "gamma", message)
     return Flights(Omega, Delta, k, speed, flights.first)

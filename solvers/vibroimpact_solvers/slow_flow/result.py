@@ -86,6 +86,16 @@ class Result:
         Floats | None,
         Quantity((), "s", "time that the exact motion took", path="error/seconds_exact"),
     ]
+    within_tolerance: Annotated[
+        Booleans | None,
+        Quantity(
+            (),
+            "1",
+            "whether the largest error of the displacement is within the tolerance asked for",
+            flags=("beyond", "within"),
+            path="error/within_tolerance",
+        ),
+    ]
 
     #: How the errors were obtained.
     error_statement: str

@@ -21,6 +21,8 @@ _MEASURED: Final = (
     "at its impacts"
 )
 _EXACT: Final = "the exact motion; its only errors are roundings"
+_ROUNDING: Final = 1e-12
+"""What the exact motion keeps of its displacements, relative to the largest."""
 _UNKNOWN: Final = "not asked"
 
 
@@ -37,7 +39,7 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     """
     model, outputs = problem.moving, problem.outputs
     total = len(plan.steps)
-    shapes = bool(outputs & {"x", "v", "error"})
+    shapes = bool(outputs & {"x", "v"}) or problem.compares
     started = time.perf_counter()
     motion = model.motion(problem.variant, problem.t, shapes=shapes)
     seconds = time.perf_counter() - started
@@ -62,10 +64,27 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
         "exists": None if exists is None else np.array(exists),
         "seconds": np.array(seconds),
     }
-    fields |= _errors(problem, plan, motion) if "error" in outputs else _no_errors()
+    found = _errors(problem, plan, motion) if problem.compares else _no_errors()
+    within = _within(problem, motion, found["error_x"])
+    fields |= found if "error" in outputs else _no_errors()
+    fields["within_tolerance"] = within
+    if within is not None:
+        fields["error_statement"] = found["error_statement"]
     if tick is not None:
         tick(total, total)
     return Result(**fields)
+
+
+def _within(problem: Problem, motion: Motion, error: Floats | None) -> Any:
+    """Return whether a variant is as exact as asked, None where nothing was asked."""
+    if problem.tolerance is None:
+        return None
+    assert error is not None
+    assert motion.x is not None
+    if problem.variant == "exact":
+        return np.array(problem.tolerance >= _ROUNDING)
+    reach = float(np.abs(motion.x - error).max())
+    return np.array(float(np.abs(error).max()) <= problem.tolerance * reach)
 
 
 def _no_errors() -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from vibroimpact_solvers.spectrum.bounds import largest_frequency
 from vibroimpact_solvers.spectrum.cache import CACHE, Cache
+from vibroimpact_solvers.spectrum.inertia import Count, Counter
 from vibroimpact_solvers.spectrum.methods import (
     MEMORY,
     REASONS,
@@ -14,14 +15,18 @@ from vibroimpact_solvers.spectrum.methods import (
     spectrum,
 )
 from vibroimpact_solvers.spectrum.natural import Spectrum
+from vibroimpact_solvers.spectrum.window import Window, window
 
 __all__ = [
     "CACHE",
     "MEMORY",
     "REASONS",
     "Cache",
+    "Count",
+    "Counter",
     "Method",
     "Spectrum",
+    "Window",
     "choose",
     "flops",
     "is_known",
@@ -29,4 +34,5 @@ __all__ = [
     "largest_frequency",
     "nbytes",
     "spectrum",
+    "window",
 ]

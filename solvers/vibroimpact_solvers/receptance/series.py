@@ -6,7 +6,7 @@ Unit impulses along the rows of W at tau = 1, repelling at tau = -1, move the st
              + omega^-2 sum_m c_m(tau) (M^(-1) K / omega^2)^m M^(-1) W^T
 
 with kappa_k = (2k-1) pi/2. The first sum runs over the harmonics 1 ... H of the fundamental
-frequency Omega, each a direct solve; the second is the Taylor series, in mu = lambda/omega^2,
+frequency Omega, each a wave of `Waves`; the second is the Taylor series, in mu = lambda/omega^2,
 of what remains of s(mu, tau), with
 
     c_m(tau) = sum_{k>H} 2 (-1)^(k-1) sin(kappa_k tau) / kappa_k^(2m+2).
@@ -20,21 +20,19 @@ sum over modes loses what is smaller than its rounding.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
+from weakref import WeakKeyDictionary
 
 import numpy as np
-import scipy.linalg
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.matrices import Solve
 from vibroimpact_solvers.model import System
-
-Rows = Callable[[Floats], Floats]
-"""Picks from vectors (dof, column) the rows that are wanted (row, column)."""
+from vibroimpact_solvers.receptance.rows import Rows
+from vibroimpact_solvers.receptance.waves import FactorizedWaves, Waves
 
 IMPULSES: Final = 1e-18
 """Relative truncation of the series where only sums at the impulses are wanted."""
@@ -44,6 +42,7 @@ ENTRYWISE: Final = 1e-48
 _FAST = 0.5  # a rate of convergence at which another harmonic would not pay
 _BLOCK = 64  # powers held at a time
 _TERMS = 8  # numbers of terms are multiples of it
+_FEW = 64  # numbers per power up to which powers are kept
 _ONE = np.ones(1)
 
 
@@ -149,6 +148,8 @@ class Receptance:
         Upper bound of the natural frequencies.
     harmonics : int, optional
         Number of harmonics at all frequencies; absent: at each as few as make the series fast.
+    waves : Waves, optional
+        Where the harmonics come from; absent: a factorization for each.
     """
 
     def __init__(
@@ -157,9 +158,13 @@ class Receptance:
         active: tuple[int, ...],
         bound: float,
         harmonics: int | None = None,
+        waves: Waves | None = None,
     ) -> None:
         self.system, self.bound, self.harmonics = system, bound, harmonics
-        self.directions = system.directions(active).T
+        self.directions = np.ascontiguousarray(system.directions(active).T)
+        self.coordinates = Rows.along(system.constraints[index] for index in active)
+        self.waves = waves or FactorizedWaves(system, self.directions, bound)
+        self._kept: WeakKeyDictionary[Rows, list[Floats]] = WeakKeyDictionary()
         self._solve_mass: Solve = system.M.factorize()
 
     def truncation(self, omega: float, depth: float) -> Truncation:
@@ -171,14 +176,17 @@ class Receptance:
         """``W M^(-1) W^T``, shape (constraint, constraint)."""
         return np.asarray(self.directions.T @ self._solve_mass(self.directions))
 
-    def impulse_matrices(self, omega: Floats, depth: float = IMPULSES) -> tuple[Floats, Floats]:
-        """Return S and ``sum_j a_j a_j^T / cos^2(gamma_j)``, (frequency, constraint, constraint).
+    def impulse_matrices(
+        self, omega: Floats, depth: float = IMPULSES
+    ) -> tuple[Floats, Floats, Floats]:
+        """Return S, ``sum_j a_j a_j^T / cos^2(gamma_j)``, and the error of S by that of waves.
 
-        The first takes impulses to displacements of the constraints at tau = 1 (eq. 10.89);
-        half the second over omega^2 is the energy of unit impulses.
+        Each is (frequency, constraint, constraint). The first takes impulses to displacements
+        of the constraints at tau = 1 (eq. 10.89); half the second over omega^2 is the energy of
+        unit impulses.
         """
         count = self.directions.shape[1]
-        S, energy = np.zeros((2, omega.size, count, count))
+        S, energy, error = np.zeros((3, omega.size, count, count))
         for harmonics, group, terms in self._groups(omega, depth):
             m = np.arange(terms)
             factors = coefficients(harmonics, terms, _ONE)[:, 0]
@@ -189,12 +197,12 @@ class Receptance:
             for f in group:
                 for k in range(1, harmonics + 1):
                     kappa, square = (k - 0.5) * np.pi, omega[f] ** 2
-                    wave = self.dynamic(kappa * omega[f])
-                    response = square * (self.directions.T @ wave)
-                    twice = square**2 * (wave.T @ (self.system.M @ wave))
+                    felt = self.waves.response(kappa * omega[f])
+                    response = square * felt.value
                     S[f] += 2.0 * response
-                    energy[f] += 4.0 * kappa**2 * twice - 2.0 * response
-        return S / (omega**2)[:, np.newaxis, np.newaxis], energy
+                    energy[f] += 4.0 * kappa**2 * square**2 * felt.slope - 2.0 * response
+                    error[f] += 2.0 * felt.error
+        return S / (omega**2)[:, np.newaxis, np.newaxis], energy, error
 
     def displacements(
         self, omega: Floats, p: Floats, tau: Floats, rows: Rows, depth: float
@@ -233,7 +241,8 @@ class Receptance:
         bound = bound / omega**2
         for k in range(1, limit.harmonics + 1):
             kappa = (k - 0.5) * np.pi
-            bound = bound + 2.0 * kappa**2 * np.abs(rows(self.dynamic(kappa * omega)) @ p)
+            wave = self.waves.rows(kappa * omega, rows)
+            bound = bound + 2.0 * kappa**2 * np.abs(wave @ p)
         return np.asarray(bound)
 
     def _groups(self, omega: Floats, depth: float) -> Iterator[tuple[int, list[int], int]]:
@@ -257,7 +266,21 @@ class Receptance:
         return np.asarray((self.bound / (omega * (harmonics + 0.5) * np.pi)) ** 2)
 
     def _powers(self, rows: Rows, terms: int) -> Iterator[tuple[int, Floats]]:
-        """Yield blocks of ``(M^(-1) K / bound^2)^m M^(-1) W^T``, (term, row, constraint)."""
+        """Yield blocks of ``(M^(-1) K / bound^2)^m M^(-1) W^T``, (term, row, constraint).
+
+        Few rows are kept: the terms do not depend on what else is asked.
+        """
+        if rows.size * self.directions.shape[1] > _FEW:
+            yield from self._new_powers(rows, terms)
+            return
+        kept = self._kept.setdefault(rows, [])
+        if sum(map(len, kept)) < terms:
+            kept[:] = [block for _, block in self._new_powers(rows, -(-terms // _BLOCK) * _BLOCK)]
+        for place, block in enumerate(kept):
+            if place * _BLOCK < terms:
+                yield place * _BLOCK, block[: terms - place * _BLOCK]
+
+    def _new_powers(self, rows: Rows, terms: int) -> Iterator[tuple[int, Floats]]:
         vector = self._solve_mass(self.directions)
         start, block = 0, [rows(vector)]
         for m in range(1, terms):
@@ -271,10 +294,6 @@ class Receptance:
     def _moments(self, terms: int) -> Floats:
         blocks = self._powers(self.coordinates, terms)
         return np.concatenate([block for _, block in blocks])
-
-    def coordinates(self, vectors: Floats) -> Floats:
-        """Return the constrained coordinates of vectors (dof, column)."""
-        return np.asarray(self.directions.T @ vectors)
 
     def _series(
         self, omega: Floats, p: Floats, tau: Floats, rows: Rows, harmonics: int, terms: int
@@ -297,22 +316,9 @@ class Receptance:
         for k in range(1, harmonics + 1):
             kappa = (k - 0.5) * np.pi
             sign = 2.0 if k % 2 == 1 else -2.0
-            wave = rows(self.dynamic(kappa * omega)) @ p
+            wave = self.waves.rows(kappa * omega, rows) @ p
             total = total + np.outer(sign * np.sin(kappa * tau), wave)
         return total
-
-    def dynamic(self, frequency: float) -> Floats:
-        """Return ``(frequency^2 M - K)^(-1) W^T``, shape (dof, constraint)."""
-        K, M = self.system.K, self.system.M
-        for nudge in (0.0, 4e-16, -4e-16, 1e-15, -1e-15):
-            stiffness = M.plus(-1.0 / (frequency * (1.0 + nudge)) ** 2, K)
-            try:
-                return stiffness.factorize()(self.directions) / frequency**2
-            except scipy.linalg.LinAlgError:
-                # The frequency is a natural one to the last bit; its neighbour is as good.
-                continue
-        message = "the structure is resonant at neighbouring frequencies to the last bit"
-        raise ConvergenceError(message)
 
 
 def _weighted(weights: Floats, terms: Floats) -> Floats:

@@ -1,0 +1,107 @@
+"""How many natural modes lie below a frequency, proved by Sylvester's law of inertia.
+
+``K - lambda M`` has as many negative pivots as there are eigenvalues below lambda. Factors
+without row exchanges are those of a matrix close by: ``|E| <= c eps |L||U|``, which the factors
+themselves tell. Eigenvalues farther from lambda than that are counted right.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse
+
+from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.errors import ConvergenceError
+from vibroimpact_solvers.matrices import Form, SymmetricMatrix, symmetric_factors
+from vibroimpact_solvers.model import System
+
+_EPS = float(np.finfo(np.float64).eps)
+_NUDGES: Final = (0.0, 1e-13, -1e-13, 3e-11, -3e-11, 1e-9, -1e-9)
+
+
+@dataclass(frozen=True, slots=True)
+class Count:
+    """Eigenvalues below a value.
+
+    Parameters
+    ----------
+    at : float
+        The value.
+    below : int
+        Their number.
+    doubt : float
+        Those closer to the value than this may be on the other side.
+    """
+
+    at: float
+    below: int
+    doubt: float
+
+
+@dataclass(frozen=True, eq=False)
+class Counter:
+    """Counts the eigenvalues of one system.
+
+    Parameters
+    ----------
+    M, K : sparse array, shape (n, n)
+        The matrices with the diagonal of M scaled to ones, which changes no eigenvalue.
+    least : float
+        No eigenvalue of the scaled M is smaller.
+    """
+
+    M: SymmetricMatrix
+    K: SymmetricMatrix
+    least: float
+
+    @classmethod
+    def of(cls, system: System) -> Counter:
+        """Return the counter of a system."""
+        scale = scipy.sparse.diags_array(1.0 / np.sqrt(system.M.main_diagonal))
+        M, K = (
+            SymmetricMatrix.leanest((scale @ matrix.to_sparse() @ scale).tocsr())
+            for matrix in (system.M, system.K)
+        )
+        return cls(M, K, 1.0 if M.form is Form.DIAGONAL else _least(M))
+
+    def count(self, value: float) -> Count:
+        """Return how many eigenvalues are below a value.
+
+        Raises
+        ------
+        ConvergenceError
+            Where no factors without row exchanges exist at values close by.
+        """
+        for nudge in _NUDGES:
+            at = value * (1.0 + nudge)
+            try:
+                factors = symmetric_factors(self.K.plus(-at, self.M))
+            except scipy.linalg.LinAlgError:
+                continue
+            below = int(np.count_nonzero(factors.U.diagonal() < 0.0))
+            return Count(at, below, _backward_error(factors) / self.least)
+        message = f"the natural modes below the square frequency {value:g} cannot be counted"
+        raise ConvergenceError(message)
+
+
+def _least(M: SymmetricMatrix) -> float:
+    """Return a lower bound of the eigenvalues of a mass matrix with ones on its diagonal."""
+    one = SymmetricMatrix.diagonal(np.ones(M.n))
+    bound = 0.5
+    while not M.plus(-bound, one).is_positive_definite():
+        bound *= 0.5
+        if bound < _EPS:
+            raise ConvergenceError("the mass matrix is too close to a singular one")
+    return bound
+
+
+def _backward_error(factors: scipy.sparse.linalg.SuperLU) -> float:
+    """Return a bound of the norm of the difference between a matrix and its factors' product."""
+    L, U = abs(factors.L), abs(factors.U)
+    sums: Floats = L @ (U @ np.ones(L.shape[0]))
+    longest = int(np.diff(L.tocsr().indptr).max())
+    return (longest + 2) * _EPS * float(sums.max())

@@ -1,0 +1,219 @@
+"""Time histories where numbers go wrong: right to the stated error, or refused with a reason."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+
+from tests.solvers.stress.structures import springs
+from tests.solvers.time_history.flights import Flight, Stop
+from vibroimpact_solvers import presets, time_history
+from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.model import Constraint, System
+from vibroimpact_solvers.time_history import Problem, Result, State
+
+_EPS = 2.0**-52
+RATIOS = [1e-12, 1e-6, 1e6, 1e12]
+
+
+def solve(system: System, x: Any, v: Any, t_end: float, **more: Any) -> Result:
+    problem = Problem(
+        system,
+        State(np.asarray(x, dtype=float), np.asarray(v, dtype=float)),
+        t_end,
+        t=np.array([t_end]),
+        **{"outputs": frozenset({"x", "v", "impacts", "contacts"}), **more},
+    )
+    return time_history.solve(problem, time_history.plan(problem))
+
+
+def check(system: System, x: Any, v: Any, t_end: float, steps: int = 100) -> Result:
+    """Follow a motion and compare impacts and the end with extended precision."""
+    result = solve(system, x, v, t_end)
+    stops = [
+        Stop(row, c.upper, c.lower, c.restitution)
+        for row, c in zip(
+            system.directions(range(len(system.constraints))), system.constraints, strict=True
+        )
+    ]
+    flight = Flight(system.M.to_dense().tolist(), system.K.to_dense().tolist(), stops)
+    expected, end = flight.follow(x, v, t_end, t_end / steps)
+    assert result.impact_time is not None
+    assert result.impact_condition is not None
+    assert result.x is not None
+    assert result.v is not None
+    assert result.impact_time.size == len(expected)
+    omega = float(
+        np.sqrt(
+            np.abs(
+                np.linalg.eigvals(np.linalg.solve(system.M.to_dense(), system.K.to_dense()))
+            ).max()
+        )
+    )
+    for i, (t, constraint, side, speed) in enumerate(expected):
+        stated = float(result.impact_condition[i]) * _EPS
+        assert result.impact_constraint is not None
+        assert result.impact_side is not None
+        assert result.impact_velocity is not None
+        assert (result.impact_constraint[i], result.impact_side[i]) == (constraint, side)
+        if stated < 0.01:
+            size = max(abs(float(s)) for s in (*v, speed))
+            assert abs(result.impact_velocity[i] - speed) <= 16 * stated * size * (
+                1 + omega * t_end
+            )
+            assert abs(result.impact_time[i] - t) <= 16 * stated * t_end * (1 + size)
+    n = system.n
+    stated = result.error_condition * _EPS
+    if stated < 0.01:
+        for found, exact in ((result.x[0], end[:n, 0]), (result.v[0], end[n:, 0])):
+            size = max(abs(value) for value in exact) + max(map(abs, x)) + 1e-30
+            assert max(
+                abs(a - b) for a, b in zip(found, exact, strict=True)
+            ) <= 64 * stated * size * (1 + omega * t_end)
+    return result
+
+
+class TestRatios:
+    @pytest.mark.parametrize("ratio", RATIOS)
+    def test_masses(self, ratio: float) -> None:
+        system = springs([1.0, ratio], np.ones(3), [Constraint.at(0, 0.5)])
+        fast = np.sqrt(2.0 / min(1.0, ratio))
+        check(system, [0.0, 0.0], [1.0, 0.3], 12.0 / fast if ratio < 1 else 4.0)
+
+    @pytest.mark.parametrize("ratio", RATIOS)
+    def test_stiffnesses(self, ratio: float) -> None:
+        system = springs(np.ones(2), [1.0, ratio, 1.0], [Constraint.at(0, 0.5)])
+        fast = np.sqrt(2.0 * max(1.0, ratio))
+        check(system, [0.0, 0.0], [1.0, 0.3], 12.0 / fast if ratio > 1 else 4.0)
+
+
+class TestWalls:
+    @pytest.mark.parametrize("gap", [1e-12, 1e12])
+    def test_gaps(self, gap: float) -> None:
+        """Everything scales with the gap."""
+        system = springs(np.ones(2), np.ones(3), [Constraint.at(0, gap, 0.9)])
+        one = springs(np.ones(2), np.ones(3), [Constraint.at(0, 1.0, 0.9)])
+        found = solve(system, [0.0, 0.0], [2.0 * gap, 0.5 * gap], 12.0)
+        expected = solve(one, [0.0, 0.0], [2.0, 0.5], 12.0)
+        assert expected.impact_time is not None
+        assert expected.impact_time.size > 2
+        np.testing.assert_allclose(found.impact_time, expected.impact_time, rtol=1e-12)
+        assert found.x is not None
+        assert expected.x is not None
+        np.testing.assert_allclose(found.x / gap, expected.x, rtol=1e-10)
+
+    def test_unreachable_walls_are_never_struck(self) -> None:
+        system = springs(np.ones(2), np.ones(3), [Constraint.at(0, 1e12)])
+        found = check(system, [0.0, 0.0], [1.0, 0.5], 12.0)
+        assert found.count_impacts == 0
+
+    @pytest.mark.parametrize("offset", [-1e-9, -1e-12, 1e-12, 1e-9])
+    def test_almost_grazing(self, offset: float) -> None:
+        """One mass that reaches 1: a wall a hair nearer is struck every half period."""
+        system = presets.oscillator([Constraint.at(0, 1.0 + offset)], 1.0)
+        found = solve(system, [0.0], [1.0], 20.0)
+        assert found.x is not None
+        assert found.v is not None
+        if offset > 0:
+            assert found.count_impacts == 0
+            np.testing.assert_allclose(found.x[0, 0], np.sin(20.0), atol=1e-13)
+        else:
+            with mpmath.workdps(40):
+                wall = 1 + mpmath.mpf(offset)
+                first = mpmath.asin(wall)
+                assert found.impact_time is not None
+                assert abs(found.impact_time[0] - first) < 1e-13 / np.sqrt(-offset)
+                flight = 2 * first
+                count = int(mpmath.floor((20 - first) / flight)) + 1
+            assert found.count_impacts == count
+
+    @pytest.mark.parametrize("offset", [-1e-15, 0.0, 1e-15])
+    def test_grazing_to_the_last_bit(self, offset: float) -> None:
+        """Touches and misses differ by less than rounding: the motion is the same."""
+        system = presets.oscillator([Constraint.at(0, 1.0 + offset)], 1.0)
+        found = solve(system, [0.0], [1.0], 20.0)
+        assert found.x is not None
+        # An impact with the speed sqrt(2 1e-15) shortens each half period by 9e-8.
+        np.testing.assert_allclose(abs(found.x[0, 0]), abs(np.sin(20.0)), atol=2e-6)
+        assert found.error_penetration < 1e-12
+
+    @pytest.mark.parametrize("k", [0.0, 1e-12, 0.5, 1.0 - 1e-12, 1.0])
+    def test_restitutions(self, k: float) -> None:
+        """Speeds of one mass: k^n of the first, and times between the walls."""
+        system = presets.oscillator([Constraint.at(0, 1.0, k)], 1.0)
+        found = solve(system, [0.0], [3.0], 8.0)
+        assert found.impact_velocity is not None
+        assert found.impact_time is not None
+        with mpmath.workdps(40):
+            u, t, i = mpmath.sqrt(mpmath.mpf(8)), mpmath.asin(mpmath.mpf(1) / 3), 0
+            while t < 8:
+                assert i < found.count_impacts
+                assert abs(abs(found.impact_velocity[i]) / u - 1) < 1e-13
+                assert abs(found.impact_time[i] - t) < 1e-13
+                u *= mpmath.mpf(k)
+                if u < 1e-6:
+                    break
+                t += 2 * mpmath.atan(1 / u)
+                i += 1
+
+    def test_three_struck_in_the_same_moment(self) -> None:
+        system = springs(
+            np.ones(3), [1.0, 1.0, 1.0, 1.0], [Constraint.at(i, 0.5, 0.8) for i in range(3)]
+        )
+        x, v = np.full(3, 0.5 - 0.25), np.full(3, 1.0)
+        found = solve(system, x, v, 3.0)
+        assert found.x is not None
+        assert np.isfinite(found.x).all()
+        # What is alike at both ends stays alike.
+        np.testing.assert_allclose(found.x[0, 0], found.x[0, 2], atol=1e-12)
+
+
+class TestMany:
+    def test_chatter_ends_at_rest(self) -> None:
+        """Infinitely many impacts: t = sqrt(2H/g) (1 + k)/(1 - k)."""
+        for k in (0.1, 0.9, 0.999):
+            system = presets.bouncing_ball([Constraint((0,), (1.0,), 0.0, None, k)], 9.81)
+            exact = np.sqrt(2.0 / 9.81) * (1 + k) / (1 - k)
+            found = solve(system, [1.0], [0.0], 1.5 * exact)
+            assert found.contact_rest is not None
+            assert found.x is not None
+            np.testing.assert_allclose(found.contact_rest, [exact], rtol=1e-12)
+            np.testing.assert_allclose(found.x, 0.0, atol=1e-12)
+
+    def test_a_hundred_thousand_impacts(self) -> None:
+        """Elastic: each half period the same, 2 arcsin(1/v), to the stated error."""
+        system = presets.oscillator([Constraint.at(0, 1.0)], 1.0)
+        with mpmath.workdps(40):
+            first = mpmath.asin(mpmath.mpf(1) / 3)
+            count = 100_000
+            t_end = float(2 * first * count)
+            found = solve(system, [0.0], [3.0], t_end, outputs=frozenset({"impacts"}))
+            assert found.impact_time is not None
+            assert abs(found.count_impacts - count) <= 1
+            exact = first + 2 * first * (count - 2)
+            error = abs(found.impact_time[count - 2] - exact)
+            assert error <= max(4 * found.error_condition, 4.0 * count) * _EPS * t_end
+
+
+class TestRefused:
+    @pytest.mark.parametrize("value", [np.nan, np.inf])
+    def test_states_that_are_no_numbers(self, value: float) -> None:
+        system = presets.oscillator([Constraint.at(0, 1.0)], 1.0)
+        with pytest.raises(ModelError):
+            solve(system, [value], [0.0], 1.0)
+
+    @pytest.mark.parametrize("value", [5e-324, 1e-310])
+    def test_denormal_states_are_rest(self, value: float) -> None:
+        system = presets.oscillator([Constraint.at(0, 1.0)], 1.0)
+        found = solve(system, [value], [value], 5.0)
+        assert found.x is not None
+        assert abs(found.x[0, 0]) <= 4 * value
+        assert found.count_impacts == 0
+
+    def test_starts_beyond_a_wall(self) -> None:
+        system = presets.oscillator([Constraint.at(0, 1.0)], 1.0)
+        with pytest.raises(ModelError):
+            solve(system, [1.0 + 1e-6], [0.0], 1.0)
