@@ -141,6 +141,15 @@ KINDS: Final[Mapping[str, Kind]] = {
             "time_history",
         ),
         Kind(
+            "ensemble",
+            "Ensemble",
+            requests.EnsembleRequest,
+            results.EnsembleResult,
+            "vibroimpact_solvers.ensemble",
+            "ensemble",
+            axis="initial",
+        ),
+        Kind(
             "slow-flow",
             "Slow flows",
             requests.SlowFlowRequest,

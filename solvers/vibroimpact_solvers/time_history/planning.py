@@ -113,6 +113,8 @@ def _skips(problem: Problem, far: list[int]) -> Iterator[Skip]:
         yield Skip("the search after the last possible impact", why)
     if problem.limiter is not None and any(c.restitution < 1.0 for c in problem.system.constraints):
         yield Skip("restitution", "soft limiters give back what they take")
+    if not problem.outputs & {"x", "v", "energy"}:
+        yield Skip("history", "impacts and contacts need no state between them")
     for name in OUTPUTS:
         if name not in problem.outputs:
             yield Skip(name, "not asked")

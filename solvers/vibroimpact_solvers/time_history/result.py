@@ -63,6 +63,12 @@ class Result:
     contact_side: Annotated[
         Integers | None, _contact("1", "wall: 1 the upper, -1 the lower one", "side")
     ]
+    contact_impulse: Annotated[
+        Floats | None,
+        _contact(
+            "mass length time-1", "impulse of the wall on the structure, rest to stop", "impulse"
+        ),
+    ]
     count_impacts: int
     count_grazings: int
     count_expansions: int

@@ -12,6 +12,7 @@ import numpy as np
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.kernels.flight import Stop, fly, impulses, length
+from vibroimpact_solvers.time_history.pressure import impulses as impulses_at_rest
 from vibroimpact_solvers.time_history.structure import Contact, Scene, Structure
 
 Tick = Callable[[int, int], None]
@@ -48,6 +49,7 @@ class Rest:
     start: float
     rest: float
     stop: float = math.nan
+    impulse: float = 0.0
 
 
 class Run:
@@ -110,6 +112,7 @@ class Run:
             basis = self.scene.basis
             growth = basis.growth
             self.clock[3] = 1.0 / growth if growth > 0.0 else math.inf
+            before = (self.now, self.Z[0].copy()) if self.contacts else None
             stop = Stop(
                 fly(
                     basis.rates, basis.split, self.scene.forms, self.scene.sizes, self.scene.walls,
@@ -117,6 +120,8 @@ class Run:
                     *self._table, self.wanted, self._buffer,
                 )
             )  # fmt: skip
+            if before is not None:
+                self._press(*before)
             self._flush_samples()
             self._flush_table()
             if stop is Stop.CONTACT:
@@ -198,6 +203,17 @@ class Run:
         rest = Rest(contact, self.now, min(self.now + lasts, self.clock[2]))
         self.contacts[contact] = rest
         self.rests.append(rest)
+
+    def _press(self, since: float, z: Floats) -> None:
+        """Add what the walls gave to the coordinates at rest, from their rest on."""
+        whole = impulses_at_rest(self.scene, z, self.now - since)
+        for place, contact in enumerate(self.scene.contacts):
+            rest = self.contacts[contact]
+            given = float(whole[place])
+            if rest.rest > since:
+                early = min(rest.rest, self.now) - since
+                given -= float(impulses_at_rest(self.scene, z, early)[place])
+            rest.impulse += given
 
     def _let_go(self, contact: Contact) -> None:
         self.contacts.pop(contact).stop = self.now

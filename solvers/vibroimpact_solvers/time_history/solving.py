@@ -241,6 +241,7 @@ def _result(problem: Problem, run: Run, history: _History) -> Result:
             contact_stop=np.array([r.stop for r in rests]) / scale,
             contact_constraint=np.array([r.contact[0] for r in rests], dtype=np.int64),
             contact_side=np.array([r.contact[1] for r in rests], dtype=np.int64),
+            contact_impulse=np.array([r.impulse for r in rests]) / scale,
         )
     tolerance = found["error_tolerance"]
     lost = np.flatnonzero(growth * 4.0 * _EPS > tolerance)
