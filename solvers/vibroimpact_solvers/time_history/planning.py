@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
+from dataclasses import replace
 from enum import StrEnum
+from typing import Final
 
 import numpy as np
 
 from vibroimpact_solvers import spectrum
+from vibroimpact_solvers.cost import BYTES_PER_SECOND, FLOPS_PER_SECOND
 from vibroimpact_solvers.matrices import Form
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 from vibroimpact_solvers.time_history.problem import EXACT, KIND, OUTPUTS, Problem, State
 
+_MOST = 2**20  # windows
 _FEW = 500  # degrees of freedom up to which a full K is factorized for a plan
+
+
+SECONDS: Final = 0.5
+"""Planned work of a window of a long motion."""
+BYTES: Final = 4.0e6
+"""Planned size of what a window yields."""
 
 
 class Flight(StrEnum):
@@ -26,12 +37,29 @@ class Flight(StrEnum):
 def plan(problem: Problem) -> Plan:
     """Decide how the motion is followed and what is left out."""
     far = _far(problem)
-    return Plan(KIND, tuple(_steps(problem, far)), tuple(_skips(problem, far)))
+    found = Plan(KIND, tuple(_steps(problem, far)), tuple(_skips(problem, far)))
+    count = windows(found)
+    if count == 1:
+        return found
+    told = f"in {count} windows of time, each from the state at the end of the one before"
+    steps = (
+        replace(step, reason=f"{step.reason}; {told}") if step.stage is Stage.FLIGHT else step
+        for step in found.steps
+    )
+    return replace(found, steps=tuple(steps))
 
 
-def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Problem]:
-    """Return the problem itself: a motion is one piece, each part needing the one before."""
-    return [problem]
+def windows(plan: Plan) -> int:
+    """Return the number of windows: by the work and the size of what the plan lists."""
+    step = plan.step(Stage.FLIGHT)
+    if step is None or step.method != Flight.MODAL:
+        return 1
+    # Whether the spectrum is known already must not matter.
+    own = [step for step in plan.steps if step.stage is not Stage.SPECTRUM]
+    flops, size = sum(step.flops for step in own), sum(step.bytes for step in own)
+    seconds = flops / FLOPS_PER_SECOND + size / BYTES_PER_SECOND
+    count = max(seconds / SECONDS, size / BYTES)
+    return max(1, math.ceil(min(count, _MOST)))
 
 
 def _steps(problem: Problem, far: list[int]) -> Iterator[Step]:

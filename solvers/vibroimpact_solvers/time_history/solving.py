@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -122,12 +121,6 @@ def _integrated(
 _METHODS: Final = {Flight.MODAL: _exact, Flight.SPLITTING: _soft}
 
 
-def join(problem: Problem, plan: Plan, results: Sequence[Result]) -> Result:
-    """Return the one result there is."""
-    (result,) = results
-    return result
-
-
 class _History:
     """The arrays along the wanted times, filled in as the motion goes on."""
 
@@ -180,14 +173,19 @@ class _History:
     @property
     def drift(self) -> float | None:
         """The largest change of the energy relative to it, where it is conserved."""
-        system = self.problem.system
-        lossless = system.C is None and not self.problem.load
-        if self.problem.limiter is None:
-            lossless &= all(c.restitution == 1.0 for c in system.constraints)
-        if self.energy is None or self.energy.size == 0 or not lossless:
+        if self.energy is None or self.energy.size == 0 or not conserves(self.problem):
             return None
         size = float(np.abs(self.energy).max())
         return float(np.abs(self.energy - self.energy[0]).max()) / size if size > 0.0 else 0.0
+
+
+def conserves(problem: Problem) -> bool:
+    """Whether nothing takes energy from the motion or gives it."""
+    system = problem.system
+    lossless = system.C is None and not problem.load
+    if problem.limiter is None:
+        lossless &= all(c.restitution == 1.0 for c in system.constraints)
+    return lossless
 
 
 def _bare(problem: Problem, history: _History) -> dict[str, Any]:

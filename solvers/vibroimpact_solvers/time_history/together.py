@@ -17,7 +17,7 @@ from vibroimpact_solvers.plan import Plan
 from vibroimpact_solvers.time_history.planning import plan as plan_of
 from vibroimpact_solvers.time_history.problem import Problem
 from vibroimpact_solvers.time_history.result import Result
-from vibroimpact_solvers.time_history.solving import solve
+from vibroimpact_solvers.time_history.windows import solve
 
 Outcome = Result | SolverError
 """A motion, or why there is none."""
