@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.kernels.modal import motion_of
 from vibroimpact_solvers.time_history.problem import Problem
 from vibroimpact_solvers.time_history.structure import Scene, Structure
-
-_FEW: Final = 4
-"""Times up to which one compiled call is quicker than products of matrices."""
 
 
 class History:
@@ -28,23 +22,10 @@ class History:
         self._all = dofs.size == problem.system.n and bool((dofs == np.arange(dofs.size)).all())
         self.energy = np.empty(times) if "energy" in outputs else None
 
-    @property
-    def both(self) -> bool:
-        """Whether displacements and velocities are wanted, and no energy."""
-        return self.x is not None and self.v is not None and self.energy is None
-
     def take(self, scene: Scene, samples: Floats, first: int) -> None:
         """Fill in what is wanted at some times from states, shape (time, 2, pair)."""
         basis, modes = scene.basis, scene.basis.modes
         scale, some = self.structure.scale, slice(first, first + samples.shape[0])
-        if self.both and len(samples) <= _FEW and basis.plain and not modes.base.any():
-            assert self.x is not None
-            assert self.v is not None
-            motion_of(
-                samples, scale, modes.shapes, self.problem.wanted_dofs, basis.normal, basis.place,
-                self.x[some], self.v[some],
-            )  # fmt: skip
-            return
         q, rate = basis.coordinates(samples)
         q += basis.still
         rate *= scale

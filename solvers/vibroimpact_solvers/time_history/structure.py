@@ -83,7 +83,6 @@ class Structure:
             .reshape(count, 2)
             .T.copy()
         )
-        self.far = np.full_like(self.limits, np.inf)
         self.force = constant(load, n)
         if system.force is not None:
             self.force = self.force + system.force
