@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import sys
 import threading
 from dataclasses import fields
+from typing import Any
 
 import numpy as np
 import pytest
@@ -97,15 +97,16 @@ def test_an_ensemble_may_be_wrong_throughout() -> None:
 def test_a_motion_that_cannot_be_followed_is_reported_with_the_member(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    module = sys.modules["vibroimpact_solvers.time_history.together"]
+    follow = time_history.Prepared.solve
 
-    def refusing(asked: time_history.Problem, *args: object) -> time_history.Result:
-        assert isinstance(asked.initial, time_history.State)
-        if asked.initial.x[0] == 0.5:
+    def refusing(
+        prepared: time_history.Prepared, initial: time_history.State, *args: Any
+    ) -> time_history.Result:
+        if initial.x[0] == 0.5:
             raise PlanError("this one cannot be followed")
-        return time_history.solve(asked, *args)  # type: ignore[arg-type]
+        return follow(prepared, initial, *args)
 
-    monkeypatch.setattr(module, "solve", refusing)
+    monkeypatch.setattr(time_history.Prepared, "solve", refusing)
     x = np.array([[0.0], [0.5], [0.1]])
     result = solved(problem(OSCILLATOR, x, np.ones((3, 1))))
     assert result.status.tolist() == [0, 2, 0]

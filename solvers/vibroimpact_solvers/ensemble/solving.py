@@ -17,7 +17,7 @@ from vibroimpact_solvers.ensemble.result import TABLES, Result
 from vibroimpact_solvers.errors import ModelError, SolverError
 from vibroimpact_solvers.plan import Plan
 from vibroimpact_solvers.sweep import MOST_SENTENCES, Status
-from vibroimpact_solvers.time_history import Outcome, together
+from vibroimpact_solvers.time_history import Outcome, from_states
 
 Array = NDArray[Any]
 Tick = Callable[[int, int], None]
@@ -48,7 +48,7 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
             if tick is not None:
                 tick(done, problem.size)
 
-        parts.append(_some(problem.piece(start, stop), plan, tell))
+        parts.append(_some(problem.piece(start, stop), tell))
     if tick is not None:
         tick(problem.size, problem.size)
     return join(problem, plan, parts)
@@ -79,23 +79,23 @@ def join(problem: Problem, plan: Plan, results: Sequence[Result]) -> Result:
     return Result(**found)
 
 
-def _some(problem: Problem, plan: Plan, tell: Callable[[], None]) -> Result:
-    """Follow the members that have a motion and collect everything."""
-    outcomes: list[Outcome] = []
-    possible: list[time_history.Problem] = []
-    for index in range(problem.size):
-        try:
-            possible.append(problem.member(index))
-        except ModelError as error:
-            outcomes.append(error)
-        else:
-            outcomes.append(_WAITING)
-    solved = iter(together(possible, tell, plan))
-    outcomes = [next(solved) if outcome is _WAITING else outcome for outcome in outcomes]
-    return _collected(problem, outcomes)
+def _some(problem: Problem, tell: Callable[[], None]) -> Result:
+    """Follow the members and collect everything."""
+    pattern = problem.pattern
+    if pattern.system is not problem.system:
+        return _collected(problem, [_refusal(problem, index) for index in range(problem.size)])
+    # What the plan of the whole decided, it decided as for this one.
+    plan = time_history.plan(pattern)
+    return _collected(problem, list(from_states(pattern, plan, problem.x, problem.v, tell)))
 
 
-_WAITING: Final = SolverError()
+def _refusal(problem: Problem, index: int) -> SolverError:
+    """Return why a member that is outside of the limits has no motion."""
+    try:
+        problem.member(index)
+    except ModelError as error:
+        return error
+    raise AssertionError("a member without a motion has one")
 
 
 def _collected(problem: Problem, outcomes: Sequence[Outcome]) -> Result:

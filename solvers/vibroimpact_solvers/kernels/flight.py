@@ -26,13 +26,17 @@ from vibroimpact_solvers.kernels.flow import (
     reach,
     take,
 )
-from vibroimpact_solvers.kernels.jit import inline, kernel
+from vibroimpact_solvers.kernels.jit import fma, inline, kernel
 from vibroimpact_solvers.kernels.passages import (
     DEPTH,
+    LOW,
     ORDER,
     first_passage,
     horizon,
+    near_passage,
+    near_remainder,
     remainder,
+    stays,
 )
 
 
@@ -55,6 +59,13 @@ GRAIN: Final = 2.0 * 2.0**-52
 _TOGETHER = 16.0  # grains within which two constraints are at their walls together
 _EXACT = 2.0**-8  # remainder at an impact, in grains
 _COARSE = 0.05  # remainder of a first expansion, relative to the room
+_NEAR = 1e-3  # remainder, relative to the room, at which envelopes of low degree close in
+_CLEAR = 1e-6  # squared speeds at a wall, relative to the motion, that are no grazing
+_TURN = 6.283185307179586  # 2 pi
+_NEVER = 1e300
+_FLIGHT = 2.0  # rounding of a pair in one flight
+SURE: Final = 4.0
+"""Times the largest of the deviations that stand for all: what errors will not exceed."""
 
 
 @inline
@@ -98,6 +109,7 @@ def _search(
     work: Floats,
     roots: Floats,
     d: Floats,
+    low: Floats,
 ) -> tuple[float, float, int, int]:
     """Return the length of the flight from Z[0] (two doubles), and what ends it at which wall.
 
@@ -105,9 +117,9 @@ def _search(
     by the number of expansions (-2). near, shape (2, 2, pair), and the arrays after it are
     overwritten.
     """
-    n = F.shape[1]
+    n, m = F.shape[1], walls.shape[1]
     changes = split[2] != 0 or split[0] < n
-    s, ds = 0.0, 0.0
+    s, ds, close = 0.0, 0.0, -1
     for j in range(n):
         near[0, 0, j], near[0, 1, j] = Z[0, 0, j], Z[0, 1, j]
     while True:
@@ -118,9 +130,24 @@ def _search(
         if s > 0.0 and changes:
             magnitudes(split, near, 0, size)
         ahead = min(left, clock[3])
-        for i in range(walls.shape[1]):
+        for k in range(m):
+            # The constraint that is close to its wall first: the others have no time then.
+            i = (max(close, 0) + k) % m
             if idle[i]:
                 continue
+            if close >= 0:
+                derivatives(F, split, forms, i, near, 0, work, low)
+                above, below = walls[1, i] - low[0], walls[0, i] + low[0]
+                if min(above, below) > grain[i]:
+                    H = min(ahead, best)
+                    B = bound(F, split, forms, sizes, i, near, 0, size, 2, LOW, H)
+                    if k > 0 and stays(low, B, H, above, below):
+                        continue
+                    if k == 0:
+                        h, met = near_passage(low, B, above, below)
+                        if 0.0 <= h < best:
+                            best, side, rest, who = h, met, near_remainder(B, h), i
+                            continue
             derivatives(F, split, forms, i, near, 0, work, d)
             above = _room(walls[1, i] - d[0], d[1], d[2], grain[i])
             below = _room(walls[0, i] + d[0], -d[1], -d[2], grain[i])
@@ -131,7 +158,7 @@ def _search(
             elif above < 0.0 or below < 0.0:
                 best, rest, who, side = 0.0, 0.0, i, (1 if above < 0.0 else -1)
                 break
-            B = bound(F, split, forms, sizes, i, near, 0, size, ORDER, ahead)
+            B = bound(F, split, forms, sizes, i, near, 0, size, 0, ORDER, ahead)
             room = min(walls[0, i] + walls[1, i], grain[i] / GRAIN)
             H = min(horizon(B, _COARSE * room), min(ahead, best))
             h, met = first_passage(d, B, H, above, below, roots)
@@ -148,18 +175,91 @@ def _search(
             return s, ds, -1, 0
         if counts[2] >= counts[3]:
             return s, ds, -2, 0
+        close = -1
+        if who >= 0:
+            room = min(walls[0, who] + walls[1, who], grain[who] / GRAIN)
+            close = who if rest <= _NEAR * room else -1
         propagators(F, split, s, ds, P)
         take(F, split, P, s + ds, Z, 0, near, 0)
 
 
 @inline
+def _swing(
+    F: Floats,
+    forms: Floats,
+    walls: Floats,
+    Z: Floats,
+    clock: Floats,
+    counts: Integers,
+    idle: Booleans,
+    grain: Floats,
+) -> tuple[float, float, int, int]:
+    """Return what `_search` does, for one mode without damping, in closed form.
+
+    The state turns on a circle; a wall is a line that it crosses. Where a wall is all but
+    touched, which rounding may decide, nothing is decided here: the third value is -3 then.
+    """
+    a, b = Z[0, 0, 0], Z[0, 1, 0]
+    circle = a * a + b * b
+    best, who, side = _NEVER, -1, 0
+    for i in range(walls.shape[1]):
+        form = forms[0, i, 0, 0]
+        if idle[i] or form == 0.0:
+            continue
+        if counts[9] == i + 1:
+            return 0.0, 0.0, -3, 0
+        # The wall that it moves towards comes first, if it gets there at all.
+        ahead = 1 if form * b > 0.0 else 0
+        for turned in range(2):
+            upper = ahead if turned == 0 else 1 - ahead
+            wall = walls[upper, i]
+            if wall == math.inf:
+                continue
+            towards = form if upper else -form
+            c = wall / towards
+            squared = b * b + (a - c) * (a + c)
+            if abs(squared) <= _CLEAR * circle:
+                return 0.0, 0.0, -3, 0
+            if squared < 0.0:
+                continue
+            if wall - towards * a <= grain[i] and towards * b > 0.0:
+                return 0.0, 0.0, -3, 0  # there already
+            speed = math.copysign(math.sqrt(squared), towards)
+            angle = math.atan2(b * c - a * speed, a * c + b * speed)
+            if angle < 0.0:
+                angle += _TURN
+            if angle < best:
+                best, who, side = angle, i, (1 if upper else -1)
+            break
+    counts[2] += 1
+    left = (clock[2] - clock[0]) - clock[1]
+    if left <= 0.0:
+        return 0.0, 0.0, -1, 0
+    s = best / F[1, 0]
+    if s >= left:
+        return left, 0.0, -1, 0
+    ds = (fma(-s, F[1, 0], best) - s * F[2, 0]) / F[1, 0]
+    return s, ds, who, side
+
+
+@inline
 def _single(
-    forms: Floats, walls: Floats, i: int, speed: float, bend: float, Z: Floats, first: int
+    forms: Floats,
+    walls: Floats,
+    i: int,
+    speed: float,
+    bend: float,
+    Z: Floats,
+    noise: Floats,
+    bends: Floats,
+    row: int,
+    first: int,
 ) -> float:
     """Take Z[first:], state 0 and deviations, through the impact of one constraint.
 
     speed and bend are the velocity and the acceleration of its coordinate before the impact;
-    returns the impulse.
+    returns the impulse. Deviations get the rounding of the place of the wall and of the kick
+    on their way.
     """
     factor: float = walls[4, i]
     n = Z.shape[2]
@@ -167,11 +267,16 @@ def _single(
     impulse = -(factor * speed + rest * speed)
     for c in range(max(first, 1), Z.shape[0]):
         place = product(forms, 0, i, Z, c)
+        place += walls[3, i] if c & 1 else -walls[3, i]
         turn = factor * (bend * place / speed - product(forms, 1, i, Z, c))
         place *= factor
+        at = (row + c) % noise.shape[0]
         for j in range(n):
-            Z[c, 0, j] += turn * forms[2, i, 0, j] - place * forms[3, i, 0, j]
-            Z[c, 1, j] += turn * forms[2, i, 1, j] - place * forms[3, i, 1, j]
+            kicked = turn + impulse * noise[at, 0, j]
+            Z[c, 0, j] += kicked * forms[2, i, 0, j] - place * forms[3, i, 0, j]
+            Z[c, 1, j] += kicked * forms[2, i, 1, j] - place * forms[3, i, 1, j]
+            Z[c, 0, j] += impulse * bends[c - 1, i, 0, j]
+            Z[c, 1, j] += impulse * bends[c - 1, i, 1, j]
     if first == 0:
         for j in range(n):
             Z[0, 0, j] += impulse * forms[2, i, 0, j]
@@ -225,31 +330,50 @@ def length(Z: Floats, c: int, own: Floats) -> float:
 
 
 @inline
-def _disturb(
-    Z: Floats, noise: Floats, own: Floats, clock: Floats, counts: Integers, s: float
-) -> float:
-    """Add what rounding does in one flight; return the deviations relative to the motion.
+def _rounded(
+    Z: Floats, noise: Floats, drifts: Floats, own: Floats, clock: Floats, row: int, s: float
+) -> None:
+    """Add to the deviations, in units of 2^-52, what rounding does in a flight of length s.
 
-    Deviations are in units of the relative rounding. A flight and its impact add a vector of
-    twice the length of the state, drawn from the noise, and more for its duration s (in units
-    of the fastest mode): the rounding of the frequencies. The size of the motion is the
-    largest so far.
+    Every pair that a flight returns is known to two units of its length, with any sign; its
+    frequency is known to its drift, with the same sign in all flights. The size of the motion
+    is the largest so far.
     """
-    size, squares = length(Z, 0, own), 0.0
-    clock[7] = max(clock[7], size)
-    columns = Z.shape[0] - 1
+    clock[7] = max(clock[7], length(Z, 0, own))
     for c in range(1, Z.shape[0]):
-        # Multiplicative hashing picks the row and the sign.
-        mixed = (counts[10] * columns + c) * 2654435761 % 4294967296
-        row = (mixed >> 8) % noise.shape[0]
-        factor = size * (2.0 + s)
-        if (mixed >> 20) & 1:
-            factor = -factor
+        at = (row + 7 * c) % noise.shape[0]
         for j in range(Z.shape[2]):
-            Z[c, 0, j] += factor * noise[row, 0, j]
-            Z[c, 1, j] += factor * noise[row, 1, j]
-        squares += length(Z, c, own) ** 2
-    return math.sqrt(squares / columns) / clock[7] if columns and clock[7] > 0.0 else 0.0
+            a, b = Z[0, 0, j], Z[0, 1, j]
+            grain = _FLIGHT * (abs(a) + abs(b))
+            turned = s * drifts[c - 1, j]
+            Z[c, 0, j] += grain * noise[at, 0, j] + turned * b
+            Z[c, 1, j] += grain * noise[at, 1, j] - turned * a
+
+
+@kernel
+def begin(Z: Floats, noise: Floats, own: Floats, clock: Floats) -> None:
+    """Set the deviations that a motion starts with, and the size of its state."""
+    clock[7] = length(Z, 0, own)
+    grain = _FLIGHT * clock[7] / math.sqrt(2.0 * Z.shape[2])
+    for c in range(1, Z.shape[0]):
+        for j in range(Z.shape[2]):
+            Z[c, 0, j] = grain * own[j] * noise[c, 0, j]
+            Z[c, 1, j] = grain * own[j] * noise[c, 1, j]
+
+
+@kernel
+def spread(Z: Floats, own: Floats, size: float) -> float:
+    """Return the bound of the error that deviations tell, relative to the motion's size."""
+    largest = 0.0
+    for c in range(1, Z.shape[0]):
+        largest = max(largest, length(Z, c, own))
+    return SURE * largest / size if size > 0.0 else 0.0
+
+
+@inline
+def _row(count: int, rows: int) -> int:
+    """Return a row of the noise that seems drawn at random (multiplicative hashing)."""
+    return (count * 2654435761 % 4294967296 >> 8) % rows
 
 
 @kernel
@@ -261,6 +385,7 @@ def _strike(
     mobility: Floats,
     Z: Floats,
     noise: Floats,
+    bends: Floats,
     own: Floats,
     clock: Floats,
     counts: Integers,
@@ -272,13 +397,13 @@ def _strike(
     struck: Integers,
     sides: Floats,
     speeds: Floats,
-    s: float,
 ) -> bool:
     """Let the constraint that ended the flight strike, and all others that are at their walls.
 
     Returns whether one of them comes to rest there.
     """
     who, first, count = counts[5], counts[0], 0
+    row = _row(counts[10], noise.shape[0])
     for i in range(walls.shape[1]):
         y = product(forms, 0, i, Z, 0)
         together = _TOGETHER * grain[i]
@@ -303,29 +428,31 @@ def _strike(
             counts[8] += towards < 0.0
             clock[5] = 0.0
             return bool(towards >= 0.0)
-        impulse = _single(forms, walls, who, sides[0] * speed, bend, Z, 0)
+        impulse = _single(forms, walls, who, sides[0] * speed, bend, Z, noise, bends, row, 0)
         where[first, 0], where[first, 1] = who, counts[6]
         what[first, 0], what[first, 1] = sides[0] * speed, abs(impulse)
         counts[0] += 1
     else:
         given = impulses(mobility, walls[2], struck[:count], sides[:count], speeds[:count])
         for a in range(count):
-            i, row = struck[a], counts[0]
+            i, line = struck[a], counts[0]
             if given[a] > 0.0:
                 if speeds[a] > 0.0:
                     # The deviations go through one after the other.
                     bend = product(forms, 1, i, near, 1)
-                    _single(forms, walls, i, sides[a] * speeds[a], bend, Z, 1)
-                where[row, 0], where[row, 1] = i, int(sides[a])
-                what[row, 0], what[row, 1] = sides[a] * speeds[a], given[a]
+                    _single(
+                        forms, walls, i, sides[a] * speeds[a], bend, Z, noise, bends, row + a, 1
+                    )
+                where[line, 0], where[line, 1] = i, int(sides[a])
+                what[line, 0], what[line, 1] = sides[a] * speeds[a], given[a]
                 counts[0] += 1
             for j in range(Z.shape[2]):
                 Z[0, 0, j] -= sides[a] * given[a] * forms[2, i, 0, j]
                 Z[0, 1, j] -= sides[a] * given[a] * forms[2, i, 1, j]
     counts[10] += 1
-    spread = _disturb(Z, noise, own, clock, counts, s)
-    for row in range(first, counts[0]):
-        at[row, 0], at[row, 1], what[row, 2] = clock[0], clock[1], spread
+    error = spread(Z, own, clock[7])
+    for line in range(first, counts[0]):
+        at[line, 0], at[line, 1], what[line, 2] = clock[0], clock[1], error
     # Whoever is left almost without speed and is pressed on comes to rest at its wall.
     rates(F, split, Z, 0, near, 1)
     for a in range(count):
@@ -357,6 +484,8 @@ def fly(
     mobility: Floats,
     Z: Floats,
     noise: Floats,
+    drifts: Floats,
+    bends: Floats,
     own: Floats,
     clock: Floats,
     counts: Integers,
@@ -380,10 +509,14 @@ def fly(
     mobility : array, shape (watched, watched)
         ``W M^-1 W^T``.
     Z : array, shape (1 + column, 2, pair)
-        The state; then deviations, in units of the relative rounding, that go along by the
-        linearised flow and by saltation. Replaced.
+        The state; then deviations, in units of 2^-52, that go along by the linearised flow and
+        by saltation. Replaced. Without columns no errors are estimated.
     noise : array, shape (row, 2, pair)
-        Vectors of length 1 that stand for rounding.
+        Numbers of random sign and size 1 that stand for rounding.
+    drifts : array, shape (column, pair)
+        Errors of the frequencies, in units of 2^-52.
+    bends : array, shape (column, watched, 2, pair)
+        Errors of the changes of state by unit impulses, in units of 2^-52.
     own : array, shape (pair,)
         0 for the pairs of loads, 1 for the others.
     clock : array, shape (8,)
@@ -404,8 +537,11 @@ def fly(
         The states there.
     """
     m, n = walls.shape[1], F.shape[1]
-    P, size, work, near = np.empty((2, n)), np.empty(n), np.empty((4, n)), np.empty((2, 2, n))
-    roots, d = np.empty((DEPTH + 5, DEPTH + 2)), np.empty(ORDER)
+    P, size, work, near = np.empty((2, n)), np.empty(n), np.empty((3, n)), np.empty((2, 2, n))
+    roots, d, low = np.empty((DEPTH + 5, DEPTH + 2)), np.empty(ORDER), np.empty(LOW)
+    swings = n == 1 and split[0] == 1 and split[2] == 0
+    for i in range(m):
+        swings = swings and forms[0, i, 1, 0] == 0.0
     idle, grain = np.zeros(m, np.bool_), np.empty(m)
     struck, sides, speeds = np.empty(m, np.int64), np.empty(m), np.empty(m)
     while True:
@@ -419,10 +555,14 @@ def fly(
                 far = reach(F, split, sizes, i, Z, 0, size, left)
             grain[i] = GRAIN * (close + walls[3, i])
             idle[i] = far + grain[i] < min(walls[0, i], walls[1, i])
-        s, ds, who, side = _search(
-            F, split, forms, sizes, walls, Z, clock, counts, idle, grain, P, size, near, work,
-            roots, d,
-        )  # fmt: skip
+        s, ds, who, side = 0.0, 0.0, -3, 0
+        if swings:
+            s, ds, who, side = _swing(F, forms, walls, Z, clock, counts, idle, grain)
+        if who == -3:
+            s, ds, who, side = _search(
+                F, split, forms, sizes, walls, Z, clock, counts, idle, grain, P, size, near,
+                work, roots, d, low,
+            )  # fmt: skip
         # Samples of this flight.
         stop = (clock[0] + s) + (clock[1] + ds)
         while counts[1] < wanted.size and (wanted[counts[1]] <= stop or who == -1):
@@ -443,6 +583,8 @@ def fly(
         clock[0], lost = two_sum(clock[0], s)
         clock[1] += lost + ds
         counts[9] = 0
+        if Z.shape[0] > 1:
+            _rounded(Z, noise, drifts, own, clock, _row(counts[10] + 1, noise.shape[0]), s)
         if who < 0:
             return _END if who == -1 else _PAUSE
         counts[5], counts[6] = who, side
@@ -451,7 +593,7 @@ def fly(
         if counts[7]:
             return _STRUCK
         if _strike(
-            F, split, forms, walls, mobility, Z, noise, own, clock, counts, at, where, what, grain,
-            near, struck, sides, speeds, s,
+            F, split, forms, walls, mobility, Z, noise, bends, own, clock, counts, at, where,
+            what, grain, near, struck, sides, speeds,
         ):  # fmt: skip
             return _CONTACT

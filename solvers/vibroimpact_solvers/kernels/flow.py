@@ -14,8 +14,9 @@ nu to more than double precision, and split = [rotations, rotations + hyperbolas
 
 States stand in arrays Z of shape (states, 2, pair), each named by its index c. Linear forms
 stand in an array of shape (4, watched, 2, pair): the watched coordinates, their velocities, the
-changes of state by unit impulses, and the rates of these; `sizes`, shape (2, watched, pair),
-holds |form_j| rate_j^n for the derivative n that is bounded, and |form_j|.
+changes of state by unit impulses, and the rates of these; `sizes`, shape (3, watched, pair),
+holds |form_j| rate_j^n for the two derivatives n that are bounded (`passages.ORDER` and
+`passages.LOW`), and |form_j| between.
 
 Arrays are passed whole and indexed in place: to unpack tuples or to take views costs numba
 atomic reference counts, which in the smallest systems last longer than the arithmetic.
@@ -119,42 +120,44 @@ def rates(F: Floats, split: Integers, Z: Floats, c: int, out: Floats, o: int) ->
 
 @inline
 def total(work: Floats, row: int, n: int) -> float:
-    """Return the sum of the first n entries of work[row], by halves; overwrites work[3]."""
-    found = 0.0
-    if n <= 16:
-        for j in range(n):
-            found += work[row, j]
-        return found
-    rest = (n + 1) // 2
-    work[3, rest - 1] = work[row, rest - 1]
-    for j in range(n - rest):
-        work[3, j] = work[row, j] + work[row, rest + j]
-    n = rest
-    while n > 8:
-        rest = (n + 1) // 2
-        for j in range(n - rest):
-            work[3, j] += work[3, rest + j]
-        n = rest
-    for j in range(n):
-        found += work[3, j]
-    return found
+    """Return the sum of the first n entries of work[row], in eight sums side by side."""
+    s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
+    s4, s5, s6, s7 = 0.0, 0.0, 0.0, 0.0
+    whole = n - n % 8
+    for j in range(0, whole, 8):
+        s0 += work[row, j]
+        s1 += work[row, j + 1]
+        s2 += work[row, j + 2]
+        s3 += work[row, j + 3]
+        s4 += work[row, j + 4]
+        s5 += work[row, j + 5]
+        s6 += work[row, j + 6]
+        s7 += work[row, j + 7]
+    for j in range(whole, n):
+        s0 += work[row, j]
+    return ((s0 + s4) + (s1 + s5)) + ((s2 + s6) + (s3 + s7))
 
 
 @inline
 def product(forms: Floats, kind: int, i: int, Z: Floats, c: int) -> float:
     """Return the value of the linear form forms[kind, i] at the state Z[c]."""
     s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
+    t0, t1, t2, t3 = 0.0, 0.0, 0.0, 0.0
     n = Z.shape[2]
-    even = n - n % 2
-    for j in range(0, even, 2):
+    whole = n - n % 4
+    for j in range(0, whole, 4):
         s0 += forms[kind, i, 0, j] * Z[c, 0, j]
-        s1 += forms[kind, i, 1, j] * Z[c, 1, j]
-        s2 += forms[kind, i, 0, j + 1] * Z[c, 0, j + 1]
-        s3 += forms[kind, i, 1, j + 1] * Z[c, 1, j + 1]
-    for j in range(even, n):
+        s1 += forms[kind, i, 0, j + 1] * Z[c, 0, j + 1]
+        s2 += forms[kind, i, 0, j + 2] * Z[c, 0, j + 2]
+        s3 += forms[kind, i, 0, j + 3] * Z[c, 0, j + 3]
+        t0 += forms[kind, i, 1, j] * Z[c, 1, j]
+        t1 += forms[kind, i, 1, j + 1] * Z[c, 1, j + 1]
+        t2 += forms[kind, i, 1, j + 2] * Z[c, 1, j + 2]
+        t3 += forms[kind, i, 1, j + 3] * Z[c, 1, j + 3]
+    for j in range(whole, n):
         s0 += forms[kind, i, 0, j] * Z[c, 0, j]
-        s1 += forms[kind, i, 1, j] * Z[c, 1, j]
-    return (s0 + s2) + (s1 + s3)
+        t0 += forms[kind, i, 1, j] * Z[c, 1, j]
+    return ((s0 + t0) + (s1 + t1)) + ((s2 + t2) + (s3 + t3))
 
 
 @kernel
@@ -171,7 +174,7 @@ def derivatives(
         See the module.
     i, c : int
         Which coordinate, and at which state.
-    work : array, shape (4, pair)
+    work : array, shape (3, pair)
     d : array, shape (order,), of even size
     """
     if F.shape[1] <= 4:
@@ -281,6 +284,7 @@ def bound(
     Z: Floats,
     c: int,
     size: Floats,
+    kind: int,
     order: int,
     H: float,
 ) -> float:
@@ -294,13 +298,14 @@ def bound(
         Which coordinate, and from which state on.
     size : array, shape (pair,)
         As `magnitudes` returns it.
-    order : int
+    kind, order : int
+        The row of `sizes` and the derivative that it is for.
     H : float
         Finite.
     """
-    found = _weighted(sizes, 0, i, size, split[0])
+    found = _weighted(sizes, kind, i, size, split[0])
     for j in range(split[0], split[1]):
-        found += sizes[0, i, j] * size[j] * math.exp(max(0.0, F[0, j] + F[1, j]) * H)
+        found += sizes[kind, i, j] * size[j] * math.exp(max(0.0, F[0, j] + F[1, j]) * H)
     for j in range(split[1], F.shape[1]):
         rate = abs(F[0, j])
         if rate > 0.0:

@@ -19,12 +19,40 @@ from vibroimpact_solvers.kernels.jit import fma, inline, kernel
 
 ORDER: Final = 12
 """Degree n of the envelopes: derivatives up to n - 1 and a bound of the n-th."""
+LOW: Final = 4
+"""Degree of the envelopes that close in on a passage which is near."""
 DEPTH: Final = 48
 """Halvings after which the left end of an interval counts as the root."""
 
 _FACTORIALS = np.array([1.0 / math.factorial(k) for k in range(ORDER + 1)])
-_BINOMIALS = np.array([1.0 / math.comb(ORDER, k) for k in range(ORDER + 1)])
+# Bernstein coefficients of the powers: row k holds those of t^k.
+_BERNSTEIN = np.array(
+    [[math.comb(i, k) / math.comb(ORDER, k) for i in range(ORDER + 1)] for k in range(ORDER + 1)]
+)
 _NEVER = 2.0
+
+
+@inline
+def near_remainder(bound: float, h: float) -> float:
+    """Return ``bound h^n / n!`` of an envelope of degree `LOW`."""
+    return float(bound * h * h * h * h * _FACTORIALS[LOW])
+
+
+@inline
+def near_passage(d: Floats, bound: float, above: float, below: float) -> tuple[float, int]:
+    """Return what `first_passage` does, from derivatives below `LOW`; -1 where they do not tell.
+
+    They do where the coordinate runs straight to a wall.
+    """
+    h = _straight(d, bound, math.inf, above, below, LOW)
+    return h, (1 if d[1] > 0.0 else -1)
+
+
+@inline
+def stays(d: Floats, bound: float, H: float, above: float, below: float) -> bool:
+    """Return whether derivatives below `LOW` prove that no wall is passed before H."""
+    moved = abs(d[1]) * H + 0.5 * abs(d[2]) * H * H + abs(d[3]) * H * H * H * _FACTORIALS[3]
+    return bool(moved + near_remainder(bound, H) < min(above, below))
 
 
 @inline
@@ -67,21 +95,25 @@ def first_passage(
     side : int
         1 upper, -1 lower, 0 none.
     """
-    h = _straight(d, bound, H, above, below)
+    h = _straight(d, bound, H, above, below, ORDER)
     if h >= 0.0:
         return h, (0 if h >= H else (1 if d[1] > 0.0 else -1))
     c, b = work[0], work[1]
     power = 1.0
-    c[0] = b[0] = 0.0
+    c[0] = 0.0
+    moved = 0.0
     for k in range(1, ORDER):
         power *= H
         c[k] = d[k] * power * _FACTORIALS[k]
-        b[k] = c[k] * _BINOMIALS[k]
-    b[ORDER] = 0.0
+        moved += abs(c[k])
     rest = bound * power * H * _FACTORIALS[ORDER]
-    for j in range(1, ORDER + 1):
-        for i in range(ORDER, j - 1, -1):
-            b[i] += b[i - 1]
+    if moved + rest < min(above, below):
+        return H, 0
+    for i in range(ORDER + 1):
+        b[i] = c[1] * _BERNSTEIN[1, i]
+    for k in range(2, ORDER):
+        for i in range(ORDER + 1):
+            b[i] += c[k] * _BERNSTEIN[k, i]
     highest, lowest = b[ORDER] + rest, b[ORDER] - rest
     for i in range(1, ORDER):
         highest = max(highest, b[i])
@@ -97,7 +129,7 @@ def first_passage(
 
 
 @inline
-def _straight(d: Floats, bound: float, H: float, above: float, below: float) -> float:
+def _straight(d: Floats, bound: float, H: float, above: float, below: float, order: int) -> float:
     """Return the first passage where y runs straight to a wall: H if it is later, -1 if unsure.
 
     While the higher derivatives cannot halve the velocity, y moves towards that wall only and
@@ -108,18 +140,18 @@ def _straight(d: Floats, bound: float, H: float, above: float, below: float) -> 
         return -1.0
     h = min(H, 2.0 * room / speed)
     power, changes = h, 0.0
-    for k in range(2, ORDER):
+    for k in range(2, order):
         changes += abs(d[k]) * power * _FACTORIALS[k - 1]
         power *= h
-    changes += bound * power * _FACTORIALS[ORDER - 1]
+    changes += bound * power * _FACTORIALS[order - 1]
     if not changes <= 0.5 * speed:
         return -1.0
     sign = 1.0 if d[1] > 0.0 else -1.0
-    rest = bound * _FACTORIALS[ORDER]
+    rest = bound * _FACTORIALS[order]
     t = min(h, room / speed)
     for _ in range(30):
         value, slope = rest * t, rest
-        for k in range(ORDER - 1, 0, -1):
+        for k in range(order - 1, 0, -1):
             factor = sign * d[k] * _FACTORIALS[k]
             slope = fma(slope, t, value + factor)
             value = (value + factor) * t

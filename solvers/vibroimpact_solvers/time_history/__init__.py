@@ -6,8 +6,8 @@ from vibroimpact_solvers.time_history.planning import plan
 from vibroimpact_solvers.time_history.problem import EXACT, KIND, OUTPUTS, Member, Problem, State
 from vibroimpact_solvers.time_history.result import Result
 from vibroimpact_solvers.time_history.run import Tick
-from vibroimpact_solvers.time_history.solving import TOLERANCE
-from vibroimpact_solvers.time_history.together import Outcome, together
+from vibroimpact_solvers.time_history.solving import TOLERANCE, Prepared, prepare
+from vibroimpact_solvers.time_history.together import Outcome, from_states, together
 from vibroimpact_solvers.time_history.windows import (
     Assembly,
     Part,
@@ -29,14 +29,17 @@ __all__ = [
     "Outcome",
     "Part",
     "Power",
+    "Prepared",
     "Problem",
     "Result",
     "State",
     "Tick",
     "Window",
     "follow",
+    "from_states",
     "join",
     "plan",
+    "prepare",
     "solve",
     "split",
     "together",

@@ -17,11 +17,16 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.errors import PlanError
-from vibroimpact_solvers.kernels.passages import ORDER
+from vibroimpact_solvers.kernels.passages import LOW, ORDER
 
 ILL: Final = 1e8
 """Condition number of the complex modes beyond which they are not used."""
-_NOISE = 16  # vectors that stand for rounding
+COLUMNS: Final = 3
+"""Deviations that are taken along where errors are estimated."""
+_NOISE = 16  # rows of signs that stand for rounding, half of them the others' negatives
+_FEW = 4  # pairs up to which none are added
+_LANES = 8  # numbers that a processor takes at a time: pairs are filled up to a multiple
+_EPS = float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -45,6 +50,10 @@ class Modes:
         Displacement at which all modal coordinates are zero.
     weighted : array, shape (dof, mode)
         ``M E``, which takes displacements to modal coordinates.
+    errors : array, shape (mode,)
+        Absolute errors of the eigenvalues.
+    spoilt : float
+        Relative error of the shapes.
     """
 
     roots: Floats
@@ -57,6 +66,8 @@ class Modes:
     shapes: Floats
     base: Floats
     weighted: Floats
+    errors: Floats
+    spoilt: float
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -85,6 +96,8 @@ class Basis:
     ----------
     rates, split : array
         F and split of `kernels.flow`.
+    condition : float
+        Condition number of the complex modes; 1 where there are none.
     """
 
     def __init__(self, modes: Modes, exponent: int) -> None:
@@ -93,11 +106,13 @@ class Basis:
         self._roots = modes.roots * unit
         self._eigenvalues = self._roots * np.abs(self._roots)
         damping = np.zeros((0, 0)) if modes.damping is None else modes.damping * unit
+        self.condition = 1.0
         self._single, self._coupled = _apart(damping, self._roots.size)
         self._omega = modes.frequencies * unit
         load = modes.load * unit**2
         pairs = [self._single_pairs(damping, load), self._coupled_pairs(damping)]
         pairs += self._load_pairs(damping, load, unit)
+        pairs.append(_padding(sum(p.kind.size for p in pairs)))
         self._order = np.argsort(np.concatenate([p.kind for p in pairs]), kind="stable")
         self.rates: Floats = np.ascontiguousarray(
             [
@@ -161,7 +176,8 @@ class Basis:
         columns /= lengths
         self._T = np.concatenate([columns[0], columns[1]], axis=1)
         root = np.sqrt(norm)[:, np.newaxis]
-        if not np.linalg.cond(root * self._T) < ILL:
+        self.condition = float(np.linalg.cond(root * self._T))
+        if not self.condition < ILL:
             message = (
                 "damping makes modes of the structure almost equal, which complex modes cannot "
                 "tell apart"
@@ -215,19 +231,64 @@ class Basis:
         """0 for the pairs of loads and 1 for the others, shape (pair,)."""
         return np.where(self._order < self._loads.start, 1.0, 0.0)
 
-    @cached_property
-    def noise(self) -> Floats:
-        """Vectors of length 1 in all directions, loads apart, shape (row, 2, pair)."""
-        noise = np.random.default_rng(0).standard_normal((_NOISE, 2, self.pairs)) * self.own
-        lengths = np.sqrt((noise**2).sum(axis=(1, 2), keepdims=True))
-        return np.ascontiguousarray(noise / np.maximum(lengths, 1e-300))
+    @property
+    def plain(self) -> bool:
+        """Whether every pair is a mode: no loads that vary, no modes that damping couples."""
+        return bool(self._loads.stop == self._single.size)
 
     @cached_property
-    def growth(self) -> float:
-        """The largest rate at which a pair can grow, per unit of the basis' time."""
+    def normal(self) -> Floats:
+        """Coordinates at rest, factors of z1 and delta of the modes, shape (3, mode)."""
+        return np.ascontiguousarray([self.still, self._stretch, self._delta])
+
+    @cached_property
+    def place(self) -> Integers:
+        """The pairs of the modes, shape (mode,)."""
+        return np.argsort(self._order)[: self._single.size].astype(np.int64)
+
+    @cached_property
+    def noise(self) -> Floats:
+        """Signs drawn at random, none on the average, shape (row, 2, pair)."""
+        signs = np.random.default_rng(0).integers(0, 2, (_NOISE // 2, 2, self.pairs)) * 2.0 - 1.0
+        return np.concatenate([signs, -signs])
+
+    @cached_property
+    def drifts(self) -> Floats:
+        """Errors of the frequencies, in units of 2^-52, shape (column, pair), of random sign."""
+        found = np.zeros((COLUMNS, self.pairs))
+        one, some = self._single, self._coupled
+        unit = math.ldexp(1.0, -2 * self.exponent)
+        stretch = np.where(self._stretch > 0.0, self._stretch, 1.0)
+        # A rate sqrt(|lambda - delta^2|) of a damped mode carries the rounding of delta too.
+        error = unit * self.modes.errors[one] / (2.0 * stretch * _EPS) + self._delta
+        found[:, : one.size] = error
+        if some.size:
+            largest = float(np.hypot(self.alpha, self.nu).max(initial=0.0))
+            found[:, one.size : one.size + some.size] = self.condition * largest
+        signs = np.random.default_rng(1).choice([-1.0, 1.0], found.shape)
+        return np.ascontiguousarray((signs * found)[:, self._order])
+
+    def bends(self, slopes: Floats, kicks: Floats) -> Floats:
+        """Return errors of kicks, in units of 2^-52, shape (column, row, 2, pair).
+
+        They change no velocity of the constraint itself, whose mobility is made of the same
+        numbers.
+        """
+        spoilt = 2.0 * (1.0 + self.modes.spoilt / _EPS)
+        signs = np.random.default_rng(2).choice([-1.0, 1.0], (COLUMNS, *kicks.shape))
+        found = spoilt * signs * kicks
+        own = (slopes * kicks).sum(axis=(1, 2))
+        along = (slopes * found).sum(axis=(2, 3)) / np.where(own == 0.0, 1.0, own)
+        found -= along[..., np.newaxis, np.newaxis] * kicks
+        return np.ascontiguousarray(found)
+
+    @cached_property
+    def longest(self) -> float:
+        """The longest time of the basis in which no pair grows more than e-fold."""
         hyperbolas = slice(int(self.split[0]), int(self.split[1]))
         rates = np.concatenate([self.alpha, (self.alpha + self.nu)[hyperbolas]])
-        return float(max(rates.max(initial=0.0), 0.0))
+        growth = float(rates.max(initial=0.0))
+        return 1.0 / growth if growth > 0.0 else math.inf
 
     # -- states --
 
@@ -276,7 +337,7 @@ class Basis:
             rate[..., some] = (
                 pairs[..., 0, :] @ second[:, :n].T + pairs[..., 1, :] @ second[:, n:].T
             )
-        if self._loads.start < self.pairs:
+        if self._loads.start < self._loads.stop:
             moved, moving = self._carried(natural[..., self._loads])
             q += moved
             rate += moving
@@ -290,7 +351,8 @@ class Basis:
 
     @property
     def _loads(self) -> slice:
-        return slice(self._single.size + self._coupled.size, self.pairs)
+        start = self._single.size + self._coupled.size
+        return slice(start, start + self._omega.size + self._creep.shape[1])
 
     def _natural(self, z: Floats) -> Floats:
         """Return pairs in the order in which they were found: modes, complex modes, loads."""
@@ -319,7 +381,7 @@ class Basis:
         H, count = self._response, self._omega.size
         found[:, 0, one + some : one + some + count] = rows @ H.real
         found[:, 1, one + some : one + some + count] = rows @ H.imag
-        found[:, 0, one + some + count :] = rows @ self._creep
+        found[:, 0, self._loads.start + count : self._loads.stop] = rows @ self._creep
         return np.ascontiguousarray(found[..., self._order])
 
     def velocity(self, rows: Floats) -> Floats:
@@ -333,7 +395,7 @@ class Basis:
         H, count = self._response, self._omega.size
         found[:, 0, one + some : one + some + count] = -(rows @ H.imag) * self._omega
         found[:, 1, one + some : one + some + count] = (rows @ H.real) * self._omega
-        found[:, 1, one + some + count :] = rows @ self._creep
+        found[:, 1, self._loads.start + count : self._loads.stop] = rows @ self._creep
         return np.ascontiguousarray(found[..., self._order])
 
     def drive(self, cosine: Floats, sine: Floats) -> Floats:
@@ -376,14 +438,14 @@ class Basis:
         back = np.where(index < self.split[0], -self.nu, np.where(index < self.split[1], there, 0))
         return there, back
 
-    def weight(self, forms: Floats) -> tuple[Floats, Floats]:
-        """Return |row_j| rate_j^ORDER and |row_j| of forms, each shape (row, pair)."""
+    def weight(self, forms: Floats) -> Floats:
+        """Return |row_j| rate_j^n of forms for n = ORDER, 0 and LOW, shape (3, row, pair)."""
         index = np.arange(self.pairs)
         rotates = index < self.split[0]
         apart = np.abs(self.alpha) + np.where(index < self.split[1], self.nu, 0.0)
         rate = np.where(rotates, np.hypot(self.alpha, self.nu), apart)
         size = np.where(rotates, np.hypot(forms[:, 0], forms[:, 1]), np.abs(forms).max(axis=1))
-        return size * rate**ORDER, size
+        return np.ascontiguousarray([size * rate**ORDER, size, size * rate**LOW])
 
 
 def _apart(damping: Floats, n: int) -> tuple[Integers, Integers]:
@@ -394,6 +456,13 @@ def _apart(damping: Floats, n: int) -> tuple[Integers, Integers]:
     off = np.abs(damping - np.diag(damping.diagonal()))
     coupled = (off > 1e-13 * np.abs(damping).max()).any(axis=1)
     return everyone[~coupled], everyone[coupled]
+
+
+def _padding(pairs: int) -> _Pairs:
+    """Return pairs that stay zero, which fill the loops of the kernels up."""
+    count = -pairs % _LANES if pairs > _FEW else 0
+    none = np.zeros(count)
+    return _Pairs(np.zeros(count, np.int64), none, none, none, none)
 
 
 def _require_no_resonance(stiffness: Floats, omega: Floats, force: Floats) -> None:

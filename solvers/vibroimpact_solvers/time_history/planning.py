@@ -37,29 +37,30 @@ class Flight(StrEnum):
 def plan(problem: Problem) -> Plan:
     """Decide how the motion is followed and what is left out."""
     far = _far(problem)
-    found = Plan(KIND, tuple(_steps(problem, far)), tuple(_skips(problem, far)))
-    count = windows(found)
-    if count == 1:
-        return found
-    told = f"in {count} windows of time, each from the state at the end of the one before"
-    steps = (
-        replace(step, reason=f"{step.reason}; {told}") if step.stage is Stage.FLIGHT else step
-        for step in found.steps
-    )
-    return replace(found, steps=tuple(steps))
+    return Plan(KIND, tuple(_steps(problem, far)), tuple(_skips(problem, far)))
 
 
 def windows(plan: Plan) -> int:
-    """Return the number of windows: by the work and the size of what the plan lists."""
+    """Return the number of windows of time in which a plan follows the motion."""
     step = plan.step(Stage.FLIGHT)
-    if step is None or step.method != Flight.MODAL:
-        return 1
-    # Whether the spectrum is known already must not matter.
-    own = [step for step in plan.steps if step.stage is not Stage.SPECTRUM]
-    flops, size = sum(step.flops for step in own), sum(step.bytes for step in own)
+    return 1 if step is None or step.method != Flight.MODAL else step.count
+
+
+def _in_windows(problem: Problem, flight: Step, history: Step | None) -> Step:
+    """Return the step of an exact motion with its windows, by its work and its size.
+
+    They are the same for all initial states, whichever walls these reach.
+    """
+    if flight.method != Flight.MODAL:
+        return flight
+    steps = [_flight(problem, len(problem.system.constraints)), *([history] if history else [])]
+    flops, size = sum(step.flops for step in steps), sum(step.bytes for step in steps)
     seconds = flops / FLOPS_PER_SECOND + size / BYTES_PER_SECOND
-    count = max(seconds / SECONDS, size / BYTES)
-    return max(1, math.ceil(min(count, _MOST)))
+    count = math.ceil(min(max(seconds / SECONDS, size / BYTES, 1.0), _MOST))
+    if count == 1:
+        return flight
+    told = f"in {count} windows of time, each from the state at the end of the one before"
+    return replace(flight, reason=f"{flight.reason}; {told}", count=count)
 
 
 def _steps(problem: Problem, far: list[int]) -> Iterator[Step]:
@@ -73,12 +74,15 @@ def _steps(problem: Problem, far: list[int]) -> Iterator[Step]:
         0.0 if known else spectrum.flops(system, method),
         spectrum.nbytes(system, method),
     )
-    yield _flight(problem, len(system.constraints) - len(far))
+    history = None
     if problem.outputs & {"x", "v", "energy"}:
         times, dofs = problem.times.size, problem.wanted_dofs.size
         reason = f"{dofs} of {system.n} degrees of freedom at {times} times"
         flops = times * system.n * (40.0 + 4.0 * dofs)
-        yield Step(Stage.HISTORY, "modal sum", reason, flops, 16.0 * times * dofs)
+        history = Step(Stage.HISTORY, "modal sum", reason, flops, 16.0 * times * dofs)
+    yield _in_windows(problem, _flight(problem, len(system.constraints) - len(far)), history)
+    if history is not None:
+        yield history
 
 
 def _flight(problem: Problem, count: int) -> Step:

@@ -68,6 +68,8 @@ class Problem:
         The law of soft limiters; None for rigid ones.
     method : str
         `EXACT`, or one of the `INTEGRATORS` to compare with.
+    estimate : bool
+        Whether errors are estimated, and with them the time until which they are small.
     """
 
     system: System
@@ -80,6 +82,7 @@ class Problem:
     load: tuple[Harmonic, ...] = ()
     limiter: Power | None = None
     method: str = EXACT
+    estimate: bool = True
 
     def __post_init__(self) -> None:
         t = np.zeros(0) if self.t is None else np.ascontiguousarray(self.t, dtype=np.float64)
@@ -91,10 +94,14 @@ class Problem:
         self._check_outputs()
         self._check_load()
         self._check_limiter()
-        if isinstance(self.initial, State):
-            self._check_state(self.initial)
+        self.check(self.initial)
+
+    def check(self, initial: State | Member) -> None:
+        """Raise `ModelError` where this is no initial state of the motion."""
+        if isinstance(initial, State):
+            self._check_state(initial)
         else:
-            self._check_member(self.initial)
+            self._check_member(initial)
 
     def _check_times(self) -> None:
         if not (np.isfinite(self.t_end) and self.t_end > 0.0):

@@ -88,6 +88,13 @@ class Result:
     #: How the errors were obtained.
     error_statement: str
 
+    @classmethod
+    def of(cls, values: dict[str, Any]) -> Result:
+        """Return the result with these values of all its fields; takes the dictionary over."""
+        found = object.__new__(cls)
+        found.__dict__.update(values)
+        return found
+
 
 def empty() -> dict[str, Any]:
     """Return all fields of a result as not asked."""

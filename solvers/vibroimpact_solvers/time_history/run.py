@@ -11,12 +11,14 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.errors import ConvergenceError
-from vibroimpact_solvers.kernels.flight import Stop, fly, impulses, length
+from vibroimpact_solvers.kernels.flight import Stop, begin, fly, impulses, spread
+from vibroimpact_solvers.time_history.basis import COLUMNS, Basis
 from vibroimpact_solvers.time_history.pressure import impulses as impulses_at_rest
 from vibroimpact_solvers.time_history.structure import Contact, Scene, Structure
 
 Tick = Callable[[int, int], None]
 Take = Callable[[Scene, Floats, int], None]
+Table = tuple[Floats, Integers, Floats]
 
 CHATTER: Final = 1e-8
 """Times, in units of the fastest mode, below which the rest of a chatter is one sum."""
@@ -24,9 +26,18 @@ CHATTER: Final = 1e-8
 _ROWS = 4096  # of the table that the compiled loop fills
 _BUFFER = 2**21  # numbers in the buffer of samples
 _EXPANSIONS = 2e7  # pairs expanded between two ticks
-_COLUMNS = 2  # deviations taken along
-_DEPENDENT = 16.0  # times the growth of independent roundings
 _SWITCHES = 50  # contacts that may begin and end at one and the same time
+
+
+def budget(basis: Basis) -> int:
+    """Return how many expansions may pass between two ticks."""
+    return max(1000, int(_EXPANSIONS / max(1, basis.pairs)))
+
+
+def new_table(structure: Structure) -> Table:
+    """Return an empty table of impacts: times, places and blows (`kernels.flight.fly`)."""
+    rows = _ROWS + len(structure.system.constraints)
+    return np.empty((rows, 2)), np.empty((rows, 2), np.int64), np.empty((rows, 3))
 
 
 @dataclass
@@ -58,15 +69,18 @@ class Run:
     Parameters
     ----------
     structure : Structure
-    x, v : array, shape (dof,)
-        Initial state.
+    z : array, shape (2, pair)
+        Initial state, in the free scene.
     wanted : array, shape (time,)
-        Times at which `take` is given the state.
+        Times at which `take` is given the state, in units of the basis.
     t_end : float
+        In these units too.
     take : callable
         Called with the scene, states (time, 2, pair) and the index of the first of them.
     keep : bool
         Whether the table of impacts is wanted.
+    estimate : bool
+        Whether errors are.
     """
 
     def __init__(
@@ -78,62 +92,74 @@ class Run:
         take: Take,
         *,
         keep: bool,
+        estimate: bool = True,
         tick: Tick | None = None,
     ) -> None:
         self.structure, self.take, self.tick = structure, take, tick
         self.scene = structure.scene()
-        self.scale = math.ldexp(1.0, structure.exponent)
-        self.wanted = wanted * self.scale
+        self.scale = structure.scale
+        self.wanted = wanted
+        self.columns = COLUMNS if estimate else 0
         self.clock = np.zeros(8)
-        self._draw_noise()
-        self.Z = np.empty((1 + _COLUMNS, *z.shape))
+        self.Z = np.empty((1 + self.columns, *z.shape))
         self.Z[0] = z
-        self.clock[7] = length(self.Z, 0, self.scene.basis.own)
-        self.Z[1:] = self.noise[:_COLUMNS] * self.clock[7]
-        self.clock[2], self.clock[4] = t_end * self.scale, CHATTER
+        basis = self.scene.basis
+        begin(self.Z, basis.noise, basis.own, self.clock)
+        self.clock[2], self.clock[4] = t_end, CHATTER
         self.counts = np.zeros(11, dtype=np.int64)
         self.impacts, self.rests = Impacts(keep), list[Rest]()
         self.contacts: dict[Contact, Rest] = {}
         self._samples(self.scene)
-        self._table = self._new_table()
+        self._table = new_table(structure)
         self._switched: tuple[float, int] = (-1.0, 0)
+
+    def adopt(
+        self, Z: Floats, clock: Floats, counts: Integers, table: Table, samples: Floats
+    ) -> None:
+        """Take over a motion that the compiled loop has left, in the free scene."""
+        self.Z, self.clock, self.counts, self._table = Z, clock, counts, table
+        self._buffer = samples
 
     # -- the loop --
 
-    def finish(self) -> None:
-        """Follow the motion to its end."""
-        budget = max(1000, int(_EXPANSIONS / max(1, self.scene.basis.pairs)))
-        stop = Stop.PAUSE
-        while stop is not Stop.END:
-            if self.tick is not None:
-                self.tick(int(1e3 * self.clock[0] / self.clock[2]), 1000)
-            self.counts[3] = self.counts[2] + budget
-            self.counts[7] = bool(self.contacts)
-            basis = self.scene.basis
-            growth = basis.growth
-            self.clock[3] = 1.0 / growth if growth > 0.0 else math.inf
-            before = (self.now, self.Z[0].copy()) if self.contacts else None
-            stop = Stop(
-                fly(
-                    basis.rates, basis.split, self.scene.forms, self.scene.sizes, self.scene.walls,
-                    self.scene.mobility, self.Z, self.noise, basis.own, self.clock, self.counts,
-                    *self._table, self.wanted, self._buffer,
-                )
-            )  # fmt: skip
-            if before is not None:
-                self._press(*before)
+    def finish(self, stop: Stop | None = None) -> None:
+        """Follow the motion to its end; stop tells why the compiled loop returned, if it did."""
+        while True:
+            stop = self._fly() if stop is None else stop
             self._flush_samples()
-            self._flush_table()
+            self._flush_table(last=stop is Stop.END)
+            if stop is Stop.END:
+                break
             if stop is Stop.CONTACT:
                 self._rest(int(self.counts[5]), int(self.counts[6]), float(self.clock[5]))
             elif stop is Stop.RELEASE:
                 self._release(int(self.counts[5]))
             elif stop is Stop.STRUCK:
                 self._strike(int(self.counts[5]), int(self.counts[6]))
+            stop = None
         for rest in self.contacts.values():
             rest.stop = self.clock[2]
         if self.tick is not None:
             self.tick(1000, 1000)
+
+    def _fly(self) -> Stop:
+        if self.tick is not None:
+            self.tick(int(1e3 * self.clock[0] / self.clock[2]), 1000)
+        scene, basis = self.scene, self.scene.basis
+        self.counts[3] = self.counts[2] + budget(basis)
+        self.counts[7] = bool(self.contacts)
+        self.clock[3] = basis.longest
+        before = (self.now, self.Z[0].copy()) if self.contacts else None
+        stop = Stop(
+            fly(
+                basis.rates, basis.split, scene.forms, scene.sizes, scene.walls, scene.mobility,
+                self.Z, basis.noise, basis.drifts, scene.bends, basis.own, self.clock,
+                self.counts, *self._table, self.wanted, self._buffer,
+            )
+        )  # fmt: skip
+        if before is not None:
+            self._press(*before)
+        return stop
 
     @property
     def now(self) -> float:
@@ -146,23 +172,22 @@ class Run:
         rows = max(1, min(self.wanted.size, _BUFFER // max(1, 2 * scene.basis.pairs)))
         self._buffer = np.empty((rows, 2, scene.basis.pairs))
 
-    def _new_table(self) -> tuple[Floats, Integers, Floats]:
-        rows = _ROWS + len(self.structure.system.constraints)
-        return np.empty((rows, 2)), np.empty((rows, 2), np.int64), np.empty((rows, 3))
-
     def _flush_samples(self) -> None:
         first, count = int(self.counts[4]), int(self.counts[1])
         if count > first:
             self.take(self.scene, self._buffer[: count - first], first)
         self.counts[4] = count
 
-    def _flush_table(self) -> None:
+    def _flush_table(self, *, last: bool) -> None:
         count = int(self.counts[0])
         if count:
             at, where, what = self._table
-            places = where[:count].copy()
-            places[:, 0] = np.array(self.scene.flying, dtype=np.int64)[places[:, 0]]
-            self._keep(at[:count].copy(), places, what[:count].copy())
+            at, where, what = at[:count], where[:count], what[:count]
+            if not last:
+                at, where, what = at.copy(), where.copy(), what.copy()
+            if self.scene.contacts:
+                where[:, 0] = np.array(self.scene.flying, dtype=np.int64)[where[:, 0]]
+            self._keep(at, where, what)
         self.counts[0] = 0
 
     def _keep(self, at: Floats, where: Integers, what: Floats) -> None:
@@ -190,7 +215,6 @@ class Run:
             for c, (dx, dv) in enumerate(moved, start=1):
                 self.Z[c] = self.structure.enter(scene, dx, dv)
             self.scene = scene
-            self._draw_noise()
             self._samples(scene)
         self.Z[0] = self.structure.enter(scene, x, v, loads)
         time, count = self._switched
@@ -293,14 +317,5 @@ class Run:
 
     @property
     def growth(self) -> float:
-        """Deviations relative to the motion, in units of the relative rounding.
-
-        The deviations are those of independent roundings. Real ones are not independent from
-        one impact to the next: errors of up to 11 times as much were met.
-        """
-        mean = float((self.Z[1:] ** 2 * self.scene.basis.own).sum()) / _COLUMNS
-        return _DEPENDENT * math.sqrt(mean) / self.clock[7] if self.clock[7] > 0.0 else 0.0
-
-    def _draw_noise(self) -> None:
-        """Take the vectors that stand for rounding in the scene."""
-        self.noise = self.scene.basis.noise
+        """The error of the state relative to the motion, in units of 2^-52."""
+        return float(spread(self.Z, self.scene.basis.own, self.clock[7]))

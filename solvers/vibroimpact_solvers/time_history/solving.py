@@ -8,19 +8,24 @@ from typing import Any, Final
 import numpy as np
 
 from vibroimpact_solvers import spectrum
-from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.kernels.flight import Stop, spread
 from vibroimpact_solvers.plan import Plan, Stage
 from vibroimpact_solvers.time_history import reference, soft
+from vibroimpact_solvers.time_history.history import History
+from vibroimpact_solvers.time_history.launcher import Launcher
 from vibroimpact_solvers.time_history.planning import Flight
-from vibroimpact_solvers.time_history.problem import Problem
+from vibroimpact_solvers.time_history.problem import Member, Problem, State
 from vibroimpact_solvers.time_history.result import Result, empty
 from vibroimpact_solvers.time_history.run import Run, Tick
 from vibroimpact_solvers.time_history.start import initial_state
-from vibroimpact_solvers.time_history.structure import Scene, Structure
+from vibroimpact_solvers.time_history.structure import Structure
 
 TOLERANCE: Final = 1e-6
 """Meant where none is asked for."""
 
+_SHORT = 4
+"""Times of a history up to which it is filled in by the call that follows the motion."""
 _EPS = float(np.finfo(np.float64).eps)
 _STATEMENT = (
     "estimate: roundings of the initial state and of every flight, carried along by the "
@@ -33,7 +38,59 @@ _HALVED = (
     "estimate: difference to the same motion with steps of twice the length, relative to the "
     "largest state; penetration is the largest coordinate over scale times its gap"
 )
+_UNKNOWN = "none: no estimate was asked for"
 _NONE = "none: the integrator's own control of its steps; it can miss impacts"
+
+
+class Prepared:
+    """A motion prepared for any number of initial states: everything that they share.
+
+    May be used by several threads at once, and motions without contacts leave the interpreter
+    free while they last.
+
+    Parameters
+    ----------
+    problem : Problem
+    plan : Plan
+        The one that `plan(problem)` returned.
+    """
+
+    def __init__(self, problem: Problem, plan: Plan) -> None:
+        self.problem = problem
+        step, flight = plan.step(Stage.SPECTRUM), plan.step(Stage.FLIGHT)
+        assert step is not None
+        assert flight is not None
+        method = spectrum.Method(step.method)
+        self.structure = Structure.of(problem.system, method, problem.t_end, problem.load)
+        self._solver = _METHODS.get(Flight(flight.method), _integrated)
+        self.wanted = problem.times if plan.step(Stage.HISTORY) else np.zeros(0)
+        self.bare = _bare(problem, History(problem, self.structure))
+        basis = self.structure.scene().basis
+        short = self.wanted.size <= _SHORT and "energy" not in problem.outputs
+        self._launcher = (
+            Launcher(self.structure, problem, self.wanted)
+            if self._solver is _exact and basis.plain and short
+            else None
+        )
+
+    def solve(self, initial: State | Member | None = None, tick: Tick | None = None) -> Result:
+        """Compute the motion from an initial state; absent: from that of the problem.
+
+        Raises
+        ------
+        ModelError
+            Where the initial state is not finite, or outside of the limits.
+        """
+        start = self.problem.initial if initial is None else initial
+        if self._launcher is not None and isinstance(start, State):
+            return _launched(self, self._launcher, start, tick)
+        history = History(self.problem, self.structure)
+        return self._solver(self, start, history, tick)
+
+
+def prepare(problem: Problem, plan: Plan) -> Prepared:
+    """Prepare what the plan lists, for any number of initial states."""
+    return Prepared(problem, plan)
 
 
 def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
@@ -47,38 +104,70 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     tick : callable, optional
         Called with (done, total) thousandths of the motion; may raise `Cancelled`.
     """
-    step = plan.step(Stage.SPECTRUM)
-    assert step is not None
-    structure = Structure.of(
-        problem.system, spectrum.Method(step.method), problem.t_end, problem.load
+    return Prepared(problem, plan).solve(tick=tick)
+
+
+def _launched(prepared: Prepared, launcher: Launcher, initial: State, tick: Tick | None) -> Result:
+    """Fly from impact to impact in one call, or as far as that goes."""
+    problem = prepared.problem
+    flight = launcher.fly(problem, initial)
+    if flight.stop is not Stop.END:
+        history = History(problem, prepared.structure)
+        run = _run(prepared, flight.Z[0], history, tick)
+        run.adopt(flight.Z, flight.clock, flight.counts, flight.table, flight.samples)
+        run.finish(flight.stop)
+        return _result(problem, run, history)
+    if tick is not None:
+        tick(1000, 1000)
+    found = prepared.bare.copy()
+    if found["x"] is not None:
+        found["x"] = flight.x
+    if found["v"] is not None:
+        found["v"] = flight.v
+    rows = int(flight.counts[0])
+    at, where, what = flight.table
+    _fill_impacts(found, problem, prepared.structure.scale, at[:rows], where[:rows], what[:rows])
+    last = spread(flight.Z, prepared.structure.scene().basis.own, flight.clock[7])
+    _fill_rest(found, problem, flight.counts, flight.clock, what[:rows, 2], last)
+    return Result.of(found)
+
+
+def _run(prepared: Prepared, z: Floats, history: History, tick: Tick | None) -> Run:
+    problem, structure = prepared.problem, prepared.structure
+    return Run(
+        structure,
+        z,
+        prepared.wanted * structure.scale,
+        problem.t_end * structure.scale,
+        history.take,
+        keep="impacts" in problem.outputs,
+        estimate=problem.estimate,
+        tick=tick,
     )
-    history = _History(problem, structure)
-    flight = plan.step(Stage.FLIGHT)
-    assert flight is not None
-    solver = _METHODS.get(Flight(flight.method), _integrated)
-    wanted = problem.times if plan.step(Stage.HISTORY) else np.zeros(0)
-    return solver(problem, structure, history, wanted, tick)
 
 
 def _exact(
-    problem: Problem, structure: Structure, history: _History, wanted: Floats, tick: Tick | None
+    prepared: Prepared, initial: State | Member, history: History, tick: Tick | None
 ) -> Result:
     """Fly from impact to impact."""
-    keep = "impacts" in problem.outputs
-    z = initial_state(problem, structure)
-    run = Run(structure, z, wanted, problem.t_end, history.take, keep=keep, tick=tick)
+    problem, structure = prepared.problem, prepared.structure
+    z = initial_state(problem, initial, structure)
+    run = _run(prepared, z, history, tick)
     run.finish()
     return _result(problem, run, history)
 
 
 def _soft(
-    problem: Problem, structure: Structure, history: _History, wanted: Floats, tick: Tick | None
+    prepared: Prepared, initial: State | Member, history: History, tick: Tick | None
 ) -> Result:
     """Split into exact flow and kicks of the soft limiters."""
+    problem, structure = prepared.problem, prepared.structure
     assert problem.limiter is not None
-    z = initial_state(problem, structure)
+    z = initial_state(problem, initial, structure)
     tolerance = TOLERANCE if problem.tolerance is None else problem.tolerance
-    run = soft.follow(structure, problem.limiter, z, wanted, problem.t_end, tolerance, tick)
+    run = soft.follow(
+        structure, problem.limiter, z, prepared.wanted, problem.t_end, tolerance, tick
+    )
     history.take(structure.scene(), run.states, 0)
     found = _bare(problem, history)
     found.update(
@@ -87,18 +176,27 @@ def _soft(
         count_expansions=run.steps,
         error_statement=_HALVED,
     )
-    return Result(**found)
+    return Result.of(found)
 
 
 def _integrated(
-    problem: Problem, structure: Structure, history: _History, wanted: Floats, tick: Tick | None
+    prepared: Prepared, initial: State | Member, history: History, tick: Tick | None
 ) -> Result:
-    """Integrate with scipy."""
-    x, v = structure.place(structure.scene(), initial_state(problem, structure))
-    v = v * math.ldexp(1.0, structure.exponent)
+    """Step with an integrator of scipy."""
+    problem, structure = prepared.problem, prepared.structure
+    x, v = structure.place(structure.scene(), initial_state(problem, initial, structure))
+    v = v * structure.scale
     tolerance = TOLERANCE if problem.tolerance is None else problem.tolerance
     run = reference.follow(
-        structure, problem.limiter, x, v, wanted, problem.t_end, tolerance, problem.method, tick
+        structure,
+        problem.limiter,
+        x,
+        v,
+        prepared.wanted,
+        problem.t_end,
+        tolerance,
+        problem.method,
+        tick,
     )
     history.fill(run.x, run.v, slice(None))
     found = _bare(problem, history)
@@ -115,91 +213,21 @@ def _integrated(
     found.update(
         count_impacts=len(run.times), count_expansions=run.evaluations, error_statement=_NONE
     )
-    return Result(**found)
+    return Result.of(found)
 
 
 _METHODS: Final = {Flight.MODAL: _exact, Flight.SPLITTING: _soft}
 
 
-class _History:
-    """The arrays along the wanted times, filled in as the motion goes on."""
-
-    def __init__(self, problem: Problem, structure: Structure) -> None:
-        self.problem, self.structure = problem, structure
-        times, outputs = problem.times.size, problem.outputs
-        shape = (times, problem.wanted_dofs.size)
-        self.x = np.empty(shape) if "x" in outputs else None
-        self.v = np.empty(shape) if "v" in outputs else None
-        self._all = np.array_equal(problem.wanted_dofs, np.arange(problem.system.n))
-        self.energy = np.empty(times) if "energy" in outputs else None
-
-    def take(self, scene: Scene, samples: Floats, first: int) -> None:
-        """Fill in what is wanted at some times from states, shape (time, 2, pair)."""
-        basis, modes = scene.basis, scene.basis.modes
-        scale = math.ldexp(1.0, basis.exponent)
-        some = slice(first, first + samples.shape[0])
-        q, rate = basis.coordinates(samples)
-        q += basis.still
-        rate *= scale
-        dofs = self.problem.wanted_dofs
-        shapes, base = modes.shapes, modes.base
-        if self.energy is None and not self._all:
-            shapes, base = shapes[dofs], base[dofs]
-        if (self.x is not None and self.v is not None) or self.energy is not None:
-            both = np.concatenate([q, rate]) @ shapes.T  # one pass over a large matrix
-            self.fill(both[: q.shape[0]] + base, both[q.shape[0] :], some)
-        elif self.x is not None:
-            self.x[some] = q @ shapes.T + base
-        elif self.v is not None:
-            self.v[some] = rate @ shapes.T
-
-    def fill(self, x: Floats, v: Floats, some: slice) -> None:
-        """Fill in what is wanted from x and v, of all dofs where the energy is wanted."""
-        dofs = self.problem.wanted_dofs
-        whole = x.shape[1] == self.problem.system.n
-        if self.x is not None:
-            self.x[some] = x[:, dofs] if whole else x
-        if self.v is not None:
-            self.v[some] = v[:, dofs] if whole else v
-        if self.energy is not None:
-            system, law = self.problem.system, self.problem.limiter
-            force = self.structure.force
-            energy = 0.5 * (v * (system.M @ v.T).T).sum(axis=1)
-            energy += (x * (0.5 * (system.K @ x.T).T - force)).sum(axis=1)
-            if law is not None:
-                energy += law.potential(x @ self.structure.W.T, law.sizes(system))
-            self.energy[some] = energy
-
-    @property
-    def drift(self) -> float | None:
-        """The largest change of the energy relative to it, where it is conserved."""
-        if self.energy is None or self.energy.size == 0 or not conserves(self.problem):
-            return None
-        size = float(np.abs(self.energy).max())
-        return float(np.abs(self.energy - self.energy[0]).max()) / size if size > 0.0 else 0.0
-
-
-def conserves(problem: Problem) -> bool:
-    """Whether nothing takes energy from the motion or gives it."""
-    system = problem.system
-    lossless = system.C is None and not problem.load
-    if problem.limiter is None:
-        lossless &= all(c.restitution == 1.0 for c in system.constraints)
-    return lossless
-
-
-def _bare(problem: Problem, history: _History) -> dict[str, Any]:
+def _bare(problem: Problem, history: History) -> dict[str, Any]:
     """Return the history and, for methods that know no more, empty tables."""
-    found, none, outputs = empty(), np.zeros(0), problem.outputs
+    found, outputs = dict(_NOTHING), problem.outputs
     if outputs & {"x", "v", "energy"}:
         found.update(t=problem.times, x=history.x, v=history.v, energy=history.energy)
     if outputs & {"x", "v"}:
         found["dof"] = problem.wanted_dofs
     for table in outputs & {"impacts", "contacts"}:
-        for name in found:
-            if name.startswith(table[:-1] + "_"):
-                whole = name.endswith(("_constraint", "_side"))
-                found[name] = none.astype(np.int64) if whole else none
+        found.update(_TABLES[table])
     found.update(
         count_impacts=0,
         count_grazings=0,
@@ -214,24 +242,23 @@ def _bare(problem: Problem, history: _History) -> dict[str, Any]:
     return found
 
 
-def _result(problem: Problem, run: Run, history: _History) -> Result:
-    outputs, scale = problem.outputs, run.scale
-    found = _bare(problem, history)
-    at = _joined(run.impacts.at, (0, 2))
-    times = (at[:, 0] + at[:, 1]) / scale
-    growth = _joined(run.impacts.growth, (0,))
-    if "impacts" in outputs:
-        where = _joined(run.impacts.where, (0, 2)).astype(np.int64)
-        what = _joined(run.impacts.what, (0, 3)) * scale
-        found.update(
-            impact_time=times,
-            impact_constraint=where[:, 0],
-            impact_side=where[:, 1],
-            impact_velocity=what[:, 0],
-            impact_impulse=what[:, 1],
-            impact_condition=growth,
-        )
-    if "contacts" in outputs:
+_NOTHING: Final = empty()
+_TABLES: Final = {
+    table: {
+        name: np.zeros(0, np.int64 if name.endswith(("_constraint", "_side")) else np.float64)
+        for name in _NOTHING
+        if name.startswith(table[:-1] + "_")
+    }
+    for table in ("impacts", "contacts")
+}
+
+
+def _result(problem: Problem, run: Run, history: History) -> Result:
+    found, scale, table = _bare(problem, history), run.scale, run.impacts
+    at, where = _joined(table.at, (0, 2)), _joined(table.where, (0, 2))
+    what, growth = _joined(table.what, (0, 3)), _joined(table.growth, (0,))
+    _fill_impacts(found, problem, scale, at, where.astype(np.int64, copy=False), what)
+    if "contacts" in problem.outputs and run.rests:
         rests = run.rests
         found.update(
             contact_start=np.array([r.start for r in rests]) / scale,
@@ -241,19 +268,55 @@ def _result(problem: Problem, run: Run, history: _History) -> Result:
             contact_side=np.array([r.contact[1] for r in rests], dtype=np.int64),
             contact_impulse=np.array([r.impulse for r in rests]) / scale,
         )
-    tolerance = found["error_tolerance"]
-    lost = np.flatnonzero(growth * 4.0 * _EPS > tolerance)
-    found.update(
-        count_impacts=run.impacts.count,
-        count_grazings=int(run.counts[8]),
-        count_expansions=int(run.counts[2]),
-        error_condition=float(max(growth.max(initial=1.0), run.growth)),
-        error_penetration=float(run.clock[6]),
-        error_predictable_until=float(times[lost[0]]) if lost.size else problem.t_end,
-        error_statement=_STATEMENT,
-    )
-    return Result(**found)
+    _fill_rest(found, problem, run.counts, run.clock, growth, run.growth)
+    found["count_impacts"] = table.count
+    return Result.of(found)
+
+
+def _fill_impacts(
+    found: dict[str, Any], problem: Problem, scale: float, at: Floats, where: Integers, what: Floats
+) -> None:
+    """Fill in the times of impacts and, where it is wanted, the rest of their table."""
+    found["impact_time"] = (at[:, 0] + at[:, 1]) / scale
+    if "impacts" in problem.outputs:
+        found["impact_constraint"] = where[:, 0].copy()
+        found["impact_side"] = where[:, 1].copy()
+        found["impact_velocity"] = what[:, 0] * scale
+        found["impact_impulse"] = what[:, 1] * scale
+        found["impact_condition"] = what[:, 2].copy()
+
+
+def _fill_rest(
+    found: dict[str, Any],
+    problem: Problem,
+    counts: Integers,
+    clock: Floats,
+    growth: Floats,
+    last: float,
+) -> None:
+    """Fill in counts and errors; growth, shape (impact,), and last: deviations there."""
+    rows, _, expansions, _, _, _, _, _, grazings, _, _ = counts.tolist()
+    found["count_impacts"] = rows
+    found["count_grazings"], found["count_expansions"] = grazings, expansions
+    found["error_penetration"] = float(clock[6])
+    if problem.estimate:
+        largest = max(1.0, last, float(growth.max(initial=0.0)))
+        found["error_condition"] = largest
+        if not largest * _EPS <= found["error_tolerance"]:
+            lost = np.flatnonzero(~(growth * _EPS <= found["error_tolerance"]))
+            if lost.size:
+                found["error_predictable_until"] = float(found["impact_time"][lost[0]])
+        found["error_statement"] = _STATEMENT
+    else:
+        found["error_condition"] = found["error_predictable_until"] = math.nan
+        found["error_statement"] = _UNKNOWN
+        if found["impact_condition"] is not None:
+            found["impact_condition"] = np.full(growth.size, math.nan)
+    if "impacts" not in problem.outputs:
+        found["impact_time"] = None
 
 
 def _joined(pieces: list[Any], shape: tuple[int, ...]) -> Any:
+    if len(pieces) == 1:
+        return pieces[0]
     return np.concatenate(pieces) if pieces else np.zeros(shape)

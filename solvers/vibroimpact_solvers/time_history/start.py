@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from vibroimpact_solvers import impact_modes
@@ -15,15 +13,16 @@ from vibroimpact_solvers.time_history.problem import Member, Problem, State
 from vibroimpact_solvers.time_history.structure import Structure
 
 
-def initial_state(problem: Problem, structure: Structure) -> Floats:
+def initial_state(problem: Problem, initial: State | Member, structure: Structure) -> Floats:
     """Return the state at t = 0 in the free scene, shape (2, pair)."""
-    scene = structure.scene()
-    unit = math.ldexp(1.0, -structure.exponent)
-    loads = scene.basis.loads(0.0)
-    if isinstance(problem.initial, State):
-        return structure.enter(scene, problem.initial.x, unit * problem.initial.v, loads)
-    q, rate = _member(problem, problem.initial, structure)
-    return scene.basis.pairs_of(q - scene.basis.still, unit * rate, loads)
+    scene, unit = structure.scene(), 1.0 / structure.scale
+    basis = scene.basis
+    if not isinstance(initial, State):
+        q, rate = _member(problem, initial, structure)
+        return basis.pairs_of(q - basis.still, unit * rate, basis.loads(0.0))
+    if initial is not problem.initial:
+        problem.check(initial)
+    return structure.enter(scene, initial.x, unit * initial.v, basis.loads(0.0))
 
 
 def _member(problem: Problem, member: Member, structure: Structure) -> tuple[Floats, Floats]:

@@ -38,7 +38,7 @@ class Scene:
     flying : tuple of int
         The constraints that are free, in the order in which they are watched; contact forces
         are watched after them.
-    forms, sizes, walls, mobility : array
+    forms, sizes, walls, mobility, bends : array
         As `kernels.flight.fly` takes them.
     """
 
@@ -49,6 +49,7 @@ class Scene:
     sizes: Floats
     walls: Floats
     mobility: Floats
+    bends: Floats
 
 
 class Structure:
@@ -72,11 +73,22 @@ class Structure:
         self.natural: Spectrum = spectrum.spectrum(system, method)
         n, count = system.n, len(system.constraints)
         self.W = system.directions(range(count))
+        self.limits = (
+            np.array(
+                [
+                    [np.inf if w is None else w for w in (c.lower, c.upper)]
+                    for c in system.constraints
+                ]
+            )
+            .reshape(count, 2)
+            .T.copy()
+        )
         self.force = constant(load, n)
         if system.force is not None:
             self.force = self.force + system.force
         rates = np.concatenate([self.natural.roots, self.drive.frequencies])
         self.exponent = exponent_of(rates, t_end)
+        self.scale = math.ldexp(1.0, self.exponent)
         self._scenes: dict[frozenset[Contact], Scene] = {}
         self._modes = self._free()
         rows = self.W @ self._modes.shapes
@@ -99,11 +111,13 @@ class Structure:
 
     def scene(self, contacts: frozenset[Contact] = frozenset()) -> Scene:
         """Return the scene with some constraints held."""
-        if contacts not in self._scenes:
+        scene = self._scenes.get(contacts)
+        if scene is None:
             held = tuple(sorted(contacts))
             modes = self._held(held) if held else self._modes
-            self._scenes[contacts] = self._watched(Basis(modes, self.exponent), held)
-        return self._scenes[contacts]
+            scene = self._watched(Basis(modes, self.exponent), held)
+            self._scenes[contacts] = scene
+        return scene
 
     def place(self, scene: Scene, z: Floats, *, level: bool = True) -> tuple[Floats, Floats]:
         """Return displacements and velocities (in the basis' time) of a state, each (dof,)."""
@@ -154,10 +168,20 @@ class Structure:
         weighted = system.M @ shapes
         rests = np.zeros(natural.roots.size) if natural.rests is None else natural.rests
         still = np.zeros(system.n)
-        return self._equations(natural.roots, rests, shapes, still, weighted)
+        rounded = natural.norms + (_EPS if natural.rests is None else 0.0)
+        errors = natural.uncertainty + rounded * np.abs(natural.eigenvalues)
+        errors[natural.roots == 0.0] = 0.0
+        return self._equations(natural.roots, rests, shapes, still, weighted, errors, natural.norms)
 
     def _equations(
-        self, roots: Floats, rests: Floats, shapes: Floats, base: Floats, weighted: Floats
+        self,
+        roots: Floats,
+        rests: Floats,
+        shapes: Floats,
+        base: Floats,
+        weighted: Floats,
+        errors: Floats,
+        spoilt: float,
     ) -> Modes:
         """Return the modal equations of some modes."""
         system = self.system
@@ -169,8 +193,9 @@ class Structure:
         drive = self.drive
         cosine, sine = shapes.T @ drive.cosine, shapes.T @ drive.sine
         return Modes(
-            roots, rests, damping, load, drive.frequencies, cosine, sine, shapes, base, weighted
-        )
+            roots, rests, damping, load, drive.frequencies, cosine, sine, shapes, base, weighted,
+            errors, spoilt,
+        )  # fmt: skip
 
     def _held(self, contacts: tuple[Contact, ...]) -> Modes:
         """Return the modes of the structure whose held coordinates stay at their walls."""
@@ -186,7 +211,10 @@ class Structure:
         eigenvalues[np.abs(eigenvalues) <= max(16.0, math.sqrt(system.n)) * _EPS * scale] = 0.0
         shapes = Z @ vectors
         roots = np.sign(eigenvalues) * np.sqrt(np.abs(eigenvalues))
-        return self._equations(roots, np.zeros(roots.size), shapes, base, system.M @ shapes)
+        errors = np.full(roots.size, 4.0 * _EPS * scale)
+        return self._equations(
+            roots, np.zeros(roots.size), shapes, base, system.M @ shapes, errors, _EPS
+        )
 
     def wall(self, contact: Contact) -> float:
         """Return where the coordinate of a contact is."""
@@ -230,9 +258,10 @@ class Structure:
             contacts,
             flying,
             np.ascontiguousarray([forms, slopes, kicks, basis.drift(kicks)]),
-            np.ascontiguousarray(basis.weight(forms)),
+            basis.weight(forms),
             np.ascontiguousarray([lower, upper, restitution, sizes, factor, rest]),
             mobility,
+            basis.bends(slopes, kicks),
         )
 
     def _pressing(self, basis: Basis, contacts: tuple[Contact, ...]) -> tuple[Floats, Floats]:

@@ -9,14 +9,19 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from threading import Event
 
+from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import Cancelled, SolverError
 from vibroimpact_solvers.kernels.threads import cores
 from vibroimpact_solvers.plan import Plan
 from vibroimpact_solvers.time_history.planning import plan as plan_of
-from vibroimpact_solvers.time_history.problem import Problem
+from vibroimpact_solvers.time_history.planning import windows
+from vibroimpact_solvers.time_history.problem import Problem, State
 from vibroimpact_solvers.time_history.result import Result
+from vibroimpact_solvers.time_history.run import Tick
+from vibroimpact_solvers.time_history.solving import prepare
 from vibroimpact_solvers.time_history.windows import solve
 
 Outcome = Result | SolverError
@@ -27,7 +32,7 @@ _LOOK_SECONDS = 0.05  # how often somebody is told of the progress
 
 
 def together(
-    problems: Sequence[Problem], tell: Callable[[], None] | None = None, plan: Plan | None = None
+    problems: Sequence[Problem], tell: Callable[[], None] | None = None
 ) -> Iterator[Outcome]:
     """Solve many problems; what is wrong with some does not keep the others.
 
@@ -36,8 +41,6 @@ def together(
     problems : sequence of Problem
     tell : callable, optional
         Called now and then from the calling thread; may raise to stop all.
-    plan : Plan, optional
-        The plan of all of them; absent: each has its own.
 
     Yields
     ------
@@ -45,29 +48,72 @@ def together(
         The result of each in their order, equal to the last bit to that of `solve` alone, or
         its error. Few of them are held at a time.
     """
+
+    def one(place: int, tick: Tick) -> Result:
+        return solve(problems[place], plan_of(problems[place]), tick)
+
+    return in_threads(one, len(problems), tell)
+
+
+def from_states(
+    problem: Problem, plan: Plan, x: Floats, v: Floats, tell: Callable[[], None] | None = None
+) -> Iterator[Outcome]:
+    """Follow the motion of a problem from many initial states.
+
+    Parameters
+    ----------
+    problem : Problem
+        With any initial state.
+    plan : Plan
+        Its plan.
+    x, v : array, shape (member, dof)
+    tell : callable, optional
+        As of `together`.
+
+    Yields
+    ------
+    Result or SolverError
+        As `together` does.
+    """
+    prepared = prepare(problem, plan)
+    long = windows(plan) > 1
+
+    def one(place: int, tick: Tick) -> Result:
+        initial = State(x[place], v[place])
+        if long:
+            return solve(replace(problem, initial=initial), plan, tick)
+        return prepared.solve(initial, tick)
+
+    return in_threads(one, x.shape[0], tell)
+
+
+def in_threads(
+    one: Callable[[int, Tick], Result], count: int, tell: Callable[[], None] | None
+) -> Iterator[Outcome]:
+    """Yield ``one(0, tick)``, ``one(1, tick)``, … or their errors; ticks raise `Cancelled`."""
     stopped = Event()
 
     def check(done: int, total: int) -> None:
         if stopped.is_set():
             raise Cancelled
 
-    def one(problem: Problem) -> Outcome:
+    def safely(place: int) -> Outcome:
         try:
-            return solve(problem, plan_of(problem) if plan is None else plan, check)
+            return one(place, check)
         except Cancelled:
             raise
         except SolverError as error:
             return error
 
     def some(start: int) -> list[Outcome]:
-        return [one(problem) for problem in problems[start : start + _PIECE]]
+        return [safely(place) for place in range(start, min(start + _PIECE, count))]
 
-    if not problems:
+    if count == 0:
         return
     # The first one alone: what all share is made once.
-    yield one(problems[0])
-    threads = max(1, min(cores(), len(problems) // _PIECE))
-    starts = iter(range(1, len(problems), _PIECE))
+    yield safely(0)
+    threads = max(1, min(cores(), count // _PIECE))
+    starts = iter(range(1, count, _PIECE))
     with ThreadPoolExecutor(threads) as pool:
         flying: deque[Future[list[Outcome]]] = deque()
         try:

@@ -21,6 +21,7 @@ from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import Floats, Integers, Quantity, quantities
 from vibroimpact_solvers.plan import Plan, Stage
 from vibroimpact_solvers.time_history import solving
+from vibroimpact_solvers.time_history.history import History, conserves
 from vibroimpact_solvers.time_history.planning import windows
 from vibroimpact_solvers.time_history.problem import Problem
 from vibroimpact_solvers.time_history.result import Result
@@ -187,7 +188,7 @@ def follow(window: Window, plan: Plan, before: Part | None, tick: Tick | None = 
     structure = Structure.of(
         problem.system, spectrum.Method(step.method), problem.t_end, problem.load
     )
-    history = solving._History(problem, structure)
+    history = History(problem, structure)
     wanted = problem.times if plan.step(Stage.HISTORY) else np.zeros(0)
     run = _WindowRun(window, structure, wanted, history, before, tick)
     run.finish()
@@ -209,15 +210,24 @@ class _WindowRun(Run):
         window: Window,
         structure: Structure,
         wanted: Floats,
-        history: solving._History,
+        history: History,
         before: Part | None,
         tick: Tick | None,
     ) -> None:
-        problem = window.problem
-        free = structure.scene().basis.pairs
-        z = initial_state(problem, structure) if before is None else np.zeros((2, free))
-        keep = "impacts" in problem.outputs
-        super().__init__(structure, z, wanted, window.stop, history.take, keep=keep, tick=tick)
+        problem, scale = window.problem, structure.scale
+        z = np.zeros((2, structure.scene().basis.pairs))
+        if before is None:
+            z = initial_state(problem, problem.initial, structure)
+        super().__init__(
+            structure,
+            z,
+            wanted * scale,
+            window.stop * scale,
+            history.take,
+            keep="impacts" in problem.outputs,
+            estimate=problem.estimate,
+            tick=tick,
+        )
         self._end = problem.t_end * self.scale
         self._last = window.index + 1 == window.count
         self._rows: dict[int, int] = {}
@@ -233,7 +243,6 @@ class _WindowRun(Run):
             self._rows[id(held)] = int(row)
         self._carried = dict(self.contacts)
         self.scene = self.structure.scene(frozenset(self.contacts))
-        self._draw_noise()
         self._samples(self.scene)
         self.Z = before.seed_state.copy()
         stop = float(self.clock[2])
@@ -335,7 +344,7 @@ class Assembly:
         found = {name: value for name, value in self._found.items() if name != "contacts"}
         _, spread, size = self._energy
         drift = None
-        if "energy" in self._problem.outputs and solving.conserves(self._problem):
+        if "energy" in self._problem.outputs and conserves(self._problem):
             drift = spread / size if size > 0.0 else 0.0
         return {**found, "error_energy_drift": drift, "error_difference": None}
 

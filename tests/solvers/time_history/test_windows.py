@@ -58,8 +58,10 @@ def test_windows_are_one_motion(count: int, monkeypatch: pytest.MonkeyPatch) -> 
     for field in fields(th.Result):
         expected, value = getattr(whole, field.name), getattr(found, field.name)
         if field.name in {"impact_condition", "error_condition"}:
-            # An estimate: what a flight adds is drawn, and shorter flights draw less.
-            np.testing.assert_array_less(np.abs(np.log(value / expected)), np.log(10.0))
+            # An estimate: what a flight adds is drawn, and every cut of a flight adds as much.
+            ratio = np.asarray(value / expected)
+            assert (ratio > 0.1).all(), field.name
+            assert (ratio < (10.0 if count < whole.count_impacts else 100.0)).all(), field.name
         elif isinstance(expected, np.ndarray):
             np.testing.assert_allclose(value, expected, rtol=1e-11, atol=1e-11, err_msg=field.name)
         elif field.name == "error_penetration":
@@ -98,7 +100,17 @@ def test_the_predictability_of_windows_is_that_of_one_motion(
     assert len(windows) >= 40
     found, whole = th.solve(problem, plan), solving.solve(problem, plan)
     assert whole.error_predictable_until < 190.0
-    assert found.error_predictable_until == pytest.approx(whole.error_predictable_until, abs=2.0)
+    assert whole.impact_condition is not None
+    assert whole.impact_time is not None
+    # What is drawn for roundings differs: by less than a factor of ten.
+    at = float(np.searchsorted(whole.impact_time, whole.error_predictable_until))
+    limit = whole.impact_condition[int(at)]
+    bounds = [
+        whole.impact_time[np.argmax(whole.impact_condition > factor * limit)]
+        for factor in (0.1, 10.0)
+    ]
+    assert bounds[0] <= found.error_predictable_until <= bounds[1]
+    assert bounds[1] < 190.0
 
 
 @pytest.mark.parametrize("outputs", [{"impacts"}, {"contacts"}, {"x"}, {"energy"}, ALL])
