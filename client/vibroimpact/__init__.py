@@ -3,6 +3,7 @@
 from vibroimpact.async_client import AsyncClient
 from vibroimpact.client import (
     Client,
+    ensemble_request,
     impact_modes_request,
     slow_flow_request,
     time_history_request,
@@ -63,6 +64,7 @@ __all__ = [
     "chain",
     "constraint",
     "double_pendulum",
+    "ensemble_request",
     "harmonic",
     "impact_modes_request",
     "oscillator",

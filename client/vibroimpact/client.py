@@ -173,6 +173,51 @@ class Computations(ABC, Generic[Answer]):
         )
         return self.compute("time-history", request)
 
+    def ensemble(
+        self,
+        system: Document,
+        x: Any,
+        v: Any,
+        t_end: float,
+        *,
+        t: Any = None,
+        outputs: Sequence[str] | None = None,
+        dofs: Sequence[int] | None = None,
+        load: Sequence[Mapping[str, Any]] | None = None,
+        limiter: Mapping[str, Any] | None = None,
+        method: str = "exact",
+        tolerance: float | None = None,
+    ) -> Answer:
+        """Compute the motions from many initial states.
+
+        `Result.each` returns the impacts of every member, ``result.plot()`` the basins.
+
+        Parameters
+        ----------
+        system : dict
+            The structure, as `chain`, `system` and their like describe it.
+        x, v : array, shape (member, dof)
+            Displacements and velocities at t = 0.
+        t_end : float
+            Length of the motions.
+        t, outputs, dofs, load, limiter, method, tolerance
+            As `time_history` takes them, for all members.
+        """
+        request = ensemble_request(
+            system,
+            x,
+            v,
+            t_end,
+            t=t,
+            outputs=outputs,
+            dofs=dofs,
+            load=load,
+            limiter=limiter,
+            method=method,
+            tolerance=tolerance,
+        )
+        return self.compute("ensemble", request)
+
     def slow_flow(
         self,
         system: Document,
@@ -427,6 +472,13 @@ def time_history_request(
     if tolerance is not None:
         request["tolerance"] = float(tolerance)
     return request
+
+
+def ensemble_request(system: Document, x: Any, v: Any, t_end: float, **options: Any) -> Document:
+    """Return the request document that `Client.ensemble` sends; options as it takes them."""
+    places, speeds = (np.atleast_2d(np.asarray(part, dtype=np.float64)) for part in (x, v))
+    initial = {"x": places.tolist(), "v": speeds.tolist()}
+    return time_history_request(system, initial, t_end, **options)
 
 
 def slow_flow_request(

@@ -116,6 +116,51 @@ def history(result: Result, dof: int | None = None, ax: Axes | None = None) -> A
     return ax
 
 
+def basins(result: Result, values: Array | None = None, ax: Axes | None = None) -> Axes:
+    """Draw a number of every member of an ensemble over its initial state.
+
+    Parameters
+    ----------
+    result : Result
+        Of an ensemble whose initial states differ in one or two coordinates.
+    values : array, shape (member,), optional
+        What is drawn; absent: the number of impacts.
+    ax : Axes, optional
+        Where to draw; absent: a new figure.
+
+    Raises
+    ------
+    ValueError
+        Where the states differ in more coordinates.
+    """
+    ax = axes_or_new(ax)
+    initial = result.request["initial"]
+    x, v = np.array(initial["x"]), np.array(initial["v"])
+    columns = [(rf"$x_{{{dof}}}(0)$", x[:, dof]) for dof in range(x.shape[1])]
+    columns += [(rf"$v_{{{dof}}}(0)$", v[:, dof]) for dof in range(v.shape[1])]
+    varying = [column for column in columns if np.ptp(column[1]) > 0.0]
+    if not 1 <= len(varying) <= 2:
+        raise ValueError(f"the initial states differ in {len(varying)} coordinates, not in 1 or 2")
+    there = result.status == "ok"
+    counted = "number of impacts" if values is None else ""
+    shown = np.asarray(result.count.impacts if values is None else values, dtype=np.float64)
+    (across, first), (up, second) = varying[0], varying[-1]
+    if len(varying) == 1:
+        order = np.argsort(first[there], kind="stable")
+        ax.plot(first[there][order], shown[there][order], "o-", color=REAL, markersize=3.0)
+        ax.set_ylabel(counted)
+    else:
+        ax.plot(first[~there], second[~there], "x", color=PHANTOM, markersize=3.0)
+        size = float(np.clip(2e5 / max(first.size, 1), 4.0, 120.0))
+        drawn = ax.scatter(
+            first[there], second[there], size, shown[there], marker="s", linewidths=0.0
+        )
+        ax.figure.colorbar(drawn, ax=ax, label=counted)
+        ax.set_ylabel(up)
+    ax.set_xlabel(across)
+    return ax
+
+
 def phase_plane(result: Result, dof: int | None = None, ax: Axes | None = None) -> Axes:
     """Draw velocity over displacement of a degree of freedom, with the walls it strikes.
 

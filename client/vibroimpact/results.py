@@ -124,6 +124,20 @@ class Result:
         first = int(offsets[point])
         return self._tables[table].part(first, first + int(counts[point]))
 
+    def each(self, table: str) -> list[Table]:
+        """Return the rows of a table for every member of an ensemble, without copying them.
+
+        Parameters
+        ----------
+        table : str
+            ``"impacts"`` or ``"contacts"``.
+        """
+        dim = table.removesuffix("s")
+        ends = np.cumsum(self._arrays[f"{dim}_count"])
+        starts = self._arrays[f"{dim}_offset"]
+        rows = self._tables[table]
+        return [rows.part(int(a), int(b)) for a, b in zip(starts, ends, strict=True)]
+
     def to_hdf5(self, path: str | Path) -> Path:
         """Write the file as the service sent it; return its path."""
         target = Path(path)
@@ -145,6 +159,9 @@ class Result:
         at: Mapping[str, float] | None = None,
     ) -> Axes:
         """Draw the impulse over frequency, the shape at a single one, or the motion over time.
+
+        Of an ensemble: the number of impacts over the initial states, see
+        `vibroimpact.plots.basins`.
 
         Of a sweep: an output over the one or two dimensions that are left, see
         `vibroimpact.sweep_plots.draw`.
@@ -168,6 +185,8 @@ class Result:
             return plots.resonances(self, ax)
         if self.kind == "time-history":
             return plots.history(self, ax=ax)
+        if self.kind == "ensemble":
+            return plots.basins(self, ax=ax)
         if self.kind == "slow-flow":
             return plots.displacement(self, ax)
         if "shape" in self._arrays and self.Omega.size == 1:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Discriminator, Field, Tag, field_validator, model_validator
+from pydantic_core import PydanticCustomError
 
 from vibroimpact_schema.values import (
     Count,
@@ -61,6 +62,31 @@ Initial = Annotated[
         custom_error_message="an initial state is an object with x and v, or with impact_mode",
     ),
 ]
+
+
+States = Annotated[
+    list[Annotated[Numbers, Field(min_length=1)]], Field(min_length=1, fail_fast=True)
+]
+
+
+class InitialStates(Document):
+    """Displacements and velocities of many members at t = 0."""
+
+    x: States = Field(description="Displacements [member, dof].")
+    v: States = Field(description="Velocities [member, dof].")
+
+    @field_validator("x", "v")
+    @classmethod
+    def _even(cls, rows: list[list[float]]) -> list[list[float]]:
+        if any(len(row) != len(rows[0]) for row in rows):
+            raise PydanticCustomError("wrong_length", "all members need as many numbers")
+        return rows
+
+    @model_validator(mode="after")
+    def _pairs(self) -> Self:
+        if len(self.x) != len(self.v):
+            raise PydanticCustomError("wrong_length", "x and v need as many members")
+        return self
 
 
 class EqualTimes(Document):

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field
 
 from vibroimpact_schema.grids import FrequencyGrid, FrequencyInterval, TimeGrid
-from vibroimpact_schema.motions import HarmonicLoad, Initial, Limiter, Times
+from vibroimpact_schema.motions import HarmonicLoad, Initial, InitialStates, Limiter, Times
 from vibroimpact_schema.systems import AnySystem, System
 from vibroimpact_schema.values import Document, Index, Indices, Number, Positive
 
@@ -115,14 +115,9 @@ TimeHistoryOutput = Literal["x", "v", "impacts", "energy", "contacts"]
 TimeHistoryMethod = Literal["exact", "RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA"]
 
 
-class TimeHistoryRequest(ComputationRequest):
-    """Time history: the motion from an initial state, with every impact on its way.
+class MotionRequest(ComputationRequest):
+    """What motions from initial states take."""
 
-    Between impacts the motion is exact; tolerance is relative to the size of the motion, and the
-    result says until when it can hold.
-    """
-
-    initial: Initial
     t_end: Positive = Field(description="Length of the motion.")
     t: Times | None = Field(None, description="Times of the history; needed by x, v and energy.")
     dofs: Annotated[Indices, Field(min_length=1)] | None = Field(
@@ -137,12 +132,42 @@ class TimeHistoryRequest(ComputationRequest):
         description="exact, or an integrator of scipy to compare with, which can miss impacts.",
     )
     outputs: Annotated[list[TimeHistoryOutput], Field(min_length=1, fail_fast=True)] = Field(
+        ["impacts"], description="What to compute; what is not asked for is not computed."
+    )
+
+
+class TimeHistoryRequest(MotionRequest):
+    """Time history: the motion from an initial state, with every impact on its way.
+
+    Between impacts the motion is exact; tolerance is relative to the size of the motion, and the
+    result says until when it can hold.
+    """
+
+    initial: Initial
+    outputs: Annotated[list[TimeHistoryOutput], Field(min_length=1, fail_fast=True)] = Field(
         ["impacts"],
         description="What to compute; what is not asked for is not computed. "
         "x, v: displacement and velocity [time, dof]; "
         "impacts: a table of all impacts; "
         "energy: kinetic and elastic energy and that of the constant load [time]; "
         "contacts: a table of the times that coordinates rest at their walls.",
+    )
+
+
+class EnsembleRequest(MotionRequest):
+    """Ensemble: the motions of one structure from many initial states.
+
+    A member that starts outside of the limits is an entry of status and does not keep the
+    others. What varies otherwise is a sweep.
+    """
+
+    initial: InitialStates
+    outputs: Annotated[list[TimeHistoryOutput], Field(min_length=1, fail_fast=True)] = Field(
+        ["impacts"],
+        description="What to compute; what is not asked for is not computed. "
+        "x, v: displacement and velocity [member, time, dof]; "
+        "impacts, contacts: tables of all members, one after the other; "
+        "energy: kinetic and elastic energy and that of the constant load [member, time].",
     )
 
 

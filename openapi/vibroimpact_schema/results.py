@@ -241,6 +241,10 @@ class Contacts(Document):
     stop: Curve = Field(description="Time of release, or the end of the motion.")
     constraint: list[Index] = Field(description="Index of the constraint.")
     side: list[Side] = Field(description="Wall: 1 the upper, -1 the lower one.")
+    impulse: Curve = Field(
+        description="Impulse of the wall on the structure from rest to stop, mass length / time: "
+        "the integral of the contact force."
+    )
 
 
 class Count(Document):
@@ -293,6 +297,84 @@ class TimeHistoryResult(Result):
     contacts: Contacts | None = Field(None, description="Table of contacts.")
     count: Count
     error: MotionError
+
+
+class MemberCounts(Document):
+    """How many of what, in each motion."""
+
+    impacts: list[Index] = Field(description="Impacts [member], without those summed in a chatter.")
+    grazings: list[Index] = Field(description="Touches of a wall without an impulse [member].")
+    expansions: list[Index] = Field(
+        description="Expansions that the search for impacts took [member]."
+    )
+
+
+class EnsembleError(Document):
+    """How far the numbers can be trusted; null where a member has no motion."""
+
+    condition: list[float | None] = Field(
+        description="Largest error of the state relative to it, in units of the rounding 2^-52 "
+        "[member]."
+    )
+    penetration: list[float | None] = Field(
+        description="Largest distance between a wall and the place of an impact at it [member], "
+        "length."
+    )
+    predictable_until: list[float | None] = Field(
+        description="Time until which the tolerance can hold in double precision [member]."
+    )
+    energy_drift: list[float | None] | None = Field(
+        None,
+        description="Largest relative change of the energy [member], where it is conserved and "
+        "asked.",
+    )
+    difference: list[float | None] | None = Field(
+        None,
+        description="Difference to the same motion with steps of twice the length [member]; "
+        "absent where nothing steps.",
+    )
+    tolerance: float = Field(description="The tolerance meant.")
+    statement: str = Field(description="How the errors were obtained.")
+    failures: list[str] = Field(description="Why members have no motion: the first of them.")
+
+
+MemberStatus = Literal["ok", "invalid", "not_possible", "no_convergence"]
+
+
+class EnsembleResult(Result):
+    """The motions from many initial states; outputs that were not asked for are absent.
+
+    Tables of all members are joined in their order; ``<table>_count`` and ``<table>_offset``
+    tell how many rows each member has and which is its first. Members without a motion have
+    null in the arrays.
+    """
+
+    kind: Literal["ensemble"]
+    member: list[Index] = Field(description="Indices of the initial states [member].")
+    status: list[MemberStatus] = Field(
+        description="Whether there is a motion, and if not why [member]."
+    )
+    t: Curve | None = Field(None, description="Times [time].")
+    dof: list[Index] | None = Field(None, description="The degrees of freedom [dof].")
+    x: list[list[list[float | None]]] | None = Field(
+        None, description="Displacement [member, time, dof], length."
+    )
+    v: list[list[list[float | None]]] | None = Field(
+        None, description="Velocity [member, time, dof], length / time."
+    )
+    energy: list[list[float | None]] | None = Field(
+        None,
+        description="Kinetic and elastic energy and that of the constant load [member, time], "
+        "mass length² / time².",
+    )
+    impact_count: list[Index] | None = Field(None, description="Rows of impacts [member].")
+    impact_offset: list[Index] | None = Field(None, description="First row of impacts [member].")
+    impacts: Impacts | None = Field(None, description="Impacts of all members.")
+    contact_count: list[Index] | None = Field(None, description="Rows of contacts [member].")
+    contact_offset: list[Index] | None = Field(None, description="First row of contacts [member].")
+    contacts: Contacts | None = Field(None, description="Contacts of all members.")
+    count: MemberCounts
+    error: EnsembleError
 
 
 class SlowFlowImpacts(Document):

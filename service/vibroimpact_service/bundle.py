@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from vibroimpact_service.spool import Spooled
+
 _MAGIC = b"VIB1"
 _ALIGN = 16
 
@@ -31,6 +33,26 @@ def pack(arrays: Mapping[str, np.ndarray[Any, Any]], meta: Mapping[str, Any]) ->
     head += b" " * (-(len(head) + 44) % _ALIGN)
     body = b"".join([len(head).to_bytes(8, "little"), head, *blocks])
     return _MAGIC + hashlib.sha256(body).digest() + body
+
+
+def pack_file(path: Path, arrays: Mapping[str, Spooled], meta: Mapping[str, Any]) -> None:
+    """Write to a file what `pack` returns, of arrays that are in files."""
+    entries, offset = [], 0
+    for name, array in arrays.items():
+        entry = {"name": name, "dtype": array.dtype.str, "shape": array.shape, "offset": offset}
+        entries.append(entry)
+        offset += array.nbytes + -array.nbytes % _ALIGN
+    head = json.dumps({"arrays": entries, "meta": meta}, separators=(",", ":")).encode()
+    head += b" " * (-(len(head) + 44) % _ALIGN)
+    with path.open("w+b") as file:
+        file.write(_MAGIC + bytes(32) + len(head).to_bytes(8, "little") + head)
+        for array in arrays.values():
+            array.copy_into(file)
+            file.write(bytes(-array.nbytes % _ALIGN))
+        file.seek(36)
+        digest = hashlib.file_digest(file, "sha256").digest()
+        file.seek(4)
+        file.write(digest)
 
 
 def open_file(path: Path, offset: int) -> tuple[dict[str, np.ndarray[Any, Any]], dict[str, Any]]:

@@ -15,6 +15,7 @@ import numpy as np
 
 from vibroimpact_schema import grids, motions, requests, sweeps, systems
 from vibroimpact_service import digest, lattice
+from vibroimpact_solvers import ensemble as ensembles
 from vibroimpact_solvers import existence_bands as bands
 from vibroimpact_solvers import impact_modes as modes
 from vibroimpact_solvers import presets
@@ -221,21 +222,30 @@ def time_history(request: requests.TimeHistoryRequest, of: System) -> histories.
             initial = histories.State(np.array(x), np.array(v))
         case motions.InitialMode(impact_mode=mode):
             initial = histories.Member(mode.Omega, tuple(mode.active or ()))
-    return histories.Problem(
-        of,
-        initial,
-        request.t_end,
-        times(request.t, request.t_end),
-        _indices(request.dofs),
-        frozenset(request.outputs),
-        request.tolerance,
-        load=tuple(
+    return histories.Problem(of, initial, **_motion(request))
+
+
+def ensemble(request: requests.EnsembleRequest, of: System) -> ensembles.Problem:
+    """Return the problem of an ensemble."""
+    x, v = np.array(request.initial.x), np.array(request.initial.v)
+    return ensembles.Problem(of, x, v, **_motion(request))
+
+
+def _motion(request: requests.MotionRequest) -> dict[str, Any]:
+    """Return what motions have in common, whatever they start from."""
+    return {
+        "t_end": request.t_end,
+        "t": times(request.t, request.t_end),
+        "dofs": _indices(request.dofs),
+        "outputs": frozenset(request.outputs),
+        "tolerance": request.tolerance,
+        "load": tuple(
             histories.Harmonic(term.dof, term.amplitude, term.frequency, term.phase)
             for term in request.load or ()
         ),
-        limiter=_limiter(request.limiter),
-        method=request.method,
-    )
+        "limiter": _limiter(request.limiter),
+        "method": request.method,
+    }
 
 
 def _limiter(of: Any) -> histories.Power | None:

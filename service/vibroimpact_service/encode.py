@@ -21,6 +21,7 @@ import orjson
 from numpy.typing import NDArray
 
 from vibroimpact_service import bundle
+from vibroimpact_service.spool import Spool
 from vibroimpact_solvers.arrays import Described, Quantity, quantities
 
 Array = NDArray[Any]
@@ -86,6 +87,37 @@ def freeze(result: Any, head: Mapping[str, Any]) -> bytes:
 @lru_cache(maxsize=1024)
 def _plainly(meaning: Quantity) -> dict[str, Any]:
     return dataclasses.asdict(meaning)
+
+
+def freeze_file(
+    result: type[Any],
+    spool: Spool,
+    plain: Mapping[str, Any],
+    head: Mapping[str, Any],
+    path: Path,
+) -> None:
+    """Write to a file what `freeze` returns, of a result whose arrays are in files.
+
+    Parameters
+    ----------
+    result : type
+        Class of the result.
+    spool : Spool
+        Its arrays, by the names of its fields.
+    plain : mapping
+        The fields that are not arrays.
+    head : mapping
+        What surrounds the numbers.
+    path : Path
+    """
+    known, names = quantities(result), [field.name for field in dataclasses.fields(result)]
+    arrays = {name: spool.arrays[name] for name in names if name in spool.arrays}
+    meta = {
+        "head": head,
+        "plain": {name: plain[name] for name in names if plain.get(name) is not None},
+        "meanings": {name: _plainly(known[name]) for name in arrays},
+    }
+    bundle.pack_file(path, arrays, meta)
 
 
 def open_bundle(data: bytes) -> Content:

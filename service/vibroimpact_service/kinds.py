@@ -35,6 +35,13 @@ class Solver(Protocol):
     Where pieces of one problem can be pieces of another, it also offers ``content(piece)``:
     bytes that tell what their result depends on, beside the versions of the solvers. They are
     then stored under that name, and outlive the job.
+
+    Where each piece of a problem needs the one before, it offers ``follow(piece, plan, before,
+    tick)``, which returns a part of class ``Part`` from the part before (None: it is the first),
+    and ``Assembly(problem, sink)``, which puts parts together one by one: its ``add(part)``
+    hands their rows on to the sink (`spool.Spool`), and in the end ``labels()`` and ``plain()``
+    return the arrays and the other fields that are missing. Pieces are then computed in turn,
+    and the result is written without ever being in memory.
     """
 
     Result: type[Any]
@@ -139,6 +146,15 @@ KINDS: Final[Mapping[str, Kind]] = {
             results.TimeHistoryResult,
             "vibroimpact_solvers.time_history",
             "time_history",
+        ),
+        Kind(
+            "ensemble",
+            "Ensemble",
+            requests.EnsembleRequest,
+            results.EnsembleResult,
+            "vibroimpact_solvers.ensemble",
+            "ensemble",
+            axis="initial",
         ),
         Kind(
             "slow-flow",

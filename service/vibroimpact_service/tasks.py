@@ -29,6 +29,7 @@ from vibroimpact_service.jobs.work import (
 from vibroimpact_service.kinds import KINDS, Kind
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
+from vibroimpact_service.spool import Spool
 from vibroimpact_service.store import Store
 from vibroimpact_solvers.errors import ModelError, SolverError
 from vibroimpact_solvers.plan import Plan
@@ -216,11 +217,14 @@ def keep(
 
     if store.results.has(result_name):
         return None
-    created = datetime.now(UTC).isoformat(timespec="milliseconds")
-    surroundings = head(result_name, assignment, request, created)
+    surroundings = head(result_name, assignment, request, _now())
     data = encode.freeze(result, surroundings)
     store.results.put(result_name, data, durable=durable)
     return data
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
 def head(result_name: str, assignment: Assignment, request: bytes, created: str) -> dict[str, Any]:
@@ -309,7 +313,12 @@ def split(store_url: str, kind: str, request: str, result: str) -> Sequence[Chun
     each = seconds(known.assignment) / max(1, len(known.names))
     solver, axis = known.assignment.kind.solver, known.assignment.kind.axis
     lasting = axis is not None or hasattr(solver, "content")
-    return [Chunk(name, each, lasting) for name in known.names]
+    return [Chunk(name, each, lasting, _chained(known)) for name in known.names]
+
+
+def _chained(known: Known) -> bool:
+    """Whether each piece of a job needs the one before."""
+    return len(known.pieces) > 1 and hasattr(known.assignment.kind.solver, "follow")
 
 
 def solve(
@@ -325,6 +334,9 @@ def solve(
 
     known = _known(store_url, kind, request, CHUNK_SECONDS)
     store, solver = Store(store_url), known.assignment.kind.solver
+    if _chained(known):
+        _follow(store, known, indices, tick)
+        return
     for index in indices:
         if store.chunks.has(known.names[index]):
             continue  # the call is repeated because its worker died halfway
@@ -333,12 +345,68 @@ def solve(
         store.chunks.put(known.names[index], encode.freeze(values, {}))
 
 
+def _follow(store: Store, known: Known, indices: Sequence[int], tick: Tick | None) -> None:
+    """Compute some pieces that need one another, and those before that are not there."""
+    from vibroimpact_service import encode
+
+    solver: Any = known.assignment.kind.solver
+    last, before = -1, None
+    for index in indices:
+        if store.chunks.has(known.names[index]):
+            continue
+        # What was computed last is at hand; else the latest that is there is the seed.
+        if last != index - 1:
+            last, before = _latest(store, known, index)
+        while last < index:
+            before = solver.follow(known.pieces[last + 1], known.assignment.plan, before, tick)
+            last += 1
+            store.chunks.put(known.names[last], encode.freeze(before, {}))
+
+
+def _latest(store: Store, known: Known, index: int) -> tuple[int, Any]:
+    """Return the last piece before another that is there, and what it is; -1 where none is."""
+    from vibroimpact_service import encode
+
+    for place in range(index - 1, -1, -1):
+        block = store.chunks.get(known.names[place])
+        if block is not None:
+            part: Any = encode.thaw(block, known.assignment.kind.solver.Part)  # type: ignore[attr-defined]
+            return place, part
+    return -1, None
+
+
+def _assemble(store: Store, known: Known, result: str, chunks: Sequence[Chunk]) -> None:
+    """Put pieces that are parts of one result together, in files, and store it."""
+    from vibroimpact_service import encode
+
+    solver: Any = known.assignment.kind.solver
+    with store.results.workspace() as folder:
+        with Spool(folder) as spool:
+            assembly = solver.Assembly(known.assignment.problem, spool)
+            for chunk in chunks:
+                block = store.chunks.get(chunk.name)
+                if block is None:
+                    raise ChunkMissingError(chunk.name)
+                assembly.add(encode.thaw(block, solver.Part))
+            for name, values in assembly.labels().items():
+                if values is not None:
+                    spool.append(name, values)
+        surroundings = head(result, known.assignment, known.canonical, _now())
+        whole = folder / "whole"
+        encode.freeze_file(solver.Result, spool, assembly.plain(), surroundings, whole)
+        if not store.results.has(result):
+            store.results.put_file(result, whole)
+
+
 def join(store_url: str, kind: str, request: str, result: str, chunks: Sequence[Chunk]) -> None:
     """Put the chunks of a job together and store its result."""
     from vibroimpact_service import encode
 
     known = _known(store_url, kind, request, CHUNK_SECONDS)
     store, solver = Store(store_url), known.assignment.kind.solver
+    if _chained(known):
+        _assemble(store, known, result, chunks)
+        return
     parts = []
     for chunk in chunks:
         block = store.chunks.get(chunk.name)

@@ -159,3 +159,25 @@ def test_bands_and_resonances_are_tables_and_pictures(client: vi.Client) -> None
     held = client.resonances(structure, odd_max=3)
     assert held.Omega.size == 24
     assert held.plot().get_ylabel() == "resonating harmonic"
+
+
+def test_ensembles_are_arrays_and_a_picture(client: vi.Client) -> None:
+    structure = vi.oscillator([vi.constraint(0, 1.0, restitution=0.9)])
+    x, v = (grid.ravel()[:, np.newaxis] for grid in np.mgrid[-0.9:0.9:5j, -4.0:4.0:6j])
+    result = client.ensemble(structure, x, v, 10.0, t=[10.0])
+    assert result.x.shape == (30, 1, 1)
+    assert set(result.status) == {"ok"}
+    each = result.each("impacts")
+    assert [rows.time.size for rows in each] == result.impact_count.tolist()
+    assert all(np.shares_memory(rows.time, result.impacts.time) for rows in each if rows.time.size)
+    np.testing.assert_array_equal(each[7].time, result.rows("impacts", member=7).time)
+    alone = client.time_history(structure, (x[7], v[7]), 10.0)
+    np.testing.assert_array_equal(each[7].time, alone.impacts.time)
+    axes = result.plot()
+    assert axes.get_xlabel() == "$x_{0}(0)$"
+    assert axes.get_ylabel() == "$v_{0}(0)$"
+    np.testing.assert_array_equal(axes.collections[0].get_array(), result.impact_count)
+    line = client.ensemble(structure, x[:3] * 0.0, [[1.0], [2.0], [3.0]], 10.0)
+    assert plots.basins(line).get_ylabel() == "number of impacts"
+    with pytest.raises(ValueError, match="differ in 0"):
+        plots.basins(client.ensemble(structure, [[0.0]], [[1.0]], 1.0))

@@ -307,6 +307,7 @@ class _Sweep:
     def __init__(self, drive: Drive, chunks: Sequence[Chunk], missing: list[int]) -> None:
         self._drive, self._around = drive, drive.around
         self._waiting = missing[::-1]
+        self._chained = any(chunk.chained for chunk in chunks)
         self._total = len(chunks)
         self._done = self._total - len(missing)
         self._flying: dict[str, tuple[Call, list[int]]] = {}
@@ -337,7 +338,7 @@ class _Sweep:
             self._drive.progress(self._done, self._total)
 
     def _send(self, owner: str) -> None:
-        while self._waiting:
+        while self._waiting and not (self._chained and self._flying):
             before = self._around.shares.take(owner)
             if before is None:
                 return
@@ -358,6 +359,8 @@ class _Sweep:
         size = min(_LARGEST_BUNDLE, max(1, int(_BUNDLE_SECONDS / self._seconds)))
         if not self._measured:
             size = min(size, 8)
+        if self._chained:
+            return size
         # Towards the end smaller ones, so that all workers end at about the same time.
         share = math.ceil(len(self._waiting) / (2 * max(1, self._around.engine.slots)))
         return min(size, share)
@@ -377,6 +380,9 @@ class _Sweep:
             if not isinstance(error, WorkerLostError):
                 raise error
             self._suspects += bundle
+            if self._chained:  # the others need these
+                self._suspects += self._waiting[::-1]
+                self._waiting.clear()
         if not well:
             return
         seconds = self._around.engine.values([call for call, _ in well])

@@ -18,11 +18,14 @@ class Chunk(NamedTuple):
         Planned time; 0 where nobody knows.
     lasting : bool
         Whether other jobs may use it too, so that it outlives this one.
+    chained : bool
+        Whether it needs the chunk before it, so that those of a job are computed in turn.
     """
 
     name: str
     seconds: float = 0.0
     lasting: bool = False
+    chained: bool = False
 
 
 class Tick(Protocol):

@@ -6,6 +6,8 @@ import errno
 import hashlib
 import os
 import re
+import shutil
+import tempfile
 import uuid
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -165,12 +167,39 @@ class ContentStore:
         return path
 
     def put_file(self, name: str, source: Path) -> None:
-        """Store the content of a file as a block, of a store in a folder; as `put`."""
+        """Store the content of a file as a block, without having it in memory; as `put`."""
+        path = self._path(name)
         with source.open("rb") as file:
             digest = _hash(file).digest()
             file.seek(0)
             pieces = iter(lambda: file.read(_PIECE), b"")
-            self._put_file(self._path(name), digest, pieces, self._durable)
+            if self._local:
+                self._put_file(path, digest, pieces, self._durable)
+                return
+            with _reaching(), self._fs.open(path, "wb") as target:
+                target.write(digest)
+                for piece in pieces:
+                    target.write(piece)
+
+    @contextmanager
+    def workspace(self) -> Iterator[Path]:
+        """Yield an empty folder, on the disk of a local store, that is removed afterwards.
+
+        Raises
+        ------
+        StoreFullError
+            Where what is done in it finds no room.
+        """
+        beside = Path(self._root) if self._local else None
+        if beside is not None:
+            beside.mkdir(parents=True, exist_ok=True)
+        try:
+            with tempfile.TemporaryDirectory(prefix=".", dir=beside) as folder:
+                yield Path(folder)
+        except OSError as error:
+            if error.errno in (errno.ENOSPC, errno.EDQUOT):
+                raise StoreFullError(error.errno, "the store is full") from error
+            raise
 
     @property
     def local(self) -> bool:
@@ -187,6 +216,8 @@ class ContentStore:
 
     def sound(self, name: str) -> bool:
         """Whether there is a block of that name that can be read; a damaged one is removed."""
+        if self._local:
+            return self.file(name) is not None
         return self.has(name) and self.get(name) is not None
 
     def present(self, names: Sequence[str]) -> set[str]:
@@ -248,6 +279,14 @@ class ContentStore:
                     path.unlink()
             except FileNotFoundError:
                 continue
+        for folder in Path(self._root).glob(".*"):
+            try:
+                # A folder does not get younger when files in it are written on.
+                newest = max(each.stat().st_mtime for each in (folder, *folder.iterdir()))
+            except FileNotFoundError:
+                continue
+            if now - newest > _BROKEN_OFF_SECONDS:
+                shutil.rmtree(folder, ignore_errors=True)
 
     def _path(self, name: str) -> str:
         if not _NAME.fullmatch(name):

@@ -24,7 +24,7 @@ def over_ranges(piece: Callable[[int, int], object], size: int, work: float) -> 
     work : float
         Elementary steps of all of it; little work stays in the calling thread.
     """
-    threads = min(_cores(), size, int(work / WORTH) + 1)
+    threads = min(cores(), size, int(work / WORTH) + 1)
     if threads <= 1:
         piece(0, size)
         return
@@ -36,7 +36,7 @@ def over_ranges(piece: Callable[[int, int], object], size: int, work: float) -> 
             done.result()
 
 
-def _cores() -> int:
+def cores() -> int:
     """Return how many cores this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))

@@ -6,13 +6,14 @@ dearest slowest. Results are those of the points alone, to the last bit.
 
 from vibroimpact_solvers.sweep.planning import content, plan, split
 from vibroimpact_solvers.sweep.problem import KIND, Axis, Problem
-from vibroimpact_solvers.sweep.result import STATUSES, Result, Status
+from vibroimpact_solvers.sweep.result import MOST_SENTENCES, STATUSES, Result, Status
 from vibroimpact_solvers.sweep.solving import join, solve
 from vibroimpact_solvers.sweep.stages import KINDS, meaning, rule
 
 __all__ = [
     "KIND",
     "KINDS",
+    "MOST_SENTENCES",
     "STATUSES",
     "Axis",
     "Problem",

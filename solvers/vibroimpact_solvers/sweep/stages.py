@@ -14,7 +14,7 @@ To let a kind be swept:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import ModuleType
 from typing import Any, Final
@@ -75,8 +75,8 @@ class Swept:
     members : callable, optional
         Returns how many responses a problem asks for; absent: one.
     together : callable, optional
-        Solves problems with the same natural modes and returns an outcome for each, equal to
-        the last bit to what ``solve`` returns for it alone; calls its second argument now and
+        Solves problems with the same natural modes and gives an outcome for each in order, equal
+        to the last bit to what ``solve`` returns for it alone; calls its second argument now and
         then, which may raise to stop it. Absent: one after the other.
     """
 
@@ -85,7 +85,7 @@ class Swept:
     ragged: frozenset[str] = frozenset()
     absent: Mapping[str, str] = field(default_factory=dict)
     members: Callable[[Any], int] | None = None
-    together: Callable[[Sequence[Any], Callable[[], None]], list[Outcome]] | None = None
+    together: Callable[[Sequence[Any], Callable[[], None]], Iterable[Outcome]] | None = None
 
 
 _LOSSLESS: Final = "impact modes are motions without loss"
@@ -149,6 +149,7 @@ KINDS: Final[Mapping[str, Swept]] = {
             Rule("tolerance", Stage.FLIGHT),
         ),
         ragged=frozenset({"impact", "contact"}),
+        together=time_history.together,
     ),
     "slow-flow": Swept(
         slow_flow,

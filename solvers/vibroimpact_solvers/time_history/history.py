@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.kernels.modal import motion_of
 from vibroimpact_solvers.time_history.problem import Problem
 from vibroimpact_solvers.time_history.structure import Scene, Structure
-
-_FEW: Final = 4
-"""Times up to which one compiled call is quicker than products of matrices."""
 
 
 class History:
@@ -28,23 +22,10 @@ class History:
         self._all = dofs.size == problem.system.n and bool((dofs == np.arange(dofs.size)).all())
         self.energy = np.empty(times) if "energy" in outputs else None
 
-    @property
-    def both(self) -> bool:
-        """Whether displacements and velocities are wanted, and no energy."""
-        return self.x is not None and self.v is not None and self.energy is None
-
     def take(self, scene: Scene, samples: Floats, first: int) -> None:
         """Fill in what is wanted at some times from states, shape (time, 2, pair)."""
         basis, modes = scene.basis, scene.basis.modes
         scale, some = self.structure.scale, slice(first, first + samples.shape[0])
-        if self.both and len(samples) <= _FEW and basis.plain and not modes.base.any():
-            assert self.x is not None
-            assert self.v is not None
-            motion_of(
-                samples, scale, modes.shapes, self.problem.wanted_dofs, basis.normal, basis.place,
-                self.x[some], self.v[some],
-            )  # fmt: skip
-            return
         q, rate = basis.coordinates(samples)
         q += basis.still
         rate *= scale
@@ -80,11 +61,16 @@ class History:
     @property
     def drift(self) -> float | None:
         """The largest change of the energy relative to it, where it is conserved."""
-        system = self.problem.system
-        lossless = system.C is None and not self.problem.load
-        if self.problem.limiter is None:
-            lossless &= all(c.restitution == 1.0 for c in system.constraints)
-        if self.energy is None or self.energy.size == 0 or not lossless:
+        if self.energy is None or self.energy.size == 0 or not conserves(self.problem):
             return None
         size = float(np.abs(self.energy).max())
         return float(np.abs(self.energy - self.energy[0]).max()) / size if size > 0.0 else 0.0
+
+
+def conserves(problem: Problem) -> bool:
+    """Whether nothing takes energy from the motion or gives it."""
+    system = problem.system
+    lossless = system.C is None and not problem.load
+    if problem.limiter is None:
+        lossless &= all(c.restitution == 1.0 for c in system.constraints)
+    return lossless

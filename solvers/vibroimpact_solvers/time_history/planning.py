@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
+from dataclasses import replace
 from enum import StrEnum
+from typing import Final
 
 import numpy as np
 
 from vibroimpact_solvers import spectrum
+from vibroimpact_solvers.cost import BYTES_PER_SECOND, FLOPS_PER_SECOND
 from vibroimpact_solvers.matrices import Form
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 from vibroimpact_solvers.time_history.problem import EXACT, KIND, OUTPUTS, Problem, State
 
+_MOST = 2**20  # windows
 _FEW = 500  # degrees of freedom up to which a full K is factorized for a plan
+
+
+SECONDS: Final = 0.5
+"""Planned work of a window of a long motion."""
+BYTES: Final = 4.0e6
+"""Planned size of what a window yields."""
 
 
 class Flight(StrEnum):
@@ -29,9 +40,27 @@ def plan(problem: Problem) -> Plan:
     return Plan(KIND, tuple(_steps(problem, far)), tuple(_skips(problem, far)))
 
 
-def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Problem]:
-    """Return the problem itself: a motion is one piece, each part needing the one before."""
-    return [problem]
+def windows(plan: Plan) -> int:
+    """Return the number of windows of time in which a plan follows the motion."""
+    step = plan.step(Stage.FLIGHT)
+    return 1 if step is None or step.method != Flight.MODAL else step.count
+
+
+def _in_windows(problem: Problem, flight: Step, history: Step | None) -> Step:
+    """Return the step of an exact motion with its windows, by its work and its size.
+
+    They are the same for all initial states, whichever walls these reach.
+    """
+    if flight.method != Flight.MODAL:
+        return flight
+    steps = [_flight(problem, len(problem.system.constraints)), *([history] if history else [])]
+    flops, size = sum(step.flops for step in steps), sum(step.bytes for step in steps)
+    seconds = flops / FLOPS_PER_SECOND + size / BYTES_PER_SECOND
+    count = math.ceil(min(max(seconds / SECONDS, size / BYTES, 1.0), _MOST))
+    if count == 1:
+        return flight
+    told = f"in {count} windows of time, each from the state at the end of the one before"
+    return replace(flight, reason=f"{flight.reason}; {told}", count=count)
 
 
 def _steps(problem: Problem, far: list[int]) -> Iterator[Step]:
@@ -45,12 +74,15 @@ def _steps(problem: Problem, far: list[int]) -> Iterator[Step]:
         0.0 if known else spectrum.flops(system, method),
         spectrum.nbytes(system, method),
     )
-    yield _flight(problem, len(system.constraints) - len(far))
+    history = None
     if problem.outputs & {"x", "v", "energy"}:
         times, dofs = problem.times.size, problem.wanted_dofs.size
         reason = f"{dofs} of {system.n} degrees of freedom at {times} times"
         flops = times * system.n * (40.0 + 4.0 * dofs)
-        yield Step(Stage.HISTORY, "modal sum", reason, flops, 16.0 * times * dofs)
+        history = Step(Stage.HISTORY, "modal sum", reason, flops, 16.0 * times * dofs)
+    yield _in_windows(problem, _flight(problem, len(system.constraints) - len(far)), history)
+    if history is not None:
+        yield history
 
 
 def _flight(problem: Problem, count: int) -> Step:
@@ -113,6 +145,8 @@ def _skips(problem: Problem, far: list[int]) -> Iterator[Skip]:
         yield Skip("the search after the last possible impact", why)
     if problem.limiter is not None and any(c.restitution < 1.0 for c in problem.system.constraints):
         yield Skip("restitution", "soft limiters give back what they take")
+    if not problem.outputs & {"x", "v", "energy"}:
+        yield Skip("history", "impacts and contacts need no state between them")
     for name in OUTPUTS:
         if name not in problem.outputs:
             yield Skip(name, "not asked")

@@ -63,6 +63,12 @@ class Result:
     contact_side: Annotated[
         Integers | None, _contact("1", "wall: 1 the upper, -1 the lower one", "side")
     ]
+    contact_impulse: Annotated[
+        Floats | None,
+        _contact(
+            "mass length time-1", "impulse of the wall on the structure, rest to stop", "impulse"
+        ),
+    ]
     count_impacts: int
     count_grazings: int
     count_expansions: int
@@ -81,6 +87,13 @@ class Result:
     error_difference: float | None
     #: How the errors were obtained.
     error_statement: str
+
+    @classmethod
+    def of(cls, values: dict[str, Any]) -> Result:
+        """Return the result with these values of all its fields; takes the dictionary over."""
+        found = object.__new__(cls)
+        found.__dict__.update(values)
+        return found
 
 
 def empty() -> dict[str, Any]:

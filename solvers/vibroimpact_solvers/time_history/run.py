@@ -12,11 +12,13 @@ import numpy as np
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.kernels.flight import Stop, begin, fly, impulses, spread
-from vibroimpact_solvers.time_history.basis import COLUMNS
+from vibroimpact_solvers.time_history.basis import COLUMNS, Basis
+from vibroimpact_solvers.time_history.pressure import impulses as impulses_at_rest
 from vibroimpact_solvers.time_history.structure import Contact, Scene, Structure
 
 Tick = Callable[[int, int], None]
 Take = Callable[[Scene, Floats, int], None]
+Table = tuple[Floats, Integers, Floats]
 
 CHATTER: Final = 1e-8
 """Times, in units of the fastest mode, below which the rest of a chatter is one sum."""
@@ -25,6 +27,17 @@ _ROWS = 4096  # of the table that the compiled loop fills
 _BUFFER = 2**21  # numbers in the buffer of samples
 _EXPANSIONS = 2e7  # pairs expanded between two ticks
 _SWITCHES = 50  # contacts that may begin and end at one and the same time
+
+
+def budget(basis: Basis) -> int:
+    """Return how many expansions may pass between two ticks."""
+    return max(1000, int(_EXPANSIONS / max(1, basis.pairs)))
+
+
+def new_table(structure: Structure) -> Table:
+    """Return an empty table of impacts: times, places and blows (`kernels.flight.fly`)."""
+    rows = _ROWS + len(structure.system.constraints)
+    return np.empty((rows, 2)), np.empty((rows, 2), np.int64), np.empty((rows, 3))
 
 
 @dataclass
@@ -47,6 +60,7 @@ class Rest:
     start: float
     rest: float
     stop: float = math.nan
+    impulse: float = 0.0
 
 
 class Run:
@@ -96,41 +110,56 @@ class Run:
         self.impacts, self.rests = Impacts(keep), list[Rest]()
         self.contacts: dict[Contact, Rest] = {}
         self._samples(self.scene)
-        self._table = self._new_table()
+        self._table = new_table(structure)
         self._switched: tuple[float, int] = (-1.0, 0)
+
+    def adopt(
+        self, Z: Floats, clock: Floats, counts: Integers, table: Table, samples: Floats
+    ) -> None:
+        """Take over a motion that the compiled loop has left, in the free scene."""
+        self.Z, self.clock, self.counts, self._table = Z, clock, counts, table
+        self._buffer = samples
 
     # -- the loop --
 
-    def finish(self) -> None:
-        """Follow the motion to its end."""
-        budget = max(1000, int(_EXPANSIONS / max(1, self.scene.basis.pairs)))
-        stop = Stop.PAUSE
-        while stop is not Stop.END:
-            if self.tick is not None:
-                self.tick(int(1e3 * self.clock[0] / self.clock[2]), 1000)
-            self.counts[3] = self.counts[2] + budget
-            self.counts[7] = bool(self.contacts)
-            basis = self.scene.basis
-            self.clock[3] = basis.longest
-            stop = Stop(
-                fly(
-                    basis.rates, basis.split, self.scene.forms, self.scene.sizes, self.scene.walls,
-                    self.scene.mobility, self.Z, basis.noise, basis.drifts, self.scene.bends,
-                    basis.own, self.clock, self.counts, *self._table, self.wanted, self._buffer,
-                )
-            )  # fmt: skip
+    def finish(self, stop: Stop | None = None) -> None:
+        """Follow the motion to its end; stop tells why the compiled loop returned, if it did."""
+        while True:
+            stop = self._fly() if stop is None else stop
             self._flush_samples()
             self._flush_table(last=stop is Stop.END)
+            if stop is Stop.END:
+                break
             if stop is Stop.CONTACT:
                 self._rest(int(self.counts[5]), int(self.counts[6]), float(self.clock[5]))
             elif stop is Stop.RELEASE:
                 self._release(int(self.counts[5]))
             elif stop is Stop.STRUCK:
                 self._strike(int(self.counts[5]), int(self.counts[6]))
+            stop = None
         for rest in self.contacts.values():
             rest.stop = self.clock[2]
         if self.tick is not None:
             self.tick(1000, 1000)
+
+    def _fly(self) -> Stop:
+        if self.tick is not None:
+            self.tick(int(1e3 * self.clock[0] / self.clock[2]), 1000)
+        scene, basis = self.scene, self.scene.basis
+        self.counts[3] = self.counts[2] + budget(basis)
+        self.counts[7] = bool(self.contacts)
+        self.clock[3] = basis.longest
+        before = (self.now, self.Z[0].copy()) if self.contacts else None
+        stop = Stop(
+            fly(
+                basis.rates, basis.split, scene.forms, scene.sizes, scene.walls, scene.mobility,
+                self.Z, basis.noise, basis.drifts, scene.bends, basis.own, self.clock,
+                self.counts, *self._table, self.wanted, self._buffer,
+            )
+        )  # fmt: skip
+        if before is not None:
+            self._press(*before)
+        return stop
 
     @property
     def now(self) -> float:
@@ -142,10 +171,6 @@ class Run:
     def _samples(self, scene: Scene) -> None:
         rows = max(1, min(self.wanted.size, _BUFFER // max(1, 2 * scene.basis.pairs)))
         self._buffer = np.empty((rows, 2, scene.basis.pairs))
-
-    def _new_table(self) -> tuple[Floats, Integers, Floats]:
-        rows = _ROWS + len(self.structure.system.constraints)
-        return np.empty((rows, 2)), np.empty((rows, 2), np.int64), np.empty((rows, 3))
 
     def _flush_samples(self) -> None:
         first, count = int(self.counts[4]), int(self.counts[1])
@@ -202,6 +227,17 @@ class Run:
         rest = Rest(contact, self.now, min(self.now + lasts, self.clock[2]))
         self.contacts[contact] = rest
         self.rests.append(rest)
+
+    def _press(self, since: float, z: Floats) -> None:
+        """Add what the walls gave to the coordinates at rest, from their rest on."""
+        whole = impulses_at_rest(self.scene, z, self.now - since)
+        for place, contact in enumerate(self.scene.contacts):
+            rest = self.contacts[contact]
+            given = float(whole[place])
+            if rest.rest > since:
+                early = min(rest.rest, self.now) - since
+                given -= float(impulses_at_rest(self.scene, z, early)[place])
+            rest.impulse += given
 
     def _let_go(self, contact: Contact) -> None:
         self.contacts.pop(contact).stop = self.now

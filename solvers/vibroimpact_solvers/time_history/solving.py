@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
 from typing import Any, Final
 
 import numpy as np
 
 from vibroimpact_solvers import spectrum
+from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.kernels.flight import Stop, spread
 from vibroimpact_solvers.plan import Plan, Stage
 from vibroimpact_solvers.time_history import reference, soft
 from vibroimpact_solvers.time_history.history import History
+from vibroimpact_solvers.time_history.launcher import Launcher
 from vibroimpact_solvers.time_history.planning import Flight
 from vibroimpact_solvers.time_history.problem import Member, Problem, State
 from vibroimpact_solvers.time_history.result import Result, empty
@@ -21,6 +24,8 @@ from vibroimpact_solvers.time_history.structure import Structure
 TOLERANCE: Final = 1e-6
 """Meant where none is asked for."""
 
+_SHORT = 4
+"""Times of a history up to which it is filled in by the call that follows the motion."""
 _EPS = float(np.finfo(np.float64).eps)
 _STATEMENT = (
     "estimate: roundings of the initial state and of every flight, carried along by the "
@@ -59,6 +64,14 @@ class Prepared:
         self.structure = Structure.of(problem.system, method, problem.t_end, problem.load)
         self._solver = _METHODS.get(Flight(flight.method), _integrated)
         self.wanted = problem.times if plan.step(Stage.HISTORY) else np.zeros(0)
+        self.bare = _bare(problem, History(problem, self.structure))
+        basis = self.structure.scene().basis
+        short = self.wanted.size <= _SHORT and "energy" not in problem.outputs
+        self._launcher = (
+            Launcher(self.structure, problem, self.wanted)
+            if self._solver is _exact and basis.plain and short
+            else None
+        )
 
     def solve(self, initial: State | Member | None = None, tick: Tick | None = None) -> Result:
         """Compute the motion from an initial state; absent: from that of the problem.
@@ -69,6 +82,8 @@ class Prepared:
             Where the initial state is not finite, or outside of the limits.
         """
         start = self.problem.initial if initial is None else initial
+        if self._launcher is not None and isinstance(start, State):
+            return _launched(self, self._launcher, start, tick)
         history = History(self.problem, self.structure)
         return self._solver(self, start, history, tick)
 
@@ -92,13 +107,34 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     return Prepared(problem, plan).solve(tick=tick)
 
 
-def _exact(
-    prepared: Prepared, initial: State | Member, history: History, tick: Tick | None
-) -> Result:
-    """Fly from impact to impact."""
+def _launched(prepared: Prepared, launcher: Launcher, initial: State, tick: Tick | None) -> Result:
+    """Fly from impact to impact in one call, or as far as that goes."""
+    problem = prepared.problem
+    flight = launcher.fly(problem, initial)
+    if flight.stop is not Stop.END:
+        history = History(problem, prepared.structure)
+        run = _run(prepared, flight.Z[0], history, tick)
+        run.adopt(flight.Z, flight.clock, flight.counts, flight.table, flight.samples)
+        run.finish(flight.stop)
+        return _result(problem, run, history)
+    if tick is not None:
+        tick(1000, 1000)
+    found = prepared.bare.copy()
+    if found["x"] is not None:
+        found["x"] = flight.x
+    if found["v"] is not None:
+        found["v"] = flight.v
+    rows = int(flight.counts[0])
+    at, where, what = flight.table
+    _fill_impacts(found, problem, prepared.structure.scale, at[:rows], where[:rows], what[:rows])
+    last = spread(flight.Z, prepared.structure.scene().basis.own, flight.clock[7])
+    _fill_rest(found, problem, flight.counts, flight.clock, what[:rows, 2], last)
+    return Result.of(found)
+
+
+def _run(prepared: Prepared, z: Floats, history: History, tick: Tick | None) -> Run:
     problem, structure = prepared.problem, prepared.structure
-    z = initial_state(problem, initial, structure)
-    run = Run(
+    return Run(
         structure,
         z,
         prepared.wanted * structure.scale,
@@ -108,6 +144,15 @@ def _exact(
         estimate=problem.estimate,
         tick=tick,
     )
+
+
+def _exact(
+    prepared: Prepared, initial: State | Member, history: History, tick: Tick | None
+) -> Result:
+    """Fly from impact to impact."""
+    problem, structure = prepared.problem, prepared.structure
+    z = initial_state(problem, initial, structure)
+    run = _run(prepared, z, history, tick)
     run.finish()
     return _result(problem, run, history)
 
@@ -131,7 +176,7 @@ def _soft(
         count_expansions=run.steps,
         error_statement=_HALVED,
     )
-    return Result(**found)
+    return Result.of(found)
 
 
 def _integrated(
@@ -168,16 +213,10 @@ def _integrated(
     found.update(
         count_impacts=len(run.times), count_expansions=run.evaluations, error_statement=_NONE
     )
-    return Result(**found)
+    return Result.of(found)
 
 
 _METHODS: Final = {Flight.MODAL: _exact, Flight.SPLITTING: _soft}
-
-
-def join(problem: Problem, plan: Plan, results: Sequence[Result]) -> Result:
-    """Return the one result there is."""
-    (result,) = results
-    return result
 
 
 def _bare(problem: Problem, history: History) -> dict[str, Any]:
@@ -215,23 +254,11 @@ _TABLES: Final = {
 
 
 def _result(problem: Problem, run: Run, history: History) -> Result:
-    outputs, scale = problem.outputs, run.scale
-    found = _bare(problem, history)
-    at = _joined(run.impacts.at, (0, 2))
-    times = (at[:, 0] + at[:, 1]) / scale
-    growth = _joined(run.impacts.growth, (0,))
-    if "impacts" in outputs:
-        where = _joined(run.impacts.where, (0, 2)).astype(np.int64, copy=False)
-        what = _joined(run.impacts.what, (0, 3))
-        found.update(
-            impact_time=times,
-            impact_constraint=where[:, 0],
-            impact_side=where[:, 1],
-            impact_velocity=what[:, 0] * scale,
-            impact_impulse=what[:, 1] * scale,
-            impact_condition=growth if problem.estimate else np.full(growth.size, np.nan),
-        )
-    if "contacts" in outputs and run.rests:
+    found, scale, table = _bare(problem, history), run.scale, run.impacts
+    at, where = _joined(table.at, (0, 2)), _joined(table.where, (0, 2))
+    what, growth = _joined(table.what, (0, 3)), _joined(table.growth, (0,))
+    _fill_impacts(found, problem, scale, at, where.astype(np.int64, copy=False), what)
+    if "contacts" in problem.outputs and run.rests:
         rests = run.rests
         found.update(
             contact_start=np.array([r.start for r in rests]) / scale,
@@ -239,23 +266,54 @@ def _result(problem: Problem, run: Run, history: History) -> Result:
             contact_stop=np.array([r.stop for r in rests]) / scale,
             contact_constraint=np.array([r.contact[0] for r in rests], dtype=np.int64),
             contact_side=np.array([r.contact[1] for r in rests], dtype=np.int64),
+            contact_impulse=np.array([r.impulse for r in rests]) / scale,
         )
-    found.update(
-        count_impacts=run.impacts.count,
-        count_grazings=int(run.counts[8]),
-        count_expansions=int(run.counts[2]),
-        error_penetration=float(run.clock[6]),
-        error_statement=_STATEMENT if problem.estimate else _UNKNOWN,
-    )
+    _fill_rest(found, problem, run.counts, run.clock, growth, run.growth)
+    found["count_impacts"] = table.count
+    return Result.of(found)
+
+
+def _fill_impacts(
+    found: dict[str, Any], problem: Problem, scale: float, at: Floats, where: Integers, what: Floats
+) -> None:
+    """Fill in the times of impacts and, where it is wanted, the rest of their table."""
+    found["impact_time"] = (at[:, 0] + at[:, 1]) / scale
+    if "impacts" in problem.outputs:
+        found["impact_constraint"] = where[:, 0].copy()
+        found["impact_side"] = where[:, 1].copy()
+        found["impact_velocity"] = what[:, 0] * scale
+        found["impact_impulse"] = what[:, 1] * scale
+        found["impact_condition"] = what[:, 2].copy()
+
+
+def _fill_rest(
+    found: dict[str, Any],
+    problem: Problem,
+    counts: Integers,
+    clock: Floats,
+    growth: Floats,
+    last: float,
+) -> None:
+    """Fill in counts and errors; growth, shape (impact,), and last: deviations there."""
+    rows, _, expansions, _, _, _, _, _, grazings, _, _ = counts.tolist()
+    found["count_impacts"] = rows
+    found["count_grazings"], found["count_expansions"] = grazings, expansions
+    found["error_penetration"] = float(clock[6])
     if problem.estimate:
-        lost = np.flatnonzero(~(growth * _EPS <= found["error_tolerance"]))
-        found.update(
-            error_condition=max(1.0, float(growth.max(initial=0.0)), run.growth),
-            error_predictable_until=float(times[lost[0]]) if lost.size else problem.t_end,
-        )
+        largest = max(1.0, last, float(growth.max(initial=0.0)))
+        found["error_condition"] = largest
+        if not largest * _EPS <= found["error_tolerance"]:
+            lost = np.flatnonzero(~(growth * _EPS <= found["error_tolerance"]))
+            if lost.size:
+                found["error_predictable_until"] = float(found["impact_time"][lost[0]])
+        found["error_statement"] = _STATEMENT
     else:
-        found.update(error_condition=np.nan, error_predictable_until=np.nan)
-    return Result(**found)
+        found["error_condition"] = found["error_predictable_until"] = math.nan
+        found["error_statement"] = _UNKNOWN
+        if found["impact_condition"] is not None:
+            found["impact_condition"] = np.full(growth.size, math.nan)
+    if "impacts" not in problem.outputs:
+        found["impact_time"] = None
 
 
 def _joined(pieces: list[Any], shape: tuple[int, ...]) -> Any:

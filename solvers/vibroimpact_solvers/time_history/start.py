@@ -9,7 +9,6 @@ from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.impact_modes.family import Family
 from vibroimpact_solvers.impact_modes.modal import ModalFamily
-from vibroimpact_solvers.kernels.modal import state_of
 from vibroimpact_solvers.time_history.problem import Member, Problem, State
 from vibroimpact_solvers.time_history.structure import Structure
 
@@ -21,19 +20,9 @@ def initial_state(problem: Problem, initial: State | Member, structure: Structur
     if not isinstance(initial, State):
         q, rate = _member(problem, initial, structure)
         return basis.pairs_of(q - basis.still, unit * rate, basis.loads(0.0))
-    if not basis.plain:
-        if initial is not problem.initial:
-            problem.check(initial)
-        return structure.enter(scene, initial.x, unit * initial.v, basis.loads(0.0))
-    modes, Z = basis.modes, np.zeros((1, 2, basis.pairs))
-    if initial.x.shape != (structure.system.n,) or initial.v.shape != initial.x.shape or (
-        not state_of(
-            initial.x, initial.v, unit, modes.weighted, basis.normal, basis.place, structure.W,
-            structure.limits if problem.limiter is None else structure.far, Z,
-        )
-    ):  # fmt: skip
+    if initial is not problem.initial:
         problem.check(initial)
-    return np.asarray(Z[0])
+    return structure.enter(scene, initial.x, unit * initial.v, basis.loads(0.0))
 
 
 def _member(problem: Problem, member: Member, structure: Structure) -> tuple[Floats, Floats]:

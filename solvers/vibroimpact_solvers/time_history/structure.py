@@ -83,7 +83,6 @@ class Structure:
             .reshape(count, 2)
             .T.copy()
         )
-        self.far = np.full_like(self.limits, np.inf)
         self.force = constant(load, n)
         if system.force is not None:
             self.force = self.force + system.force
@@ -103,10 +102,12 @@ class Structure:
         known = _PREPARED.setdefault(system, {})
         unit = 0.0 if load or system.K.data.any() else t_end  # that alone gives the unit of time
         key = (method, load, unit)
-        if key not in known:
+        found = known.get(key)
+        if found is None:
+            found = cls(system, method, t_end, load)
             known.clear()  # they are large; loads seldom alternate
-            known[key] = cls(system, method, t_end, load)
-        return known[key]
+            known[key] = found
+        return found  # another thread may have cleared it by now
 
     def scene(self, contacts: frozenset[Contact] = frozenset()) -> Scene:
         """Return the scene with some constraints held."""

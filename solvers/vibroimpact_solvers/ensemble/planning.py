@@ -1,0 +1,67 @@
+"""Counts what is done how often, and cuts an ensemble into pieces."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import replace
+
+from vibroimpact_solvers import time_history
+from vibroimpact_solvers.cost import BYTES_PER_SECOND, FLOPS_PER_SECOND, OVERHEAD_SECONDS
+from vibroimpact_solvers.ensemble.problem import KIND, Problem
+from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
+
+
+def plan(problem: Problem) -> Plan:
+    """Decide how the motions are followed and what is left out: alike for all members."""
+    of_one = time_history.plan(problem.pattern)
+    return Plan(KIND, tuple(_steps(problem, of_one)), tuple(_skips(problem, of_one)))
+
+
+def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Problem]:
+    """Cut an ensemble into members of about the given cost together."""
+    flops = sum(step.flops for step in plan.steps if step.stage is not Stage.SPECTRUM)
+    size = sum(step.bytes for step in plan.steps if step.stage is not Stage.SPECTRUM)
+    each = (flops / FLOPS_PER_SECOND + size / BYTES_PER_SECOND) / problem.size + OVERHEAD_SECONDS
+    # Counts that are powers of two, from the first member on: a longer ensemble that begins
+    # alike has the same pieces.
+    count = 1
+    while 2 * count * each <= seconds_each and count < problem.size:
+        count *= 2
+    return [
+        problem.piece(start, min(start + count, problem.size))
+        for start in range(0, problem.size, count)
+    ]
+
+
+def mark(problem: Problem) -> bytes:
+    """Return what tells a piece from all others: its initial states, bit for bit."""
+    text = hashlib.sha256(f"{problem.first}:{problem.x.shape}".encode())
+    for values in (problem.x, problem.v):
+        text.update(values.tobytes())
+    return text.digest()
+
+
+def _steps(problem: Problem, of_one: Plan) -> Iterator[Step]:
+    for step in of_one.steps:
+        if step.stage is Stage.SPECTRUM:
+            yield replace(step, reason=f"{step.reason}; one for all members")
+            continue
+        yield replace(
+            step,
+            reason=f"{step.reason}; members in parallel",
+            flops=step.flops * problem.size + OVERHEAD_SECONDS * FLOPS_PER_SECOND * problem.size
+            if step.stage is Stage.FLIGHT
+            else step.flops * problem.size,
+            bytes=step.bytes * problem.size,
+            count=problem.size,
+        )
+
+
+def _skips(problem: Problem, of_one: Plan) -> Iterator[Skip]:
+    yield Skip(
+        f"spectrum at {problem.size - 1} of {problem.size} members",
+        "initial states spoil later stages only",
+    )
+    # Which walls one member's energy reaches says nothing about the others.
+    yield from (skip for skip in of_one.skips if not skip.what.startswith("constraint "))

@@ -1,0 +1,104 @@
+"""What is asked: the motions of a structure from many initial states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+
+from vibroimpact_solvers import time_history
+from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.model import System
+from vibroimpact_solvers.time_history import Harmonic, Power, State
+
+KIND: Final = "ensemble"
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Motions of a structure from many initial states, and what about them.
+
+    Parameters
+    ----------
+    system : System
+    x, v : array, shape (member, dof)
+        Displacements and velocities at t = 0.
+    t_end, t, dofs, outputs, tolerance, load, limiter, method
+        As in `time_history.Problem`, of every motion.
+    first : int
+        Index of the first member, where this is a piece of a larger ensemble.
+
+    Raises
+    ------
+    ModelError
+        Where something is wrong with all members; a member that starts outside of the limits
+        is a matter of its own.
+    """
+
+    system: System
+    x: Floats
+    v: Floats
+    t_end: float
+    t: Floats | None = None
+    dofs: Integers | None = None
+    outputs: frozenset[str] = frozenset({"impacts"})
+    tolerance: float | None = None
+    load: tuple[Harmonic, ...] = ()
+    limiter: Power | None = None
+    method: str = time_history.EXACT
+    first: int = 0
+
+    def __post_init__(self) -> None:
+        for name, values in (("x", self.x), ("v", self.v)):
+            if values.ndim != 2 or values.shape[1] != self.system.n:
+                width = values.shape[-1] if values.ndim else 0
+                message = f"{width} numbers for {self.system.n} degrees of freedom"
+                raise ModelError(("initial", name), message, code="wrong_length")
+            if not np.isfinite(values).all():
+                message = "an entry is nan or infinite"
+                raise ModelError(("initial", name), message, code="not_finite")
+        if self.x.shape != self.v.shape or not self.size:
+            message = f"{len(self.v)} velocities for {len(self.x)} displacements"
+            raise ModelError(("initial", "v"), message, code="wrong_length")
+        self.pattern  # noqa: B018 (checks what all members share)
+
+    @property
+    def size(self) -> int:
+        """Number of members."""
+        return int(self.x.shape[0])
+
+    @cached_property
+    def pattern(self) -> time_history.Problem:
+        """The first member that can be one; where there is none, the first with no limiters."""
+        for index in range(self.size):
+            try:
+                return self.member(index)
+            except ModelError as error:
+                if error.pointer[:1] != ("initial",):
+                    raise
+        free = replace(self, system=self.system.limited(()), x=self.x[:1], v=self.v[:1])
+        return free.member(0)
+
+    def member(self, index: int) -> time_history.Problem:
+        """Return the problem of one motion.
+
+        Raises
+        ------
+        ModelError
+            Where it starts outside of the limits.
+        """
+        shared: dict[str, Any] = {name: getattr(self, name) for name in _SHARED}
+        return time_history.Problem(initial=State(self.x[index], self.v[index]), **shared)
+
+    def piece(self, start: int, stop: int) -> Problem:
+        """Return some of the members."""
+        x, v = self.x[start:stop], self.v[start:stop]
+        return replace(self, x=x, v=v, first=self.first + start)
+
+
+_SHARED: Final = tuple(
+    field.name for field in fields(Problem) if field.name not in {"x", "v", "first"}
+)

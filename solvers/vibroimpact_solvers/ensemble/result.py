@@ -1,0 +1,149 @@
+"""What is answered: the arrays of all members, and their tables one after the other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from vibroimpact_solvers.arrays import Floats, Integers, Quantity
+from vibroimpact_solvers.sweep import STATUSES
+
+
+def _member(unit: str, name: str, path: str = "") -> Quantity:
+    return Quantity(("member",), unit, name, path=path)
+
+
+def _impact(unit: str, name: str, column: str) -> Quantity:
+    return Quantity(("impact",), unit, name, path=f"impacts/{column}")
+
+
+def _contact(unit: str, name: str, column: str) -> Quantity:
+    return Quantity(("contact",), unit, name, path=f"contacts/{column}")
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """Many motions; None stands for what was not asked.
+
+    Rows of tables stand one after the other in the order of the members, as contiguous ragged
+    arrays of the CF conventions: member i has the rows ``offset[i]`` to
+    ``offset[i] + count[i]``. A member without a motion has no rows, and nan in the arrays.
+    """
+
+    member: Annotated[Integers, Quantity(("member",), "1", "index of the initial state", True)]
+    status: Annotated[
+        Integers,
+        Quantity(("member",), "1", "whether there is a motion, and if not why", flags=STATUSES),
+    ]
+    t: Annotated[Floats | None, Quantity(("time",), "time", "time", True)]
+    dof: Annotated[Integers | None, Quantity(("dof",), "1", "index of the degree of freedom", True)]
+    x: Annotated[Floats | None, Quantity(("member", "time", "dof"), "length", "displacement")]
+    v: Annotated[Floats | None, Quantity(("member", "time", "dof"), "length time-1", "velocity")]
+    energy: Annotated[
+        Floats | None,
+        Quantity(
+            ("member", "time"), "mass length2 time-2", "mechanical energy, static load included"
+        ),
+    ]
+    impact_count: Annotated[
+        Integers | None,
+        Quantity(("member",), "1", "rows of impacts of each member", rows_of="impact"),
+    ]
+    impact_offset: Annotated[Integers | None, _member("1", "first row of impacts of each member")]
+    impact_time: Annotated[Floats | None, _impact("time", "time of the impact", "time")]
+    impact_constraint: Annotated[
+        Integers | None, _impact("1", "index of the constraint", "constraint")
+    ]
+    impact_side: Annotated[
+        Integers | None, _impact("1", "wall: 1 the upper, -1 the lower one", "side")
+    ]
+    impact_velocity: Annotated[
+        Floats | None,
+        _impact("length time-1", "velocity of the coordinate before the impact", "velocity"),
+    ]
+    impact_impulse: Annotated[
+        Floats | None, _impact("mass length time-1", "impulse on the structure", "impulse")
+    ]
+    impact_condition: Annotated[
+        Floats | None,
+        _impact(
+            "1", "error of the state relative to it, in units of the rounding 2^-52", "condition"
+        ),
+    ]
+    contact_count: Annotated[
+        Integers | None,
+        Quantity(("member",), "1", "rows of contacts of each member", rows_of="contact"),
+    ]
+    contact_offset: Annotated[Integers | None, _member("1", "first row of contacts of each member")]
+    contact_start: Annotated[
+        Floats | None, _contact("time", "time of the last impact listed before it", "start")
+    ]
+    contact_rest: Annotated[
+        Floats | None, _contact("time", "time at which the coordinate comes to rest", "rest")
+    ]
+    contact_stop: Annotated[
+        Floats | None, _contact("time", "time of release, or the end of the motion", "stop")
+    ]
+    contact_constraint: Annotated[
+        Integers | None, _contact("1", "index of the constraint", "constraint")
+    ]
+    contact_side: Annotated[
+        Integers | None, _contact("1", "wall: 1 the upper, -1 the lower one", "side")
+    ]
+    contact_impulse: Annotated[
+        Floats | None,
+        _contact(
+            "mass length time-1", "impulse of the wall on the structure, rest to stop", "impulse"
+        ),
+    ]
+    count_impacts: Annotated[Integers, _member("1", "number of impacts", "count/impacts")]
+    count_grazings: Annotated[
+        Integers, _member("1", "touches of a wall without an impulse", "count/grazings")
+    ]
+    count_expansions: Annotated[
+        Integers, _member("1", "expansions that the search took", "count/expansions")
+    ]
+    error_condition: Annotated[
+        Floats,
+        _member(
+            "1",
+            "largest error of the state relative to it, in units of the rounding 2^-52",
+            "error/condition",
+        ),
+    ]
+    error_penetration: Annotated[
+        Floats,
+        _member(
+            "length",
+            "largest distance between a wall and the place of an impact at it",
+            "error/penetration",
+        ),
+    ]
+    error_predictable_until: Annotated[
+        Floats,
+        _member(
+            "time",
+            "time until which the tolerance can hold in double precision",
+            "error/predictable_until",
+        ),
+    ]
+    error_energy_drift: Annotated[
+        Floats | None,
+        _member("1", "largest relative change of the energy", "error/energy_drift"),
+    ]
+    error_difference: Annotated[
+        Floats | None,
+        _member(
+            "1", "difference to steps of twice the length, over the largest", "error/difference"
+        ),
+    ]
+    #: The tolerance meant.
+    error_tolerance: float
+    #: How the errors were obtained.
+    error_statement: str
+    #: Why members have no motion: the first of them in words.
+    error_failures: list[str]
+
+
+TABLES = ("impact", "contact")
+"""Dimensions of tables whose length differs from member to member."""

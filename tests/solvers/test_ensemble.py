@@ -1,0 +1,190 @@
+"""Ensembles: every member is the motion it would be alone; wrong ones do not spoil the others."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vibroimpact_solvers import ensemble, presets, time_history
+from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.errors import Cancelled, ModelError, PlanError
+from vibroimpact_solvers.model import Constraint, System
+from vibroimpact_solvers.plan import Stage
+
+ALL = frozenset(time_history.OUTPUTS)
+OSCILLATOR = presets.oscillator([Constraint.at(0, 1.0, 0.9)], 1.0)
+CHAIN = presets.chain(5, [Constraint.at(2, 0.2, 0.6), Constraint((4,), (1.0,), None, 0.1, 0.0)])
+
+
+def states(system: System, count: int, seed: int = 1) -> tuple[Floats, Floats]:
+    rng = np.random.default_rng(seed)
+    x = rng.uniform(-0.05, 0.05, (count, system.n))
+    return x, rng.standard_normal((count, system.n))
+
+
+def problem(system: System, x: Floats, v: Floats, **other: object) -> ensemble.Problem:
+    given: dict[str, object] = {"t_end": 12.0, "t": np.linspace(0.0, 12.0, 5), "outputs": ALL}
+    return ensemble.Problem(system, x, v, **given | other)  # type: ignore[arg-type]
+
+
+def solved(asked: ensemble.Problem) -> ensemble.Result:
+    return ensemble.solve(asked, ensemble.plan(asked))
+
+
+@pytest.mark.parametrize("system", [OSCILLATOR, CHAIN], ids=["oscillator", "chain"])
+def test_members_are_what_they_would_be_alone(system: System) -> None:
+    x, v = states(system, 150)
+    asked = problem(system, x, v, dofs=np.array([system.n - 1]))
+    result = solved(asked)
+    names = {field.name for field in fields(time_history.Result)} - {
+        "t", "dof", "error_statement", "error_tolerance",
+    }  # fmt: skip
+    for i in (0, 1, 17, 149):
+        alone_problem = asked.member(i)
+        alone = time_history.solve(alone_problem, time_history.plan(alone_problem))
+        for name in names:
+            expected, found = getattr(alone, name), getattr(result, name)
+            if expected is None:
+                assert found is None
+                continue
+            for dim in ("impact", "contact"):
+                if name.startswith(f"{dim}_"):
+                    start = getattr(result, f"{dim}_offset")[i]
+                    found = found[start : start + getattr(result, f"{dim}_count")[i]]
+                    break
+            else:
+                found = found[i]
+            np.testing.assert_array_equal(found, expected, err_msg=name)
+    assert result.impact_time is not None
+    assert result.impact_count is not None
+    assert result.impact_count.sum() == result.impact_time.size == result.count_impacts.sum()
+    assert result.impact_time.size > 200
+
+
+def test_a_member_outside_of_the_limits_is_an_entry_of_its_own() -> None:
+    x, v = states(OSCILLATOR, 40)
+    right = solved(problem(OSCILLATOR, x, v))
+    x[0], x[17] = 2.0, -3.0
+    result = solved(problem(OSCILLATOR, x, v))
+    assert np.flatnonzero(result.status).tolist() == [0, 17]
+    assert (result.status[[0, 17]] == 1).all()
+    assert [text.partition(":")[0] for text in result.error_failures] == ["member 0", "member 17"]
+    assert "outside of its limits" in result.error_failures[0]
+    assert result.x is not None
+    assert right.x is not None
+    assert np.isnan(result.x[[0, 17]]).all()
+    assert np.isnan(result.error_condition[17])
+    others = np.setdiff1d(np.arange(40), [0, 17])
+    np.testing.assert_array_equal(result.x[others], right.x[others])
+    assert result.impact_count is not None
+    assert right.impact_count is not None
+    assert (result.impact_count[[0, 17]] == 0).all()
+    np.testing.assert_array_equal(result.impact_count[others], right.impact_count[others])
+
+
+def test_an_ensemble_may_be_wrong_throughout() -> None:
+    result = solved(problem(OSCILLATOR, np.full((3, 1), 2.0), np.zeros((3, 1))))
+    assert result.status.tolist() == [1, 1, 1]
+    assert result.impact_time is not None
+    assert result.impact_time.size == 0
+    assert result.count_impacts.tolist() == [0, 0, 0]
+
+
+def test_a_motion_that_cannot_be_followed_is_reported_with_the_member(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    follow = time_history.Prepared.solve
+
+    def refusing(
+        prepared: time_history.Prepared, initial: time_history.State, *args: Any
+    ) -> time_history.Result:
+        if initial.x[0] == 0.5:
+            raise PlanError("this one cannot be followed")
+        return follow(prepared, initial, *args)
+
+    monkeypatch.setattr(time_history.Prepared, "solve", refusing)
+    x = np.array([[0.0], [0.5], [0.1]])
+    result = solved(problem(OSCILLATOR, x, np.ones((3, 1))))
+    assert result.status.tolist() == [0, 2, 0]
+    assert result.error_failures == ["member 1: this one cannot be followed"]
+
+
+def test_pieces_make_the_whole() -> None:
+    x, v = states(CHAIN, 50)
+    x[5], x[40:50] = 3.0, 3.0
+    asked = problem(CHAIN, x, v)
+    plan = ensemble.plan(asked)
+    pieces = ensemble.split(asked, plan, 0.004)
+    assert len(pieces) > 3
+    assert sum(piece.size for piece in pieces) == 50
+    assert len({ensemble.mark(piece) for piece in pieces}) == len(pieces)
+    joined = ensemble.join(asked, plan, [ensemble.solve(piece, plan) for piece in pieces])
+    whole = ensemble.solve(asked, plan)
+    for field in fields(ensemble.Result):
+        expected = getattr(whole, field.name)
+        if isinstance(expected, np.ndarray):
+            np.testing.assert_array_equal(getattr(joined, field.name), expected, err_msg=field.name)
+        else:
+            assert getattr(joined, field.name) == expected
+
+
+def test_a_longer_ensemble_shares_the_pieces_of_a_shorter_one() -> None:
+    x, v = states(CHAIN, 90)
+    short, long = problem(CHAIN, x[:60], v[:60]), problem(CHAIN, x, v)
+    marks = [
+        {ensemble.mark(p) for p in ensemble.split(asked, ensemble.plan(asked), 0.02)}
+        for asked in (short, long)
+    ]
+    assert len(marks[0] - marks[1]) <= 1  # the last one of the shorter is cut off
+
+
+def test_one_spectrum_is_planned_for_all() -> None:
+    x, v = states(CHAIN, 90)
+    plan = ensemble.plan(problem(CHAIN, x, v))
+    counts = {step.stage: step.count for step in plan.steps}
+    assert counts == {Stage.SPECTRUM: 1, Stage.FLIGHT: 90, Stage.HISTORY: 90}
+    assert any("89 of 90 members" in skip.what for skip in plan.skips)
+    ten = ensemble.plan(problem(CHAIN, x[:10], v[:10]))
+    assert 8.0 < plan.flops / ten.flops < 9.1
+
+
+def test_it_stops_when_it_is_told_to() -> None:
+    x, v = states(CHAIN, 400)
+    asked = problem(CHAIN, x, v, t_end=400.0, t=None, outputs=frozenset({"impacts"}))
+
+    def stop(done: int, total: int) -> None:
+        raise Cancelled
+
+    before = threading.active_count()
+    with pytest.raises(Cancelled):
+        ensemble.solve(asked, ensemble.plan(asked), stop)
+    assert threading.active_count() == before
+
+
+@pytest.mark.parametrize(
+    ("x", "v", "pointer", "code"),
+    [
+        (np.zeros((2, 3)), np.zeros((2, 1)), ("initial", "x"), "wrong_length"),
+        (np.zeros((2, 1)), np.zeros((3, 1)), ("initial", "v"), "wrong_length"),
+        (np.zeros((0, 1)), np.zeros((0, 1)), ("initial", "v"), "wrong_length"),
+        (np.full((2, 1), np.nan), np.zeros((2, 1)), ("initial", "x"), "not_finite"),
+    ],
+)
+def test_wrong_states_name_the_field(
+    x: Floats, v: Floats, pointer: tuple[str, ...], code: str
+) -> None:
+    with pytest.raises(ModelError) as caught:
+        problem(OSCILLATOR, x, v)
+    assert (caught.value.pointer, caught.value.code) == (pointer, code)
+
+
+def test_what_all_members_share_is_checked_once() -> None:
+    x, v = states(OSCILLATOR, 2)
+    x[0] = 9.0
+    with pytest.raises(ModelError) as caught:
+        problem(OSCILLATOR, x, v, t_end=-1.0)
+    assert caught.value.pointer == ("t_end",)
