@@ -7,10 +7,18 @@ from enum import StrEnum
 
 import numpy as np
 
-from vibroimpact_solvers import spectrum
+from vibroimpact_solvers import impact_modes, spectrum
 from vibroimpact_solvers.matrices import Form
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
-from vibroimpact_solvers.time_history.problem import EXACT, KIND, OUTPUTS, Problem, State
+from vibroimpact_solvers.time_history.problem import (
+    EXACT,
+    KIND,
+    OUTPUTS,
+    Member,
+    Problem,
+    State,
+)
+from vibroimpact_solvers.time_history.start import member_problem
 
 _FEW = 500  # degrees of freedom up to which a full K is factorized for a plan
 
@@ -45,6 +53,9 @@ def _steps(problem: Problem, far: list[int]) -> Iterator[Step]:
         0.0 if known else spectrum.flops(system, method),
         spectrum.nbytes(system, method),
     )
+    if isinstance(problem.initial, Member):
+        start = impact_modes.plan(member_problem(system, problem.initial))
+        yield from (step for step in start.steps if step.stage is not Stage.SPECTRUM)
     yield _flight(problem, len(system.constraints) - len(far))
     if problem.outputs & {"x", "v", "energy"}:
         times, dofs = problem.times.size, problem.wanted_dofs.size

@@ -107,6 +107,7 @@ class Run:
                 self.tick(int(1e3 * self.clock[0] / self.clock[2]), 1000)
             self.counts[3] = self.counts[2] + budget
             self.counts[7] = bool(self.contacts)
+            place = (self.clock[0], self.clock[1], self.counts[10])
             basis = self.scene.basis
             growth = basis.growth
             self.clock[3] = 1.0 / growth if growth > 0.0 else math.inf
@@ -119,7 +120,9 @@ class Run:
             )  # fmt: skip
             self._flush_samples()
             self._flush_table()
-            if stop is Stop.CONTACT:
+            if stop is Stop.PAUSE:
+                self._check_progress(place)
+            elif stop is Stop.CONTACT:
                 self._rest(int(self.counts[5]), int(self.counts[6]), float(self.clock[5]))
             elif stop is Stop.RELEASE:
                 self._release(int(self.counts[5]))
@@ -129,6 +132,12 @@ class Run:
             rest.stop = self.clock[2]
         if self.tick is not None:
             self.tick(1000, 1000)
+
+    def _check_progress(self, before: tuple[float, float, int]) -> None:
+        """Refuse a motion that grazes a wall for ever, within rounding at the same time."""
+        if before == (self.clock[0], self.clock[1], self.counts[10]):
+            message = f"the motion goes on grazing at t = {self.now / self.scale!r}"
+            raise ConvergenceError(message)
 
     @property
     def now(self) -> float:
