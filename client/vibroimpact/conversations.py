@@ -244,3 +244,19 @@ def job_result(document: Document) -> Conversation[bytes]:
     """Return the file of the result of a job that succeeded."""
     answer = yield from request("GET", f"/v1/jobs/{document['id']}/result", headers=_HDF5)
     return answer.content
+
+
+def share(document: Document, readers: Sequence[str]) -> Conversation[list[str]]:
+    """Let exactly these see a job, and return them."""
+    address = f"/v1/jobs/{document['id']}/share"
+    if readers:
+        answer = yield from request("PUT", address, json={"readers": list(readers)})
+    else:
+        answer = yield from request("DELETE", address)
+    return list(answer.json()["readers"])
+
+
+def readers(document: Document) -> Conversation[list[str]]:
+    """Return who may see a job beside its owner."""
+    answer = yield from request("GET", f"/v1/jobs/{document['id']}/share")
+    return list(answer.json()["readers"])

@@ -116,6 +116,20 @@ class Job(JobState):
         self._note(self._transport.hold(conversations.cancel(self.document)))
         return self
 
+    def share(self, *readers: str) -> list[str]:
+        """Let exactly these see it and its result; return them.
+
+        Parameters
+        ----------
+        *readers : str
+            Owners of keys; ``"*"``: whoever has a key that may read; none: nobody else.
+        """
+        return self._transport.hold(conversations.share(self.document, readers))
+
+    def readers(self) -> list[str]:
+        """Return who else may see it."""
+        return self._transport.hold(conversations.readers(self.document))
+
     def result(self) -> Result:
         """Return the result of a job that succeeded."""
         return Result(self._transport.hold(conversations.job_result(self.document)))
@@ -144,6 +158,14 @@ class AsyncJob(JobState):
         """Cancel it; nothing happens to a job that ended."""
         self._note(await self._transport.hold(conversations.cancel(self.document)))
         return self
+
+    async def share(self, *readers: str) -> list[str]:
+        """Let exactly these see it and its result, as `Job.share`."""
+        return await self._transport.hold(conversations.share(self.document, readers))
+
+    async def readers(self) -> list[str]:
+        """Return who else may see it."""
+        return await self._transport.hold(conversations.readers(self.document))
 
     async def result(self) -> Result:
         """Return the result of a job that succeeded."""

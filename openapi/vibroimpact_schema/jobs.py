@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import AwareDatetime, Field
 
 from vibroimpact_schema.problems import Problem
 from vibroimpact_schema.values import Digest, Document, Index, NonNegative
 
+Reader = Annotated[str, Field(pattern=r"^([A-Za-z0-9][A-Za-z0-9._@-]{0,79}|\*)$")]
 State = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 
 
@@ -43,6 +44,23 @@ class Job(Document):
     digest: Digest = Field(description="Name that the result has or will have.")
     result: str | None = Field(description="Where the result is, once there is one.")
     error: Problem | None = Field(description="Why it failed.")
+
+
+class ShareRequest(Document):
+    """Who else may see a job and its result."""
+
+    readers: Annotated[list[Reader], Field(min_length=1, max_length=100, fail_fast=True)] = Field(
+        description="Owners of keys; * stands for whoever has a key that may read.",
+        examples=[["bob"]],
+    )
+
+
+class Share(Document):
+    """Who may see a job and its result."""
+
+    job: str
+    owner: str = Field(description="Whose job it is, as others name them among readers.")
+    readers: list[str] = Field(description="Who else; empty: nobody.")
 
 
 class JobList(Document):

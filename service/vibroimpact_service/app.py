@@ -25,6 +25,7 @@ from vibroimpact_service.api import (
     pages,
     results,
     service,
+    sharing,
     systems,
 )
 from vibroimpact_service.api.shell import Shell, cross_origin, http_error, parameter_error
@@ -90,6 +91,7 @@ def create_app(settings: Settings | None = None, queue: JobQueue | None = None) 
     app.state.routers = (
         compute.router(),
         jobs.router,
+        sharing.router,
         results.router,
         systems.router,
         admin.router,

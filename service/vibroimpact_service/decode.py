@@ -170,7 +170,8 @@ def _lattice(start: float, step: float, count: int) -> Floats:
     first, each = Decimal(repr(start)), Decimal(repr(step))
     places = max(0, -min(int(d.normalize().as_tuple().exponent) for d in (first, each)))
     whole = int(first.scaleb(places)) + int(each.scaleb(places)) * (count - 1)
-    if places > 22 or whole >= 2**53:  # beyond it numerator or denominator would be rounded
+    # Beyond these numerator or denominator would be rounded.
+    if places > 22 or whole >= 2**53 or int(each.scaleb(places)) >= 2**53:
         return start + step * np.arange(count, dtype=np.float64)
     numerators = int(first.scaleb(places)) + int(each.scaleb(places)) * np.arange(count)
     found: Floats = numerators.astype(np.float64) / 10.0**places

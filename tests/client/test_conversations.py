@@ -140,3 +140,18 @@ def test_a_dead_service_is_given_up_on(hold: Hold) -> None:
 
     with pytest.raises(errors.ConnectionFailed, match="http://service"):
         hold(service, conversations.version())
+
+
+def test_jobs_are_shared_and_no_longer(hold: Hold) -> None:
+    seen: list[tuple[str, str, bytes]] = []
+
+    def service(request: httpx2.Request) -> httpx2.Response:
+        seen.append((request.method, request.url.path, request.content))
+        return httpx2.Response(200, json={"job": "a", "owner": "ann", "readers": ["bob"]})
+
+    assert hold(service, conversations.share({"id": "a"}, ["bob"])) == ["bob"]
+    hold(service, conversations.share({"id": "a"}, []))
+    assert hold(service, conversations.readers({"id": "a"})) == ["bob"]
+    assert [method for method, _, _ in seen] == ["PUT", "DELETE", "GET"]
+    assert {path for _, path, _ in seen} == {"/v1/jobs/a/share"}
+    assert b"bob" in seen[0][2]

@@ -38,8 +38,12 @@ def before_call(_: Any, case: Any, __: Any) -> None:
     """Let every other computation of a conversation be one of the examples.
 
     What is made up from the schema alone is hardly ever a structure that can move, and what has
-    no result leads nowhere.
+    no result leads nowhere. And nothing is shared with the user who must not see it.
     """
+    if case.path == "/v1/jobs/{job}/share" and isinstance(case.body, dict):
+        readers = case.body.get("readers")
+        if isinstance(readers, list) and {"*", "bob"} & {r for r in readers if isinstance(r, str)}:
+            case.body = {**case.body, "readers": ["carol"]}
     meta = case.meta
     if meta is None or meta.phase.name is not TestPhase.STATEFUL:
         return

@@ -172,6 +172,42 @@ def job_result() -> Routing:
     )
 
 
+def share() -> Routing:
+    """Describe GET /v1/jobs/{job}/share."""
+    return _route(
+        "get_share",
+        "Who else may see a job",
+        "Only its owner is told.",
+        {200: _answer("Its readers.", job_documents.Share)},
+        _READ_PROBLEMS,
+    )
+
+
+def set_share() -> Routing:
+    """Describe PUT /v1/jobs/{job}/share."""
+    shown = {"bob": {"summary": "A colleague", "value": {"readers": ["carol"]}}}
+    return _route(
+        "share_job",
+        "Let others see a job",
+        "Exactly those named may from now on look at the job, follow it and take its result; "
+        "only its owner may cancel or share it. Noted among the administrative acts.",
+        {200: _answer("Its readers.", job_documents.Share)},
+        (*_BODY_PROBLEMS, 404),
+        body=_json_body("ShareRequest", shown),
+    )
+
+
+def end_share() -> Routing:
+    """Describe DELETE /v1/jobs/{job}/share."""
+    return _route(
+        "unshare_job",
+        "Let nobody else see a job",
+        "Its owner alone sees it again.",
+        {200: _answer("Its readers: none.", job_documents.Share)},
+        _READ_PROBLEMS,
+    )
+
+
 def events() -> Routing:
     """Describe GET /v1/jobs/{job}/events."""
     job = {"$ref": _REF.format(model="Job")}
@@ -389,7 +425,7 @@ def _add_links(operation: dict[str, Any]) -> None:
 def _request_schemas() -> dict[str, Any]:
     requests: list[type[BaseModel]] = [kind.request for kind in KINDS.values()]
     models: list[type[BaseModel]] = [*requests, BatchRequest, JobRequest]
-    models += [key_documents.KeyRequest, Problem]
+    models += [key_documents.KeyRequest, job_documents.ShareRequest, Problem]
     _, found = models_json_schema([(m, "validation") for m in models], ref_template=_REF)
     schemas: dict[str, Any] = found["$defs"]
     adapter = TypeAdapter[Any](System)
@@ -523,7 +559,15 @@ _PATHS: Final = {
 }
 _OF_JOB: Final = {
     operation: {"job": "$response.body#/id"}
-    for operation in ("get_job", "cancel_job", "get_job_result", "follow_job")
+    for operation in (
+        "get_job",
+        "cancel_job",
+        "get_job_result",
+        "follow_job",
+        "get_share",
+        "share_job",
+        "unshare_job",
+    )
 }
 _LINKS: Final[Mapping[str, Mapping[str, Mapping[str, Mapping[str, str]]]]] = {
     "submit_job": {"201": _OF_JOB},

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import AsyncIterator, Sequence
 from datetime import UTC, datetime
 from typing import Annotated, Any, Final, Literal, cast
@@ -15,14 +14,13 @@ from starlette.responses import Response, StreamingResponse
 from vibroimpact_schema.jobs import Job, JobList, Progress
 from vibroimpact_schema.problems import Problem
 from vibroimpact_service import problems
-from vibroimpact_service.api import contract, exchange
+from vibroimpact_service.api import contract, exchange, sharing
 from vibroimpact_service.api.guard import Guarded
 from vibroimpact_service.jobs.queue import JobQueue
 from vibroimpact_service.jobs.records import JobRow
 from vibroimpact_service.problems import ProblemError
 
 LONGEST_POLL: Final = 25.0
-_JOB = re.compile(r"job_[0-9a-f]{32}")
 
 router = APIRouter(tags=["jobs"], route_class=Guarded)
 
@@ -122,17 +120,14 @@ async def looked_up(
 ) -> Response:
     """Return a job."""
     queue = exchange.evaluation(request).queue
-    owner = exchange.owner(request)
-    row = None
-    if wait and _JOB.fullmatch(job):
+    row = await sharing.job(request, job)
+    if wait and not row.final:
         seconds = min(wait, LONGEST_POLL)
         if since is None:
-            waiting = queue.finished(owner, job, seconds)
+            waiting = queue.finished(row.owner, job, seconds)
         else:
-            waiting = queue.wait(owner, job, since, seconds)
-        row = await exchange.unless_draining(request, waiting)
-    if row is None:  # nobody waits, the service stops, or there is no such job
-        row = await _row(queue, owner, job)
+            waiting = queue.wait(row.owner, job, since, seconds)
+        row = await exchange.unless_draining(request, waiting) or row
     return exchange.document(await described(queue, row))
 
 
@@ -140,11 +135,10 @@ async def looked_up(
 async def cancelled(request: Request, job: str) -> Response:
     """Cancel a job; a final one stays as it is."""
     queue = exchange.evaluation(request).queue
-    owner = exchange.owner(request)
-    await _row(queue, owner, job)
-    row = await queue.cancel(owner, job)
-    assert row is not None
-    return exchange.document(await described(queue, row))
+    row = await sharing.own_job(request, job)
+    cancelled = await queue.cancel(row.owner, job)
+    assert cancelled is not None
+    return exchange.document(await described(queue, cancelled))
 
 
 @router.get("/v1/jobs/{job}/result", **contract.job_result())
@@ -152,7 +146,7 @@ async def result(request: Request, job: str) -> Response:
     """Return the result of a job."""
     media_type = exchange.wanted_representation(request)
     use = exchange.evaluation(request)
-    row = await _row(use.queue, exchange.owner(request), job)
+    row = await sharing.job(request, job)
     if row.state in ("failed", "cancelled"):
         raise ProblemError(problems.NO_RESULT, f"The job was {row.state}.")
     if row.state != "succeeded":
@@ -169,25 +163,29 @@ async def result(request: Request, job: str) -> Response:
 async def events(request: Request, job: str) -> Response:
     """Follow a job by server-sent events."""
     queue = exchange.evaluation(request).queue
-    await _row(queue, exchange.owner(request), job)
+    row = await sharing.job(request, job)
     last = request.headers.get("last-event-id", "")
     seen = int(last) if last.isdigit() and len(last) < 10 else 0
-    stream = _events(request, queue, job, seen)
+    stream = _events(request, queue, row, seen)
     headers = {"X-Accel-Buffering": "no"}
     if request.state.head:
         return Response(headers=headers, media_type="text/event-stream")
     return StreamingResponse(stream, headers=headers, media_type="text/event-stream")
 
 
-async def _events(request: Request, queue: JobQueue, job: str, seen: int) -> AsyncIterator[bytes]:
+async def _events(
+    request: Request, queue: JobQueue, job: JobRow, seen: int
+) -> AsyncIterator[bytes]:
     """Yield the job whenever it changed, under the number of the change, until it is final."""
     yield b"retry: 1000\n\n"
-    changes = queue.events(exchange.owner(request), job, seen)
+    changes = queue.events(job.owner, job.id, seen)
     while True:
         change: Any = await exchange.unless_draining(request, _next(changes))
         if change is None:
             return
         (row,) = change
+        if not await sharing.still_shown(request, job):
+            return
         if row is None:
             yield b": still here\n\n"
             continue
@@ -200,10 +198,3 @@ async def _next(changes: AsyncIterator[JobRow | None]) -> tuple[JobRow | None] |
     async for change in changes:
         return (change,)
     return None
-
-
-async def _row(queue: JobQueue, owner: str, job: str) -> JobRow:
-    row = await queue.get(owner, job) if _JOB.fullmatch(job) else None
-    if row is None:
-        raise ProblemError(problems.NOT_FOUND, "There is no such job.")
-    return row

@@ -8,9 +8,8 @@ from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
-from vibroimpact_service import digest as names
 from vibroimpact_service import problems
-from vibroimpact_service.api import contract, exchange
+from vibroimpact_service.api import contract, exchange, sharing
 from vibroimpact_service.api.guard import Guarded
 from vibroimpact_service.problems import ProblemError
 
@@ -24,7 +23,7 @@ async def result(request: Request, digest: str) -> Response:
     """Return a result by its name."""
     media_type = exchange.wanted_representation(request)
     found = None
-    if _DIGEST.fullmatch(digest) and names.owned(exchange.owner(request), digest):
+    if _DIGEST.fullmatch(digest) and await sharing.shows_result(request, digest):
         found = await exchange.evaluation(request).result(digest, media_type)
     if found is None:
         raise ProblemError(problems.NOT_FOUND, "There is no such result.")

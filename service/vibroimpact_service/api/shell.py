@@ -40,7 +40,7 @@ EXPOSED: Final = (
 """Header fields that pages of other origins may read."""
 
 _LOCAL_NAMES: Final = ("localhost", "127.0.0.1", "[::1]")
-_METHODS: Final = frozenset({"GET", "HEAD", "POST", "DELETE", "OPTIONS"})
+_METHODS: Final = frozenset({"GET", "HEAD", "POST", "PUT", "DELETE", "OPTIONS"})
 _PORT = re.compile(r":\d{1,5}$")
 _REQUEST_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 
@@ -140,7 +140,7 @@ def cross_origin(settings: Settings) -> dict[str, Any]:
     """Return what pages of other origins may do, where the settings name any."""
     return {
         "allow_origins": settings.cors_origins,
-        "allow_methods": ["GET", "HEAD", "POST", "DELETE"],
+        "allow_methods": ["GET", "HEAD", "POST", "PUT", "DELETE"],
         "allow_headers": ["*", "Authorization"],
         "expose_headers": list(EXPOSED),
         "max_age": 600,

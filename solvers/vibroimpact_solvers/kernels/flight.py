@@ -547,6 +547,8 @@ def fly(
     while True:
         if counts[0] + m > at.shape[0]:
             return _TABLE
+        if counts[2] >= counts[3]:
+            return _PAUSE  # flights that end at a wall each, however short, must not go on unseen
         left = (clock[2] - clock[0]) - clock[1]
         magnitudes(split, Z, 0, size)
         for i in range(m):

@@ -10,11 +10,19 @@ from typing import Final
 
 import numpy as np
 
-from vibroimpact_solvers import spectrum
+from vibroimpact_solvers import impact_modes, spectrum
 from vibroimpact_solvers.cost import BYTES_PER_SECOND, FLOPS_PER_SECOND
 from vibroimpact_solvers.matrices import Form
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
-from vibroimpact_solvers.time_history.problem import EXACT, KIND, OUTPUTS, Problem, State
+from vibroimpact_solvers.time_history.problem import (
+    EXACT,
+    KIND,
+    OUTPUTS,
+    Member,
+    Problem,
+    State,
+)
+from vibroimpact_solvers.time_history.start import member_problem
 
 _MOST = 2**20  # windows
 _FEW = 500  # degrees of freedom up to which a full K is factorized for a plan
@@ -75,6 +83,9 @@ def _steps(problem: Problem, far: list[int]) -> Iterator[Step]:
         spectrum.nbytes(system, method),
     )
     history = None
+    if isinstance(problem.initial, Member):
+        start = impact_modes.plan(member_problem(system, problem.initial))
+        yield from (step for step in start.steps if step.stage is not Stage.SPECTRUM)
     if problem.outputs & {"x", "v", "energy"}:
         times, dofs = problem.times.size, problem.wanted_dofs.size
         reason = f"{dofs} of {system.n} degrees of freedom at {times} times"

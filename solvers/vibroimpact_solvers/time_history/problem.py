@@ -9,7 +9,7 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.errors import ModelError
-from vibroimpact_solvers.model import System
+from vibroimpact_solvers.model import RANGE, System, within_range
 from vibroimpact_solvers.time_history.limiters import Power
 from vibroimpact_solvers.time_history.loads import Harmonic
 
@@ -107,6 +107,7 @@ class Problem:
         if not (np.isfinite(self.t_end) and self.t_end > 0.0):
             message = f"the end is {self.t_end!r}, not a positive time"
             raise ModelError(("t_end",), message, code="out_of_range")
+        _check_magnitudes(("t_end",), np.array([self.t_end]))
         times = self.times
         if not np.isfinite(times).all() or not (np.diff(times) >= 0.0).all():
             raise ModelError(("t",), "the times do not ascend", code="not_ascending")
@@ -140,6 +141,7 @@ class Problem:
                 if not np.isfinite(value) or (name == "frequency" and value < 0.0):
                     message = f"the {name} is {value!r}"
                     raise ModelError(("load", place, name), message, code="out_of_range")
+                _check_magnitudes(("load", place, name), np.array([value]))
 
     def _check_limiter(self) -> None:
         if self.method not in {EXACT, *INTEGRATORS}:
@@ -171,6 +173,7 @@ class Problem:
             if not np.isfinite(values).all():
                 message = "an entry is nan or infinite"
                 raise ModelError(("initial", name), message, code="not_finite")
+            _check_magnitudes(("initial", name), values)
         rigid = self.system.constraints if self.limiter is None else ()
         for index, constraint in enumerate(rigid):
             terms = [weight * state.x[dof] for dof, weight in constraint.coordinate]
@@ -205,3 +208,11 @@ class Problem:
         """Degrees of freedom of the history, shape (dof,)."""
         assert self.dofs is not None
         return self.dofs
+
+
+def _check_magnitudes(pointer: tuple[str | int, ...], values: Floats) -> None:
+    """Refuse numbers whose squares leave the range of double precision; zeros may be."""
+    largest = float(np.abs(values).max(initial=0.0))
+    if largest and not within_range(np.array([largest])):
+        message = f"the largest number is {largest!r}, not between {RANGE[0]} and {RANGE[1]}"
+        raise ModelError(pointer, message, code="out_of_range")

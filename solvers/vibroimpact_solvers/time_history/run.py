@@ -125,7 +125,11 @@ class Run:
     def finish(self, stop: Stop | None = None) -> None:
         """Follow the motion to its end; stop tells why the compiled loop returned, if it did."""
         while True:
-            stop = self._fly() if stop is None else stop
+            if stop is None:
+                place = (self.clock[0], self.clock[1], self.counts[10])
+                stop = self._fly()
+                if stop is Stop.PAUSE:
+                    self._check_progress(place)
             self._flush_samples()
             self._flush_table(last=stop is Stop.END)
             if stop is Stop.END:
@@ -160,6 +164,12 @@ class Run:
         if before is not None:
             self._press(*before)
         return stop
+
+    def _check_progress(self, before: tuple[float, float, int]) -> None:
+        """Refuse a motion that grazes a wall for ever, within rounding at the same time."""
+        if before == (self.clock[0], self.clock[1], self.counts[10]):
+            message = f"the motion goes on grazing at t = {self.now / self.scale!r}"
+            raise ConvergenceError(message)
 
     @property
     def now(self) -> float:

@@ -9,6 +9,7 @@ from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.impact_modes.family import Family
 from vibroimpact_solvers.impact_modes.modal import ModalFamily
+from vibroimpact_solvers.model import System
 from vibroimpact_solvers.time_history.problem import Member, Problem, State
 from vibroimpact_solvers.time_history.structure import Structure
 
@@ -25,12 +26,16 @@ def initial_state(problem: Problem, initial: State | Member, structure: Structur
     return structure.enter(scene, initial.x, unit * initial.v, basis.loads(0.0))
 
 
+def member_problem(system: System, member: Member) -> impact_modes.Problem:
+    """Return the problem of impact modes that a member is one point of."""
+    omega = np.array([2.0 / np.pi * member.Omega])
+    return impact_modes.Problem(system, omega, member.active, Omega=np.array([member.Omega]))
+
+
 def _member(problem: Problem, member: Member, structure: Structure) -> tuple[Floats, Floats]:
     """Return modal coordinates and velocities of an impact mode at tau = 0, each (mode,)."""
-    omega = np.array([2.0 / np.pi * member.Omega])
-    asked = impact_modes.Problem(
-        problem.system, omega, member.active, Omega=np.array([member.Omega])
-    )
+    asked = member_problem(problem.system, member)
+    omega = asked.omega
     found = impact_modes.solve(asked, impact_modes.plan(asked))
     assert found.exists is not None
     assert found.reason is not None

@@ -12,9 +12,10 @@ import scipy.integrate
 from vibroimpact_solvers import presets
 from vibroimpact_solvers import time_history as th
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.errors import ConvergenceError, ModelError
 from vibroimpact_solvers.kernels.flight import impulses
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
+from vibroimpact_solvers.plan import Stage
 
 ALL = frozenset(th.OUTPUTS)
 
@@ -233,3 +234,46 @@ def test_states_outside_of_their_limits_are_refused() -> None:
         solve(system, [0.6], [0.0], 1.0)
     assert caught.value.pointer == ("initial", "x")
     assert caught.value.code == "outside_limits"
+
+
+@pytest.mark.parametrize(
+    ("fields", "pointer"),
+    [
+        ({"t_end": 1e308}, ("t_end",)),
+        ({"t_end": 5e-324}, ("t_end",)),
+        ({"initial": th.State(np.array([0.1]), np.array([1e308]))}, ("initial", "v")),
+        ({"initial": th.State(np.array([5e-324]), np.array([0.0]))}, ("initial", "x")),
+        ({"load": (th.Harmonic(0, 1e200, 1.0),)}, ("load", 0, "amplitude")),
+        ({"load": (th.Harmonic(0, 1.0, 1e-200),)}, ("load", 0, "frequency")),
+    ],
+)
+def test_numbers_whose_squares_are_none_are_refused(
+    fields: dict[str, object], pointer: tuple[str | int, ...]
+) -> None:
+    system = presets.oscillator([Constraint((0,), (1.0,), 0.3, 0.3)], 1.0)
+    rest = th.State(np.zeros(1), np.zeros(1))
+    with pytest.raises(ModelError, match="not between") as caught:
+        th.Problem(system, **{"initial": rest, "t_end": 1.0, **fields})  # type: ignore[arg-type]
+    assert caught.value.pointer == pointer
+
+
+def test_a_motion_that_grazes_without_end_is_refused() -> None:
+    """A load that presses against a gap far below rounding: time does not advance any more."""
+    chain = presets.chain(13, [Constraint((5,), (1.0,), 1e-50, 1e-50)])
+    load = (th.Harmonic(0, 0.01, 0.7, 0.5),)
+    problem = th.Problem(chain, th.Member(3.0, (0,)), 10.0, load=load, tolerance=1e-8)
+    with pytest.raises(ConvergenceError, match=r"goes on grazing at t = 0\.147"):
+        th.solve(problem, th.plan(problem))
+
+
+def test_the_member_that_a_motion_starts_as_is_paid_for() -> None:
+    chain = presets.chain(13, [Constraint((5,), (1.0,), 0.2, 0.2)])
+
+    def price(Omega: float) -> float:
+        problem = th.Problem(chain, th.Member(Omega, (0,)), 10.0)
+        step = th.plan(problem).step(Stage.EXISTENCE)
+        assert step is not None
+        return step.flops
+
+    # The walk along a motion is as long as its period.
+    assert price(1e-6) == pytest.approx(1e3 * price(1e-3), rel=0.05)

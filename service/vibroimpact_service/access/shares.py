@@ -1,0 +1,82 @@
+"""Jobs that their owners let others see: who may, and the acts by which that changed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from typing import Final
+
+import sqlalchemy as sa
+from sqlalchemy.engine import Connection
+
+from vibroimpact_service.access.records import metadata, record
+from vibroimpact_service.jobs.database import now
+
+EVERYBODY: Final = "*"
+"""Stands for whoever has a key that may read."""
+
+shares = sa.Table(
+    "shares",
+    metadata,
+    sa.Column("job", sa.String(40), primary_key=True),
+    sa.Column("reader", sa.String(80), primary_key=True),
+    sa.Column("owner", sa.String(80)),
+    sa.Column("result", sa.String(64)),
+    sa.Column("created", sa.Float),
+)
+
+
+def share(
+    actor: str, owner: str, job: str, result: str, readers: Collection[str]
+) -> Callable[[Connection], None]:
+    """Let exactly these readers see a job and its result, beside its owner.
+
+    Parameters
+    ----------
+    actor : str
+        The key that does it, for the log.
+    owner, job, result : str
+    readers : collection of str
+        Owners of other keys, or `EVERYBODY`; none: the owner alone.
+    """
+
+    def operation(connection: Connection) -> None:
+        known, wanted = set(readers_of(owner, job)(connection)), set(readers)
+        if known == wanted:
+            return
+        of_job = (shares.c.job == job) & (shares.c.owner == owner)
+        connection.execute(shares.delete().where(of_job, shares.c.reader.in_(known - wanted)))
+        for reader in sorted(wanted - known):
+            values = {"job": job, "reader": reader, "owner": owner, "result": result}
+            connection.execute(shares.insert().values(**values, created=now(connection)))
+        record(connection, actor, "job shared", job, {"owner": owner, "readers": sorted(wanted)})
+
+    return operation
+
+
+def readers_of(owner: str, job: str) -> Callable[[Connection], list[str]]:
+    """Return who else may see a job of an owner."""
+
+    def query(connection: Connection) -> list[str]:
+        of_job = (shares.c.job == job) & (shares.c.owner == owner)
+        found = sa.select(shares.c.reader).where(of_job).order_by(shares.c.reader)
+        return list(connection.execute(found).scalars())
+
+    return query
+
+
+def owner_of(job: str, reader: str) -> Callable[[Connection], str | None]:
+    """Return who lets a reader see a job, or None."""
+    return _first(shares.c.owner, shares.c.job == job, reader)
+
+
+def shows(result: str, reader: str) -> Callable[[Connection], bool]:
+    """Whether somebody lets a reader see a result."""
+    find = _first(shares.c.job, shares.c.result == result, reader)
+    return lambda connection: find(connection) is not None
+
+
+def _first(
+    column: sa.Column[str], where: sa.ColumnElement[bool], reader: str
+) -> Callable[[Connection], str | None]:
+    query = sa.select(column).where(where, shares.c.reader.in_((reader, EVERYBODY))).limit(1)
+    return lambda connection: connection.execute(query).scalar()
