@@ -205,7 +205,8 @@ def head(result_name: str, assignment: Assignment, request: bytes, created: str)
 def solver_name() -> str:
     """Return what makes results differ beside the request: version and sources of the solvers."""
     text = hashlib.sha256()
-    for package in ("vibroimpact_solvers", "vibroimpact_service.decode"):
+    sources = ("vibroimpact_solvers", "vibroimpact_service.decode", "vibroimpact_service.lattice")
+    for package in sources:
         spec = importlib.util.find_spec(package)
         assert spec is not None
         assert spec.origin is not None
