@@ -328,8 +328,9 @@ def explain(error: BaseException) -> dict[str, Any]:
 
 def prepare() -> None:
     """Load the numerical libraries before the first job needs them."""
-    from vibroimpact_service import decode, encode
+    from vibroimpact_service import decode, encode, logs
 
+    logs.to_stderr()
     log.debug("prepared", modules=[decode.__name__, encode.__name__])
 
 
