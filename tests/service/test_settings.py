@@ -44,7 +44,7 @@ def test_the_page_has_every_setting_with_its_default_and_meaning() -> None:
 def test_a_wrong_value_is_named_by_its_variable(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("VIBROIMPACT_PORT", "eight")
     monkeypatch.setenv("VIBROIMPACT_WORKERS", "0")
-    with pytest.raises(SettingsInvalidError, match="VIBROIMPACT_PORT: .*integer") as caught:
+    with pytest.raises(SettingsInvalidError, match=r"VIBROIMPACT_PORT: .*integer") as caught:
         read()
     assert "VIBROIMPACT_WORKERS: " in str(caught.value)
 
