@@ -72,6 +72,8 @@ class Frequencies(Document):
         "Omega",
         description="What the numbers are: Omega, the fundamental angular frequency of the "
         "motion, or omega = (2/pi) Omega, that of the triangle wave; rad per unit of time.",
+        # Generators of clients that name values in capitals would give both the same name.
+        json_schema_extra={"x-enum-varnames": ["FUNDAMENTAL", "TRIANGLE_WAVE"]},
     )
 
 
