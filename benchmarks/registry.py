@@ -55,7 +55,7 @@ BENCHMARKS: Final[tuple[Benchmark, ...]] = (
         "benchmarks.scaling",
         "cost against size, frequencies and threads; cold starts",
     ),
-    Benchmark("guard", "benchmarks.guard", "hot kernels over reference loops, as in CI"),
+    Benchmark("guard", "benchmarks.guard", "hot kernels over reference loops"),
 )
 
 

@@ -12,8 +12,10 @@ from vibroimpact import conversations
 from vibroimpact.client import Computations
 from vibroimpact.config import connection
 from vibroimpact.embedded import EmbeddedService
+from vibroimpact.errors import ServerError
 from vibroimpact.jobs import AsyncJob, Submitted
 from vibroimpact.results import Result
+from vibroimpact.systems import Document
 from vibroimpact.transport import AsyncTransport
 
 
@@ -89,6 +91,28 @@ class AsyncClient(Computations[Coroutine[Any, Any, Result]]):
             for place in final:
                 yield waiting[place]
             waiting = [job for job in waiting if not job.final]
+
+    async def store(self, system: Document) -> Document:
+        """Keep a structure with the service; return the short document that stands for it.
+
+        It goes wherever a structure goes, also with other constraints:
+        ``found | {"constraints": [...]}``. A large matrix is then sent, and its natural modes
+        computed, once.
+        """
+        return await self._open.hold(conversations.store(system))
+
+    async def batch(
+        self, kind: str, requests: Sequence[Mapping[str, Any]]
+    ) -> list[dict[str, Any] | ServerError]:
+        """Compute many tiny things in one exchange; nothing of it is stored.
+
+        Returns
+        -------
+        list of dict or ServerError
+            In the order of the requests: the result as the document that JSON answers are, or
+            the problem that the request met.
+        """
+        return await self._open.hold(conversations.batch(kind, requests))
 
     async def plan(self, kind: str, request: Mapping[str, Any]) -> dict[str, Any]:
         """Return what would be computed and skipped, and why, without computing it."""

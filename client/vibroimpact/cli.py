@@ -14,6 +14,8 @@ app = typer.Typer(
     help="How structures with amplitude limiters move, as a computation service.",
     no_args_is_help=True,
     add_completion=False,
+    # Pretty tracebacks show local variables, and with them keys and passwords.
+    pretty_exceptions_enable=False,
 )
 
 _HELP = {
@@ -42,7 +44,7 @@ def demo(
 def gallery(
     figures: Annotated[
         list[str] | None,
-        typer.Argument(help="Figures such as 10.19; none: all.", metavar="[FIG]..."),
+        typer.Argument(help="Figures such as 10.19; none: all.", metavar="FIG"),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the pictures.")] = Path("gallery"),
 ) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
+from numbers import Integral
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Generic, Self, TypeVar
@@ -13,10 +14,11 @@ import numpy as np
 from vibroimpact import conversations
 from vibroimpact.config import connection
 from vibroimpact.embedded import EmbeddedService
+from vibroimpact.errors import ServerError
 from vibroimpact.jobs import Job, Submitted
 from vibroimpact.results import Result
 from vibroimpact.sweeps import sweep_request
-from vibroimpact.systems import Document, frequencies, times
+from vibroimpact.systems import Document, frequencies, names, times
 from vibroimpact.transport import Transport
 
 Answer = TypeVar("Answer")
@@ -94,7 +96,7 @@ class Computations(ABC, Generic[Answer]):
         request: Document = {
             "system": dict(system),
             "frequency": {"start": float(start), "stop": float(stop), "unit": unit},
-            "outputs": list(outputs),
+            "outputs": names(outputs),
         }
         if active is not None:
             request["active"] = [int(i) for i in active]
@@ -327,6 +329,10 @@ class Client(Computations[Result]):
         """Address of the service."""
         return self._transport.url
 
+    def __repr__(self) -> str:
+        """Return the address."""
+        return f"<Client {self.url}>"
+
     def compute(self, kind: str, request: Mapping[str, Any], *, progress: bool = False) -> Result:
         """Compute anything; waits for the job where the service makes one of it."""
         found = self._transport.hold(conversations.ask(kind, request))
@@ -362,6 +368,28 @@ class Client(Computations[Result]):
                 job.document = document
             yield from [waiting[place] for place in final]
             waiting = [job for job in waiting if not job.final]
+
+    def store(self, system: Document) -> Document:
+        """Keep a structure with the service; return the short document that stands for it.
+
+        It goes wherever a structure goes, also with other constraints:
+        ``found | {"constraints": [...]}``. A large matrix is then sent, and its natural modes
+        computed, once.
+        """
+        return self._transport.hold(conversations.store(system))
+
+    def batch(
+        self, kind: str, requests: Sequence[Mapping[str, Any]]
+    ) -> list[dict[str, Any] | ServerError]:
+        """Compute many tiny things in one exchange; nothing of it is stored.
+
+        Returns
+        -------
+        list of dict or ServerError
+            In the order of the requests: the result as the document that JSON answers are, or
+            the problem that the request met.
+        """
+        return self._transport.hold(conversations.batch(kind, requests))
 
     def plan(self, kind: str, request: Mapping[str, Any]) -> dict[str, Any]:
         """Return what would be computed and skipped, and why, without computing it."""
@@ -425,7 +453,7 @@ def impact_modes_request(
     request: Document = {
         "system": dict(system),
         "frequency": frequencies(frequency, unit),
-        "outputs": list(outputs),
+        "outputs": names(outputs),
     }
     for name, indices in (("active", active), ("dofs", dofs)):
         if indices is not None:
@@ -455,10 +483,10 @@ def time_history_request(
         "system": dict(system),
         "initial": _initial(initial),
         "t_end": float(t_end),
-        "outputs": list(outputs),
+        "outputs": names(outputs),
     }
-    if isinstance(t, int):
-        request["t"] = {"num": t}
+    if isinstance(t, Integral):
+        request["t"] = {"num": int(t)}
     elif t is not None:
         request["t"] = np.atleast_1d(np.asarray(t, dtype=np.float64)).tolist()
     if dofs is not None:
@@ -498,7 +526,7 @@ def slow_flow_request(
         "variant": variant,
         "initial": start,
         "t": times(t),
-        "outputs": list(outputs),
+        "outputs": names(outputs),
     }
 
 

@@ -6,17 +6,24 @@ answers, and returns its outcome.
 
 from __future__ import annotations
 
+import math
 import random
 import time
 import uuid
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, TypeVar
 
 # httpx2 is the maintained successor of httpx, with the same interface.
 import httpx2
 
-from vibroimpact.errors import ConnectionFailed, JobTimeout, ServerError, from_problem
+from vibroimpact.errors import (
+    ConnectionFailed,
+    InvalidRequest,
+    JobTimeout,
+    ServerError,
+    from_problem,
+)
 
 Document = dict[str, Any]
 Outcome = TypeVar("Outcome")
@@ -99,6 +106,22 @@ def request(
     raise AssertionError("every try returns or raises in the end")
 
 
+def not_finite(content: Any, pointer: str = "") -> InvalidRequest | None:
+    """Return the error of a document that holds a number which JSON has not: the first of them."""
+    if isinstance(content, float) and not math.isfinite(content):
+        fault = {"pointer": pointer, "code": "not_finite", "message": f"{content} is not finite"}
+        detail = f"{pointer}: {fault['message']}"
+        known = {"status": 422, "code": "invalid_request", "detail": detail}
+        return InvalidRequest(known | {"errors": [fault]})
+    parts: Iterable[tuple[Any, Any]] = ()
+    if isinstance(content, Mapping):
+        parts = content.items()
+    elif isinstance(content, list | tuple):
+        parts = enumerate(content)
+    found = (not_finite(part, f"{pointer}/{name}") for name, part in parts)
+    return next((error for error in found if error is not None), None)
+
+
 def _pause(turn: int, asked: str | None) -> float:
     if asked is not None and asked.isdigit():
         return min(float(asked), _LONGEST_PAUSE)
@@ -135,6 +158,24 @@ def result(digest: str) -> Conversation[bytes]:
     """Return the file of a result by its name."""
     answer = yield from request("GET", f"/v1/results/{digest}", headers=_HDF5)
     return answer.content
+
+
+def store(system: Mapping[str, Any]) -> Conversation[Document]:
+    """Keep a system; return the document that stands for it."""
+    answer = yield from request("POST", "/v1/systems", json=dict(system))
+    return {"id": answer.json()["id"]}
+
+
+def batch(
+    kind: str, contents: Sequence[Mapping[str, Any]]
+) -> Conversation[list[Document | ServerError]]:
+    """Return the result document of each request, or the problem that it met."""
+    body = {"kind": kind, "requests": [dict(content) for content in contents]}
+    answer = yield from request("POST", "/v1/batch", json=body)
+    return [
+        one["result"] if one.get("problem") is None else from_problem(one["problem"])
+        for one in answer.json()["answers"]
+    ]
 
 
 def version() -> Conversation[Document]:

@@ -81,10 +81,11 @@ class ServerError(VibroimpactError):
         self.code = str(problem.get("code", "unknown"))
         self.request_id = problem.get("request_id")
         self.errors: list[dict[str, Any]] = list(problem.get("errors", ()))
-        lines = [str(problem.get("detail") or problem.get("title") or "the service failed")]
-        lines += [
-            f"{fault.get('pointer', '')}: {fault.get('message', '')}" for fault in self.errors
-        ]
+        lines = [f"{fault.get('pointer', '')}: {fault.get('message', '')}" for fault in self.errors]
+        detail = str(problem.get("detail") or problem.get("title") or "the service failed")
+        # With faults, the detail mostly repeats the first of them.
+        if not lines or not detail.startswith(lines[0]):
+            lines.insert(0, detail)
         super().__init__("\n  ".join(lines))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -71,6 +72,16 @@ class JobState:
     def __repr__(self) -> str:
         """Return id, kind and state."""
         return f"<{type(self).__name__} {self.id} {self.document['kind']} {self.state}>"
+
+    def _repr_html_(self) -> str:
+        done, total = self.progress
+        told = self.document.get("waiting_reason") or ""
+        error = (self.document.get("error") or {}).get("detail", "")
+        return (
+            f"<b>{html.escape(str(self.document['kind']))}</b> <code>{html.escape(self.id)}</code> "
+            f"{self.state} <progress max='{total or 1}' value='{done}'></progress> "
+            f"{done}/{total} {html.escape(told or error)}"
+        )
 
 
 class Job(JobState):

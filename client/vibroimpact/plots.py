@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +24,11 @@ def axes_or_new(ax: Axes | None) -> Axes:
     return pyplot.subplots(figsize=(8.0, 4.5), layout="constrained")[1]
 
 
+def _label(text: str, result: Result, output: str) -> str:
+    unit = result.unit(output)
+    return text if unit == "1" else f"{text} ({unit})"
+
+
 def impulse(result: Result, ax: Axes | None = None) -> Axes:
     """Draw p over Omega: real members in colour, phantoms in grey, no lines through poles."""
     ax = axes_or_new(ax)
@@ -40,11 +46,57 @@ def impulse(result: Result, ax: Axes | None = None) -> Axes:
     top = 1.15 * float(np.quantile(positive, 0.97)) if positive.size else 1.0
     ax.set_ylim(-0.35 * top, top)
     ax.axhline(0.0, color="black", linewidth=0.6)
-    ax.set_xlabel(r"fundamental frequency $\Omega$")
-    ax.set_ylabel(r"impulse parameter $p$")
+    ax.set_xlabel(_label(r"fundamental frequency $\Omega$", result, "Omega"))
+    ax.set_ylabel(_label(r"impulse parameter $p$", result, "impulse"))
     ax.plot([], [], color=PHANTOM, linewidth=1.2, label="phantom")
     ax.legend(frameon=False, loc="upper left")
     return ax
+
+
+def frequency_energy(result: Result, ax: Axes | None = None) -> Axes:
+    """Draw Omega over the energy of the members that exist, those known to be unstable dashed.
+
+    Needs the output energy; exists and stability are heeded where they were computed.
+    """
+    ax = axes_or_new(ax)
+    order = np.argsort(result.Omega, kind="stable")
+    Omega, energy = result.Omega[order], result.energy[order]
+    there: Array = result.exists[order] if "exists" in dir(result) else np.isfinite(energy)
+    if "stability" in dir(result):
+        # Moduli of an elastic motion are 1, but for rounding.
+        stable = there & (result.stability[order] <= 1.0 + 1e-6)
+        lanes = [(stable, "-", "stable"), (there & ~stable, "--", "unstable")]
+    else:
+        lanes = [(there, "-", "impact modes")]
+    for some, style, name in lanes:
+        if some.any():
+            drawn = np.where(some, energy, np.nan)
+            # A member whose neighbours are phantoms is a point.
+            mark = "." if Omega.size < 200 else None
+            ax.plot(drawn, Omega, style, marker=mark, color=REAL, linewidth=1.8, label=name)
+    ax.set_xscale("log")
+    ax.set_xlabel(_label("energy", result, "energy"))
+    ax.set_ylabel(_label(r"fundamental frequency $\Omega$", result, "Omega"))
+    ax.legend(frameon=False)
+    return ax
+
+
+def mode_plot(output: str) -> Callable[..., Axes]:
+    """Return what draws an output of impact modes.
+
+    Raises
+    ------
+    ValueError
+        Where nothing does.
+    """
+    drawing: dict[str, Callable[..., Axes]] = {
+        "impulse": impulse,
+        "energy": frequency_energy,
+        "shape": shape,
+    }
+    if output not in drawing:
+        raise ValueError(f"of impact modes {', '.join(drawing)} can be drawn, not {output!r}")
+    return drawing[output]
 
 
 def bands(result: Result, ax: Axes | None = None) -> Axes:
@@ -65,7 +117,7 @@ def bands(result: Result, ax: Axes | None = None) -> Axes:
         spans = list(zip(table.start[some], (table.stop - table.start)[some], strict=True))
         ax.broken_barh(spans, (place - 0.35, 0.7), facecolors=color)
     ax.set_yticks(range(len(shown)), [label for _, label, _, _ in reversed(shown)])
-    ax.set_xlabel(r"fundamental frequency $\Omega$")
+    ax.set_xlabel(_label(r"fundamental frequency $\Omega$", result, "Omega"))
     ax.margins(x=0.0)
     return ax
 
@@ -77,7 +129,7 @@ def resonances(result: Result, ax: Axes | None = None) -> Axes:
         mine = result.part == part
         ax.plot(result.Omega[mine], result.harmonic[mine], "|", markersize=12, label=f"part {part}")
     ax.set_yticks(np.unique(result.harmonic))
-    ax.set_xlabel(r"fundamental frequency $\Omega$")
+    ax.set_xlabel(_label(r"fundamental frequency $\Omega$", result, "Omega"))
     ax.set_ylabel("resonating harmonic")
     ax.legend(frameon=False)
     return ax
@@ -93,15 +145,20 @@ def shape(result: Result, index: int = 0, ax: Axes | None = None) -> Axes:
     ax.plot(result.dof, x, "o", color=REAL, markersize=7)
     _walls(result, ax)
     ax.set_xlabel("degree of freedom")
-    ax.set_ylabel(r"displacement at $\tau = 1$")
+    ax.set_ylabel(_label(r"displacement at $\tau = 1$", result, "shape"))
     ax.set_title(rf"impact mode at $\Omega$ = {result.Omega[index]:.6g}", fontsize="medium")
     ax.set_xticks(result.dof if result.dof.size <= 30 else ax.get_xticks())
     return ax
 
 
 def history(result: Result, dof: int | None = None, ax: Axes | None = None) -> Axes:
-    """Draw a coordinate over time, with its walls and the impacts of its constraint."""
+    """Draw a coordinate over time, with its walls and the impacts of its constraint.
+
+    Where only impacts were computed: their impulses over time.
+    """
     ax = axes_or_new(ax)
+    if "x" not in dir(result):
+        return _impulses(result, ax)
     dof, column = _column(result, dof)
     ax.plot(result.t, result.x[:, column], color=REAL, linewidth=1.2)
     _impacts(result, dof, ax)
@@ -110,8 +167,8 @@ def history(result: Result, dof: int | None = None, ax: Axes | None = None) -> A
         ax.axvspan(until, result.t[-1], color=PHANTOM, alpha=0.25, linewidth=0.0)
         ax.annotate("not predictable", (until, 1.0), (4, -4), va="top", fontsize="small",
                     xycoords=("data", "axes fraction"), textcoords="offset points")  # fmt: skip
-    ax.set_xlabel("time")
-    ax.set_ylabel(rf"displacement $x_{{{dof}}}$")
+    ax.set_xlabel(_label("time", result, "t"))
+    ax.set_ylabel(_label(rf"displacement $x_{{{dof}}}$", result, "x"))
     ax.margins(x=0.0)
     return ax
 
@@ -161,6 +218,18 @@ def basins(result: Result, values: Array | None = None, ax: Axes | None = None) 
     return ax
 
 
+def _impulses(result: Result, ax: Axes) -> Axes:
+    for index in np.unique(result.impacts.constraint):
+        mine = result.impacts.constraint == index
+        ax.plot(result.impacts.time[mine], result.impacts.impulse[mine], ".", label=f"{index}")
+    ax.set_xlabel("time")
+    ax.set_ylabel("impulse of the impact")
+    ax.set_ylim(0.0, 1.15 * float(result.impacts.impulse.max(initial=0.0)) or 1.0)
+    if ax.lines:
+        ax.legend(frameon=False, title="constraint")
+    return ax
+
+
 def phase_plane(result: Result, dof: int | None = None, ax: Axes | None = None) -> Axes:
     """Draw velocity over displacement of a degree of freedom, with the walls it strikes.
 
@@ -176,8 +245,8 @@ def phase_plane(result: Result, dof: int | None = None, ax: Axes | None = None) 
     ax.plot(np.insert(x, breaks, np.nan), np.insert(v, breaks, np.nan), color=REAL, linewidth=0.9)
     for wall in _gaps(result, dof):
         ax.axvline(wall, color=WALL, linewidth=2.0)
-    ax.set_xlabel(rf"displacement $x_{{{dof}}}$")
-    ax.set_ylabel(rf"velocity $v_{{{dof}}}$")
+    ax.set_xlabel(_label(rf"displacement $x_{{{dof}}}$", result, "x"))
+    ax.set_ylabel(_label(rf"velocity $v_{{{dof}}}$", result, "v"))
     return ax
 
 
@@ -221,8 +290,8 @@ def displacement(result: Result, ax: Axes | None = None) -> Axes:
     ax = axes_or_new(ax)
     for column, dof in enumerate(result.dof):
         ax.plot(result.t, result.x[:, column], linewidth=1.2, label=f"degree of freedom {dof}")
-    ax.set_xlabel("time")
-    ax.set_ylabel("displacement")
+    ax.set_xlabel(_label("time", result, "t"))
+    ax.set_ylabel(_label("displacement", result, "x"))
     if result.dof.size > 1:
         ax.legend(frameon=False)
     return ax

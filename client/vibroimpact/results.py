@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 Array = np.ndarray[Any, Any]
 
+_SHOWN_ROWS = 20
+
 
 class Table(Mapping[str, Any]):
     """Columns of equal length, or single numbers: ``impacts["time"]``, ``impacts.time``."""
@@ -55,9 +57,25 @@ class Table(Mapping[str, Any]):
         """Return how many columns there are."""
         return len(self._columns)
 
+    @property
+    def rows(self) -> int | None:
+        """How many rows there are; None of single numbers."""
+        return next((c.size for c in self._columns.values() if isinstance(c, np.ndarray)), None)
+
     def __repr__(self) -> str:
         """Return names and sizes."""
-        return f"<Table {', '.join(self._columns)}>"
+        size = "" if self.rows is None else f" ({self.rows} rows)"
+        return f"<Table{size} {', '.join(self._columns)}>"
+
+    def _repr_html_(self) -> str:
+        """Return the first rows, or names and numbers."""
+        if self.rows is None:
+            return _html_table(["", "value"], [[k, str(v)] for k, v in self._columns.items()])
+        columns = {k: v for k, v in self._columns.items() if isinstance(v, np.ndarray)}
+        count = min(self.rows, _SHOWN_ROWS)
+        shown = [[_cell(column[row]) for column in columns.values()] for row in range(count)]
+        left = f"<p>… and {self.rows - count} more rows</p>" if self.rows > count else ""
+        return _html_table(list(columns), shown) + left
 
 
 class Result:
@@ -77,6 +95,7 @@ class Result:
         self._arrays: dict[str, Array] = {}
         self._tables: dict[str, Table] = {}
         self._long_names: dict[str, str] = {}
+        self._units: dict[str, str] = {}
         with h5py.File(io.BytesIO(content), "r") as file:
             self.kind = str(file.attrs["kind"])
             self.digest = str(file.attrs["digest"])
@@ -87,6 +106,7 @@ class Result:
                 if isinstance(item, h5py.Dataset) and not _is_bare(item):
                     self._arrays[name] = _decoded(item)
                     self._long_names[name] = str(item.attrs.get("long_name", name))
+                    self._units[name] = str(item.attrs.get("units", "1"))
                 elif isinstance(item, h5py.Group):
                     self._tables[name] = Table.of(item)
 
@@ -138,17 +158,30 @@ class Result:
         rows = self._tables[table]
         return [rows.part(int(a), int(b)) for a, b in zip(starts, ends, strict=True)]
 
+    def unit(self, name: str) -> str:
+        """Return the unit of an output, such as ``"m s-1"``; ``"1"`` where the system has none."""
+        return self._units.get(name, "1")
+
     def to_hdf5(self, path: str | Path) -> Path:
         """Write the file as the service sent it; return its path."""
         target = Path(path)
         target.write_bytes(self._content)
         return target
 
-    def to_xarray(self) -> xarray.Dataset:
-        """Return a dataset with named dimensions, coordinates and attributes."""
+    def to_xarray(self, table: str | None = None) -> xarray.Dataset:
+        """Return a dataset with named dimensions, coordinates and attributes.
+
+        Parameters
+        ----------
+        table : str, optional
+            A table of the result instead of its arrays, such as ``"bands"`` or ``"impacts"``.
+        """
         import xarray
 
-        with xarray.open_dataset(io.BytesIO(self._content), engine="h5netcdf") as data:
+        if table is not None and table not in self._tables:
+            raise ValueError(f"there is no table {table!r}; there are {', '.join(self._tables)}")
+        file = io.BytesIO(self._content)
+        with xarray.open_dataset(file, engine="h5netcdf", group=table) as data:
             return data.load()
 
     def plot(
@@ -160,25 +193,34 @@ class Result:
     ) -> Axes:
         """Draw the impulse over frequency, the shape at a single one, or the motion over time.
 
-        Of an ensemble: the number of impacts over the initial states, see
-        `vibroimpact.plots.basins`.
-
-        Of a sweep: an output over the one or two dimensions that are left, see
-        `vibroimpact.sweep_plots.draw`.
+        Of impact modes ``output="energy"`` draws the frequency over the energy, and
+        ``output="impulse"`` or ``"shape"`` what they say. Of a sweep: an output over the one or
+        two dimensions that are left, see `vibroimpact.sweep_plots.draw`. Of an
+        ensemble: the number of impacts over the initial states, see `vibroimpact.plots.basins`.
 
         Parameters
         ----------
         ax : Axes, optional
             Where to draw; absent: a new figure.
         output : str, optional
-            What to draw of a sweep; absent: the first output.
+            What to draw of impact modes or of a sweep; absent: what says most, the first output.
         at : mapping, optional
             Of a sweep: dimension -> where to stand on it.
+
+        Raises
+        ------
+        ValueError
+            Where there is no picture of that output.
         """
         from vibroimpact import plots, sweep_plots
 
         if self.kind == "sweep":
             return sweep_plots.draw(self, output, at, ax)
+        if self.kind == "impact-modes":
+            single = "shape" in self._arrays and self.Omega.size == 1
+            return plots.mode_plot(output or ("shape" if single else "impulse"))(self, ax=ax)
+        if output is not None:
+            raise ValueError(f"there is one picture of {self.kind}; output is for other kinds")
         if self.kind == "existence-bands":
             return plots.bands(self, ax)
         if self.kind == "resonances":
@@ -187,25 +229,41 @@ class Result:
             return plots.history(self, ax=ax)
         if self.kind == "ensemble":
             return plots.basins(self, ax=ax)
-        if self.kind == "slow-flow":
-            return plots.displacement(self, ax)
-        if "shape" in self._arrays and self.Omega.size == 1:
-            return plots.shape(self, 0, ax)
-        return plots.impulse(self, ax)
+        return plots.displacement(self, ax)
 
     def __repr__(self) -> str:
         """Return kind, name and sizes."""
-        sizes = ", ".join(f"{name} {array.shape}" for name, array in self._arrays.items())
-        return f"<Result {self.kind} {self.digest[:12]}: {sizes}>"
+        sizes = [f"{name} {array.shape}" for name, array in self._arrays.items()]
+        sizes += [f"{name} ({t.rows} rows)" for name, t in self._tables.items() if t.rows]
+        return f"<Result {self.kind} {self.digest[:12]}: {', '.join(sizes)}>"
 
     def _repr_html_(self) -> str:
-        rows = "".join(
-            f"<tr><td><code>{html.escape(name)}</code></td><td>{array.shape}</td>"
-            f"<td style='text-align:left'>{html.escape(self._long_names[name])}</td></tr>"
-            for name, array in self._arrays.items()
-        )
+        rows = [[name, str(a.shape), self._long_names[name]] for name, a in self._arrays.items()]
+        rows += [
+            [name, f"{table.rows} rows", ", ".join(table)]
+            for name, table in self._tables.items()
+            if table.rows is not None
+        ]
+        statement = self._tables["error"].get("statement") if "error" in self._tables else None
+        said = f"<p>{html.escape(str(statement))}</p>" if statement else ""
         head = f"<b>{html.escape(self.kind)}</b> <code>{self.digest[:12]}</code>"
-        return f"{head}<table>{rows}</table>"
+        return f"{head}{_html_table(['name', 'size', 'meaning'], rows)}{said}"
+
+
+def _html_table(head: list[str], rows: list[list[str]]) -> str:
+    """Return a table; the first column is names, the others are text."""
+    top = "".join(f"<th>{html.escape(name)}</th>" for name in head)
+    body = "".join(
+        "<tr>"
+        + "".join(f"<td style='text-align:left'>{html.escape(c)}</td>" for c in row)
+        + "</tr>"
+        for row in rows
+    )
+    return f"<table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _cell(value: Any) -> str:
+    return f"{value:.8g}" if isinstance(value, float | np.floating) else str(value)
 
 
 def _is_bare(item: h5py.Dataset) -> bool:

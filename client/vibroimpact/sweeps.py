@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from vibroimpact.systems import names
+
 Document = dict[str, Any]
 
 
@@ -36,7 +38,7 @@ def sweep_request(
         "axes": [axis(path, values) for path, values in axes.items()],
     }
     if outputs is not None:
-        request["outputs"] = list(outputs)
+        request["outputs"] = names(outputs)
     return request
 
 

@@ -90,7 +90,7 @@ def system(
     units : mapping, optional
         ``{"length": "m", "mass": "kg", "time": "s"}``.
     """
-    found: Document = {"M": matrix(M), "K": matrix(K), "constraints": list(constraints)}
+    found: Document = {"M": matrix(M), "K": matrix(K), "constraints": _several(constraints)}
     if C is not None:
         found["C"] = matrix(C)
     if force is not None:
@@ -137,7 +137,17 @@ def times(given: Any) -> Document:
 
 
 def _preset(name: str, constraints: Iterable[Document], **parameters: Any) -> Document:
-    return {"preset": name, **parameters, "constraints": list(constraints)}
+    return {"preset": name, **parameters, "constraints": _several(constraints)}
+
+
+def _several(constraints: Iterable[Document] | Document) -> list[Document]:
+    """Return a list, also of a single constraint."""
+    return [constraints] if isinstance(constraints, dict) else list(constraints)
+
+
+def names(outputs: Sequence[str]) -> list[str]:
+    """Return the names of outputs, also of a single one."""
+    return [outputs] if isinstance(outputs, str) else list(outputs)
 
 
 def harmonic(dof: int, amplitude: float, frequency: float, phase: float = 0.0) -> Document:

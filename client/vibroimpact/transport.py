@@ -67,6 +67,12 @@ class Transport:
                     )
                 except httpx2.TransportError as error:
                     reply = NoAnswer(self.url, error)
+                except ValueError:
+                    # What JSON cannot say: nothing was sent.
+                    fault = conversations.not_finite(step.json)
+                    if fault is None:
+                        raise
+                    raise fault from None
         except StopIteration as end:
             outcome: Outcome = end.value
             return outcome
@@ -115,6 +121,12 @@ class AsyncTransport:
                     )
                 except httpx2.TransportError as error:
                     reply = NoAnswer(self.url, error)
+                except ValueError:
+                    # What JSON cannot say: nothing was sent.
+                    fault = conversations.not_finite(step.json)
+                    if fault is None:
+                        raise
+                    raise fault from None
         except StopIteration as end:
             outcome: Outcome = end.value
             return outcome

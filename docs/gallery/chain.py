@@ -1,17 +1,11 @@
 """Profiles of chains against exact flights and soft limiters, Fig. 10.13-10.18."""
 
-import soft_limiter
-from drawing import SOFT, close, np, profile, vi
+from drawing import SOFT, close, np, profile, soft_motion, vi
 
 
 def natural(n):
     """Return the natural frequencies 2 sin(pi j / 2 (n + 1)), eq. 10.63."""
     return 2 * np.sin(np.pi * np.arange(1, n + 1) / (2 * (n + 1)))
-
-
-def stiffness(n):
-    """Return K of the chain with unit springs."""
-    return 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
 
 
 def mode(client, n, dofs, omega, p, quarter=1, alpha=0.955):
@@ -33,12 +27,10 @@ def mode(client, n, dofs, omega, p, quarter=1, alpha=0.955):
         outputs=("x", "v"),
     )  # fmt: skip
     assert np.abs(exact.x[1] - found.shape[0]).max() < 1e-9 * np.abs(found.shape).max()
-    start = exact.x[0], exact.v[0]
-    stops = dict.fromkeys(dofs, alpha * 0.2)
-    end = (quarter + 1) * period / 4
-    soft = soft_limiter.integrate(np.eye(n), stiffness(n), stops, start, end)
-    assert abs(soft.drift) < 1e-4
-    turn = soft_limiter.turning(soft, dofs[0], quarter * period / 4)
+    start, around = (exact.x[0], exact.v[0]), quarter * period / 4
+    soft, turn = soft_motion(
+        client, system, start, around + period / 4, around, dofs[0], drift=1e-6, scale=alpha
+    )
     return found, soft, soft.x[turn]
 
 

@@ -43,6 +43,20 @@ def impulses(ax, modes, natural, top, index=0, color=REAL, label="p"):
     ax.set_xlabel(r"fundamental frequency $\Omega$")
 
 
+def soft_motion(client, system, start, t_end, around, dof, *, drift, **law):
+    """Return the motion from (x, v) between soft limiters, and its turn.
+
+    The law is that of `vibroimpact.soft`; the energy may drift by a part; the turn is the row at
+    which the degree of freedom is farthest within 30 % of the time `around`.
+    """
+    motion = client.time_history(
+        system, start, t_end, t=6_001, outputs=("x", "energy"), limiter=vi.soft(**law)
+    )
+    assert np.abs(motion.energy / motion.energy[0] - 1).max() < drift
+    near = np.abs(motion.t / around - 1.0) < 0.3
+    return motion, int(np.flatnonzero(near)[np.argmax(motion.x[near, dof])])
+
+
 def close(found, expected, relative=1e-12) -> None:
     """Assert that numbers agree."""
     np.testing.assert_allclose(found, expected, rtol=relative, atol=0)

@@ -1,10 +1,8 @@
 """Profiles of the double pendulum, Fig. 10.9 and 10.10: n = 20, beta = 0.702145."""
 
-import soft_limiter
-from drawing import REAL, SOFT, WALL, close, np, panels, vi
+from drawing import REAL, SOFT, WALL, close, np, panels, soft_motion, vi
 
 SYSTEM = vi.double_pendulum([vi.constraint(0, 0.1)], mu=2.0)
-M, K = [[4, 1], [1, 1]], [[4, 0], [0, 1]]
 
 
 def draw(client, omega, p, shape, difference):
@@ -20,9 +18,10 @@ def draw(client, omega, p, shape, difference):
     exact = client.time_history(SYSTEM, float(mode.Omega[0]), period, t=[0.0], outputs=("x", "v"))
     start = exact.x[0], exact.v[0]
     # beta_1 = beta / (m2 g l Delta_1), the force of eq. 10.33 in units of m2 g l.
-    soft = soft_limiter.integrate(M, K, {0: 0.1}, start, period, power=39, beta=BETA)
-    turn = soft_limiter.turning(soft, 0, period / 4)
-    assert abs(soft.drift) < 1e-5
+    soft, turn = soft_motion(
+        client, SYSTEM, start, period, period / 4, 0,
+        drift=1e-6, exponent=39, stiffness=BETA,
+    )  # fmt: skip
     for angles, color, name, marker in (
         (mode.shape[0], REAL, "impact mode", "o"),
         (soft.x[turn], SOFT, "soft limiter", "x"),

@@ -26,6 +26,45 @@ _ROUNDING = 4.0 * 2.0**-52
 FrequencyUnit = Literal["Omega", "omega"]
 
 
+def forwards(stop: float, info: ValidationInfo) -> float:
+    """Validate that the end of a range does not lie below its start."""
+    if stop < info.data.get("start", stop):
+        raise PydanticCustomError("reversed_grid", "stop lies below start")
+    return stop
+
+
+def extended(num: int, info: ValidationInfo) -> int:
+    """Validate that several points do not lie on one."""
+    start, stop = info.data.get("start"), info.data.get("stop")
+    if num > 1 and start is not None and start == stop:
+        raise PydanticCustomError("empty_grid", "start and stop coincide: num must be 1")
+    return num
+
+
+def steps(start: float, stop: float, step: float) -> int:
+    """Return how many of start, start + step, … lie before stop or on it."""
+    # A stop that is meant to be met is missed by rounding now and then.
+    size = max(abs(start), abs(stop))
+    return int(min((stop - start + _ROUNDING * size) / step, LARGEST_INTEGER - 1.0)) + 1
+
+
+def form(value: Any, points: type[Document]) -> str | None:
+    """Return the tag of the form in which a grid is written.
+
+    Parameters
+    ----------
+    value
+        A document, checked or not.
+    points : type
+        Class of grids by number of points, the form that is meant where nothing tells.
+    """
+    if holds(value, "values"):
+        return VALUES
+    if holds(value, "step"):
+        return STEPS
+    return POINTS if isinstance(value, (dict, points)) else None
+
+
 class Frequencies(Document):
     """What all grids of frequencies share."""
 
@@ -33,6 +72,8 @@ class Frequencies(Document):
         "Omega",
         description="What the numbers are: Omega, the fundamental angular frequency of the "
         "motion, or omega = (2/pi) Omega, that of the triangle wave; rad per unit of time.",
+        # Generators of clients that name values in capitals would give both the same name.
+        json_schema_extra={"x-enum-varnames": ["FUNDAMENTAL", "TRIANGLE_WAVE"]},
     )
 
 
@@ -53,12 +94,7 @@ class FrequencyRange(Frequencies):
     start: Positive = Field(description="First frequency.")
     stop: Positive = Field(description="Last frequency; not below start.")
 
-    @field_validator("stop")
-    @classmethod
-    def _forwards(cls, stop: float, info: ValidationInfo) -> float:
-        if stop < info.data.get("start", stop):
-            raise PydanticCustomError("reversed_grid", "stop lies below start")
-        return stop
+    _forwards = field_validator("stop")(forwards)
 
 
 class FrequencyInterval(FrequencyRange):
@@ -82,13 +118,7 @@ class FrequencyPoints(FrequencyRange):
         """How many frequencies there are."""
         return self.num
 
-    @field_validator("num")
-    @classmethod
-    def _extended(cls, num: int, info: ValidationInfo) -> int:
-        start, stop = info.data.get("start"), info.data.get("stop")
-        if num > 1 and start is not None and start == stop:
-            raise PydanticCustomError("empty_grid", "start and stop coincide: num must be 1")
-        return num
+    _extended = field_validator("num")(extended)
 
 
 class FrequencySteps(FrequencyRange):
@@ -99,18 +129,12 @@ class FrequencySteps(FrequencyRange):
     @property
     def count(self) -> int:
         """How many frequencies there are."""
-        # A stop that is meant to be met is missed by rounding now and then.
-        steps = (self.stop - self.start + _ROUNDING * self.stop) / self.step
-        return int(min(steps, LARGEST_INTEGER - 1.0)) + 1
+        return steps(self.start, self.stop, self.step)
 
 
 def frequency_form(value: Any) -> str | None:
     """Return the tag of the form in which a grid of frequencies is written."""
-    if holds(value, "values"):
-        return VALUES
-    if holds(value, "step"):
-        return STEPS
-    return POINTS if isinstance(value, (dict, FrequencyPoints)) else None
+    return form(value, FrequencyPoints)
 
 
 FrequencyGrid = Annotated[

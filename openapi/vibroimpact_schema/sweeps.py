@@ -11,19 +11,15 @@ from pydantic import (
     Field,
     RootModel,
     Tag,
-    ValidationInfo,
     field_validator,
 )
-from pydantic_core import PydanticCustomError
 
-from vibroimpact_schema import requests
+from vibroimpact_schema import grids, requests
 from vibroimpact_schema.grids import POINTS, STEPS, VALUES
 from vibroimpact_schema.requests import ComputationRequest
 from vibroimpact_schema.results import Result
 from vibroimpact_schema.systems import AnySystem, SystemReference
-from vibroimpact_schema.values import LARGEST_INTEGER, Count, Document, Number, Positive, holds
-
-_ROUNDING = 4.0 * 2.0**-52
+from vibroimpact_schema.values import Count, Document, Number, Positive
 
 Output = TypeVar("Output")
 Outputs = Annotated[list[Output], Field(min_length=1, fail_fast=True)]
@@ -64,12 +60,7 @@ class AxisRange(Axis):
     start: Number = Field(description="First value.")
     stop: Number = Field(description="Last value; not below start.")
 
-    @field_validator("stop")
-    @classmethod
-    def _forwards(cls, stop: float, info: ValidationInfo) -> float:
-        if stop < info.data.get("start", stop):
-            raise PydanticCustomError("reversed_grid", "stop lies below start")
-        return stop
+    _forwards = field_validator("stop")(grids.forwards)
 
 
 class AxisPoints(AxisRange):
@@ -82,13 +73,7 @@ class AxisPoints(AxisRange):
         """How many values there are."""
         return self.num
 
-    @field_validator("num")
-    @classmethod
-    def _extended(cls, num: int, info: ValidationInfo) -> int:
-        start, stop = info.data.get("start"), info.data.get("stop")
-        if num > 1 and start is not None and start == stop:
-            raise PydanticCustomError("empty_grid", "start and stop coincide: num must be 1")
-        return num
+    _extended = field_validator("num")(grids.extended)
 
 
 class AxisSteps(AxisRange):
@@ -103,18 +88,12 @@ class AxisSteps(AxisRange):
     @property
     def count(self) -> int:
         """How many values there are."""
-        size = max(abs(self.start), abs(self.stop))
-        steps = (self.stop - self.start + _ROUNDING * size) / self.step
-        return int(min(steps, LARGEST_INTEGER - 1.0)) + 1
+        return grids.steps(self.start, self.stop, self.step)
 
 
 def axis_form(value: Any) -> str | None:
     """Return the tag of the form in which an axis is written."""
-    if holds(value, "values"):
-        return VALUES
-    if holds(value, "step"):
-        return STEPS
-    return POINTS if isinstance(value, (dict, AxisPoints)) else None
+    return grids.form(value, AxisPoints)
 
 
 AnyAxis = AxisValues | AxisPoints | AxisSteps

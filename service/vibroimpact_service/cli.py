@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import logging
 import os
 import signal
 import sys
@@ -13,33 +12,37 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Any
 
-import orjson
 import structlog
 import typer
 import uvicorn
 
-from vibroimpact_service import loading
+from vibroimpact_service import loading, logs
 from vibroimpact_service.jobs import nursery
-from vibroimpact_service.settings import Settings
+from vibroimpact_service.settings import Settings, SettingsInvalidError, read, unknown
 from vibroimpact_service.wire import connection
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
+
+log = structlog.get_logger("vibroimpact.cli")
 
 _CONTRACT = Path(__file__).resolve().parents[2] / "openapi" / "openapi.json"
 
 _STOPPING_SECONDS = 2.0
 """What computations have for noticing that they are to stop, when the service ends."""
 
-app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False)
+# Pretty tracebacks show local variables, and with them passwords, in the logs.
+app = typer.Typer(
+    help=__doc__, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
+)
 
 
 @app.command()
 def serve(
-    host: Annotated[str | None, typer.Option(help="Address to listen on [127.0.0.1].")] = None,
-    port: Annotated[int | None, typer.Option(help="Port; 0 takes a free one [8000].")] = None,
+    host: Annotated[str | None, typer.Option(help="Address to listen on (127.0.0.1).")] = None,
+    port: Annotated[int | None, typer.Option(help="Port; 0 takes a free one (8000).")] = None,
     data: Annotated[
-        Path | None, typer.Option(help="Folder for records and results [./vibroimpact-data].")
+        Path | None, typer.Option(help="Folder for records and results (./vibroimpact-data).")
     ] = None,
 ) -> None:
     """Start the service: HTTP, job queue, workers and store, until SIGTERM or Ctrl-C.
@@ -48,20 +51,25 @@ def serve(
     """
     # Worker processes import this module too.
     from vibroimpact_service.access.gate import ExposedError, keys_needed
+    from vibroimpact_service.jobs.database import RecordsUnavailableError
 
-    given: dict[str, Any] = {"host": host, "port": port, "data": data}
-    settings = Settings(**{name: value for name, value in given.items() if value is not None})
+    settings = _settings(host=host, port=port, data=data)
     try:
         keys_needed(settings)
     except ExposedError as error:
         typer.echo(f"The service does not start: {error}", err=True)
         raise typer.Exit(2) from None
+    except RecordsUnavailableError as error:
+        typer.echo(f"The service does not start: {error}: {error.__cause__}", err=True)
+        raise typer.Exit(3) from None
     if settings.scheduler is None:
         # It loads the numerical libraries while this process loads those of HTTP.
         nursery.open_nursery(loading.NUMERICAL)
     from vibroimpact_service.app import create_app
 
-    _log_to_stderr()
+    logs.to_stderr()
+    for name in unknown(os.environ):
+        log.warning("there is no such setting", variable=name)
     # Work in threads must not keep the event loop waiting for as long as Python lets it.
     sys.setswitchinterval(0.001)
     server = Server(create_app(settings), settings)
@@ -76,24 +84,24 @@ def scheduler(
     host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Port; 0 takes a free one.")] = 8786,
     tls: Annotated[
-        Path | None, typer.Option(help="Folder of `vibroimpact certificates` [VIBROIMPACT_TLS_…].")
+        Path | None, typer.Option(help="Folder of `vibroimpact certificates` (VIBROIMPACT_TLS_…).")
     ] = None,
 ) -> None:
     """Run a scheduler for workers on several machines, until SIGTERM or Ctrl-C."""
     from vibroimpact_service.jobs import cluster
 
-    _log_to_stderr()
+    logs.to_stderr()
     cluster.schedule(_cluster_settings(tls), host, port, _say)
 
 
 @app.command()
 def worker(
     address: Annotated[
-        str | None, typer.Argument(help="tls://… of the scheduler [VIBROIMPACT_SCHEDULER].")
+        str | None, typer.Argument(help="tls://… of the scheduler (VIBROIMPACT_SCHEDULER).")
     ] = None,
-    workers: Annotated[int | None, typer.Option(help="Processes [one per core].")] = None,
+    workers: Annotated[int | None, typer.Option(help="Processes (one per core).")] = None,
     tls: Annotated[
-        Path | None, typer.Option(help="Folder of `vibroimpact certificates` [VIBROIMPACT_TLS_…].")
+        Path | None, typer.Option(help="Folder of `vibroimpact certificates` (VIBROIMPACT_TLS_…).")
     ] = None,
 ) -> None:
     """Run workers for a scheduler elsewhere, until SIGTERM or Ctrl-C.
@@ -108,7 +116,7 @@ def worker(
     if settings.scheduler is None or not settings.scheduler.startswith("tls://"):
         typer.echo("the address of the scheduler must be given, as tls://host:port", err=True)
         raise typer.Exit(2)
-    _log_to_stderr()
+    logs.to_stderr()
     cluster.work(settings, tasks.WORK.modules, lambda count: _say(f"{count} workers"))
 
 
@@ -129,6 +137,15 @@ def certificates(
         typer.echo(f"VIBROIMPACT_TLS_{name}={path.absolute()}")
 
 
+def _settings(**given: Any) -> Settings:
+    """Return the settings, or end the process with a word on what is wrong with them."""
+    try:
+        return read(**given)
+    except SettingsInvalidError as error:
+        typer.echo(f"A setting cannot be: {error}", err=True)
+        raise typer.Exit(2) from None
+
+
 def _cluster_settings(tls: Path | None, **given: Any) -> Settings:
     if tls is not None:
         given |= {
@@ -136,7 +153,18 @@ def _cluster_settings(tls: Path | None, **given: Any) -> Settings:
             "tls_cert": tls / "cert.pem",
             "tls_key": tls / "key.pem",
         }
-    return Settings(**{name: value for name, value in given.items() if value is not None})
+    settings = _settings(**given)
+    files = (settings.tls_ca, settings.tls_cert, settings.tls_key)
+    lacking = [str(file) for file in files if file is None or not file.is_file()]
+    if lacking:
+        missing = ", ".join(name for name in lacking if name != "None") or "none is named"
+        typer.echo(
+            "scheduler and workers need the three files of `vibroimpact certificates`, by --tls "
+            f"or VIBROIMPACT_TLS_CA, _TLS_CERT and _TLS_KEY; missing: {missing}",
+            err=True,
+        )
+        raise typer.Exit(2)
+    return settings
 
 
 def _say(text: str) -> None:
@@ -217,6 +245,8 @@ class Server(uvicorn.Server):
         url = f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
         # Whoever started this waits for the file, and must not read half of it.
         passing = self._note.with_suffix(".tmp")
+        # Where records and results are elsewhere, nobody else has made the folder.
+        self._note.parent.mkdir(parents=True, exist_ok=True)
         passing.write_text(json.dumps({"url": url, "pid": os.getpid()}))
         passing.replace(self._note)
         _say(url)
@@ -234,21 +264,6 @@ class Server(uvicorn.Server):
         # a service that was asked to stop, and did, has succeeded.
         self.force_exit = self.should_exit and sig == signal.SIGINT
         self.should_exit = True
-
-
-def _log_to_stderr() -> None:
-    structlog.configure(
-        processors=[
-            structlog.contextvars.merge_contextvars,
-            structlog.processors.add_log_level,
-            structlog.processors.TimeStamper(fmt="iso", utc=True),
-            structlog.processors.format_exc_info,
-            structlog.processors.JSONRenderer(serializer=orjson.dumps, default=str),
-        ],
-        wrapper_class=structlog.make_filtering_bound_logger(logging.INFO),
-        logger_factory=structlog.BytesLoggerFactory(file=sys.stderr.buffer),
-        cache_logger_on_first_use=True,
-    )
 
 
 if __name__ == "__main__":

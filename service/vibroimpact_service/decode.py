@@ -7,7 +7,6 @@ Sizes are judged as claimed, before anything of that size is allocated.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from decimal import Decimal
 from functools import lru_cache
 from typing import Any, Final
 
@@ -153,29 +152,13 @@ def frequencies(grid: Any) -> tuple[Floats, Floats]:
         case grids.FrequencyPoints():
             given = np.linspace(grid.start, grid.stop, grid.num)
         case grids.FrequencySteps():
-            given = _lattice(grid.start, grid.step, grid.count)
+            exact = lattice.decimal_steps(grid.start, grid.step, grid.count)
+            given = grid.start + grid.step * np.arange(grid.count) if exact is None else exact
             # The last step may pass the end by rounding.
             given[-1] = min(given[-1], grid.stop)
     if grid.unit == "Omega":
         return given, given * (2.0 / np.pi)
     return given * (np.pi / 2.0), given
-
-
-def _lattice(start: float, step: float, count: int) -> Floats:
-    """Return start, start + step, …, shape (count,).
-
-    Each is the double nearest to the decimal number that is meant, 0.6 + 0.1 being 0.7, so
-    that grids of the same steps that overlap have the same numbers there, to the last bit.
-    """
-    first, each = Decimal(repr(start)), Decimal(repr(step))
-    places = max(0, -min(int(d.normalize().as_tuple().exponent) for d in (first, each)))
-    whole = int(first.scaleb(places)) + int(each.scaleb(places)) * (count - 1)
-    # Beyond these numerator or denominator would be rounded.
-    if places > 22 or whole >= 2**53 or int(each.scaleb(places)) >= 2**53:
-        return start + step * np.arange(count, dtype=np.float64)
-    numerators = int(first.scaleb(places)) + int(each.scaleb(places)) * np.arange(count)
-    found: Floats = numerators.astype(np.float64) / 10.0**places
-    return found
 
 
 def impact_modes(request: requests.ImpactModesRequest, of: System) -> modes.Problem:

@@ -103,6 +103,23 @@ def problem(
 # -- Values -------------------------------------------------------------------------------
 
 
+def decimal_steps(start: float, step: float, count: int) -> Floats | None:
+    """Return start, start + step, …, shape (count,), None where that takes too many digits.
+
+    Each is the double nearest to the decimal number that is meant, 0.6 + 0.1 being 0.7, so
+    that grids of the same steps that overlap have the same numbers there, to the last bit.
+    """
+    first, each = Decimal(repr(start)), Decimal(repr(step))
+    places = max(0, -min(int(d.normalize().as_tuple().exponent) for d in (first, each)))
+    if places > 22:  # beyond it the denominator would be rounded
+        return None
+    begin, by = int(first.scaleb(places)), int(each.scaleb(places))
+    if max(abs(begin), by, abs(begin + by * (count - 1))) >= 2**53:
+        return None
+    found: Floats = (begin + by * np.arange(count)).astype(np.float64) / 10.0**places
+    return found
+
+
 def _values(axis: sweeps.AnyAxis) -> Floats:
     match axis:
         case sweeps.AxisValues():
@@ -110,7 +127,9 @@ def _values(axis: sweeps.AnyAxis) -> Floats:
         case sweeps.AxisPoints():
             return np.linspace(axis.start, axis.stop, axis.num)
         case sweeps.AxisSteps():
-            # In decimals, so that all axes of one lattice have the same numbers.
+            found = decimal_steps(axis.start, axis.step, axis.count)
+            if found is not None:
+                return found
             start, step = Decimal(repr(axis.start)), Decimal(repr(axis.step))
             return np.array([float(start + k * step) for k in range(axis.count)])
 

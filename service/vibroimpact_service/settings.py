@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Literal
+from typing import Any, Final, Literal
 
-from pydantic import Field
-from pydantic_settings import BaseSettings, SettingsConfigDict
+from pydantic import Field, ValidationError
+from pydantic_settings import BaseSettings, SettingsConfigDict, SettingsError
+
+_PREFIX: Final = "VIBROIMPACT_"
+_OF_OTHERS: Final = ("URL", "KEY", "PROFILE", "TIMEOUT", "TEST_")
+"""Variables of clients and of tests, which a service may inherit."""
+
+
+class SettingsInvalidError(ValueError):
+    """A setting has a value that it cannot have."""
 
 
 class Settings(BaseSettings):
     """Settings of one service process; the environment variable is VIBROIMPACT_ and the name."""
 
-    model_config = SettingsConfigDict(env_prefix="VIBROIMPACT_", frozen=True, extra="ignore")
+    model_config = SettingsConfigDict(env_prefix=_PREFIX, frozen=True, extra="ignore")
 
     host: str = Field("127.0.0.1", description="Address to listen on.")
     port: int = Field(8000, ge=0, le=65535, description="Port to listen on; 0 takes a free one.")
@@ -133,3 +142,43 @@ class Settings(BaseSettings):
     def store_url(self) -> str:
         """Where requests, chunks and results are."""
         return self.store or str((self.data / "store").absolute())
+
+
+def read(**given: Any) -> Settings:
+    """Return the settings of this process.
+
+    Parameters
+    ----------
+    **given : Any
+        What arguments say; they win over the environment. None counts as not given.
+
+    Raises
+    ------
+    SettingsInvalidError
+        Where a value cannot be; it names the variables.
+    """
+    try:
+        return Settings(**{name: value for name, value in given.items() if value is not None})
+    except ValidationError as error:
+        faults = [f"{_variable(fault['loc'])}: {fault['msg']}" for fault in error.errors()]
+        raise SettingsInvalidError("; ".join(faults)) from None
+    except SettingsError as error:
+        # Lists are the only values that are not plain text.
+        raise SettingsInvalidError(f"{error}; lists are written as JSON") from None
+
+
+def unknown(environment: Iterable[str]) -> list[str]:
+    """Return those variables VIBROIMPACT_… that no setting goes by, most likely misspelt."""
+    known = {f"{_PREFIX}{name}".upper() for name in Settings.model_fields}
+    others = tuple(_PREFIX + name for name in _OF_OTHERS)
+    return sorted(
+        name
+        for name in environment
+        if name.upper().startswith(_PREFIX)
+        and name.upper() not in known
+        and not name.upper().startswith(others)
+    )
+
+
+def _variable(place: tuple[int | str, ...]) -> str:
+    return _PREFIX + str(place[0]).upper() if place else _PREFIX + "…"

@@ -246,7 +246,8 @@ def head(result_name: str, assignment: Assignment, request: bytes, created: str)
 def solver_name() -> str:
     """Return what makes results differ beside the request: version and sources of the solvers."""
     text = hashlib.sha256()
-    for package in ("vibroimpact_solvers", "vibroimpact_service.decode"):
+    sources = ("vibroimpact_solvers", "vibroimpact_service.decode", "vibroimpact_service.lattice")
+    for package in sources:
         spec = importlib.util.find_spec(package)
         assert spec is not None
         assert spec.origin is not None
@@ -432,8 +433,9 @@ def explain(error: BaseException) -> dict[str, Any]:
 
 def prepare() -> None:
     """Load the numerical libraries before the first job needs them."""
-    from vibroimpact_service import decode, encode
+    from vibroimpact_service import decode, encode, logs
 
+    logs.to_stderr()
     log.debug("prepared", modules=[decode.__name__, encode.__name__])
 
 

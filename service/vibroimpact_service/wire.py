@@ -31,7 +31,8 @@ class Connection(HttpToolsProtocol):
     for ever for a peer that does not read its answer.
     """
 
-    limits = Settings()
+    limits: Settings
+    """Given by `connection`: reading them here would make the import depend on them."""
 
     def __init__(
         self, config: Config, server_state: ServerState, app_state: dict[str, Any],

@@ -181,3 +181,78 @@ def test_ensembles_are_arrays_and_a_picture(client: vi.Client) -> None:
     assert plots.basins(line).get_ylabel() == "number of impacts"
     with pytest.raises(ValueError, match="differ in 0"):
         plots.basins(client.ensemble(structure, [[0.0]], [[1.0]], 1.0))
+
+
+def test_tables_are_seen_and_open_in_xarray(client: vi.Client) -> None:
+    bands = client.existence_bands(STRUCTURE, 0.6, 2.4)
+    count = bands.bands.start.size
+    assert f"bands ({count} rows)" in repr(bands)
+    assert f"{count} rows" in bands._repr_html_()
+    assert bands.bands.rows == count
+    assert bands.bands._repr_html_().count("<tr>") == count + 1
+    data = bands.to_xarray("bands")
+    np.testing.assert_array_equal(data.start.values, bands.bands.start)
+    assert data.start.attrs["long_name"] == "lower edge of a band"
+    with pytest.raises(ValueError, match=r"no table 'band'.*bands, .*rejected"):
+        bands.to_xarray("band")
+
+
+def test_frequency_over_energy_is_drawn(client: vi.Client) -> None:
+    """The members drawn are those that exist, each in the line that its stability says."""
+    outputs = ["exists", "energy", "stability"]
+    result = client.impact_modes(
+        vi.two_mass(vi.constraint(0, 1.0)), (0.3, 4.0, 400), outputs=outputs
+    )
+    lines = result.plot(output="energy").get_lines()
+    assert [line.get_label() for line in lines] == ["stable", "unstable"]
+    stable = result.stability <= 1.0 + 1e-6
+    for line, some in zip(lines, (stable, ~stable), strict=True):
+        energy, Omega = line.get_data()
+        np.testing.assert_array_equal(np.isfinite(energy), result.exists & some)
+        np.testing.assert_array_equal(Omega, result.Omega)
+    with pytest.raises(ValueError, match="impulse, energy, shape can be drawn, not 'modes'"):
+        result.plot(output="modes")
+
+
+def test_axes_carry_units(client: vi.Client) -> None:
+    units = {"length": "m", "mass": "kg", "time": "s"}
+    structure = vi.system([2.0], [50.0], vi.constraint(0, 0.1), units=units)
+    result = client.impact_modes(structure, (5.5, 9.0, 20), outputs=["impulse", "exists", "energy"])
+    assert result.unit("impulse") == "kg m s-2"
+    assert result.plot().get_ylabel().endswith("(kg m s-2)")
+    assert result.plot(output="energy").get_xlabel() == "energy (kg m2 s-2)"
+
+
+def test_a_history_of_impacts_alone_is_drawn(client: vi.Client) -> None:
+    result = client.time_history(STRUCTURE, 1.3, 50.0)
+    line = result.plot().get_lines()[0]
+    np.testing.assert_array_equal(line.get_ydata(), result.impacts.impulse)
+    np.testing.assert_array_equal(line.get_xdata(), result.impacts.time)
+
+
+def test_a_structure_is_sent_once(client: vi.Client) -> None:
+    M, K = np.eye(3), np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
+    kept = client.store(vi.system(M, K, []))
+    stop = [vi.constraint(2, 0.3)]
+    found = client.impact_modes(kept | {"constraints": stop}, (1.9, 3.0, 10))
+    direct = client.impact_modes(vi.system(M, K, stop), (1.9, 3.0, 10))
+    np.testing.assert_array_equal(found.impulse, direct.impulse)
+
+
+def test_a_batch_answers_one_by_one(client: vi.Client) -> None:
+    structures = [vi.chain(3, [vi.constraint(0, gap)]) for gap in (0.1, -0.1, 0.2)]
+    requests = [vi.impact_modes_request(one, [2.0, 2.1]) for one in structures]
+    first, wrong, last = client.batch("impact-modes", requests)
+    assert isinstance(first, dict)
+    assert isinstance(last, dict)
+    assert isinstance(wrong, vi.InvalidRequest)
+    assert wrong.errors[0]["pointer"] == "/system/constraints/0/gap"
+    # Gap and impulse are proportional.
+    np.testing.assert_allclose(2.0 * np.array(first["impulse"]), last["impulse"], rtol=1e-14)
+
+
+def test_reprs_say_where_and_how_far(client: vi.Client) -> None:
+    assert repr(client) == f"<Client {client.url}>"
+    job = client.submit("impact-modes", vi.impact_modes_request(STRUCTURE, (0.6, 2.4, 77)))
+    assert job.wait()._repr_html_().count(job.id) == 1
+    assert "succeeded" in job._repr_html_()

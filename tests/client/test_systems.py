@@ -71,3 +71,17 @@ def test_the_request_of_a_slow_flow_is_what_the_schema_takes() -> None:
             vi.oscillator(STOP), "oscillator", "family", {"energy": 1, "root": 1}, t
         )
         SlowFlowRequest.model_validate(request)
+
+
+def test_a_single_constraint_or_output_needs_no_list() -> None:
+    assert vi.chain(3, STOP[0]) == vi.chain(3, STOP)
+    assert vi.system([1.0], [1.0], STOP[0]) == vi.system([1.0], [1.0], STOP)
+    request = vi.impact_modes_request(vi.chain(3, STOP), (1, 2, 3), outputs="impulse")
+    assert request["outputs"] == ["impulse"]
+    assert vi.sweep_request("impact-modes", request, {}, "exists")["outputs"] == ["exists"]
+
+
+def test_the_number_of_times_may_be_numpys() -> None:
+    request = vi.time_history_request(vi.chain(3, STOP), 2.0, 10.0, t=np.int64(7))
+    assert request["t"] == {"num": 7}
+    assert type(request["t"]["num"]) is int

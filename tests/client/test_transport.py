@@ -94,3 +94,32 @@ def test_an_answer_that_is_no_problem_document_is_reported() -> None:
     played = Played(httpx2.Response(404, text="<html>proxy</html>"))
     with pytest.raises(errors.NotFound, match="proxy"):
         played.transport().request("GET", "/v1/x")
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ({"system": {"K": [[1.0, 2.0], [2.0, float("nan")]]}}, "/system/K/1/1: nan is not finite"),
+        ({"t_end": float("inf")}, "/t_end: inf is not finite"),
+    ],
+)
+def test_numbers_that_json_has_not_are_named_before_anything_is_sent(
+    content: dict[str, object], said: str
+) -> None:
+    played = Played()
+    with pytest.raises(errors.InvalidRequest) as caught:
+        played.transport().request("POST", "/v1/x", json=content)
+    assert str(caught.value) == said
+    assert caught.value.errors[0]["pointer"] == said.partition(":")[0]
+    assert played.requests == []
+
+
+def test_a_fault_is_said_once() -> None:
+    fault = {"pointer": "/a", "code": "x", "message": "is wrong"}
+    more = {"pointer": "/b", "code": "x", "message": "too"}
+    one = errors.from_problem({"status": 422, "detail": "/a: is wrong", "errors": [fault]})
+    assert str(one) == "/a: is wrong"
+    two = {"status": 422, "detail": "/a: is wrong (and 1 more)", "errors": [fault, more]}
+    assert str(errors.from_problem(two)) == "/a: is wrong\n  /b: too"
+    other = errors.from_problem({"status": 413, "detail": "too much", "errors": [fault]})
+    assert str(other) == "too much\n  /a: is wrong"

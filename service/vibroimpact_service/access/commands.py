@@ -18,11 +18,11 @@ from vibroimpact_service.access import records
 from vibroimpact_service.access.caller import Allowance, Scope
 from vibroimpact_service.access.gate import open_records
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.settings import Settings
+from vibroimpact_service.settings import SettingsInvalidError, read
 
 Value = TypeVar("Value")
 Data = Annotated[
-    Path | None, typer.Option(help="Folder of the service's records [./vibroimpact-data].")
+    Path | None, typer.Option(help="Folder of the service's records (./vibroimpact-data).")
 ]
 
 app = typer.Typer(help="API keys of the service: create, list, revoke.", no_args_is_help=True)
@@ -33,7 +33,7 @@ def create(
     owner: Annotated[str, typer.Argument(help="Whose jobs and results it shows.")],
     label: Annotated[str, typer.Option(help="What it is for.")] = "",
     scope: Annotated[
-        list[Scope] | None, typer.Option(help="What it is good for; several times [read submit].")
+        list[Scope] | None, typer.Option(help="What it is good for; several times (read, submit).")
     ] = None,
     days: Annotated[float | None, typer.Option(help="After which it expires.")] = None,
     requests_per_minute: Annotated[int | None, typer.Option(help="Own rate.")] = None,
@@ -93,7 +93,11 @@ def audit(data: Data = None) -> None:
 
 
 def _change(data: Path | None, operation: Callable[[Connection], Value]) -> Value:
-    settings = Settings() if data is None else Settings(data=data)
+    try:
+        settings = read(data=data)
+    except SettingsInvalidError as error:
+        typer.echo(f"A setting cannot be: {error}", err=True)
+        raise typer.Exit(2) from None
     engine = open_records(settings)
     try:
         with engine.begin() as connection:

@@ -69,6 +69,7 @@ async def _work_once(settings: Settings, ready: Callable[[int], None], stop: asy
             resources=dict.fromkeys(LANES, 1),
             security=security(settings),
             local_directory=None,
+            silence_logs=logging.ERROR,
         )
         for _ in range(settings.workers)
     ]

@@ -168,3 +168,19 @@ def test_operations_have_distinct_plain_names() -> None:
     names = [operation["operationId"] for _, _, operation in OPERATIONS]
     assert len(set(names)) == len(names)
     assert all(name.isidentifier() for name in names)
+
+
+def test_values_have_names_that_generators_can_tell_apart() -> None:
+    """Some name values of an enumeration in capitals; Omega and omega must not become one."""
+
+    def enumerations(node: Any) -> list[dict[str, Any]]:
+        parts = node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
+        found = [one for part in parts for one in enumerations(part)]
+        return [node, *found] if isinstance(node, dict) and "enum" in node else found
+
+    everything = enumerations(DOCUMENT["components"]["schemas"])
+    assert len(everything) > 10
+    for found in everything:
+        if isinstance(found["enum"], list):
+            names = found.get("x-enum-varnames", [str(value).upper() for value in found["enum"]])
+            assert len(set(names)) == len(found["enum"]), found

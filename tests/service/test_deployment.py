@@ -1,0 +1,209 @@
+"""The examples of docker/ agree with the commands, the settings, the routes and one another."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import tomllib
+from collections.abc import Iterator
+from fnmatch import fnmatch
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from typer.main import get_command
+
+from vibroimpact_service import cli
+from vibroimpact_service.access.commands import app as keys
+from vibroimpact_service.api import service as service_routes
+from vibroimpact_service.jobs import certificates
+from vibroimpact_service.settings import Settings
+
+ROOT = Path(__file__).parents[2]
+DOCKER = ROOT / "docker"
+FILES = sorted(path for path in DOCKER.rglob("*") if path.is_file())
+YAML = [path for path in FILES if path.suffix == ".yaml"]
+KUBERNETES = sorted((DOCKER / "kubernetes").glob("*.yaml"))
+
+
+def _documents(path: Path) -> list[Any]:
+    return list(yaml.safe_load_all(path.read_text()))
+
+
+def _walk(node: Any) -> Iterator[dict[str, Any]]:
+    if isinstance(node, dict):
+        yield node
+    for part in node.values() if isinstance(node, dict) else node if isinstance(node, list) else ():
+        yield from _walk(part)
+
+
+def _commands(words: list[str]) -> Iterator[list[str]]:
+    """Yield the commands of the service in an argument list or a line of shell."""
+    if words[:1] == ["sh"]:
+        words = shlex.split(words[-1])
+    for place, word in enumerate(words):
+        if word == "vibroimpact" and place + 1 < len(words):
+            yield words[place + 1 :]
+
+
+def _lines() -> Iterator[tuple[str, list[str]]]:
+    """Yield where, and the arguments of, every command in the examples and their comments."""
+    for path in FILES:
+        joined = path.read_text().replace("\\\n#", " ").replace("\\\n", " ")
+        for line in joined.splitlines():
+            if line.strip().startswith(("command:", "args:", "CMD [")):
+                words = yaml.safe_load(line[line.index("[") :])
+                yield from ((path.name, found) for found in _commands(words))
+            else:
+                pattern = r"\bvibroimpact (?=(?:serve|scheduler|worker|certificates|keys)\b)(.+)"
+                for found in re.findall(pattern, line):
+                    yield path.name, re.split(r"[`|;]", found)[0].split()
+
+
+LINES = list(_lines())
+
+
+def test_the_examples_hold_commands() -> None:
+    names = {words[0] for _, words in LINES}
+    assert names >= {"serve", "scheduler", "worker", "certificates", "keys"}
+
+
+@pytest.mark.parametrize(("place", "words"), LINES, ids=[f"{p}: {w[0]}" for p, w in LINES])
+def test_every_command_and_option_is_there(place: str, words: list[str]) -> None:
+    command: Any = get_command(cli.app)
+    if words[0] == "keys":
+        command, words = get_command(keys), words[1:]
+    command = command.commands[words[0]]
+    options = {flag for option in command.params for flag in option.opts}
+    given = [word for word in words[1:] if word.startswith("--")]
+    assert [flag for flag in given if flag not in options] == []
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(DOCKER)))
+def test_every_variable_is_a_setting(path: Path) -> None:
+    known = {f"VIBROIMPACT_{name.upper()}" for name in Settings.model_fields}
+    own = {"VIBROIMPACT_NAME", "VIBROIMPACT_TLS"}  # of the proxy and of the shell script
+    found = set(re.findall(r"VIBROIMPACT_[A-Z_]*[A-Z]", path.read_text()))
+    assert found - known - own == set()
+
+
+@pytest.mark.parametrize("path", YAML, ids=lambda path: str(path.relative_to(DOCKER)))
+def test_yaml_is_yaml(path: Path) -> None:
+    assert all(isinstance(document, dict) for document in _documents(path))
+
+
+def test_the_image_has_all_that_the_wheel_is_made_of() -> None:
+    """What the build needs is copied, and not kept out by .dockerignore."""
+    build = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    wheel = build["tool"]["hatch"]["build"]["targets"]["wheel"]
+    project = build["project"]
+    needed = ["pyproject.toml", project["readme"], *project["license-files"]]
+    needed += [*wheel["packages"], *wheel["force-include"]]
+    text = (DOCKER / "Dockerfile").read_text()
+    copied = [
+        source
+        for line in re.findall(r"^COPY (?!--from)(.+) \S+$", text, re.M)
+        for source in line.split()
+    ]
+    rules = (ROOT / ".dockerignore").read_text().split()
+    assert rules[0] == "*"
+    let_in = [rule[1:] for rule in rules if rule.startswith("!")]
+    for path in needed:
+        parents = [path, *map(str, Path(path).parents)]
+        assert any(parent in copied for parent in parents), path
+        assert any(fnmatch(parent, rule) for parent in parents for rule in let_in), path
+    extras = re.search(r"^ARG EXTRAS=(.+)$", text, re.M)
+    assert extras is not None
+    assert set(extras[1].split(",")) <= set(project["optional-dependencies"])
+
+
+def test_probes_ask_routes_and_ports_that_are_there() -> None:
+    routes = {getattr(route, "path", None) for route in service_routes.router.routes}
+    asked = 0
+    for path in KUBERNETES:
+        for container in _walk(_documents(path)):
+            ports = {port.get("name") for port in container.get("ports", ()) if "name" in port}
+            for name in ("startupProbe", "livenessProbe", "readinessProbe"):
+                probe = container.get(name, {})
+                if "httpGet" in probe:
+                    assert probe["httpGet"]["path"] in routes
+                    assert probe["httpGet"]["port"] in ports
+                    asked += 1
+    assert asked == 3
+    assert "/v1/health/live" in (DOCKER / "Dockerfile").read_text()
+
+
+def test_kubernetes_names_what_it_has() -> None:
+    """Services select pods that there are; secrets and files have their names in the comments."""
+    kustomization = _documents(DOCKER / "kubernetes" / "kustomization.yaml")[0]
+    there = {path.name for path in KUBERNETES} - {"kustomization.yaml"}
+    assert set(kustomization["resources"]) == there
+    objects = [found for name in there for found in _documents(DOCKER / "kubernetes" / name)]
+    pods = [
+        one["spec"]["template"]["metadata"]["labels"]
+        for one in objects
+        if one["kind"] == "Deployment"
+    ]
+    for one in objects:
+        if one["kind"] == "Service":
+            selector = one["spec"]["selector"].items()
+            assert any(selector <= labels.items() for labels in pods)
+    text = (DOCKER / "kubernetes" / "kustomization.yaml").read_text()
+    secrets = set(re.findall(r"secret generic (\S+)", text))
+    used = {
+        node[key][name]
+        for node in _walk(objects)
+        for key, name in (("secretRef", "name"), ("secret", "secretName"))
+        if key in node
+    }
+    assert used == secrets
+    literals = dict(
+        literal.split("=", 1)
+        for generator in kustomization["configMapGenerator"]
+        for literal in generator["literals"]
+    )
+    files = {Path(literals[f"VIBROIMPACT_TLS_{name}"]).name for name in ("CA", "CERT", "KEY")}
+    assert files == {"ca.pem", "cert.pem", "key.pem"}
+
+
+def test_certificates_have_the_names_that_the_examples_use(tmp_path: Path) -> None:
+    names = [path.name for path in certificates.write(tmp_path, 1)]
+    assert names == ["ca.pem", "cert.pem", "key.pem"]
+
+
+def test_compose_depends_on_what_there_is() -> None:
+    for path in (DOCKER / "compose.yaml", DOCKER / "cluster" / "compose.yaml"):
+        (found,) = _documents(path)
+        for service in found["services"].values():
+            assert set(service.get("depends_on", ())) <= set(found["services"])
+            for volume in service.get("volumes", ()):
+                source = volume.partition(":")[0]
+                assert source in found["volumes"] or (path.parent / source).is_file()
+            build = service.get("build")
+            if build is not None:
+                assert (path.parent / build["context"]).resolve() == ROOT
+                assert (ROOT / build["dockerfile"]).is_file()
+
+
+def test_the_batch_script_starts_workers_as_slurm_says(tmp_path: Path) -> None:
+    """Runs the script with a double of srun, which writes what it is told."""
+    srun = tmp_path / "srun"
+    srun.write_text('#!/bin/sh\necho "$@"\n')
+    srun.chmod(0o755)
+    script = str(DOCKER / "slurm" / "workers.sbatch")
+    environment = {
+        **os.environ,
+        "PATH": f"{tmp_path}:{os.environ['PATH']}",
+        "SLURM_CPUS_PER_TASK": "12",
+        "VIBROIMPACT_STORE": "/scratch/store",
+    }
+    command = ["bash", script, "tls://head:8786"]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout == "vibroimpact worker tls://head:8786 --tls tls --workers 12\n"
+    del environment["VIBROIMPACT_STORE"]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode != 0
+    assert "the store of the services" in done.stderr

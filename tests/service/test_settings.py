@@ -1,0 +1,74 @@
+"""Settings: what is wrong with them is said in words, and the documentation has all of them."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from vibroimpact_service.settings import Settings, SettingsInvalidError, read, unknown
+
+PAGE = Path(__file__).parents[2] / "docs" / "service" / "settings.md"
+ROW = re.compile(r"^\| `VIBROIMPACT_([A-Z0-9_]+)` \| (.+?) \| (.+) \|$", re.M)
+OF_THE_MACHINE = {"workers", "inline_threads"}
+
+
+def _documented(text: str, default: Any) -> Any:
+    """Return what a cell of the page says, as a value of the default's type."""
+    if text == "–":
+        return None
+    plain = text.strip("`")
+    if isinstance(default, bool | int | float | tuple):
+        value = json.loads(plain)
+        return tuple(value) if isinstance(value, list) else value
+    return plain if isinstance(default, str) else type(default)(plain)
+
+
+def test_the_page_has_every_setting_with_its_default_and_meaning() -> None:
+    found = ROW.findall(PAGE.read_text())
+    rows = {name.lower(): (default, meaning) for name, default, meaning in found}
+    assert set(rows) == set(Settings.model_fields)
+    for name, field in Settings.model_fields.items():
+        default, meaning = rows[name]
+        assert meaning == field.description
+        if name in OF_THE_MACHINE:
+            assert "cores" in default
+        else:
+            assert _documented(default, field.default) == field.default, name
+
+
+def test_a_wrong_value_is_named_by_its_variable(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("VIBROIMPACT_PORT", "eight")
+    monkeypatch.setenv("VIBROIMPACT_WORKERS", "0")
+    with pytest.raises(SettingsInvalidError, match=r"VIBROIMPACT_PORT: .*integer") as caught:
+        read()
+    assert "VIBROIMPACT_WORKERS: " in str(caught.value)
+
+
+def test_a_list_that_is_no_json_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("VIBROIMPACT_CORS_ORIGINS", "https://a.b")
+    with pytest.raises(SettingsInvalidError, match=r"cors_origins.*written as JSON"):
+        read()
+
+
+def test_arguments_win_and_those_not_given_do_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("VIBROIMPACT_PORT", "9000")
+    monkeypatch.setenv("VIBROIMPACT_HOST", "127.0.0.2")
+    found = read(port=9001, host=None)
+    assert (found.host, found.port) == ("127.0.0.2", 9001)
+
+
+def test_misspelt_variables_are_found() -> None:
+    environment = {
+        **os.environ,
+        "VIBROIMPACT_WORKER": "3",
+        "VIBROIMPACT_WORKERS": "3",
+        "vibroimpact_store": "s3://b",
+        "VIBROIMPACT_KEY": "vik_",
+        "VIBROIMPACT_TEST_POSTGRESQL": "1",
+    }
+    assert unknown(environment) == ["VIBROIMPACT_WORKER"]
