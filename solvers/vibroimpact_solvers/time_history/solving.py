@@ -9,6 +9,7 @@ import numpy as np
 
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.kernels.flight import Stop, spread
 from vibroimpact_solvers.plan import Plan, Stage
 from vibroimpact_solvers.time_history import reference, soft
@@ -298,7 +299,7 @@ def _fill_rest(
     rows, _, expansions, _, _, _, _, _, grazings, _, _ = counts.tolist()
     found["count_impacts"] = rows
     found["count_grazings"], found["count_expansions"] = grazings, expansions
-    found["error_penetration"] = float(clock[6])
+    found["error_penetration"] = _told_apart(problem, float(clock[6]))
     if problem.estimate:
         largest = max(1.0, last, float(growth.max(initial=0.0)))
         found["error_condition"] = largest
@@ -314,6 +315,21 @@ def _fill_rest(
             found["impact_condition"] = np.full(growth.size, math.nan)
     if "impacts" not in problem.outputs:
         found["impact_time"] = None
+
+
+def _told_apart(problem: Problem, penetration: float) -> float:
+    """Return how far rounding lets coordinates through walls, less than these are apart."""
+    for index, constraint in enumerate(problem.system.constraints):
+        if constraint.lower is None or constraint.upper is None:
+            continue
+        apart = constraint.lower + constraint.upper
+        if not penetration < apart:
+            message = (
+                f"the limiters of constraint {index} are {apart:.3g} apart, and the motion is so "
+                f"large that double precision knows the coordinate to {penetration:.1g} only"
+            )
+            raise ConvergenceError(message)
+    return penetration
 
 
 def _joined(pieces: list[Any], shape: tuple[int, ...]) -> Any:

@@ -11,9 +11,9 @@ import pytest
 from tests.solvers.stress.structures import springs
 from tests.solvers.time_history.flights import Flight, Stop
 from vibroimpact_solvers import presets, time_history
-from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.errors import ConvergenceError, ModelError
 from vibroimpact_solvers.model import Constraint, System
-from vibroimpact_solvers.time_history import Problem, Result, State
+from vibroimpact_solvers.time_history import Harmonic, Problem, Result, State
 
 _EPS = 2.0**-52
 RATIOS = [1e-12, 1e-6, 1e6, 1e12]
@@ -205,15 +205,30 @@ class TestRefused:
         with pytest.raises(ModelError):
             solve(system, [value], [0.0], 1.0)
 
-    @pytest.mark.parametrize("value", [5e-324, 1e-310])
-    def test_denormal_states_are_rest(self, value: float) -> None:
-        system = presets.oscillator([Constraint.at(0, 1.0)], 1.0)
-        found = solve(system, [value], [value], 5.0)
-        assert found.x is not None
-        assert abs(found.x[0, 0]) <= 4 * value
-        assert found.count_impacts == 0
+    @pytest.mark.parametrize("value", [5e-324, 1e-310, 1e-101, 1e101])
+    def test_numbers_whose_squares_are_lost(self, value: float) -> None:
+        system = presets.oscillator([Constraint((0,), (1.0,), 1.0, None)], 1.0)
+        with pytest.raises(ModelError, match="not between"):
+            solve(system, [value], [0.0], 5.0)
 
     def test_starts_beyond_a_wall(self) -> None:
         system = presets.oscillator([Constraint.at(0, 1.0)], 1.0)
         with pytest.raises(ModelError):
             solve(system, [1.0 + 1e-6], [0.0], 1.0)
+
+    @pytest.mark.parametrize(("gap", "amplitude"), [(0.2, 9e99), (1e-50, 0.01)])
+    def test_walls_that_rounding_hides(self, gap: float, amplitude: float) -> None:
+        system = presets.chain(13, [Constraint.at(5, gap)])
+        load = (Harmonic(0, amplitude, 0.7, 0.5),)
+        with pytest.raises(ConvergenceError, match="knows the coordinate to"):
+            solve(system, np.zeros(13), np.zeros(13), 10.0, load=load)
+
+    def test_a_wall_on_one_side_hides_nothing(self) -> None:
+        """x'' = -x + 1e99 cos 2t from rest: x is 1e99 (cos t - cos 2t)/3 until it comes back."""
+        system = presets.oscillator([Constraint((0,), (1.0,), 1.0, None)], 1.0)
+        t_end = 1.9
+        load = (Harmonic(0, 1e99, 2.0, 0.0),)
+        found = solve(system, [0.0], [0.0], t_end, load=load)
+        assert found.x is not None
+        exact = 1e99 * (np.cos(t_end) - np.cos(2 * t_end)) / 3
+        np.testing.assert_allclose(found.x[0, 0], exact, rtol=1e-13)
