@@ -130,6 +130,7 @@ class Computations(ABC, Generic[Answer]):
         limiter: Mapping[str, Any] | None = None,
         method: str = "exact",
         tolerance: float | None = None,
+        digits: int | None = None,
     ) -> Answer:
         """Compute a motion with its impacts.
 
@@ -158,6 +159,8 @@ class Computations(ABC, Generic[Answer]):
         tolerance : float, optional
             Accuracy meant, relative to the size of the motion; the result says until when double
             precision can hold it.
+        digits : int, optional
+            Decimal digits to compute with where it cannot.
         """
         request = time_history_request(
             system,
@@ -170,6 +173,7 @@ class Computations(ABC, Generic[Answer]):
             limiter=limiter,
             method=method,
             tolerance=tolerance,
+            digits=digits,
         )
         return self.compute("time-history", request)
 
@@ -447,6 +451,7 @@ def time_history_request(
     limiter: Mapping[str, Any] | None = None,
     method: str = "exact",
     tolerance: float | None = None,
+    digits: int | None = None,
 ) -> Document:
     """Return the request document that `Client.time_history` sends."""
     if outputs is None:
@@ -471,6 +476,8 @@ def time_history_request(
         request["method"] = method
     if tolerance is not None:
         request["tolerance"] = float(tolerance)
+    if digits is not None:
+        request["digits"] = int(digits)
     return request
 
 
