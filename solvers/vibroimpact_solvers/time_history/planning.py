@@ -106,7 +106,7 @@ def _flight(problem: Problem, count: int) -> Step:
             "in double precision first; where its predictability ends before the motion does, the "
             f"whole motion again with {problem.digits} decimal digits"
         )
-        each = 3e5 + 3e4 * system.n * (1.0 + problem.digits / 50.0)
+        each = 6e5 + 6e4 * system.n * (1.0 + problem.digits / 50.0)
         flops = (20.0 + turns) * each + 5e3 * float(system.n) ** 3
         return Step(Stage.FLIGHT, Flight.EXTENDED, reason, flops, 48.0 * turns)
     # An expansion lasts about the time of the fastest mode; an impact takes two at least.
