@@ -25,6 +25,7 @@ atomic reference counts, which in the smallest systems last longer than the arit
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels.jit import fma, inline, kernel
@@ -119,26 +120,6 @@ def rates(F: Floats, split: Integers, Z: Floats, c: int, out: Floats, o: int) ->
 
 
 @inline
-def total(work: Floats, row: int, n: int) -> float:
-    """Return the sum of the first n entries of work[row], in eight sums side by side."""
-    s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
-    s4, s5, s6, s7 = 0.0, 0.0, 0.0, 0.0
-    whole = n - n % 8
-    for j in range(0, whole, 8):
-        s0 += work[row, j]
-        s1 += work[row, j + 1]
-        s2 += work[row, j + 2]
-        s3 += work[row, j + 3]
-        s4 += work[row, j + 4]
-        s5 += work[row, j + 5]
-        s6 += work[row, j + 6]
-        s7 += work[row, j + 7]
-    for j in range(whole, n):
-        s0 += work[row, j]
-    return ((s0 + s4) + (s1 + s5)) + ((s2 + s6) + (s3 + s7))
-
-
-@inline
 def product(forms: Floats, kind: int, i: int, Z: Floats, c: int) -> float:
     """Return the value of the linear form forms[kind, i] at the state Z[c]."""
     s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
@@ -160,27 +141,23 @@ def product(forms: Floats, kind: int, i: int, Z: Floats, c: int) -> float:
     return ((s0 + t0) + (s1 + t1)) + ((s2 + t2) + (s3 + t3))
 
 
-@kernel
-def derivatives(
-    F: Floats, split: Integers, forms: Floats, i: int, Z: Floats, c: int, work: Floats, d: Floats
-) -> None:
-    """Fill in the derivatives 0 ... d.size - 1 of a watched coordinate along the flow.
+@inline
+def _start(F: Floats, split: Integers, forms: Floats, i: int, Z: Floats, c: int, j: int) -> Any:
+    """Return the part of a coordinate that pair j makes, its rate, 2 alpha and their product.
 
     Every pair obeys ``y'' = 2 alpha y' - (alpha^2 +- nu^2) y``.
-
-    Parameters
-    ----------
-    F, split, forms, Z : array
-        See the module.
-    i, c : int
-        Which coordinate, and at which state.
-    work : array, shape (3, pair)
-    d : array, shape (order,), of even size
     """
-    if F.shape[1] <= 4:
-        _few(F, split, forms, i, Z, c, d)
-    else:
-        _many(F, split, forms, i, Z, c, work, d)
+    sign = 1.0 if j < split[0] else (-1.0 if j < split[1] else 0.0)
+    turn = F[1, j] if j < split[1] else 1.0
+    first, second, alpha = forms[0, i, 0, j], forms[0, i, 1, j], F[0, j]
+    a = first * Z[c, 0, j] + second * Z[c, 1, j]
+    b = alpha * a + turn * (first * Z[c, 1, j] - sign * second * Z[c, 0, j])
+    return a, b, 2.0 * alpha, -(alpha * alpha + sign * turn * turn)
+
+
+@inline
+def _push(F: Floats, split: Integers, forms: Floats, i: int, d: Floats) -> None:
+    """Add what pushes do to derivatives."""
     for j in range(split[1], F.shape[1]):
         if F[3, j] != 0.0:
             # The push moves z2 alone; only parabolas without damping carry one.
@@ -188,66 +165,104 @@ def derivatives(
             d[2] += forms[0, i, 0, j] * F[3, j]
 
 
-@inline
-def _few(F: Floats, split: Integers, forms: Floats, i: int, Z: Floats, c: int, d: Floats) -> None:
-    """Sum the derivatives one pair after the other."""
-    for k in range(d.size):
-        d[k] = 0.0
-    for j in range(F.shape[1]):
-        sign = 1.0 if j < split[0] else (-1.0 if j < split[1] else 0.0)
-        turn = F[1, j] if j < split[1] else 1.0
+@kernel
+def derivatives(
+    F: Floats, split: Integers, forms: Floats, i: int, Z: Floats, c: int, d: Floats
+) -> None:
+    """Fill in the derivatives 0 ... 11 of a watched coordinate along the flow.
+
+    The sums stand in variables of their own: in an array they would go through memory.
+
+    Parameters
+    ----------
+    F, split, forms, Z : array
+        See the module.
+    i, c : int
+        Which coordinate, and at which state.
+    d : array, shape (12,)
+    """
+    d0, d1, d2, d3, d4, d5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    d6, d7, d8, d9, d10, d11 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    turning = 0 if split[2] else split[0]
+    for j in range(turning):
         first, second = forms[0, i, 0, j], forms[0, i, 1, j]
         a = first * Z[c, 0, j] + second * Z[c, 1, j]
-        b = F[0, j] * a + turn * (first * Z[c, 1, j] - sign * second * Z[c, 0, j])
-        twice, square = 2.0 * F[0, j], -(F[0, j] * F[0, j] + sign * turn * turn)
-        for k in range(0, d.size, 2):
-            d[k] += a
-            d[k + 1] += b
-            if twice == 0.0:  # two short chains of products instead of a long one
-                a *= square
-                b *= square
-            else:
-                a = twice * b + square * a
-                b = twice * a + square * b
+        b = F[1, j] * (first * Z[c, 1, j] - second * Z[c, 0, j])
+        square = -F[1, j] * F[1, j]
+        d0 += a
+        d1 += b
+        a *= square
+        b *= square
+        d2 += a
+        d3 += b
+        a *= square
+        b *= square
+        d4 += a
+        d5 += b
+        a *= square
+        b *= square
+        d6 += a
+        d7 += b
+        a *= square
+        b *= square
+        d8 += a
+        d9 += b
+        a *= square
+        b *= square
+        d10 += a
+        d11 += b
+    for j in range(turning, F.shape[1]):
+        a, b, twice, square = _start(F, split, forms, i, Z, c, j)
+        d0 += a
+        d1 += b
+        a = twice * b + square * a
+        b = twice * a + square * b
+        d2 += a
+        d3 += b
+        a = twice * b + square * a
+        b = twice * a + square * b
+        d4 += a
+        d5 += b
+        a = twice * b + square * a
+        b = twice * a + square * b
+        d6 += a
+        d7 += b
+        a = twice * b + square * a
+        b = twice * a + square * b
+        d8 += a
+        d9 += b
+        a = twice * b + square * a
+        b = twice * a + square * b
+        d10 += a
+        d11 += b
+    d[0], d[1], d[2], d[3], d[4], d[5] = d0, d1, d2, d3, d4, d5
+    d[6], d[7], d[8], d[9], d[10], d[11] = d6, d7, d8, d9, d10, d11
+    _push(F, split, forms, i, d)
 
 
 @kernel
-def _many(
-    F: Floats, split: Integers, forms: Floats, i: int, Z: Floats, c: int, work: Floats, d: Floats
+def near_derivatives(
+    F: Floats, split: Integers, forms: Floats, i: int, Z: Floats, c: int, d: Floats
 ) -> None:
-    """Sum the derivatives of all pairs at a time, in vector loops."""
-    n = F.shape[1]
-    for j in range(split[0]):
-        z1, z2 = Z[c, 0, j], Z[c, 1, j]
-        work[0, j] = forms[0, i, 0, j] * z1 + forms[0, i, 1, j] * z2
-        work[1, j] = F[1, j] * (forms[0, i, 0, j] * z2 - forms[0, i, 1, j] * z1)
-        work[2, j] = -F[1, j] * F[1, j]
-    for j in range(split[0], split[1]):
-        z1, z2 = Z[c, 0, j], Z[c, 1, j]
-        work[0, j] = forms[0, i, 0, j] * z1 + forms[0, i, 1, j] * z2
-        work[1, j] = F[1, j] * (forms[0, i, 0, j] * z2 + forms[0, i, 1, j] * z1)
-        work[2, j] = F[1, j] * F[1, j]
-    for j in range(split[1], n):
-        work[0, j] = forms[0, i, 0, j] * Z[c, 0, j] + forms[0, i, 1, j] * Z[c, 1, j]
-        work[1, j] = forms[0, i, 0, j] * Z[c, 1, j]
-        work[2, j] = 0.0
-    if split[2]:
-        for j in range(n):
-            work[1, j] += F[0, j] * work[0, j]
-            work[2, j] -= F[0, j] * F[0, j]
-        for k in range(d.size):
-            d[k] = total(work, 0, n)
-            for j in range(n):
-                following = 2.0 * F[0, j] * work[1, j] + work[2, j] * work[0, j]
-                work[0, j] = work[1, j]
-                work[1, j] = following
-        return
-    for k in range(0, d.size, 2):
-        d[k] = total(work, 0, n)
-        d[k + 1] = total(work, 1, n)
-        for j in range(n):
-            work[0, j] *= work[2, j]
-            work[1, j] *= work[2, j]
+    """Fill in the derivatives 0 ... 3 of a watched coordinate; see `derivatives`."""
+    d1, d2, d3 = 0.0, 0.0, 0.0
+    turning = 0 if split[2] else split[0]
+    for j in range(turning):
+        first, second = forms[0, i, 0, j], forms[0, i, 1, j]
+        a = first * Z[c, 0, j] + second * Z[c, 1, j]
+        b = F[1, j] * (first * Z[c, 1, j] - second * Z[c, 0, j])
+        square = -F[1, j] * F[1, j]
+        d1 += b
+        d2 += square * a
+        d3 += square * b
+    for j in range(turning, F.shape[1]):
+        a, b, twice, square = _start(F, split, forms, i, Z, c, j)
+        d1 += b
+        a = twice * b + square * a
+        d2 += a
+        d3 += twice * a + square * b
+    d[0], d[1], d[2], d[3] = product(forms, 0, i, Z, c), d1, d2, d3
+    _push(F, split, forms, i, d)
 
 
 @inline
