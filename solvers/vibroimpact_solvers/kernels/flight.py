@@ -556,7 +556,7 @@ def fly(
         magnitudes(split, Z, 0, size)
         for i in range(m):
             close = far = reach(F, split, sizes, i, Z, 0, size, 0.0)
-            if split[0] < n:
+            if split[0] < n or F.shape[0] > 4:
                 far = reach(F, split, sizes, i, Z, 0, size, left)
             grain[i] = GRAIN * (close + walls[3, i])
             idle[i] = far + grain[i] < min(walls[0, i], walls[1, i])
@@ -582,7 +582,7 @@ def fly(
         # Its end.
         propagators(F, split, s, ds, P)
         for c in range(Z.shape[0]):
-            take(F, split, P, s + ds if c == 0 else 0.0, Z, c, near, 0)
+            take(F, split, P, s + ds, Z, c, near, 0)
             for j in range(n):
                 Z[c, 0, j], Z[c, 1, j] = near[0, 0, j], near[0, 1, j]
         clock[0], lost = two_sum(clock[0], s)
