@@ -132,6 +132,7 @@ class Computations(ABC, Generic[Answer]):
         limiter: Mapping[str, Any] | None = None,
         method: str = "exact",
         tolerance: float | None = None,
+        digits: int | None = None,
     ) -> Answer:
         """Compute a motion with its impacts.
 
@@ -160,6 +161,8 @@ class Computations(ABC, Generic[Answer]):
         tolerance : float, optional
             Accuracy meant, relative to the size of the motion; the result says until when double
             precision can hold it.
+        digits : int, optional
+            Decimal digits to compute with where it cannot.
         """
         request = time_history_request(
             system,
@@ -172,6 +175,7 @@ class Computations(ABC, Generic[Answer]):
             limiter=limiter,
             method=method,
             tolerance=tolerance,
+            digits=digits,
         )
         return self.compute("time-history", request)
 
@@ -475,6 +479,7 @@ def time_history_request(
     limiter: Mapping[str, Any] | None = None,
     method: str = "exact",
     tolerance: float | None = None,
+    digits: int | None = None,
 ) -> Document:
     """Return the request document that `Client.time_history` sends."""
     if outputs is None:
@@ -499,6 +504,8 @@ def time_history_request(
         request["method"] = method
     if tolerance is not None:
         request["tolerance"] = float(tolerance)
+    if digits is not None:
+        request["digits"] = int(digits)
     return request
 
 

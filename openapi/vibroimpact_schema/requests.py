@@ -144,6 +144,11 @@ class TimeHistoryRequest(MotionRequest):
     """
 
     initial: Initial
+    digits: Annotated[int, Field(strict=True, ge=17, le=1000)] | None = Field(
+        None,
+        description="Decimal digits to compute with where double precision cannot hold the "
+        "tolerance until the end; absent: the result says until when it holds.",
+    )
     outputs: Annotated[list[TimeHistoryOutput], Field(min_length=1, fail_fast=True)] = Field(
         ["impacts"],
         description="What to compute; what is not asked for is not computed. "

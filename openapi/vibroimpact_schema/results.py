@@ -265,8 +265,8 @@ class MotionError(Document):
         description="Largest distance between a wall and the place of an impact at it, length."
     )
     predictable_until: float = Field(
-        description="Time until which the tolerance can hold in double precision; t_end if it "
-        "holds to the end."
+        description="Time until which the tolerance can hold with the digits computed with; "
+        "t_end if it holds to the end."
     )
     tolerance: float = Field(description="The tolerance meant.")
     energy_drift: float | None = Field(
@@ -276,6 +276,11 @@ class MotionError(Document):
         None,
         description="Difference to the same motion with steps of twice the length, relative to "
         "the largest state; absent where nothing steps.",
+    )
+    digits: Index | None = Field(
+        None,
+        description="Decimal digits that were computed with; absent: double precision held the "
+        "tolerance, or no more was asked for.",
     )
     statement: str = Field(description="How the errors were obtained.")
 

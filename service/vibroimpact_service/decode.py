@@ -206,7 +206,7 @@ def time_history(request: requests.TimeHistoryRequest, of: System) -> histories.
             initial = histories.State(np.array(x), np.array(v))
         case motions.InitialMode(impact_mode=mode):
             initial = histories.Member(mode.Omega, tuple(mode.active or ()))
-    return histories.Problem(of, initial, **_motion(request))
+    return histories.Problem(of, initial, digits=request.digits, **_motion(request))
 
 
 def ensemble(request: requests.EnsembleRequest, of: System) -> ensembles.Problem:

@@ -360,7 +360,7 @@ class _Sweep:
         if not self._measured:
             size = min(size, 8)
         if self._chained:
-            return size
+            return min(size, len(self._waiting))
         # Towards the end smaller ones, so that all workers end at about the same time.
         share = math.ceil(len(self._waiting) / (2 * max(1, self._around.engine.slots)))
         return min(size, share)

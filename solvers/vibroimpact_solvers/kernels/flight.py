@@ -20,6 +20,7 @@ from vibroimpact_solvers.kernels.flow import (
     bound,
     derivatives,
     magnitudes,
+    near_derivatives,
     product,
     propagators,
     rates,
@@ -58,7 +59,7 @@ GRAIN: Final = 2.0 * 2.0**-52
 """Rounding of a watched coordinate, relative to the sum of magnitudes it is made of."""
 _TOGETHER = 16.0  # grains within which two constraints are at their walls together
 _EXACT = 2.0**-8  # remainder at an impact, in grains
-_COARSE = 0.05  # remainder of a first expansion, relative to the room
+_COARSE = 0.3  # remainder of a first expansion, relative to the room
 _NEAR = 1e-3  # remainder, relative to the room, at which envelopes of low degree close in
 _CLEAR = 1e-6  # squared speeds at a wall, relative to the motion, that are no grazing
 _TURN = 6.283185307179586  # 2 pi
@@ -106,7 +107,6 @@ def _search(
     P: Floats,
     size: Floats,
     near: Floats,
-    work: Floats,
     roots: Floats,
     d: Floats,
     low: Floats,
@@ -136,7 +136,7 @@ def _search(
             if idle[i]:
                 continue
             if close >= 0:
-                derivatives(F, split, forms, i, near, 0, work, low)
+                near_derivatives(F, split, forms, i, near, 0, low)
                 above, below = walls[1, i] - low[0], walls[0, i] + low[0]
                 if min(above, below) > grain[i]:
                     H = min(ahead, best)
@@ -148,7 +148,7 @@ def _search(
                         if 0.0 <= h < best:
                             best, side, rest, who = h, met, near_remainder(B, h), i
                             continue
-            derivatives(F, split, forms, i, near, 0, work, d)
+            derivatives(F, split, forms, i, near, 0, d)
             above = _room(walls[1, i] - d[0], d[1], d[2], grain[i])
             below = _room(walls[0, i] + d[0], -d[1], -d[2], grain[i])
             if counts[9] == i + 1 and s == 0.0:
@@ -403,6 +403,7 @@ def _strike(
     Returns whether one of them comes to rest there.
     """
     who, first, count = counts[5], counts[0], 0
+    bend, impulse = 0.0, 0.0
     row = _row(counts[10], noise.shape[0])
     for i in range(walls.shape[1]):
         y = product(forms, 0, i, Z, 0)
@@ -454,13 +455,16 @@ def _strike(
     for line in range(first, counts[0]):
         at[line, 0], at[line, 1], what[line, 2] = clock[0], clock[1], error
     # Whoever is left almost without speed and is pressed on comes to rest at its wall.
-    rates(F, split, Z, 0, near, 1)
+    if count > 1:
+        rates(F, split, Z, 0, near, 1)
     for a in range(count):
         i = struck[a]
-        speed = -sides[a] * product(forms, 1, i, Z, 0)
         if count == 1:
-            speed = walls[2, i] * speeds[a]  # without the rounding of the sum
-        push = sides[a] * product(forms, 1, i, near, 1)
+            # Without the rounding of the sums.
+            speed, push = walls[2, i] * speeds[a], sides[a] * (bend + impulse * walls[6, i])
+        else:
+            speed = -sides[a] * product(forms, 1, i, Z, 0)
+            push = sides[a] * product(forms, 1, i, near, 1)
         if push < 0.0 or (push == 0.0 and speed > 0.0):
             continue
         lasts = math.inf
@@ -501,11 +505,12 @@ def fly(
     ----------
     F, split, forms, sizes : array
         See `kernels.flow`.
-    walls : array, shape (6, watched)
+    walls : array, shape (7, watched)
         Distances to the lower and upper walls from the zero of the coordinate, infinite where
         there is none; coefficients of restitution, negative for a contact force that ends a
         contact; magnitudes that the rounding of the coordinate is relative to beside the
-        motion; (1 + restitution) over the diagonal of the mobility, as two doubles.
+        motion; (1 + restitution) over the diagonal of the mobility, as two doubles; the change
+        of the coordinate's acceleration by a unit impulse.
     mobility : array, shape (watched, watched)
         ``W M^-1 W^T``.
     Z : array, shape (1 + column, 2, pair)
@@ -537,7 +542,7 @@ def fly(
         The states there.
     """
     m, n = walls.shape[1], F.shape[1]
-    P, size, work, near = np.empty((2, n)), np.empty(n), np.empty((3, n)), np.empty((2, 2, n))
+    P, size, near = np.empty((2, n)), np.empty(n), np.empty((2, 2, n))
     roots, d, low = np.empty((DEPTH + 5, DEPTH + 2)), np.empty(ORDER), np.empty(LOW)
     swings = n == 1 and split[0] == 1 and split[2] == 0
     for i in range(m):
@@ -553,7 +558,7 @@ def fly(
         magnitudes(split, Z, 0, size)
         for i in range(m):
             close = far = reach(F, split, sizes, i, Z, 0, size, 0.0)
-            if split[0] < n:
+            if split[0] < n or F.shape[0] > 4:
                 far = reach(F, split, sizes, i, Z, 0, size, left)
             grain[i] = GRAIN * (close + walls[3, i])
             idle[i] = far + grain[i] < min(walls[0, i], walls[1, i])
@@ -563,7 +568,7 @@ def fly(
         if who == -3:
             s, ds, who, side = _search(
                 F, split, forms, sizes, walls, Z, clock, counts, idle, grain, P, size, near,
-                work, roots, d, low,
+                roots, d, low,
             )  # fmt: skip
         # Samples of this flight.
         stop = (clock[0] + s) + (clock[1] + ds)
@@ -579,7 +584,7 @@ def fly(
         # Its end.
         propagators(F, split, s, ds, P)
         for c in range(Z.shape[0]):
-            take(F, split, P, s + ds if c == 0 else 0.0, Z, c, near, 0)
+            take(F, split, P, s + ds, Z, c, near, 0)
             for j in range(n):
                 Z[c, 0, j], Z[c, 1, j] = near[0, 0, j], near[0, 1, j]
         clock[0], lost = two_sum(clock[0], s)

@@ -9,8 +9,12 @@ The state is a set of pairs z_j = (z1, z2), one pair for each mode or pair of co
 A mode ``q'' + 2 delta q' + lambda q = push`` has alpha = -delta, z1 = nu q (q for parabolas)
 and z2 = q' + delta q. Rotations come first, then hyperbolas, then parabolas.
 
-A flow is the array F, shape (4, pair), with rows alpha, nu, rest and push, where nu + rest is
-nu to more than double precision, and split = [rotations, rotations + hyperbolas, damped].
+A flow is the array F, shape (4 + 2 drive, pair), with rows alpha, nu, rest and push, where
+nu + rest is nu to more than double precision, and split = [rotations, rotations + hyperbolas,
+damped]. With w = z1 - i z2, a rotation is ``w' = (alpha + i nu) w``. A load in resonance with
+it, or nearly so, drives it: ``w' = (alpha + i nu) w + kappa l``, where l is the w of the load's
+pair. Two rows more tell of each such drive: first the places of w and l, then the real and the
+imaginary part of kappa.
 
 States stand in arrays Z of shape (states, 2, pair), each named by its index c. Linear forms
 stand in an array of shape (4, watched, 2, pair): the watched coordinates, their velocities, the
@@ -25,6 +29,7 @@ atomic reference counts, which in the smallest systems last longer than the arit
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels.jit import fma, inline, kernel
@@ -86,7 +91,10 @@ def propagators(F: Floats, split: Integers, s: float, ds: float, P: Floats) -> N
 def take(
     F: Floats, split: Integers, P: Floats, s: float, Z: Floats, c: int, out: Floats, o: int
 ) -> None:
-    """Take the state Z[c] to out[o], through the time s that the propagators P belong to."""
+    """Take the state Z[c] to out[o], through the time s that the propagators P belong to.
+
+    Only Z[0] is a state that pushes move; the others are deviations.
+    """
     for j in range(split[0]):
         a, b = Z[c, 0, j], Z[c, 1, j]
         out[o, 0, j] = fma(P[0, j], a, P[1, j] * b)
@@ -97,8 +105,57 @@ def take(
         out[o, 1, j] = P[0, j] * b + P[1, j] * a
     for j in range(split[1], F.shape[1]):
         a, b = Z[c, 0, j], Z[c, 1, j]
-        out[o, 0, j] = P[0, j] * a + P[1, j] * b + 0.5 * F[3, j] * s * s
-        out[o, 1, j] = P[0, j] * b + F[3, j] * s
+        out[o, 0, j] = P[0, j] * a + P[1, j] * b
+        out[o, 1, j] = P[0, j] * b
+        if c == 0:
+            out[o, 0, j] += 0.5 * F[3, j] * s * s
+            out[o, 1, j] += F[3, j] * s
+    for row in range(4, F.shape[0], 2):
+        first, second = _drive(F, P, row, s, Z, c)
+        j = int(F[row, 0])
+        out[o, 0, j] += first
+        out[o, 1, j] += second
+
+
+@kernel
+def _drive(F: Floats, P: Floats, row: int, s: float, Z: Floats, c: int) -> tuple[float, float]:
+    """Return what a drive adds to its pair in a time s.
+
+    ``kappa l (e^(i omega s) - e^(sigma s)) / (i omega - sigma)``, also where the denominator is
+    small or zero: ``kappa l s e^(sigma s) (e^z - 1) / z``, z being s times the denominator.
+    """
+    j, k = int(F[row, 0]), int(F[row, 1])
+    x, y = -F[0, j] * s, ((F[1, k] - F[1, j]) - F[2, j]) * s
+    real, imaginary = 1.0 + 0.5 * x, 0.5 * y
+    square = x * x + y * y
+    if square > 1e-18:
+        half = math.sin(0.5 * y)
+        a = math.expm1(x) * math.cos(y) - 2.0 * half * half
+        b = math.exp(x) * math.sin(y)
+        real, imaginary = (a * x + b * y) / square, (b * x - a * y) / square
+    # times s kappa, then the load, then e^(sigma s)
+    u, v = s * F[row + 1, 0], s * F[row + 1, 1]
+    real, imaginary = real * u - imaginary * v, real * v + imaginary * u
+    u, v = Z[c, 0, k], -Z[c, 1, k]
+    real, imaginary = real * u - imaginary * v, real * v + imaginary * u
+    return real * P[0, j] - imaginary * P[1, j], -(real * P[1, j] + imaginary * P[0, j])
+
+
+@kernel
+def _driven(F: Floats, row: int, forms: Floats, i: int, Z: Floats, c: int, d: Floats) -> None:
+    """Add what a drive does to derivatives of a coordinate."""
+    j, k = int(F[row, 0]), int(F[row, 1])
+    alpha, nu, omega = F[0, j], F[1, j], F[1, k]
+    a, b = Z[c, 0, k], -Z[c, 1, k]
+    # kappa (i omega)^n l, and the sum of all that it and its predecessors have become.
+    u, v = F[row + 1, 0] * a - F[row + 1, 1] * b, F[row + 1, 0] * b + F[row + 1, 1] * a
+    real, imaginary = u, v
+    for n in range(1, d.size):
+        d[n] += forms[0, i, 0, j] * real - forms[0, i, 1, j] * imaginary
+        u, v = -omega * v, omega * u
+        grown = alpha * real - nu * imaginary + u
+        imaginary = alpha * imaginary + nu * real + v
+        real = grown
 
 
 @inline
@@ -116,26 +173,11 @@ def rates(F: Floats, split: Integers, Z: Floats, c: int, out: Floats, o: int) ->
         a, b = Z[c, 0, j], Z[c, 1, j]
         out[o, 0, j] = F[0, j] * a + b
         out[o, 1, j] = F[0, j] * b + F[3, j]
-
-
-@inline
-def total(work: Floats, row: int, n: int) -> float:
-    """Return the sum of the first n entries of work[row], in eight sums side by side."""
-    s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
-    s4, s5, s6, s7 = 0.0, 0.0, 0.0, 0.0
-    whole = n - n % 8
-    for j in range(0, whole, 8):
-        s0 += work[row, j]
-        s1 += work[row, j + 1]
-        s2 += work[row, j + 2]
-        s3 += work[row, j + 3]
-        s4 += work[row, j + 4]
-        s5 += work[row, j + 5]
-        s6 += work[row, j + 6]
-        s7 += work[row, j + 7]
-    for j in range(whole, n):
-        s0 += work[row, j]
-    return ((s0 + s4) + (s1 + s5)) + ((s2 + s6) + (s3 + s7))
+    for row in range(4, F.shape[0], 2):
+        j, k = int(F[row, 0]), int(F[row, 1])
+        a, b = Z[c, 0, k], -Z[c, 1, k]
+        out[o, 0, j] += F[row + 1, 0] * a - F[row + 1, 1] * b
+        out[o, 1, j] -= F[row + 1, 0] * b + F[row + 1, 1] * a
 
 
 @inline
@@ -160,27 +202,25 @@ def product(forms: Floats, kind: int, i: int, Z: Floats, c: int) -> float:
     return ((s0 + t0) + (s1 + t1)) + ((s2 + t2) + (s3 + t3))
 
 
-@kernel
-def derivatives(
-    F: Floats, split: Integers, forms: Floats, i: int, Z: Floats, c: int, work: Floats, d: Floats
-) -> None:
-    """Fill in the derivatives 0 ... d.size - 1 of a watched coordinate along the flow.
+@inline
+def _start(F: Floats, split: Integers, forms: Floats, i: int, Z: Floats, c: int, j: int) -> Any:
+    """Return the part of a coordinate that pair j makes, its rate, 2 alpha and their product.
 
     Every pair obeys ``y'' = 2 alpha y' - (alpha^2 +- nu^2) y``.
-
-    Parameters
-    ----------
-    F, split, forms, Z : array
-        See the module.
-    i, c : int
-        Which coordinate, and at which state.
-    work : array, shape (3, pair)
-    d : array, shape (order,), of even size
     """
-    if F.shape[1] <= 4:
-        _few(F, split, forms, i, Z, c, d)
-    else:
-        _many(F, split, forms, i, Z, c, work, d)
+    sign = 1.0 if j < split[0] else (-1.0 if j < split[1] else 0.0)
+    turn = F[1, j] if j < split[1] else 1.0
+    first, second, alpha = forms[0, i, 0, j], forms[0, i, 1, j], F[0, j]
+    a = first * Z[c, 0, j] + second * Z[c, 1, j]
+    b = alpha * a + turn * (first * Z[c, 1, j] - sign * second * Z[c, 0, j])
+    return a, b, 2.0 * alpha, -(alpha * alpha + sign * turn * turn)
+
+
+@inline
+def _push(F: Floats, split: Integers, forms: Floats, i: int, Z: Floats, c: int, d: Floats) -> None:
+    """Add what pushes and drives do to derivatives."""
+    for row in range(4, F.shape[0], 2):
+        _driven(F, row, forms, i, Z, c, d)
     for j in range(split[1], F.shape[1]):
         if F[3, j] != 0.0:
             # The push moves z2 alone; only parabolas without damping carry one.
@@ -188,66 +228,104 @@ def derivatives(
             d[2] += forms[0, i, 0, j] * F[3, j]
 
 
-@inline
-def _few(F: Floats, split: Integers, forms: Floats, i: int, Z: Floats, c: int, d: Floats) -> None:
-    """Sum the derivatives one pair after the other."""
-    for k in range(d.size):
-        d[k] = 0.0
-    for j in range(F.shape[1]):
-        sign = 1.0 if j < split[0] else (-1.0 if j < split[1] else 0.0)
-        turn = F[1, j] if j < split[1] else 1.0
+@kernel
+def derivatives(
+    F: Floats, split: Integers, forms: Floats, i: int, Z: Floats, c: int, d: Floats
+) -> None:
+    """Fill in the derivatives 0 ... 11 of a watched coordinate along the flow.
+
+    The sums stand in variables of their own: in an array they would go through memory.
+
+    Parameters
+    ----------
+    F, split, forms, Z : array
+        See the module.
+    i, c : int
+        Which coordinate, and at which state.
+    d : array, shape (12,)
+    """
+    d0, d1, d2, d3, d4, d5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    d6, d7, d8, d9, d10, d11 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    turning = 0 if split[2] else split[0]
+    for j in range(turning):
         first, second = forms[0, i, 0, j], forms[0, i, 1, j]
         a = first * Z[c, 0, j] + second * Z[c, 1, j]
-        b = F[0, j] * a + turn * (first * Z[c, 1, j] - sign * second * Z[c, 0, j])
-        twice, square = 2.0 * F[0, j], -(F[0, j] * F[0, j] + sign * turn * turn)
-        for k in range(0, d.size, 2):
-            d[k] += a
-            d[k + 1] += b
-            if twice == 0.0:  # two short chains of products instead of a long one
-                a *= square
-                b *= square
-            else:
-                a = twice * b + square * a
-                b = twice * a + square * b
+        b = F[1, j] * (first * Z[c, 1, j] - second * Z[c, 0, j])
+        square = -F[1, j] * F[1, j]
+        d0 += a
+        d1 += b
+        a *= square
+        b *= square
+        d2 += a
+        d3 += b
+        a *= square
+        b *= square
+        d4 += a
+        d5 += b
+        a *= square
+        b *= square
+        d6 += a
+        d7 += b
+        a *= square
+        b *= square
+        d8 += a
+        d9 += b
+        a *= square
+        b *= square
+        d10 += a
+        d11 += b
+    for j in range(turning, F.shape[1]):
+        a, b, twice, square = _start(F, split, forms, i, Z, c, j)
+        d0 += a
+        d1 += b
+        a = twice * b + square * a
+        b = twice * a + square * b
+        d2 += a
+        d3 += b
+        a = twice * b + square * a
+        b = twice * a + square * b
+        d4 += a
+        d5 += b
+        a = twice * b + square * a
+        b = twice * a + square * b
+        d6 += a
+        d7 += b
+        a = twice * b + square * a
+        b = twice * a + square * b
+        d8 += a
+        d9 += b
+        a = twice * b + square * a
+        b = twice * a + square * b
+        d10 += a
+        d11 += b
+    d[0], d[1], d[2], d[3], d[4], d[5] = d0, d1, d2, d3, d4, d5
+    d[6], d[7], d[8], d[9], d[10], d[11] = d6, d7, d8, d9, d10, d11
+    _push(F, split, forms, i, Z, c, d)
 
 
 @kernel
-def _many(
-    F: Floats, split: Integers, forms: Floats, i: int, Z: Floats, c: int, work: Floats, d: Floats
+def near_derivatives(
+    F: Floats, split: Integers, forms: Floats, i: int, Z: Floats, c: int, d: Floats
 ) -> None:
-    """Sum the derivatives of all pairs at a time, in vector loops."""
-    n = F.shape[1]
-    for j in range(split[0]):
-        z1, z2 = Z[c, 0, j], Z[c, 1, j]
-        work[0, j] = forms[0, i, 0, j] * z1 + forms[0, i, 1, j] * z2
-        work[1, j] = F[1, j] * (forms[0, i, 0, j] * z2 - forms[0, i, 1, j] * z1)
-        work[2, j] = -F[1, j] * F[1, j]
-    for j in range(split[0], split[1]):
-        z1, z2 = Z[c, 0, j], Z[c, 1, j]
-        work[0, j] = forms[0, i, 0, j] * z1 + forms[0, i, 1, j] * z2
-        work[1, j] = F[1, j] * (forms[0, i, 0, j] * z2 + forms[0, i, 1, j] * z1)
-        work[2, j] = F[1, j] * F[1, j]
-    for j in range(split[1], n):
-        work[0, j] = forms[0, i, 0, j] * Z[c, 0, j] + forms[0, i, 1, j] * Z[c, 1, j]
-        work[1, j] = forms[0, i, 0, j] * Z[c, 1, j]
-        work[2, j] = 0.0
-    if split[2]:
-        for j in range(n):
-            work[1, j] += F[0, j] * work[0, j]
-            work[2, j] -= F[0, j] * F[0, j]
-        for k in range(d.size):
-            d[k] = total(work, 0, n)
-            for j in range(n):
-                following = 2.0 * F[0, j] * work[1, j] + work[2, j] * work[0, j]
-                work[0, j] = work[1, j]
-                work[1, j] = following
-        return
-    for k in range(0, d.size, 2):
-        d[k] = total(work, 0, n)
-        d[k + 1] = total(work, 1, n)
-        for j in range(n):
-            work[0, j] *= work[2, j]
-            work[1, j] *= work[2, j]
+    """Fill in the derivatives 0 ... 3 of a watched coordinate; see `derivatives`."""
+    d1, d2, d3 = 0.0, 0.0, 0.0
+    turning = 0 if split[2] else split[0]
+    for j in range(turning):
+        first, second = forms[0, i, 0, j], forms[0, i, 1, j]
+        a = first * Z[c, 0, j] + second * Z[c, 1, j]
+        b = F[1, j] * (first * Z[c, 1, j] - second * Z[c, 0, j])
+        square = -F[1, j] * F[1, j]
+        d1 += b
+        d2 += square * a
+        d3 += square * b
+    for j in range(turning, F.shape[1]):
+        a, b, twice, square = _start(F, split, forms, i, Z, c, j)
+        d1 += b
+        a = twice * b + square * a
+        d2 += a
+        d3 += twice * a + square * b
+    d[0], d[1], d[2], d[3] = product(forms, 0, i, Z, c), d1, d2, d3
+    _push(F, split, forms, i, Z, c, d)
 
 
 @inline
@@ -315,6 +393,12 @@ def bound(
             first += abs(forms[0, i, 1, j] * Z[c, 1, j])
             growth = math.exp(max(0.0, F[0, j]) * H)
             found += growth * rate ** (order - 1) * (rate * first + order * slides)
+    for row in range(4, F.shape[0], 2):
+        j, k = int(F[row, 0]), int(F[row, 1])
+        force = math.hypot(F[row + 1, 0], F[row + 1, 1]) * size[k]
+        rate = max(math.hypot(F[0, j], F[1, j]), F[1, k])
+        longest = sizes[kind, i, j] * H + sizes[1, i, j] * order * rate ** (order - 1)
+        found += force * longest * math.exp(max(0.0, F[0, j]) * H)
     return found
 
 
@@ -331,4 +415,8 @@ def reach(
         if sizes[1, i, j] > 0.0:
             moved = abs(Z[c, 0, j]) + H * abs(Z[c, 1, j]) + 0.5 * H * H * abs(F[3, j])
             found += sizes[1, i, j] * math.exp(max(0.0, F[0, j]) * H) * moved
+    for row in range(4, F.shape[0], 2):
+        j, k = int(F[row, 0]), int(F[row, 1])
+        force = math.hypot(F[row + 1, 0], F[row + 1, 1]) * size[k]
+        found += sizes[1, i, j] * H * force * math.exp(max(0.0, F[0, j]) * H)
     return found

@@ -150,11 +150,13 @@ def _straight(d: Floats, bound: float, H: float, above: float, below: float, ord
     rest = bound * _FACTORIALS[order]
     t = min(h, room / speed)
     for _ in range(30):
-        value, slope = rest * t, rest
+        # y / t and its slope: two short chains of products.
+        value, slope = rest, 0.0
         for k in range(order - 1, 0, -1):
-            factor = sign * d[k] * _FACTORIALS[k]
-            slope = fma(slope, t, value + factor)
-            value = (value + factor) * t
+            slope = fma(slope, t, value)
+            value = fma(value, t, sign * d[k] * _FACTORIALS[k])
+        slope = fma(slope, t, value)
+        value *= t
         step = (value - room) / slope
         t -= step
         if abs(step) <= 1e-9 * t:
@@ -187,7 +189,12 @@ def _first_root(b: Floats, c: Floats, rest: float, sign: float, room: float, wor
         if changes == 0 and last > 0.0:
             return float(left)
         if changes == 1 and last > 0.0:
-            return _bracketed(c, rest, sign, room, left, end)
+            # The control polygon crosses near the root.
+            k = 0
+            while f[k + 1] <= 0.0:
+                k += 1
+            first = (k + f[k] / (f[k] - f[k + 1])) / n
+            return _bracketed(c, rest, sign, room, left, end, left + first * (end - left))
         if changes == 0:
             top -= 1
         elif top == DEPTH + 2:
@@ -209,28 +216,35 @@ def _first_root(b: Floats, c: Floats, rest: float, sign: float, room: float, wor
 
 @kernel
 def _bracketed(
-    c: Floats, rest: float, sign: float, room: float, left: float, right: float
+    c: Floats, rest: float, sign: float, room: float, left: float, right: float, first: float
 ) -> float:
-    """Return the only root in (left, right] by Newton's method kept inside the bracket."""
-    t = 0.5 * (left + right)
+    """Return the only root in (left, right] by Newton's method kept inside the bracket.
+
+    first is where it starts.
+    """
+    t, before = first, 0.0
     for _ in range(200):
-        value, slope = rest * t, rest
+        value, slope = rest, 0.0
         for k in range(ORDER - 1, 0, -1):
-            factor = sign * c[k]
-            slope = fma(slope, t, value + factor)
-            value = (value + factor) * t
-        value -= room
+            slope = fma(slope, t, value)
+            value = fma(value, t, sign * c[k])
+        slope = fma(slope, t, value)
+        value = fma(value, t, -room)
         if value < 0.0:
             left = t
         elif value > 0.0:
             right = t
         else:
             return t
-        step = value / slope if slope > 0.0 else math.inf
-        new = t - step
+        step = abs(value / slope) if slope > 0.0 else math.inf
+        new = t - value / slope
+        # Steps that shrink like squares: the next one would be rounding.
+        if step <= 2e-16 * t or (step <= 1e-8 * t and step <= 1e-4 * before):
+            return min(max(new, left), right)
+        before = step
         if not left < new < right:
-            new = 0.5 * (left + right)
-        if abs(new - t) <= 2e-16 * t or new == t:
-            return new
+            new, before = 0.5 * (left + right), 0.0
+        if new == t:
+            return t
         t = new
     return t

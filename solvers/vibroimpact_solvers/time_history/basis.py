@@ -9,6 +9,7 @@ structure is a linear form on the pairs: displacements, velocities, contact forc
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -26,6 +27,7 @@ COLUMNS: Final = 3
 _NOISE = 16  # rows of signs that stand for rounding, half of them the others' negatives
 _FEW = 4  # pairs up to which none are added
 _LANES = 8  # numbers that a processor takes at a time: pairs are filled up to a multiple
+_NEAR = 1e-3  # of its square, from a natural frequency, at which a load drives the mode itself
 _EPS = float(np.finfo(np.float64).eps)
 
 
@@ -121,6 +123,8 @@ class Basis:
             ]
         )
         self.alpha, self.nu, _, self.push = self.rates
+        self._drives = self._driven_pairs()
+        self.rates = np.ascontiguousarray(np.concatenate([self.rates, self._drives]))
         kinds = np.concatenate([p.kind for p in pairs])
         counts = [(kinds == 0).sum(), (kinds <= 1).sum(), self.alpha.any()]
         self.split: Integers = np.array([int(c) for c in counts], dtype=np.int64)
@@ -196,16 +200,29 @@ class Basis:
         count, omega = self._omega.size, self._omega
         force = (self.modes.cosine + 1j * self.modes.sine) * unit**2
         self._response = np.zeros(force.shape, dtype=np.complex128)
+        self._answer = self._response
+        self._near = np.zeros((self._single.size, count), dtype=bool)
         if count:
             one, some = self._single, self._coupled
             stiffness = self._eigenvalues[one, np.newaxis] - omega**2
             stiffness = stiffness + 2j * self._delta[:, np.newaxis] * omega
-            _require_no_resonance(stiffness, omega, force[one])
-            self._response[one] = force[one] / np.where(force[one] == 0.0, 1.0, stiffness)
+            swings = (self._stretch > 0.0) & (self._eigenvalues[one] > self._delta**2)
+            self._near = (np.abs(stiffness) < _NEAR * omega**2) & (force[one] != 0.0)
+            self._near &= swings[:, np.newaxis]
+            # Divided by the load's frequency where the rest is driven, else by the stiffness.
+            part = force[one] / np.where(self._near | (force[one] == 0.0), 1.0, stiffness)
+            stretch = self._stretch[:, np.newaxis]
+            half = -0.5j * force[one]
+            half = half / (-self._delta[:, np.newaxis] - 1j * stretch - 1j * omega)
+            self._response[one] = np.where(self._near, half / stretch, part)
+            self._couplings = np.where(self._near, -0.5j * force[one], 0.0)
             for k in range(count if some.size else 0):
                 matrix = np.diag(self._eigenvalues[some] - omega[k] ** 2)
                 dynamic = matrix + 1j * omega[k] * damping[np.ix_(some, some)]
                 self._response[some, k] = np.linalg.solve(dynamic, force[some, k])
+            self._answer = 1j * omega * self._response
+            slope = (-1j - self._delta[:, np.newaxis] / stretch) * half
+            self._answer[one] = np.where(self._near, slope, self._answer[one])
         none = np.zeros(count)
         found = [_Pairs(np.zeros(count, np.int64), none, omega, none, none)]
         self._creep: Floats = np.zeros((self._roots.size, 0))
@@ -218,6 +235,23 @@ class Basis:
             none = np.zeros(1)
             found.append(_Pairs(np.full(1, 2), none, none, none, none))
         return found
+
+    def _driven_pairs(self) -> Floats:
+        """Return the rows that tell of drives (`kernels.flow`), shape (2 drive, pair)."""
+        modes, loads = np.nonzero(self._near)
+        rows = np.zeros((2 * modes.size, self.nu.size))
+        if modes.size:
+            place = np.argsort(self._order)
+            start = self._single.size + self._coupled.size
+            rows[0::2, 0], rows[0::2, 1] = place[modes], place[start + loads]
+            kappa = self._couplings[modes, loads]
+            rows[1::2, 0], rows[1::2, 1] = kappa.real, kappa.imag
+        return rows
+
+    def _drives_of(self) -> Iterator[tuple[int, int, float, float]]:
+        """Return the pair, the load's pair and kappa of every drive."""
+        for places, kappa in zip(self._drives[0::2], self._drives[1::2], strict=True):
+            yield int(places[0]), int(places[1]), float(kappa[0]), float(kappa[1])
 
     # -- what the kernels take --
 
@@ -365,7 +399,7 @@ class Basis:
         H, count = self._response, self._omega.size
         a, b = loads[..., 0, :count], loads[..., 1, :count]
         q = a @ H.real.T + b @ H.imag.T
-        rate = (self._omega * b) @ H.real.T - (self._omega * a) @ H.imag.T
+        rate = a @ self._answer.real.T + b @ self._answer.imag.T
         q = q + loads[..., 0, count:] @ self._creep.T
         return q, rate + loads[..., 1, count:] @ self._creep.T
 
@@ -392,9 +426,9 @@ class Basis:
         found[:, 1, :one] = rows[:, self._single]
         coupled = rows[:, self._coupled] @ self._T[some:]
         found[:, :, one : one + some] = coupled.reshape(rows.shape[0], 2, some)
-        H, count = self._response, self._omega.size
-        found[:, 0, one + some : one + some + count] = -(rows @ H.imag) * self._omega
-        found[:, 1, one + some : one + some + count] = (rows @ H.real) * self._omega
+        H, count = self._answer, self._omega.size
+        found[:, 0, one + some : one + some + count] = rows @ H.real
+        found[:, 1, one + some : one + some + count] = rows @ H.imag
         found[:, 1, self._loads.start + count : self._loads.stop] = rows @ self._creep
         return np.ascontiguousarray(found[..., self._order])
 
@@ -423,13 +457,21 @@ class Basis:
         """Return the rates, without pushes, of states, shape (…, 2, pair)."""
         a, b = z[..., 0, :], z[..., 1, :]
         there, back = self._turns
-        return np.stack([self.alpha * a + there * b, self.alpha * b + back * a], axis=-2)
+        found = np.stack([self.alpha * a + there * b, self.alpha * b + back * a], axis=-2)
+        for j, k, real, imaginary in self._drives_of():
+            found[..., 0, j] += real * z[..., 0, k] + imaginary * z[..., 1, k]
+            found[..., 1, j] += real * z[..., 1, k] - imaginary * z[..., 0, k]
+        return found
 
     def rates_of(self, forms: Floats) -> Floats:
         """Return the forms of the time derivatives of forms, pushes apart."""
         a, b = forms[..., 0, :], forms[..., 1, :]
         there, back = self._turns
-        return np.stack([self.alpha * a + back * b, self.alpha * b + there * a], axis=-2)
+        found = np.stack([self.alpha * a + back * b, self.alpha * b + there * a], axis=-2)
+        for j, k, real, imaginary in self._drives_of():
+            found[..., 0, k] += real * forms[..., 0, j] - imaginary * forms[..., 1, j]
+            found[..., 1, k] += imaginary * forms[..., 0, j] + real * forms[..., 1, j]
+        return found
 
     @property
     def _turns(self) -> tuple[Floats, Floats]:
@@ -463,12 +505,6 @@ def _padding(pairs: int) -> _Pairs:
     count = -pairs % _LANES if pairs > _FEW else 0
     none = np.zeros(count)
     return _Pairs(np.zeros(count, np.int64), none, none, none, none)
-
-
-def _require_no_resonance(stiffness: Floats, omega: Floats, force: Floats) -> None:
-    near = (np.abs(stiffness) < 1e-6 * omega**2) & (force != 0.0)
-    if near.any():
-        raise PlanError("a harmonic load is in resonance with a mode that has no damping")
 
 
 def exponent_of(rates: Floats, time: float) -> int:

@@ -40,6 +40,7 @@ class Flight(StrEnum):
     MODAL = "exact flights"
     SPLITTING = "splitting"
     INTEGRATED = "integrator of scipy"
+    EXTENDED = "exact flights, in extended precision where needed"
 
 
 def plan(problem: Problem) -> Plan:
@@ -111,6 +112,14 @@ def _flight(problem: Problem, count: int) -> Step:
         )
         flops = 2e3 * (20.0 + turns) * system.n * (10.0 + 4.0 * count)
         return Step(Stage.FLIGHT, Flight.SPLITTING, reason, flops)
+    if problem.digits is not None:
+        reason = (
+            "in double precision first; where its predictability ends before the motion does, the "
+            f"whole motion again with {problem.digits} decimal digits"
+        )
+        each = 6e5 + 6e4 * system.n * (1.0 + problem.digits / 50.0)
+        flops = (20.0 + turns) * each + 5e3 * float(system.n) ** 3
+        return Step(Stage.FLIGHT, Flight.EXTENDED, reason, flops, 48.0 * turns)
     # An expansion lasts about the time of the fastest mode; an impact takes two at least.
     expansions = 10.0 + 2.0 * turns
     reason = (

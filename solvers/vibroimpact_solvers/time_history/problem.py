@@ -17,6 +17,10 @@ KIND: Final = "time-history"
 EXACT: Final = "exact"
 INTEGRATORS: Final = ("RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")
 """Integrators of scipy that can be had to compare with."""
+DIGITS: Final = (17, 1000)
+"""Fewest and most digits that can be asked for."""
+MOST_DOFS: Final = 200
+"""Degrees of freedom up to which a structure is followed with more digits than doubles have."""
 OUTPUTS: Final = ("x", "v", "impacts", "energy", "contacts")
 
 
@@ -68,6 +72,8 @@ class Problem:
         The law of soft limiters; None for rigid ones.
     method : str
         `EXACT`, or one of the `INTEGRATORS` to compare with.
+    digits : int, optional
+        Decimal digits of the arithmetic where double precision cannot hold the tolerance.
     estimate : bool
         Whether errors are estimated, and with them the time until which they are small.
     """
@@ -83,6 +89,7 @@ class Problem:
     limiter: Power | None = None
     method: str = EXACT
     estimate: bool = True
+    digits: int | None = None
 
     def __post_init__(self) -> None:
         t = np.zeros(0) if self.t is None else np.ascontiguousarray(self.t, dtype=np.float64)
@@ -94,6 +101,7 @@ class Problem:
         self._check_outputs()
         self._check_load()
         self._check_limiter()
+        self._check_digits()
         self.check(self.initial)
 
     def check(self, initial: State | Member) -> None:
@@ -164,6 +172,27 @@ class Problem:
         if isinstance(self.initial, Member):
             message = "impact modes are motions between rigid limiters"
             raise ModelError(("initial",), message, code="not_rigid")
+
+    def _check_digits(self) -> None:
+        if self.digits is None:
+            return
+        low, high = DIGITS
+        if not low <= self.digits <= high:
+            message = f"{self.digits} digits are not between {low} and {high}"
+            raise ModelError(("digits",), message, code="out_of_range")
+        reason = None
+        if self.limiter is not None:
+            reason = "soft limiters are followed in double precision only"
+        elif self.method != EXACT:
+            reason = "integrators know double precision only"
+        elif isinstance(self.initial, Member):
+            reason = "impact modes are known in double precision only: give x and v"
+        elif self.system.n > MOST_DOFS:
+            reason = f"{self.system.n} degrees of freedom are more than {MOST_DOFS}"
+        elif not self.estimate:
+            reason = "they are used where the errors say so, which are not estimated"
+        if reason is not None:
+            raise ModelError(("digits",), reason, code="not_possible")
 
     def _check_state(self, state: State) -> None:
         for name, values in (("x", state.x), ("v", state.v)):

@@ -87,6 +87,8 @@ class Result:
     error_difference: float | None
     #: How the errors were obtained.
     error_statement: str
+    #: Decimal digits of the arithmetic behind the numbers; None where doubles held them.
+    error_digits: int | None = None
 
     @classmethod
     def of(cls, values: dict[str, Any]) -> Result:

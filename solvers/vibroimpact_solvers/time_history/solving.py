@@ -128,7 +128,8 @@ def _launched(prepared: Prepared, launcher: Launcher, initial: State, tick: Tick
     rows = int(flight.counts[0])
     at, where, what = flight.table
     _fill_impacts(found, problem, prepared.structure.scale, at[:rows], where[:rows], what[:rows])
-    last = spread(flight.Z, prepared.structure.scene().basis.own, flight.clock[7])
+    own = prepared.structure.scene().basis.own
+    last = spread(flight.Z, own, flight.clock[7]) if problem.estimate else 0.0
     _fill_rest(found, problem, flight.counts, flight.clock, what[:rows, 2], last)
     return Result.of(found)
 

@@ -253,13 +253,14 @@ class Structure:
         factor, rest = _quotients(rows, restitution[: len(flying)])
         fill = np.zeros(len(contacts))
         factor, rest = (np.concatenate([part, fill]) for part in (factor, rest))
+        jumps = (slopes * basis.drift(kicks)).sum(axis=(1, 2))
         return Scene(
             basis,
             contacts,
             flying,
             np.ascontiguousarray([forms, slopes, kicks, basis.drift(kicks)]),
             basis.weight(forms),
-            np.ascontiguousarray([lower, upper, restitution, sizes, factor, rest]),
+            np.ascontiguousarray([lower, upper, restitution, sizes, factor, rest, jumps]),
             mobility,
             basis.bends(slopes, kicks),
         )

@@ -11,7 +11,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any, Final, Protocol
 
 import numpy as np
@@ -22,7 +22,7 @@ from vibroimpact_solvers.arrays import Floats, Integers, Quantity, quantities
 from vibroimpact_solvers.plan import Plan, Stage
 from vibroimpact_solvers.time_history import solving
 from vibroimpact_solvers.time_history.history import History, conserves
-from vibroimpact_solvers.time_history.planning import windows
+from vibroimpact_solvers.time_history.planning import Flight, windows
 from vibroimpact_solvers.time_history.problem import Problem
 from vibroimpact_solvers.time_history.result import Result
 from vibroimpact_solvers.time_history.run import Rest, Run, Tick
@@ -151,6 +151,8 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     tick : callable, optional
         Called with (done, total) thousandths of the motion; may raise `Cancelled`.
     """
+    if problem.digits is not None:
+        return _with_digits(problem, problem.digits, plan, tick)
     count = windows(plan)
     if count == 1:
         return solving.solve(problem, plan, tick)
@@ -168,6 +170,21 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     if tick is not None:
         tick(1000, 1000)
     return assembly.result(kept.joined())
+
+
+def _with_digits(problem: Problem, digits: int, plan: Plan, tick: Tick | None) -> Result:
+    """Follow a motion in double precision and, where that does not hold, with more digits."""
+    steps = (
+        replace(step, method=Flight.MODAL) if step.stage is Stage.FLIGHT else step
+        for step in plan.steps
+    )
+    found = solving.solve(problem, replace(plan, steps=tuple(steps)), tick)
+    if found.error_predictable_until >= problem.t_end:
+        return found
+    # Its libraries load when they are needed.
+    from vibroimpact_solvers.time_history import extended
+
+    return extended.solve(problem, digits, found.error_tolerance, tick)
 
 
 def follow(window: Window, plan: Plan, before: Part | None, tick: Tick | None = None) -> Part:
@@ -346,7 +363,12 @@ class Assembly:
         drift = None
         if "energy" in self._problem.outputs and conserves(self._problem):
             drift = spread / size if size > 0.0 else 0.0
-        return {**found, "error_energy_drift": drift, "error_difference": None}
+        return {
+            **found,
+            "error_energy_drift": drift,
+            "error_difference": None,
+            "error_digits": None,
+        }
 
     def labels(self) -> dict[str, Any]:
         """Return the coordinates of the result."""

@@ -1,6 +1,7 @@
 """A small honest work for the queue: sums of squares of consecutive integers, by chunks.
 
-A request is the canonical JSON of {"n", "chunk", "sleep", "poison", "fail"}.
+A request is the canonical JSON of {"n", "chunk", "sleep", "poison", "fail", "chained"}; chained
+chunks refuse to be computed before the one in front of them is there.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ def split(url: str, kind: str, request: str, result: str) -> Sequence[Chunk]:
         raise WrongRequestError(asked["fail"])
     count = -(-asked["n"] // asked["chunk"])
     names = [hashlib.sha256(f"{result} {i} {count}".encode()).hexdigest() for i in range(count)]
-    return [Chunk(name) for name in names]
+    return [Chunk(name, chained=bool(asked.get("chained"))) for name in names]
 
 
 def solve(
@@ -46,6 +47,8 @@ def solve(
             with Path(asked["log"]).open("a") as log:
                 log.write(f"{index}\n")
         time.sleep(asked.get("sleep", 0.0))
+        if asked.get("chained") and index and not Store(url).chunks.has(chunks[index - 1].name):
+            raise WrongRequestError(f"chunk {index} before chunk {index - 1}")
         if asked.get("poison") == index:
             os.kill(os.getpid(), signal.SIGKILL)
         start = index * asked["chunk"]

@@ -235,6 +235,32 @@ def test_a_restart_goes_on_from_the_chunks_that_are_there(place: Place) -> None:
     assert len(computed) <= 30 + 8
 
 
+def test_chained_chunks_are_computed_in_turn(place: Place) -> None:
+    log = place.folder / "log"
+
+    async def scenario(b: Bench) -> None:
+        job = await b.submit(n=400, chained=True, sleep=0.02, log=str(log))
+        states = []
+        async for event in b.queue.events("ann", job.id, 0):
+            if event is not None:
+                states.append((event.state, event.done, event.total))
+        assert states[-1] == ("succeeded", 40, 40)
+        assert b.value(job) == squares(400)
+        assert [int(line) for line in log.read_text().split()] == list(range(40))
+        # Progress is told on the way, not only in the end.
+        assert len({done for _, done, _ in states}) > 3
+
+        bad = await b.submit(n=400, chained=True, poison=7)
+        bad = await b.queue.finished("ann", bad.id, 120)
+        assert bad.state == "failed"
+        assert bad.error["code"] == "WorkerLostError"
+        good = await b.submit(n=90, chained=True)
+        good = await b.queue.finished("ann", good.id, 60)
+        assert good.state == "succeeded"
+
+    run(scenario, place)
+
+
 def test_two_services_do_not_share_a_folder(tmp_path: Path) -> None:
     async def scenario(b: Bench) -> None:
         settings = Settings(data=tmp_path, workers=1)

@@ -1,0 +1,102 @@
+"""Harmonic loads at a natural frequency, or all but at it, against closed forms and mpmath."""
+
+from __future__ import annotations
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+from tests.solvers.time_history.test_flights import compare
+from vibroimpact_solvers import presets, spectrum
+from vibroimpact_solvers import time_history as th
+from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
+
+OUTPUTS = frozenset({"x", "v", "impacts"})
+
+
+def test_an_oscillator_at_resonance_grows_like_t() -> None:
+    """x'' + x = F cos(t + phase): x = (F/2) t sin(t + phase) + what the start asks for."""
+    system = presets.oscillator([Constraint.at(0, 1e6)], 1.0)
+    F, phase, t = 0.3, 0.4, np.linspace(0.0, 500.0, 101)
+    problem = th.Problem(
+        system,
+        th.State(np.zeros(1), np.zeros(1)),
+        500.0,
+        t=t,
+        outputs=OUTPUTS,
+        load=(th.Harmonic(0, F, 1.0, phase),),
+    )
+    result = th.solve(problem, th.plan(problem))
+    assert result.x is not None
+    assert result.v is not None
+    x = 0.5 * F * (t * np.sin(t + phase) - np.sin(t) * np.sin(phase))
+    v = 0.5 * F * (t * np.cos(t + phase) + np.sin(t + phase) - np.cos(t) * np.sin(phase))
+    np.testing.assert_allclose(result.x[:, 0], x, rtol=0.0, atol=1e-13 * 75.0)
+    np.testing.assert_allclose(result.v[:, 0], v, rtol=0.0, atol=1e-13 * 75.0)
+
+
+@pytest.mark.parametrize("detuning", [0.0, 1e-9, 4e-4])
+def test_impacts_of_a_chain_driven_near_resonance(detuning: float) -> None:
+    """Against the exact motion just beside resonance: the two differ by the detuning's part."""
+    system = presets.chain(3, [Constraint.at(1, 0.3, 0.8)])
+    omega = float(spectrum.spectrum(system).roots[0])
+    near = omega * (1.0 + detuning)
+    if abs(near - omega) < 1e-13:
+        near = np.nextafter(omega, 2.0)  # no load of the reference may be at resonance
+    load = [th.Harmonic(0, 0.05, near, 0.3)]
+    x, v = np.array([0.05, 0.0, -0.05]), np.array([0.0, 0.2, 0.1])
+    result, worst = compare(system, x, v, 20.0, 0.05, load)
+    assert result.count_impacts > 5
+    assert worst < 4.0
+
+
+def test_a_lightly_damped_structure_near_resonance() -> None:
+    C = SymmetricMatrix.dense(np.diag([1e-5, 1e-5]))
+    K = np.array([[2.0, -1.0], [-1.0, 2.0]])
+    system = System(
+        SymmetricMatrix.diagonal([1.0, 1.0]),
+        SymmetricMatrix.dense(K),
+        (Constraint.at(0, 0.2, 0.9),),
+        C=C,
+    )
+    load = [th.Harmonic(0, 0.1, 1.0), th.Harmonic(1, 0.05, 1.0001, 1.0)]
+    result, worst = compare(system, np.zeros(2), np.array([0.3, 0.0]), 20.0, 0.05, load)
+    assert result.count_impacts > 5
+    assert worst < 4.0
+
+
+def test_release_from_a_wall_at_resonance() -> None:
+    """While mass 0 rests, mass 1 is driven at its own frequency sqrt(2): x1 grows like t.
+
+    M = 1, K = [[2, -1], [-1, 2]], k = 0; mass 0 is pressed on its wall at g by x1 - 2 g and is
+    released when that vanishes. x1'' + 2 x1 = g + F cos(sqrt(2) t), to 30 digits.
+    """
+    g, F, omega = 0.1, 0.02, np.sqrt(2.0)
+    K = np.array([[2.0, -1.0], [-1.0, 2.0]])
+    system = System(
+        SymmetricMatrix.diagonal([1.0, 1.0]),
+        SymmetricMatrix.dense(K),
+        (Constraint((0,), (1.0,), None, g, 0.0),),
+    )
+    start = 0.3
+    problem = th.Problem(
+        system,
+        th.State(np.array([g, start]), np.zeros(2)),
+        6.0,
+        outputs=frozenset({"contacts"}),
+        load=(th.Harmonic(1, F, float(omega)),),
+    )
+    result = th.solve(problem, th.plan(problem))
+    with mp.workdps(30):
+        w = mp.mpf(float(omega))
+
+        def moved(t: mp.mpf) -> mp.mpf:
+            free = (mp.mpf(start) - mp.mpf(g) / 2) * mp.cos(mp.sqrt(2) * t) + mp.mpf(g) / 2
+            # the response between two frequencies that differ by a rounding
+            low, high = (w - mp.sqrt(2)) / 2, (w + mp.sqrt(2)) / 2
+            drive = mp.mpf(F) * mp.sin(high * t) * mp.sin(low * t) / low / (2 * high)
+            return free + drive - 2 * mp.mpf(g)
+
+        release = mp.findroot(moved, (0.4, 1.2), "anderson")
+    assert result.contact_stop is not None
+    np.testing.assert_allclose(result.contact_stop[0], float(release), rtol=1e-14)
