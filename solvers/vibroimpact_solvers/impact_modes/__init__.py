@@ -4,7 +4,7 @@ Every active constraint strikes its upper wall at tau = 1 and its lower one at t
 frequency has one member of the family, real or phantom.
 """
 
-from vibroimpact_solvers.impact_modes.planning import mark, plan, split
+from vibroimpact_solvers.impact_modes.planning import content, plan, split
 from vibroimpact_solvers.impact_modes.problem import KIND, OUTPUTS, Problem
 from vibroimpact_solvers.impact_modes.result import REASONS, Reason, Result
 from vibroimpact_solvers.impact_modes.solving import Tick, join, solve
@@ -17,8 +17,8 @@ __all__ = [
     "Reason",
     "Result",
     "Tick",
+    "content",
     "join",
-    "mark",
     "plan",
     "solve",
     "split",
