@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 import sqlalchemy as sa
 
-from vibroimpact_service.jobs import ledger, lease
+from vibroimpact_service.jobs import lease, ledger
 from vibroimpact_service.jobs.database import open_database, reader
 from vibroimpact_service.jobs.ledger import NewJob
 from vibroimpact_service.jobs.records import jobs, requests
@@ -42,7 +42,15 @@ class Place:
 
     def job(self, result: str, *, done: bool = True, block: bytes = b"asked") -> NewJob:
         new = NewJob(
-            f"job_{uuid.uuid4().hex}", "ann", "squares", "re" * 32, result, 0, 5.0, done, block=block
+            f"job_{uuid.uuid4().hex}",
+            "ann",
+            "squares",
+            "re" * 32,
+            result,
+            0,
+            5.0,
+            done,
+            block=block,
         )
         self.writer.submit(ledger.insert([new])).result()
         return new
