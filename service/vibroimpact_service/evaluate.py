@@ -270,8 +270,9 @@ class Evaluation:
         block = tasks.request_block(asked.owner, asked.canonical)
         name = digest.content(block)
         recorded = len(block) <= _SMALL_REQUEST
-        if not recorded:
-            await self._thread(lambda: self._keep_request(name, block))
+        if not recorded or not (reused or compute):
+            # Workers look for it here. Where there is no room, there is none for results either.
+            await self._thread(lambda: self._keep_request(name, block, durable=not recorded))
         new = NewJob(
             id=f"job_{uuid.uuid4().hex}",
             owner=asked.owner,
@@ -507,9 +508,9 @@ class Evaluation:
             lambda: tasks.assign(self._store, asked.kind, asked.request, self._settings)
         )
 
-    def _keep_request(self, name: str, data: bytes) -> None:
+    def _keep_request(self, name: str, data: bytes, *, durable: bool) -> None:
         if not self._store.requests.has(name):
-            self._store.requests.put(name, data)
+            self._store.requests.put(name, data, durable=durable)
 
     async def _reading(self, body: bytes, read: Callable[[], Value]) -> Value:
         """Read a body where that disturbs nobody: few at a time where they are large."""

@@ -4,7 +4,7 @@ To add a kind:
 
 1. Write the solver module; it offers ``plan``, ``solve``, ``split``, ``join`` and the result
    class ``Result``, whose arrays say what they are (`vibroimpact_solvers.arrays.Quantity`);
-   and ``mark``, where pieces are to be shared between requests (see `Kind.axis`).
+   and ``content``, where pieces are to be shared between requests (see `Kind.axis`).
 2. Write its request in `vibroimpact_schema.requests` and its result in
    `vibroimpact_schema.results`.
 3. Write the function that makes the solver's problem of the request, in `decode`.
@@ -32,10 +32,6 @@ if TYPE_CHECKING:
 class Solver(Protocol):
     """What the module of a computation offers.
 
-    Where pieces of one problem can be pieces of another, it also offers ``content(piece)``:
-    bytes that tell what their result depends on, beside the versions of the solvers. They are
-    then stored under that name, and outlive the job.
-
     Where each piece of a problem needs the one before, it offers ``follow(piece, plan, before,
     tick)``, which returns a part of class ``Part`` from the part before (None: it is the first),
     and ``Assembly(problem, sink)``, which puts parts together one by one: its ``add(part)``
@@ -55,10 +51,10 @@ class Solver(Protocol):
     def split(self, problem: Any, plan: Plan, seconds: float) -> list[Any]:
         """Cut a problem into pieces of about that cost."""
 
-    def mark(self, problem: Any) -> bytes:
+    def content(self, piece: Any) -> bytes:
         """Return what tells a piece from all others; called where the kind has an axis.
 
-        Pieces with the same mark, of requests that are equal apart from their axis, give the
+        Pieces with the same content, of requests that are equal apart from their axis, give the
         same numbers to the last bit where the plans of both took the same methods.
         """
 
@@ -86,8 +82,8 @@ class Kind:
     structure : tuple of str
         Path of the structure in a request.
     axis : str, optional
-        Field of the request along which `split` cuts and which `mark` covers: requests that
-        differ in it alone share the pieces that they have in common.
+        Field of the request along which `split` cuts and which `content` covers: requests that
+        differ in it alone share the pieces that they have in common, which outlive their jobs.
     """
 
     name: str
@@ -171,6 +167,7 @@ KINDS: Final[Mapping[str, Kind]] = {
             sweeps.SweepResult,
             "vibroimpact_solvers.sweep",
             "sweep",
+            axis="axes",
             structure=("base", "system"),
         ),
     )

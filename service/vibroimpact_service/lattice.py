@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from vibroimpact_schema import requests, sweeps, systems
-from vibroimpact_service import digest, problems
+from vibroimpact_service import problems
 from vibroimpact_solvers import sweep
 from vibroimpact_solvers.arrays import Floats, quantities
 from vibroimpact_solvers.errors import ModelError
@@ -96,7 +96,6 @@ def problem(
         tuple(_axes(kind, base, axes, fields, values)),
         lattice.at,
         system,
-        content=digest.canonical(base),
     )
 
 

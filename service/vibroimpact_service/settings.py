@@ -61,6 +61,9 @@ class Settings(BaseSettings):
     max_store_bytes: int | None = Field(
         None, ge=0, description="Size of all results beyond which the oldest are removed."
     )
+    max_chunks_bytes: int | None = Field(
+        None, ge=0, description="Size of all parts of results beyond which the oldest are removed."
+    )
     clean_seconds: float = Field(3600.0, gt=0, description="Time between two cleanings.")
     access: Literal["auto", "keys", "open"] = Field(
         "auto",

@@ -294,26 +294,22 @@ def _names(owner: bytes, assignment: Assignment, request: Any, pieces: list[Any]
     points, bit for bit. The owner does too: a hit would reveal what somebody else asked.
     """
     kind, _, plan = assignment
-    if hasattr(kind.solver, "content"):
-        name = digest.name(owner.decode(), kind.name, solver_name(), b"")
-        return [digest.content(name.encode() + kind.solver.content(piece)) for piece in pieces]
     methods = [(step.stage.value, str(step.method)) for step in plan.steps]
     rest = request.model_dump(exclude_none=True, exclude={kind.axis} if kind.axis else None)
     common = digest.dumps({"request": rest, "methods": methods})
     name = digest.name(owner.decode(), kind.name, solver_name(), common)
     if kind.axis is None:
-        marks = [f":{CHUNK_SECONDS}:{i}:{len(pieces)}".encode() for i in range(len(pieces))]
+        contents = [f":{CHUNK_SECONDS}:{i}:{len(pieces)}".encode() for i in range(len(pieces))]
     else:
-        marks = [kind.solver.mark(piece) for piece in pieces]
-    return [digest.content(name.encode() + mark) for mark in marks]
+        contents = [kind.solver.content(piece) for piece in pieces]
+    return [digest.content(name.encode() + content) for content in contents]
 
 
 def split(store_url: str, kind: str, request: str, result: str) -> Sequence[Chunk]:
     """Return the chunks of a job."""
     known = _known(store_url, kind, request, CHUNK_SECONDS)
     each = seconds(known.assignment) / max(1, len(known.names))
-    solver, axis = known.assignment.kind.solver, known.assignment.kind.axis
-    lasting = axis is not None or hasattr(solver, "content")
+    lasting = known.assignment.kind.axis is not None
     return [Chunk(name, each, lasting, _chained(known)) for name in known.names]
 
 

@@ -45,7 +45,7 @@ class Counting(Kind):
                 raise self.error
             return impact_modes.solve(problem, plan)
 
-        offered = ("Result", "plan", "split", "mark", "join")
+        offered = ("Result", "plan", "split", "content", "join")
         given = {name: getattr(impact_modes, name) for name in offered}
         return SimpleNamespace(solve=solve, **given)  # type: ignore[return-value]
 

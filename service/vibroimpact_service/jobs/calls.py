@@ -35,7 +35,10 @@ class PartlyDoneError(Exception):
 def cut(work: Work, names: Names, _tick: Tick) -> tuple[list[Chunk], list[int]]:
     """Return the chunks of a job, and which of them are not there yet."""
     chunks = list(work.split(*names))
-    there = Store(names[0]).chunks.present([chunk.name for chunk in chunks])
+    store = Store(names[0]).chunks
+    there = store.present([chunk.name for chunk in chunks])
+    for name in there:
+        store.touch(name)  # those that nobody uses are removed first
     return chunks, [i for i, chunk in enumerate(chunks) if chunk.name not in there]
 
 

@@ -30,6 +30,8 @@ _LOOK_SECONDS: Final = 0.25  # how soon a drive notices that it must stop while 
 _FAST_SECONDS: Final = 1.0  # planned work below it goes through the fast lane
 _BUNDLE_SECONDS: Final = 0.2
 _LARGEST_BUNDLE: Final = 1000
+_FEW_CHUNKS: Final = 32
+"""Chunks that are put together in the time of a quick job: a small job does not wait twice more."""
 _JOINS: Final = 3
 ALONE_TRIES: Final = 2
 _RETRY_SECONDS: Final = 0.5
@@ -194,12 +196,14 @@ class Drive(Driver):
             self._report(phase="planning", wait=False)
             self.supply(self.job)
             for attempt in range(_JOINS):
-                chunks, missing = self._whole(calls.cut)
+                # It was planned once already, for whoever submitted it, and that did not take long.
+                chunks, missing = self._whole(FAST, calls.cut)
                 if attempt == 0:
                     self._kept = len(chunks) - len(missing)
                 self._compute(chunks, missing)
                 try:
-                    self._whole(calls.join, chunks)
+                    few = len(chunks) <= _FEW_CHUNKS
+                    self._whole(FAST if few else self._lane, calls.join, chunks)
                     break
                 except ChunkMissingError:
                     if attempt == _JOINS - 1:
@@ -236,9 +240,9 @@ class Drive(Driver):
         except queue.Empty:
             return [call for call in found if call is not None]
 
-    def _whole(self, function: Callable[..., Any], *args: Any) -> Any:
+    def _whole(self, lane: str, function: Callable[..., Any], *args: Any) -> Any:
         """Call a function for the whole job and return its value."""
-        call = self.submit(self._lane, 0, function, self._names, *args)
+        call = self.submit(lane, 0, function, self._names, *args)
         error = self._outcome(call)
         if isinstance(error, WorkerLostError):
             return self.alone(function, *args)

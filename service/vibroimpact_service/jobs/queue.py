@@ -115,14 +115,16 @@ class JobQueue:
             webhooks.loop(),
         )
         self._tasks = [asyncio.create_task(loop) for loop in loops]
+        self._loading = asyncio.create_task(self._load())
 
     async def close(self) -> None:
         """Give unfinished jobs back, stop the workers, close the records."""
         self._closing = True
         self._wake.set()
-        for task in self._tasks:
+        ending = [*self._tasks, self._loading]
+        for task in ending:
             task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await asyncio.gather(*ending, return_exceptions=True)
         for driver in tuple(self._drivers):
             driver.close()
         self._spot.close()
@@ -291,6 +293,12 @@ class JobQueue:
     def healthy(self) -> bool:
         """Whether the tasks that drive jobs are alive."""
         return not any(task.done() for task in self._tasks)
+
+    async def _load(self) -> None:
+        """Load what is slow to load here too, once that keeps no worker from starting."""
+        while not self.engine.ready:
+            await asyncio.sleep(_LOOK_SECONDS / 4)
+        await asyncio.to_thread(self._work.prepare)
 
     async def _claim(self) -> None:
         # Before Python 3.12 wait_for can swallow a cancellation, hence the flag beside it.

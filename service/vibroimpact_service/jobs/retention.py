@@ -22,6 +22,7 @@ log = structlog.get_logger("vibroimpact.retention")
 _DAY: Final = 86400.0
 _FIRST_SECONDS: Final = 60.0
 _FRESH_SECONDS: Final = 3600.0  # younger blocks may belong to a job that is being submitted
+_APART_SECONDS: Final = 60.0
 _AT_ONCE: Final = 500  # jobs removed in one transaction
 
 
@@ -53,7 +54,7 @@ class Retention:
             needed = _needed(connection)
         self._remove_results(needed)
         self._remove_requests()
-        self._remove_old_chunks()
+        self._remove_chunks()
         for area in (self._store.results, self._store.requests, self._store.chunks):
             area.tidy(time.time())
 
@@ -92,11 +93,23 @@ class Retention:
             for name in set(some) - used:
                 self._store.requests.remove(name)
 
-    def _remove_old_chunks(self) -> None:
+    def _remove_chunks(self) -> None:
+        """Remove chunks beyond the age, then those beyond the size that were not used longest.
+
+        What jobs under way have computed or found stays: without it they could not end.
+        """
+        with failing(), self._reader.connect() as connection:
+            used = _began(connection)
+        store, most = self._store.chunks, self._settings.max_chunks_bytes
         oldest = time.time() - self._settings.keep_chunks_days * _DAY
-        for entry in self._store.chunks.entries():
-            if entry.modified < oldest:
-                self._store.chunks.remove(entry.name)
+        entries = sorted(store.entries(), key=lambda each: each.modified)
+        size = sum(entry.size for entry in entries)
+        for entry in entries:
+            if entry.modified >= used:
+                return
+            if entry.modified < oldest or (most is not None and size > most):
+                store.remove(entry.name)
+                size -= entry.size
 
 
 def _needed(connection: Connection) -> set[str]:
@@ -104,6 +117,14 @@ def _needed(connection: Connection) -> set[str]:
     kept = set(connection.execute(sa.select(pins.c.result)).scalars())
     unfinished = sa.select(jobs.c.result).where(QUEUED | RUNNING)
     return kept | set(connection.execute(unfinished).scalars())
+
+
+def _began(connection: Connection) -> float:
+    """Return when the first of the jobs under way began, or infinity where there is none."""
+    began = sa.select(sa.func.min(jobs.c.started)).where(QUEUED | RUNNING)
+    found: float | None = connection.execute(began).scalar_one()
+    # Clocks of the database and of the store may differ a little.
+    return float("inf") if found is None else found - _APART_SECONDS
 
 
 def _forget_jobs(connection: Connection, age: float) -> int:

@@ -7,7 +7,7 @@ frequency has one member of the family, real or phantom.
 from vibroimpact_solvers.impact_modes.planning import (
     allows_partial,
     cell_flops,
-    mark,
+    content,
     partial_plan,
     plan,
     split,
@@ -26,8 +26,8 @@ __all__ = [
     "Tick",
     "allows_partial",
     "cell_flops",
+    "content",
     "join",
-    "mark",
     "partial_plan",
     "partial_waves",
     "plan",

@@ -399,7 +399,7 @@ def lattice_index(points: Floats) -> int:
     return round(float(points[0]) / step)
 
 
-def mark(problem: Problem) -> bytes:
-    """Return what tells a piece of a problem from its other pieces, to the last bit."""
-    assert problem.rests is not None
-    return b"".join(each.tobytes() for each in (problem.omega, problem.fundamental, problem.rests))
+def content(piece: Problem) -> bytes:
+    """Return the frequencies of a piece, to the last bit."""
+    assert piece.rests is not None
+    return b"".join(each.tobytes() for each in (piece.omega, piece.fundamental, piece.rests))

@@ -77,8 +77,6 @@ class Problem:
         The structure of the base; tells the units.
     spans : tuple of (int, int), optional
         The ranges that this piece of the lattice covers; absent: everything.
-    content : bytes
-        What the results depend on beside the values of the axes: names pieces by content.
     """
 
     kind: str
@@ -86,7 +84,6 @@ class Problem:
     at: Callable[[Index], Any]
     system: System
     spans: tuple[Span, ...] = ()
-    content: bytes = b""
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:

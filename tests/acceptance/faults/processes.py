@@ -94,10 +94,11 @@ class Process:
     def __init__(self, command: Sequence[str], folder: Path, **environment: str) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         self.errors = folder / "stderr.txt"
+        places = os.pathsep.join(filter(None, (str(HERE), os.environ.get("PYTHONPATH"))))
         with self.errors.open("ab") as errors:
             self.process = subprocess.Popen(
                 command,
-                env={**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(HERE), **environment},
+                env={**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": places, **environment},
                 stdout=errors,
                 stderr=errors,
                 start_new_session=True,
@@ -128,7 +129,12 @@ class Replica(Process):
         self.note = folder / "service.json"
         self.note.unlink(missing_ok=True)
         environment = {f"VIBROIMPACT_{name.upper()}": value for name, value in settings.items()}
-        defaults = {"VIBROIMPACT_PORT": "0", "VIBROIMPACT_DATA": str(folder)}
+        # Quick jobs take the long way through queue and workers, where more can go wrong.
+        defaults = {
+            "VIBROIMPACT_PORT": "0",
+            "VIBROIMPACT_DATA": str(folder),
+            "VIBROIMPACT_SPOT_SECONDS": "0",
+        }
         command = [sys.executable, str(HERE / "replica.py")]
         super().__init__(
             command,

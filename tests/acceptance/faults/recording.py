@@ -15,7 +15,7 @@ from vibroimpact_service.jobs.work import Tick
 from vibroimpact_service.store import Store
 
 # Small pieces, so that a job of a few seconds has many.
-tasks.CHUNK_SECONDS = 0.015  # type: ignore[misc]
+tasks.CHUNK_SECONDS = 0.01  # type: ignore[misc]
 
 SLEEP = float(os.environ.get("RECORD_SLEEP", "0.1"))
 

@@ -202,7 +202,7 @@ def test_a_worker_whose_network_is_cut(
     replica = started(Replica(tmp_path / "a", record, scheduler=address, **tls))
     until(replica.ready, "no workers")
     user = User([replica])
-    user.submit(sweep(0.6, 16_000), sweep(0.61, 16_000))
+    user.submit(sweep(0.6), sweep(0.61))
     until(lambda: len({b.pid for b in record.begun()}) == 2, "one worker does nothing")
     time.sleep(moments.uniform(0.0, 1.0))
     subprocess.run(["ip", "link", "set", f"{name}a", "down"], check=True)

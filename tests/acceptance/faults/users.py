@@ -18,8 +18,8 @@ PASSING = (httpx2.TransportError, httpx2.HTTPStatusError)
 """Answers after which a careful client asks again."""
 
 
-def sweep(start: float, num: int = 8_000) -> dict[str, Any]:
-    """Return a request that is cut into some forty chunks."""
+def sweep(start: float, num: int = 40_000) -> dict[str, Any]:
+    """Return a request that is cut into some fifty chunks, and is no quick job."""
     return {
         "system": {"preset": "chain", "n": 40, "constraints": [{"dof": 5, "gap": 0.2}]},
         "frequency": {"start": start, "stop": 2.4, "num": num},

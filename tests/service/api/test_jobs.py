@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
 from starlette.testclient import TestClient
 
 from vibroimpact_schema.jobs import Job
+from vibroimpact_service.app import create_app
+from vibroimpact_service.settings import Settings
 
 UNKNOWN = "job_" + "0" * 32
 
@@ -89,6 +93,32 @@ def test_a_result_that_was_removed_is_missing(
     queue.run(job["id"])
     queue.store.results.remove(job["digest"])
     assert http.get(f"/v1/jobs/{job['id']}/result").json()["code"] == "no_result"
+
+
+def test_the_result_of_a_quick_job_that_was_lost_is_computed_again(
+    http: TestClient, queue: Any, settings: Settings, request_body: dict[str, Any]
+) -> None:
+    job = submit(http, request_body).json()
+    queue.run(job["id"])
+    first = http.get(f"/v1/jobs/{job['id']}/result").json()
+    queue.rows[job["id"]] = replace(queue.rows[job["id"]], lane="quick")
+    # What a power failure can leave of a file: half of it, and nothing of what was made of it.
+    (place,) = Path(queue.store.url).glob(f"results/*/{job['digest']}")
+    with TestClient(create_app(settings, queue)) as later:
+        place.write_bytes(place.read_bytes()[:100])
+        for made in place.parent.glob(f"{job['digest']}.*"):
+            made.unlink()
+        again = later.get(f"/v1/jobs/{job['id']}/result").json()
+        assert first.pop("provenance")["created"] != again.pop("provenance")["created"]
+        for document in (first, again):
+            document.pop("plan")  # the second time the spectrum is known
+        assert again == first
+        # Where nobody knows any more what was asked, nothing can be computed.
+        job = submit(later, {**request_body, "outputs": ["impulse"]}).json()
+        queue.run(job["id"])
+        queue.rows[job["id"]] = replace(queue.rows[job["id"]], lane="quick", request="ab" * 32)
+        queue.store.results.remove(job["digest"])
+        assert later.get(f"/v1/jobs/{job['id']}/result").json()["code"] == "no_result"
 
 
 @pytest.mark.parametrize("job", [UNKNOWN, "x", "job_" + "0" * 31, "job_%00", "%F0%9F%98%80"])

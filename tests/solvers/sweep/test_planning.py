@@ -30,7 +30,7 @@ def stepped(first: int, places: int, step: float = 0.05, name: str = "k") -> swe
 
 
 def lattice(*axes: sweep.Axis) -> sweep.Problem:
-    return sweep.Problem("impact-modes", axes, at, SYSTEM, content=b"base")
+    return sweep.Problem("impact-modes", axes, at, SYSTEM)
 
 
 def pieces(problem: sweep.Problem, seconds: float = 2e-3) -> list[sweep.Problem]:

@@ -1,0 +1,163 @@
+"""What is thrown away and what stays, with real records and a real store."""
+
+from __future__ import annotations
+
+import os
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+import sqlalchemy as sa
+
+from vibroimpact_service.jobs import lease, ledger
+from vibroimpact_service.jobs.database import open_database, reader
+from vibroimpact_service.jobs.ledger import NewJob
+from vibroimpact_service.jobs.records import jobs, requests
+from vibroimpact_service.jobs.retention import Retention
+from vibroimpact_service.jobs.writer import Writer
+from vibroimpact_service.settings import Settings
+from vibroimpact_service.store import ContentStore, Store
+
+DAY = 86400.0
+
+
+@dataclass
+class Place:
+    """Records and a store, with the limits of some settings."""
+
+    folder: Path
+    database: Any
+    writer: Writer
+
+    def __post_init__(self) -> None:
+        self.store = Store(str(self.folder / "store"))
+
+    def clean(self, **limits: Any) -> None:
+        settings = Settings(data=self.folder, **limits)
+        Retention(settings, self.store, self.writer, reader(self.database)).clean()
+
+    def job(self, result: str, *, done: bool = True, block: bytes = b"asked") -> NewJob:
+        new = NewJob(
+            f"job_{uuid.uuid4().hex}",
+            "ann",
+            "squares",
+            "re" * 32,
+            result,
+            0,
+            5.0,
+            done,
+            block=block,
+        )
+        self.writer.submit(ledger.insert([new])).result()
+        return new
+
+    def age(self, days: float, table: sa.Table, column: str) -> None:
+        with self.database.begin() as connection:
+            connection.execute(table.update().values({column: time.time() - days * DAY}))
+
+    def request(self) -> bytes | None:
+        with reader(self.database).connect() as connection:
+            return ledger.request(connection, "re" * 32)
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def place(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Place]:
+    url = f"sqlite:///{tmp_path / 'records.sqlite'}"
+    if request.param == "postgresql":
+        new: Callable[[], str] = request.getfixturevalue("postgresql")
+        url = new()
+    database = open_database(url)
+    writer = Writer(database)
+    yield Place(tmp_path, database, writer)
+    writer.close()
+    database.dispose()
+
+
+def put(area: ContentStore, name: str, days: float, size: int = 1000) -> str:
+    """Store a block of some age and return its name."""
+    area.put(name, b"x" * (size - 32))
+    (path,) = Path(area._root).glob(f"*/{name}")
+    moment = time.time() - days * DAY
+    os.utime(path, (moment, moment))
+    return name
+
+
+def names(area: ContentStore) -> set[str]:
+    return {entry.name for entry in area.entries()}
+
+
+def test_results_go_by_age_and_size_but_pinned_and_wanted_ones_stay(place: Place) -> None:
+    store = place.store.results
+    pinned, wanted, old, older, new = (
+        put(store, name * 32, days)
+        for name, days in (("aa", 500), ("bb", 500), ("cc", 20), ("dd", 30), ("ee", 1))
+    )
+    put(store, "ff" * 32, 400)
+    place.writer.submit(ledger.pin("ann", pinned)).result()
+    place.job(wanted, done=False)
+    place.clean()
+    assert names(store) == {pinned, wanted, old, older, new}
+    place.clean(max_store_bytes=4000)  # the oldest that may go makes room
+    assert names(store) == {pinned, wanted, old, new}
+    place.clean(max_store_bytes=0)
+    assert names(store) == {pinned, wanted}
+    assert place.writer.submit(ledger.unpin("ann", pinned)).result()
+    place.clean(max_store_bytes=0)
+    assert names(store) == {wanted}
+
+
+def test_chunks_go_by_age_and_size(place: Place) -> None:
+    store = place.store.chunks
+    ages = {"aa": 40, "bb": 20, "cc": 10, "dd": 5}
+    chunks = {name: put(store, name * 32, days) for name, days in ages.items()}
+    place.clean()
+    assert names(store) == {chunks[name] for name in ("bb", "cc", "dd")}
+    store.touch(chunks["bb"])  # a job found it
+    place.clean(max_chunks_bytes=2500)
+    assert names(store) == {chunks[name] for name in ("bb", "dd")}
+    place.clean(max_chunks_bytes=0)
+    assert names(store) == set()
+
+
+def test_chunks_of_jobs_under_way_stay(place: Place) -> None:
+    store = place.store.chunks
+    before, since = put(store, "aa" * 32, 2), put(store, "bb" * 32, 0)
+    place.job("cc" * 32, done=False)
+    (job,) = place.writer.submit(lease.claim("me", "bulk", 1, 1.0)).result()
+    place.clean(max_chunks_bytes=0)
+    assert names(store) == {since}
+    assert before not in names(store)
+    assert place.writer.submit(lease.succeed("me", [job.id], False)).result() == {job.id}
+    place.clean(max_chunks_bytes=0)
+    assert names(store) == set()
+
+
+def test_jobs_go_by_age_and_their_requests_with_them(place: Place) -> None:
+    place.job("aa" * 32)
+    place.age(100, jobs, "finished")
+    unfinished = place.job("bb" * 32, done=False)
+    recent = place.job("cc" * 32)
+    place.age(1, requests, "created")
+    place.clean()
+    with reader(place.database).connect() as connection:
+        left = set(connection.execute(sa.select(jobs.c.id)).scalars())
+    assert left == {unfinished.id, recent.id}
+    assert place.request() == b"asked"  # they need it
+    with place.database.begin() as connection:
+        connection.execute(jobs.delete())
+    place.clean()
+    assert place.request() is None
+
+
+def test_a_request_that_is_asked_again_is_new_again(place: Place) -> None:
+    place.job("aa" * 32)
+    place.age(1, requests, "created")
+    place.job("bb" * 32)
+    with place.database.begin() as connection:
+        connection.execute(jobs.delete())
+    place.clean()
+    assert place.request() == b"asked"
