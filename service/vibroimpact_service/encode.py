@@ -11,6 +11,7 @@ import io
 import mmap
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -77,9 +78,15 @@ def describe(result: Any, head: Mapping[str, Any]) -> Content:
 def freeze(result: Any, head: Mapping[str, Any]) -> bytes:
     """Return the bundle of a result."""
     content = describe(result, head)
-    described = {name: dataclasses.asdict(each) for name, each in content.meanings.items()}
+    described = {name: _written(each) for name, each in content.meanings.items()}
     meta = {"head": head, "plain": content.plain, "meanings": described}
     return bundle.pack(content.arrays, {**meta, "free": True} if content.free else meta)
+
+
+@lru_cache(maxsize=1024)
+def _written(meaning: Quantity) -> dict[str, Any]:
+    """Return a meaning as the bundle holds it; not to be changed."""
+    return dataclasses.asdict(meaning)
 
 
 def open_bundle(data: bytes) -> Content:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any, get_type_hints
+from types import MappingProxyType
+from typing import Any, Final, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,8 +72,19 @@ class Described:
     plain: Mapping[str, Any]
 
 
-def quantities(result: type[Any]) -> dict[str, Quantity]:
+_QUANTITIES: Final[dict[type[Any], Mapping[str, Quantity]]] = {}
+
+
+def quantities(result: type[Any]) -> Mapping[str, Quantity]:
     """Return the quantity of every annotated field of a result class, by field name."""
+    known = _QUANTITIES.get(result)
+    if known is None:
+        # To read annotations takes longer than most results.
+        known = _QUANTITIES[result] = MappingProxyType(_quantities(result))
+    return known
+
+
+def _quantities(result: type[Any]) -> dict[str, Quantity]:
     hints = get_type_hints(result, include_extras=True)
     found: dict[str, Quantity] = {}
     for field in fields(result):
