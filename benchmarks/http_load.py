@@ -1,6 +1,6 @@
 """How fast the service is, measured with wrk from outside on a service of its own.
 
-    python benchmarks/http_load.py [--seconds 10] [--only cached,modes,plans,clients,stream]
+    python -m benchmarks.http_load [--seconds 10] [--only cached,modes,plans,clients,stream]
 
 Prints a table of figures with the ones that are aimed at; needs wrk (Debian: apt install wrk).
 Everything runs on this machine, load generator included: its cores are shared.
@@ -158,7 +158,17 @@ def wrk(
     url: str, seconds: int, connections: int, *more: str, threads: int = 1
 ) -> tuple[float, dict[str, int], str]:
     """Return requests per second, counts of statuses where a script counts, and all words."""
-    command = ["wrk", f"-t{threads}", f"-c{connections}", f"-d{seconds}s", "--latency", *more, url]
+    command = [
+        "wrk",
+        f"-t{threads}",
+        f"-c{connections}",
+        f"-d{seconds}s",
+        "--timeout",
+        "30s",
+        "--latency",
+        *more,
+        url,
+    ]
     words = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     (rate,) = re.findall(r"Requests/sec:\s+([\d.]+)", words)
     counts = {status: int(count) for status, count in re.findall(r"status (\d+) (\d+)", words)}

@@ -474,8 +474,9 @@ class Evaluation:
             solved = time.perf_counter()
             found = None
             if data is not None and len(data) <= representations.LARGE:
-                # Here, where the numbers are at hand; later they would be read again.
-                found = representations.make(self._store, name, media_type, data)
+                # Here, where the numbers are at hand; later they would be read again. It is
+                # held in memory: most are never asked for again, and need not be written twice.
+                found = representations.make(self._store, name, media_type, data, keep=False)
             return solved - started, time.perf_counter() - solved, found
 
         seconds, encoding, found = await self._thread(work)

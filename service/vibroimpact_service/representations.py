@@ -83,8 +83,13 @@ def load(store: Store, name: str, media_type: str) -> Representation | None:
     return None if stored is None else make(store, name, media_type, stored)
 
 
-def make(store: Store, name: str, media_type: str, bundle: bytes) -> Representation | None:
-    """Return a result in a media type from its bundle, and store it; None where it is damaged."""
+def make(
+    store: Store, name: str, media_type: str, bundle: bytes, *, keep: bool = True
+) -> Representation | None:
+    """Return a result in a media type from its bundle; None where that is damaged.
+
+    With `keep` it is stored as well; it can be made again from the bundle at any time.
+    """
     from vibroimpact_service import encode
 
     try:
@@ -93,8 +98,8 @@ def make(store: Store, name: str, media_type: str, bundle: bytes) -> Representat
         store.results.remove(name)
         return None
     data = encode.json(content) if media_type == negotiate.JSON else encode.hdf5(content)
-    # It can be made again from the bundle at any time.
-    store.results.put(f"{name}.{SUFFIXES[media_type]}", data, durable=False)
+    if keep:
+        store.results.put(f"{name}.{SUFFIXES[media_type]}", data, durable=False)
     return Representation(media_type, data, digest.content(data))
 
 

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import itertools
 import os
+import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Final
 
 WORTH: Final = 4e6
 """Elementary steps, of a nanosecond or so, below which threads would not pay."""
+
+_kept: list[ThreadPoolExecutor] = []
+_keeping = threading.Lock()
+_here = threading.local()
 
 
 def over_ranges(piece: Callable[[int, int], object], size: int, work: float) -> None:
@@ -25,15 +30,41 @@ def over_ranges(piece: Callable[[int, int], object], size: int, work: float) -> 
         Elementary steps of all of it; little work stays in the calling thread.
     """
     threads = min(cores(), size, int(work / WORTH) + 1)
-    if threads <= 1:
+    if threads <= 1 or getattr(_here, "kept", False):  # of which there might be none left
         piece(0, size)
         return
     bounds = [size * k // threads for k in range(threads + 1)]
-    # A pool of its own, as one that is kept would not survive a fork.
-    with ThreadPoolExecutor(threads) as pool:
-        pieces = [pool.submit(piece, *bound) for bound in itertools.pairwise(bounds)]
-        for done in pieces:
-            done.result()
+    own, *others = itertools.pairwise(bounds)
+    pieces = [_pool().submit(piece, *bound) for bound in others]
+    try:
+        piece(*own)
+    finally:
+        wait(pieces)  # they write into arrays of the caller
+    for done in pieces:
+        done.result()
+
+
+def _pool() -> ThreadPoolExecutor:
+    """Return the threads that all callers share: to start new ones takes as long as a kernel."""
+    with _keeping:
+        if not _kept:
+            _kept.append(ThreadPoolExecutor(max(1, cores() - 1), "kernels", _note))
+        return _kept[0]
+
+
+def _note() -> None:
+    _here.kept = True
+
+
+def _forget() -> None:
+    """Leave the threads of the parent process behind, which did not come along in a fork."""
+    global _keeping  # it may have been held there
+    _keeping = threading.Lock()
+    _kept.clear()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget)
 
 
 def cores() -> int:

@@ -100,7 +100,8 @@ def _steps(problem: Problem, far: list[int]) -> Iterator[Step]:
 def _flight(problem: Problem, count: int) -> Step:
     """Return the step of the motion, `count` constraints being within reach."""
     system = problem.system
-    turns = problem.t_end * spectrum.largest_frequency(system)
+    fastest = max([spectrum.largest_frequency(system), *(term.frequency for term in problem.load)])
+    turns = problem.t_end * fastest
     if problem.method != EXACT:
         reason = "asked for, to compare with; it can miss impacts"
         flops = 3e5 * (20.0 + turns) * system.n

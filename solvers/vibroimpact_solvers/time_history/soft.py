@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.kernels.flow import propagators
 from vibroimpact_solvers.kernels.splitting import FLIGHTS, advance
 from vibroimpact_solvers.time_history.limiters import Power
@@ -18,6 +20,8 @@ from vibroimpact_solvers.time_history.structure import Structure
 HALVINGS: Final = 8
 """Most halvings of the step."""
 _FIRST = 0.15  # of a first step, over the shortest time of the limiters
+_MOST_STEPS = 1e10  # of the first run; more would not end
+_AT_A_TIME = 200_000  # steps between two looks at whether anybody still waits
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,13 +72,19 @@ def follow(
     """
     scale = math.ldexp(1.0, structure.exponent)
     times = np.append(wanted, t_end) * scale
-    step = _first_step(structure, law, z, t_end * scale)
-    before, _, _ = _follow(structure, law, z, times, step)
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # then there is no step
+        step = _first_step(structure, law, z, t_end * scale)
+
+    def pulse() -> None:
+        if tick is not None:
+            tick(0, HALVINGS + 1)
+
+    before, _, _ = _follow(structure, law, z, times, step, pulse)
     for halving in range(1, HALVINGS + 1):
         if tick is not None:
             tick(halving, HALVINGS + 1)
         step *= 0.5
-        states, deepest, steps = _follow(structure, law, z, times, step)
+        states, deepest, steps = _follow(structure, law, z, times, step, pulse)
         own = structure.scene().basis.own
         difference = float((np.abs(states - before) * own).max())
         difference /= max(float((np.abs(states) * own).max()), 1e-300)
@@ -105,9 +115,23 @@ def _first_step(structure: Structure, law: Power, z: Floats, t_end: float) -> fl
 
 
 def _follow(
-    structure: Structure, law: Power, z: Floats, times: Floats, step: float
+    structure: Structure,
+    law: Power,
+    z: Floats,
+    times: Floats,
+    step: float,
+    pulse: Callable[[], None],
 ) -> tuple[Floats, float, int]:
-    """Return the states at some times, the deepest compression and the number of steps."""
+    """Return the states at some times, the deepest compression and the number of steps.
+
+    Raises
+    ------
+    ConvergenceError
+        Where the limiters are too stiff to be followed.
+    """
+    if not step * _MOST_STEPS >= times[-1]:
+        message = f"the limiters are so stiff that the motion needs more than {_MOST_STEPS:g} steps"
+        raise ConvergenceError(message)
     scene, sizes = structure.scene(), law.sizes(structure.system)
     basis = scene.basis
     levels = structure.level(scene)
@@ -123,12 +147,15 @@ def _follow(
             for stage, part in enumerate(FLIGHTS):
                 propagators(basis.rates, basis.split, part * h, 0.0, P[stage])
             made = h
-        deepest = max(
-            deepest,
-            advance(
-                basis.rates, basis.split, scene.forms, levels, sizes, law.exponent, stiffness,
-                P, h, count, Z, other,
-            ),
-        )  # fmt: skip
+        for first in range(0, count, _AT_A_TIME):
+            if first:
+                pulse()
+            deepest = max(
+                deepest,
+                advance(
+                    basis.rates, basis.split, scene.forms, levels, sizes, law.exponent, stiffness,
+                    P, h, min(_AT_A_TIME, count - first), Z, other,
+                ),
+            )  # fmt: skip
         states[index], now, steps = Z[0], float(time), steps + count
     return states, deepest, steps

@@ -17,7 +17,7 @@ from vibroimpact_service.access.caller import Scope
 from vibroimpact_service.access.gate import open_records
 from vibroimpact_service.api import contract
 from vibroimpact_service.app import create_app
-from vibroimpact_service.kinds import KINDS
+from vibroimpact_service.kinds import KINDS, Kind
 from vibroimpact_service.settings import Settings
 
 ROOT = Path(__file__).parents[3]
@@ -89,8 +89,8 @@ def test_numbers_are_described_with_shapes_and_units() -> None:
 
 
 EXAMPLES = [
-    (path, name, example["value"])
-    for _, path, operation in OPERATIONS
+    (method, path, name, example["value"])
+    for method, path, operation in OPERATIONS
     for name, example in operation.get("requestBody", {})
     .get("content", {})
     .get("application/json", {})
@@ -99,22 +99,30 @@ EXAMPLES = [
 ]
 
 
-@pytest.mark.parametrize(("path", "name", "value"), EXAMPLES)
+@pytest.mark.parametrize(("method", "path", "name", "value"), EXAMPLES)
 def test_examples_work(
-    settings: Settings, queue: Any, path: str, name: str, value: dict[str, Any]
+    settings: Settings, queue: Any, method: str, path: str, name: str, value: dict[str, Any]
 ) -> None:
     engine = open_records(settings)
     with engine.begin() as connection:
         key, _ = records.create(connection, "test", records.NewKey("ann", "", frozenset(Scope)))
     engine.dispose()
     with TestClient(create_app(settings, queue)) as http:
-        answer = http.post(path, json=value, headers={"Authorization": f"Bearer {key}"})
+        headers = {"Authorization": f"Bearer {key}"}
+        if "{job}" in path:
+            request = examples.requests("impact-modes")["chain"]["request"]
+            body = {"kind": "impact-modes", "request": request}
+            path = path.format(job=http.post("/v1/jobs", json=body, headers=headers).json()["id"])
+        answer = http.request(method, path, json=value, headers=headers)
     assert answer.is_success, (name, answer.text)
 
 
 def test_every_request_has_an_example() -> None:
-    shown = {path for path, _, _ in EXAMPLES}
-    assert shown == {path for method, path, _ in OPERATIONS if method == "post"}
+    shown = {(method, path) for method, path, _, _ in EXAMPLES}
+    assert shown == {(method, path) for method, path, it in OPERATIONS if "requestBody" in it}
+    assert {path for method, path in shown if method == "post"} == {
+        path for method, path, _ in OPERATIONS if method == "post"
+    }
 
 
 ANSWERS = [
@@ -133,9 +141,6 @@ def test_every_answer_has_an_example_that_fits(
     if media_type in BINARY or status == "206":
         assert "example" not in content
         return
-    if operation.startswith(("compute_", "plan_")) and "example" not in content:
-        assert operation not in ("compute_impact_modes", "plan_impact_modes")
-        return
     if media_type in ("text/event-stream", "text/plain"):
         assert isinstance(content["example"], str)
         return
@@ -143,15 +148,44 @@ def test_every_answer_has_an_example_that_fits(
     jsonschema_rs.Draft202012Validator(schema).validate(content["example"])
 
 
+def close(now: Any, shown: Any) -> bool:
+    """Whether two documents are alike, numbers up to what another processor may round."""
+    if isinstance(shown, dict) and isinstance(now, dict):
+        return set(now) == set(shown) and all(close(now[name], shown[name]) for name in shown)
+    if isinstance(shown, list) and isinstance(now, list):
+        return len(now) == len(shown) and all(map(close, now, shown))
+    if isinstance(shown, float) and isinstance(now, float):
+        return bool(np.isclose(now, shown, rtol=1e-9, atol=1e-12))
+    return bool(now == shown)
+
+
+def told(document: dict[str, Any]) -> dict[str, Any]:
+    """Return a result without when, by which version and at what price it was computed."""
+    apart = ("digest", "plan", "provenance", "error")
+    return {name: value for name, value in document.items() if name not in apart}
+
+
+@pytest.mark.parametrize("kind", KINDS.values(), ids=list(KINDS))
 def test_examples_of_answers_are_what_is_answered_now(
-    http: TestClient, request_body: dict[str, Any]
+    settings: Settings, queue: Any, request_body: dict[str, Any], kind: Kind
 ) -> None:
-    shown = examples.answers("compute_impact_modes")["200"]
-    request_body["frequency"] = {"values": shown["frequency"]["Omega"]}
-    now = http.post("/v1/compute/impact-modes", json=request_body).json()
-    assert set(now) == set(shown)
-    assert now["reason"] == shown["reason"]
-    assert np.allclose(now["impulse"], shown["impulse"], rtol=1e-12)
+    shown = examples.answers(f"compute_{kind.decoder}")["200"]
+    requests = [example["request"] for example in examples.requests(kind.name).values()]
+    if kind.name == "impact-modes":
+        frequency = {"values": shown["frequency"]["Omega"]}
+        requests = [{**request_body, "frequency": frequency}]
+    patient = settings.model_copy(update={"inline_seconds": 1000.0})
+    with TestClient(create_app(patient, queue)) as http:
+        now = [http.post(f"/v1/compute/{kind.name}", json=each).json() for each in requests]
+    assert all(set(each) >= {"kind", "digest", "plan", "provenance"} for each in now)
+    assert any(close(told(each), told(shown)) for each in now)
+
+
+def test_the_example_of_a_batch_is_what_is_answered_now(http: TestClient) -> None:
+    ((_, path, _, asked),) = [each for each in EXAMPLES if each[1] == "/v1/batch"]
+    shown = examples.answers("compute_batch")["200"]["answers"]
+    now = http.post(path, json=asked).json()["answers"]
+    assert close([told(each["result"]) for each in now], [told(each["result"]) for each in shown])
 
 
 def test_links_lead_to_operations_and_fill_their_parameters() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from vibroimpact_solvers import presets
 from vibroimpact_solvers import time_history as th
-from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.errors import ConvergenceError, ModelError
 from vibroimpact_solvers.model import Constraint
 
 ALL = frozenset(th.OUTPUTS)
@@ -129,3 +129,13 @@ def test_plans_say_what_is_left_out() -> None:
     assert result.contact_start is None
     assert result.impact_constraint is not None
     assert set(result.impact_constraint.tolist()) == {0}
+
+
+@pytest.mark.parametrize("x", [1e12, 1e50])
+def test_limiters_that_are_too_stiff_to_be_followed_are_refused(x: float) -> None:
+    system = presets.oscillator([Constraint((0,), (1.0,), 1.0, 1.0)], 1.0)
+    law = th.Power(17.0, 1.0)
+    state = th.State(np.array([x]), np.zeros(1))
+    problem = th.Problem(system, state, 10.0, limiter=law)
+    with pytest.raises(ConvergenceError, match="stiff"):
+        th.solve(problem, th.plan(problem))
