@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse
 
 from vibroimpact_solvers import presets
 from vibroimpact_solvers.arrays import Floats
@@ -41,6 +42,17 @@ def uneven_chain(n: int, seed: int) -> System:
     K = {0: springs[:-1] + springs[1:], 1: -springs[1:-1]}
     masses = SymmetricMatrix.diagonal(random.uniform(0.5, 1.5, n))
     return System(masses, SymmetricMatrix.bands(K), (Constraint.at(struck(n), GAP),))
+
+
+def net(side: int) -> System:
+    """Return a square net of unequal masses and equal springs: K is sparse, M diagonal."""
+    one = scipy.sparse.identity(side)
+    line = scipy.sparse.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(side, side))
+    K = (scipy.sparse.kron(line, one) + scipy.sparse.kron(one, line)).tocoo()
+    n = side * side
+    masses = SymmetricMatrix.diagonal(np.random.default_rng(0).uniform(0.5, 1.5, n))
+    stiffness = SymmetricMatrix.sparse((n, n), K.row, K.col, K.data)
+    return System(masses, stiffness, (Constraint.at(n // 3 + side // 5, GAP),))
 
 
 def grid(start: float, stop: float, num: int) -> Floats:

@@ -10,14 +10,16 @@ from typing import Any, Final
 import mpmath
 import numpy as np
 
-from benchmarks.cases import GAP, chain, grid, random_structure, struck, uneven_chain
-from benchmarks.harness import Work, measure, ratio
+from benchmarks.cases import GAP, chain, grid, net, random_structure, struck, uneven_chain
+from benchmarks.harness import Work, measure, ratio, worst
 from benchmarks.tables import Goal, Plot, Table
 from vibroimpact_solvers import impact_modes, spectrum
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.impact_modes import Problem, Result
+from vibroimpact_solvers.impact_modes import Problem, Result, partial_plan
+from vibroimpact_solvers.impact_modes.direct import DirectFamily
 from vibroimpact_solvers.kernels import response
 from vibroimpact_solvers.model import System
+from vibroimpact_solvers.plan import Plan
 
 IMPULSE: Final = frozenset({"impulse"})
 _GOALS = {13: 0.2, 100: 0.4, 1000: 5.0}
@@ -169,6 +171,56 @@ def large() -> Table:
     )
 
 
+def partial_spectrum() -> Table:
+    """Find members of square nets by few natural modes, and by factors at each frequency.
+
+    Frequencies from 0.3 to 0.301 of the bound of the spectrum: two harmonics each.
+    """
+    rows: list[tuple[Any, ...]] = []
+    for side, points in ((40, 300), (70, 300), (100, 300)):
+        system = net(side)
+        bound = spectrum.largest_frequency(system)
+        Omega = bound * np.linspace(0.3, 0.301, points)
+        problem = Problem(system, Omega * 2.0 / np.pi, outputs=frozenset({"impulse"}), Omega=Omega)
+        few = problem.slice(0, 6)
+        spectrum.CACHE.clear()
+        cold = measure(rounds=1, sample=0.0, once=partial(_first, problem))["once"].processor
+        warm = measure(rounds=3, sample=0.0, work=partial(_planned, problem))["work"].processor
+        direct = DirectFamily(few, bound)
+        each = measure(rounds=1, sample=0.0, work=partial(direct.members, few.frequencies))
+        by_solves = each["work"].processor / few.omega.size
+        by_cells = _planned(few, partial_plan(problem))
+        expected, _ = direct.members(few.frequencies)
+        assert by_cells.impulse is not None
+        off = worst((by_cells.impulse / expected.plus - 1.0).ravel())
+        stated = float(np.max(by_cells.impulse_error))
+        rows.append((side * side, points, cold, warm / points * 1e3, by_solves * 1e3, off, stated))
+    return Table(
+        "Large sparse structures by few natural modes",
+        (
+            "N",
+            "frequencies",
+            "first time [s]",
+            "then [ms/frequency]",
+            "by factors [ms/frequency]",
+            "difference",
+            "error stated",
+        ),
+        rows,
+        "Time of the processor. The first time finds modes and series of the cells, which later "
+        "requests share.",
+    )
+
+
+def _first(problem: Problem) -> None:
+    spectrum.CACHE.clear()
+    _planned(problem)
+
+
+def _planned(problem: Problem, plan: Plan | None = None) -> Result:
+    return impact_modes.solve(problem, plan or impact_modes.plan(problem))
+
+
 def _zones(roots: Floats) -> dict[str, Floats]:
     """Return frequencies at which errors are of different kinds."""
     random = np.random.default_rng(3)
@@ -281,4 +333,11 @@ def _extended_shape(n: int, Omega: float) -> list[Any]:
         return [mpmath.mpf(GAP) * value / x[place - 1] for value in x]
 
 
-TABLES: Final = (impulse_per_frequency, against_numpy, large, work_precision, localized_shapes)
+TABLES: Final = (
+    impulse_per_frequency,
+    against_numpy,
+    large,
+    partial_spectrum,
+    work_precision,
+    localized_shapes,
+)

@@ -51,13 +51,14 @@ TARGETS: dict[str, tuple[float, str]] = {
 class Service:
     """A service process and one connection per thread to it."""
 
-    def __init__(self, data: Path) -> None:
+    def __init__(self, data: Path, workers: int | None = None) -> None:
         self.data = data
+        some = {} if workers is None else {"VIBROIMPACT_WORKERS": str(workers)}
         data.mkdir(parents=True, exist_ok=True)
         with (data / "log").open("wb") as log:
             self.process = subprocess.Popen(
                 [sys.executable, "-m", "vibroimpact_service", "--port", "0", "--data", str(data)],
-                env={**os.environ, "OMP_NUM_THREADS": "1"},
+                env={**os.environ, "OMP_NUM_THREADS": "1", **some},
                 stdout=log,
                 stderr=log,
                 start_new_session=True,

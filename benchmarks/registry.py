@@ -43,7 +43,11 @@ BENCHMARKS: Final[tuple[Benchmark, ...]] = (
         "benchmarks.existence_bands",
         "certified bands against scans, and the bands that scans miss",
     ),
-    Benchmark("slow-flows", "benchmarks.slow_flows", "closed forms at a million times"),
+    Benchmark(
+        "slow-flows",
+        "benchmarks.slow_flows",
+        "closed forms at a million times, run time against error of every variant",
+    ),
     Benchmark(
         "time-histories",
         "benchmarks.time_histories",
@@ -54,6 +58,15 @@ BENCHMARKS: Final[tuple[Benchmark, ...]] = (
         "scaling",
         "benchmarks.scaling",
         "cost against size, frequencies and threads; cold starts",
+    ),
+    Benchmark("floors", "benchmarks.floors", "hot kernels over what the hardware allows"),
+    Benchmark(
+        "service",
+        "benchmarks.service",
+        "start and memory of the service, latency and throughput against clients, workers",
+    ),
+    Benchmark(
+        "scheduler", "benchmarks.scheduler", "ten million chunks on a thousand workers, simulated"
     ),
     Benchmark("guard", "benchmarks.guard", "hot kernels over reference loops"),
 )

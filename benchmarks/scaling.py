@@ -11,10 +11,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from benchmarks.cases import chain, grid, random_structure, uneven_chain
 from benchmarks.harness import Work, measure
 from benchmarks.impact_modes import solve
 from benchmarks.tables import Plot, Table
+from benchmarks.time_histories import from_mode, ours
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.spectrum import methods
 
@@ -114,6 +117,66 @@ def _clock(work: Work) -> float:
     return time.perf_counter() - start
 
 
+def impacts() -> Table:
+    """Follow longer and longer elastic motions: time and memory for each impact."""
+    rows: list[tuple[Any, ...]] = []
+    for n, dof in ((1, 0), (13, 5), (100, 49)):
+        top = spectrum.spectrum(chain(n)).largest_frequency
+        for count in (10, 100, 1000, 10_000):
+            if n * count > 200_000:
+                continue
+            system, scene, _ = from_mode(n, dof, 1.5 * 2.0 / np.pi * top, count // 2)
+            found = measure(rounds=3, sample=0.0, work=partial(ours, system, scene))["work"]
+            seen = max(1, len(ours(system, scene).times))
+            each = found.processor / seen * _MICRO
+            rows.append((f"N = {n}", seen, found.processor * 1e3, each))
+    return Table(
+        "Cost against the number of impacts",
+        ("structure", "impacts", "time [ms]", "time [µs/impact]"),
+        rows,
+        "Elastic chain from an impact mode, state at the end and all impacts; planning included.",
+        plots=(Plot("impacts", "time [ms]", by="structure"),),
+    )
+
+
+_PEAK: Final = """
+import resource, sys
+from benchmarks.impact_modes import solve
+from benchmarks.cases import chain, grid
+solve(chain(13), grid(0.2, 3.0, 100), frozenset({"impulse"}))
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+solve(chain(int(sys.argv[1])), grid(0.2, 3.0, int(sys.argv[2])), frozenset(sys.argv[3].split()))
+print(before, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+def memory() -> Table:
+    """Measure the largest memory of processes that solve one problem each."""
+    rows: list[tuple[Any, ...]] = []
+    for n, points, outputs in (
+        (13, 1000, "impulse"),
+        (13, 1_000_000, "impulse"),
+        (100, 100_000, "impulse exists"),
+        (1000, 2000, "impulse exists energy"),
+        (3000, 1000, "impulse energy"),
+    ):
+        done = subprocess.run(
+            [sys.executable, "-c", _PEAK, str(n), str(points), outputs],
+            capture_output=True,
+            text=True,
+            check=True,
+            cwd=Path(__file__).parent.parent,
+        )
+        before, peak = (int(number) / 1024.0 for number in done.stdout.split())
+        rows.append((n, points, outputs, before, peak - before))
+    return Table(
+        "Memory",
+        ("N", "frequencies", "outputs", "libraries [MB]", "beside them at most [MB]"),
+        rows,
+        "Chain with one constraint; the result included.",
+    )
+
+
 _FIRST: Final = """
 import time
 start = time.perf_counter()
@@ -151,4 +214,4 @@ def cold_starts() -> Table:
     )
 
 
-TABLES: Final = (size, modes, frequencies, threads, cold_starts)
+TABLES: Final = (size, modes, frequencies, impacts, threads, memory, cold_starts)

@@ -390,4 +390,126 @@ def _scipy_ball(method: str) -> tuple[Any, ...]:
     )
 
 
-TABLES: Final = (work_precision, against_heyoka, long_motions, stress, bouncing_ball)
+def two_limiters() -> Table:
+    """Follow a random start of a chain of 12 masses between two pairs of lossy walls.
+
+    F: dofs 4 and 8, k = 0.9, t = 200. Chaotic: past the time that is flagged no method in double
+    precision is right, and impacts are compared before it. The reference is scipy's DOP853 at
+    its tightest tolerance in steps no longer than a fiftieth, which see every crossing.
+    """
+    walls = [Constraint.at(4, _GAP, 0.9), Constraint.at(8, _GAP, 0.9)]
+    system = presets.chain(12, walls)
+    random = np.random.default_rng(12)
+    x, v = 0.3 * _GAP * random.uniform(-1.0, 1.0, 12), random.standard_normal(12)
+    problem = Problem(
+        system,
+        State(x, v),
+        200.0,
+        t=np.linspace(0.0, 200.0, 201),
+        outputs=frozenset({"impacts", "energy"}),
+    )
+    found = time_history.solve(problem, time_history.plan(problem))
+    assert found.impact_time is not None
+    assert found.impact_velocity is not None
+    assert found.energy is not None
+    until = min(found.error_predictable_until, 30.0)
+    K = system.K.to_dense()
+    exact = _two_walls(K, x, v, until, 2.5e-14, 0.02)
+    mine = found.impact_time[found.impact_time < until]
+    timed = measure(rounds=3, ours=lambda: time_history.solve(problem, time_history.plan(problem)))
+    # What impacts take: the mobility of one mass is 1.
+    lost = 0.5 * (1.0 - 0.9**2) * float((found.impact_velocity**2).sum())
+    balance = abs(found.energy[0] - lost - found.energy[-1]) / found.energy[0]
+    rows: list[tuple[Any, ...]] = [
+        (
+            "Vibroimpact",
+            "–",
+            found.impact_time.size,
+            found.error_predictable_until,
+            balance,
+            max(0, len(exact) - mine.size),
+            _largest(mine, exact),
+            timed["ours"].processor * 1e3,
+        )
+    ]
+    for tolerance in (1e-6, 1e-9, 1e-12):
+        run = partial(_two_walls, K, x, v, until, tolerance, np.inf)
+        times = np.array(run())
+        spent = measure(rounds=1, sample=0.0, run=run)["run"].processor * 1e3
+        missed = max(0, len(exact) - times.size)
+        error = _largest(times, exact)
+        rows.append(("scipy DOP853", f"{tolerance:g}", None, None, None, missed, error, spent))
+    return Table(
+        "F: two limiters, chaotic",
+        (
+            "integrator",
+            "tolerance",
+            "impacts",
+            "predictable until",
+            "energy balance",
+            "impacts missed",
+            "error of their times",
+            "time [ms]",
+        ),
+        rows,
+        f"Ours to t = 200, compared up to t = {until:.4g}; scipy to that time only. The energy "
+        "balance is what impacts take and what is left, relative to the start.",
+    )
+
+
+def _largest(times: Any, exact: Sequence[float]) -> float | None:
+    """Return the largest difference of the times of impacts, None where some are missing."""
+    if len(times) != len(exact):
+        return None
+    return float(np.abs(np.asarray(times) - np.asarray(exact)).max(initial=1e-17))
+
+
+def _two_walls(
+    K: Floats, x: Floats, v: Floats, until: float, tolerance: float, step: float
+) -> list[float]:
+    """Return the times of impacts of case F by scipy's DOP853 and its events."""
+    n = x.size
+
+    def rate(t: float, y: Floats) -> Floats:
+        return np.concatenate([y[n:], -(K @ y[:n])])
+
+    def wall(dof: int, side: float) -> Any:
+        def room(t: float, y: Floats) -> float:
+            return float(side * y[dof] - _GAP)
+
+        room.terminal, room.direction = True, 1.0  # type: ignore[attr-defined]
+        return room
+
+    events = [wall(dof, side) for dof in (4, 8) for side in (1.0, -1.0)]
+    t, y = 0.0, np.concatenate([x, v])
+    times: list[float] = []
+    while t < until and len(times) < 10_000:
+        found = solve_ivp(
+            rate,
+            (t, until),
+            y,
+            method="DOP853",
+            rtol=tolerance,
+            atol=tolerance * 1e-2,
+            events=events,
+            max_step=step,
+        )
+        t, y = float(found.t[-1]), found.y[:, -1].copy()
+        if found.status != 1:
+            break
+        times.append(t)
+        which = next(k for k, hits in enumerate(found.t_events) if len(hits))
+        dof = (4, 8)[which // 2]
+        y[dof] = np.clip(y[dof], -_GAP, _GAP)
+        y[n + dof] *= -0.9
+    return times
+
+
+TABLES: Final = (
+    work_precision,
+    against_heyoka,
+    long_motions,
+    stress,
+    bouncing_ball,
+    two_limiters,
+)

@@ -41,7 +41,8 @@ def bench(
     except KeyError as error:
         typer.echo(f"No benchmark is called {error.args[0]}; see: vibroimpact bench --list")
         raise typer.Exit(2) from None
-    command.run(chosen, typer.echo, save=save)
+    if command.run(chosen, typer.echo, save=save):
+        raise typer.Exit(1)
 
 
 def checkout(*places: Path) -> Path | None:

@@ -63,6 +63,11 @@ class Cache:
             _, oldest = self._held.popitem(last=False)
             total -= oldest.nbytes
 
+    def clear(self) -> None:
+        """Forget all values."""
+        with self._lock:
+            self._held.clear()
+
     def __contains__(self, key: bytes) -> bool:
         with self._lock:
             return key in self._held
