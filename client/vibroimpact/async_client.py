@@ -14,6 +14,7 @@ from vibroimpact.config import connection
 from vibroimpact.embedded import EmbeddedService
 from vibroimpact.errors import ServerError
 from vibroimpact.jobs import AsyncJob, Submitted
+from vibroimpact.plans import Plan
 from vibroimpact.results import Result
 from vibroimpact.systems import Document
 from vibroimpact.transport import AsyncTransport
@@ -114,9 +115,9 @@ class AsyncClient(Computations[Coroutine[Any, Any, Result]]):
         """
         return await self._open.hold(conversations.batch(kind, requests))
 
-    async def plan(self, kind: str, request: Mapping[str, Any]) -> dict[str, Any]:
+    async def plan(self, kind: str, request: Mapping[str, Any]) -> Plan:
         """Return what would be computed and skipped, and why, without computing it."""
-        return await self._open.hold(conversations.plan(kind, request))
+        return Plan(await self._open.hold(conversations.plan(kind, request)))
 
     async def job(self, job_id: str) -> AsyncJob:
         """Return a job by its id."""

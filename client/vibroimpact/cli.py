@@ -29,6 +29,22 @@ _HELP = {
 """What help says of commands that are not loaded for it."""
 
 
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        show_version()
+        raise typer.Exit
+
+
+@app.callback()
+def common(
+    _: Annotated[
+        bool,
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Print it."),
+    ] = False,
+) -> None:
+    """Take what stands before the commands."""
+
+
 @app.command()
 def demo(
     out: Annotated[Path, typer.Option(help="Folder for the file and the pictures.")] = Path("demo"),

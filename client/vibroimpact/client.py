@@ -16,6 +16,7 @@ from vibroimpact.config import connection
 from vibroimpact.embedded import EmbeddedService
 from vibroimpact.errors import ServerError
 from vibroimpact.jobs import Job, Submitted
+from vibroimpact.plans import Plan
 from vibroimpact.results import Result
 from vibroimpact.sweeps import sweep_request
 from vibroimpact.systems import Document, frequencies, names, times
@@ -395,9 +396,9 @@ class Client(Computations[Result]):
         """
         return self._transport.hold(conversations.batch(kind, requests))
 
-    def plan(self, kind: str, request: Mapping[str, Any]) -> dict[str, Any]:
+    def plan(self, kind: str, request: Mapping[str, Any]) -> Plan:
         """Return what would be computed and skipped, and why, without computing it."""
-        return self._transport.hold(conversations.plan(kind, request))
+        return Plan(self._transport.hold(conversations.plan(kind, request)))
 
     def job(self, job_id: str) -> Job:
         """Return a job by its id."""

@@ -33,6 +33,9 @@ _TRIES: Final = 4
 _LONGEST_PAUSE: Final = 120.0
 _POLL: Final = 25.0
 """Longest look at a job; the service answers earlier when something changes."""
+_FEW: Final = 8
+"""Jobs that are looked at one by one; more are looked for in the list of jobs."""
+_PAGE: Final = 500
 _HDF5: Final = {"Accept": "application/x-hdf5"}
 
 
@@ -270,9 +273,32 @@ def first_final(
             raise JobTimeout(f"{len(found)} jobs are not final after {timeout:g} s")
         # One is waited for, as a pause that ends early; then all are looked at.
         found[0] = yield from look(found[0], left)
-        for place in range(1, len(found)):
-            found[place] = yield from look(found[place])
+        if len(found) > _FEW:
+            found = yield from _look_at_many(found)
+        else:
+            for place in range(1, len(found)):
+                found[place] = yield from look(found[place])
         pause = min(10.0, 1.5 * pause)
+
+
+def _look_at_many(documents: Sequence[Document]) -> Conversation[list[Document]]:
+    """Return jobs anew, by pages of the list of all jobs, newest first, as long as they bring any.
+
+    What lies further back than other jobs fill a page is looked at one by one.
+    """
+    left = {document["id"]: place for place, document in enumerate(documents)}
+    found, params = list(documents), {"limit": str(_PAGE)}
+    while left:
+        page = yield from job_page(params)
+        mine = [one for one in page["jobs"] if one["id"] in left]
+        for one in mine:
+            found[left.pop(one["id"])] = one
+        if page["next"] is None or not mine:
+            break
+        params["cursor"] = page["next"]
+    for place in left.values():
+        found[place] = yield from look(found[place])
+    return found
 
 
 def cancel(document: Document) -> Conversation[Document]:

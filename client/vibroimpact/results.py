@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 Array = np.ndarray[Any, Any]
 
 _SHOWN_ROWS = 20
+_ABOUT_OUTPUTS = frozenset({"axes", "error", "frequency"})
 
 
 class Table(Mapping[str, Any]):
@@ -59,8 +60,10 @@ class Table(Mapping[str, Any]):
 
     @property
     def rows(self) -> int | None:
-        """How many rows there are; None of single numbers."""
-        return next((c.size for c in self._columns.values() if isinstance(c, np.ndarray)), None)
+        """How many rows there are; None of single numbers and of arrays that are no columns."""
+        shapes = {c.shape for c in self._columns.values() if isinstance(c, np.ndarray)}
+        shape: tuple[int, ...] = shapes.pop() if len(shapes) == 1 else ()
+        return int(shape[0]) if len(shape) == 1 else None
 
     def __repr__(self) -> str:
         """Return names and sizes."""
@@ -70,7 +73,11 @@ class Table(Mapping[str, Any]):
     def _repr_html_(self) -> str:
         """Return the first rows, or names and numbers."""
         if self.rows is None:
-            return _html_table(["", "value"], [[k, str(v)] for k, v in self._columns.items()])
+            values = [
+                [name, str(value.shape) if isinstance(value, np.ndarray) else str(value)]
+                for name, value in self._columns.items()
+            ]
+            return _html_table(["name", "value or size"], values)
         columns = {k: v for k, v in self._columns.items() if isinstance(v, np.ndarray)}
         count = min(self.rows, _SHOWN_ROWS)
         shown = [[_cell(column[row]) for column in columns.values()] for row in range(count)]
@@ -231,18 +238,24 @@ class Result:
             return plots.basins(self, ax=ax)
         return plots.displacement(self, ax)
 
+    def _shown_tables(self) -> list[tuple[str, Table]]:
+        """Return the tables that are outputs, not about them or their axes."""
+        return [
+            (name, table)
+            for name, table in self._tables.items()
+            if table.rows is not None and name not in _ABOUT_OUTPUTS
+        ]
+
     def __repr__(self) -> str:
         """Return kind, name and sizes."""
         sizes = [f"{name} {array.shape}" for name, array in self._arrays.items()]
-        sizes += [f"{name} ({t.rows} rows)" for name, t in self._tables.items() if t.rows]
+        sizes += [f"{name} ({table.rows} rows)" for name, table in self._shown_tables()]
         return f"<Result {self.kind} {self.digest[:12]}: {', '.join(sizes)}>"
 
     def _repr_html_(self) -> str:
         rows = [[name, str(a.shape), self._long_names[name]] for name, a in self._arrays.items()]
         rows += [
-            [name, f"{table.rows} rows", ", ".join(table)]
-            for name, table in self._tables.items()
-            if table.rows is not None
+            [name, f"{table.rows} rows", ", ".join(table)] for name, table in self._shown_tables()
         ]
         statement = self._tables["error"].get("statement") if "error" in self._tables else None
         said = f"<p>{html.escape(str(statement))}</p>" if statement else ""

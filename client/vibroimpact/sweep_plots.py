@@ -128,14 +128,22 @@ def _map(shown: xarray.DataArray, ax: Axes) -> None:
         _codes(x[columns], y[rows], values, meanings, ax)
     else:
         top = float(np.quantile(np.abs(values.compressed()), 0.98)) if values.count() else 1.0
-        low = -top if values.count() and values.min() < 0 else 0.0
-        colours = "RdBu_r" if low < 0 else "viridis"
+        low, high, colours = _range(values, top or 1.0)
         drawn = ax.pcolormesh(
-            x[columns], y[rows], values, shading="nearest", cmap=colours, vmin=low, vmax=top or 1.0
+            x[columns], y[rows], values, shading="nearest", cmap=colours, vmin=low, vmax=high
         )
         ax.figure.colorbar(drawn, ax=ax, label=_label(shown), extend="both")
     ax.set_xlabel(x_label)
     ax.set_ylabel(y_label)
+
+
+def _range(values: Any, top: float) -> tuple[float, float, str]:
+    """Return the ends of the scale and its colours: white is zero where both signs are there."""
+    if not values.count() or values.min() >= 0:
+        return 0.0, top, "viridis"
+    if values.max() <= 0:
+        return -top, 0.0, "viridis"
+    return -top, top, "RdBu_r"
 
 
 def _codes(x: Any, y: Any, values: Any, meanings: list[str], ax: Axes) -> None:

@@ -4,22 +4,48 @@ from __future__ import annotations
 
 import logging
 import sys
+from typing import Any
 
 import orjson
 import structlog
 
 
 def to_stderr() -> None:
-    """Log from now on as all processes of the service do."""
+    """Log from now on as all processes of the service do; what libraries say, too."""
+    shared: list[Any] = [
+        structlog.contextvars.merge_contextvars,
+        structlog.processors.add_log_level,
+        structlog.processors.TimeStamper(fmt="iso", utc=True),
+        structlog.processors.format_exc_info,
+    ]
     structlog.configure(
         processors=[
-            structlog.contextvars.merge_contextvars,
-            structlog.processors.add_log_level,
-            structlog.processors.TimeStamper(fmt="iso", utc=True),
-            structlog.processors.format_exc_info,
+            *shared,
             structlog.processors.JSONRenderer(serializer=orjson.dumps, default=str),
         ],
         wrapper_class=structlog.make_filtering_bound_logger(logging.INFO),
         logger_factory=structlog.BytesLoggerFactory(file=sys.stderr.buffer),
         cache_logger_on_first_use=True,
     )
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(
+        structlog.stdlib.ProcessorFormatter(
+            foreign_pre_chain=[structlog.stdlib.add_logger_name, *shared],
+            processors=[
+                structlog.stdlib.ProcessorFormatter.remove_processors_meta,
+                structlog.processors.JSONRenderer(serializer=_text, default=str),
+            ],
+        )
+    )
+    logging.root.handlers[:] = [handler]
+    for logger in logging.root.manager.loggerDict.values():
+        # Dask gives its loggers handlers of their own, which write plain text, and tells of
+        # every connection.
+        if isinstance(logger, logging.Logger) and logger.handlers:
+            logger.handlers.clear()
+            logger.setLevel(max(logger.level, logging.ERROR))
+            logger.propagate = True
+
+
+def _text(content: Any, **options: Any) -> str:
+    return orjson.dumps(content, **options).decode()

@@ -256,3 +256,13 @@ def test_reprs_say_where_and_how_far(client: vi.Client) -> None:
     job = client.submit("impact-modes", vi.impact_modes_request(STRUCTURE, (0.6, 2.4, 77)))
     assert job.wait()._repr_html_().count(job.id) == 1
     assert "succeeded" in job._repr_html_()
+
+
+def test_a_sweep_shows_its_outputs_and_not_what_is_about_them(client: vi.Client) -> None:
+    base = vi.time_history_request(STRUCTURE, 1.3, 20.0, outputs=["impacts"])
+    gaps = {"system.constraints.0.gap": [0.1, 0.2]}
+    swept = client.sweep("time-history", base, gaps)
+    assert f"impacts ({swept.impacts.time.size} rows)" in repr(swept)
+    assert "axes" not in repr(swept)
+    assert "error" not in repr(swept)
+    assert "<td" in swept.axes._repr_html_()

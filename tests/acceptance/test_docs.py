@@ -25,6 +25,7 @@ def _run(page: str) -> dict[str, Any]:
     names: dict[str, Any] = {}
     for block in _blocks(page):
         exec(compile(block, page, "exec"), names)
+    names["client"].close()
     return names
 
 

@@ -155,3 +155,51 @@ def test_jobs_are_shared_and_no_longer(hold: Hold) -> None:
     assert [method for method, _, _ in seen] == ["PUT", "DELETE", "GET"]
     assert {path for _, path, _ in seen} == {"/v1/jobs/a/share"}
     assert b"bob" in seen[0][2]
+
+
+class ManyJobs:
+    """Plays a service whose jobs are listed ten a page, some final at the second round."""
+
+    def __init__(self, ours: int, others: int) -> None:
+        self.names = [f"other{i}" for i in range(others)] + [f"job{i}" for i in range(ours)]
+        self.listed = self.looked = self.rounds = 0
+
+    def __call__(self, request: httpx2.Request) -> httpx2.Response:
+        if request.url.path != "/v1/jobs":
+            self.looked += 1
+            return httpx2.Response(200, json=self.job(request.url.path.rpartition("/")[2]))
+        self.listed += 1
+        self.rounds += "cursor" not in request.url.params
+        start = int(request.url.params.get("cursor", 0))
+        stop = start + 10
+        page = {"jobs": [self.job(name) for name in self.names[start:stop]]}
+        return httpx2.Response(
+            200, json=page | {"next": str(stop) if stop < len(self.names) else None}
+        )
+
+    def job(self, name: str) -> dict[str, Any]:
+        final = self.rounds >= 2 and name.endswith(("3", "7"))
+        return {"id": name, "version": 1, "state": "running", "final": final, "reused": False}
+
+
+@pytest.mark.parametrize(("others", "looks"), [(0, 2), (5, 2)])
+def test_many_jobs_are_looked_for_in_pages(hold: Hold, others: int, looks: int) -> None:
+    """Thirty of them: three or four exchanges for all instead of thirty."""
+    service = ManyJobs(30, others)
+    documents = [service.job(f"job{i}") for i in range(30)]
+    final, found = hold(service, conversations.first_final(documents, 60.0))
+    assert [found[place]["id"] for place in final] == [
+        f"job{i}" for i in range(30) if i % 10 in (3, 7)
+    ]
+    assert [one["id"] for one in found] == [f"job{i}" for i in range(30)]
+    assert service.looked <= looks
+
+
+def test_jobs_behind_those_of_others_are_looked_at_one_by_one(hold: Hold) -> None:
+    service = ManyJobs(30, 100)
+    documents = [service.job(f"job{i}") for i in range(30)]
+    final, found = hold(service, conversations.first_final(documents, 60.0))
+    assert len(final) == 6
+    assert [one["id"] for one in found] == [f"job{i}" for i in range(30)]
+    # Each round asks for one page, which has none of ours, and then for all of them.
+    assert service.looked == 31 * service.listed

@@ -14,6 +14,7 @@ from vibroimpact_service.settings import Settings, SettingsInvalidError, read, u
 
 PAGE = Path(__file__).parents[2] / "docs" / "service" / "settings.md"
 ROW = re.compile(r"^\| `VIBROIMPACT_([A-Z0-9_]+)` \| (.+?) \| (.+) \|$", re.M)
+OF_CLIENTS = {"url", "key", "profile", "timeout", "name"}  # the last is the example's proxy's
 OF_THE_MACHINE = {"workers", "inline_threads"}
 
 
@@ -39,6 +40,15 @@ def test_the_page_has_every_setting_with_its_default_and_meaning() -> None:
             assert "cores" in default
         else:
             assert _documented(default, field.default) == field.default, name
+
+
+def test_pages_name_no_variable_that_is_not_there() -> None:
+    pages = [PAGE.parents[2] / "README.md", *PAGE.parents[1].rglob("*.md")]
+    for page in pages:
+        named = {
+            name.lower() for name in re.findall(r"VIBROIMPACT_([A-Z_]*[A-Z])", page.read_text())
+        }
+        assert named - set(Settings.model_fields) - OF_CLIENTS == set(), page
 
 
 def test_a_wrong_value_is_named_by_its_variable(monkeypatch: pytest.MonkeyPatch) -> None:
