@@ -11,10 +11,10 @@ and z2 = q' + delta q. Rotations come first, then hyperbolas, then parabolas.
 
 A flow is the array F, shape (4 + 2 drive, pair), with rows alpha, nu, rest and push, where
 nu + rest is nu to more than double precision, and split = [rotations, rotations + hyperbolas,
-damped]. With w = z1 - i z2, a rotation is ``w' = (alpha + i nu) w``. A load in resonance with
-it, or nearly so, drives it: ``w' = (alpha + i nu) w + kappa l``, where l is the w of the load's
-pair. Two rows more tell of each such drive: first the places of w and l, then the real and the
-imaginary part of kappa.
+damped]. With w = z1 - i z2, a rotation is ``w' = (alpha + i nu) w``. Another one, with all but
+the same rate, may drive it: ``w' = (alpha + i nu) w + kappa l``, where l is the w of a load in
+resonance with a mode, or of a mode that damping makes almost equal to it. Two rows more tell of
+each such drive: first the places of w and l, then the real and the imaginary part of kappa.
 
 States stand in arrays Z of shape (states, 2, pair), each named by its index c. Linear forms
 stand in an array of shape (4, watched, 2, pair): the watched coordinates, their velocities, the
@@ -121,11 +121,13 @@ def take(
 def _drive(F: Floats, P: Floats, row: int, s: float, Z: Floats, c: int) -> tuple[float, float]:
     """Return what a drive adds to its pair in a time s.
 
-    ``kappa l (e^(i omega s) - e^(sigma s)) / (i omega - sigma)``, also where the denominator is
-    small or zero: ``kappa l s e^(sigma s) (e^z - 1) / z``, z being s times the denominator.
+    ``kappa l (e^(rho s) - e^(sigma s)) / (rho - sigma)``, rho being the rate of the driving pair,
+    also where the denominator is small or zero: ``kappa l s e^(sigma s) (e^z - 1) / z``, z being
+    s times the denominator.
     """
     j, k = int(F[row, 0]), int(F[row, 1])
-    x, y = -F[0, j] * s, ((F[1, k] - F[1, j]) - F[2, j]) * s
+    x = (F[0, k] - F[0, j]) * s
+    y = ((F[1, k] - F[1, j]) + (F[2, k] - F[2, j])) * s
     real, imaginary = 1.0 + 0.5 * x, 0.5 * y
     square = x * x + y * y
     if square > 1e-18:
@@ -145,14 +147,14 @@ def _drive(F: Floats, P: Floats, row: int, s: float, Z: Floats, c: int) -> tuple
 def _driven(F: Floats, row: int, forms: Floats, i: int, Z: Floats, c: int, d: Floats) -> None:
     """Add what a drive does to derivatives of a coordinate."""
     j, k = int(F[row, 0]), int(F[row, 1])
-    alpha, nu, omega = F[0, j], F[1, j], F[1, k]
+    alpha, nu = F[0, j], F[1, j]
     a, b = Z[c, 0, k], -Z[c, 1, k]
-    # kappa (i omega)^n l, and the sum of all that it and its predecessors have become.
+    # kappa rho^n l, and the sum of all that it and its predecessors have become.
     u, v = F[row + 1, 0] * a - F[row + 1, 1] * b, F[row + 1, 0] * b + F[row + 1, 1] * a
     real, imaginary = u, v
     for n in range(1, d.size):
         d[n] += forms[0, i, 0, j] * real - forms[0, i, 1, j] * imaginary
-        u, v = -omega * v, omega * u
+        u, v = F[0, k] * u - F[1, k] * v, F[0, k] * v + F[1, k] * u
         grown = alpha * real - nu * imaginary + u
         imaginary = alpha * imaginary + nu * real + v
         real = grown
@@ -396,9 +398,9 @@ def bound(
     for row in range(4, F.shape[0], 2):
         j, k = int(F[row, 0]), int(F[row, 1])
         force = math.hypot(F[row + 1, 0], F[row + 1, 1]) * size[k]
-        rate = max(math.hypot(F[0, j], F[1, j]), F[1, k])
+        rate = max(math.hypot(F[0, j], F[1, j]), math.hypot(F[0, k], F[1, k]))
         longest = sizes[kind, i, j] * H + sizes[1, i, j] * order * rate ** (order - 1)
-        found += force * longest * math.exp(max(0.0, F[0, j]) * H)
+        found += force * longest * math.exp(max(0.0, F[0, j], F[0, k]) * H)
     return found
 
 
@@ -418,5 +420,5 @@ def reach(
     for row in range(4, F.shape[0], 2):
         j, k = int(F[row, 0]), int(F[row, 1])
         force = math.hypot(F[row + 1, 0], F[row + 1, 1]) * size[k]
-        found += sizes[1, i, j] * H * force * math.exp(max(0.0, F[0, j]) * H)
+        found += sizes[1, i, j] * H * force * math.exp(max(0.0, F[0, j], F[0, k]) * H)
     return found

@@ -12,9 +12,11 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
 
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.errors import PlanError
@@ -27,6 +29,7 @@ COLUMNS: Final = 3
 _NOISE = 16  # rows of signs that stand for rounding, half of them the others' negatives
 _FEW = 4  # pairs up to which none are added
 _LANES = 8  # numbers that a processor takes at a time: pairs are filled up to a multiple
+_CLOSE = 1e-2  # of its own size, from another rate, at which complex modes are almost equal
 _NEAR = 1e-3  # of its square, from a natural frequency, at which a load drives the mode itself
 _EPS = float(np.finfo(np.float64).eps)
 
@@ -152,6 +155,7 @@ class Basis:
         """Return the complex modes of the modes that damping couples."""
         some = self._coupled
         n, none = some.size, np.zeros(some.size)
+        self._chains: list[tuple[int, int, complex]] = []
         if n == 0:
             self._T: Floats = np.zeros((0, 0))
             self._inverse = self._T
@@ -167,6 +171,7 @@ class Basis:
         sigma, vectors = np.linalg.eig(A)
         norm = np.concatenate([np.maximum(np.abs(self._eigenvalues[some]), 1e-8), np.ones(n)])
         upper = np.flatnonzero(sigma.imag > 0.0)
+        chains = _chain(A, np.sqrt(norm), sigma, vectors, upper)
         real = np.flatnonzero(sigma.imag == 0.0)
         real = real[np.argsort(-sigma[real].real)]
         first = [vectors[:, upper].real]
@@ -178,6 +183,7 @@ class Basis:
         columns: Floats = np.stack([np.concatenate(first, axis=1), np.concatenate(second, axis=1)])
         lengths = np.sqrt((columns**2 * norm[:, np.newaxis]).sum(axis=(0, 1)) / 2.0)
         columns /= lengths
+        self._chains = [(i, k, kappa * complex(lengths[i] / lengths[k])) for i, k, kappa in chains]
         self._T = np.concatenate([columns[0], columns[1]], axis=1)
         root = np.sqrt(norm)[:, np.newaxis]
         self.condition = float(np.linalg.cond(root * self._T))
@@ -238,14 +244,15 @@ class Basis:
 
     def _driven_pairs(self) -> Floats:
         """Return the rows that tell of drives (`kernels.flow`), shape (2 drive, pair)."""
-        modes, loads = np.nonzero(self._near)
-        rows = np.zeros((2 * modes.size, self.nu.size))
-        if modes.size:
-            place = np.argsort(self._order)
-            start = self._single.size + self._coupled.size
-            rows[0::2, 0], rows[0::2, 1] = place[modes], place[start + loads]
-            kappa = self._couplings[modes, loads]
-            rows[1::2, 0], rows[1::2, 1] = kappa.real, kappa.imag
+        first = self._single.size
+        drives = [(first + i, first + k, kappa) for i, k, kappa in self._chains]
+        for mode, load in np.argwhere(self._near).tolist():
+            start = first + self._coupled.size
+            drives.append((mode, start + load, complex(self._couplings[mode, load])))
+        rows, place = np.zeros((2 * len(drives), self.nu.size)), np.argsort(self._order)
+        for row, (i, k, kappa) in enumerate(drives):
+            rows[2 * row, :2] = place[i], place[k]
+            rows[2 * row + 1, :2] = kappa.real, kappa.imag
         return rows
 
     def _drives_of(self) -> Iterator[tuple[int, int, float, float]]:
@@ -498,6 +505,60 @@ def _apart(damping: Floats, n: int) -> tuple[Integers, Integers]:
     off = np.abs(damping - np.diag(damping.diagonal()))
     coupled = (off > 1e-13 * np.abs(damping).max()).any(axis=1)
     return everyone[~coupled], everyone[coupled]
+
+
+def _chain(
+    A: Floats,
+    root: Floats,
+    sigma: NDArray[np.complex128],
+    vectors: NDArray[np.complex128],
+    upper: Integers,
+) -> list[tuple[int, int, complex]]:
+    """Replace complex modes that are almost equal by two of which one drives the other.
+
+    Schur vectors of the two: ``A q1 = sigma1 q1``, ``A q2 = sigma2 q2 + kappa q1``. They stand at
+    right angles however near the modes are, and span the same motions.
+
+    Parameters
+    ----------
+    A : array, shape (2 mode, 2 mode)
+    root : array, shape (2 mode,)
+        Scales in which rates have no dimension.
+    sigma, vectors : array
+        Eigenvalues and eigenvectors; replaced where modes are almost equal.
+    upper : array of int
+        The eigenvalues with positive imaginary parts.
+
+    Returns
+    -------
+    list of tuple
+        Places in `upper` of the driven and of the driving mode, and kappa.
+    """
+    found = []
+    apart = np.abs(sigma[upper, np.newaxis] - sigma[upper])
+    np.fill_diagonal(apart, np.inf)
+    close = apart < _CLOSE * np.abs(sigma[upper])
+    scaled = root[:, np.newaxis] * A / root
+    for i in range(upper.size):
+        others = np.flatnonzero(close[i])
+        if others.size != 1 or others[0] < i or close[others[0]].sum() != 1:
+            continue  # of three that are almost equal the condition number must tell
+        k = int(others[0])
+        middle = 0.5 * (sigma[upper[i]] + sigma[upper[k]])
+        radius = apart[i, k]
+
+        def together(s: Any, middle: Any = middle, radius: Any = radius) -> bool:
+            return bool(abs(s - middle) <= radius)
+
+        schur: Any = scipy.linalg.schur  # its stubs know selections of real rates only
+        T, Q, count = schur(scaled.astype(np.complex128), output="complex", sort=together)
+        if count != 2:
+            continue
+        for place, column in ((i, 0), (k, 1)):
+            sigma[upper[place]] = T[column, column]
+            vectors[:, upper[place]] = Q[:, column] / root
+        found.append((i, k, complex(T[0, 1])))
+    return found
 
 
 def _padding(pairs: int) -> _Pairs:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import weakref
 from collections.abc import Iterator
 from dataclasses import replace
 from enum import StrEnum
@@ -13,6 +14,7 @@ import numpy as np
 from vibroimpact_solvers import impact_modes, spectrum
 from vibroimpact_solvers.cost import BYTES_PER_SECOND, FLOPS_PER_SECOND
 from vibroimpact_solvers.matrices import Form
+from vibroimpact_solvers.model import System
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 from vibroimpact_solvers.time_history.problem import (
     EXACT,
@@ -140,20 +142,34 @@ def _far(problem: Problem) -> list[int]:
     loaded = problem.load or (system.force is not None and system.force.any())
     if not isinstance(state, State) or loaded or problem.limiter is not None:
         return []
-    dense = Form.DENSE in {system.K.form, system.M.form}
-    if (dense and system.n > _FEW) or not system.K.is_positive_definite():
+    reaches = _REACHES.get(system)
+    if reaches is None:
+        reaches = _REACHES[system] = _reaches(system)
+    if not reaches:
         return []
     energy = 0.5 * float(state.v @ (system.M @ state.v) + state.x @ (system.K @ state.x))
+    return [i for i, least in enumerate(reaches) if energy < least]
+
+
+_REACHES: weakref.WeakKeyDictionary[System, tuple[float, ...]] = weakref.WeakKeyDictionary()
+
+
+def _reaches(system: System) -> tuple[float, ...]:
+    """Return the energies below which the constraints do not reach their walls; none: unknown."""
+    dense = Form.DENSE in {system.K.form, system.M.form}
+    if (dense and system.n > _FEW) or not system.K.is_positive_definite():
+        return ()
     W = system.directions(range(len(system.constraints)))
     if not len(W):
-        return []
+        return ()
     compliance = np.einsum("ij,ij->i", W, system.K.factorize()(np.ascontiguousarray(W.T)).T)
-    reach = np.sqrt(2.0 * energy * compliance) * (1.0 + 1e-12)
     walls = [
         min(np.inf if wall is None else wall for wall in (c.lower, c.upper))
         for c in system.constraints
     ]
-    return [i for i, wall in enumerate(walls) if reach[i] < wall]
+    # Signs of walls beyond the equilibrium do not count: such walls are within reach.
+    least = np.square(np.maximum(walls, 0.0)) / (2.0 * compliance) * (1.0 - 1e-12)
+    return tuple(least.tolist())
 
 
 def _skips(problem: Problem, far: list[int]) -> Iterator[Skip]:

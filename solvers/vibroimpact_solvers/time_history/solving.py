@@ -29,12 +29,11 @@ _SHORT = 4
 """Times of a history up to which it is filled in by the call that follows the motion."""
 _EPS = float(np.finfo(np.float64).eps)
 _STATEMENT = (
-    "estimate: roundings of the initial state and of every flight, carried along by the "
-    "linearised motion and its impacts, relative to the state; between impacts the motion is "
-    "exact, and no impact can be missed but for grazings within rounding"
+    "estimate: roundings of the initial state, flights, frequencies, impacts and walls, carried "
+    "along by the linearised motion and its impacts, four times the largest of three samples, "
+    "relative to the largest state; between impacts the motion is exact, and no impact can be "
+    "missed but for grazings within rounding"
 )
-
-
 _HALVED = (
     "estimate: difference to the same motion with steps of twice the length, relative to the "
     "largest state; penetration is the largest coordinate over scale times its gap"

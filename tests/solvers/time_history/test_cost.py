@@ -86,8 +86,8 @@ def test_a_million_impacts_of_an_oscillator() -> None:
 def test_a_mode_after_one_period_and_after_ten() -> None:
     """Case B: chain of 13, on the mode at (2/pi) Omega_5 + 0.02, which is unstable.
 
-    The rounding of the first state alone is magnified to 5e-11 or so in ten periods; more than
-    the condition tells cannot be asked for.
+    The exact motion from the first state rounded to doubles, computed with 40 digits, departs
+    from the mode by 1.6e-15 in one period and 3.2e-10 in ten: more cannot be asked for.
     """
     natural = spectrum.spectrum(presets.chain(13, [Constraint.at(5, GAP)]))
     omega = 2.0 / np.pi * float(natural.roots[4]) + 0.02

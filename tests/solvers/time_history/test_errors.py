@@ -74,7 +74,7 @@ def errors(seed: int) -> tuple[float, float] | None:
 
 
 def test_errors_stay_below_their_estimates_and_not_far() -> None:
-    """Of a thousand scenes, of which these are the first, the ratio was 2 at least, 24 mostly."""
+    """Of 103 scenes with longer motions the ratio was 1.9 at least and 25 in the median."""
     found = [pair for pair in map(errors, range(24)) if pair is not None]
     estimated, true = np.array(found).T
     assert len(found) > 18

@@ -7,6 +7,7 @@ from typing import Any
 import mpmath as mp
 import numpy as np
 import pytest
+import scipy.optimize
 
 from tests.solvers.time_history.flights import Flight, Stop
 from vibroimpact_solvers import presets
@@ -139,3 +140,33 @@ def test_unstable_equilibrium_between_walls() -> None:
     result, worst = compare(system, np.array([0.01, 0.1]), np.array([0.0, 0.3]), 15.0, 0.02)
     assert result.count_impacts > 3
     assert worst < 40.0
+
+
+@pytest.mark.parametrize("beside", [1e-3, 1e-7, 0.0])
+def test_damping_that_makes_two_modes_equal(beside: float) -> None:
+    """At the exceptional point of a pair of oscillators the modal matrix is defective.
+
+    M = 1, K = [[1, a], [a, 1 + d]], C = diag(2 g, 0): the complex modes coincide for g and d of
+    which Newton's method finds all digits; eigenvectors would lose half of them.
+    """
+    found = scipy.optimize.root(_discriminant, [0.05, -0.0025], tol=1e-14)
+    g, d = found.x
+    system = System(
+        SymmetricMatrix.diagonal([1.0, 1.0]),
+        SymmetricMatrix.dense([[1.0, 0.05], [0.05, 1.0 + d]]),
+        (Constraint.at(1, 0.2, 0.9),),
+        C=SymmetricMatrix.dense(np.diag([2.0 * (g + beside), 0.0])),
+    )
+    result, worst = compare(system, np.zeros(2), np.array([0.1, 0.6]), 15.0, 0.05)
+    assert result.count_impacts == 12
+    assert worst < 1.0
+    assert result.error_condition < 3e3
+
+
+def _discriminant(p: Floats) -> list[float]:
+    """Return the square of the difference of the two rates, real and imaginary part."""
+    g, d = p
+    K, C = np.array([[1.0, 0.05], [0.05, 1.0 + d]]), np.diag([2.0 * g, 0.0])
+    rates = np.linalg.eigvals(np.block([[np.zeros((2, 2)), np.eye(2)], [-K, -C]]))
+    first, second = rates[rates.imag > 0.0]
+    return [((first - second) ** 2).real, ((first - second) ** 2).imag]

@@ -45,7 +45,7 @@ def test_impacts_of_a_chain_driven_near_resonance(detuning: float) -> None:
         near = np.nextafter(omega, 2.0)  # no load of the reference may be at resonance
     load = [th.Harmonic(0, 0.05, near, 0.3)]
     x, v = np.array([0.05, 0.0, -0.05]), np.array([0.0, 0.2, 0.1])
-    result, worst = compare(system, x, v, 20.0, 0.05, load)
+    result, worst = compare(system, x, v, 30.0, 0.05, load)
     assert result.count_impacts > 5
     assert worst < 4.0
 
