@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import gzip
 import multiprocessing
 import tempfile
@@ -17,7 +18,7 @@ import zstandard
 from vibroimpact_service import digest, negotiate, problems
 from vibroimpact_service.bundle import DamagedBundle
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.store import HEAD, Store
+from vibroimpact_service.store import HEAD, Store, StoreFullError
 
 SUFFIXES: Final[Mapping[str, str]] = {negotiate.JSON: "json", negotiate.HDF5: "h5"}
 
@@ -98,7 +99,10 @@ def make(
         store.results.remove(name)
         return None
     data = encode.json(content) if media_type == negotiate.JSON else encode.hdf5(content)
-    if keep:
+    if not keep:
+        return Representation(media_type, data, digest.content(data))
+    # It can be made again from the bundle at any time, also where there is no room to keep it.
+    with contextlib.suppress(StoreFullError):
         store.results.put(f"{name}.{SUFFIXES[media_type]}", data, durable=False)
     return Representation(media_type, data, digest.content(data))
 

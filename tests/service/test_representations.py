@@ -13,7 +13,7 @@ from vibroimpact_service import digest, representations, tasks
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.negotiate import HDF5, JSON
 from vibroimpact_service.representations import Representation, Shelf, load
-from vibroimpact_service.store import Store
+from vibroimpact_service.store import Store, StoreFullError
 
 NAME = "ab" * 32
 
@@ -31,6 +31,22 @@ def damage(store: Store, name: str) -> None:
     data = bytearray(path.read_bytes())
     data[len(data) // 2] ^= 1
     path.write_bytes(bytes(data))
+
+
+@pytest.mark.parametrize("media_type", [JSON, HDF5])
+def test_a_result_is_answered_where_there_is_no_room_for_its_representation(
+    stored: Store, media_type: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: Any, **__: Any) -> None:
+        raise StoreFullError(28, "the store is full")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(stored.results, "put", full)
+        first = load(stored, NAME, media_type)
+    again = load(stored, NAME, media_type)
+    assert first is not None
+    assert again is not None
+    assert (first.data, first.etag) == (again.data, again.etag)
 
 
 @pytest.mark.parametrize("media_type", [JSON, HDF5])

@@ -12,8 +12,7 @@ import dask
 import structlog
 from distributed import Nanny, Scheduler
 
-from vibroimpact_service.jobs import nursery
-from vibroimpact_service.jobs.engine import CONFIG, LANES, security
+from vibroimpact_service.jobs.engine import CONFIG, LANES, open_nursery, security
 from vibroimpact_service.settings import Settings
 
 log = structlog.get_logger("vibroimpact.cluster")
@@ -49,7 +48,7 @@ def work(settings: Settings, modules: Sequence[str], ready: Callable[[int], None
     """
 
     async def run(stop: asyncio.Event) -> None:
-        nursery.open_nursery(modules)
+        open_nursery(modules)
         while not stop.is_set():
             try:
                 await _work_once(settings, ready, stop)

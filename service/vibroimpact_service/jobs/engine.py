@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import dask
+import distributed.utils
 import structlog
 from distributed import Client, Future, LocalCluster, Security, WorkerPlugin, get_worker
 from distributed.scheduler import KilledWorker
@@ -258,7 +259,7 @@ class Engine:
         return client
 
     def _own_cluster(self, passing: Security) -> LocalCluster:
-        nursery.open_nursery(self._modules)
+        open_nursery(self._modules)
         return LocalCluster(
             n_workers=self._settings.workers,
             threads_per_worker=len(LANES),
@@ -309,6 +310,16 @@ class Engine:
         with contextlib.suppress(Exception):
             if cluster is not None:
                 cluster.close(timeout=10)
+
+
+def open_nursery(modules: Sequence[str]) -> None:
+    """Begin to start the process that forks workers, and keep Dask from preparing its own.
+
+    It would import here whatever workers of others may want, pandas among it: a good part of
+    the time of a start, for a process that is there already.
+    """
+    nursery.open_nursery(modules)
+    distributed.utils._forkserver_preload_set = True
 
 
 def _passing_security() -> Security:
