@@ -16,6 +16,9 @@ FLOPS_PER_SECOND: Final = 1.0e9
 RATES: Final[Mapping[Stage, float]] = {
     # A walk along the motion ends where a limit is passed, mostly long before its bound.
     Stage.EXISTENCE: 8.0e9,
+    # Products of matrices and formulas over whole arrays.
+    Stage.HISTORY: 5.0e9,
+    Stage.SLOW_FLOW: 1.0e10,
 }
 """Rates of stages whose operations are counted differently."""
 BYTES_PER_SECOND: Final = 5.0e8

@@ -113,7 +113,7 @@ def _flight(problem: Problem, count: int) -> Step:
             "soft limiters: exact linear flow and kicks in turns, of order six; steps are halved "
             "until the motion stays the same"
         )
-        flops = 2e3 * (20.0 + turns) * system.n * (10.0 + 4.0 * count)
+        flops = 6e3 * (20.0 + turns) * system.n * (10.0 + 4.0 * count)
         return Step(Stage.FLIGHT, Flight.SPLITTING, reason, flops)
     if problem.digits is not None:
         reason = (
@@ -124,13 +124,27 @@ def _flight(problem: Problem, count: int) -> Step:
         flops = (20.0 + turns) * each + 5e3 * float(system.n) ** 3
         return Step(Stage.FLIGHT, Flight.EXTENDED, reason, flops, 48.0 * turns)
     # An expansion lasts about the time of the fastest mode; an impact takes two at least.
-    expansions = 10.0 + 2.0 * turns
+    expansions = 10.0 + 2.0 * (turns + _crossings(problem))
     reason = (
         "exact between impacts, which are found by certified expansions of the constrained "
         "coordinates"
     )
-    flops = expansions * system.n * (60.0 + 60.0 * count)
+    flops = 1e6 + expansions * (150.0 + system.n * (15.0 + 15.0 * count))
     return Step(Stage.FLIGHT, Flight.MODAL, reason, flops, 48.0 * expansions if count else 0.0)
+
+
+def _crossings(problem: Problem) -> float:
+    """Return how often a motion as fast as at its start could cross the narrowest gap."""
+    state = problem.initial
+    gaps = [
+        c.lower + c.upper
+        for c in problem.system.constraints
+        if c.lower is not None and c.upper is not None
+    ]
+    if not isinstance(state, State) or not gaps:
+        return 0.0
+    speed = float(np.sqrt(np.mean(state.v**2)))
+    return problem.t_end * speed / min(gaps)
 
 
 def _far(problem: Problem) -> list[int]:
