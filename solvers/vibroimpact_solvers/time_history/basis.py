@@ -255,7 +255,7 @@ class Basis:
             rows[2 * row + 1, :2] = kappa.real, kappa.imag
         return rows
 
-    def _drives_of(self) -> Iterator[tuple[int, int, float, float]]:
+    def drives(self) -> Iterator[tuple[int, int, float, float]]:
         """Return the pair, the load's pair and kappa of every drive."""
         for places, kappa in zip(self._drives[0::2], self._drives[1::2], strict=True):
             yield int(places[0]), int(places[1]), float(kappa[0]), float(kappa[1])
@@ -465,7 +465,7 @@ class Basis:
         a, b = z[..., 0, :], z[..., 1, :]
         there, back = self._turns
         found = np.stack([self.alpha * a + there * b, self.alpha * b + back * a], axis=-2)
-        for j, k, real, imaginary in self._drives_of():
+        for j, k, real, imaginary in self.drives():
             found[..., 0, j] += real * z[..., 0, k] + imaginary * z[..., 1, k]
             found[..., 1, j] += real * z[..., 1, k] - imaginary * z[..., 0, k]
         return found
@@ -475,7 +475,7 @@ class Basis:
         a, b = forms[..., 0, :], forms[..., 1, :]
         there, back = self._turns
         found = np.stack([self.alpha * a + back * b, self.alpha * b + there * a], axis=-2)
-        for j, k, real, imaginary in self._drives_of():
+        for j, k, real, imaginary in self.drives():
             found[..., 0, k] += real * forms[..., 0, j] - imaginary * forms[..., 1, j]
             found[..., 1, k] += imaginary * forms[..., 0, j] + real * forms[..., 1, j]
         return found

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any, Final
+
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.time_history.structure import Scene
+
+_FAR: Final = 20.0
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
+_NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 
 
 def impulses(scene: Scene, z: Floats, span: float) -> Floats:
@@ -43,6 +49,13 @@ def _integral(scene: Scene, z: Floats, span: float) -> Floats:
     # (a - ib)' = (alpha + i nu)(a - ib)
     turned = (a[some] - 1j * b[some]) * _mean(span * (alpha[some] + 1j * nu[some]))
     found[0, some], found[1, some] = span * turned.real, -span * turned.imag
+    for j, k, real, imaginary in basis.drives():
+        # w' = sigma w + kappa l with l' = i omega l: a divided difference of means.
+        kappa, load = complex(real, imaginary), complex(a[k], -b[k])
+        sigma, other = complex(alpha[j], nu[j]), complex(alpha[k], nu[k])
+        added = kappa * load * span**2 * _difference(span * sigma, span * other)
+        found[0, j] += added.real
+        found[1, j] -= added.imag
     some = slice(turning, apart)
     plus = (a[some] + b[some]) * _mean(span * (alpha[some] + nu[some]))
     minus = (a[some] - b[some]) * _mean(span * (alpha[some] - nu[some]))
@@ -62,12 +75,18 @@ def _mean(x: Floats) -> Floats:
     return np.asarray(np.where(small, 1.0, np.expm1(x) / np.where(small, 1.0, x)))
 
 
-def _first_moment(x: Floats) -> Floats:
-    """Return the integral of u exp(x u) over 0 <= u <= 1."""
-    nodes, weights = np.polynomial.legendre.leggauss(24)
-    nodes, weights = 0.5 * (nodes + 1.0), 0.5 * weights
-    near = np.clip(x, -20.0, 20.0)
-    series = np.exp(near[..., np.newaxis] * nodes) @ (weights * nodes)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        closed = (np.exp(x) * (x - 1.0) + 1.0) / x**2
-    return np.asarray(np.where(np.abs(x) < 20.0, series, closed))
+def _first_moment(x: Any) -> Any:
+    """Return the integral of u exp(x u) over 0 <= u <= 1, the derivative of `_mean`."""
+    x = np.asarray(x)
+    near = np.where(np.abs(x) < _FAR, x, 0.0)
+    series = np.exp(near[..., np.newaxis] * _NODES) @ (_WEIGHTS * _NODES)
+    far = np.where(np.abs(x) < _FAR, _FAR, x)
+    return np.where(np.abs(x) < _FAR, series, (np.exp(far) * (far - 1.0) + 1.0) / far**2)
+
+
+def _difference(x: complex, y: complex) -> complex:
+    """Return the divided difference of `_mean` at two places, however near."""
+    if abs(x - y) > 1.0:
+        ends = _mean(np.array([x, y]))
+        return complex((ends[1] - ends[0]) / (y - x))
+    return complex(_WEIGHTS @ _first_moment(x + (y - x) * _NODES))

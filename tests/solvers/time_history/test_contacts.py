@@ -190,7 +190,7 @@ def test_energy_of_a_hundred_thousand_elastic_impacts() -> None:
     system = presets.chain(13, [Constraint.at(5, 0.2)])
     rng = np.random.default_rng(5)
     x, v = rng.uniform(-0.1, 0.1, 13), rng.standard_normal(13)
-    result = solve(system, x, v, 1.2e5)
+    result = solve(system, x, v, 1.4e5)  # of which rounding decides how many impacts there are
     assert result.count_impacts > 1e5
     assert result.energy is not None
     np.testing.assert_allclose(result.energy, result.energy[0], rtol=1e-12)

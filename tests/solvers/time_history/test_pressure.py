@@ -137,6 +137,20 @@ def test_impulses_are_integrals_of_the_force(name: str) -> None:
             assert impulse == pytest.approx(expected, rel=1e-11, abs=1e-12)
 
 
+@pytest.mark.parametrize("near", [0.0, 1e-9, 1e-5, 1e-2])
+def test_impulses_while_the_rest_is_driven_at_its_frequency(near: float) -> None:
+    """The held structure has the frequency 2^(1/2), at which or near which it is driven."""
+    stops = (Constraint((0,), (1.0,), None, 0.05, 0.0),)
+    system = System(dense(np.eye(2)), K, stops, force=np.array([3.0, 0.0]))
+    load = (th.Harmonic(1, 0.05, math.sqrt(2.0) + near, 0.3),)
+    fields = {"x": [0.0, 0.0], "v": [0.2, 0.0], "t_end": 12.0}
+    result = solve(system, load=load, **fields)  # type: ignore[arg-type]
+    assert result.contact_impulse is not None
+    assert result.contact_impulse.size == 1
+    expected = quadrature(system, result, 0, load, **fields)
+    assert result.contact_impulse[0] == pytest.approx(expected, rel=1e-11)
+
+
 def test_bodies_that_push_one_another() -> None:
     """Two free bodies in contact under a load on the first: the second takes its share.
 
