@@ -8,9 +8,12 @@ from contextlib import contextmanager
 from typing import Any
 from unittest import mock
 
+from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.impact_modes.modal import ModalFamily
 from vibroimpact_solvers.kernels import families, limits, response
+from vibroimpact_solvers.matrices import SymmetricMatrix
 from vibroimpact_solvers.receptance import Receptance
+from vibroimpact_solvers.slow_flow.restitution import Restitution
 from vibroimpact_solvers.spectrum import Cache, methods
 
 
@@ -42,6 +45,14 @@ def _direct(receptance: Any, omega: Any, p: Any, tau: Any, rows: Any, depth: Any
     return "displacements", omega.size * tau.size * chosen
 
 
+def _factors(matrix: Any) -> tuple[str, int]:
+    return "factorizations", 1
+
+
+def _motions(model: Any, variant: Any, t: Any, **_: Any) -> tuple[str, int]:
+    return "places of slow flows", t.size
+
+
 _COUNTED: tuple[tuple[Any, str, Callable[..., tuple[str, int]]], ...] = (
     (methods, "_compute", _spectrum),
     (response, "response_one", _scalar),
@@ -49,6 +60,8 @@ _COUNTED: tuple[tuple[Any, str, Callable[..., tuple[str, int]]], ...] = (
     (limits, "check", _walks),
     (ModalFamily, "displacements", _modal),
     (Receptance, "displacements", _direct),
+    (SymmetricMatrix, "factorize", _factors),
+    (Restitution, "motion", _motions),
 )
 
 
@@ -65,6 +78,7 @@ def counting() -> Iterator[Counter[str]]:
     member along one limit, and displacements of one degree of freedom at one time.
     """
     counts: Counter[str] = Counter()
+    spectrum.CACHE.clear()
     with mock.patch.object(methods, "CACHE", Cache(2**30)):
         patches = [mock.patch.object(*_counter(*entry, counts)) for entry in _COUNTED]
         for patch in patches:
@@ -81,9 +95,9 @@ def _counter(
 ) -> tuple[Any, str, Any]:
     function = getattr(place, name)
 
-    def counted(*args: Any) -> Any:
-        what, number = count(*args)
+    def counted(*args: Any, **named: Any) -> Any:
+        what, number = count(*args, **named)
         counts[what] += number
-        return function(*args)
+        return function(*args, **named)
 
     return place, name, counted

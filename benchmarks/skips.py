@@ -11,12 +11,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from benchmarks.cases import GAP, chain, grid, random_structure
+from benchmarks.cases import GAP, chain, grid, net, random_structure
 from benchmarks.counters import counting, forget_modes
 from benchmarks.impact_modes import solve
 from benchmarks.tables import Table
-from vibroimpact_solvers import impact_modes, presets, spectrum
+from vibroimpact_solvers import impact_modes, presets, slow_flow, spectrum
 from vibroimpact_solvers.impact_modes import Problem
+from vibroimpact_solvers.impact_modes.direct import DirectFamily
 from vibroimpact_solvers.impact_modes.family import Family
 from vibroimpact_solvers.impact_modes.modal import ModalFamily
 from vibroimpact_solvers.impact_modes.problem import OUTPUTS
@@ -73,6 +74,16 @@ def scenes() -> tuple[Scene, ...]:
             "fifty gaps of two coupled constraints",
             partial(_gaps, Omega, True),
             partial(_gaps, Omega, False),
+        ),
+        Scene(
+            "a hundred frequencies of a sparse structure, N=400",
+            partial(_sparse, True),
+            partial(_sparse, False),
+        ),
+        Scene(
+            "a slow flow whose error is not asked",
+            partial(_flow, frozenset({"x"})),
+            partial(_flow, frozenset({"x", "error"})),
         ),
     )
 
@@ -131,6 +142,25 @@ def _gaps(Omega: Any, together: bool) -> None:
         return
     for problem in problems:
         impact_modes.solve(problem, impact_modes.plan(problem))
+
+
+def _sparse(few: bool) -> None:
+    """Find members by the modes around harmonics, or by factors at each harmonic."""
+    system = net(20)
+    bound = spectrum.largest_frequency(system)
+    Omega = bound * np.linspace(0.3, 0.3001, 100)
+    problem = Problem(system, Omega * 2.0 / np.pi, outputs=frozenset({"impulse"}), Omega=Omega)
+    if few:
+        impact_modes.solve(problem, impact_modes.partial_plan(problem))
+    else:
+        DirectFamily(problem, bound).members(problem.frequencies)
+
+
+def _flow(outputs: frozenset[str]) -> None:
+    system = presets.oscillator([Constraint.at(0, 1.0, 0.95)], 1.0)
+    t, initial = np.linspace(0.0, 20.0, 1000), slow_flow.Initial(omega=5.0)
+    problem = slow_flow.Problem(system, "restitution", "corrected", initial, t, outputs)
+    slow_flow.solve(problem, slow_flow.plan(problem))
 
 
 def counted(work: Callable[[], object]) -> tuple[Counter[str], float]:
