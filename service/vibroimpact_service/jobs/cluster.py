@@ -68,6 +68,8 @@ async def _work_once(settings: Settings, ready: Callable[[int], None], stop: asy
             resources=dict.fromkeys(LANES, 1),
             security=security(settings),
             local_directory=None,
+            # A page that has no routes, for this machine alone; Dask opens it in any case.
+            dashboard_address="127.0.0.1:0",
             silence_logs=logging.ERROR,
         )
         for _ in range(settings.workers)
