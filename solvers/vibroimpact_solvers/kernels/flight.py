@@ -21,6 +21,7 @@ from vibroimpact_solvers.kernels.flow import (
     derivatives,
     magnitudes,
     near_derivatives,
+    exact_product,
     product,
     propagators,
     rates,
@@ -419,7 +420,7 @@ def _strike(
         else:
             continue
         struck[count] = i
-        speeds[count] = sides[count] * product(forms, 1, i, Z, 0)
+        speeds[count] = sides[count] * exact_product(forms, 1, i, Z, 0)
         count += 1
     rates(F, split, Z, 0, near, 1)
     if count == 1:

@@ -104,12 +104,9 @@ def test_a_mode_after_one_period_and_after_ten() -> None:
         assert length < result.error_condition * 2.0**-52
 
 
-@pytest.mark.parametrize(("n", "dof", "bound"), [(100, 49, 5e-14), (1000, 499, 2e-13)])
+@pytest.mark.parametrize(("n", "dof", "bound"), [(100, 49, 5e-14), (1000, 499, 5e-14)])
 def test_a_mode_of_a_long_chain_after_ten_periods(n: int, dof: int, bound: float) -> None:
-    """Case C: the mode at 1.5 (2/pi) Omega_N is hardly unstable.
-
-    The longer the chain, the more an error of the first state shifts the times of impacts.
-    """
+    """Case C: the mode at 1.5 (2/pi) Omega_N is hardly unstable."""
     top = 2.0 * math.sin(n * math.pi / (2 * (n + 1)))
     omega = 1.5 * 2.0 / np.pi * top
     system, state = on_mode(n, dof, omega)
