@@ -19,9 +19,9 @@ from vibroimpact_solvers.kernels import complementarity
 from vibroimpact_solvers.kernels.flow import (
     bound,
     derivatives,
+    exact_product,
     magnitudes,
     near_derivatives,
-    exact_product,
     product,
     propagators,
     rates,
