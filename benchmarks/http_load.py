@@ -1,14 +1,11 @@
 """How fast the service is, measured with wrk from outside on a service of its own.
 
-    python -m benchmarks.http_load [--seconds 10] [--only cached,modes,plans,clients,stream]
-
-Prints a table of figures with the ones that are aimed at; needs wrk (Debian: apt install wrk).
-Everything runs on this machine, load generator included: its cores are shared.
+It needs wrk (Debian: ``apt install wrk``). Everything runs on this machine, load generator
+included: its cores are shared.
 """
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import functools
 import http.client
@@ -22,13 +19,16 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 from urllib.parse import urlsplit
 
 import numpy as np
 
+from benchmarks.tables import Table
 from vibroimpact_schema.requests import ImpactModesRequest
 from vibroimpact_schema.systems import SystemReference
 from vibroimpact_service import decode, digest, encode
@@ -36,6 +36,7 @@ from vibroimpact_service.store import Store
 from vibroimpact_solvers import cost, impact_modes
 from vibroimpact_solvers.arrays import Quantity
 
+SECONDS: Final = 10
 HDF5 = "application/x-hdf5"
 JSON = {"Content-Type": "application/json"}
 MIX = """
@@ -177,7 +178,7 @@ def wrk(
     return float(rate), counts, words
 
 
-def chain(stop: float, num: int = 1000) -> dict[str, Any]:
+def swept(stop: float, num: int = 1000) -> dict[str, Any]:
     """Return the request of the figures: 13 masses, one limiter, 1000 frequencies."""
     return {
         "system": {"preset": "chain", "n": 13, "constraints": [{"dof": 5, "gap": 0.2}]},
@@ -195,7 +196,7 @@ def problem_of(request: ImpactModesRequest) -> impact_modes.Problem:
 def cached(service: Service, seconds: int) -> Iterator[tuple[str, str, str]]:
     """Measure cached results and 304."""
     for num in (100, 1000):
-        _, headers, body = service.ask("POST", "/v1/compute/impact-modes", chain(2.4, num))
+        _, headers, body = service.ask("POST", "/v1/compute/impact-modes", swept(2.4, num))
         where, tag = headers["content-location"], headers["etag"]
         yield f"cached result by digest, {len(body)} bytes", rated(service, where, seconds), "1500"
     text = rated(service, where, seconds, "-H", f"If-None-Match: {tag}")
@@ -215,7 +216,7 @@ def modes(service: Service, count: int = 300) -> Iterator[tuple[str, str, str]]:
     times, bare = [], []
     spent = library_spent = 0.0
     for number in range(count):
-        body = chain(2.4 + 1e-6 * number)
+        body = swept(2.4 + 1e-6 * number)
         request = ImpactModesRequest.model_validate(body)
         problem = problem_of(request)
         began, clock = time.perf_counter(), time.process_time()
@@ -277,7 +278,7 @@ def ratio(n: int, num: int, outputs: list[str]) -> float:
 
 def clients(service: Service, seconds: int) -> Iterator[tuple[str, str, str]]:
     """Measure 200 clients at once: half results, 304, plans and fresh computations."""
-    _, headers, _ = service.ask("POST", "/v1/compute/impact-modes", chain(2.4, 100))
+    _, headers, _ = service.ask("POST", "/v1/compute/impact-modes", swept(2.4, 100))
     script = MIX.replace("%RESULT%", headers["content-location"]).replace("%ETAG%", headers["etag"])
     before = service.lag()
     with tempfile.NamedTemporaryFile("w", suffix=".lua") as file:
@@ -360,32 +361,43 @@ def stored(values: np.ndarray[Any, Any]) -> bytes:
     return encode.freeze(Stored(values), head)
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=int, default=10)
-    parser.add_argument("--only", default="cached,modes,plans,clients,stream")
-    given = parser.parse_args()
+@contextmanager
+def _running() -> Iterator[tuple[Service, Path]]:
     if shutil.which("wrk") is None:
-        sys.exit("wrk is needed: apt install wrk")
-    chosen = given.only.split(",")
+        raise RuntimeError("wrk is needed: apt install wrk")
     with tempfile.TemporaryDirectory() as folder:
-        data = Path(folder)
-        service = Service(data)
-        parts: dict[str, Callable[[], Iterator[tuple[str, str, str]]]] = {
-            "cached": lambda: cached(service, given.seconds),
-            "modes": lambda: modes(service),
-            "plans": plans,
-            "clients": lambda: clients(service, given.seconds),
-            "stream": lambda: stream(service, data),
-        }
+        service = Service(Path(folder))
         try:
-            for name in chosen:
-                for what, value, aim in parts[name]():
-                    print(f"{what:42} {value:48} {aim}", flush=True)
+            yield service, Path(folder)
         finally:
             service.stop()
 
 
-if __name__ == "__main__":
-    main()
+def _table(title: str, rows: Iterable[tuple[str, str, str]]) -> Table:
+    return Table(title, ("figure", "measured", "aim"), list(rows))
+
+
+def answers() -> Table:
+    """Ask for stored results and for computations that nobody asked for before."""
+    with _running() as (service, _):
+        return _table("Answers over HTTP", chain(cached(service, SECONDS), modes(service)))
+
+
+def crowd() -> Table:
+    """Let 200 clients ask for results, plans and fresh computations at once for a minute."""
+    with _running() as (service, _):
+        return _table("Two hundred clients", clients(service, 60))
+
+
+def large_results() -> Table:
+    """Send an HDF5 result of one gibibyte."""
+    with _running() as (service, folder):
+        return _table("A result of one gibibyte", stream(service, folder))
+
+
+def estimates() -> Table:
+    """Compare planned seconds with the processor time of the library, over a mix of requests."""
+    return _table("Estimates of plans", plans())
+
+
+TABLES: Final = (answers, crowd, large_results, estimates)

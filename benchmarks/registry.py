@@ -65,6 +65,8 @@ BENCHMARKS: Final[tuple[Benchmark, ...]] = (
         "benchmarks.service",
         "start and memory of the service, latency and throughput against clients, workers",
     ),
+    Benchmark("http", "benchmarks.http_load", "answers a second, 200 clients, large results"),
+    Benchmark("jobs", "benchmarks.job_queue", "small jobs, chunks, fairness, listing, idling"),
     Benchmark(
         "scheduler", "benchmarks.scheduler", "ten million chunks on a thousand workers, simulated"
     ),

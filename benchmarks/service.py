@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
-from benchmarks.queue import Service, bulk, tiny
+from benchmarks.job_queue import Service, bulk, tiny
 from benchmarks.tables import Plot, Table
 
 CLIENTS: Final = (1, 2, 4, 8, 16, 32)

@@ -1,6 +1,6 @@
 """What a plan costs on this machine: seconds from operations and memory written.
 
-The rates are those of one core of a machine of 2024; ``benchmarks/http_load.py --only plans``
+The rates are those of one core of a machine of 2024; ``vibroimpact bench http``
 shows how far they lead from what is measured.
 """
 

@@ -1,4 +1,4 @@
-"""What the job queue costs: ``python -m benchmarks.queue`` prints every figure and its target.
+"""What the job queue costs.
 
 Each function starts what it needs and returns its figures; service, workers and clients share
 the cores of one machine.
@@ -19,13 +19,14 @@ import tempfile
 import threading
 import time
 import uuid
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from benchmarks import chunks
+from benchmarks.tables import Table
 from vibroimpact_service.jobs.database import open_database
 from vibroimpact_service.jobs.ledger import NewJob, insert
 from vibroimpact_service.jobs.queue import JobQueue
@@ -413,30 +414,31 @@ def _with_queue(scenario: Callable[[JobQueue, Store], Any]) -> float:
         return asyncio.run(main(folder))
 
 
-ALL: tuple[Callable[[], Figures], ...] = (
-    tiny_jobs,
-    tiny_jobs_of_many,
-    batches,
-    chunk_overhead,
-    behind_bulk,
-    behind_another_user,
-    again,
-    listing,
-    idle,
-    soak,
-)
+def _table(title: str, parts: Iterable[Callable[[], Figures]]) -> Table:
+    rows = []
+    for part in parts:
+        for name, value in part().items():
+            limit, sign = TARGETS.get(name, (None, ""))
+            rows.append((name, value, None if limit is None else f"{sign} {limit:g}"))
+    loads = ", ".join(f"{load:.1f}" for load in os.getloadavg())
+    note = f"Load of the machine after 1, 5 and 15 minutes: {loads}; the benchmark's own included."
+    return Table(title, ("figure", "measured", "aim"), rows, note)
 
 
-def main() -> None:
-    """Print the figures of all benchmarks, or of those that are named."""
-    for benchmark in ALL:
-        if len(sys.argv) > 1 and benchmark.__name__ not in sys.argv[1:]:
-            continue
-        for name, value in benchmark().items():
-            target = "" if name not in TARGETS else "{1} {0:g}".format(*TARGETS[name])
-            print(f"{name:42} {value:10.3f}   {target}", flush=True)
-    print("load of the machine:", *(f"{load:.1f}" for load in os.getloadavg()))
+def small_jobs() -> Table:
+    """Submit durable jobs of a millisecond, alone, many at once, in batches and beside others."""
+    parts = (tiny_jobs, tiny_jobs_of_many, batches, behind_bulk, again)
+    return _table("Small jobs through the queue", parts)
 
 
-if __name__ == "__main__":
-    main()
+def chunks_of_jobs() -> Table:
+    """Run jobs of thousands of chunks that take 4 ms each and compute nothing."""
+    return _table("Chunks", (chunk_overhead, behind_another_user))
+
+
+def upkeep() -> Table:
+    """List jobs, do nothing, and see whether anything grows with the number of jobs."""
+    return _table("Upkeep", (listing, idle, soak))
+
+
+TABLES: Final = (small_jobs, chunks_of_jobs, upkeep)
