@@ -84,7 +84,7 @@ def fuzz(session: nox.Session) -> None:
 def browser(session: nox.Session) -> None:
     """Look at the pages of the service in a real Chromium (Debian: apt install chromium)."""
     install(session, "-e", ".[browser]")
-    session.run("pytest", "tests/browser", *session.posargs)
+    session.run("pytest", "-n", "0", "tests/browser", *session.posargs)
 
 
 @nox.session
@@ -111,7 +111,7 @@ def benchmarks(session: nox.Session) -> None:
 def faults(session: nox.Session) -> None:
     """Kill processes at random moments, fill disks, cut networks; all jobs must end well."""
     install(session, "-e", ".[test]")
-    session.run("pytest", "-m", "faults", "-s", "tests/acceptance/faults", *session.posargs)
+    session.run("pytest", "-n", "0", "-m", "faults", "-s", "tests/acceptance/faults", *session.posargs)
 
 
 @nox.session(venv_backend="none")

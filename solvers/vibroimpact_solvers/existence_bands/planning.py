@@ -8,7 +8,7 @@ from enum import StrEnum
 import numpy as np
 
 from vibroimpact_solvers import impact_modes as modes
-from vibroimpact_solvers import receptance, spectrum
+from vibroimpact_solvers import receptance, spectrum, stability
 from vibroimpact_solvers.errors import PlanError
 from vibroimpact_solvers.existence_bands.problem import KIND, OUTPUTS, Problem
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
@@ -67,14 +67,7 @@ def _steps(problem: Problem, *, grows: bool) -> Iterator[Step]:
     if spectrum.nbytes(system, method) > spectrum.MEMORY:
         message = f"bands need all natural modes, too many with {system.n} degrees of freedom"
         raise PlanError(message)
-    known = spectrum.is_known(system, method)
-    yield Step(
-        Stage.SPECTRUM,
-        method,
-        spectrum.REASONS[method] + ("; already known" if known else ""),
-        0.0 if known else spectrum.flops(system, method),
-        spectrum.nbytes(system, method),
-    )
+    yield spectrum.step(system, method)
     phase = spectrum.largest_frequency(system) / problem.start
     poles = system.n * (1.0 + 0.5 * phase)
     limits = float(len(system.constraints))
@@ -139,7 +132,7 @@ def _skips(problem: Problem, steps: tuple[Step, ...], *, grows: bool) -> Iterato
         listed = ", ".join(str(i) for i in idle)
         yield Skip(f"impulses at constraints {listed}", "not active; their limits are checked")
     if "stability" in problem.outputs and not grows:
-        yield Skip("stability", "direction-dependent: the order of simultaneous impacts decides")
+        yield Skip("stability", stability.DIRECTION_DEPENDENT)
     for name in OUTPUTS:
         if name not in problem.outputs:
             yield Skip(name, "not asked")

@@ -103,14 +103,7 @@ def _modal_steps(problem: Problem, family: Family) -> Iterator[Step]:
             "structures"
         )
         raise PlanError(message)
-    known = spectrum.is_known(system, method)
-    yield Step(
-        Stage.SPECTRUM,
-        method,
-        spectrum.REASONS[method] + ("; already known" if known else ""),
-        0.0 if known else spectrum.flops(system, method),
-        spectrum.nbytes(system, method),
-    )
+    yield spectrum.step(system, method)
     yield _impulse_step(problem, family)
     if problem.outputs & {"exists", "reason", "stability"}:
         yield _existence_step(problem)

@@ -200,7 +200,7 @@ def _box(
     """
     in_value, in_slope, in_drift = 0.0, 0.0, 0.0
     for j in range(root.size):
-        S, C = sine_cosine(root[j] * q * tau)
+        S, C = sine_cosine(root[j] * q * tau, 0.0)
         cell[_AT_SINE, j], cell[_AT_COSINE, j] = S, C
     for j in range(root.size):
         S, C = cell[_AT_SINE, j], cell[_AT_COSINE, j]

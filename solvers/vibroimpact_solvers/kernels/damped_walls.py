@@ -105,7 +105,7 @@ def elastic_shapes(gamma: Floats, phi: Floats, x: Floats, v: Floats) -> None:
     """Evaluate x/Delta and v/(Omega0 Delta), eq. 10.14; all shapes (time,)."""
     for i in range(gamma.size):
         tau, e = fold(phi[i])
-        s, c = sine_cosine(gamma[i] * tau)
-        sine, _ = sine_cosine(gamma[i])
+        s, c = sine_cosine(gamma[i] * tau, 0.0)
+        sine, _ = sine_cosine(gamma[i], 0.0)
         x[i] = s / sine
         v[i] = c / sine * e

@@ -33,25 +33,9 @@ from typing import Any
 
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels.jit import fma, inline, kernel
-from vibroimpact_solvers.kernels.phases import quarter_turns, small_cosine, small_sine
+from vibroimpact_solvers.kernels.phases import sine_cosine
 
-_WHOLE = 6755399441055744.0
 _LONG = 64  # pairs from which on sums are worth exact ones
-
-
-@inline
-def _sine_cosine(x: float, rest: float) -> tuple[float, float]:
-    """Return sine and cosine of x + rest, without branches."""
-    k, y = quarter_turns(x)
-    y += rest
-    sine, cosine = small_sine(y), small_cosine(y)
-    half = 0.5 * k
-    odd = ((half + _WHOLE) - _WHOLE) != half
-    floor = (half - 0.25 + _WHOLE) - _WHOLE
-    pair = 0.5 * floor
-    flip = ((pair + _WHOLE) - _WHOLE) != pair
-    sign = -1.0 if flip else 1.0
-    return sign * (cosine if odd else sine), sign * (-sine if odd else cosine)
 
 
 @kernel
@@ -71,7 +55,7 @@ def propagators(F: Floats, split: Integers, s: float, ds: float, P: Floats) -> N
     for j in range(split[0]):
         phase = F[1, j] * s
         lost = fma(F[1, j], s, -phase)
-        P[1, j], P[0, j] = _sine_cosine(phase, fma(F[1, j], ds, fma(F[2, j], s, lost)))
+        P[1, j], P[0, j] = sine_cosine(phase, fma(F[1, j], ds, fma(F[2, j], s, lost)))
     if split[2]:
         for j in range(split[0]):
             decay = math.exp(F[0, j] * s + F[0, j] * ds)

@@ -110,7 +110,7 @@ def _first_order(out: Floats, start: int, stop: int, kappa: float) -> None:
     for i in range(start, stop):
         lam, z = out[0, i], out[2, i]
         tau, e = fold(out[1, i])
-        s, c = sine_cosine(lam * tau)
+        s, c = sine_cosine(lam * tau, 0.0)
         cosine = 1.0 / math.sqrt(1.0 + z * z)
         over_z, over_lam, over_sine = 1.0 / z, 1.0 / lam, 1.0 / (z * cosine)
         bow = 0.5 * (1.0 + tau * tau)

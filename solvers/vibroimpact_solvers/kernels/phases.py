@@ -74,9 +74,13 @@ def tangent(x: float, rest: float) -> float:
 
 
 @inline
-def sine_cosine(x: float) -> tuple[float, float]:
-    """Return sin(x) and cos(x), abs(x) <= LARGEST."""
+def sine_cosine(x: float, rest: float) -> tuple[float, float]:
+    """Return sin(x + rest) and cos(x + rest), abs(x) <= LARGEST, without branches.
+
+    rest is what rounding took from the phase, 0 where that is not known.
+    """
     k, y = quarter_turns(x)
+    y += rest
     sine, cosine = small_sine(y), small_cosine(y)
     half = 0.5 * k
     whole = (half + _WHOLE) - _WHOLE

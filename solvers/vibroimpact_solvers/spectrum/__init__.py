@@ -13,6 +13,7 @@ from vibroimpact_solvers.spectrum.methods import (
     key,
     nbytes,
     spectrum,
+    step,
 )
 from vibroimpact_solvers.spectrum.natural import Spectrum
 from vibroimpact_solvers.spectrum.window import Window, window
@@ -34,5 +35,6 @@ __all__ = [
     "largest_frequency",
     "nbytes",
     "spectrum",
+    "step",
     "window",
 ]

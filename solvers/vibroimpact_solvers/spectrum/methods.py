@@ -13,6 +13,7 @@ from scipy.linalg import lapack
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix
 from vibroimpact_solvers.model import ChainShape, System
+from vibroimpact_solvers.plan import Stage, Step
 from vibroimpact_solvers.spectrum.cache import CACHE
 from vibroimpact_solvers.spectrum.natural import Spectrum
 
@@ -71,6 +72,18 @@ def nbytes(system: System, method: Method) -> float:
     """Memory that a spectrum holds."""
     n = float(system.n)
     return 8.0 * n if method in {Method.CLOSED_FORM, Method.DIAGONAL} else 8.0 * n * (n + 1)
+
+
+def step(system: System, method: Method) -> Step:
+    """Return the step of a plan that finds the natural modes, at no cost where they are known."""
+    known = is_known(system, method)
+    return Step(
+        Stage.SPECTRUM,
+        method,
+        REASONS[method] + ("; already known" if known else ""),
+        0.0 if known else flops(system, method),
+        nbytes(system, method),
+    )
 
 
 def key(system: System, method: Method) -> bytes:

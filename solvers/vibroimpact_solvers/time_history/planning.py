@@ -77,14 +77,7 @@ def _in_windows(problem: Problem, flight: Step, history: Step | None) -> Step:
 def _steps(problem: Problem, far: list[int]) -> Iterator[Step]:
     system = problem.system
     method = spectrum.choose(system)
-    known = spectrum.is_known(system, method)
-    yield Step(
-        Stage.SPECTRUM,
-        method,
-        spectrum.REASONS[method] + ("; already known" if known else ""),
-        0.0 if known else spectrum.flops(system, method),
-        spectrum.nbytes(system, method),
-    )
+    yield spectrum.step(system, method)
     history = None
     if isinstance(problem.initial, Member):
         start = impact_modes.plan(member_problem(system, problem.initial))

@@ -23,6 +23,7 @@ Table = tuple[Floats, Integers, Floats]
 CHATTER: Final = 1e-8
 """Times, in units of the fastest mode, below which the rest of a chatter is one sum."""
 
+_EPS = float(np.finfo(np.float64).eps)
 _ROWS = 4096  # of the table that the compiled loop fills
 _BUFFER = 2**21  # numbers in the buffer of samples
 _EXPANSIONS = 2e7  # pairs expanded between two ticks
@@ -61,6 +62,14 @@ class Rest:
     rest: float
     stop: float = math.nan
     impulse: float = 0.0
+
+
+def hidden_walls(index: int, apart: float, known: float) -> ConvergenceError:
+    """Return the error of a coordinate that is known worse than its walls are apart."""
+    return ConvergenceError(
+        f"the limiters of constraint {index} are {apart:.3g} apart, and the motion is so large "
+        f"that double precision knows the coordinate to {known:.1g} only"
+    )
 
 
 class Run:
@@ -150,6 +159,7 @@ class Run:
         if self.tick is not None:
             self.tick(int(1e3 * self.clock[0] / self.clock[2]), 1000)
         scene, basis = self.scene, self.scene.basis
+        self._tell_walls_apart()
         self.counts[3] = self.counts[2] + budget(basis)
         self.counts[7] = bool(self.contacts)
         self.clock[3] = basis.longest
@@ -164,6 +174,14 @@ class Run:
         if before is not None:
             self._press(*before)
         return stop
+
+    def _tell_walls_apart(self) -> None:
+        """Refuse a motion that is so large that rounding hides where between its walls it is."""
+        scene, count = self.scene, len(self.scene.flying)
+        sizes = np.abs(scene.forms[0, :count] * self.Z[0]).sum(axis=(1, 2))
+        apart = scene.walls[0, :count] + scene.walls[1, :count]
+        for place in np.flatnonzero(_EPS * sizes >= apart):
+            raise hidden_walls(scene.flying[place], float(apart[place]), _EPS * float(sizes[place]))
 
     def _check_progress(self, before: tuple[float, float, int]) -> None:
         """Refuse a motion that grazes a wall for ever, within rounding at the same time."""

@@ -9,7 +9,6 @@ import numpy as np
 
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import Floats, Integers
-from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.kernels.flight import Stop, spread
 from vibroimpact_solvers.plan import Plan, Stage
 from vibroimpact_solvers.time_history import reference, soft
@@ -18,7 +17,7 @@ from vibroimpact_solvers.time_history.launcher import Launcher
 from vibroimpact_solvers.time_history.planning import Flight
 from vibroimpact_solvers.time_history.problem import Member, Problem, State
 from vibroimpact_solvers.time_history.result import Result, empty
-from vibroimpact_solvers.time_history.run import Run, Tick
+from vibroimpact_solvers.time_history.run import Run, Tick, hidden_walls
 from vibroimpact_solvers.time_history.start import initial_state
 from vibroimpact_solvers.time_history.structure import Structure
 
@@ -324,11 +323,7 @@ def _told_apart(problem: Problem, penetration: float) -> float:
             continue
         apart = constraint.lower + constraint.upper
         if not penetration < apart:
-            message = (
-                f"the limiters of constraint {index} are {apart:.3g} apart, and the motion is so "
-                f"large that double precision knows the coordinate to {penetration:.1g} only"
-            )
-            raise ConvergenceError(message)
+            raise hidden_walls(index, apart, penetration)
     return penetration
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import io
 import json
 import subprocess
@@ -358,18 +357,15 @@ def test_what_nobody_waits_for_stops_when_the_service_ends(
             ended.set()
 
     monkeypatch.setattr(impact_modes, "solve", endless)
-    with TestClient(create_app(settings, queue)) as http:
-
-        def ask() -> None:
-            with contextlib.suppress(Exception):  # the service ends before it answers
-                post(http, request_body)
-
-        asking = threading.Thread(target=ask)
+    app = create_app(settings, queue)
+    with TestClient(app, raise_server_exceptions=False) as http:
+        asking = threading.Thread(target=lambda: post(http, request_body))
         asking.start()
         assert begun.wait(20)
-    assert ended.wait(5)
-    asking.join(20)
-    assert not asking.is_alive()
+        app.state.evaluation.close()
+        assert ended.wait(5)
+        asking.join(20)
+        assert not asking.is_alive()
 
 
 def test_the_process_ends_beside_a_computation_that_notices_nothing() -> None:

@@ -27,7 +27,7 @@ def tangents(x: np.ndarray, rest: np.ndarray) -> np.ndarray:
 def sines(x: np.ndarray) -> np.ndarray:
     found = np.empty((2, x.size))
     for i in range(x.size):
-        found[0, i], found[1, i] = phases.sine_cosine(x[i])
+        found[0, i], found[1, i] = phases.sine_cosine(x[i], 0.0)
     return found
 
 

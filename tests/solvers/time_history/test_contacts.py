@@ -257,12 +257,12 @@ def test_numbers_whose_squares_are_none_are_refused(
     assert caught.value.pointer == pointer
 
 
-def test_a_motion_that_grazes_without_end_is_refused() -> None:
-    """A load that presses against a gap far below rounding: time does not advance any more."""
+def test_a_motion_that_hides_its_walls_is_refused() -> None:
+    """A load that presses against a gap far below rounding, where time would not advance."""
     chain = presets.chain(13, [Constraint((5,), (1.0,), 1e-50, 1e-50)])
     load = (th.Harmonic(0, 0.01, 0.7, 0.5),)
     problem = th.Problem(chain, th.Member(3.0, (0,)), 10.0, load=load, tolerance=1e-8)
-    with pytest.raises(ConvergenceError, match=r"goes on grazing at t = 0\.147"):
+    with pytest.raises(ConvergenceError, match="knows the coordinate to"):
         th.solve(problem, th.plan(problem))
 
 
