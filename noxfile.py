@@ -111,7 +111,9 @@ def benchmarks(session: nox.Session) -> None:
 def faults(session: nox.Session) -> None:
     """Kill processes at random moments, fill disks, cut networks; all jobs must end well."""
     install(session, "-e", ".[test]")
-    session.run("pytest", "-n", "0", "-m", "faults", "-s", "tests/acceptance/faults", *session.posargs)
+    session.run(
+        "pytest", "-n", "0", "-m", "faults", "-s", "tests/acceptance/faults", *session.posargs
+    )
 
 
 @nox.session(venv_backend="none")
