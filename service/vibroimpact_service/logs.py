@@ -37,6 +37,7 @@ def to_stderr() -> None:
             ],
         )
     )
+    handler.addFilter(_is_news)
     logging.root.handlers[:] = [handler]
     for logger in logging.root.manager.loggerDict.values():
         # Dask gives its loggers handlers of their own, which write plain text, and tells of
@@ -45,6 +46,16 @@ def to_stderr() -> None:
             logger.handlers.clear()
             logger.setLevel(max(logger.level, logging.ERROR))
             logger.propagate = True
+
+
+def _is_news(record: logging.LogRecord) -> bool:
+    """Whether a record is more than Dask's word on a connection that is no longer there.
+
+    Every service that ends closes some; what matters of it is logged where it is noticed.
+    """
+    error = record.exc_info[0] if record.exc_info else None
+    closed = error is not None and error.__name__ == "CommClosedError"
+    return not (closed and record.name.startswith("distributed"))
 
 
 def _text(content: Any, **options: Any) -> str:

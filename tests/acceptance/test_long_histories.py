@@ -52,7 +52,7 @@ def is_final(document: dict[str, Any]) -> bool:
 
 @pytest.mark.timeout(300)
 def test_a_long_history_is_a_job_in_windows(service: Any) -> None:
-    content = long(60_000.0)
+    content = long(100_000.0)
     plan = service.http.post("/v1/plan/time-history", json=content).json()
     flight = next(step for step in plan["steps"] if step["stage"] == "flight")
     assert not plan["inline"]
@@ -66,7 +66,7 @@ def test_a_long_history_is_a_job_in_windows(service: Any) -> None:
     where = f"/v1/jobs/{job['id']}/result"
     whole = service.http.get(where, headers=HDF5)
     with xarray.open_dataset(io.BytesIO(whole.content), engine="h5netcdf") as data:
-        assert data.x.shape == (300_001, 2)
+        assert data.x.shape == (500_001, 2)
         assert np.isfinite(data.x.values).all()
         np.testing.assert_allclose(data.energy, data.energy[0], rtol=1e-12)
         assert np.abs(data.x.sel(dof=5).values).max() <= 0.2 + 1e-14

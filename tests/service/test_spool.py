@@ -68,4 +68,8 @@ def test_what_dead_writers_left_is_removed(tmp_path: Path) -> None:
     assert left.exists()
     os.utime(left, (0.0, 0.0))
     store.tidy(time.time())
+    assert left.exists()  # a file in it is still written to
+    os.utime(left / "x-rows", (0.0, 0.0))
+    os.utime(left, (0.0, 0.0))
+    store.tidy(time.time())
     assert not left.exists()

@@ -34,7 +34,7 @@ def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Problem]:
     ]
 
 
-def mark(problem: Problem) -> bytes:
+def content(problem: Problem) -> bytes:
     """Return what tells a piece from all others: its initial states, bit for bit."""
     text = hashlib.sha256(f"{problem.first}:{problem.x.shape}".encode())
     for values in (problem.x, problem.v):
