@@ -21,6 +21,10 @@ try:
     1 / 0
 except ZeroDivisionError:
     logging.getLogger("distributed.core").exception("two\\nlines")
+try:
+    raise distributed.comm.CommClosedError
+except distributed.comm.CommClosedError:
+    logging.getLogger("distributed.worker").exception("the connection is no longer there")
 """
 
 
