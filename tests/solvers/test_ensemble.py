@@ -121,7 +121,7 @@ def test_pieces_make_the_whole() -> None:
     pieces = ensemble.split(asked, plan, 0.004)
     assert len(pieces) > 3
     assert sum(piece.size for piece in pieces) == 50
-    assert len({ensemble.mark(piece) for piece in pieces}) == len(pieces)
+    assert len({ensemble.content(piece) for piece in pieces}) == len(pieces)
     joined = ensemble.join(asked, plan, [ensemble.solve(piece, plan) for piece in pieces])
     whole = ensemble.solve(asked, plan)
     for field in fields(ensemble.Result):
@@ -136,7 +136,7 @@ def test_a_longer_ensemble_shares_the_pieces_of_a_shorter_one() -> None:
     x, v = states(CHAIN, 90)
     short, long = problem(CHAIN, x[:60], v[:60]), problem(CHAIN, x, v)
     marks = [
-        {ensemble.mark(p) for p in ensemble.split(asked, ensemble.plan(asked), 0.02)}
+        {ensemble.content(p) for p in ensemble.split(asked, ensemble.plan(asked), 0.02)}
         for asked in (short, long)
     ]
     assert len(marks[0] - marks[1]) <= 1  # the last one of the shorter is cut off
