@@ -18,7 +18,7 @@ from vibroimpact_service.jobs.database import now
 from vibroimpact_service.jobs.ledger import QUEUED, RUNNING
 from vibroimpact_service.jobs.records import JobRow, jobs, row
 
-LEASE_SECONDS: Final = 10.0
+LEASE_SECONDS: Final = 8.0
 _FREED: Final[dict[str, Any]] = {"lease_owner": None, "lease_until": None}
 
 
