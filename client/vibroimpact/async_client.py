@@ -11,6 +11,7 @@ from typing import Any, Self
 from vibroimpact import conversations
 from vibroimpact.client import Computations
 from vibroimpact.config import connection
+from vibroimpact.conversations import Terms
 from vibroimpact.embedded import EmbeddedService
 from vibroimpact.errors import ServerError
 from vibroimpact.jobs import AsyncJob, Submitted
@@ -67,16 +68,35 @@ class AsyncClient(Computations[Coroutine[Any, Any, Result]]):
         await job.wait(progress=progress)
         return await job.result()
 
-    async def submit(self, kind: str, request: Mapping[str, Any], priority: int = 0) -> AsyncJob:
-        """Queue a computation; it is durable when this returns."""
-        document = await self._open.hold(conversations.submit(kind, request, priority))
+    async def submit(
+        self,
+        kind: str,
+        request: Mapping[str, Any],
+        priority: int = 0,
+        *,
+        deadline: float | None = None,
+        webhook: Mapping[str, str] | None = None,
+    ) -> AsyncJob:
+        """Queue a computation; as `Client.submit`."""
+        terms = Terms(priority, deadline, webhook)
+        document = await self._open.hold(conversations.submit(kind, request, terms))
         return AsyncJob(self._open, document)
 
     async def submit_many(
-        self, kind: str, requests: Sequence[Mapping[str, Any]], priority: int = 0
+        self,
+        kind: str,
+        requests: Sequence[Mapping[str, Any]],
+        priority: int = 0,
+        *,
+        deadline: float | None = None,
+        webhook: Mapping[str, str] | None = None,
     ) -> Submitted[AsyncJob]:
-        """Queue many computations; what is wrong with some does not keep the others."""
-        found = await self._open.hold(conversations.submit_many(kind, requests, priority))
+        """Queue many computations; what is wrong with some does not keep the others.
+
+        Parameters as for `submit`, for each of the jobs.
+        """
+        terms = Terms(priority, deadline, webhook)
+        found = await self._open.hold(conversations.submit_many(kind, requests, terms))
         return Submitted.of(found, lambda document: AsyncJob(self._open, document))
 
     async def as_completed(

@@ -14,7 +14,10 @@ import typer
 
 
 def bench(
-    names: Annotated[list[str] | None, typer.Argument(help="Benchmarks; none for all.")] = None,
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(help="Benchmarks, or tables such as scaling.memory; none for all."),
+    ] = None,
     list_only: Annotated[bool, typer.Option("--list", help="Only list them.")] = False,
     save: Annotated[bool, typer.Option("--save", help="Keep results, draw the page anew.")] = False,
     page: Annotated[bool, typer.Option("--page", help="Only draw the page anew.")] = False,
@@ -37,9 +40,9 @@ def bench(
         command.draw()
         return
     try:
-        chosen = command.chosen(names or [])
-    except KeyError as error:
-        typer.echo(f"No benchmark is called {error.args[0]}; see: vibroimpact bench --list")
+        chosen = command.chosen(names or [], save=save)
+    except ValueError as error:
+        typer.echo(f"{error}", err=True)
         raise typer.Exit(2) from None
     if command.run(chosen, typer.echo, save=save):
         raise typer.Exit(1)

@@ -13,6 +13,7 @@ import numpy as np
 
 from vibroimpact import conversations
 from vibroimpact.config import connection
+from vibroimpact.conversations import Terms
 from vibroimpact.embedded import EmbeddedService
 from vibroimpact.errors import ServerError
 from vibroimpact.jobs import Job, Submitted
@@ -345,16 +346,47 @@ class Client(Computations[Result]):
             return Result(found)
         return Job(self._transport, found).wait(progress=progress).result()
 
-    def submit(self, kind: str, request: Mapping[str, Any], priority: int = 0) -> Job:
-        """Queue a computation; it is durable when this returns."""
-        document = self._transport.hold(conversations.submit(kind, request, priority))
+    def submit(
+        self,
+        kind: str,
+        request: Mapping[str, Any],
+        priority: int = 0,
+        *,
+        deadline: float | None = None,
+        webhook: Mapping[str, str] | None = None,
+    ) -> Job:
+        """Queue a computation; it is durable when this returns.
+
+        Parameters
+        ----------
+        kind : str
+        request : mapping
+        priority : int
+            Higher goes first among one's own jobs.
+        deadline : float, optional
+            Seconds from now in which it must be done, or it fails.
+        webhook : mapping, optional
+            ``url``, told when the job ends, and ``secret``, which signs the message.
+        """
+        terms = Terms(priority, deadline, webhook)
+        document = self._transport.hold(conversations.submit(kind, request, terms))
         return Job(self._transport, document)
 
     def submit_many(
-        self, kind: str, requests: Sequence[Mapping[str, Any]], priority: int = 0
+        self,
+        kind: str,
+        requests: Sequence[Mapping[str, Any]],
+        priority: int = 0,
+        *,
+        deadline: float | None = None,
+        webhook: Mapping[str, str] | None = None,
     ) -> Submitted[Job]:
-        """Queue many computations; what is wrong with some does not keep the others."""
-        found = self._transport.hold(conversations.submit_many(kind, requests, priority))
+        """Queue many computations; what is wrong with some does not keep the others.
+
+        Parameters as for `submit`, for each of the jobs.
+        """
+        terms = Terms(priority, deadline, webhook)
+        found = self._transport.hold(conversations.submit_many(kind, requests, terms))
         return Submitted.of(found, lambda document: Job(self._transport, document))
 
     def as_completed(self, jobs: Sequence[Job], timeout: float | None = None) -> Iterator[Job]:

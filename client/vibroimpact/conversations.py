@@ -190,21 +190,39 @@ def version() -> Conversation[Document]:
 # -- Jobs ---------------------------------------------------------------------------------
 
 
-def submit(kind: str, content: Mapping[str, Any], priority: int) -> Conversation[Document]:
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """On which terms jobs are queued: priority, seconds in which they must be done, webhook."""
+
+    priority: int = 0
+    deadline: float | None = None
+    webhook: Mapping[str, str] | None = None
+
+    def document(self) -> Document:
+        """Return the members of a job's document that say so."""
+        found: Document = {"priority": self.priority}
+        if self.deadline is not None:
+            found["deadline_seconds"] = self.deadline
+        if self.webhook is not None:
+            found["webhook"] = dict(self.webhook)
+        return found
+
+
+def submit(kind: str, content: Mapping[str, Any], terms: Terms) -> Conversation[Document]:
     """Queue a computation and return its job."""
-    body = {"kind": kind, "request": dict(content), "priority": priority}
+    body = {"kind": kind, "request": dict(content), **terms.document()}
     answer = yield from request("POST", "/v1/jobs", json=body)
     return dict(answer.json())
 
 
 def submit_many(
-    kind: str, contents: Sequence[Mapping[str, Any]], priority: int
+    kind: str, contents: Sequence[Mapping[str, Any]], terms: Terms
 ) -> Conversation[list[Document | ServerError]]:
     """Queue computations; return the job of each, or the problem that it met."""
     found: list[Document | ServerError] = []
     for content in contents:
         try:
-            found.append((yield from submit(kind, content, priority)))
+            found.append((yield from submit(kind, content, terms)))
         except ServerError as error:
             found.append(error)
     return found

@@ -11,7 +11,7 @@ from typing import Any
 import httpx2
 
 from vibroimpact import conversations
-from vibroimpact.conversations import Conversation, NoAnswer, Outcome, Pause, Reply
+from vibroimpact.conversations import Conversation, NoAnswer, Outcome, Pause, Reply, Send
 
 _CONNECT_SECONDS = 5.0
 
@@ -20,6 +20,24 @@ def _settings(url: str, timeout: float, key: str | None) -> dict[str, Any]:
     headers = {} if key is None else {"Authorization": f"Bearer {key}"}
     limits = httpx2.Timeout(timeout, connect=_CONNECT_SECONDS)
     return {"base_url": url, "timeout": limits, "headers": headers}
+
+
+def _content(step: Send) -> dict[str, Any]:
+    return {
+        "method": step.method,
+        "url": step.path,
+        "json": step.json,
+        "params": step.params,
+        "headers": step.headers,
+    }
+
+
+def _no_answer(url: str, step: Send, error: Exception) -> NoAnswer:
+    """Return what a conversation hears where the network failed; raise where nothing was sent."""
+    if isinstance(error, httpx2.TransportError):
+        return NoAnswer(url, error)
+    # What JSON cannot say: nothing was sent.
+    raise conversations.not_finite(step.json) or error from None
 
 
 class Transport:
@@ -58,21 +76,9 @@ class Transport:
                     reply = None
                     continue
                 try:
-                    reply = self._http.request(
-                        step.method,
-                        step.path,
-                        json=step.json,
-                        params=step.params,
-                        headers=step.headers,
-                    )
-                except httpx2.TransportError as error:
-                    reply = NoAnswer(self.url, error)
-                except ValueError:
-                    # What JSON cannot say: nothing was sent.
-                    fault = conversations.not_finite(step.json)
-                    if fault is None:
-                        raise
-                    raise fault from None
+                    reply = self._http.request(**_content(step))
+                except (httpx2.TransportError, ValueError) as error:
+                    reply = _no_answer(self.url, step, error)
         except StopIteration as end:
             outcome: Outcome = end.value
             return outcome
@@ -112,21 +118,9 @@ class AsyncTransport:
                     reply = None
                     continue
                 try:
-                    reply = await self._http.request(
-                        step.method,
-                        step.path,
-                        json=step.json,
-                        params=step.params,
-                        headers=step.headers,
-                    )
-                except httpx2.TransportError as error:
-                    reply = NoAnswer(self.url, error)
-                except ValueError:
-                    # What JSON cannot say: nothing was sent.
-                    fault = conversations.not_finite(step.json)
-                    if fault is None:
-                        raise
-                    raise fault from None
+                    reply = await self._http.request(**_content(step))
+                except (httpx2.TransportError, ValueError) as error:
+                    reply = _no_answer(self.url, step, error)
         except StopIteration as end:
             outcome: Outcome = end.value
             return outcome

@@ -29,6 +29,7 @@ from vibroimpact_service.api import (
     systems,
 )
 from vibroimpact_service.api.shell import Shell, cross_origin, http_error, parameter_error
+from vibroimpact_service.api.turns import Turns
 from vibroimpact_service.evaluate import Evaluation
 from vibroimpact_service.jobs.queue import JobQueue
 from vibroimpact_service.metrics import Metrics
@@ -103,6 +104,7 @@ def create_app(settings: Settings | None = None, queue: JobQueue | None = None) 
     if chosen.cors_origins:
         app.add_middleware(CORSMiddleware, **cross_origin(chosen))
     app.add_middleware(Shell, settings=chosen, metrics=metrics, gate=gate)
+    app.add_middleware(Turns)
     app.add_exception_handler(HTTPException, http_error)
     app.add_exception_handler(RequestValidationError, parameter_error)
     return app

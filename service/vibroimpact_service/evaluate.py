@@ -125,6 +125,21 @@ class Answer:
 
 
 @dataclass(frozen=True, slots=True)
+class Landed:
+    """A computation that ended here: its seconds, and whether it was one at all.
+
+    It was not where an equal one had ended between the look for a result and its beginning.
+    """
+
+    solve: float
+    encode: float
+    computed: bool
+
+
+_CACHE_STATUS: Final = {"hit": "hit", "miss": "fwd=miss", "collapsed": "fwd=miss; collapsed"}
+
+
+@dataclass(frozen=True, slots=True)
 class Queued:
     """A job in place of a result."""
 
@@ -149,7 +164,7 @@ class Evaluation:
         self._files = ThreadPoolExecutor(2, "files")
         self._closing = threading.Event()
         self._waiting = 0
-        self._flights: dict[str, asyncio.Task[dict[str, float]]] = {}
+        self._flights: dict[str, asyncio.Task[Landed]] = {}
         self._shelf = Shelf(_SHELF_BYTES)
         self._large = asyncio.Semaphore(2)
         self._loading: dict[tuple[str, str], asyncio.Future[Representation | None]] = {}
@@ -441,31 +456,31 @@ class Evaluation:
         if asked.digest not in self._flights:
             await admit(assignment.plan, tasks.seconds(assignment))
         flight = self._flights.get(asked.digest)
-        self._metrics.result(asked.kind.name, "miss" if flight is None else "collapsed")
-        cache = "fwd=miss" if flight is None else "fwd=miss; collapsed"
+        shared = flight is not None
         if flight is None:
             flight = self._take_off(asked, assignment, media_type)
         # Whoever asked may go away; the others still wait.
-        seconds = await asyncio.shield(flight)
+        landed = await asyncio.shield(flight)
+        how = "collapsed" if shared else "miss" if landed.computed else "hit"
+        self._metrics.result(asked.kind.name, how)
         started = time.perf_counter()
         result = await self.result(asked.digest, media_type)
         if result is None:
             raise ProblemError(problems.UNAVAILABLE, "The result was lost as it was stored.")
-        encoded = seconds["encode"] + time.perf_counter() - started
-        return Answer(asked.digest, result, cache, {"plan": planned, **seconds, "encode": encoded})
+        encoded = landed.encode + time.perf_counter() - started
+        spent = {"plan": planned, "solve": landed.solve, "encode": encoded}
+        return Answer(asked.digest, result, _CACHE_STATUS[how], spent)
 
     def _take_off(
         self, asked: Question, assignment: tasks.Assignment, media_type: str
-    ) -> asyncio.Task[dict[str, float]]:
+    ) -> asyncio.Task[Landed]:
         flight = asyncio.create_task(self._fly(asked, assignment, media_type))
         self._flights[asked.digest] = flight
         flight.add_done_callback(lambda done: self._land(asked.digest, done))
         return flight
 
-    async def _fly(
-        self, asked: Question, assignment: tasks.Assignment, media_type: str
-    ) -> dict[str, float]:
-        def work() -> tuple[float, float, Representation | None]:
+    async def _fly(self, asked: Question, assignment: tasks.Assignment, media_type: str) -> Landed:
+        def work() -> tuple[Landed, Representation | None]:
             name, started = asked.digest, time.perf_counter()
             data = None
             if not self._store.results.has(name):
@@ -477,16 +492,19 @@ class Evaluation:
                 # Here, where the numbers are at hand; later they would be read again. It is
                 # held in memory: most are never asked for again, and need not be written twice.
                 found = representations.make(self._store, name, media_type, data, keep=False)
-            return solved - started, time.perf_counter() - solved, found
+            encoding = time.perf_counter() - solved
+            return Landed(solved - started, encoding, computed=data is not None), found
 
-        seconds, encoding, found = await self._thread(work)
+        landed, found = await self._thread(work)
         if found is not None:
             self._shelf.put(asked.digest, found)
-        methods = [step.method for step in assignment.plan.steps]
-        self._metrics.solved(asked.kind.name, methods, seconds, tasks.seconds(assignment))
-        return {"solve": seconds, "encode": encoding}
+        if landed.computed:
+            methods = [step.method for step in assignment.plan.steps]
+            planned = tasks.seconds(assignment)
+            self._metrics.solved(asked.kind.name, methods, landed.solve, planned)
+        return landed
 
-    def _land(self, name: str, flight: asyncio.Task[dict[str, float]]) -> None:
+    def _land(self, name: str, flight: asyncio.Task[Landed]) -> None:
         del self._flights[name]
         if not flight.cancelled():
             flight.exception()  # those who waited raise it; there may be none left
@@ -523,6 +541,8 @@ class Evaluation:
             return await self._thread(read)
 
     async def _thread(self, work: Callable[[], Value]) -> Value:
+        if self._closing.is_set():
+            raise ProblemError(problems.UNAVAILABLE, "The service ends.")
         if self._waiting >= self._settings.max_waiting:
             detail = f"{self._waiting} requests are waiting already."
             raise ProblemError(problems.UNAVAILABLE, detail, headers={"Retry-After": "1"})

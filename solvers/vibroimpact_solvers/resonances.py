@@ -18,6 +18,7 @@ import scipy.sparse.csgraph
 
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import Booleans, Floats, Integers, Quantity
+from vibroimpact_solvers.checks import check_outputs, check_tolerance
 from vibroimpact_solvers.errors import ModelError, PlanError
 from vibroimpact_solvers.matrices import SymmetricMatrix
 from vibroimpact_solvers.model import ChainShape, System
@@ -26,7 +27,9 @@ from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 KIND: Final = "resonances"
 OUTPUTS: Final = ("Omega", "harmonic", "part")
 
-_SILENT = 1e-12  # excitation, relative to the largest, that is only rounding
+_SILENT = 1e-12  # excitation, relative to the terms of its sum, that is only rounding
+_MIXED = 1e-6  # of neighbouring modes that rounding has at most put into one that is silent
+_ROWS = 256  # of a matrix of all pairs of modes at a time
 _METHOD: Final = "held structure"
 _EPS = float(np.finfo(np.float64).eps)
 _STATEMENT: Final = (
@@ -66,12 +69,8 @@ class Problem:
         if self.odd_max < 1:
             message = "the highest harmonic is below 1"
             raise ModelError(("odd_max",), message, code="out_of_range")
-        if self.outputs - set(OUTPUTS) or not self.outputs:
-            message = f"outputs are {', '.join(OUTPUTS)}"
-            raise ModelError(("outputs",), message, code="unknown_output")
-        if self.tolerance is not None and not 0.0 < self.tolerance < 1.0:
-            message = f"the tolerance is {self.tolerance!r}, not between 0 and 1"
-            raise ModelError(("tolerance",), message, code="out_of_range")
+        check_outputs(self.outputs, OUTPUTS)
+        check_tolerance(self.tolerance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,10 +206,28 @@ class _Part:
         push = modes.T @ self.stiff - natural.eigenvalues * (modes.T @ self.heavy)
         size = np.abs(modes.T) @ np.abs(self.stiff)
         size += np.abs(natural.eigenvalues) * (np.abs(modes.T) @ np.abs(self.heavy))
-        heard = np.abs(push) > _SILENT * size.max(initial=0.0)
+        heard = np.abs(push) > _SILENT * size + _mixed(natural, np.abs(push))
         chosen = heard & (natural.roots > 0.0)
         relative = natural.uncertainty / np.abs(natural.eigenvalues[chosen]) + natural.norms
         return np.asarray(natural.roots[chosen]), np.minimum(0.5 * relative + 4.0 * _EPS, 1.0)
+
+
+def _mixed(natural: spectrum.Spectrum, push: Floats) -> Floats:
+    """Return what errors of the modes may add to the excitation of each, shape (mode,).
+
+    An error of M or K turns modes towards others by itself over the distance of eigenvalues.
+    """
+    values, found = natural.eigenvalues, np.zeros(push.size)
+    if natural.uncertainty == natural.norms == 0.0:
+        return found
+    for start in range(0, push.size, _ROWS):
+        own = values[start : start + _ROWS, np.newaxis]
+        error = natural.uncertainty + natural.norms * np.maximum(np.abs(own), np.abs(values))
+        apart = np.maximum(np.abs(own - values), error)
+        turned = np.minimum(error / apart, _MIXED)
+        turned[own == values] = 0.0
+        found[start : start + _ROWS] = turned @ push
+    return found
 
 
 def _parts(problem: Problem) -> Iterator[_Part]:

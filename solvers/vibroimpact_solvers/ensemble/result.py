@@ -7,18 +7,11 @@ from typing import Annotated
 
 from vibroimpact_solvers.arrays import Floats, Integers, Quantity
 from vibroimpact_solvers.sweep import STATUSES
+from vibroimpact_solvers.time_history import tables
 
 
 def _member(unit: str, name: str, path: str = "") -> Quantity:
     return Quantity(("member",), unit, name, path=path)
-
-
-def _impact(unit: str, name: str, column: str) -> Quantity:
-    return Quantity(("impact",), unit, name, path=f"impacts/{column}")
-
-
-def _contact(unit: str, name: str, column: str) -> Quantity:
-    return Quantity(("contact",), unit, name, path=f"contacts/{column}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,52 +43,23 @@ class Result:
         Quantity(("member",), "1", "rows of impacts of each member", rows_of="impact"),
     ]
     impact_offset: Annotated[Integers | None, _member("1", "first row of impacts of each member")]
-    impact_time: Annotated[Floats | None, _impact("time", "time of the impact", "time")]
-    impact_constraint: Annotated[
-        Integers | None, _impact("1", "index of the constraint", "constraint")
-    ]
-    impact_side: Annotated[
-        Integers | None, _impact("1", "wall: 1 the upper, -1 the lower one", "side")
-    ]
-    impact_velocity: Annotated[
-        Floats | None,
-        _impact("length time-1", "velocity of the coordinate before the impact", "velocity"),
-    ]
-    impact_impulse: Annotated[
-        Floats | None, _impact("mass length time-1", "impulse on the structure", "impulse")
-    ]
-    impact_condition: Annotated[
-        Floats | None,
-        _impact(
-            "1", "error of the state relative to it, in units of the rounding 2^-52", "condition"
-        ),
-    ]
+    impact_time: tables.ImpactTime
+    impact_constraint: tables.ImpactConstraint
+    impact_side: tables.ImpactSide
+    impact_velocity: tables.ImpactVelocity
+    impact_impulse: tables.ImpactImpulse
+    impact_condition: tables.ImpactCondition
     contact_count: Annotated[
         Integers | None,
         Quantity(("member",), "1", "rows of contacts of each member", rows_of="contact"),
     ]
     contact_offset: Annotated[Integers | None, _member("1", "first row of contacts of each member")]
-    contact_start: Annotated[
-        Floats | None, _contact("time", "time of the last impact listed before it", "start")
-    ]
-    contact_rest: Annotated[
-        Floats | None, _contact("time", "time at which the coordinate comes to rest", "rest")
-    ]
-    contact_stop: Annotated[
-        Floats | None, _contact("time", "time of release, or the end of the motion", "stop")
-    ]
-    contact_constraint: Annotated[
-        Integers | None, _contact("1", "index of the constraint", "constraint")
-    ]
-    contact_side: Annotated[
-        Integers | None, _contact("1", "wall: 1 the upper, -1 the lower one", "side")
-    ]
-    contact_impulse: Annotated[
-        Floats | None,
-        _contact(
-            "mass length time-1", "impulse of the wall on the structure, rest to stop", "impulse"
-        ),
-    ]
+    contact_start: tables.ContactStart
+    contact_rest: tables.ContactRest
+    contact_stop: tables.ContactStop
+    contact_constraint: tables.ContactConstraint
+    contact_side: tables.ContactSide
+    contact_impulse: tables.ContactImpulse
     count_impacts: Annotated[Integers, _member("1", "number of impacts", "count/impacts")]
     count_grazings: Annotated[
         Integers, _member("1", "touches of a wall without an impulse", "count/grazings")

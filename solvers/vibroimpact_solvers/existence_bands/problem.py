@@ -10,6 +10,7 @@ import numpy as np
 
 from vibroimpact_solvers import impact_modes as modes
 from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.checks import check_outputs
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import System
 
@@ -58,9 +59,7 @@ class Problem:
         if not self.start < self.stop:
             message = "the range is empty: stop must be above start"
             raise ModelError(("frequency", "stop"), message, code="empty_grid")
-        if self.outputs - set(OUTPUTS) or not self.outputs:
-            message = f"outputs are {', '.join(OUTPUTS)}"
-            raise ModelError(("outputs",), message, code="unknown_output")
+        check_outputs(self.outputs, OUTPUTS)
         if self.tolerance is not None and not FINEST <= self.tolerance < 0.1:
             message = f"the tolerance of edges is {self.tolerance!r}, not in [{FINEST:g}, 0.1)"
             raise ModelError(("tolerance",), message, code="out_of_range")

@@ -41,9 +41,12 @@ class MixedFamily:
         """Return the total energies, shape (frequency,)."""
         return self.modal.energy(motion)
 
-    def orbits(self, motion: Amplitudes) -> Orbits:
-        """Return the motion as far as its stability depends on it."""
-        return self.modal.orbits(motion)
+    def orbits(self, motion: Amplitudes, error: Floats) -> Orbits:
+        """Return the motion as far as its stability depends on it.
+
+        The error is the relative one of the motion, shape (frequency,).
+        """
+        return self.modal.orbits(motion, error)
 
     def check(
         self, motion: Amplitudes, error: Floats, problem: Problem, excess: float

@@ -107,8 +107,11 @@ class ModalFamily:
         """Return the total energies, shape (frequency,)."""
         return families.energies(self.roots, self.load, motion.omega, motion.D, motion.U)
 
-    def orbits(self, motion: Amplitudes) -> Orbits:
-        """Return the motion as far as its stability depends on it."""
+    def orbits(self, motion: Amplitudes, error: Floats) -> Orbits:
+        """Return the motion as far as its stability depends on it.
+
+        The error is the relative one of the motion, shape (frequency,).
+        """
         omega, D, U = motion.omega, motion.D, motion.U
 
         def side(tau: float, struck: tuple[int, ...]) -> Side:
@@ -123,7 +126,19 @@ class ModalFamily:
             lower=side(-1.0, self.family.lower),
             mirrored=self.family.kind is Kind.ODD,
             silent=np.delete(self.spectrum.roots, self.heard),
+            drift=self._drift(),
+            spoilt=self.spectrum.norms + _EPS,
+            error=error,
         )
+
+    def _drift(self) -> Floats:
+        """Return the errors of the natural frequencies that are heard, roundings apart."""
+        squares = np.square(self.roots)
+        errors = self.spectrum.uncertainty + self.spectrum.norms * squares
+        errors[self.roots == 0.0] = 0.0
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slope = np.where(errors > 0.0, 0.5 * errors / np.abs(self.roots), 0.0)
+        return np.asarray(np.minimum(slope, np.sqrt(errors)))
 
     def check(
         self, motion: Amplitudes, error: Floats, problem: Problem, excess: float

@@ -30,6 +30,7 @@ ALWAYS_MODAL: Final = 256
 """Degrees of freedom up to which natural modes are always worth finding."""
 
 _MANY = 1000  # frequencies among which what all of them share does not count
+_CROWD = 64  # harmonics per degree of freedom beyond which all cells are touched
 
 
 class Impulse(StrEnum):
@@ -103,6 +104,12 @@ def _modal_steps(problem: Problem, family: Family) -> Iterator[Step]:
             "structures"
         )
         raise PlanError(message)
+    if "stability" in problem.outputs and system.n > stability.LARGEST:
+        message = (
+            f"stability needs the multipliers of a map of {2 * system.n} deviations, more than "
+            f"{2 * stability.LARGEST}: leave the output out"
+        )
+        raise PlanError(message)
     yield spectrum.step(system, method)
     yield _impulse_step(problem, family)
     if problem.outputs & {"exists", "reason", "stability"}:
@@ -126,8 +133,8 @@ def _modal_steps(problem: Problem, family: Family) -> Iterator[Step]:
         yield Step(Stage.ENERGY, "modal sum", reason, 40.0 * points * system.n, 8.0 * points)
     if "stability" in problem.outputs and _impacts_commute(problem):
         reason = "multipliers of the map over half a period, from saltation matrices"
-        flops = 25.0 * points * (2.0 * system.n) ** 3
-        yield Step(Stage.STABILITY, "half-period map", reason, flops, 8.0 * points)
+        flops = 50.0 * points * (2.0 * system.n) ** 3
+        yield Step(Stage.STABILITY, "half-period map", reason, flops, 16.0 * points)
 
 
 def has_all_modes(plan: Plan) -> bool:
@@ -142,9 +149,8 @@ def _direct_steps(problem: Problem) -> Iterator[Step]:
     partial = _partial_step(problem)
     if partial is not None:
         yield partial
-    limits = [receptance.truncation(bound, w, receptance.IMPULSES) for w in problem.fundamental]
-    harmonics = sum(limit.harmonics for limit in limits)
-    terms = max(limit.terms for limit in limits)
+    needed, depths, _ = receptance.truncations(bound, problem.fundamental, receptance.IMPULSES)
+    harmonics, terms = float(needed.sum()), int(depths.max())
     reason = f"no natural modes: {terms} powers of the structure bounded by Omega_N <= {bound:.4g}"
     if harmonics and partial is None:
         reason += f" and {harmonics / points:.1f} harmonics solved at each frequency"
@@ -247,40 +253,57 @@ def _products_flops(problem: Problem) -> float:
 
 
 def _factorized_flops(problem: Problem) -> float:
-    return _wave_frequencies(problem).size * _factor_flops(problem.system)
+    return _wave_count(problem) * _factor_flops(problem.system)
+
+
+def _wave_count(problem: Problem) -> float:
+    """Return at how many frequencies the structure is driven, for all members."""
+    orders = _orders(problem).size if "harmonics" in problem.outputs else 0
+    return float(_harmonics(problem).sum()) + orders * problem.omega.size
+
+
+def _harmonics(problem: Problem) -> Floats:
+    """Return how many harmonics of each member are solved for."""
+    bound = spectrum.largest_frequency(problem.system)
+    return receptance.truncations(bound, problem.fundamental, receptance.IMPULSES)[0]
+
+
+def _orders(problem: Problem) -> Floats:
+    return np.arange(1.0, problem.highest_harmonic + 1.0, 2.0)
 
 
 def _wave_frequencies(problem: Problem) -> Floats:
     """Return the frequencies at which the structure is driven, of all members."""
-    bound = spectrum.largest_frequency(problem.system)
-    limits = [receptance.truncation(bound, w, receptance.IMPULSES) for w in problem.fundamental]
-    found = [
-        w * np.arange(1.0, 2.0 * limit.harmonics, 2.0)
-        for w, limit in zip(problem.fundamental, limits, strict=True)
-    ]
+    counts = _harmonics(problem).astype(np.int64)
+    first = np.cumsum(counts) - counts
+    odd = 2.0 * (np.arange(counts.sum()) - np.repeat(first, counts)) + 1.0
+    found = np.repeat(problem.fundamental, counts) * odd
     if "harmonics" in problem.outputs:
-        orders = np.arange(1.0, problem.highest_harmonic + 1.0, 2.0)
-        found.append(np.outer(problem.fundamental, orders).ravel())
-    return np.concatenate(found)
+        asked = np.outer(problem.fundamental, _orders(problem)).ravel()
+        return np.concatenate([found, asked])
+    return found
 
 
 def _partial_step(problem: Problem, *, at_any_price: bool = False) -> Step | None:
     """Return the step that finds modes around the harmonics, None where solving costs less."""
     system = problem.system
-    frequencies = _wave_frequencies(problem)
-    if system.n <= ALWAYS_MODAL or not frequencies.size:
+    waves = _wave_count(problem)
+    if system.n <= ALWAYS_MODAL or not waves:
         return None
     bound, reach = spectrum.largest_frequency(system), receptance.Reach.of(problem.tolerance)
-    cells = receptance.touched(system.n, bound, frequencies)
+    if waves > _CROWD * system.n:
+        cells = -(-system.n // receptance.MODES)
+    else:
+        cells = receptance.touched(system.n, bound, _wave_frequencies(problem))
     kept, each = receptance.MODES * reach.factor, cell_flops(problem)
-    if not at_any_price and cells * each > frequencies.size * _factor_flops(system):
+    if not at_any_price and cells * each > waves * _factor_flops(system):
         return None
     places = problem.wanted_dofs.size if any(_displacements(problem)) else 0
     places += len(problem.system.constraints)
     size = 8.0 * cells * places * (kept + reach.terms * len(problem.active))
     reason = (
         f"few of {system.n} natural modes matter: about {kept} around each of {cells} cells in "
-        f"which {frequencies.size} harmonics lie, none missed by the inertia of factors; the "
+        f"which {waves:.0f} harmonics lie, none missed by the inertia of factors; the "
         f"others by their static correction in the cell and {reach.terms - 1} accelerations"
     )
     return Step(Stage.SPECTRUM, receptance.METHOD, reason, cells * each, size, cells)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import copy
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from vibroimpact_solvers.arrays import Booleans, Floats, Integers
+from vibroimpact_solvers.checks import check_indices, check_outputs, check_tolerance
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.kernels.phases import conversion_rests
 from vibroimpact_solvers.model import RANGE, Constraint, System, within_range
@@ -113,8 +114,8 @@ class Problem:
         for name, value in completed.items():
             object.__setattr__(self, name, value)
         self._check_frequencies()
-        self._check_indices("active", self.active, count)
-        self._check_indices("dofs", self.wanted_dofs.tolist(), self.system.n)
+        check_indices("active", np.array(self.active, dtype=np.int64), count)
+        check_indices("dofs", self.wanted_dofs, self.system.n)
         self._check_outputs()
 
     def _check_frequencies(self) -> None:
@@ -130,26 +131,14 @@ class Problem:
             message = "impact modes need a constraint"
             raise ModelError(("system", "constraints"), message, code="no_constraint")
 
-    def _check_indices(self, name: str, indices: Sequence[int], limit: int) -> None:
-        for place, index in enumerate(indices):
-            if not 0 <= index < limit:
-                message = f"{index} is not below {limit}"
-                raise ModelError((name, place), message, code="index_out_of_range")
-        if len(set(indices)) != len(indices):
-            raise ModelError((name,), "an index is given twice", code="duplicate_index")
-
     def _check_outputs(self) -> None:
-        if self.outputs - set(OUTPUTS) or not self.outputs:
-            message = f"outputs are {', '.join(OUTPUTS)}"
-            raise ModelError(("outputs",), message, code="unknown_output")
+        check_outputs(self.outputs, OUTPUTS)
         if "waveform" in self.outputs and self.times.size == 0:
             message = "the waveform needs the triangle-wave times tau"
             raise ModelError(("tau",), message, code="missing_tau")
         if not (np.abs(self.times) <= 1.0).all():
             raise ModelError(("tau",), "tau is in [-1, 1]", code="tau_out_of_range")
-        if self.tolerance is not None and not 0.0 < self.tolerance < 1.0:
-            message = f"the tolerance is {self.tolerance!r}, not between 0 and 1"
-            raise ModelError(("tolerance",), message, code="out_of_range")
+        check_tolerance(self.tolerance)
         if self.highest_harmonic < 0:
             message = "the highest harmonic is negative"
             raise ModelError(("highest_harmonic",), message, code="out_of_range")
@@ -179,11 +168,10 @@ class Problem:
 
     def slice(self, start: int, stop: int) -> Problem:
         """Return the same problem at some of its frequencies."""
-        assert self.rests is not None
-        some = slice(start, stop)
-        return replace(
-            self, omega=self.omega[some], Omega=self.fundamental[some], rests=self.rests[some]
-        )
+        some, found = slice(start, stop), copy.copy(self)
+        for name in ("omega", "Omega", "rests"):
+            object.__setattr__(found, name, getattr(self, name)[some])
+        return found
 
     @property
     def frequencies(self) -> Frequencies:

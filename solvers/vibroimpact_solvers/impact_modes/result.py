@@ -134,6 +134,15 @@ class Result:
             path="error/condition",
         ),
     ]
+    stability_error: Annotated[
+        Floats | None,
+        Quantity(
+            ("frequency",),
+            "1",
+            "estimated relative error of the spectral radius",
+            path="error/stability",
+        ),
+    ]
     within_tolerance: Annotated[
         Booleans | None,
         Quantity(

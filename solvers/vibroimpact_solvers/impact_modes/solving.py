@@ -43,6 +43,10 @@ _STATEMENT = (
     "estimate: what roundings in the natural frequencies, the modes and the walls change, to "
     "first order, relative to the largest impulse of the member"
 )
+_RADII = (
+    "; of stability: bounds of what roundings and errors of natural frequencies and motion do to "
+    "the half-period map, to first order in its multipliers"
+)
 _DIRECT = (
     "estimate: what roundings in the natural frequencies change, to first order, and the bound "
     "of the truncated series, relative to the largest impulse of the member"
@@ -207,7 +211,8 @@ class Members:
             found["exists"] = reason == Reason.OK if "exists" in outputs else None
             found["reason"] = reason if "reason" in outputs else None
             if "stability" in outputs:
-                found["stability"] = self._growth(reason == Reason.OK, motion)
+                exists, error = reason == Reason.OK, np.minimum(impulses.error, 1.0)
+                found["stability"], found["stability_error"] = self._growth(exists, motion, error)
         if self.plan.step(Stage.SHAPE):
             found["shape"] = self.evaluator.displacements(motion, _ONE, dofs)[:, 0]
         if self.plan.step(Stage.WAVEFORM):
@@ -224,7 +229,7 @@ class Members:
 
     def _statement(self) -> str:
         if has_all_modes(self.plan):
-            return _STATEMENT
+            return _STATEMENT + (_RADII if self.plan.step(Stage.STABILITY) else "")
         return _PARTIAL if self.plan.step(Stage.SPECTRUM) else _DIRECT
 
     def walks(self, problem: Problem, reason: Integers) -> Booleans:
@@ -262,14 +267,15 @@ class Members:
         decided = np.where(reason == Reason.NEGATIVE_IMPULSE, pulls, decided)
         return np.asarray((impulses.error < _CERTAIN) & decided)
 
-    def _growth(self, exists: Booleans, motion: Any) -> Floats:
-        """Return the spectral radii of the half-period maps, nan where there is no motion."""
-        radii = np.full(exists.size, np.nan)
+    def _growth(self, exists: Booleans, motion: Any, error: Floats) -> tuple[Floats, Floats]:
+        """Return spectral radii of the half-period maps and errors, nan without a motion."""
+        radii, errors = np.full((2, exists.size), np.nan)
         if exists.any() and self.plan.step(Stage.STABILITY):
             # No plan wants stability without natural modes.
             assert isinstance(self.evaluator, ModalFamily | MixedFamily)
-            radii[exists] = stability.radii(self.evaluator.orbits(motion.at(exists)))
-        return radii
+            orbits = self.evaluator.orbits(motion.at(exists), error[exists])
+            radii[exists], errors[exists] = stability.growth(orbits)
+        return radii, errors
 
     def signs(self, problem: Problem, impulses: Impulses) -> Integers:
         """Return the reasons that impulses and pre-impact velocities give."""

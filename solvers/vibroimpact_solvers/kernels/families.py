@@ -28,7 +28,8 @@ import math
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats, Integers
-from vibroimpact_solvers.kernels.jit import kernel
+from vibroimpact_solvers.kernels.jit import fma, inline, kernel
+from vibroimpact_solvers.kernels.phases import LARGEST, sine_cosine
 from vibroimpact_solvers.kernels.triangle_time import (
     cosine,
     even_response,
@@ -52,12 +53,12 @@ _RIGID = 1e-200
 _UNCERTAIN = 1e-6
 
 
-@kernel
-def is_near(parity: int, mu: float) -> bool:
-    """Whether the odd (0) or even (1) response may be large at this mu."""
+@inline
+def _is_near(parity: int, mu: float, sine: float, cosine: float) -> bool:
+    """Whether the odd (0) or even (1) response may be large at this mu, and sine and cosine."""
     if parity == 0:
-        return mu > 0.0 and abs(math.cos(math.sqrt(mu))) < _NEAR
-    return abs(mu) < _NEAR or (mu > 0.0 and abs(math.sin(math.sqrt(mu))) < _NEAR)
+        return bool(mu > 0.0 and abs(cosine) < _NEAR)
+    return bool(abs(mu) < _NEAR or (mu > 0.0 and abs(sine) < _NEAR))
 
 
 @kernel
@@ -74,26 +75,31 @@ def _add(
     S: Floats,
     dS: Floats,
     right: Floats,
-    column: Floats,
+    rows: Floats,
+    j: int,
     parity: int,
     mu: float,
     rest: float,
     dmu: float,
+    turn: tuple[float, float],
     static: float,
     noise: float,
 ) -> None:
-    """Sum the response of one mode into the matrix, its wobble and the right-hand side."""
-    value, slope = odd_response(mu) if parity == 0 else even_response(mu)
+    """Sum the response of mode j into the matrix, its wobble and the right-hand side.
+
+    turn is the sine and the cosine of its gamma.
+    """
+    value, slope = _response(parity, mu, turn[0], turn[1])
     value += slope * rest
     change = abs(slope) * dmu + noise * abs(value)
-    for i in range(column.size):
-        for k in range(column.size):
-            product = column[i] * column[k]
+    for i in range(rows.shape[0]):
+        for k in range(rows.shape[0]):
+            product = rows[i, j] * rows[k, j]
             S[i, k] += product * value
             dS[i, k] += abs(product) * change
         if parity == 1:
             for k in range(right.shape[1]):
-                right[i, k] -= column[i] * static / mu
+                right[i, k] -= rows[i, j] * static / mu
 
 
 @kernel
@@ -175,35 +181,39 @@ def _inverse(matrix: Floats) -> tuple[Floats, bool]:
 
 
 @kernel
-def _remainder(quotient: float, divisor: float, dividend: float) -> float:
-    """Return ``(dividend - quotient divisor)/dividend`` without rounding the product."""
-    split = 134217729.0  # 2^27 + 1: halves a number into two of 26 bits
-    high = split * quotient
-    a = high - (high - quotient)
-    high = split * divisor
-    b = high - (high - divisor)
-    product = quotient * divisor
-    lost = ((a * b - product) + a * (divisor - b) + (quotient - a) * b) + (quotient - a) * (
-        divisor - b
-    )
-    return ((dividend - product) - lost) / dividend
-
-
-@kernel
 def _scaled(
     roots: Floats, rests: Floats, omega: float, rest: float, uncertainty: float, norms: float
-) -> tuple[Floats, Floats, Floats]:
-    """Return mu of all modes, what rounding took from it, and how uncertain it is."""
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return mu of all modes, what rounding took from it, and how uncertain it is.
+
+    And the sines and cosines of their gamma, shape (2, mode), which mean nothing where mu is
+    negative: one vector loop, as calls for one mode after the other would take most of the time.
+    """
     mu, missing, doubt = np.empty(roots.size), np.empty(roots.size), np.empty(roots.size)
+    turn, largest = np.empty((2, roots.size)), 0.0
     for j in range(roots.size):
         gamma = roots[j] / omega
         mu[j] = gamma * abs(gamma)
-        missing[j] = 0.0
-        if mu[j] != 0.0:
-            lost = _remainder(gamma, omega, roots[j]) + rests[j] - rest
-            missing[j] = 2.0 * mu[j] * lost
+        root = roots[j] if roots[j] != 0.0 else 1.0
+        missing[j] = 2.0 * mu[j] * (fma(-gamma, omega, roots[j]) / root + rests[j] - rest)
         doubt[j] = (_EPS + norms) * abs(mu[j]) + uncertainty / (omega * omega)
-    return mu, missing, doubt
+    for j in range(roots.size):
+        turn[0, j], turn[1, j] = sine_cosine(math.sqrt(abs(mu[j])), 0.0)
+        largest = max(largest, mu[j])
+    if largest > LARGEST * LARGEST:
+        for j in range(roots.size):
+            gamma = math.sqrt(abs(mu[j]))
+            turn[0, j], turn[1, j] = math.sin(gamma), math.cos(gamma)
+    return mu, missing, doubt, turn
+
+
+@inline
+def _response(parity: int, mu: float, sine: float, cosine: float) -> tuple[float, float]:
+    """Return the odd or even response and its derivative from the sine and cosine of gamma."""
+    if mu < 1e-3:
+        return odd_response(mu) if parity == 0 else even_response(mu)
+    value = (sine / cosine if parity == 0 else -cosine / sine) / math.sqrt(mu)
+    return value, (1.0 + mu * value * value - value) / (2.0 * mu)
 
 
 @kernel
@@ -211,6 +221,7 @@ def _loud(
     mu: Floats,
     rest: Floats,
     dmu: Floats,
+    turn: Floats,
     odd: Floats,
     even: Floats,
     load: Floats,
@@ -247,8 +258,9 @@ def _loud(
             loudest = max(loudest, abs(S[i, i]))
         if loudness[k] < np.inf and (quiet or loudness[k] <= _LOUD * loudest or loudest == 0.0):
             j, parity = near[k] // 2, near[k] % 2
-            column = odd[:, j] if parity == 0 else even[:, j]
-            _add(S, dS, right, column, parity, mu[j], rest[j], dmu[j], load[j] / share, noise)
+            rows, static = odd if parity == 0 else even, load[j] / share
+            both = turn[0, j], turn[1, j]
+            _add(S, dS, right, rows, j, parity, mu[j], rest[j], dmu[j], both, static, noise)
         else:
             bordered[kept] = near[k]
             kept += 1
@@ -260,6 +272,7 @@ def _system(
     mu: Floats,
     rest: Floats,
     dmu: Floats,
+    turn: Floats,
     odd: Floats,
     even: Floats,
     load: Floats,
@@ -285,14 +298,14 @@ def _system(
         if rows.shape[0] == 0:
             continue
         for j in range(modes):
-            if is_near(parity, mu[j]):
+            both = turn[0, j], turn[1, j]
+            if _is_near(parity, mu[j], both[0], both[1]):
                 near[count] = 2 * j + parity
                 count += 1
             else:
-                _add(
-                    S, dS, right, rows[:, j], parity, mu[j], rest[j], dmu[j], load[j] / share, noise
-                )
-    near = _loud(mu, rest, dmu, odd, even, load, share, noise, near[:count], S, dS, right)
+                static = load[j] / share
+                _add(S, dS, right, rows, j, parity, mu[j], rest[j], dmu[j], both, static, noise)
+    near = _loud(mu, rest, dmu, turn, odd, even, load, share, noise, near[:count], S, dS, right)
     size = nz + near.size
     A, dA = np.zeros((size, size)), np.zeros((size, size))
     b = np.zeros((size, walls.shape[0]))
@@ -308,6 +321,7 @@ def _system(
 def _amplitudes(
     mu: Floats,
     rest: Floats,
+    turn: Floats,
     rows: Floats,
     load: Floats,
     omega: float,
@@ -326,7 +340,7 @@ def _amplitudes(
         if parity == 0:
             unit[j] = force
             if mu[j] > 0.0 and force != 0.0:
-                unit[j] = force / (cosine(mu[j]) - 0.5 * sine(mu[j]) * rest[j])
+                unit[j] = force / (turn[1, j] - 0.5 * (turn[0, j] / math.sqrt(mu[j])) * rest[j])
         elif mu[j] <= -1.0:
             value, _ = even_response(mu[j])
             unit[j] = force * value
@@ -395,9 +409,9 @@ def members(
     """
     nz = walls.shape[1]
     for f in range(omega.size):
-        mu, rest, dmu = _scaled(roots, rests, omega[f], omega_rests[f], uncertainty, norms)
+        mu, rest, dmu, turn = _scaled(roots, rests, omega[f], omega_rests[f], uncertainty, norms)
         A, dA, right, near = _system(
-            mu, rest, dmu, odd, even, load, walls, omega[f], share, 2.0 * _EPS + norms
+            mu, rest, dmu, turn, odd, even, load, walls, omega[f], share, 2.0 * _EPS + norms
         )
         inverse, sound = _inverse(A)
         for s in range(walls.shape[0]):
@@ -414,9 +428,9 @@ def members(
             size = np.dot(dA, np.abs(v)) + 2.0 * _EPS * np.abs(b)
             error[s, f] = np.dot(np.abs(inverse), size)[:nz]
             if D.shape[2] > 0:
-                _amplitudes(mu, rest, odd, load, omega[f], share, 0, v[:nz], D[s, f])
+                _amplitudes(mu, rest, turn, odd, load, omega[f], share, 0, v[:nz], D[s, f])
             if U.shape[2] > 0:
-                _amplitudes(mu, rest, even, load, omega[f], share, 1, v[:nz], U[s, f])
+                _amplitudes(mu, rest, turn, even, load, omega[f], share, 1, v[:nz], U[s, f])
             for k in range(near.size):
                 j = near[k] // 2
                 place = v[nz + k] * share / (omega[f] * omega[f])

@@ -162,7 +162,7 @@ def _search(
             B = bound(F, split, forms, sizes, i, near, 0, size, 0, ORDER, ahead)
             room = min(walls[0, i] + walls[1, i], grain[i] / GRAIN)
             H = min(horizon(B, _COARSE * room), min(ahead, best))
-            h, met = first_passage(d, B, H, above, below, roots)
+            h, met = first_passage(d, B, H, above, below, roots, 2.0 * _EXACT * grain[i])
             if h < best or (met != 0 and who < 0):
                 best, side, rest = h, met, remainder(B, h)
                 who = i if met != 0 else -1

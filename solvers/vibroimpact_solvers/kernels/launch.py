@@ -7,7 +7,7 @@ would last longer than the motion. Made for many motions of one structure, in se
 from __future__ import annotations
 
 from vibroimpact_solvers.arrays import Floats, Integers
-from vibroimpact_solvers.kernels.flight import begin, fly
+from vibroimpact_solvers.kernels.flight import begin, fly, spread
 from vibroimpact_solvers.kernels.jit import kernel
 from vibroimpact_solvers.kernels.modal import motion_of, state_of
 
@@ -19,7 +19,7 @@ REFUSED = -1
 def launch(
     x: Floats,
     v: Floats,
-    scale: float,
+    settings: Floats,
     weighted: Floats,
     normal: Floats,
     place: Integers,
@@ -47,8 +47,10 @@ def launch(
     samples: Floats,
     xs: Floats,
     vs: Floats,
-) -> int:
-    """Follow a motion and return why it stopped, as `kernels.flight.fly` does, or `REFUSED`.
+    numbers: Floats,
+    places: Integers,
+) -> tuple[int, int, int, int, float, float]:
+    """Follow a motion and tell why it stopped, and what became of it.
 
     Where it stops before its end, all that `fly` needs to go on is in its arguments.
 
@@ -56,25 +58,54 @@ def launch(
     ----------
     x, v : array, shape (dof,)
         Initial displacements and velocities.
-    scale : float
-        What turns velocities in units of the pairs into those of x and v.
+    settings : array, shape (5,)
+        What turns velocities in units of the pairs into those of x and v; then the end, the
+        longest expansion, the shortest time of chatter and the most expansions (`fly`).
     weighted, normal, place, W, limits, shapes, dofs : array
         See `kernels.modal`.
     F, split, forms, sizes, walls, mobility, noise, drifts, bends, own, wanted : array
         See `kernels.flight.fly`.
     Z, clock, counts, at, where, what, samples : array
-        See `kernels.flight.fly`; Z is zero, and so is what `fly` would find in the others but
-        for the end and the limits of the run.
+        See `kernels.flight.fly`; what they hold before does not matter.
     xs, vs : array, shape (time, dof)
         The history at the wanted times, filled in at the end.
+    numbers : array, shape (4, row)
+        Filled in at the end, of every impact: time, velocity before it, impulse, deviations.
+    places : array of int, shape (2, row)
+        The same: constraint and side.
+
+    Returns
+    -------
+    stop : int
+        As of `kernels.flight.fly`, or `REFUSED`.
+    rows, grazings, expansions : int
+    penetration, growth : float
+        Largest distance between a wall and the place of an impact at it; the largest of the
+        deviations, at least 1.
     """
+    scale = settings[0]
+    Z[:] = 0.0
+    clock[:] = 0.0
+    clock[2], clock[3], clock[4] = settings[1], settings[2], settings[3]
+    counts[:] = 0
+    counts[3] = int(settings[4])
     if not state_of(x, v, 1.0 / scale, weighted, normal, place, W, limits, Z):
-        return REFUSED
+        return REFUSED, 0, 0, 0, 0.0, 0.0
     begin(Z, noise, own, clock)
     stop = fly(
         F, split, forms, sizes, walls, mobility, Z, noise, drifts, bends, own, clock, counts, at,
         where, what, wanted, samples,
     )  # fmt: skip
-    if stop == 0 and wanted.size > 0:
-        motion_of(samples[: wanted.size], scale, shapes, dofs, normal, place, xs, vs)
-    return int(stop)
+    rows, growth = counts[0], 1.0
+    if stop == 0:
+        if wanted.size > 0:
+            motion_of(samples[: wanted.size], scale, shapes, dofs, normal, place, xs, vs)
+        growth = max(growth, spread(Z, own, clock[7]))
+        for row in range(rows):
+            numbers[0, row] = (at[row, 0] + at[row, 1]) / scale
+            numbers[1, row], numbers[2, row] = what[row, 0] * scale, what[row, 1] * scale
+            numbers[3, row] = what[row, 2]
+            places[0, row], places[1, row] = where[row, 0], where[row, 1]
+            if not what[row, 2] <= growth:
+                growth = what[row, 2]
+    return stop, rows, counts[8], counts[2], clock[6], growth

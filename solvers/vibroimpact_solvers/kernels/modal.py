@@ -11,6 +11,9 @@ import numpy as np
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels.jit import kernel
 
+SMALLEST, LARGEST = 1e-100, 1e100
+"""Magnitudes of numbers whose squares double precision can do with."""
+
 
 @kernel
 def state_of(
@@ -24,7 +27,7 @@ def state_of(
     limits: Floats,
     Z: Floats,
 ) -> bool:
-    """Fill in the state Z[0] and return whether it is finite and within the limits.
+    """Fill in the state Z[0] and return whether it is finite, within range and the limits.
 
     Parameters
     ----------
@@ -46,12 +49,17 @@ def state_of(
     """
     n, modes = weighted.shape
     q, rate, checked = np.zeros(modes), np.zeros(modes), 0.0
+    far, fast = 0.0, 0.0
     for i in range(n):
         a, b = x[i], unit * v[i]
         checked += 0.0 * a + 0.0 * b
+        far, fast = max(far, abs(x[i])), max(fast, abs(v[i]))
         for j in range(modes):
             q[j] += a * weighted[i, j]
             rate[j] += b * weighted[i, j]
+    for largest in (far, fast):
+        if largest != 0.0 and not SMALLEST <= largest <= LARGEST:
+            return False
     for j in range(modes):
         moved = q[j] - normal[0, j]
         Z[0, 0, place[j]] = moved * normal[1, j]

@@ -44,7 +44,7 @@ def near_passage(d: Floats, bound: float, above: float, below: float) -> tuple[f
 
     They do where the coordinate runs straight to a wall.
     """
-    h = _straight(d, bound, math.inf, above, below, LOW)
+    h = _straight(d, bound, math.inf, above, below, LOW, math.inf)
     return h, (1 if d[1] > 0.0 else -1)
 
 
@@ -71,7 +71,13 @@ def remainder(bound: float, h: float) -> float:
 
 @kernel
 def first_passage(
-    d: Floats, bound: float, H: float, above: float, below: float, work: Floats
+    d: Floats,
+    bound: float,
+    H: float,
+    above: float,
+    below: float,
+    work: Floats,
+    fine: float = math.inf,
 ) -> tuple[float, int]:
     """Return a time before which no wall is passed, and at which wall it was found.
 
@@ -87,6 +93,9 @@ def first_passage(
         Distances to the upper and lower wall, infinite where there is none; zero for a wall
         that is just being left (its derivative points away).
     work : array, shape (DEPTH + 5, DEPTH + 2)
+    fine : float
+        Remainder of the last expansion before a wall. The time that one with a larger remainder
+        yields need not be the latest, as another one follows.
 
     Returns
     -------
@@ -95,7 +104,7 @@ def first_passage(
     side : int
         1 upper, -1 lower, 0 none.
     """
-    h = _straight(d, bound, H, above, below, ORDER)
+    h = _straight(d, bound, H, above, below, ORDER, fine)
     if h >= 0.0:
         return h, (0 if h >= H else (1 if d[1] > 0.0 else -1))
     c, b = work[0], work[1]
@@ -129,42 +138,41 @@ def first_passage(
 
 
 @inline
-def _straight(d: Floats, bound: float, H: float, above: float, below: float, order: int) -> float:
-    """Return the first passage where y runs straight to a wall: H if it is later, -1 if unsure.
+def _straight(
+    d: Floats, bound: float, H: float, above: float, below: float, order: int, fine: float
+) -> float:
+    """Return a time before which no wall is passed where y runs to one only, -1 if unsure.
 
-    While the higher derivatives cannot halve the velocity, y moves towards that wall only and
-    is there before ``2 room / |y'|``.
+    It is H where y does not get there before. While the terms that slow y down, each at its
+    largest, leave it a velocity of its sign, y moves towards that wall only, and so does the
+    envelope: how far that is beyond the wall, over that velocity, is no less than how late a time
+    is. fine is that of `first_passage`.
     """
     speed, room = abs(d[1]), (above if d[1] > 0.0 else below)
-    if not 2.0 * room < speed * 1e300:
-        return -1.0
-    h = min(H, 2.0 * room / speed)
-    power, changes = h, 0.0
-    for k in range(2, order):
-        changes += abs(d[k]) * power * _FACTORIALS[k - 1]
-        power *= h
-    changes += bound * power * _FACTORIALS[order - 1]
-    if not changes <= 0.5 * speed:
+    if not room < speed * 1e300:
         return -1.0
     sign = 1.0 if d[1] > 0.0 else -1.0
     rest = bound * _FACTORIALS[order]
-    t = min(h, room / speed)
-    for _ in range(30):
-        # y / t and its slope: two short chains of products.
-        value, slope = rest, 0.0
+    t, step = min(H, room / speed), 0.0
+    for _ in range(12):
+        # y / t, its slope, and the least velocity until t: three short chains of products.
+        value, slope, least = rest, 0.0, -order * rest
         for k in range(order - 1, 0, -1):
+            term = sign * d[k] * _FACTORIALS[k]
             slope = fma(slope, t, value)
-            value = fma(value, t, sign * d[k] * _FACTORIALS[k])
+            value = fma(value, t, term)
+            least = fma(least, t, k * (term if k == 1 else min(term, 0.0)))
         slope = fma(slope, t, value)
-        value *= t
-        step = (value - room) / slope
-        t -= step
-        if abs(step) <= 1e-9 * t:
-            return H if t >= H else max(t, 0.0)
-        # The velocity is known to a factor of three: no step leads far astray.
-        t = min(max(t, 0.0), h)
-        if t == H and step < 0.0:
+        beyond = fma(value, t, -room)
+        if not least >= 0.25 * speed:
+            return -1.0
+        step = beyond / slope
+        if t == H and beyond < 0.0:
             return H
+        exact = abs(step) <= 1e-9 * t
+        if exact or (abs(step) <= 1e-5 * t and rest * t**order > fine):
+            return float(max(t - step if exact else t - max(beyond, 0.0) / least, 0.0))
+        t = min(max(t - step, 0.0), H)
     return -1.0
 
 

@@ -2,7 +2,7 @@
 
 from vibroimpact_solvers.receptance.cells import METHOD, MODES, ModalWaves, Reach, size, touched
 from vibroimpact_solvers.receptance.rows import Rows
-from vibroimpact_solvers.receptance.series import ENTRYWISE, IMPULSES, Receptance, truncation
+from vibroimpact_solvers.receptance.series import ENTRYWISE, IMPULSES, Receptance, truncations
 from vibroimpact_solvers.receptance.waves import FactorizedWaves, Waves
 
 __all__ = [
@@ -18,5 +18,5 @@ __all__ = [
     "Waves",
     "size",
     "touched",
-    "truncation",
+    "truncations",
 ]

@@ -266,8 +266,6 @@ class _Crowd:
 
 def touched(n: int, bound: float, frequencies: Floats) -> int:
     """Return how many cells some frequencies lie in, were none of them crowded."""
-    if frequencies.size > 64 * n:
-        return -(-n // MODES)
     return np.unique(np.floor(frequencies**2 / size(n, bound))).size
 
 

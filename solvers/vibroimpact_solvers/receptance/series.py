@@ -70,6 +70,25 @@ class Truncation:
         return self.rate**self.terms / (1.0 - self.rate)
 
 
+def truncations(
+    bound: float, Omega: Floats, depth: float, harmonics: int | None = None
+) -> tuple[Floats, Floats, Floats]:
+    """Return harmonics, terms and rates of `truncation` for many frequencies.
+
+    They are floating-point numbers, as there may be more of them than an integer holds.
+    """
+    ratio = bound / Omega
+    if harmonics is None:
+        needed = np.maximum(0.0, np.ceil((ratio / math.sqrt(_FAST) - 1.0) / 2.0))
+    else:
+        needed = np.full(ratio.shape, float(harmonics))
+    rate = np.minimum((ratio / (2.0 * needed + 1.0)) ** 2, 1.0 - 1e-6)
+    terms = np.ones(rate.shape)
+    some = rate > 0.0
+    terms[some] = np.ceil(np.log(depth * (1.0 - rate[some])) / np.log(rate[some]))
+    return needed, np.maximum(1.0, terms), rate
+
+
 def truncation(
     bound: float, Omega: float, depth: float, harmonics: int | None = None
 ) -> Truncation:
@@ -86,14 +105,8 @@ def truncation(
     harmonics : int, optional
         Number of harmonics; absent: as few as make the series fast.
     """
-    ratio = bound / Omega
-    if harmonics is None:
-        harmonics = max(0, math.ceil((ratio / math.sqrt(_FAST) - 1.0) / 2.0))
-    rate = min((ratio / (2 * harmonics + 1)) ** 2, 1.0 - 1e-6)
-    if rate == 0.0:
-        return Truncation(harmonics, 1, 0.0)
-    terms = math.ceil(math.log(depth * (1.0 - rate)) / math.log(rate))
-    return Truncation(harmonics, max(1, terms), rate)
+    needed, terms, rate = truncations(bound, np.array([Omega]), depth, harmonics)
+    return Truncation(int(needed[0]), int(terms[0]), float(rate[0]))
 
 
 def coefficients(harmonics: int, terms: int, tau: Floats) -> Floats:
@@ -251,15 +264,13 @@ class Receptance:
         What a frequency gets does not depend on those beside it, so that the pieces of a job
         give the numbers of the whole to the last bit.
         """
-        limits = [self.truncation(w, depth) for w in omega]
+        needed, terms, rates = truncations(self.bound, 0.5 * np.pi * omega, depth, self.harmonics)
         # Without stiffness (rate 0) the first term is all there is.
-        needs = [
-            (each.harmonics, -(-each.terms // _TERMS) * _TERMS if each.rate else 1)
-            for each in limits
-        ]
-        for harmonics, terms in sorted(set(needs)):
-            group = [f for f, need in enumerate(needs) if need == (harmonics, terms)]
-            yield harmonics, group, terms
+        terms = np.where(rates > 0.0, np.ceil(terms / _TERMS) * _TERMS, 1.0)
+        needs = [(int(h), int(m)) for h, m in zip(needed, terms, strict=True)]
+        for harmonics, count in sorted(set(needs)):
+            group = [f for f, need in enumerate(needs) if need == (harmonics, count)]
+            yield harmonics, group, count
 
     def _rates(self, omega: Floats, harmonics: int) -> Floats:
         # Powers are measured by the bound, so that high ones neither grow nor vanish.

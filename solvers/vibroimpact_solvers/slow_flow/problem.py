@@ -9,8 +9,9 @@ from typing import Final
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.checks import check_outputs, check_tolerance
 from vibroimpact_solvers.errors import ModelError
-from vibroimpact_solvers.model import System
+from vibroimpact_solvers.model import RANGE, System, within_range
 from vibroimpact_solvers.slow_flow.models import MODELS
 from vibroimpact_solvers.slow_flow.motion import Initial, Model
 
@@ -57,12 +58,8 @@ class Problem:
         if not (np.isfinite(self.t) & (self.t >= 0.0)).all():
             message = "a time is negative or not finite"
             raise ModelError(("t",), message, code="negative_time")
-        if self.outputs - set(OUTPUTS) or not self.outputs:
-            message = f"outputs are {', '.join(OUTPUTS)}"
-            raise ModelError(("outputs",), message, code="unknown_output")
-        if self.tolerance is not None and not 0.0 < self.tolerance < 1.0:
-            message = f"the tolerance is {self.tolerance!r}, not between 0 and 1"
-            raise ModelError(("tolerance",), message, code="out_of_range")
+        check_outputs(self.outputs, OUTPUTS)
+        check_tolerance(self.tolerance)
         if self.model not in MODELS:
             message = f"models are {', '.join(MODELS)}"
             raise ModelError(("model",), message, code="unknown_model")
@@ -84,6 +81,9 @@ class Problem:
             if not math.isfinite(value):
                 message = f"{field.name} is not finite"
                 raise ModelError(("initial", field.name), message, code="not_finite")
+            if value and not within_range(np.array([value])):
+                message = f"{value!r} is neither zero nor between {RANGE[0]} and {RANGE[1]}"
+                raise ModelError(("initial", field.name), message, code="out_of_range")
 
     @property
     def compares(self) -> bool:

@@ -261,6 +261,9 @@ def _from_frequency(asked: Asked, Omega: float, Delta: float, k: float) -> Fligh
     else:
         speed = Omega * Delta / math.tan(gamma)
     x = 0.25 * math.log(k) * Delta * math.cos(gamma) if k > 0.0 else 0.0
+    if abs(x) >= Delta:
+        message = f"with a restitution of {k!r} the motion would start at {x!r}, beyond a wall"
+        raise parameters.outside("omega" if start.gamma is None else "gamma", message)
     v = math.sqrt(speed**2 + Omega**2 * (Delta - x) * (Delta + x))
     flights = Flights.from_state(Omega, Delta, k, x, v)
     if flights is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import weakref
 
 import numpy as np
 import scipy.linalg
@@ -24,9 +25,19 @@ def largest_frequency(system: System) -> float:
     if system.chain is not None:
         # Eq. 10.63 with j = N + 1.
         return 2.0 * math.sqrt(system.chain.stiffness / system.chain.mass)
-    if system.M.form is Form.DIAGONAL:
-        return math.sqrt(_gershgorin(system.M.data[0], system.K))
-    return math.sqrt(_proven(system.M, system.K, _lanczos(system.M, system.K)))
+    found = _BOUNDS.get(system)
+    if found is None:
+        found = _BOUNDS[system] = math.sqrt(_bound(system.M, system.K))
+    return found
+
+
+_BOUNDS: weakref.WeakKeyDictionary[System, float] = weakref.WeakKeyDictionary()
+
+
+def _bound(M: SymmetricMatrix, K: SymmetricMatrix) -> float:
+    if M.form is Form.DIAGONAL:
+        return _gershgorin(M.data[0], K)
+    return _proven(M, K, _lanczos(M, K))
 
 
 def _gershgorin(mass: Floats, K: SymmetricMatrix) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import weakref
 from enum import StrEnum
 from typing import Final
 
@@ -88,10 +89,17 @@ def step(system: System, method: Method) -> Step:
 
 def key(system: System, method: Method) -> bytes:
     """Return the name of a system's spectrum: a hash of what it depends on."""
-    text = hashlib.blake2b(method.encode())
-    text.update(system.M.digest())
-    text.update(system.K.digest())
-    return text.digest()
+    known = _KEYS.setdefault(system, {})
+    found = known.get(method)
+    if found is None:
+        text = hashlib.blake2b(method.encode())
+        text.update(system.M.digest())
+        text.update(system.K.digest())
+        found = known[method] = text.digest()
+    return found
+
+
+_KEYS: weakref.WeakKeyDictionary[System, dict[Method, bytes]] = weakref.WeakKeyDictionary()
 
 
 def is_known(system: System, method: Method) -> bool:

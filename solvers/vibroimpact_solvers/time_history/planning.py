@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 import weakref
 from collections.abc import Iterator
-from dataclasses import replace
 from enum import StrEnum
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
 
 from vibroimpact_solvers import impact_modes, spectrum
 from vibroimpact_solvers.cost import BYTES_PER_SECOND, FLOPS_PER_SECOND
+from vibroimpact_solvers.errors import ModelError, PlanError
 from vibroimpact_solvers.matrices import Form
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
@@ -30,6 +31,9 @@ _MOST = 2**20  # windows
 _FEW = 500  # degrees of freedom up to which a full K is factorized for a plan
 
 
+MOST_IMPACTS: Final = 10**11
+"""Motions that are known to have more of them, which take days, are refused."""
+_MOST_RADIANS = 2.0**52  # phase of a load at the end from which on a rounding of t_end is a turn
 SECONDS: Final = 0.5
 """Planned work of a window of a long motion."""
 BYTES: Final = 4.0e6
@@ -46,9 +50,19 @@ class Flight(StrEnum):
 
 
 def plan(problem: Problem) -> Plan:
-    """Decide how the motion is followed and what is left out."""
+    """Decide how the motion is followed and what is left out.
+
+    Raises
+    ------
+    ModelError
+        Where double precision does not tell at which phase of a load the motion ends.
+    PlanError
+        Where the motion certainly has more than `MOST_IMPACTS`.
+    """
+    _require_phases(problem)
+    _require_end(problem)
     far = _far(problem)
-    return Plan(KIND, tuple(_steps(problem, far)), tuple(_skips(problem, far)))
+    return Plan(KIND, tuple(_steps(problem, far)), _skips(problem, far))
 
 
 def windows(plan: Plan) -> int:
@@ -57,21 +71,57 @@ def windows(plan: Plan) -> int:
     return 1 if step is None or step.method != Flight.MODAL else step.count
 
 
-def _in_windows(problem: Problem, flight: Step, history: Step | None) -> Step:
-    """Return the step of an exact motion with its windows, by its work and its size.
+def _require_phases(problem: Problem) -> None:
+    """Refuse loads that turn so often that times in double precision do not tell their phase."""
+    for place, term in enumerate(problem.load):
+        radians = term.frequency * problem.t_end
+        if radians > _MOST_RADIANS:
+            message = (
+                f"the load turns by {radians:.2g} rad until t_end = {problem.t_end!r}, where "
+                "neighbouring numbers in double precision are more than 1 rad apart"
+            )
+            raise ModelError(("load", place, "frequency"), message, code="out_of_range")
 
-    They are the same for all initial states, whichever walls these reach.
+
+def _require_end(problem: Problem) -> None:
+    """Refuse a motion of one mass that loses nothing and strikes too often until its end."""
+    least = _least_impacts(problem)
+    if least > MOST_IMPACTS:
+        message = f"at least {least:.2g} impacts until t_end = {problem.t_end!r}"
+        raise PlanError(f"{message} are more than {MOST_IMPACTS:.0e}: ask for less time")
+
+
+def _least_impacts(problem: Problem) -> float:
+    """Return how many impacts a motion has at least, where that is known before it is followed.
+
+    One mass that loses nothing strikes in each of its natural periods, if it swings far enough,
+    and crosses the gap at its speed for ever, if nothing holds it.
     """
-    if flight.method != Flight.MODAL:
-        return flight
-    steps = [_flight(problem, len(problem.system.constraints)), *([history] if history else [])]
-    flops, size = sum(step.flops for step in steps), sum(step.bytes for step in steps)
-    seconds = flops / FLOPS_PER_SECOND + size / BYTES_PER_SECOND
-    count = math.ceil(min(max(seconds / SECONDS, size / BYTES, 1.0), _MOST))
-    if count == 1:
-        return flight
-    told = f"in {count} windows of time, each from the state at the end of the one before"
-    return replace(flight, reason=f"{flight.reason}; {told}", count=count)
+    system, state = problem.system, problem.initial
+    alone = system.n == 1 and system.C is None and not problem.load and problem.limiter is None
+    lossless = alone and all(c.restitution == 1.0 for c in system.constraints)
+    if not lossless or not isinstance(state, State) or problem.method != EXACT:
+        return 0.0
+    mass, stiffness = float(system.M.main_diagonal[0]), float(system.K.main_diagonal[0])
+    force = 0.0 if system.force is None else float(system.force[0])
+    x, speed = float(state.x[0]), abs(float(state.v[0]))
+    walls = [
+        side * wall / weight
+        for c in system.constraints
+        for _, weight in c.coordinate
+        for side, wall in ((-1.0, c.lower), (1.0, c.upper))
+        if wall is not None
+    ]
+    below = max((wall for wall in walls if wall <= x), default=-math.inf)
+    above = min((wall for wall in walls if wall >= x), default=math.inf)
+    if stiffness == 0.0 == force and speed > 0.0:
+        return problem.t_end * speed / (above - below) - 1.0 if above > below else 0.0
+    if stiffness <= 0.0 or not below < force / stiffness < above:
+        return 0.0
+    rest, frequency = force / stiffness, math.sqrt(stiffness / mass)
+    swing = math.hypot(x - rest, speed / frequency) * (1.0 - 1e-12)
+    strikes = rest + swing > above or rest - swing < below
+    return problem.t_end * frequency / (2.0 * math.pi) - 1.0 if strikes else 0.0
 
 
 def _steps(problem: Problem, far: list[int]) -> Iterator[Step]:
@@ -87,13 +137,17 @@ def _steps(problem: Problem, far: list[int]) -> Iterator[Step]:
         reason = f"{dofs} of {system.n} degrees of freedom at {times} times"
         flops = times * system.n * (40.0 + 4.0 * dofs)
         history = Step(Stage.HISTORY, "modal sum", reason, flops, 16.0 * times * dofs)
-    yield _in_windows(problem, _flight(problem, len(system.constraints) - len(far)), history)
+    yield _flight(problem, len(system.constraints) - len(far), history)
     if history is not None:
         yield history
 
 
-def _flight(problem: Problem, count: int) -> Step:
-    """Return the step of the motion, `count` constraints being within reach."""
+def _flight(problem: Problem, count: int, history: Step | None) -> Step:
+    """Return the step of the motion, `count` constraints being within reach.
+
+    The windows of time of an exact motion go by its work and its size, those of its history
+    included. They are the same for all initial states, whichever walls these reach.
+    """
     system = problem.system
     fastest = max([spectrum.largest_frequency(system), *(term.frequency for term in problem.load)])
     turns = problem.t_end * fastest
@@ -122,8 +176,22 @@ def _flight(problem: Problem, count: int) -> Step:
         "exact between impacts, which are found by certified expansions of the constrained "
         "coordinates"
     )
+    whole, written = _price(system, expansions, len(system.constraints))
+    if history is not None:
+        whole, written = whole + history.flops, written + history.bytes
+    seconds = whole / FLOPS_PER_SECOND + written / BYTES_PER_SECOND
+    parts = math.ceil(min(max(seconds / SECONDS, written / BYTES, 1.0), _MOST))
+    if parts > 1:
+        told = f"in {parts} windows of time, each from the state at the end of the one before"
+        reason = f"{reason}; {told}"
+    flops, size = _price(system, expansions, count)
+    return Step(Stage.FLIGHT, Flight.MODAL, reason, flops, size, parts)
+
+
+def _price(system: System, expansions: float, count: int) -> tuple[float, float]:
+    """Return the operations of an exact motion with `count` constraints, and what it writes."""
     flops = 1e6 + expansions * (150.0 + system.n * (15.0 + 15.0 * count))
-    return Step(Stage.FLIGHT, Flight.MODAL, reason, flops, 48.0 * expansions if count else 0.0)
+    return flops, 48.0 * expansions if count else 0.0
 
 
 def _crossings(problem: Problem) -> float:
@@ -136,7 +204,7 @@ def _crossings(problem: Problem) -> float:
     ]
     if not isinstance(state, State) or not gaps:
         return 0.0
-    speed = float(np.sqrt(np.mean(state.v**2)))
+    speed = math.sqrt(float(state.v @ state.v) / state.v.size)
     return problem.t_end * speed / min(gaps)
 
 
@@ -149,26 +217,34 @@ def _far(problem: Problem) -> list[int]:
     loaded = problem.load or (system.force is not None and system.force.any())
     if not isinstance(state, State) or loaded or problem.limiter is not None:
         return []
-    reaches = _REACHES.get(system)
-    if reaches is None:
-        reaches = _REACHES[system] = _reaches(system)
-    if not reaches:
+    known = _REACHES.get(system)
+    if known is None:
+        known = _REACHES[system] = _reaches(system)
+    reaches, lightest = known
+    # Motions that are fast enough for all walls need no more than their speed.
+    if not reaches or 0.5 * lightest * float(state.v @ state.v) >= max(reaches):
         return []
     energy = 0.5 * float(state.v @ (system.M @ state.v) + state.x @ (system.K @ state.x))
     return [i for i, least in enumerate(reaches) if energy < least]
 
 
-_REACHES: weakref.WeakKeyDictionary[System, tuple[float, ...]] = weakref.WeakKeyDictionary()
+_REACHES: weakref.WeakKeyDictionary[System, tuple[tuple[float, ...], float]] = (
+    weakref.WeakKeyDictionary()
+)
 
 
-def _reaches(system: System) -> tuple[float, ...]:
-    """Return the energies below which the constraints do not reach their walls; none: unknown."""
+def _reaches(system: System) -> tuple[tuple[float, ...], float]:
+    """Return the energies below which the constraints do not reach their walls; none: unknown.
+
+    And a mass that no part of the structure moves with less than.
+    """
     dense = Form.DENSE in {system.K.form, system.M.form}
     if (dense and system.n > _FEW) or not system.K.is_positive_definite():
-        return ()
+        return (), 0.0
+    lightest = float(system.M.data[0].min()) if system.M.form is Form.DIAGONAL else 0.0
     W = system.directions(range(len(system.constraints)))
     if not len(W):
-        return ()
+        return (), 0.0
     compliance = np.einsum("ij,ij->i", W, system.K.factorize()(np.ascontiguousarray(W.T)).T)
     walls = [
         min(np.inf if wall is None else wall for wall in (c.lower, c.upper))
@@ -176,21 +252,31 @@ def _reaches(system: System) -> tuple[float, ...]:
     ]
     # Signs of walls beyond the equilibrium do not count: such walls are within reach.
     least = np.square(np.maximum(walls, 0.0)) / (2.0 * compliance) * (1.0 - 1e-12)
-    return tuple(least.tolist())
+    return tuple(least.tolist()), lightest * (1.0 - 1e-12)
 
 
-def _skips(problem: Problem, far: list[int]) -> Iterator[Skip]:
-    for index in far:
-        yield Skip(f"constraint {index}", "the energy of the motion does not reach its walls")
-    if problem.method == EXACT and problem.limiter is None:
+def _skips(problem: Problem, far: list[int]) -> tuple[Skip, ...]:
+    lossy = any(c.restitution < 1.0 for c in problem.system.constraints)
+    rigid = problem.limiter is None
+    return _listed(
+        problem.outputs, tuple(far), problem.method == EXACT and rigid, lossy and not rigid
+    )
+
+
+@lru_cache(maxsize=256)
+def _listed(
+    outputs: frozenset[str], far: tuple[int, ...], exact: bool, gives_back: bool
+) -> tuple[Skip, ...]:
+    """Return what is skipped, and why."""
+    why = "the energy of the motion does not reach its walls"
+    found = [Skip(f"constraint {index}", why) for index in far]
+    if exact:
         why = "in each flight, while the modes' amplitudes do not add up to them"
-        yield Skip("walls that are out of reach", why)
+        found.append(Skip("walls that are out of reach", why))
         why = "one flight in closed form"
-        yield Skip("the search after the last possible impact", why)
-    if problem.limiter is not None and any(c.restitution < 1.0 for c in problem.system.constraints):
-        yield Skip("restitution", "soft limiters give back what they take")
-    if not problem.outputs & {"x", "v", "energy"}:
-        yield Skip("history", "impacts and contacts need no state between them")
-    for name in OUTPUTS:
-        if name not in problem.outputs:
-            yield Skip(name, "not asked")
+        found.append(Skip("the search after the last possible impact", why))
+    if gives_back:
+        found.append(Skip("restitution", "soft limiters give back what they take"))
+    if not outputs & {"x", "v", "energy"}:
+        found.append(Skip("history", "impacts and contacts need no state between them"))
+    return (*found, *(Skip(name, "not asked") for name in OUTPUTS if name not in outputs))

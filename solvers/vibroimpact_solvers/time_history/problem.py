@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.checks import check_indices, check_outputs
 from vibroimpact_solvers.errors import ModelError
-from vibroimpact_solvers.model import RANGE, System, within_range
+from vibroimpact_solvers.model import RANGE, System
 from vibroimpact_solvers.time_history.limiters import Power
 from vibroimpact_solvers.time_history.loads import Harmonic
 
@@ -93,12 +95,15 @@ class Problem:
 
     def __post_init__(self) -> None:
         t = np.zeros(0) if self.t is None else np.ascontiguousarray(self.t, dtype=np.float64)
+        every = self.dofs is None
         dofs = np.arange(self.system.n) if self.dofs is None else self.dofs
         object.__setattr__(self, "t", t)
         object.__setattr__(self, "dofs", np.asarray(dofs, dtype=np.int64))
         object.__setattr__(self, "outputs", frozenset(self.outputs))
         self._check_times()
         self._check_outputs()
+        if not every:
+            check_indices("dofs", self.wanted_dofs, self.system.n)
         self._check_load()
         self._check_limiter()
         self._check_digits()
@@ -112,32 +117,29 @@ class Problem:
             self._check_member(initial)
 
     def _check_times(self) -> None:
-        if not (np.isfinite(self.t_end) and self.t_end > 0.0):
+        if not 0.0 < self.t_end < math.inf:
             message = f"the end is {self.t_end!r}, not a positive time"
             raise ModelError(("t_end",), message, code="out_of_range")
-        _check_magnitudes(("t_end",), np.array([self.t_end]))
+        _check_magnitude(("t_end",), self.t_end)
         times = self.times
-        if not np.isfinite(times).all() or not (np.diff(times) >= 0.0).all():
+        if not times.size:
+            return
+        first, last = float(times[0]), float(times[-1])
+        # Between finite ends times that ascend are finite.
+        finite = math.isfinite(first) and math.isfinite(last)
+        if not finite or not (times[1:] >= times[:-1]).all():
             raise ModelError(("t",), "the times do not ascend", code="not_ascending")
-        if times.size and not 0.0 <= times[0] <= times[-1] <= self.t_end:
+        if not 0.0 <= first <= last <= self.t_end:
             message = f"the times are not between 0 and t_end = {self.t_end!r}"
             raise ModelError(("t",), message, code="out_of_range")
 
     def _check_outputs(self) -> None:
-        if self.outputs - set(OUTPUTS) or not self.outputs:
-            message = f"outputs are {', '.join(OUTPUTS)}"
-            raise ModelError(("outputs",), message, code="unknown_output")
+        check_outputs(self.outputs, OUTPUTS)
         if self.outputs & {"x", "v", "energy"} and self.times.size == 0:
             raise ModelError(("t",), "a history needs the times t", code="missing_t")
         if self.tolerance is not None and not 1e-15 <= self.tolerance < 1.0:
             message = f"the tolerance is {self.tolerance!r}; double precision gives 1e-15 at best"
             raise ModelError(("tolerance",), message, code="out_of_range")
-        for place, index in enumerate(self.wanted_dofs.tolist()):
-            if not 0 <= index < self.system.n:
-                message = f"{index} is not below {self.system.n}"
-                raise ModelError(("dofs", place), message, code="index_out_of_range")
-        if len(set(self.wanted_dofs.tolist())) != self.wanted_dofs.size:
-            raise ModelError(("dofs",), "an index is given twice", code="duplicate_index")
 
     def _check_load(self) -> None:
         for place, term in enumerate(self.load):
@@ -149,7 +151,7 @@ class Problem:
                 if not np.isfinite(value) or (name == "frequency" and value < 0.0):
                     message = f"the {name} is {value!r}"
                     raise ModelError(("load", place, name), message, code="out_of_range")
-                _check_magnitudes(("load", place, name), np.array([value]))
+                _check_magnitude(("load", place, name), value)
 
     def _check_limiter(self) -> None:
         if self.method not in {EXACT, *INTEGRATORS}:
@@ -199,16 +201,17 @@ class Problem:
             if values.shape != (self.system.n,):
                 message = f"{values.size} numbers for {self.system.n} degrees of freedom"
                 raise ModelError(("initial", name), message, code="wrong_length")
-            if not np.isfinite(values).all():
+            largest = float(np.abs(values).max(initial=0.0))
+            if not math.isfinite(largest):
                 message = "an entry is nan or infinite"
                 raise ModelError(("initial", name), message, code="not_finite")
-            _check_magnitudes(("initial", name), values)
+            _check_magnitude(("initial", name), largest)
         rigid = self.system.constraints if self.limiter is None else ()
         for index, constraint in enumerate(rigid):
-            terms = [weight * state.x[dof] for dof, weight in constraint.coordinate]
-            y, grain = float(np.sum(terms)), 1e-14 * float(np.abs(terms).sum())
-            low = -np.inf if constraint.lower is None else -constraint.lower
-            high = np.inf if constraint.upper is None else constraint.upper
+            terms = [weight * float(state.x[dof]) for dof, weight in constraint.coordinate]
+            y, grain = sum(terms), 1e-14 * sum(map(abs, terms))
+            low = -math.inf if constraint.lower is None else -constraint.lower
+            high = math.inf if constraint.upper is None else constraint.upper
             if not low - grain <= y <= high + grain:
                 message = (
                     f"constraint {index} is at {y!r}, outside of its limits [{low!r}, {high!r}]"
@@ -239,9 +242,9 @@ class Problem:
         return self.dofs
 
 
-def _check_magnitudes(pointer: tuple[str | int, ...], values: Floats) -> None:
-    """Refuse numbers whose squares leave the range of double precision; zeros may be."""
-    largest = float(np.abs(values).max(initial=0.0))
-    if largest and not within_range(np.array([largest])):
-        message = f"the largest number is {largest!r}, not between {RANGE[0]} and {RANGE[1]}"
+def _check_magnitude(pointer: tuple[str | int, ...], value: float) -> None:
+    """Refuse a number whose square leaves the range of double precision; zero may be."""
+    size = abs(value)
+    if size and not RANGE[0] <= size <= RANGE[1]:
+        message = f"the largest number is {value!r}, not between {RANGE[0]} and {RANGE[1]}"
         raise ModelError(pointer, message, code="out_of_range")

@@ -6,14 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from vibroimpact_solvers.arrays import Floats, Integers, Quantity
-
-
-def _impact(unit: str, name: str, column: str) -> Quantity:
-    return Quantity(("impact",), unit, name, path=f"impacts/{column}")
-
-
-def _contact(unit: str, name: str, column: str) -> Quantity:
-    return Quantity(("contact",), unit, name, path=f"contacts/{column}")
+from vibroimpact_solvers.time_history import tables
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,47 +21,18 @@ class Result:
         Floats | None,
         Quantity(("time",), "mass length2 time-2", "mechanical energy, static load included"),
     ]
-    impact_time: Annotated[Floats | None, _impact("time", "time of the impact", "time")]
-    impact_constraint: Annotated[
-        Integers | None, _impact("1", "index of the constraint", "constraint")
-    ]
-    impact_side: Annotated[
-        Integers | None, _impact("1", "wall: 1 the upper, -1 the lower one", "side")
-    ]
-    impact_velocity: Annotated[
-        Floats | None,
-        _impact("length time-1", "velocity of the coordinate before the impact", "velocity"),
-    ]
-    impact_impulse: Annotated[
-        Floats | None, _impact("mass length time-1", "impulse on the structure", "impulse")
-    ]
-    impact_condition: Annotated[
-        Floats | None,
-        _impact(
-            "1", "error of the state relative to it, in units of the rounding 2^-52", "condition"
-        ),
-    ]
-    contact_start: Annotated[
-        Floats | None, _contact("time", "time of the last impact listed before it", "start")
-    ]
-    contact_rest: Annotated[
-        Floats | None, _contact("time", "time at which the coordinate comes to rest", "rest")
-    ]
-    contact_stop: Annotated[
-        Floats | None, _contact("time", "time of release, or the end of the motion", "stop")
-    ]
-    contact_constraint: Annotated[
-        Integers | None, _contact("1", "index of the constraint", "constraint")
-    ]
-    contact_side: Annotated[
-        Integers | None, _contact("1", "wall: 1 the upper, -1 the lower one", "side")
-    ]
-    contact_impulse: Annotated[
-        Floats | None,
-        _contact(
-            "mass length time-1", "impulse of the wall on the structure, rest to stop", "impulse"
-        ),
-    ]
+    impact_time: tables.ImpactTime
+    impact_constraint: tables.ImpactConstraint
+    impact_side: tables.ImpactSide
+    impact_velocity: tables.ImpactVelocity
+    impact_impulse: tables.ImpactImpulse
+    impact_condition: tables.ImpactCondition
+    contact_start: tables.ContactStart
+    contact_rest: tables.ContactRest
+    contact_stop: tables.ContactStop
+    contact_constraint: tables.ContactConstraint
+    contact_side: tables.ContactSide
+    contact_impulse: tables.ContactImpulse
     count_impacts: int
     count_grazings: int
     count_expansions: int
@@ -94,7 +58,7 @@ class Result:
     def of(cls, values: dict[str, Any]) -> Result:
         """Return the result with these values of all its fields; takes the dictionary over."""
         found = object.__new__(cls)
-        found.__dict__.update(values)
+        object.__setattr__(found, "__dict__", values)
         return found
 
 

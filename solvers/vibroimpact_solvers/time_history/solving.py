@@ -8,12 +8,11 @@ from typing import Any, Final
 import numpy as np
 
 from vibroimpact_solvers import spectrum
-from vibroimpact_solvers.arrays import Floats, Integers
-from vibroimpact_solvers.kernels.flight import Stop, spread
+from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.plan import Plan, Stage
 from vibroimpact_solvers.time_history import reference, soft
 from vibroimpact_solvers.time_history.history import History
-from vibroimpact_solvers.time_history.launcher import Launcher
+from vibroimpact_solvers.time_history.launcher import Launched, Launcher
 from vibroimpact_solvers.time_history.planning import Flight
 from vibroimpact_solvers.time_history.problem import Member, Problem, State
 from vibroimpact_solvers.time_history.result import Result, empty
@@ -24,8 +23,6 @@ from vibroimpact_solvers.time_history.structure import Structure
 TOLERANCE: Final = 1e-6
 """Meant where none is asked for."""
 
-_SHORT = 4
-"""Times of a history up to which it is filled in by the call that follows the motion."""
 _EPS = float(np.finfo(np.float64).eps)
 _STATEMENT = (
     "estimate: roundings of the initial state, flights, frequencies, impacts and walls, carried "
@@ -63,14 +60,10 @@ class Prepared:
         self.structure = Structure.of(problem.system, method, problem.t_end, problem.load)
         self._solver = _METHODS.get(Flight(flight.method), _integrated)
         self.wanted = problem.times if plan.step(Stage.HISTORY) else np.zeros(0)
-        self.bare = _bare(problem, History(problem, self.structure))
-        basis = self.structure.scene().basis
-        short = self.wanted.size <= _SHORT and "energy" not in problem.outputs
-        self._launcher = (
-            Launcher(self.structure, problem, self.wanted)
-            if self._solver is _exact and basis.plain and short
-            else None
-        )
+        self._launcher = None
+        if self._solver is _exact:
+            self._launcher = Launcher.of(self.structure, problem, self.wanted)
+        self.bare = _bare(problem)
 
     def solve(self, initial: State | Member | None = None, tick: Tick | None = None) -> Result:
         """Compute the motion from an initial state; absent: from that of the problem.
@@ -82,7 +75,9 @@ class Prepared:
         """
         start = self.problem.initial if initial is None else initial
         if self._launcher is not None and isinstance(start, State):
-            return _launched(self, self._launcher, start, tick)
+            flight = self._launcher.fly(start)
+            if flight is not None:
+                return _launched(self, flight, tick)
         history = History(self.problem, self.structure)
         return self._solver(self, start, history, tick)
 
@@ -106,29 +101,31 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     return Prepared(problem, plan).solve(tick=tick)
 
 
-def _launched(prepared: Prepared, launcher: Launcher, initial: State, tick: Tick | None) -> Result:
-    """Fly from impact to impact in one call, or as far as that goes."""
+def _launched(prepared: Prepared, flight: Launched, tick: Tick | None) -> Result:
+    """Return what a flight in one call yields, going on where that did not reach the end."""
     problem = prepared.problem
-    flight = launcher.fly(problem, initial)
-    if flight.stop is not Stop.END:
+    scratch = flight.scratch
+    if scratch is not None:
         history = History(problem, prepared.structure)
-        run = _run(prepared, flight.Z[0], history, tick)
-        run.adopt(flight.Z, flight.clock, flight.counts, flight.table, flight.samples)
+        run = _run(prepared, scratch.Z[0], history, tick)
+        run.adopt(scratch.Z, scratch.clock, scratch.counts, scratch.table, scratch.samples)
         run.finish(flight.stop)
         return _result(problem, run, history)
     if tick is not None:
         tick(1000, 1000)
     found = prepared.bare.copy()
-    if found["x"] is not None:
+    if "x" in problem.outputs:
         found["x"] = flight.x
-    if found["v"] is not None:
+    if "v" in problem.outputs:
         found["v"] = flight.v
-    rows = int(flight.counts[0])
-    at, where, what = flight.table
-    _fill_impacts(found, problem, prepared.structure.scale, at[:rows], where[:rows], what[:rows])
-    own = prepared.structure.scene().basis.own
-    last = spread(flight.Z, own, flight.clock[7]) if problem.estimate else 0.0
-    _fill_rest(found, problem, flight.counts, flight.clock, what[:rows, 2], last)
+    times, speeds, impulses, growth = flight.numbers
+    if "impacts" in problem.outputs:
+        found["impact_time"], found["impact_velocity"] = times, speeds
+        found["impact_impulse"], found["impact_condition"] = impulses, growth
+        found["impact_constraint"], found["impact_side"] = flight.places
+    found["count_impacts"] = flight.rows
+    found["count_grazings"], found["count_expansions"] = flight.grazings, flight.expansions
+    _fill_errors(found, problem, flight.penetration, flight.growth, times, growth)
     return Result.of(found)
 
 
@@ -169,7 +166,7 @@ def _soft(
         structure, problem.limiter, z, prepared.wanted, problem.t_end, tolerance, tick
     )
     history.take(structure.scene(), run.states, 0)
-    found = _bare(problem, history)
+    found = _with_history(problem, history)
     found.update(
         error_penetration=run.compression,
         error_difference=run.difference,
@@ -199,7 +196,7 @@ def _integrated(
         tick,
     )
     history.fill(run.x, run.v, slice(None))
-    found = _bare(problem, history)
+    found = _with_history(problem, history)
     if "impacts" in problem.outputs:
         struck, blows = np.array(run.struck).reshape(-1, 2), np.array(run.blows).reshape(-1, 2)
         found.update(
@@ -219,26 +216,27 @@ def _integrated(
 _METHODS: Final = {Flight.MODAL: _exact, Flight.SPLITTING: _soft}
 
 
-def _bare(problem: Problem, history: History) -> dict[str, Any]:
-    """Return the history and, for methods that know no more, empty tables."""
-    found, outputs = dict(_NOTHING), problem.outputs
+def _bare(problem: Problem) -> dict[str, Any]:
+    """Return empty tables, and what is known without the motion."""
+    found, outputs = _NOTHING.copy(), problem.outputs
     if outputs & {"x", "v", "energy"}:
-        found.update(t=problem.times, x=history.x, v=history.v, energy=history.energy)
+        found["t"] = problem.times
     if outputs & {"x", "v"}:
         found["dof"] = problem.wanted_dofs
     for table in outputs & {"impacts", "contacts"}:
         found.update(_TABLES[table])
-    found.update(
-        count_impacts=0,
-        count_grazings=0,
-        count_expansions=0,
-        error_condition=1.0,
-        error_penetration=0.0,
-        error_predictable_until=problem.t_end,
-        error_tolerance=TOLERANCE if problem.tolerance is None else problem.tolerance,
-        error_energy_drift=history.drift,
-        error_statement="",
-    )
+    found["count_impacts"] = found["count_grazings"] = found["count_expansions"] = 0
+    found["error_condition"], found["error_penetration"] = 1.0, 0.0
+    found["error_predictable_until"] = problem.t_end
+    found["error_tolerance"] = TOLERANCE if problem.tolerance is None else problem.tolerance
+    found["error_statement"] = ""
+    return found
+
+
+def _with_history(problem: Problem, history: History) -> dict[str, Any]:
+    """Return the history and, for methods that know no more, empty tables."""
+    found = _bare(problem)
+    found.update(x=history.x, v=history.v, energy=history.energy, error_energy_drift=history.drift)
     return found
 
 
@@ -254,10 +252,19 @@ _TABLES: Final = {
 
 
 def _result(problem: Problem, run: Run, history: History) -> Result:
-    found, scale, table = _bare(problem, history), run.scale, run.impacts
-    at, where = _joined(table.at, (0, 2)), _joined(table.where, (0, 2))
-    what, growth = _joined(table.what, (0, 3)), _joined(table.growth, (0,))
-    _fill_impacts(found, problem, scale, at, where.astype(np.int64, copy=False), what)
+    found, scale, table = _with_history(problem, history), run.scale, run.impacts
+    at, growth = _joined(table.at, (0, 2)), _joined(table.growth, (0,))
+    times = (at[:, 0] + at[:, 1]) / scale
+    if "impacts" in problem.outputs:
+        where, what = _joined(table.where, (0, 2)), _joined(table.what, (0, 3))
+        found.update(
+            impact_time=times,
+            impact_constraint=where[:, 0].astype(np.int64),
+            impact_side=where[:, 1].astype(np.int64),
+            impact_velocity=what[:, 0] * scale,
+            impact_impulse=what[:, 1] * scale,
+            impact_condition=what[:, 2].copy(),
+        )
     if "contacts" in problem.outputs and run.rests:
         rests = run.rests
         found.update(
@@ -268,52 +275,35 @@ def _result(problem: Problem, run: Run, history: History) -> Result:
             contact_side=np.array([r.contact[1] for r in rests], dtype=np.int64),
             contact_impulse=np.array([r.impulse for r in rests]) / scale,
         )
-    _fill_rest(found, problem, run.counts, run.clock, growth, run.growth)
+    _, _, expansions, _, _, _, _, _, grazings, _, _ = run.counts.tolist()
     found["count_impacts"] = table.count
+    found["count_grazings"], found["count_expansions"] = grazings, expansions
+    largest = max(1.0, run.growth, float(growth.max(initial=0.0)))
+    _fill_errors(found, problem, float(run.clock[6]), largest, times, growth)
     return Result.of(found)
 
 
-def _fill_impacts(
-    found: dict[str, Any], problem: Problem, scale: float, at: Floats, where: Integers, what: Floats
-) -> None:
-    """Fill in the times of impacts and, where it is wanted, the rest of their table."""
-    found["impact_time"] = (at[:, 0] + at[:, 1]) / scale
-    if "impacts" in problem.outputs:
-        found["impact_constraint"] = where[:, 0].copy()
-        found["impact_side"] = where[:, 1].copy()
-        found["impact_velocity"] = what[:, 0] * scale
-        found["impact_impulse"] = what[:, 1] * scale
-        found["impact_condition"] = what[:, 2].copy()
-
-
-def _fill_rest(
+def _fill_errors(
     found: dict[str, Any],
     problem: Problem,
-    counts: Integers,
-    clock: Floats,
+    penetration: float,
+    largest: float,
+    times: Floats,
     growth: Floats,
-    last: float,
 ) -> None:
-    """Fill in counts and errors; growth, shape (impact,), and last: deviations there."""
-    rows, _, expansions, _, _, _, _, _, grazings, _, _ = counts.tolist()
-    found["count_impacts"] = rows
-    found["count_grazings"], found["count_expansions"] = grazings, expansions
-    found["error_penetration"] = _told_apart(problem, float(clock[6]))
+    """Fill in errors: the largest deviation, and times of impacts with those there."""
+    found["error_penetration"] = _told_apart(problem, penetration)
     if problem.estimate:
-        largest = max(1.0, last, float(growth.max(initial=0.0)))
-        found["error_condition"] = largest
+        found["error_condition"], found["error_statement"] = largest, _STATEMENT
         if not largest * _EPS <= found["error_tolerance"]:
             lost = np.flatnonzero(~(growth * _EPS <= found["error_tolerance"]))
             if lost.size:
-                found["error_predictable_until"] = float(found["impact_time"][lost[0]])
-        found["error_statement"] = _STATEMENT
-    else:
-        found["error_condition"] = found["error_predictable_until"] = math.nan
-        found["error_statement"] = _UNKNOWN
-        if found["impact_condition"] is not None:
-            found["impact_condition"] = np.full(growth.size, math.nan)
-    if "impacts" not in problem.outputs:
-        found["impact_time"] = None
+                found["error_predictable_until"] = float(times[lost[0]])
+        return
+    found["error_condition"] = found["error_predictable_until"] = math.nan
+    found["error_statement"] = _UNKNOWN
+    if "impacts" in problem.outputs:
+        found["impact_condition"] = np.full(times.size, math.nan)
 
 
 def _told_apart(problem: Problem, penetration: float) -> float:

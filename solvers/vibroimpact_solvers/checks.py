@@ -1,0 +1,53 @@
+"""Checks of what is asked that the problems of all kinds share."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import Integers
+from vibroimpact_solvers.errors import ModelError
+
+
+def check_outputs(asked: frozenset[str], known: Collection[str]) -> None:
+    """Check that something is asked, and nothing unknown.
+
+    Raises
+    ------
+    ModelError
+        At ``outputs``.
+    """
+    if not asked or not asked <= set(known):
+        message = f"outputs are {', '.join(known)}"
+        raise ModelError(("outputs",), message, code="unknown_output")
+
+
+def check_tolerance(tolerance: float | None) -> None:
+    """Check that a relative tolerance, if there is one, lies between 0 and 1.
+
+    Raises
+    ------
+    ModelError
+        At ``tolerance``.
+    """
+    if tolerance is not None and not 0.0 < tolerance < 1.0:
+        message = f"the tolerance is {tolerance!r}, not between 0 and 1"
+        raise ModelError(("tolerance",), message, code="out_of_range")
+
+
+def check_indices(name: str, indices: Integers, limit: int) -> None:
+    """Check that indices are not negative, below a limit, and each given once.
+
+    Raises
+    ------
+    ModelError
+        At the name, and the place of the wrong one.
+    """
+    outside = (indices < 0) | (indices >= limit)
+    if outside.any():
+        place = int(outside.argmax())
+        message = f"{int(indices[place])} is not below {limit}"
+        raise ModelError((name, place), message, code="index_out_of_range")
+    if indices.size > 1 and np.bincount(indices, minlength=limit).max() > 1:
+        raise ModelError((name,), "an index is given twice", code="duplicate_index")
