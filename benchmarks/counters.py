@@ -4,100 +4,174 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from dataclasses import fields, is_dataclass
 from typing import Any
 from unittest import mock
 
-from vibroimpact_solvers import spectrum
+import numpy as np
+
+from benchmarks import flights
+from vibroimpact_solvers import spectrum, stability
+from vibroimpact_solvers.arrays import Described
 from vibroimpact_solvers.impact_modes.modal import ModalFamily
-from vibroimpact_solvers.kernels import families, limits, response
+from vibroimpact_solvers.kernels import bands, families, limits, response
 from vibroimpact_solvers.matrices import SymmetricMatrix
 from vibroimpact_solvers.receptance import Receptance
-from vibroimpact_solvers.slow_flow.restitution import Restitution
-from vibroimpact_solvers.spectrum import Cache, methods
+from vibroimpact_solvers.slow_flow.models import MODELS
+from vibroimpact_solvers.spectrum import Cache, Spectrum, methods
+from vibroimpact_solvers.time_history import soft
+from vibroimpact_solvers.time_history.history import History
+from vibroimpact_solvers.time_history.structure import Structure
+
+Tally = Iterator[tuple[str, int]]
+"""What one call computes: names and numbers."""
 
 
-def _spectrum(*args: Any) -> tuple[str, int]:
-    return "natural modes", args[0].n
+def _spectrum(_: Any, *args: Any) -> Tally:
+    yield "natural modes", args[0].n
 
 
-def _scalar(roots: Any, rests: Any, weight2: Any, omega: Any, *_: Any) -> tuple[str, int]:
-    return "responses of modes", roots.size * omega.size
+def _rows(found: Any, *_: Any) -> Tally:
+    yield "entries of modes", found.size
 
 
-def _bordered(roots: Any, rests: Any, odd: Any, even: Any, *rest: Any) -> tuple[str, int]:
+def _scalar(_: Any, roots: Any, rests: Any, weight2: Any, omega: Any, *rest: Any) -> Tally:
+    yield "responses of modes", roots.size * omega.size
+
+
+def _bordered(_: Any, roots: Any, rests: Any, odd: Any, even: Any, *rest: Any) -> Tally:
     parities = (odd.shape[0] > 0) + (even.shape[0] > 0)
-    return "responses of modes", parities * roots.size * rest[2].size
+    _, walls, omega = rest[:3]
+    yield "responses of modes", parities * roots.size * omega.size
+    yield "impulses by equations", walls.size * omega.size
 
 
-def _walks(*args: Any) -> tuple[str, int]:
-    return "walks along a limit", args[2].size * args[5].shape[0]
+def _walks(_: Any, *args: Any) -> Tally:
+    yield "walks along a limit", args[2].size * args[5].shape[0]
 
 
-def _modal(family: Any, motion: Any, tau: Any, dofs: Any) -> tuple[str, int]:
-    return "displacements", motion.omega.size * tau.size * dofs.size
+def _modal(_: Any, family: Any, motion: Any, tau: Any, dofs: Any) -> Tally:
+    yield "displacements", motion.omega.size * tau.size * dofs.size
 
 
-def _direct(receptance: Any, omega: Any, p: Any, tau: Any, rows: Any, depth: Any) -> Any:
-    import numpy as np
-
+def _direct(_: Any, receptance: Any, omega: Any, p: Any, tau: Any, rows: Any, *rest: Any) -> Tally:
     chosen = rows(np.zeros((receptance.system.n, 1))).shape[0]
-    return "displacements", omega.size * tau.size * chosen
+    yield "displacements", omega.size * tau.size * chosen
 
 
-def _factors(matrix: Any) -> tuple[str, int]:
-    return "factorizations", 1
+def _factors(*_: Any) -> Tally:
+    yield "factorizations", 1
 
 
-def _motions(model: Any, variant: Any, t: Any, **_: Any) -> tuple[str, int]:
-    return "places of slow flows", t.size
+def _products(_: Any, matrix: Any, other: Any) -> Tally:
+    yield "products of a matrix", 1 if other.ndim == 1 else other.shape[1]
 
 
-_COUNTED: tuple[tuple[Any, str, Callable[..., tuple[str, int]]], ...] = (
+def _maps(*_: Any) -> Tally:
+    yield "maps of half periods", 1
+
+
+def _survey(found: Any, *_: Any) -> Tally:
+    yield "surveys of bands", 1
+    yield "boxes", found[4]
+
+
+def _motions(_: Any, model: Any, variant: Any, t: Any, *, shapes: bool = True) -> Tally:
+    yield "places of slow flows", t.size
+    yield "shapes of slow flows", t.size if shapes else 0
+
+
+def _structures(*_: Any) -> Tally:
+    yield "structures prepared", 1
+
+
+def _steps(_: Any, *args: Any) -> Tally:
+    yield "steps of splitting", args[9]
+
+
+def _history(_: Any, history: Any, scene: Any, samples: Any, first: Any) -> Tally:
+    whole = history.energy is not None
+    dofs = history.problem.system.n if whole else history.problem.wanted_dofs.size
+    wanted = 2 if whole else (history.x is not None) + (history.v is not None)
+    yield "displacements", samples.shape[0] * dofs * wanted
+
+
+_COUNTED: tuple[tuple[Any, str, Callable[..., Tally]], ...] = (
     (methods, "_compute", _spectrum),
+    (Spectrum, "rows", _rows),
     (response, "response_one", _scalar),
     (families, "members", _bordered),
     (limits, "check", _walks),
     (ModalFamily, "displacements", _modal),
     (Receptance, "displacements", _direct),
     (SymmetricMatrix, "factorize", _factors),
-    (Restitution, "motion", _motions),
+    (SymmetricMatrix, "__matmul__", _products),
+    (stability, "PeriodMap", _maps),
+    (bands, "survey", _survey),
+    (Structure, "__init__", _structures),
+    (History, "take", _history),
+    (soft, "advance", _steps),
+    *((model, "motion", _motions) for model in MODELS.values()),
 )
 
 
 def forget_modes() -> None:
-    """Empty the cache of natural modes; only inside `counting`, which has its own."""
+    """Empty the cache of natural modes; only inside `fresh`, which has its own."""
     vars(methods)["CACHE"] = Cache(2**30)
+
+
+@contextmanager
+def fresh() -> Iterator[None]:
+    """Start from an empty cache of natural modes, in the body of a with statement."""
+    spectrum.CACHE.clear()
+    with mock.patch.object(methods, "CACHE", Cache(2**30)):
+        yield
 
 
 @contextmanager
 def counting() -> Iterator[Counter[str]]:
     """Count, in the body of a with statement, from an empty cache of natural modes.
 
-    Counted are: natural modes found, responses of one mode at one frequency, walks of one
-    member along one limit, and displacements of one degree of freedom at one time.
+    Counted are: natural modes found and entries of the modal matrix; responses of one mode at
+    one frequency; unknown impulses; walks of one member along one limit; displacements of one
+    degree of freedom at one time; factorizations of matrices and products with one vector;
+    maps of half periods; ranges surveyed for bands and boxes of frequency and time in them;
+    places and shapes of slow flows at one time; structures prepared for flights; and what
+    `flights.counted` counts.
     """
     counts: Counter[str] = Counter()
-    spectrum.CACHE.clear()
-    with mock.patch.object(methods, "CACHE", Cache(2**30)):
-        patches = [mock.patch.object(*_counter(*entry, counts)) for entry in _COUNTED]
-        for patch in patches:
-            patch.start()
-        try:
-            yield counts
-        finally:
-            for patch in patches:
-                patch.stop()
+    with fresh(), ExitStack() as stack:
+        for place, name, tally in _COUNTED:
+            stack.enter_context(
+                mock.patch.object(place, name, _counter(place, name, tally, counts))
+            )
+        stack.enter_context(flights.counted(counts))
+        yield counts
+        for name in [name for name, number in counts.items() if not number]:
+            del counts[name]
 
 
 def _counter(
-    place: Any, name: str, count: Callable[..., tuple[str, int]], counts: Counter[str]
-) -> tuple[Any, str, Any]:
+    place: Any, name: str, tally: Callable[..., Tally], counts: Counter[str]
+) -> Callable[..., Any]:
     function = getattr(place, name)
 
     def counted(*args: Any, **named: Any) -> Any:
-        what, number = count(*args, **named)
-        counts[what] += number
-        return function(*args, **named)
+        found = function(*args, **named)
+        with flights.LOCK:
+            for what, number in tally(found, *args, **named):
+                counts[what] += int(number)
+        return found
 
-    return place, name, counted
+    return counted
+
+
+def numbers(result: Any) -> int:
+    """Return how many numbers the arrays of a result hold."""
+    if isinstance(result, Described):
+        return sum(array.size for array in result.arrays.values())
+    if not is_dataclass(result):
+        return 0
+    values = (getattr(result, field.name) for field in fields(result))
+    return sum(value.size for value in values if isinstance(value, np.ndarray))

@@ -5,15 +5,30 @@ from __future__ import annotations
 import json
 import subprocess
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from benchmarks.harness import machine
+from benchmarks import harness
 from benchmarks.tables import Table
 
 FOLDER = Path(__file__).parent / "results"
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """A table that could not be made.
+
+    Parameters
+    ----------
+    part : str
+        Name of the function; empty for the whole benchmark.
+    error : str
+    """
+
+    part: str
+    error: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +45,7 @@ class Run:
         Of the sources, with ``+`` where they had changes.
     machine : dict
     tables : tuple of Table
+    failures : tuple of Failure
     """
 
     name: str
@@ -37,12 +53,13 @@ class Run:
     commit: str
     machine: dict[str, Any]
     tables: tuple[Table, ...]
+    failures: tuple[Failure, ...] = ()
 
 
-def run_of(name: str, tables: Sequence[Table]) -> Run:
+def run_of(name: str, tables: Sequence[Table], failures: Sequence[Failure] = ()) -> Run:
     """Return a run made now."""
     when = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-    return Run(name, when, _commit(), machine(), tuple(tables))
+    return Run(name, when, _commit(), harness.machine(), tuple(tables), tuple(failures))
 
 
 def save(run: Run) -> Path:
@@ -56,6 +73,7 @@ def save(run: Run) -> Path:
         "commit": run.commit,
         "machine": run.machine,
         "tables": [table.document() for table in run.tables],
+        "failures": [asdict(failure) for failure in run.failures],
     }
     path.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     return path
@@ -69,7 +87,9 @@ def runs(name: str) -> list[Run]:
 def _read(path: Path) -> Run:
     document = json.loads(path.read_text(encoding="utf-8"))
     tables = tuple(Table.of(table) for table in document["tables"])
-    return Run(document["name"], document["when"], document["commit"], document["machine"], tables)
+    failures = tuple(Failure(**failure) for failure in document.get("failures", ()))
+    name, when, commit, machine = (document[k] for k in ("name", "when", "commit", "machine"))
+    return Run(name, when, commit, machine, tables, failures)
 
 
 def _commit() -> str:

@@ -8,9 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import http.client
-import json
-import os
 import re
 import shutil
 import statistics
@@ -19,16 +16,13 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
-from itertools import chain
-from pathlib import Path
+from collections.abc import Iterator
 from typing import Annotated, Any, Final
-from urllib.parse import urlsplit
 
 import numpy as np
 
-from benchmarks.tables import Table
+from benchmarks.server import Server, running
+from benchmarks.tables import Figure, Table, figures
 from vibroimpact_schema.requests import ImpactModesRequest
 from vibroimpact_schema.systems import SystemReference
 from vibroimpact_service import decode, digest, encode
@@ -36,9 +30,17 @@ from vibroimpact_service.store import Store
 from vibroimpact_solvers import cost, impact_modes
 from vibroimpact_solvers.arrays import Quantity
 
-SECONDS: Final = 10
+SECONDS: Final = 5
+_CROWD: Final = 20
+"""Seconds that wrk asks."""
 HDF5 = "application/x-hdf5"
-JSON = {"Content-Type": "application/json"}
+_P50: Final = "impact modes, N = 13, 1000 frequencies, p50 [ms]"
+_BEYOND: Final = "p50 beyond the library [ms]"
+_LATE: Final = "event loop over 50 ms late"
+_SHARED: Final = (
+    "on the clock: clients, service and its workers share the cores with one another, and with "
+    "whatever else the machine does"
+)
 MIX = """
 local number = 0
 local thread_number = 0
@@ -69,66 +71,6 @@ function done()
   for status, count in pairs(all) do io.write("status " .. status .. " " .. count .. "\\n") end
 end
 """
-
-
-class Service:
-    """A service in a process of its own."""
-
-    def __init__(self, data: Path) -> None:
-        command = [sys.executable, "-m", "vibroimpact_service", "--port", "0", "--data", str(data)]
-        environment = {**os.environ, "OMP_NUM_THREADS": "1", "VIBROIMPACT_WORKERS": "1"}
-        self.log = (data / "stderr.txt").open("wb")
-        self.process = subprocess.Popen(
-            command, env=environment, stdout=subprocess.DEVNULL, stderr=self.log
-        )
-        note = data / "service.json"
-        while not note.exists():
-            if self.process.poll() is not None:
-                sys.exit((data / "stderr.txt").read_text())
-            time.sleep(0.05)
-        self.url = json.loads(note.read_text())["url"]
-        self.http = http.client.HTTPConnection(urlsplit(self.url).netloc, timeout=600)
-        while self.ask("GET", "/v1/health/ready")[0] != 200:
-            time.sleep(0.1)
-
-    def ask(
-        self, method: str, path: str, body: Any = None, headers: dict[str, str] | None = None
-    ) -> tuple[int, dict[str, str], bytes]:
-        """Return status, headers and body of an answer."""
-        data = None if body is None else json.dumps(body)
-        try:
-            self.http.request(method, path, data, {**JSON, **(headers or {})})
-            answer = self.http.getresponse()
-        except http.client.RemoteDisconnected:  # it was idle for too long
-            self.http.close()
-            return self.ask(method, path, body, headers)
-        found = {name.lower(): value for name, value in answer.getheaders()}
-        return answer.status, found, answer.read()
-
-    def memory(self, field: str = "VmRSS") -> float:
-        """Return mebibytes of the process that serves."""
-        text = Path(f"/proc/{self.process.pid}/status").read_text()
-        (value,) = re.findall(rf"^{field}:\s+(\d+) kB", text, re.M)
-        return int(value) / 1024
-
-    def cpu(self) -> float:
-        """Return the seconds of processor time that the serving process has spent."""
-        fields = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-    def lag(self) -> dict[float, float]:
-        """Return how often the event loop woke later than each bound, in seconds."""
-        text = self.ask("GET", "/metrics")[2].decode()
-        found = re.findall(r'event_loop_lag_seconds_bucket{le="([^"]+)"} (\S+)', text)
-        below = {float(bound): float(count) for bound, count in found}
-        return {bound: below[float("inf")] - count for bound, count in below.items()}
-
-    def stop(self) -> None:
-        """Stop it."""
-        self.http.close()
-        self.process.terminate()
-        self.process.wait(30)
-        self.log.close()
 
 
 class Control:
@@ -193,25 +135,38 @@ def problem_of(request: ImpactModesRequest) -> impact_modes.Problem:
     return decode.impact_modes(request, decode.system(request.system))
 
 
-def cached(service: Service, seconds: int) -> Iterator[tuple[str, str, str]]:
+def lag(server: Server) -> dict[float, float]:
+    """Return how often the event loop woke later than each bound, in seconds."""
+    text = server.ask("GET", "/metrics").body.decode()
+    found = re.findall(r'event_loop_lag_seconds_bucket{le="([^"]+)"} (\S+)', text)
+    below = {float(bound): float(count) for bound, count in found}
+    return {bound: below[float("inf")] - count for bound, count in below.items()}
+
+
+def cached(server: Server, length: int) -> Iterator[Figure]:
     """Measure cached results and 304."""
     for num in (100, 1000):
-        _, headers, body = service.ask("POST", "/v1/compute/impact-modes", swept(2.4, num))
-        where, tag = headers["content-location"], headers["etag"]
-        yield f"cached result by digest, {len(body)} bytes", rated(service, where, seconds), "1500"
-    text = rated(service, where, seconds, "-H", f"If-None-Match: {tag}")
-    yield "304 by If-None-Match", text, "2500"
+        answer = server.asked("POST", "/v1/compute/impact-modes", swept(2.4, num))
+        where, tag = answer.headers["content-location"], answer.headers["etag"]
+        size = round(len(answer.body) / 1000)
+        yield from rated(server, f"cached result, {size} kB", where, length, 1500.0)
+    yield from rated(
+        server, "304 by If-None-Match", where, length, 2500.0, "-H", f"If-None-Match: {tag}"
+    )
 
 
-def rated(service: Service, where: str, seconds: int, *more: str) -> str:
-    """Return the rate of an address; on an idle machine, what the processor time allows."""
-    began = service.cpu()
-    rate, _, _ = wrk(service.url + where, seconds, 32, *more)
-    each = (service.cpu() - began) / (rate * seconds)
-    return f"{rate:.0f} req/s ({1e6 * each:.0f} us of CPU: {1 / each:.0f}/s per core)"
+def rated(
+    server: Server, what: str, where: str, length: int, least: float, *more: str
+) -> Iterator[Figure]:
+    """Yield the rate of an address, and what the processor time of the service allows."""
+    began = server.processor()
+    rate, _, _ = wrk(server.url + where, length, 32, *more)
+    each = (server.processor() - began) / (rate * length)
+    yield Figure(f"{what} [1/s]", rate)
+    yield Figure(f"{what}, a core for the service alone [1/s]", 1.0 / each, least, True)
 
 
-def modes(service: Service, count: int = 300) -> Iterator[tuple[str, str, str]]:
+def modes(server: Server, count: int = 200) -> Iterator[Figure]:
     """Measure computations that nobody asked for before, and the bare library beside them."""
     times, bare = [], []
     spent = library_spent = 0.0
@@ -224,23 +179,20 @@ def modes(service: Service, count: int = 300) -> Iterator[tuple[str, str, str]]:
         bare.append(time.perf_counter() - began)
         library_spent += (time.process_time() - clock) * (number >= 20)
         if number == 20:
-            spent = service.cpu()
+            spent = server.processor()
         began = time.perf_counter()
-        status, _, _ = service.ask("POST", "/v1/compute/impact-modes", body)
+        server.asked("POST", "/v1/compute/impact-modes", body)
         times.append(time.perf_counter() - began)
-        assert status == 200
-    own = (service.cpu() - spent - library_spent) / (count - 20)
+    own = (server.processor() - spent - library_spent) / (count - 20)
     p50, p99 = np.percentile(times[20:], [50, 99]) * 1e3
     library = statistics.median(bare[20:]) * 1e3
-    yield "impact-modes N=13 x 1000, p50", f"{p50:.2f} ms (p99 {p99:.1f})", "<= 6 ms"
-    yield (
-        "  of which beyond the library",
-        f"{p50 - library:.2f} ms ({1e3 * own:.2f} ms of CPU)",
-        "<= 3 ms",
-    )
+    yield Figure(_P50, float(p50), 6.0)
+    yield Figure("the same, p99 [ms]", float(p99))
+    yield Figure(_BEYOND, float(p50) - library, 3.0)
+    yield Figure("processor beyond the library [ms]", 1e3 * own)
 
 
-def plans() -> Iterator[tuple[str, str, str]]:
+def plans() -> Iterator[Figure]:
     """Compare planned seconds with the processor time of the library, over a mix of requests."""
     ratios = []
     for n in (3, 13, 60, 200):
@@ -249,9 +201,11 @@ def plans() -> Iterator[tuple[str, str, str]]:
                 if n * num <= 400_000:
                     ratios.append(ratio(n, num, outputs))
     within = sum(1 / 3 <= ratio <= 3 for ratio in ratios) / len(ratios)
-    low, middle, high = np.percentile(ratios, [5, 50, 95])
-    text = f"{100 * within:.0f} % (5, 50, 95 %: {low:.2f}, {middle:.2f}, {high:.2f})"
-    yield f"planned over measured time within 3x, of {len(ratios)}", text, ">= 90 %"
+    low, middle, high = map(float, np.percentile(ratios, [5, 50, 95]))
+    yield Figure(f"planned time within 3x of {len(ratios)} [%]", 100 * within, 90.0, True)
+    yield Figure("planned over measured, 5 % below", low)
+    yield Figure("planned over measured, median", middle)
+    yield Figure("planned over measured, 95 % below", high)
 
 
 def ratio(n: int, num: int, outputs: list[str]) -> float:
@@ -276,73 +230,78 @@ def ratio(n: int, num: int, outputs: list[str]) -> float:
     return cost.seconds(plan) / min(spent[1:])
 
 
-def clients(service: Service, seconds: int) -> Iterator[tuple[str, str, str]]:
+def clients(server: Server, length: int) -> Iterator[Figure]:
     """Measure 200 clients at once: half results, 304, plans and fresh computations."""
-    _, headers, _ = service.ask("POST", "/v1/compute/impact-modes", swept(2.4, 100))
+    headers = server.asked("POST", "/v1/compute/impact-modes", swept(2.4, 100)).headers
     script = MIX.replace("%RESULT%", headers["content-location"]).replace("%ETAG%", headers["etag"])
-    before = service.lag()
+    before = lag(server)
+    control = Control()
     with tempfile.NamedTemporaryFile("w", suffix=".lua") as file:
         file.write(script)
         file.flush()
-        control = Control()
         control.start()
-        rate, counts, words = wrk(service.url, seconds, 200, "-s", file.name, threads=2)
-        control.stop()
-    after = service.lag()
-    bad: dict[str, Any] = {s: n for s, n in counts.items() if s not in ("200", "304", "429")}
-    bad |= dict(re.findall(r"(connect|read|write|timeout) ([1-9]\d*)", words))
-    (p99,) = re.findall(r"99%\s+(\S+)", words)
-    yield f"200 clients for {seconds} s", f"{rate:.0f} req/s (p99 {p99})", ""
-    yield "  errors other than 429", str(bad or 0), "0"
-    late = {bound: after[bound] - before[bound] for bound in (0.025, 0.05, 0.1)}
-    text = ", ".join(f"{n:.0f} > {1e3 * b:.0f} ms" for b, n in late.items())
-    text += f" (idle process: {control.late} > 50)"
-    yield "  event loop late (samples every 20 ms)", text, "0 > 50 ms"
-    yield "  memory of the server", f"{service.memory():.0f} MiB", ""
+        try:
+            rate, counts, words = wrk(server.url, length, 200, "-s", file.name, threads=2)
+        finally:
+            control.stop()
+    after = lag(server)
+    bad = sum(count for status, count in counts.items() if status not in ("200", "304", "429"))
+    bad += sum(int(n) for n in re.findall(r"(?:connect|read|write|timeout) (\d+)", words))
+    (p99,) = re.findall(r"99%\s+([\d.]+)(us|ms|s|m)\b", words)
+    late = after[0.05] - before[0.05]
+    yield Figure("answers [1/s]", rate)
+    yield Figure("p99 [ms]", float(p99[0]) * {"us": 1e-3, "ms": 1.0, "s": 1e3, "m": 6e4}[p99[1]])
+    yield Figure("errors other than 429", bad, 0.0)
+    # An idle process wakes late where the machine has no core for it.
+    yield Figure(_LATE, late, control.late)
+    yield Figure("idle process over 50 ms late", control.late)
+    yield Figure("memory of the server [MB]", server.memory(), 600.0)
 
 
-def stream(service: Service, data: Path) -> Iterator[tuple[str, str, str]]:
-    """Measure an HDF5 result of one gibibyte: made from the stored arrays, then sent."""
-    rows = 2**27 // 1000
+def stream(server: Server) -> Iterator[Figure]:
+    """Measure a large HDF5 result: made from the stored arrays, then sent."""
     name = digest.name("local", "benchmark", "", b"big")
-    values = np.random.default_rng(7).standard_normal((rows, 1000))
-    body, headers = stored(values), {"Accept": HDF5}
-    Store(str(data / "store")).results.put(name, body)
+    values = np.random.default_rng(7).standard_normal((_LARGE // 8000, 1000))
+    body = stored(values)
+    Store(str(server.data / "store")).results.put(name, body)
     size = len(body)
     del values, body
-    base, peak, done = service.memory(), [0.0], threading.Event()
+    base, peak, done = server.memory(), [0.0], threading.Event()
 
     def look() -> None:
         while not done.wait(0.02):
-            peak[0] = max(peak[0], service.memory())
+            peak[0] = max(peak[0], server.memory())
 
-    before = service.lag()
+    before = lag(server)
     watcher = threading.Thread(target=look)
     watcher.start()
     control = Control()
     control.start()
-    began = time.perf_counter()
-    for turn in ("first, made and sent", "again, sent"):
-        turn_began = time.perf_counter()
-        service.http.request("GET", f"/v1/results/{name}", headers=headers)
-        answer = service.http.getresponse()
-        assert answer.status == 200, answer.read()[:500]
-        received = sum(len(piece) for piece in iter(functools.partial(answer.read, 2**20), b""))
-        spent = time.perf_counter() - turn_began
-        yield f"1 GiB HDF5, {turn}", f"{spent:.1f} s ({received / spent / 2**20:.0f} MiB/s)", ""
-    done.set()
-    watcher.join()
-    control.stop()
-    after = service.lag()
-    late = after[0.05] - before[0.05]
-    yield "  memory of the server at most", f"{peak[0]:.0f} MiB (before: {base:.0f})", "< 300 MiB"
-    total = time.perf_counter() - began
-    yield (
-        "  event loop late",
-        f"{late:.0f} > 50 ms in {total:.0f} s (idle process: {control.late})",
-        "0",
-    )
+    try:
+        for turn in ("first, made and sent", "again, sent"):
+            began = time.perf_counter()
+            received = _received(server, name)
+            yield Figure(f"{turn} [MB/s]", received / (time.perf_counter() - began) / 1e6)
+    finally:
+        done.set()
+        watcher.join()
+        control.stop()
+    late = lag(server)[0.05] - before[0.05]
+    yield Figure("memory of the server beside what it had, at most [MB]", peak[0] - base, 64.0)
+    yield Figure(_LATE, late, control.late)
+    yield Figure("idle process over 50 ms late", control.late)
     assert received > 0.8 * size
+
+
+def _received(server: Server, name: str) -> int:
+    connection = server.connection()
+    connection.request("GET", f"/v1/results/{name}", headers={"Accept": HDF5})
+    answer = connection.getresponse()
+    assert answer.status == 200, answer.read()[:500]
+    return sum(len(piece) for piece in iter(functools.partial(answer.read, 2**20), b""))
+
+
+_LARGE: Final = 2**28
 
 
 @dataclasses.dataclass(frozen=True)
@@ -361,43 +320,41 @@ def stored(values: np.ndarray[Any, Any]) -> bytes:
     return encode.freeze(Stored(values), head)
 
 
-@contextmanager
-def _running() -> Iterator[tuple[Service, Path]]:
+def _need_wrk() -> None:
     if shutil.which("wrk") is None:
         raise RuntimeError("wrk is needed: apt install wrk")
-    with tempfile.TemporaryDirectory() as folder:
-        service = Service(Path(folder))
-        try:
-            yield service, Path(folder)
-        finally:
-            service.stop()
-
-
-def _table(title: str, rows: Iterable[tuple[str, str, str]]) -> Table:
-    return Table(title, ("figure", "measured", "aim"), list(rows))
 
 
 def answers() -> Table:
     """Ask for stored results and for computations that nobody asked for before."""
-    with _running() as (service, _):
-        return _table("Answers over HTTP", chain(cached(service, SECONDS), modes(service)))
+    _need_wrk()
+    with running() as server:
+        found = [*cached(server, SECONDS), *modes(server)]
+    note = "32 connections; the load generator shares the cores with the service."
+    reasons = dict.fromkeys((_P50, _BEYOND), _SHARED)
+    return figures("Answers over HTTP", found, note, reasons)
 
 
 def crowd() -> Table:
-    """Let 200 clients ask for results, plans and fresh computations at once for a minute."""
-    with _running() as (service, _):
-        return _table("Two hundred clients", clients(service, 60))
+    """Let 200 clients ask for results, plans and fresh computations at once."""
+    _need_wrk()
+    with running() as server:
+        found = list(clients(server, _CROWD))
+    note = f"For {_CROWD} s. The event loop is sampled every 20 ms."
+    return figures("Two hundred clients", found, note, {_LATE: _SHARED})
 
 
 def large_results() -> Table:
-    """Send an HDF5 result of one gibibyte."""
-    with _running() as (service, folder):
-        return _table("A result of one gibibyte", stream(service, folder))
+    """Send a large HDF5 result, which is made from the stored arrays at first."""
+    with running() as server:
+        found = list(stream(server))
+    return figures(f"A result of {_LARGE // 2**20} MB", found, "", {_LATE: _SHARED})
 
 
 def estimates() -> Table:
     """Compare planned seconds with the processor time of the library, over a mix of requests."""
-    return _table("Estimates of plans", plans())
+    note = "Plans speak of one core of a machine of 2024."
+    return figures("Estimates of plans", plans(), note)
 
 
 TABLES: Final = (answers, crowd, large_results, estimates)

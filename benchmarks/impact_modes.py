@@ -306,14 +306,16 @@ def localized_shapes() -> Table:
         assert shape is not None
         error = _relative(shape[0], exact)
         smallest = float(min(abs(x) for x in exact) / GAP)
-        rows.append((multiple, smallest, float(plain_error.max()), float(error.max()), 1e-12))
+        rows.append(("Vibroimpact", multiple, smallest, float(error.max()), 1e-12))
+        rows.append(("plain sum, numpy", multiple, smallest, float(plain_error.max()), None))
+    rows.sort(key=lambda row: row[0])
     return Table(
         "Entries of localized shapes",
-        ("Ω/Ω_N", "smallest entry", "error of the plain sum", "error of Vibroimpact", "goal"),
+        ("method", "Ω/Ω_N", "smallest entry", "error", "goal"),
         rows,
         "Largest relative error of any of the 13 displacements.",
-        Goal("error of Vibroimpact", "goal"),
-        (Plot("smallest entry", "error of Vibroimpact"),),
+        Goal("error", "goal"),
+        (Plot("smallest entry", "error", by="method"),),
     )
 
 

@@ -1,156 +1,37 @@
 """What the job queue costs.
 
-Each function starts what it needs and returns its figures; service, workers and clients share
-the cores of one machine.
+Service, workers and clients share the cores of one machine.
 """
 
 from __future__ import annotations
 
 import asyncio
 import hashlib
-import http.client
 import json
 import os
-import signal
 import statistics
-import subprocess
-import sys
 import tempfile
-import threading
 import time
 import uuid
-from collections.abc import Awaitable, Callable, Iterable, Iterator
+from collections.abc import Awaitable, Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 from typing import Any, Final
 
 from benchmarks import chunks
-from benchmarks.tables import Table
+from benchmarks.server import Server, bulk, running, seconds, tiny
+from benchmarks.tables import Figure, Table, figures
 from vibroimpact_service.jobs.database import open_database
 from vibroimpact_service.jobs.ledger import NewJob, insert
 from vibroimpact_service.jobs.queue import JobQueue
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 
-Figures = dict[str, float]
-
-TARGETS: dict[str, tuple[float, str]] = {
-    "tiny job p50, ms": (8.0, "<="),
-    "tiny job p99, ms": (20.0, "<="),
-    "tiny jobs of 32 clients, 1/s": (300.0, ">="),
-    "requests by batches, 1/s": (3000.0, ">="),
-    "overhead of a 4 ms chunk, ms": (0.15, "<="),
-    "tiny job behind a bulk one p50, ms": (15.0, "<="),
-    "job of B behind 20000 chunks of A, s": (0.5, "<="),
-    "finished sweep again, ms": (10.0, "<="),
-    "page of 100000 jobs, ms": (20.0, "<="),
-    "idle processor, % of a core": (2.0, "<="),
-}
+_WORKERS: Final = 2
 
 
-class Service:
-    """A service process and one connection per thread to it."""
-
-    def __init__(self, data: Path, workers: int | None = None) -> None:
-        self.data = data
-        some = {} if workers is None else {"VIBROIMPACT_WORKERS": str(workers)}
-        data.mkdir(parents=True, exist_ok=True)
-        with (data / "log").open("wb") as log:
-            self.process = subprocess.Popen(
-                [sys.executable, "-m", "vibroimpact_service", "--port", "0", "--data", str(data)],
-                env={**os.environ, "OMP_NUM_THREADS": "1", **some},
-                stdout=log,
-                stderr=log,
-                start_new_session=True,
-            )
-        note = data / "service.json"
-        end = time.monotonic() + 120
-        while not note.exists():
-            if self.process.poll() is not None or time.monotonic() > end:
-                raise RuntimeError((data / "log").read_text())
-            time.sleep(0.05)
-        self.address = json.loads(note.read_text())["url"].removeprefix("http://")
-        self._local = threading.local()
-        while self.ask("GET", "/v1/health/ready")[0] != 200:
-            time.sleep(0.05)
-
-    def ask(self, method: str, path: str, content: Any = None) -> tuple[int, Any]:
-        """Return status and document of an answer."""
-        connection = getattr(self._local, "connection", None)
-        if connection is None:
-            connection = self._local.connection = http.client.HTTPConnection(self.address)
-        body = None if content is None else json.dumps(content).encode()
-        connection.request(method, path, body, {"Content-Type": "application/json"})
-        answer = connection.getresponse()
-        return answer.status, json.loads(answer.read())
-
-    def job(self, request: Any) -> str:
-        """Submit a job and return its id."""
-        status, job = self.ask("POST", "/v1/jobs", {"kind": "impact-modes", "request": request})
-        if status != 201:
-            raise RuntimeError(job)
-        return str(job["id"])
-
-    def done(self, job: str) -> None:
-        """Wait for a job."""
-        while not (document := self.ask("GET", f"/v1/jobs/{job}?wait=20")[1])["final"]:
-            continue
-        if document["state"] != "succeeded":
-            raise RuntimeError(document)
-
-    def processes(self) -> list[int]:
-        """Return the ids of all its processes."""
-        found = []
-        for stat in Path("/proc").glob("[0-9]*/stat"):
-            try:
-                fields = stat.read_text().rpartition(")")[2].split()
-            except OSError:
-                continue
-            if int(fields[3]) == self.process.pid:  # the session
-                found.append(int(stat.parent.name))
-        return found
-
-    def stop(self) -> None:
-        """Stop it."""
-        self.process.terminate()
-        try:
-            self.process.wait(30)
-        finally:
-            if self.process.poll() is None:
-                os.killpg(self.process.pid, signal.SIGKILL)
-
-
-@contextmanager
-def service() -> Iterator[Service]:
-    """Give a service on an empty folder."""
-    with tempfile.TemporaryDirectory() as folder:
-        found = Service(Path(folder) / "data")
-        try:
-            yield found
-        finally:
-            found.stop()
-
-
-def tiny(number: int) -> dict[str, Any]:
-    """Return a request unlike all others that takes no time."""
-    return {
-        "system": {"preset": "chain", "n": 13, "constraints": [{"dof": 5, "gap": 0.2}]},
-        "frequency": {"values": [0.5 + 1e-5 * number]},
-        "outputs": ["impulse"],
-    }
-
-
-def bulk(number: int, num: int = 300_000) -> dict[str, Any]:
-    """Return a request that takes many seconds."""
-    return {
-        "system": {"preset": "chain", "n": 300, "constraints": [{"dof": 5, "gap": 0.2}]},
-        "frequency": {"start": 0.6 + 1e-5 * number, "stop": 2.4, "num": num},
-        "outputs": ["impulse", "exists"],
-    }
-
-
-def _latencies(server: Service, count: int, first: int) -> list[float]:
+def _latencies(server: Server, count: int, first: int) -> list[float]:
     found = []
     for number in range(first, first + count):
         started = time.perf_counter()
@@ -159,91 +40,78 @@ def _latencies(server: Service, count: int, first: int) -> list[float]:
     return found[count // 10 :]  # the first ones load and compile
 
 
-def tiny_jobs(count: int = 300) -> Figures:
-    """Return the time from submitting a durable job over HTTP to knowing that it is done."""
-    with service() as server:
-        _latencies(server, 30, 10_000)
-        before = _ticks(server.processes())
-        found = _latencies(server, count, 0)
-        used = _ticks(server.processes()) - before
-    return {
-        "processor of a tiny job, ms": _milliseconds(used) / count,
-        "tiny job p50, ms": statistics.median(found),
-        "tiny job p99, ms": statistics.quantiles(found, n=100)[98],
-    }
+def tiny_jobs(server: Server, count: int = 300) -> Iterable[Figure]:
+    """Yield the time from submitting a durable job over HTTP to knowing that it is done."""
+    _latencies(server, 30, 10_000)
+    before = seconds(server.processes())
+    found = _latencies(server, count, 0)
+    used = seconds(server.processes()) - before
+    yield Figure("processor of a tiny job [ms]", 1e3 * used / count)
+    yield Figure("tiny job, p50 [ms]", statistics.median(found), 8.0)
+    yield Figure("tiny job, p99 [ms]", statistics.quantiles(found, n=100)[98], 20.0)
 
 
-def tiny_jobs_of_many(clients: int = 32, each: int = 40) -> Figures:
-    """Return how many durable jobs a second many clients get done."""
-    with service() as server:
-        _latencies(server, 20, 0)
+def tiny_jobs_of_many(server: Server, clients: int = 32, each: int = 40) -> Iterable[Figure]:
+    """Yield how many durable jobs a second many clients get done."""
 
-        def client(number: int) -> None:
-            first = 1000 + number * each
-            for job in [server.job(tiny(i)) for i in range(first, first + each)]:
-                server.done(job)
+    def client(number: int) -> None:
+        first = 20_000 + number * each
+        for job in [server.job(tiny(i)) for i in range(first, first + each)]:
+            server.done(job)
 
-        before = _ticks(server.processes())
+    before = seconds(server.processes())
+    started = time.perf_counter()
+    with ThreadPoolExecutor(clients) as pool:
+        list(pool.map(client, range(clients)))
+    spent = time.perf_counter() - started
+    used = seconds(server.processes()) - before
+    yield Figure("processor of one of many tiny jobs [ms]", 1e3 * used / (clients * each))
+    yield Figure(f"tiny jobs of {clients} clients [1/s]", clients * each / spent, 300.0, True)
+
+
+def batches(server: Server, count: int = 6, size: int = 1000) -> Iterable[Figure]:
+    """Yield how many requests a second are answered by batches."""
+
+    def batch(number: int) -> None:
+        requests = [tiny(30_000 + number * size + i) for i in range(size)]
+        content = {"kind": "impact-modes", "requests": requests}
+        found = server.asked("POST", "/v1/batch", content).document
+        if len(found["answers"]) != size:
+            raise RuntimeError(found)
+
+    batch(0)
+    before = seconds(server.processes())
+    started = time.perf_counter()
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(batch, range(1, count + 1)))
+    spent = time.perf_counter() - started
+    used = seconds(server.processes()) - before
+    yield Figure("processor of a request of a batch [ms]", 1e3 * used / (count * size))
+    yield Figure("requests by batches [1/s]", count * size / spent, 3000.0, True)
+
+
+def again(server: Server, count: int = 20) -> Iterable[Figure]:
+    """Yield the time to get a finished sweep's job when it is submitted again."""
+    server.done(server.job(bulk(0, 30_000)))
+    found = []
+    for _ in range(count):
         started = time.perf_counter()
-        with ThreadPoolExecutor(clients) as pool:
-            list(pool.map(client, range(clients)))
-        seconds = time.perf_counter() - started
-        used = _ticks(server.processes()) - before
-    return {
-        "processor of one of many tiny jobs, ms": _milliseconds(used) / (clients * each),
-        "tiny jobs of 32 clients, 1/s": clients * each / seconds,
-    }
+        server.done(server.job(bulk(0, 30_000)))
+        found.append(1e3 * (time.perf_counter() - started))
+    yield Figure("finished sweep again [ms]", statistics.median(found), 10.0)
 
 
-def batches(count: int = 6, size: int = 1000) -> Figures:
-    """Return how many requests a second are answered by batches."""
-    with service() as server:
-
-        def batch(number: int) -> None:
-            requests = [tiny(number * size + i) for i in range(size)]
-            status, found = server.ask(
-                "POST", "/v1/batch", {"kind": "impact-modes", "requests": requests}
-            )
-            if status != 200 or len(found["answers"]) != size:
-                raise RuntimeError(found)
-
-        batch(0)
-        before = _ticks(server.processes())
-        started = time.perf_counter()
-        with ThreadPoolExecutor(2) as pool:
-            list(pool.map(batch, range(1, count + 1)))
-        seconds = time.perf_counter() - started
-        used = _ticks(server.processes()) - before
-    return {
-        "processor of a request of a batch, ms": _milliseconds(used) / (count * size),
-        "requests by batches, 1/s": count * size / seconds,
-    }
+def behind_bulk(server: Server, count: int = 100) -> Iterable[Figure]:
+    """Yield the time of a tiny job while a bulk one keeps all workers busy."""
+    job = server.job(bulk(1, 3_000_000))
+    time.sleep(1.0)
+    found = _latencies(server, count, 50_000)
+    server.ask("DELETE", f"/v1/jobs/{job}")
+    yield Figure("tiny job behind a bulk one, p50 [ms]", statistics.median(found), 15.0)
 
 
-def behind_bulk(count: int = 100) -> Figures:
-    """Return the time of a tiny job while a bulk one keeps all workers busy."""
-    with service() as server:
-        _latencies(server, 20, 0)
-        server.job(bulk(0, 3_000_000))
-        time.sleep(1.0)
-        found = _latencies(server, count, 100)
-    return {"tiny job behind a bulk one p50, ms": statistics.median(found)}
-
-
-def again(count: int = 20) -> Figures:
-    """Return the time to get a finished sweep's job when it is submitted again."""
-    with service() as server:
-        server.done(server.job(bulk(0, 100_000)))
-        found = []
-        for _ in range(count):
-            started = time.perf_counter()
-            server.done(server.job(bulk(0, 100_000)))
-            found.append(1e3 * (time.perf_counter() - started))
-    return {"finished sweep again, ms": statistics.median(found)}
-
-
-def listing(rows: int = 100_000, pages: int = 50) -> Figures:
-    """Return the time to list a page of many jobs, a filtered one included."""
+def listing(rows: int = 100_000, pages: int = 50) -> Iterable[Figure]:
+    """Yield the time to list a page of many jobs, a filtered one included."""
     with tempfile.TemporaryDirectory() as folder:
         data = Path(folder) / "data"
         settings = Settings(data=data)
@@ -257,62 +125,45 @@ def listing(rows: int = 100_000, pages: int = 50) -> Figures:
             with engine.begin() as connection:
                 insert([new for new in news if new.reused])(connection)
         engine.dispose()
-        server = Service(data)
+        server = Server(data)
         try:
             found = []
             for page in range(pages):
                 cursor = rows * (page + 1) // (pages + 1)
                 for query in (f"cursor={cursor}", f"cursor={cursor}&state=succeeded"):
                     started = time.perf_counter()
-                    status, _ = server.ask("GET", f"/v1/jobs?limit=50&{query}")
+                    server.asked("GET", f"/v1/jobs?limit=50&{query}")
                     found.append(1e3 * (time.perf_counter() - started))
-                    if status != 200:
-                        raise RuntimeError(f"no page: {status}")
         finally:
             server.stop()
-    return {"page of 100000 jobs, ms": statistics.median(found)}
+    yield Figure(f"page of {rows} jobs [ms]", statistics.median(found), 20.0)
 
 
-def idle(seconds: float = 20.0) -> Figures:
-    """Return how much of a core a service uses that nobody asks anything."""
-    with service() as server:
-        _latencies(server, 5, 0)
-        time.sleep(3.0)
-        before = _ticks(server.processes())
-        time.sleep(seconds)
-        used = _ticks(server.processes()) - before
-    return {"idle processor, % of a core": 100.0 * used / os.sysconf("SC_CLK_TCK") / seconds}
+def idle(server: Server, length: float = 10.0) -> Iterable[Figure]:
+    """Yield how much of a core a service uses that nobody asks anything."""
+    _latencies(server, 5, 0)
+    time.sleep(3.0)
+    before = seconds(server.processes())
+    time.sleep(length)
+    used = seconds(server.processes()) - before
+    yield Figure("idle processor [% of a core]", 100.0 * used / length, 2.0)
 
 
-def _ticks(processes: list[int]) -> int:
-    total = 0
-    for process in processes:
-        fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-        total += int(fields[11]) + int(fields[12])
-    return total
+def soak(server: Server, jobs: int = 2000, warm: int = 1000) -> Iterable[Figure]:
+    """Yield by how much memory and file handles grow with jobs, after a warm-up."""
 
+    def client(number: int) -> None:
+        server.done(server.job(tiny(number)))
 
-def _milliseconds(ticks: int) -> float:
-    return 1e3 * ticks / os.sysconf("SC_CLK_TCK")
-
-
-def soak(jobs: int = 4000, warm: int = 1000) -> Figures:
-    """Return by how much memory and file handles grow with jobs, after a warm-up."""
-    with service() as server:
-
-        def client(number: int) -> None:
-            server.done(server.job(tiny(number)))
-
-        with ThreadPoolExecutor(16) as pool:
-            list(pool.map(client, range(warm)))
-            before = _held(server.processes())
-            list(pool.map(client, range(warm, warm + jobs)))
-        time.sleep(2.0)
-        after = _held(server.processes())
-    return {
-        "memory per 1000 jobs, MB": (after[0] - before[0]) / 2**20 / (jobs / 1000),
-        "file handles per 1000 jobs": (after[1] - before[1]) / (jobs / 1000),
-    }
+    with ThreadPoolExecutor(16) as pool:
+        list(pool.map(client, range(warm)))
+        before = _held(server.processes())
+        list(pool.map(client, range(warm, warm + jobs)))
+    time.sleep(2.0)
+    after = _held(server.processes())
+    each = jobs / 1000
+    yield Figure("memory for 1000 jobs more [MB]", (after[0] - before[0]) / 2**20 / each, 4.0)
+    yield Figure("file handles for 1000 jobs more", (after[1] - before[1]) / each, 1.0)
 
 
 def _held(processes: list[int]) -> tuple[int, int]:
@@ -324,37 +175,35 @@ def _held(processes: list[int]) -> tuple[int, int]:
     return memory, handles
 
 
-def chunk_overhead(count: int = 2000, seconds: float = 0.004) -> Figures:
-    """Return what a chunk of some milliseconds costs beside itself, with one worker.
+def chunk_overhead(count: int = 2000, each: float = 0.004) -> Iterable[Figure]:
+    """Yield what a chunk of some milliseconds costs beside itself, with one worker.
 
     The processor time tells what remains on a machine on which others are at work too.
     """
-    used = 0
+    used = 0.0
 
     async def scenario(queue: JobQueue, store: Store) -> float:
         nonlocal used
-        await _run(queue, store, "ann", 100, seconds)  # learns the time of a chunk
-        worker = _busiest(lambda: _run(queue, store, "ann", 100, seconds))
-        before = _ticks([process := await worker])
+        await busy(queue, store, "ann", 100, each)  # learns the time of a chunk
+        worker = _busiest(lambda: busy(queue, store, "ann", 100, each))
+        before = seconds([process := await worker])
         started = time.perf_counter()
-        await _run(queue, store, "ann", count, seconds)
+        await busy(queue, store, "ann", count, each)
         spent = time.perf_counter() - started
-        used = _ticks([process]) - before
+        used = seconds([process]) - before
         return spent
 
-    spent = _with_queue(scenario)
-    return {
-        "processor overhead of a 4 ms chunk, ms": _milliseconds(used) / count - 1e3 * seconds,
-        "overhead of a 4 ms chunk, ms": 1e3 * (spent / count - seconds),
-    }
+    spent = with_queue(scenario)
+    yield Figure("processor overhead of a 4 ms chunk [ms]", 1e3 * (used / count - each))
+    yield Figure("overhead of a 4 ms chunk [ms]", 1e3 * (spent / count - each), 0.15)
 
 
 async def _busiest(work: Callable[[], Awaitable[None]]) -> int:
     """Return the child process that does most of some work."""
     children = _descendants(os.getpid())
-    before = {child: _ticks([child]) for child in children}
+    before = {child: seconds([child]) for child in children}
     await work()
-    return max(children, key=lambda child: _ticks([child]) - before[child])
+    return max(children, key=lambda child: seconds([child]) - before[child])
 
 
 def _descendants(process: int) -> list[int]:
@@ -370,38 +219,41 @@ def _descendants(process: int) -> list[int]:
     return found + [each for child in found for each in _descendants(child)]
 
 
-def behind_another_user(count: int = 20_000, seconds: float = 0.004) -> Figures:
-    """Return the time of a small job of one user while another has thousands of chunks."""
+def behind_another_user(count: int = 20_000, each: float = 0.004) -> Iterable[Figure]:
+    """Yield the time of a small job of one user while another has thousands of chunks."""
 
     async def scenario(queue: JobQueue, store: Store) -> float:
-        await _run(queue, store, "ann", 100, seconds)
-        large = asyncio.create_task(_run(queue, store, "ann", count, seconds))
+        await busy(queue, store, "ann", 100, each)
+        large = asyncio.create_task(busy(queue, store, "ann", count, each))
         await asyncio.sleep(3.0)
         started = time.perf_counter()
-        await _run(queue, store, "bob", 5, seconds)
+        await busy(queue, store, "bob", 5, each)
         spent = time.perf_counter() - started
         large.cancel()
         await asyncio.gather(large, return_exceptions=True)
         return spent
 
-    return {"job of B behind 20000 chunks of A, s": _with_queue(scenario)}
+    yield Figure(f"job of B behind {count} chunks of A [s]", with_queue(scenario), 0.5)
 
 
-async def _run(queue: JobQueue, store: Store, owner: str, count: int, seconds: float) -> None:
-    data = json.dumps({"chunks": count, "seconds": seconds, "salt": uuid.uuid4().hex}).encode()
+async def busy(queue: JobQueue, store: Store, owner: str, count: int, each: float) -> None:
+    """Have a job done whose chunks keep a core busy for so many seconds each."""
+    data = json.dumps({"chunks": count, "seconds": each, "salt": uuid.uuid4().hex}).encode()
     request = hashlib.sha256(data).hexdigest()
     store.requests.put(request, data)
     result = hashlib.sha256(data + owner.encode()).hexdigest()
     name = f"job_{uuid.uuid4().hex}"
     await queue.submit(NewJob(name, owner, "busy", request, result, 0, 5.0, False))
-    job = await queue.finished(owner, name, 600)
+    job = await queue.finished(owner, name, 100)
     if job is None or job.state != "succeeded":
         raise RuntimeError(job)
 
 
-def _with_queue(scenario: Callable[[JobQueue, Store], Any]) -> float:
+def with_queue(scenario: Callable[[JobQueue, Store], Any], workers: int = 1) -> float:
+    """Return what a scenario makes of a queue in this process, with workers of its own."""
+
     async def main(folder: str) -> float:
-        settings = Settings(data=Path(folder), workers=1)
+        settings = Settings(data=Path(folder), workers=workers)
         store = Store(settings.store_url)
         queue = JobQueue(settings, store, chunks.WORK)
         await queue.start()
@@ -414,31 +266,36 @@ def _with_queue(scenario: Callable[[JobQueue, Store], Any]) -> float:
         return asyncio.run(main(folder))
 
 
-def _table(title: str, parts: Iterable[Callable[[], Figures]]) -> Table:
-    rows = []
-    for part in parts:
-        for name, value in part().items():
-            limit, sign = TARGETS.get(name, (None, ""))
-            rows.append((name, value, None if limit is None else f"{sign} {limit:g}"))
+def _loads() -> str:
     loads = ", ".join(f"{load:.1f}" for load in os.getloadavg())
-    note = f"Load of the machine after 1, 5 and 15 minutes: {loads}; the benchmark's own included."
-    return Table(title, ("figure", "measured", "aim"), rows, note)
+    return f"Load of the machine after 1, 5 and 15 minutes: {loads}; the benchmark's own included."
 
 
 def small_jobs() -> Table:
     """Submit durable jobs of a millisecond, alone, many at once, in batches and beside others."""
-    parts = (tiny_jobs, tiny_jobs_of_many, batches, behind_bulk, again)
-    return _table("Small jobs through the queue", parts)
+    parts = (tiny_jobs, tiny_jobs_of_many, batches, again, behind_bulk)
+    with running(_WORKERS) as server:
+        found = list(chain.from_iterable(part(server) for part in parts))
+    return figures("Small jobs through the queue", found, _loads(), _SHARED)
 
 
 def chunks_of_jobs() -> Table:
     """Run jobs of thousands of chunks that take 4 ms each and compute nothing."""
-    return _table("Chunks", (chunk_overhead, behind_another_user))
+    found = [*chunk_overhead(), *behind_another_user()]
+    return figures("Chunks", found, _loads(), _SHARED)
 
 
 def upkeep() -> Table:
     """List jobs, do nothing, and see whether anything grows with the number of jobs."""
-    return _table("Upkeep", (listing, idle, soak))
+    found = list(listing())
+    with running(_WORKERS) as server:
+        found += [*idle(server), *soak(server)]
+    return figures("Upkeep", found, _loads())
 
+
+_SHARED: Final = {
+    "": "on the clock: service, workers and clients share the cores with one another, and with "
+    "whatever else the machine does; see the load"
+}
 
 TABLES: Final = (small_jobs, chunks_of_jobs, upkeep)

@@ -11,25 +11,48 @@ To add one:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from importlib import import_module
+from types import FunctionType
 from typing import Final
-
-from benchmarks.tables import Table
 
 
 @dataclass(frozen=True, slots=True)
 class Benchmark:
-    """One benchmark: its name on the command line, its module and what it shows."""
+    """One benchmark: its name on the command line, its module and what it shows.
+
+    Parameters
+    ----------
+    name, module, shows : str
+    only : str
+        The only function that is meant; all where it is empty.
+    """
 
     name: str
     module: str
     shows: str
+    only: str = ""
 
-    def functions(self) -> Iterator[Callable[[], Table]]:
-        """Yield the functions of the module."""
-        yield from import_module(self.module).TABLES
+    def functions(self) -> tuple[FunctionType, ...]:
+        """Return the functions of the module, each of which makes a table.
+
+        Raises
+        ------
+        ImportError
+            Where something that it needs is not installed.
+        """
+        found = import_module(self.module).TABLES
+        return tuple(each for each in found if self.only in ("", each.__name__))
+
+
+class UnknownNameError(ValueError):
+    """Nothing is called that; the message names what comes near, or all there is."""
+
+    def __init__(self, name: str, known: Iterable[str]) -> None:
+        near = get_close_matches(name, list(known)) or list(known)
+        super().__init__(f"No benchmark is called {name}. There is: {', '.join(near)}.")
 
 
 BENCHMARKS: Final[tuple[Benchmark, ...]] = (
@@ -51,7 +74,7 @@ BENCHMARKS: Final[tuple[Benchmark, ...]] = (
     Benchmark(
         "time-histories",
         "benchmarks.time_histories",
-        "run time against error and impacts missed, against heyoka, scipy, CVODE, diffrax",
+        "run time against error, impacts missed: heyoka, scipy, CVODE, diffrax, Siconos",
     ),
     Benchmark("skips", "benchmarks.skips", "what plans leave out: counters and the time saved"),
     Benchmark(
@@ -74,13 +97,30 @@ BENCHMARKS: Final[tuple[Benchmark, ...]] = (
 )
 
 
-def named(names: list[str]) -> tuple[Benchmark, ...]:
+def named(names: Sequence[str]) -> tuple[Benchmark, ...]:
     """Return the benchmarks of those names, all for none.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Such as ``scaling``, or ``scaling.memory`` for one of its tables.
 
     Raises
     ------
-    KeyError
-        With the first name that is not one.
+    UnknownNameError
+        Where there is no such benchmark or table.
     """
+    return tuple(_one(name) for name in dict.fromkeys(names)) if names else BENCHMARKS
+
+
+def _one(name: str) -> Benchmark:
     table = {one.name: one for one in BENCHMARKS}
-    return tuple(table[name] for name in names) if names else BENCHMARKS
+    first, _, last = name.partition(".")
+    if first not in table:
+        raise UnknownNameError(name, table)
+    if not last:
+        return table[first]
+    parts = [f"{first}.{function.__name__}" for function in table[first].functions()]
+    if name not in parts:
+        raise UnknownNameError(name, parts)
+    return replace(table[first], only=last)

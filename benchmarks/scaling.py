@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -13,11 +14,14 @@ from typing import Any, Final
 
 import numpy as np
 
+from benchmarks import peaks
 from benchmarks.cases import chain, grid, random_structure, uneven_chain
 from benchmarks.harness import Work, measure
 from benchmarks.impact_modes import solve
-from benchmarks.tables import Plot, Table
-from benchmarks.time_histories import from_mode, ours
+from benchmarks.limits import LONGEST
+from benchmarks.motions import ours
+from benchmarks.motions.cases import from_mode
+from benchmarks.tables import Goal, Plot, Table, Trend
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.spectrum import methods
 
@@ -34,12 +38,15 @@ def size() -> Table:
             work = partial(solve, system, Omega, frozenset(outputs))
             each = measure(rounds=3, work=work)["work"].processor / points * _MICRO
             rows.append((", ".join(outputs), n, points, each, each / n * 1e3))
+    rows.sort(key=lambda row: row[0])
+    y = "time [µs/frequency]"
     return Table(
         "Cost against the number of masses",
-        ("outputs", "N", "frequencies", "time [µs/frequency]", "time [ns/mode/frequency]"),
+        ("outputs", "N", "frequencies", y, "time [ns/mode/frequency]"),
         rows,
-        "Chain with one constraint, time of the processor.",
-        plots=(Plot("N", "time [µs/frequency]", by="outputs"),),
+        "Chain with one constraint, time of the processor. Expected: linear in N from 100.",
+        plots=(Plot("N", y, by="outputs"),),
+        trends=(Trend("N", y, 1.15, by="outputs", since=100.0),),
     )
 
 
@@ -60,8 +67,13 @@ def modes() -> Table:
         "Natural modes",
         ("structure", "N", "method", "time [s]"),
         rows,
-        "Once for each structure; kept by content.",
+        "Once for each structure; kept by content. Expected: quadratic for tridiagonal matrices, "
+        "cubic for full ones.",
         plots=(Plot("N", "time [s]", by="structure"),),
+        trends=(
+            Trend("N", "time [s]", 2.2, by="structure", only=("tridiagonal",)),
+            Trend("N", "time [s]", 3.1, by="structure", only=("full",)),
+        ),
     )
 
 
@@ -77,14 +89,17 @@ def frequencies() -> Table:
         "Cost against the number of frequencies, N = 100",
         ("outputs", "frequencies", "time [ms]", "time [µs/frequency]"),
         rows,
+        "Time of the processor. Expected: linear from 10 000 frequencies, before which planning "
+        "is most of it.",
         plots=(Plot("frequencies", "time [ms]", by="outputs"),),
+        trends=(Trend("frequencies", "time [ms]", 1.05, by="outputs", since=10_000.0),),
     )
 
 
 def threads() -> Table:
     """Use one core, then all: kernels release the GIL and take their share of frequencies."""
     if not hasattr(os, "sched_setaffinity"):
-        return Table("Threads", ("cores",), [], "Processes cannot be bound to cores here.")
+        raise RuntimeError("processes cannot be bound to cores here")
     everywhere = os.sched_getaffinity(0)
     system, Omega = chain(1000), grid(0.2, 3.0, 20_000)
     few = grid(0.2, 3.0, 2000)
@@ -102,12 +117,13 @@ def threads() -> Table:
             finally:
                 os.sched_setaffinity(0, everywhere)
             alone = alone or found
-            rows.append((title, count, found, alone / found))
+            rows.append((title, count, found, alone / found, 0.8 * count if count > 1 else None))
     return Table(
         "Threads, chain of 1000 masses",
-        ("work", "cores", "clock [s]", "speed-up"),
+        ("work", "cores", "clock [s]", "speed-up", "goal"),
         rows,
         "Least time on the clock of seven; neighbours of the benchmark share the cores.",
+        Goal("speed-up", "goal", at_least=True),
     )
 
 
@@ -125,68 +141,69 @@ def impacts() -> Table:
         for count in (10, 100, 1000, 10_000):
             if n * count > 200_000:
                 continue
-            system, scene, _ = from_mode(n, dof, 1.5 * 2.0 / np.pi * top, count // 2)
-            found = measure(rounds=3, sample=0.0, work=partial(ours, system, scene))["work"]
-            seen = max(1, len(ours(system, scene).times))
+            scene = from_mode(n, dof, 1.5 * 2.0 / np.pi * top, count // 2)
+            found = measure(rounds=3, sample=0.0, work=partial(ours.whole, scene))["work"]
+            seen = max(1, len(ours.whole(scene).times))
             each = found.processor / seen * _MICRO
             rows.append((f"N = {n}", seen, found.processor * 1e3, each))
     return Table(
         "Cost against the number of impacts",
         ("structure", "impacts", "time [ms]", "time [µs/impact]"),
         rows,
-        "Elastic chain from an impact mode, state at the end and all impacts; planning included.",
+        "Elastic chain from an impact mode, state at the end and all impacts; planning included. "
+        "Expected: linear from 100 impacts.",
         plots=(Plot("impacts", "time [ms]", by="structure"),),
+        trends=(Trend("impacts", "time [ms]", 1.1, by="structure", since=100.0),),
     )
-
-
-_PEAK: Final = """
-import sys
-from benchmarks.impact_modes import solve
-from benchmarks.cases import chain, grid
-solve(chain(13), grid(0.2, 3.0, 100), frozenset({"impulse"}))
-def most():
-    # What getrusage says begins with the largest memory of the process that started this one.
-    lines = open("/proc/self/status").read().splitlines()
-    return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM"))
-before = most()
-solve(chain(int(sys.argv[1])), grid(0.2, 3.0, int(sys.argv[2])), frozenset(sys.argv[3].split()))
-print(before, most())
-"""
 
 
 def memory() -> Table:
-    """Measure the largest memory of processes that solve one problem each."""
-    rows: list[tuple[Any, ...]] = []
+    """Measure the largest memory of one problem each, beside what the libraries take.
+
+    Expected: no more than the matrices, which are quadratic in N; linear in the frequencies,
+    which are the result; and nearly flat for long motions, which are stored window by window:
+    ten times as many times take less than twice as much.
+    """
     if not Path("/proc/self/status").exists():
-        return Table("Memory", ("N",), [], "The system does not tell the memory of a process.")
-    for n, points, outputs in (
-        (13, 1000, "impulse"),
-        (13, 1_000_000, "impulse"),
-        (100, 100_000, "impulse exists"),
-        (1000, 2000, "impulse exists energy"),
-        (3000, 1000, "impulse energy"),
-    ):
-        done = subprocess.run(
-            [sys.executable, "-c", _PEAK, str(n), str(points), outputs],
-            capture_output=True,
-            text=True,
-            check=True,
-            cwd=Path(__file__).parent.parent,
-        )
-        before, peak = (int(number) / 1024.0 for number in done.stdout.split())
-        rows.append((n, points, outputs, before, peak - before))
+        raise RuntimeError("the system does not tell the memory of a process")
+    found = json.loads(_run([sys.executable, "-m", "benchmarks.peaks"]))
+    x, y, by = "size", "memory [MB]", "what grows"
     return Table(
         "Memory",
-        ("N", "frequencies", "outputs", "libraries [MB]", "beside them at most [MB]"),
-        rows,
-        "Chain with one constraint; the result included.",
+        (by, x, y),
+        [tuple(row) for row in found["rows"]],
+        f"Chain with one constraint, the result included; beside {found['before']:.0f} MB of "
+        "libraries and kernels.",
+        plots=(Plot(x, y, by=by),),
+        trends=(
+            Trend(x, y, 2.1, by, (peaks.FULL,)),
+            Trend(x, y, 1.1, by, (peaks.CHAIN,)),
+            Trend(x, y, 1.15, by, (peaks.FREQUENCIES,)),
+            Trend(x, y, 0.25, by, (peaks.TIMES,)),
+        ),
     )
+
+
+def _run(command: list[str], **environment: str) -> str:
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, **environment},
+        cwd=Path(__file__).parent.parent,
+        timeout=LONGEST,
+    )
+    if done.returncode:
+        raise RuntimeError(f"{' '.join(command)[:100]}: {done.stderr[-1000:]}")
+    return done.stdout
 
 
 _FIRST: Final = """
 import time
 start = time.perf_counter()
 from benchmarks.impact_modes import solve
+from benchmarks import peaks
 from benchmarks.cases import chain, grid
 loaded = time.perf_counter()
 solve(chain(13), grid(0.2, 3.0, 100), frozenset({"impulse", "exists"}))
@@ -201,16 +218,8 @@ def cold_starts() -> Table:
     rows: list[tuple[Any, ...]] = []
     with tempfile.TemporaryDirectory() as empty:
         for title in ("kernels compiled", "kernels from disk"):
-            environment = {**os.environ, "NUMBA_CACHE_DIR": empty}
-            done = subprocess.run(
-                [sys.executable, "-c", _FIRST],
-                capture_output=True,
-                text=True,
-                check=True,
-                env=environment,
-                cwd=Path(__file__).parent.parent,
-            )
-            rows.append((title, *map(float, done.stdout.split())))
+            said = _run([sys.executable, "-c", _FIRST], NUMBA_CACHE_DIR=empty)
+            rows.append((title, *map(float, said.split())))
     return Table(
         "Cold starts",
         ("process", "import [s]", "first result [s]", "second result [s]"),

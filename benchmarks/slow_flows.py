@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from benchmarks.harness import measure
-from benchmarks.peers import solve_ivp
+from benchmarks.motions.peers import solve_ivp
 from benchmarks.tables import Goal, Plot, Table
 from vibroimpact_solvers import presets, slow_flow
 from vibroimpact_solvers.arrays import Floats

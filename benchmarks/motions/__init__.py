@@ -1,0 +1,1 @@
+"""Motions with impacts that several integrators follow: cases, references, and the integrators."""

@@ -1,0 +1,61 @@
+"""Vibroimpact as the integrators it is compared with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from benchmarks.motions.scene import Outcome, Scene
+from vibroimpact_solvers import time_history
+from vibroimpact_solvers.time_history import Problem, Result, State
+
+
+def problem(scene: Scene, tolerance: float | None = None, *, estimate: bool = True) -> Problem:
+    """Return what is asked: the impacts, and the state at the end."""
+    rigid = {"impacts", "contacts"} if scene.limiter is None else set()
+    return Problem(
+        scene.system,
+        _state(scene),
+        scene.t_end,
+        t=np.array([scene.t_end]),
+        outputs=frozenset({"x", "v"} | rigid),
+        tolerance=tolerance,
+        load=scene.load,
+        limiter=scene.limiter,
+        estimate=estimate,
+    )
+
+
+def whole(scene: Scene, tolerance: float | None = None) -> Outcome:
+    """Plan and solve, as the service does, with estimates of errors."""
+    asked = problem(scene, tolerance)
+    return _outcome(time_history.solve(asked, time_history.plan(asked)))
+
+
+def prepared(scene: Scene, *, estimate: bool = False) -> Callable[[], Outcome]:
+    """Return what solves a motion that was planned and prepared beforehand, as peers are.
+
+    Parameters
+    ----------
+    estimate : bool
+        Whether errors are estimated, which no peer does.
+    """
+    asked = problem(scene, estimate=estimate)
+    motion = time_history.prepare(asked, time_history.plan(asked))
+    # The peers get their state anew each time; so does this.
+    again = _state(scene)
+    return lambda: _outcome(motion.solve(again))
+
+
+def _state(scene: Scene) -> State:
+    return State(scene.state[: scene.n].copy(), scene.state[scene.n :].copy())
+
+
+def _outcome(found: Result) -> Outcome:
+    assert found.x is not None
+    assert found.v is not None
+    times = [] if found.impact_time is None else found.impact_time.tolist()
+    if found.contact_rest is not None:
+        times += found.contact_rest.tolist()
+    return Outcome(tuple(times), np.concatenate([found.x[0], found.v[0]]))

@@ -1,0 +1,223 @@
+"""A service in processes of its own, for the benchmarks that ask it."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+STARTING: Final = 120.0
+"""Seconds until it must be ready."""
+PATIENCE: Final = 120.0
+"""Seconds that an answer may take."""
+_STOPPING: Final = 30.0
+_MEBI: Final = 1024.0  # kibibytes
+
+
+class Answer(NamedTuple):
+    """What the service answered."""
+
+    status: int
+    headers: Mapping[str, str]
+    body: bytes
+
+    @property
+    def document(self) -> Any:
+        """What JSON says."""
+        return json.loads(self.body)
+
+
+class Server:
+    """A service and one connection for each thread to it.
+
+    Parameters
+    ----------
+    data : Path
+        Its folder.
+    workers : int
+    environment : mapping, optional
+        What it sees beside the environment of this process.
+    """
+
+    def __init__(
+        self, data: Path, workers: int = 1, environment: Mapping[str, str] | None = None
+    ) -> None:
+        self.data = data
+        data.mkdir(parents=True, exist_ok=True)
+        own = {"OMP_NUM_THREADS": "1", "VIBROIMPACT_WORKERS": str(workers)}
+        with (data / "log").open("wb") as log:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "vibroimpact_service", "--port", "0", "--data", str(data)],
+                env={**os.environ, **own, **(environment or {})},
+                stdout=log,
+                stderr=log,
+                start_new_session=True,
+            )
+        self._local = threading.local()
+        try:
+            self._wait()
+        except BaseException:
+            self.stop()
+            raise
+
+    def _wait(self) -> None:
+        end = time.monotonic() + STARTING
+        note = self.data / "service.json"
+        while True:
+            if self.process.poll() is not None or time.monotonic() > end:
+                raise RuntimeError(f"no service: {(self.data / 'log').read_text()[-2000:]}")
+            if note.exists():
+                self.url = str(json.loads(note.read_text())["url"])
+                if self.ask("GET", "/v1/health/ready").status == 200:
+                    return
+            time.sleep(0.05)
+
+    def connection(self) -> http.client.HTTPConnection:
+        """Return the connection of this thread."""
+        found: http.client.HTTPConnection | None = getattr(self._local, "connection", None)
+        if found is None:
+            address = self.url.removeprefix("http://")
+            found = http.client.HTTPConnection(address, timeout=PATIENCE)
+            self._local.connection = found
+        return found
+
+    def ask(
+        self, method: str, path: str, content: Any = None, headers: Mapping[str, str] | None = None
+    ) -> Answer:
+        """Return an answer."""
+        body = None if content is None else json.dumps(content).encode()
+        fields = {"Content-Type": "application/json", **(headers or {})}
+        connection = self.connection()
+        try:
+            connection.request(method, path, body, fields)
+            answer = connection.getresponse()
+        except (http.client.RemoteDisconnected, BrokenPipeError, ConnectionResetError):
+            # It was idle for too long.
+            connection.close()
+            connection.request(method, path, body, fields)
+            answer = connection.getresponse()
+        found = {name.lower(): value for name, value in answer.getheaders()}
+        return Answer(answer.status, found, answer.read())
+
+    def asked(self, method: str, path: str, content: Any = None, status: int = 200) -> Answer:
+        """Return an answer that must have a status."""
+        answer = self.ask(method, path, content)
+        if answer.status != status:
+            raise RuntimeError(f"{path}: {answer.status} {answer.body[:500]!r}")
+        return answer
+
+    def job(self, request: Any) -> str:
+        """Submit a job and return its id."""
+        content = {"kind": "impact-modes", "request": request}
+        return str(self.asked("POST", "/v1/jobs", content, 201).document["id"])
+
+    def done(self, job: str) -> None:
+        """Wait for a job."""
+        while not (document := self.ask("GET", f"/v1/jobs/{job}?wait=20").document)["final"]:
+            continue
+        if document["state"] != "succeeded":
+            raise RuntimeError(document)
+
+    def processes(self) -> list[int]:
+        """Return the ids of all its processes."""
+        found = []
+        for stat in Path("/proc").glob("[0-9]*/stat"):
+            try:
+                fields = stat.read_text().rpartition(")")[2].split()
+            except OSError:
+                continue
+            # Of its session, and not those that ended already.
+            if int(fields[3]) == self.process.pid and fields[0] not in "ZX":
+                found.append(int(stat.parent.name))
+        return found
+
+    def memory(self) -> float:
+        """Return mebibytes of the process that serves."""
+        words = Path(f"/proc/{self.process.pid}/status").read_text().split("VmRSS:")[1].split()
+        return int(words[0]) / _MEBI
+
+    def memory_of_all(self) -> float:
+        """Return mebibytes of all processes, pages that several share divided among them."""
+        total = 0
+        for process in self.processes():
+            try:
+                lines = Path(f"/proc/{process}/smaps_rollup").read_text().splitlines()
+            except OSError:
+                continue
+            total += sum(int(line.split()[1]) for line in lines if line.startswith("Pss:"))
+        return total / _MEBI
+
+    def processor(self) -> float:
+        """Return the seconds of processor time that the serving process has spent."""
+        return seconds([self.process.pid])
+
+    def stop(self) -> None:
+        """Stop it, and leave no process of it behind."""
+        connection = getattr(self._local, "connection", None)
+        if connection is not None:
+            connection.close()
+        with suppress(ProcessLookupError):
+            self.process.terminate()
+        try:
+            self.process.wait(_STOPPING)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        finally:
+            end = time.monotonic() + 5.0
+            while (left := self.processes()) and time.monotonic() < end:
+                time.sleep(0.05)
+            for process in left:
+                with suppress(ProcessLookupError):
+                    os.kill(process, signal.SIGKILL)
+
+
+@contextmanager
+def running(workers: int = 1, environment: Mapping[str, str] | None = None) -> Iterator[Server]:
+    """Give a service on an empty folder."""
+    with tempfile.TemporaryDirectory() as folder:
+        found = Server(Path(folder) / "data", workers, environment)
+        try:
+            yield found
+        finally:
+            found.stop()
+
+
+def seconds(processes: list[int]) -> float:
+    """Return the processor time that some processes have spent."""
+    ticks = 0
+    for process in processes:
+        try:
+            fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        ticks += int(fields[11]) + int(fields[12])
+    return ticks / os.sysconf("SC_CLK_TCK")
+
+
+def tiny(number: int) -> dict[str, Any]:
+    """Return a request unlike all others that takes no time."""
+    return {
+        "system": {"preset": "chain", "n": 13, "constraints": [{"dof": 5, "gap": 0.2}]},
+        "frequency": {"values": [0.5 + 1e-5 * number]},
+        "outputs": ["impulse"],
+    }
+
+
+def bulk(number: int, num: int) -> dict[str, Any]:
+    """Return a request that takes many seconds."""
+    return {
+        "system": {"preset": "chain", "n": 300, "constraints": [{"dof": 5, "gap": 0.2}]},
+        "frequency": {"start": 0.6 + 1e-5 * number, "stop": 2.4, "num": num},
+        "outputs": ["impulse", "exists"],
+    }
