@@ -92,12 +92,15 @@ def guard(session: nox.Session) -> None:
     """Compare hot kernels with reference loops: none may have become half as slow again.
 
     By the instructions that valgrind counts where it is installed, else by time.
+    ``nox -s guard -- --usual`` takes what it finds for the usual.
     """
     install(session, "-e", ".[test]")
     if shutil.which("valgrind"):
-        session.run("python", "-m", "benchmarks.instructions")
+        session.run("python", "-m", "benchmarks.instructions", *session.posargs)
+        session.run("pytest", "-n", "0", "-m", "valgrind", "tests/benchmarks/test_guard.py")
     else:
-        session.run("python", "-m", "benchmarks.guard")
+        session.warn("valgrind is not installed: times are compared instead of instructions")
+        session.run("python", "-m", "benchmarks.guard", *session.posargs)
 
 
 @nox.session

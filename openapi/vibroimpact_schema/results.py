@@ -45,10 +45,15 @@ class ImpulseError(Document):
         description="Magnification of relative roundings in the impulses [frequency]; "
         "null: unbounded."
     )
+    stability: list[float | None] | None = Field(
+        None,
+        description="Relative error of the spectral radius [frequency]; null where there is none "
+        "or it is unbounded; absent where stability was not asked for.",
+    )
     within_tolerance: list[bool] | None = Field(
         None,
-        description="Whether the error is within the tolerance asked for [frequency]; absent "
-        "where none was.",
+        description="Whether the error of the impulses is within the tolerance asked for "
+        "[frequency]; absent where none was.",
     )
     statement: str = Field(description="How the errors were obtained.")
 

@@ -40,7 +40,8 @@ def test_all_of_it_awaited(tmp_path: Path) -> None:
             gaps = {"system.constraints.0.gap": [0.1, 0.2]}
             swept = await client.sweep("impact-modes", request(20), gaps)
             assert swept.impulse.shape == (2, 20, 1)
-            slow = await client.submit("impact-modes", request(2_000_000))
+            slow = await client.submit("impact-modes", request(2_000_000), deadline=600.0)
+            assert slow.document["deadline"] is not None
             assert (await slow.cancel()).state in {"cancelled", "running"}
 
     asyncio.run(use())

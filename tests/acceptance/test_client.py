@@ -69,7 +69,8 @@ def test_jobs_run_and_are_found_again(client: vi.Client) -> None:
 
 def test_a_cancelled_job_says_so(client: vi.Client) -> None:
     request = vi.impact_modes_request(vi.chain(400, [vi.constraint(5, 0.2)]), (0.01, 2.4, 200_000))
-    job = client.submit("impact-modes", request)
+    [job] = client.submit_many("impact-modes", [request], deadline=600.0).jobs
+    assert job.document["deadline"] is not None
     job.cancel()
     with pytest.raises(vi.JobCancelled):
         job.wait(30)

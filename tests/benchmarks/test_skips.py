@@ -2,54 +2,198 @@
 
 from __future__ import annotations
 
+import ast
+import sys
+from collections import defaultdict
+from collections.abc import Mapping
+from contextlib import ExitStack
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from unittest import mock
+
 import pytest
 
-from benchmarks.skips import Scene, counted, scenes
+import vibroimpact_solvers
+from benchmarks.skips import scenes
+from benchmarks.skips.scene import NUMBERS, Scene, counted
+from vibroimpact_solvers import existence_bands, impact_modes, slow_flow, sweep, time_history
+from vibroimpact_solvers.plan import Plan, Skip
 
-MODES, RESPONSES = "natural modes", "responses of modes"
-WALKS, PLACES = "walks along a limit", "displacements"
-FACTORS, FLOWS = "factorizations", "places of slow flows"
+MODES, ROWS, RESPONSES = "natural modes", "entries of modes", "responses of modes"
+EQUATIONS, WALKS, MAPS = "impulses by equations", "walks along a limit", "maps of half periods"
+PLACES, FACTORS, PRODUCTS = "displacements", "factorizations", "products of a matrix"
+SURVEYS, BOXES, STRUCTURES = "surveys of bands", "boxes", "structures prepared"
+COORDINATES, STATES = "coordinates expanded", "states advanced"
+FLOWS, SHAPES = "places of slow flows", "shapes of slow flows"
 
-# With the plan's skips. 400 frequencies; the constraint of the chain of 13 masses hears 12 modes,
-# the one in the middle 7; 33 times of one waveform.
-PLANNED = (
-    {MODES: 100, RESPONSES: 400 * 100},
-    # One of M for the series above the spectrum, 118 of waves of displacements there.
-    {MODES: 100, RESPONSES: 2 * 400 * 100, PLACES: 400 * 33, FACTORS: 119},
-    {MODES: 13, RESPONSES: 400 * 7},
-    # Members that are followed are solved once more, for the amplitudes of their modes.
-    {MODES: 13, RESPONSES: (400 + 2 * 156) * 12, WALKS: 156},
-    {MODES: 100, RESPONSES: 10 * 40 * 100},
-    {MODES: 100, RESPONSES: 400 * 100},
-    # M twice, to count modes and to solve, and the shifts of two cells.
-    {FACTORS: 4},
-    {FLOWS: 1000},
-)
-# Without them.
-WITHOUT = (
-    # All outputs: a shape, 33 times and no saving on degrees of freedom.
-    {MODES: 100, RESPONSES: 2 * 400 * 100, WALKS: 161, PLACES: 400 * 100 * 34, FACTORS: 710},
-    {MODES: 100, RESPONSES: 2 * 400 * 100, PLACES: 400 * 33 * 100, FACTORS: 119},
-    {MODES: 13, RESPONSES: 400 * 13},
-    {MODES: 13, RESPONSES: 2 * 400 * 12, WALKS: 400},
-    {MODES: 1000, RESPONSES: 10 * 40 * 100},
-    {MODES: 100, RESPONSES: 50 * 400 * 100},
-    # Two harmonics at each of a hundred frequencies.
-    {FACTORS: 201},
-    # The exact motion at the same times, both at its 26 impacts.
-    {FLOWS: 2026},
-)
-SCENES = scenes()
+PATH = frozenset({COORDINATES, STATES, BOXES})
+"""Counters that another rounding of a sine may change by a few."""
+
+# What each scene saves: with the plan's skips, and without them.
+SAVED: Mapping[str, Mapping[str, tuple[int, int]]] = {
+    # 400 frequencies; all outputs want a shape and 33 times of 100 degrees of freedom.
+    "only impulses asked, N=100": {
+        RESPONSES: (40_000, 80_000),
+        ROWS: (100, 30_200),
+        PLACES: (0, 400 * 100 * 34),
+        WALKS: (0, 161),
+        FACTORS: (0, 710),
+    },
+    # The constraint of the chain of 13 masses hears 12 modes.
+    "only existence asked, N=13": {
+        RESPONSES: ((400 + 2 * 156) * 12, 2 * 400 * 12),
+        PLACES: (0, 400 * 13 * 34),
+        MAPS: (0, 275),
+    },
+    "one of 100 degrees of freedom asked": {PLACES: (400 * 33, 400 * 33 * 100)},
+    "rows of modes at the constraint alone, full M and K, N=100": {ROWS: (100, 100 + 100 * 100)},
+    # That in the middle hears 7 modes.
+    "modes with a node at the constraint, N=13 struck in the middle": {
+        RESPONSES: (400 * 7, 400 * 13)
+    },
+    # M twice, to count modes and to solve, and the shifts of two cells; two harmonics at each of
+    # 250 frequencies.
+    "frequencies close together in a sparse structure, N=400": {FACTORS: (4, 501)},
+    "one frequency of a sparse structure, N=400": {MODES: (0, 400), FACTORS: (3, 0)},
+    "equal gaps and no load": {RESPONSES: (400 * 12, 2 * 400 * 12), EQUATIONS: (0, 2 * 400)},
+    "one of two constraints struck": {EQUATIONS: (0, 2 * 400)},
+    "existence below Ω_N: impulses that are not positive": {WALKS: (186, 300)},
+    "existence above Ω_N": {WALKS: (0, 300), RESPONSES: (300 * 12, 2 * 300 * 12)},
+    # C times 13 modes.
+    "a structure with damping": {PRODUCTS: (0, 28), ROWS: (13, 13 + 13 * 13)},
+    "stability where members exist": {MAPS: (154, 300)},
+    "stability that depends on the order of simultaneous impacts": {MAPS: (0, 400)},
+    "the same structure asked again": {MODES: (100, 200)},
+    # 13 degrees of freedom of all members that are looked at.
+    "bands that are searched, N=13": {PLACES: (0, 31_408)},
+    "bands that are proved, N=13": {RESPONSES: (0, 46_176), WALKS: (0, 717), SURVEYS: (4, 0)},
+    "bands above the spectrum, N=13": {SURVEYS: (0, 1), BOXES: (0, 3)},
+    "bands of one of two constraints struck": {EQUATIONS: (0, 7918), WALKS: (0, 3258)},
+    "stability of bands that depends on the order of impacts": {MAPS: (0, 33)},
+    "only bands asked": {MAPS: (0, 213), NUMBERS: (30, 82)},
+    "only their stability asked": {NUMBERS: (28, 82)},
+    # Five numbers of each of 12 frequencies over 1, 3, 5, 7, 9.
+    "odd harmonics alone, N=13": {NUMBERS: (5 * 12 * 5, 5 * 12 * 9)},
+    "a structure of which half is not joined to the constraint, N=26": {MODES: (12, 12 + 25)},
+    "a constraint that the energy does not reach, N=13": {COORDINATES: (34, 65)},
+    "thirteen constraints, few of them in reach": {COORDINATES: (449, 1937)},
+    # The state and three deviations, once: one flight.
+    "a motion that has no impact any more, N=13": {COORDINATES: (0, 10), STATES: (4, 13)},
+    "soft limiters": {STRUCTURES: (1, 2), STATES: (0, 64)},
+    # x and v of 13 degrees of freedom at 301 times.
+    "only impacts asked, N=13": {PLACES: (0, 301 * 13 * 2), STATES: (68, 68 + 301)},
+    "only displacements asked, N=13": {PLACES: (301 * 13, 301 * 13 * 2), NUMBERS: (4227, 8507)},
+    "one of 13 degrees of freedom asked": {PLACES: (301 * 2, 301 * 13 * 2)},
+    # One state instead of four at the end of each flight.
+    "no estimate of errors asked, N=13": {STATES: (333, 369)},
+    "fifty gaps of two coupled constraints, N=40": {
+        MODES: (40, 50 * 40),
+        RESPONSES: (400 * 40, 50 * 400 * 40),
+    },
+    "twenty restitutions of impact modes": {
+        MODES: (40, 20 * 40),
+        RESPONSES: (400 * 40, 20 * 400 * 40),
+    },
+    "twenty restitutions of internal resonances": {MODES: (39, 20 * 39)},
+    "64 initial states, N=13": {MODES: (13, 64 * 13), STRUCTURES: (1, 64)},
+}
+
+IMPACTS = {
+    "damped": 63,
+    "two_oscillator": 33,
+    "restitution": 47,
+    "bouncing_ball": 26,
+    "oscillator": 40,
+}
+"""Of the motions of slow flows, at which the variant is compared with the exact motion."""
+
+SCENES = tuple(scenes())
 
 
-@pytest.mark.parametrize(
-    ("scene", "planned", "without"),
-    list(zip(SCENES, PLANNED, WITHOUT, strict=True)),
-    ids=[scene.name for scene in SCENES],
-)
-def test_counters(scene: Scene, planned: dict[str, int], without: dict[str, int]) -> None:
-    found, _ = counted(scene.planned)
-    all_of_it, _ = counted(scene.without)
-    assert dict(found) == planned
-    assert dict(all_of_it) == without
-    assert any(found[what] < all_of_it[what] for what in all_of_it)
+def saved(scene: Scene) -> Mapping[str, tuple[int, int]]:
+    """Return what a scene saves."""
+    if scene.solver is not slow_flow:
+        return SAVED[scene.name]
+    # 300 times, of the variant and of the exact motion.
+    if scene.states == ("a second solution for the error",):
+        return {FLOWS: (300, 600), SHAPES: (300, 600)}
+    shapes = 0 if "x" in scene.states else 300
+    return {FLOWS: (300, 600 + IMPACTS[scene.name.split(",")[0]]), SHAPES: (shapes, 600)}
+
+
+@pytest.mark.parametrize("scene", SCENES, ids=[scene.name for scene in SCENES])
+def test_counters(scene: Scene) -> None:
+    planned, without, expected = counted(scene.planned), counted(scene.without), saved(scene)
+    for found, side in ((planned, 0), (without, 1)):
+        for what, pair in expected.items():
+            slack = 0.1 if what in PATH else 0.0
+            assert found[what] == pytest.approx(pair[side], rel=slack, abs=0), what
+    assert any(few < many for few, many in expected.values())
+
+
+@cache
+def sites() -> frozenset[tuple[str, int]]:
+    """Return the places in the solvers where something is said to be skipped: file and line."""
+    found = set[tuple[str, int]]()
+    for path in Path(vibroimpact_solvers.__file__).parent.rglob("*.py"):
+        text = path.read_text()
+        nodes = ast.walk(ast.parse(text)) if "Skip(" in text else ()
+        for node in nodes:
+            if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("Skip"):
+                found.add((str(path), node.lineno))
+    return frozenset(found)
+
+
+@cache
+def planners() -> tuple[ModuleType, ...]:
+    """Return the modules that state skips."""
+    root = Path(vibroimpact_solvers.__file__).parent.parent
+    paths = sorted({Path(path) for path, _ in sites()})
+    names = (path.relative_to(root).with_suffix("").parts for path in paths)
+    return tuple(import_module(".".join(parts)) for parts in names)
+
+
+def stated(scene: Scene) -> tuple[Plan, dict[str, set[tuple[str, int]]]]:
+    """Return the plan of a scene, and where each of its skips was stated."""
+    found = defaultdict[str, set[tuple[str, int]]](set)
+
+    def skip(what: str, why: str) -> Skip:
+        frame = sys._getframe(1)
+        found[what].add((frame.f_code.co_filename, frame.f_lineno))
+        return Skip(what, why)
+
+    with ExitStack() as stack:
+        for module in planners():
+            stack.enter_context(mock.patch.object(module, "Skip", skip))
+            for each in vars(module).values():
+                if hasattr(each, "cache_clear"):  # what was stated before would not be again
+                    each.cache_clear()
+        return scene.plan(), found
+
+
+def test_every_skip_that_a_plan_can_state_has_a_scene() -> None:
+    shown = set[tuple[str, int]]()
+    for scene in SCENES:
+        if scene.states:
+            plan, places = stated(scene)
+            assert {skip.what for skip in plan.skips} >= set(scene.states), scene.name
+            shown.update(*(places[what] for what in scene.states))
+    # Of outputs that were not asked each one counts, see below.
+    assert shown == sites()
+
+
+@pytest.mark.parametrize("solver", [impact_modes, existence_bands, time_history, slow_flow])
+def test_every_output_that_may_not_be_asked_has_a_scene(solver: ModuleType) -> None:
+    shown = {what for scene in SCENES if scene.solver is solver for what in scene.states}
+    # Reasons come with existence.
+    assert shown >= set(solver.OUTPUTS) - {"reason"}
+
+
+def test_every_reason_why_an_axis_changes_nothing_has_a_scene() -> None:
+    rules = {rule.why for kind in sweep.KINDS.values() for rule in kind.rules if rule.stage is None}
+    plans = [scene.plan() for scene in SCENES if scene.solver is sweep]
+    reasons = [skip.why for plan in plans for skip in plan.skips]
+    assert rules
+    assert all(any(why.startswith(rule) for why in reasons) for rule in rules)

@@ -1,14 +1,17 @@
-"""Tables of benchmarks survive their file, and say whether goals were reached."""
+"""Tables of benchmarks say whether goals were reached, survive their file and can be read."""
 
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import pytest
 
 from benchmarks import harness, history
-from benchmarks.tables import Goal, Plot, Table, markdown, text
+from benchmarks.history import Failure, Run
+from benchmarks.tables import Figure, Goal, Plot, Table, Trend, exponent, figures, written
+from benchmarks.writing import markdown, text
 
 TABLE = Table(
     "Times",
@@ -17,13 +20,85 @@ TABLE = Table(
     "A note.",
     Goal("time [µs]", "goal [µs]"),
     (Plot("N", "time [µs]"),),
+    reasons={"N 13": "it is cold"},
+)
+GROWING = Table(
+    "Growth",
+    ("method", "N", "time"),
+    [(name, n, 3.0 * n**a) for name, a in (("slow", 2.0), ("quick", 1.0)) for n in (1, 10, 100)],
+    trends=(
+        Trend("N", "time", 1.5, by="method", only=("slow",)),
+        Trend("N", "time", 1.5, "method"),
+    ),
+    reasons={"slow: time": "all pairs"},
 )
 
 
+def outcomes(table: Table) -> list[bool | None]:
+    return [None if verdict is None else verdict.reached for verdict in table.judged()]
+
+
 def test_goals() -> None:
-    assert TABLE.verdicts() == ["no", "yes", ""]
+    assert outcomes(TABLE) == [False, True, None]
     faster = Table("Ratio", ("x", "goal"), [(6.0, 5.0), (4.0, 5.0)], "", Goal("x", "goal", True))
-    assert faster.verdicts() == ["yes", "no"]
+    assert outcomes(faster) == [True, False]
+
+
+def test_a_goal_without_a_number_is_missed() -> None:
+    rows = [("a", None, 5.0), ("b", math.nan, 5.0)]
+    for at_least in (True, False):
+        table = Table("Ratio", ("of", "x", "goal"), rows, "", Goal("x", "goal", at_least))
+        assert outcomes(table) == [False, False]
+
+
+def test_a_missed_goal_has_its_reason_and_a_reached_one_has_none() -> None:
+    missed, reached, none = TABLE.judged()
+    assert missed is not None
+    assert reached is not None
+    assert none is None
+    assert (missed.label, missed.value, missed.limit) == ("N 13", 0.25, 0.2)
+    assert missed.reason == "it is cold"
+    assert missed.over == pytest.approx(1.25)
+    assert reached.reason == ""
+    assert reached.over == pytest.approx(0.75)
+
+
+def test_figures_are_judged_each_by_its_own_sign() -> None:
+    table = figures(
+        "Some", [Figure("rate", 9.0, 10.0, True), Figure("lag", 9.0, 10.0), Figure("size", 9.0)]
+    )
+    assert outcomes(table) == [False, True, None]
+
+
+@pytest.mark.parametrize("power", [-1.0, 0.0, 0.5, 3.0])
+def test_exponents_of_power_laws(power: float) -> None:
+    assert exponent([(x, 7.0 * x**power) for x in (2.0, 3.0, 50.0)]) == pytest.approx(power)
+
+
+def test_an_exponent_needs_two_places() -> None:
+    assert math.isnan(exponent([(2.0, 1.0), (2.0, 3.0), (5.0, 0.0), (6.0, math.nan)]))
+
+
+def test_trends() -> None:
+    only_slow, slow, quick = GROWING.grown()
+    assert only_slow.value == slow.value == pytest.approx(2.0)
+    assert not slow.reached
+    assert slow.reason == "all pairs"
+    assert quick.value == pytest.approx(1.0)
+    assert quick.reached
+
+
+def test_trends_count_what_lies_in_their_range() -> None:
+    rows = [(1, 50.0), (10, 10.0), (100, 100.0), (1000, 1e6)]
+    trend = Trend("N", "time", 1.1, since=10.0, until=100.0)
+    (verdict,) = Table("Growth", ("N", "time"), rows, trends=(trend,)).grown()
+    assert verdict.value == pytest.approx(1.0)
+
+
+def test_labels_tell_rows_apart() -> None:
+    assert TABLE.labels() == ["N 13", "N 100", "N 1000"]
+    rows = [("a", "x", 1), ("a", "y", 1), ("b", "x", 1)]
+    assert Table("Some", ("of", "by", "n"), rows).labels() == ["a, x", "a, y", "b, x"]
 
 
 def test_rows_must_fit() -> None:
@@ -33,33 +108,61 @@ def test_rows_must_fit() -> None:
 
 def test_text_and_markdown_hold_every_number() -> None:
     for shown in (text(TABLE), markdown(TABLE)):
-        for number in ("13", "0.25", "0.2", "1000", "no", "yes"):
+        for number in ("13", "0.25", "0.2", "1000", "missed", "reached"):
             assert number in shown
+    assert "it is cold" in text(TABLE)
+    assert "2.00" in text(GROWING)
+
+
+@pytest.mark.parametrize(
+    ("cell", "shown"),
+    [
+        (0.0012345, "0.00123"),
+        (1.2345e-4, "1.23e-04"),
+        (999.7, "1000"),
+        (1234.5, "1230"),
+        (123456.0, "123\u202f000"),
+        (999_999.0, "1.00e+06"),
+        (12345, "12\u202f345"),
+        (1234, "1234"),
+        (None, "–"),
+        (math.nan, "–"),
+        (math.inf, "inf"),
+        (0.0, "0"),
+    ],
+)
+def test_numbers_have_three_digits(cell: float | None, shown: str) -> None:
+    assert written(cell) == shown
+
+
+def test_markdown_writes_powers_of_ten_and_repeats_no_words() -> None:
+    table = Table("Errors", ("of", "by", "error"), [("a|b", "x", 1.5e-12), ("a|b", "y", 2e9)])
+    assert markdown(table).splitlines() == [
+        "| of | by | error |",
+        "|:---|:---|---:|",
+        "| a\\|b | x | 1.50·10⁻¹² |",
+        "|  | y | 2.00·10⁹ |",
+    ]
 
 
 def test_runs_are_kept_in_order(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(history, "FOLDER", tmp_path)
+    failures = (Failure("broken", "RuntimeError: gone"),)
     for when in ("2026-01-02T00:00:00Z", "2026-01-01T00:00:00Z"):
-        path = history.save(history.Run("times", when, "abc", harness.machine(), (TABLE,)))
+        run = Run("times", when, "abc", harness.machine(), (TABLE, GROWING), failures)
+        path = history.save(run)
         assert json.loads(path.read_text())["machine"]["packages"]["numpy"]
     found = history.runs("times")
     assert [run.when for run in found] == ["2026-01-01T00:00:00Z", "2026-01-02T00:00:00Z"]
-    assert found[0].tables == (TABLE,)
+    assert found[0].tables == (TABLE, GROWING)
+    assert found[0].failures == failures
 
 
-def test_functions_take_turns() -> None:
-    calls: list[str] = []
-    found = harness.measure(
-        rounds=3,
-        sample=0.0,
-        a=lambda: calls.append("a"),
-        b=lambda: calls.append("b"),
-    )
-    assert "".join(calls) == "aabb" + "ab" * 3
-    assert len(found["a"].rounds) == 3
-
-
-def test_ratio_is_taken_round_by_round() -> None:
-    slow = harness.Timing(0.0, 0.0, 0.0, (2.0, 20.0, 4.0))
-    fast = harness.Timing(0.0, 0.0, 0.0, (1.0, 10.0, 1.0))
-    assert harness.ratio(slow, fast) == 2.0
+def test_older_results_can_be_read() -> None:
+    document = TABLE.document()
+    for later in ("trends", "reasons", "part", "seconds"):
+        del document[later]
+    del document["goal"]["sense"], document["plots"][0]["ours"]
+    found = Table.of(json.loads(json.dumps(document)))
+    assert found.rows == TABLE.rows
+    assert (found.goal, found.plots) == (TABLE.goal, TABLE.plots)

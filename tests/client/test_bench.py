@@ -26,10 +26,11 @@ def test_lists_what_the_registry_has() -> None:
     assert output.startswith("impact-modes ")
 
 
-def test_unknown_name() -> None:
-    code, output = call("nonsense")
+def test_unknown_name(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, output = call("scalling")
     assert code == 2
-    assert "nonsense" in output
+    assert output == "No benchmark is called scalling. There is: scaling.\n"
 
 
 def test_outside_a_checkout(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from collections.abc import Callable
 from typing import Any
 
@@ -23,12 +24,14 @@ class Service:
         self.looks = looks
         self.seen: list[str] = []
         self.keys: list[str | None] = []
+        self.bodies: list[Any] = []
 
     def __call__(self, request: httpx2.Request) -> httpx2.Response:
         self.seen.append(f"{request.method} {request.url.path}")
         self.keys.append(request.headers.get("Authorization"))
         name = request.url.path.rpartition("/")[2]
         if request.method == "POST":
+            self.bodies.append(json.loads(request.content))
             if b"bad" in request.content:
                 return httpx2.Response(422, json={"detail": "bad", "code": "x"})
             return httpx2.Response(201, json=self.job("new", reused=b"known" in request.content))
@@ -101,11 +104,22 @@ def test_the_first_final_of_many(hold: Hold) -> None:
 
 def test_one_wrong_request_does_not_keep_the_others(hold: Hold) -> None:
     requests = [{"n": "fine"}, {"n": "bad"}, {"n": "known"}]
-    found = hold(Service(), conversations.submit_many("kind", requests, 0))
+    found = hold(Service(), conversations.submit_many("kind", requests, conversations.Terms()))
     sorted_out = Submitted.of(found, lambda document: document["id"])
     assert (len(sorted_out.inserted), len(sorted_out.existing)) == (1, 1)
     assert sorted_out.jobs == ["new", "new"]
     assert isinstance(sorted_out.errors[1], errors.InvalidRequest)
+
+
+def test_jobs_are_queued_on_the_terms_that_are_given(hold: Hold) -> None:
+    service = Service()
+    hook = {"url": "https://example.org/hook", "secret": "whsec_" + "A" * 32}
+    hold(service, conversations.submit("kind", {}, conversations.Terms(3, 60.0, hook)))
+    hold(service, conversations.submit("kind", {}, conversations.Terms()))
+    assert service.bodies == [
+        {"kind": "kind", "request": {}, "priority": 3, "deadline_seconds": 60.0, "webhook": hook},
+        {"kind": "kind", "request": {}, "priority": 0},
+    ]
 
 
 def test_the_key_goes_with_every_request(hold: Hold) -> None:

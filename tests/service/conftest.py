@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import structlog
 from starlette.testclient import TestClient
 
 from vibroimpact_service import tasks
@@ -18,6 +19,15 @@ from vibroimpact_service.jobs.ledger import KeyReusedError, NewJob
 from vibroimpact_service.jobs.records import JobRow
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
+
+# Errors as plain text: pictures of all that a traceback holds take seconds each.
+structlog.configure(
+    processors=[
+        structlog.contextvars.merge_contextvars,
+        structlog.processors.add_log_level,
+        structlog.dev.ConsoleRenderer(exception_formatter=structlog.dev.plain_traceback),
+    ]
+)
 
 
 class Engine:

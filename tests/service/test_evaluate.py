@@ -124,6 +124,33 @@ def test_equal_requests_at_the_same_time_are_computed_once(
     run(main)
 
 
+def test_what_an_equal_request_computed_meanwhile_is_a_hit(
+    use: Evaluation, request_body: dict[str, Any]
+) -> None:
+    kind = counting()
+    kind.gate.set()
+
+    async def main() -> None:
+        admitted, may = asyncio.Event(), asyncio.Event()
+
+        async def slow(plan: Any, seconds: float) -> None:
+            admitted.set()
+            await may.wait()
+
+        question = await asked(use, request_body, kind)
+        late = asyncio.create_task(use.compute(question, PLAIN, JSON, slow))
+        await admitted.wait()
+        first = await use.compute(question, PLAIN, JSON, free)
+        may.set()
+        second = await late
+        assert isinstance(first, Answer)
+        assert isinstance(second, Answer)
+        assert (first.cache, second.cache) == ("fwd=miss", "hit")
+        assert len(kind.calls) == 1
+
+    run(main)
+
+
 def test_one_who_goes_away_takes_nothing_from_the_others(
     use: Evaluation, request_body: dict[str, Any]
 ) -> None:

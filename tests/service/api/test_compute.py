@@ -358,14 +358,15 @@ def test_what_nobody_waits_for_stops_when_the_service_ends(
 
     monkeypatch.setattr(impact_modes, "solve", endless)
     app = create_app(settings, queue)
-    with TestClient(app, raise_server_exceptions=False) as http:
-        asking = threading.Thread(target=lambda: post(http, request_body))
+    answers: list[Any] = []
+    with TestClient(app) as http:
+        asking = threading.Thread(target=lambda: answers.append(post(http, request_body)))
         asking.start()
         assert begun.wait(20)
         app.state.evaluation.close()
         assert ended.wait(5)
         asking.join(20)
-        assert not asking.is_alive()
+        problem(answers[0], 503)
 
 
 def test_the_process_ends_beside_a_computation_that_notices_nothing() -> None:

@@ -39,10 +39,15 @@ def springs(
     return System(SymmetricMatrix.diagonal(masses), K, tuple(constraints), force=force)
 
 
-def full(M: np.ndarray, K: np.ndarray, constraints: Sequence[Constraint]) -> System:
+def full(
+    M: np.ndarray,
+    K: np.ndarray,
+    constraints: Sequence[Constraint],
+    force: np.ndarray | None = None,
+) -> System:
     """Return a structure with full matrices."""
-    M, K = 0.5 * (M + M.T), 0.5 * (K + K.T)
-    return System(SymmetricMatrix.dense(M), SymmetricMatrix.dense(K), tuple(constraints))
+    M, K = (SymmetricMatrix.dense(0.5 * (A + A.T)) for A in (M, K))
+    return System(M, K, tuple(constraints), force=force)
 
 
 def solve(

@@ -105,6 +105,25 @@ class TestRestitution:
             ):
                 assert abs(after / before / mpmath.mpf(0.9) - 1) < 1e-14
 
+    def test_both_ends_of_restitution(self) -> None:
+        """Without loss all flights last 2 gamma; with all of it, half a period from the wall."""
+        for k, flight in ((0.0, np.pi), (1.0, 1.0)):
+            system = presets.oscillator([Constraint.at(0, 1.0, k)], 1.0)
+            found = solve(system, "restitution", "exact", [9.0], gamma=0.5).impact_time
+            assert found is not None
+            assert found.size > 2
+            np.testing.assert_allclose(found, 0.5 + flight * np.arange(found.size), rtol=1e-14)
+            for variant in ("corrected", "second_order", "printed"):
+                with pytest.raises(ModelError, match="between 0 and 1"):
+                    solve(system, "restitution", variant, [9.0], gamma=0.5)
+
+    @pytest.mark.parametrize("k", [5e-324, 1e-12, 0.01])
+    def test_starts_beyond_a_wall(self, k: float) -> None:
+        """Where eq. 10.116 starts, Delta cos(gamma) ln(k) / 4, is no place between the walls."""
+        system = presets.oscillator([Constraint.at(0, 1.0, k)], 1.0)
+        with pytest.raises(ModelError, match="beyond a wall"):
+            solve(system, "restitution", "exact", [5.0], gamma=0.5)
+
 
 class TestBouncingBall:
     @pytest.mark.parametrize("height", [1e-12, 1.0, 1e12])
@@ -166,7 +185,7 @@ class TestRefused:
         with pytest.raises(PlanError, match="ask for less time"):
             solve(system, "restitution", "exact", [1e12], gamma=0.1)
 
-    @pytest.mark.parametrize("gamma", [0.0, -0.5, 0.5 * np.pi, 1e300])
+    @pytest.mark.parametrize("gamma", [0.0, -0.5, 0.5 * np.pi, 1e99])
     def test_no_impacts_to_start_from(self, gamma: float) -> None:
         system = presets.oscillator([Constraint.at(0, 1.0, 0.9)], 1.0)
         with pytest.raises(ModelError):
@@ -179,3 +198,12 @@ class TestRefused:
             solve(system, "restitution", "exact", [1.0], gamma=value)
         with pytest.raises(ModelError):
             solve(system, "restitution", "exact", [value], gamma=0.5)
+
+    @pytest.mark.parametrize("value", [5e-324, 1e-310, 1e-150, 1e150])
+    def test_numbers_that_are_lost(self, value: float) -> None:
+        ball = presets.bouncing_ball([Constraint((0,), (1.0,), 0.0, None, 0.5)], 9.81)
+        with pytest.raises(ModelError, match="neither zero nor between"):
+            solve(ball, "bouncing_ball", "exact", [0.0], x=value)
+        system = presets.oscillator([Constraint.at(0, 1.0, 0.9)], 1.0)
+        with pytest.raises(ModelError, match="neither zero nor between"):
+            solve(system, "restitution", "exact", [1.0], gamma=value)

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from tests.solvers.stress import extended
-from tests.solvers.stress.structures import GAP, full, solve, springs
-from vibroimpact_solvers import presets, spectrum
+from tests.solvers.stress.structures import FAMILIES, GAP, full, solve, springs
+from vibroimpact_solvers import existence_bands, presets, spectrum
+from vibroimpact_solvers.errors import PlanError
 from vibroimpact_solvers.model import Constraint, System
 
 ONE = (Constraint.at(1, GAP),)
@@ -65,21 +66,74 @@ def radius(system: System, natural: extended.Modes, omega: Any) -> Any:
     return max(abs(value) for value in values)
 
 
-def check(system: System, Omega: Any) -> None:
-    """Compare the radii of members that exist."""
+def radius_of_period(system: System, natural: extended.Modes, omega: Any) -> Any:
+    """Return the root of the spectral radius over a whole period, for any family.
+
+    Impacts struck together are taken one after the other, as they commute.
+    """
+    every = range(len(system.constraints))
+    member = extended.member(system, natural, omega, every)
+    count = len(natural.eigenvalues)
+    values = mpmath.matrix(natural.eigenvalues)
+    load = mpmath.matrix(natural.load)
+
+    def field(state: Any) -> Any:
+        push = [load[j] - values[j] * state[j] for j in range(count)]
+        return mpmath.matrix([*(state[count + j] for j in range(count)), *push])
+
+    def strike(state: Any, X: Any, walls: Any) -> tuple[Any, Any]:
+        for a in (a for a in every if walls[a] is not None):
+            row = natural.seen[a]
+            mobility = mpmath.fdot(row, row)
+            R = mpmath.eye(2 * count)
+            for i in range(count):
+                for j in range(count):
+                    R[count + i, count + j] -= 2 * row[i] * row[j] / mobility
+            after = R * state
+            speed = mpmath.fdot(row, [state[count + j] for j in range(count)])
+            jump, S = field(after) - R * field(state), R.copy()
+            for i in range(2 * count):
+                for j in range(count):
+                    S[i, j] += jump[i] * row[j] / speed
+            state, X = after, S * X
+        return state, X
+
+    def at(tau: int, sign: int) -> Any:
+        places = [member._modal(j, mpmath.mpf(tau)) for j in range(count)]
+        rates = [mpmath.diff(lambda s, j=j: member._modal(j, s), tau) for j in range(count)]
+        return mpmath.matrix([*places, *(sign * omega * rate for rate in rates)])
+
+    flight, t = mpmath.zeros(2 * count), 2 / omega
+    for j in range(count):
+        w = mpmath.sqrt(values[j])
+        flight[j, j] = flight[count + j, count + j] = mpmath.re(mpmath.cos(w * t))
+        sine = t if w == 0 else mpmath.re(mpmath.sin(w * t) / w)
+        flight[j, count + j], flight[count + j, j] = sine, -values[j] * sine
+    _, X = strike(at(1, 1), flight, [c.upper for c in system.constraints])
+    _, X = strike(at(-1, -1), flight * X, [c.lower for c in system.constraints])
+    found = mpmath.eig(X, left=False, right=False)
+    return mpmath.sqrt(max(abs(value) for value in found))
+
+
+def check(system: System, Omega: Any, radius: Any = radius, within: float | None = 1e-6) -> None:
+    """Compare the radii of members that exist: within their stated errors, and a bound."""
     result = solve(system, Omega, ["impulse", "exists", "stability"])
     assert result.stability is not None
     assert result.exists is not None
     assert result.exists.any()
     assert np.isfinite(result.stability[result.exists]).all()
     assert np.isnan(result.stability[~result.exists]).all()
+    assert result.stability_error is not None
+    assert (np.isnan(result.stability_error) == ~result.exists).all()
     with mpmath.workdps(50):
         natural = extended.modes(system)
         for f in np.flatnonzero(result.exists):
             value, found = float(result.Omega[f]), float(result.stability[f])
             exact = radius(system, natural, extended.omega_of(value))
+            error = abs(found / exact - 1)
+            assert error <= result.stability_error[f], f"at {value!r}: {found!r}"
             # A double multiplier splits by the root of rounding.
-            assert abs(found / exact - 1) < 1e-6, f"at {value!r}: {found!r}"
+            assert within is None or error < within, f"at {value!r}: {found!r}"
 
 
 class TestRatios:
@@ -126,7 +180,47 @@ class TestSpectra:
         np.testing.assert_allclose(found.stability, other.stability, rtol=1e-6)
 
 
+class TestFamilies:
+    """Members without mirror image, and several struck at once: maps of the whole period."""
+
+    @pytest.mark.parametrize("ratio", [1e-12, 1.0, 1e12])
+    @pytest.mark.parametrize("name", ["coupled", "asymmetric", "unilateral", "relative", "three"])
+    def test_stiffnesses(self, name: str, ratio: float) -> None:
+        three = tuple(Constraint.at(i, GAP * (1 + i / 10)) for i in range(3))
+        constraints = {"three": three, **FAMILIES}[name]
+        stiffnesses = np.ones(6)
+        stiffnesses[2] = ratio
+        system = springs(np.ones(5), stiffnesses, constraints)
+        roots = spectrum.spectrum(system).roots
+        Omega = roots[-1] * np.array([1.3, 2.5, 1e3])
+        if name == "unilateral":
+            # From the wall and back lasts half to one natural period.
+            Omega = np.outer(roots[:3], [1.1, 1.6]).ravel()
+        # A stiff spring between slow masses turns phases that roundings of its frequency tell.
+        check(system, Omega, radius_of_period, None if name == "unilateral" else 1e-6)
+
+    def test_loads(self) -> None:
+        force = np.array([0.0, 0.1, 0.0, -0.05])
+        system = springs(np.ones(4), np.ones(5), FAMILIES["asymmetric"], force)
+        check(system, [2.1, 3.0, 9.0], radius_of_period)
+
+
 class TestFrequencies:
+    def test_bands_from_edge_to_edge(self) -> None:
+        """Between edges, where members graze, and poles."""
+        check(springs(np.ones(3), np.ones(4), ONE), np.linspace(0.78, 2.2, 48))
+
+    def test_multipliers_that_meet(self) -> None:
+        """Radii leave 1 like a root: closest to where they do, most digits are gone."""
+        system = springs(np.ones(3), np.ones(4), ONE)
+        low, high = 2.2, 4.0
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            found = solve(system, middle, ["stability"]).stability
+            assert found is not None
+            low, high = (middle, high) if found[0] > 1.0 + 1e-12 else (low, middle)
+        check(system, high * (1.0 + np.array([-1e-6, -1e-9, -1e-12, 0.0, 1e-12, 1e-9, 1e-6])))
+
     @pytest.mark.parametrize("exponent", [1, 4, 8])
     def test_far_above(self, exponent: int) -> None:
         check(springs(np.ones(3), np.ones(4), ONE), [2.0 * 10.0**exponent])
@@ -147,3 +241,23 @@ def test_the_order_of_three_impacts_decides() -> None:
     constraints = [Constraint.at(i, GAP) for i in range(3)]
     result = solve(full(M, np.diag([1.0, 2.0, 3.0]), constraints), [9.0], ["stability", "exists"])
     assert result.stability is None or np.isnan(result.stability).all()
+
+
+def test_five_thousand_are_refused() -> None:
+    """The map of 10,000 deviations would take gigabytes and hours for each member."""
+    system = presets.chain(5000, [Constraint.at(1666, GAP)])
+    with pytest.raises(PlanError, match="10000 deviations"):
+        solve(system, 3.0, ["stability"])
+    problem = existence_bands.Problem(
+        system, 3.0, 4.0, active=(0,), outputs=frozenset({"bands", "stability"})
+    )
+    with pytest.raises(PlanError, match="10000 deviations"):
+        existence_bands.plan(problem)
+
+
+def test_denormal_springs_are_nothing() -> None:
+    radii = []
+    for value in (5e-324, 0.0):
+        system = springs(np.ones(3), [1.0, 1.0, value, 1.0], ONE)
+        radii.append(solve(system, [1.7, 2.5], ["stability"]).stability)
+    np.testing.assert_array_equal(radii[0], radii[1])

@@ -8,10 +8,13 @@ import mpmath
 import numpy as np
 import pytest
 
-from tests.solvers.stress.structures import springs
+from tests.solvers.stress import extended
+from tests.solvers.stress.flights import Drive
+from tests.solvers.stress.flights import Flight as ModalFlight
+from tests.solvers.stress.structures import full, springs
 from tests.solvers.time_history.flights import Flight, Stop
-from vibroimpact_solvers import presets, time_history
-from vibroimpact_solvers.errors import ConvergenceError, ModelError
+from vibroimpact_solvers import presets, spectrum, time_history
+from vibroimpact_solvers.errors import ConvergenceError, ModelError, PlanError
 from vibroimpact_solvers.model import Constraint, System
 from vibroimpact_solvers.time_history import Harmonic, Problem, Result, State
 
@@ -76,6 +79,52 @@ def check(system: System, x: Any, v: Any, t_end: float, steps: int = 100) -> Res
     return result
 
 
+def check_blow(
+    system: System,
+    blow: float,
+    t_end: float,
+    step: float,
+    drive: Drive | None = None,
+    natural: extended.Modes | None = None,
+    least: int = 3,
+) -> Result:
+    """Follow a motion from a blow along the first constraint, driven along it.
+
+    Impacts are compared with those of natural modes in extended precision, as long as the
+    stated error leaves digits.
+    """
+    constraints = system.constraints
+    row = system.directions((0,))[0]
+    v = blow * system.M.factorize()(row)
+    load: tuple[Harmonic, ...] = ()
+    if drive is not None:
+        load = tuple(
+            Harmonic(dof, weight * drive.amplitude, drive.frequency, drive.phase)
+            for dof, weight in constraints[0].coordinate
+        )
+    result = solve(system, np.zeros(system.n), v, t_end, load=load)
+    with mpmath.workdps(60):
+        natural = natural or extended.modes(system)
+        expected = ModalFlight(natural, constraints, drive).follow(blow, t_end, step)
+    assert result.count_impacts == len(expected) >= least
+    assert result.impact_time is not None
+    assert result.impact_constraint is not None
+    assert result.impact_side is not None
+    assert result.impact_velocity is not None
+    assert result.impact_condition is not None
+    # What is stated is relative to the state in the energy norm: a speed of it at most.
+    fastest = np.sqrt(float(max(1.0, *natural.eigenvalues)))
+    speed = max(abs(float(e[3])) for e in expected)
+    for i, (t, constraint, side, velocity) in enumerate(expected):
+        assert (result.impact_constraint[i], result.impact_side[i]) == (constraint, side)
+        stated = float(result.impact_condition[i]) * _EPS
+        assert stated < 1e-6
+        off = 16.0 * stated * speed * (1.0 + fastest)
+        assert abs(result.impact_velocity[i] - velocity) <= off
+        assert abs(result.impact_time[i] - t) * abs(velocity) <= off
+    return result
+
+
 class TestRatios:
     @pytest.mark.parametrize("ratio", RATIOS)
     def test_masses(self, ratio: float) -> None:
@@ -88,6 +137,73 @@ class TestRatios:
         system = springs(np.ones(2), [1.0, ratio, 1.0], [Constraint.at(0, 0.5)])
         fast = np.sqrt(2.0 * max(1.0, ratio))
         check(system, [0.0, 0.0], [1.0, 0.3], 12.0 / fast if ratio > 1 else 4.0)
+
+
+class TestSpectra:
+    def test_repeated(self) -> None:
+        R = np.linalg.qr(np.random.default_rng(2).standard_normal((4, 4)))[0]
+        K = R @ np.diag([1.0, 1.0, 4.0, 4.0]) @ R.T
+        constraints = [Constraint.at(1, 0.3, 0.9), Constraint.at(2, 0.1)]
+        check_blow(full(np.eye(4), K, constraints), 1.0, 20.0, 0.05)
+
+    def test_clustered(self) -> None:
+        R = np.linalg.qr(np.random.default_rng(3).standard_normal((4, 4)))[0]
+        K = R @ np.diag([1.0, 1.0 + 1e-13, 1.0 - 1e-10, 4.0]) @ R.T
+        constraints = [Constraint.at(1, 0.3, 0.9), Constraint.at(2, 0.1)]
+        check_blow(full(np.eye(4), K, constraints), 1.0, 20.0, 0.05)
+
+    @pytest.mark.parametrize("k", [0.9, 1.0])
+    def test_rigid_body(self, k: float) -> None:
+        """A free chain between walls at its middle."""
+        system = springs(np.ones(3), [0.0, 1.0, 1.0, 0.0], [Constraint.at(1, 0.5, k)])
+        check_blow(system, 1.0, 20.0, 0.05)
+
+    @pytest.mark.parametrize("name", ["closed form", "tridiagonal"])
+    def test_five_thousand(self, name: str) -> None:
+        """No wave has reached an end of 61 masses yet, but for 1e-37 of it."""
+        n, middle, wall = 5000, 2500, (Constraint.at(30, 0.2, 0.9),)
+        system = presets.chain(n, [Constraint.at(middle, 0.2, 0.9)])
+        if name == "tridiagonal":
+            system = springs(np.ones(n), np.ones(n + 1), system.constraints)
+        with mpmath.workdps(60):
+            natural = extended.chain_modes(presets.chain(61, wall))
+        found = check_blow(system, 1.0, 4.0, 0.05, natural=natural)
+        assert found.count_impacts < 50
+
+
+class TestLoads:
+    """Harmonic loads from far below to far above the spectrum, and exactly in resonance."""
+
+    @pytest.mark.parametrize("k", [0.8, 1.0])
+    @pytest.mark.parametrize("phase", [0.0, 0.4])
+    def test_one_mass_exactly_in_resonance(self, k: float, phase: float) -> None:
+        system = presets.oscillator([Constraint.at(0, 1.0, k)], 1.0)
+        check_blow(system, 1e-3, 40.0, 0.05, Drive(0.3, 1.0, phase), least=5)
+
+    @pytest.mark.parametrize("mode", [0, 5, 12])
+    def test_a_chain_in_resonance_to_the_last_bit(self, mode: int) -> None:
+        system = presets.chain(13, [Constraint.at(5, 0.2, 0.8)])
+        with mpmath.workdps(60):
+            natural = extended.chain_modes(system)
+        frequency = float(spectrum.spectrum(system).roots[mode])
+        drive = Drive(1.0, frequency, 0.3)
+        check_blow(system, 0.1, 12.0, 0.04, drive, natural)
+
+    @pytest.mark.parametrize("exponent", [-8, -4, 4, 6])
+    def test_frequencies(self, exponent: int) -> None:
+        system = springs(np.ones(2), np.ones(3), [Constraint.at(0, 0.2, 0.9)])
+        check_blow(system, 1.0, 3.0, 0.05, Drive(0.5, 10.0**exponent, 0.3), least=2)
+
+    def test_slow_and_fast_loads_are_constant_and_nothing(self) -> None:
+        """At 1e-8 and 1e8 of the spectrum, below walls that are not reached."""
+        system = springs(np.ones(2), np.ones(3), [Constraint.at(0, 9.0)])
+        for frequency, size in ((1e-8, 1.0), (1e8, 0.0)):
+            load = (Harmonic(0, 0.5, frequency, 0.0),)
+            found = solve(system, np.zeros(2), np.zeros(2), 0.5, load=load).x
+            t, push = 0.5, 0.5 * size
+            # Modes 1 and sqrt(3) of two masses, from rest under a constant push.
+            slow, fast = (push * (1 - np.cos(w * t)) / w**2 / 2 for w in (1.0, np.sqrt(3.0)))
+            np.testing.assert_allclose(found, [[slow + fast, slow - fast]], atol=2e-15)
 
 
 class TestWalls:
@@ -170,6 +286,28 @@ class TestWalls:
         # What is alike at both ends stays alike.
         np.testing.assert_allclose(found.x[0, 0], found.x[0, 2], atol=1e-12)
 
+    @pytest.mark.parametrize("k", [0.7, 1.0])
+    def test_three_apart_struck_in_the_same_moments(self, k: float) -> None:
+        """Three masses that nothing couples: each moves as if it were alone."""
+        constraints = [Constraint.at(i, 1.0, k) for i in range(3)]
+        system = full(np.eye(3), np.eye(3), constraints)
+        found = solve(system, np.zeros(3), np.full(3, 3.0), 4.0)
+        assert found.impact_time is not None
+        assert found.impact_constraint is not None
+        assert found.impact_velocity is not None
+        with mpmath.workdps(40):
+            u, t, moments = mpmath.sqrt(mpmath.mpf(8)), mpmath.asin(mpmath.mpf(1) / 3), []
+            while t < 4:
+                moments.append((t, u))
+                u *= mpmath.mpf(k)
+                t += 2 * mpmath.atan(1 / u)
+        assert found.count_impacts == 3 * len(moments)
+        for i, (t, u) in enumerate(moments):
+            three = slice(3 * i, 3 * i + 3)
+            assert sorted(found.impact_constraint[three]) == [0, 1, 2]
+            assert max(abs(found.impact_time[three] - t)) < 1e-13
+            assert max(abs(abs(found.impact_velocity[three]) - u)) < 1e-13
+
 
 class TestMany:
     def test_chatter_ends_at_rest(self) -> None:
@@ -197,8 +335,50 @@ class TestMany:
             error = abs(found.impact_time[count - 2] - exact)
             assert error <= max(4 * found.error_condition, 4.0 * count) * _EPS * t_end
 
+    def test_ten_million_impacts(self) -> None:
+        """Elastic: all energy is there at the end, and the last impact is where it should be."""
+        count = 10**7
+        with mpmath.workdps(40):
+            half = mpmath.asin(mpmath.mpf(1) / 5)
+            t_end, last = float(2 * half * count), half * (2 * count - 1)
+        system = presets.oscillator([Constraint.at(0, 1.0)], 1.0)
+        found = solve(system, [0.0], [5.0], t_end, outputs=frozenset({"impacts"}))
+        assert found.count_impacts == count
+        assert found.impact_time is not None
+        assert found.impact_velocity is not None
+        speeds = np.abs(found.impact_velocity)
+        assert np.abs(speeds**2 / 24.0 - 1.0).max() < 1e-14
+        assert np.abs(np.diff(speeds)).max() < 1e-14
+        assert abs(found.impact_time[-1] / last - 1) < 1e-14
+        assert abs(found.impact_time[-1] / last - 1) <= found.error_condition * _EPS
+
 
 class TestRefused:
+    @pytest.mark.parametrize("force", [0.0, 0.3])
+    def test_millions_of_millions_of_impacts(self, force: float) -> None:
+        """At least one in every period of a mass that loses nothing, for ever."""
+        constraints = [Constraint((0,), (2.0,), None, 1.0)]
+        M, K = np.eye(1), np.eye(1)
+        system = full(M, K, constraints, np.array([force]))
+        with pytest.raises(PlanError, match="ask for less time"):
+            solve(system, [0.0], [3.0], 1e12)
+        free = full(M, 0.0 * K, [Constraint.at(0, 1.0)])
+        with pytest.raises(PlanError, match="ask for less time"):
+            solve(free, [0.0], [3.0], 1e12)
+
+    @pytest.mark.parametrize(("k", "damping"), [(0.9, 0.0), (1.0, 0.01)])
+    def test_motions_that_calm_down_are_not(self, k: float, damping: float) -> None:
+        system = presets.oscillator([Constraint.at(0, 1.0, k)], 1.0, damping)
+        problem = Problem(system, State(np.zeros(1), np.array([3.0])), 1e12)
+        assert time_history.plan(problem).steps
+
+    def test_phases_that_are_lost(self) -> None:
+        system = presets.oscillator([Constraint.at(0, 1.0)], 1.0)
+        load = (Harmonic(0, 0.1, 1.0, 0.0), Harmonic(0, 0.1, 1e16, 0.0))
+        with pytest.raises(ModelError, match="more than 1 rad apart") as caught:
+            solve(system, [0.0], [0.0], 10.0, load=load)
+        assert caught.value.pointer == ("load", 1, "frequency")
+
     @pytest.mark.parametrize("value", [np.nan, np.inf])
     def test_states_that_are_no_numbers(self, value: float) -> None:
         system = presets.oscillator([Constraint.at(0, 1.0)], 1.0)

@@ -13,9 +13,10 @@ from vibroimpact_solvers import presets
 from vibroimpact_solvers import time_history as th
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ConvergenceError, ModelError
-from vibroimpact_solvers.kernels.flight import impulses
+from vibroimpact_solvers.kernels.flight import Stop, impulses
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.plan import Stage
+from vibroimpact_solvers.time_history import run
 
 ALL = frozenset(th.OUTPUTS)
 
@@ -277,3 +278,17 @@ def test_the_member_that_a_motion_starts_as_is_paid_for() -> None:
 
     # The walk along a motion is as long as its period.
     assert price(1e-6) == pytest.approx(1e3 * price(1e-3), rel=0.05)
+
+
+def test_a_search_that_does_not_get_on_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A compiled loop that pauses again and again at one time would never return."""
+    problem = th.Problem(
+        presets.oscillator([Constraint.at(0, 1.0)], 1.0),
+        th.State(np.zeros(1), np.array([5.0])),
+        50.0,
+        t=np.linspace(0.0, 50.0, 201),
+        outputs=frozenset({"x"}),
+    )
+    monkeypatch.setattr(run, "fly", lambda *_: Stop.PAUSE)
+    with pytest.raises(ConvergenceError, match=r"goes on grazing at t = 0\.0"):
+        th.solve(problem, th.plan(problem))
