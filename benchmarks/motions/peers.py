@@ -316,7 +316,8 @@ def settings() -> str:
     packages = sorted({peer.package for peer in PEERS.values()})
     there = [f"{name} {number}" for name, number in versions(*packages).items()]
     there += [f"Siconos {number}" for number in [siconos.version()] if number]
-    missing = [name for name in (*PEERS, *siconos.VARIANTS) if name not in installed()]
+    missing = [name for name in PEERS if name not in installed()]
+    missing += [] if siconos.version() else ["Siconos"]
     if missing:
         there.append(f"not installed: {', '.join(missing)}")
     return f"{', '.join(there)}. {siconos.SETTINGS if siconos.version() else ''}".strip()
