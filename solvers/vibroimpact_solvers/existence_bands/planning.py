@@ -9,12 +9,13 @@ import numpy as np
 
 from vibroimpact_solvers import impact_modes as modes
 from vibroimpact_solvers import receptance, spectrum, stability
-from vibroimpact_solvers.errors import PlanError
+from vibroimpact_solvers.errors import ModelError, PlanError
 from vibroimpact_solvers.existence_bands.problem import KIND, OUTPUTS, Problem
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 
 _SAMPLES = 60.0  # radii looked at in a band, about
 _POINTS = 4000.0  # members looked at, about
+_MOST = 1e7  # poles at most: they are held in memory, and nobody waits for more
 _SOFT = 1e-12  # eigenvalues down to minus this part of the largest count as zero
 
 
@@ -55,6 +56,8 @@ def _why_not_provable(problem: Problem) -> str | None:
 
 def _steps(problem: Problem, *, grows: bool) -> Iterator[Step]:
     system = problem.system
+    phase = spectrum.largest_frequency(system) / problem.start
+    _check_poles(0.5 * phase)
     partial = _partial_step(problem)
     if partial is not None:
         yield partial
@@ -68,8 +71,8 @@ def _steps(problem: Problem, *, grows: bool) -> Iterator[Step]:
         message = f"bands need all natural modes, too many with {system.n} degrees of freedom"
         raise PlanError(message)
     yield spectrum.step(system, method)
-    phase = spectrum.largest_frequency(system) / problem.start
     poles = system.n * (1.0 + 0.5 * phase)
+    _check_poles(poles)
     limits = float(len(system.constraints))
     obstacle = _why_not_provable(problem)
     if obstacle is None:
@@ -87,6 +90,20 @@ def _steps(problem: Problem, *, grows: bool) -> Iterator[Step]:
         reason = "multipliers of the half-period map at frequencies of every band"
         flops = 0.5 * poles * _SAMPLES * 25.0 * (2.0 * system.n) ** 3
         yield Step(Stage.STABILITY, "half-period map", reason, flops, 64.0 * poles)
+
+
+def _check_poles(count: float) -> None:
+    """Refuse ranges that begin so far below the spectrum that their poles cannot be listed.
+
+    Harmonics of every order meet natural frequencies: there are about N / 2 times the ratio of
+    the largest natural frequency and the lower end of the range.
+    """
+    if count > _MOST:
+        message = (
+            f"the range begins so far below the largest natural frequency that the impulse has "
+            f"{count:.0e} poles above it; there may be {_MOST:.0e}"
+        )
+        raise ModelError(("frequency", "start"), message, code="out_of_range")
 
 
 def _partial_step(problem: Problem) -> Step | None:

@@ -205,3 +205,11 @@ def test_faults_are_named(
     with pytest.raises(ModelError) as caught:
         bands.Problem(chain(), start, stop, **more)
     assert caught.value.pointer == pointer
+
+
+@pytest.mark.parametrize("n", [2, 13])
+def test_more_poles_than_can_be_listed_are_refused(n: int) -> None:
+    far = bands.Problem(chain(n, 0), 1e-9, 1.0)
+    with pytest.raises(ModelError, match="poles above it") as caught:
+        bands.plan(far)
+    assert caught.value.pointer == ("frequency", "start")
