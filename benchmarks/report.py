@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -98,20 +98,34 @@ def _summary(newest: dict[str, Run]) -> str:
 
 
 def _missed(runs: Any) -> str:
-    body = []
+    """Return what was missed: goals of one table that are missed for one reason share a row."""
+    groups: dict[tuple[str, str], list[Verdict]] = {}
     for run in runs:
         for table, verdict in _verdicts(run):
             if not verdict.reached:
-                sign = "≥" if verdict.at_least else "≤"
                 where = f"[{table.title}](#{_anchor_of(run, table)})"
-                limit = f"{sign}\u00a0{written(verdict.limit)}"
-                what = "" if verdict.quantity == "measured" else f"{verdict.quantity}: "
-                value = f"{what}{written(verdict.value)}"
-                reason = verdict.reason or "not known yet"
-                body.append([f"{where}: {verdict.label}", value, limit, reason])
+                if verdict.quantity != "measured":
+                    where += f": {verdict.quantity}"
+                groups.setdefault((where, verdict.reason or "not known yet"), []).append(verdict)
+    body = [
+        [
+            f"{where}<br>{reason}",
+            _lines(verdict.label for verdict in missed),
+            _lines(written(verdict.value) for verdict in missed),
+            _lines(
+                f"{'≥' if verdict.at_least else '≤'} {written(verdict.limit)}" for verdict in missed
+            ),
+        ]
+        for (where, reason), missed in groups.items()
+    ]
     if not body:
         return ""
-    return f"## Goals missed\n\n{grid(['what', 'measured', 'goal', 'why'], body, [True] * 4)}\n"
+    columns = ["table, and why", "what", "measured", "goal"]
+    return f"## Goals missed\n\n{grid(columns, body, [True] * len(columns))}\n"
+
+
+def _lines(cells: Iterable[str]) -> str:
+    return "<br>".join(cell.replace(" ", "\u00a0") for cell in cells)
 
 
 def _anchor_of(run: Run, table: Table) -> str:

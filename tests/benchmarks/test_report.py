@@ -71,8 +71,26 @@ def test_the_first_lines_say_what_is_reached_and_what_is_not(page: str) -> None:
     assert "**1 of 3 goals are reached.**" in page
     head = page.split("## How to read it")[0]
     assert "the cache is full" in head
-    assert "exponent of N: 1" in head  # fitted to 1, 10 and 100 seconds
-    assert "not known yet" in head
+    assert (
+        "](#scaling-growth): exponent of N<br>not known yet" in head
+    )  # fitted to 1, 10 and 100 seconds
+
+
+def test_goals_missed_for_one_reason_share_a_row(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    rows = [(10, 3.0, 2.0), (100, 10.0, 5.0), (1000, 1.0, 2.0)]
+    slow = replace(GROWTH, rows=rows, trends=(), reasons={"": "no vectors"})
+    monkeypatch.setattr(history, "FOLDER", tmp_path / "results")
+    monkeypatch.setattr(report, "DOCS", tmp_path / "docs")
+    history.save(Run("scaling", "2026-01-01T00:00:00Z", "abc", MACHINE, (slow,)))
+    (row,) = [
+        line
+        for line in report.draw().read_text(encoding="utf-8").replace("\u00a0", " ").split("\n")
+        if "no vectors" in line
+    ]
+    cells = [cell.strip() for cell in row.strip("|").split("|")]
+    assert cells[1:] == ["N 10<br>N 100", "3<br>10", "≤ 2<br>≤ 5"]
 
 
 def test_every_benchmark_is_named_and_what_never_ran_is_said(page: str) -> None:
