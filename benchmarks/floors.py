@@ -23,7 +23,7 @@ from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.impact_modes import Problem
 from vibroimpact_solvers.impact_modes.family import Family
 from vibroimpact_solvers.impact_modes.modal import ModalFamily
-from vibroimpact_solvers.kernels import families, response
+from vibroimpact_solvers.kernels import motions, response
 from vibroimpact_solvers.kernels.jit import kernel
 from vibroimpact_solvers.kernels.phases import sine_cosine, tangent
 
@@ -104,7 +104,7 @@ def floors() -> Table:
             (
                 "modal coordinates at 4 times",
                 partial(
-                    families.coordinates, family.roots, family.load, omega, motion.D, motion.U, tau
+                    motions.coordinates, family.roots, family.load, omega, motion.D, motion.U, tau
                 ),
                 partial(np.sin, times, out=places),
                 partial(_own_sines, times, places),

@@ -12,7 +12,7 @@ from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.impact_modes.family import Equations, Family, Kind
 from vibroimpact_solvers.impact_modes.impulses import Impulses
 from vibroimpact_solvers.impact_modes.problem import Frequencies, Problem
-from vibroimpact_solvers.kernels import families, limits, response
+from vibroimpact_solvers.kernels import families, limits, motions, response
 from vibroimpact_solvers.kernels.threads import over_ranges
 from vibroimpact_solvers.spectrum import Spectrum
 from vibroimpact_solvers.stability import Orbits, Side
@@ -87,12 +87,12 @@ class ModalFamily:
 
     def displacements(self, motion: Amplitudes, tau: Floats, dofs: Integers) -> Floats:
         """Return displacements, shape (frequency, tau, dof)."""
-        q = families.coordinates(self.roots, self.load, motion.omega, motion.D, motion.U, tau)
+        q = motions.coordinates(self.roots, self.load, motion.omega, motion.D, motion.U, tau)
         return self._to_dofs(q, dofs)
 
     def harmonics(self, motion: Amplitudes, orders: Integers, dofs: Integers) -> Floats:
         """Return Fourier amplitudes, shape (frequency, order, dof)."""
-        b = families.fourier(self.roots, self.load, motion.omega, motion.D, motion.U, orders)
+        b = motions.fourier(self.roots, self.load, motion.omega, motion.D, motion.U, orders)
         return self._to_dofs(b, dofs)
 
     def _to_dofs(self, q: Floats, dofs: Integers) -> Floats:
@@ -105,7 +105,7 @@ class ModalFamily:
 
     def energy(self, motion: Amplitudes) -> Floats:
         """Return the total energies, shape (frequency,)."""
-        return families.energies(self.roots, self.load, motion.omega, motion.D, motion.U)
+        return motions.energies(self.roots, self.load, motion.omega, motion.D, motion.U)
 
     def orbits(self, motion: Amplitudes, error: Floats) -> Orbits:
         """Return the motion as far as its stability depends on it.
@@ -198,25 +198,35 @@ def members(
     if first.family.kind is not Kind.ODD or first.family.count > 1:
         found, D, U = _bordered(of, at, with_motion=with_motion)
     else:
-        found = _scalar(of, at)
-        D, U = np.zeros((2, len(of), at.size, 0))
-        if with_motion:
-            _, D, U = _bordered(of, at, with_motion=True)
+        found, D, U = _scalar(of, at, with_motion=with_motion)
     return [(one, Amplitudes(at.omega, one.plus, D[i], U[i])) for i, one in enumerate(found)]
 
 
-def _scalar(of: Sequence[ModalFamily], at: Frequencies) -> list[Impulses]:
-    """Return the impulses of one constraint."""
+def _scalar(
+    of: Sequence[ModalFamily], at: Frequencies, *, with_motion: bool
+) -> tuple[list[Impulses], Floats, Floats]:
+    """Return the impulses of one constraint, and amplitudes as `_bordered` does."""
     first = of[0]
     uncertainty, norms = first.spectrum.uncertainty, first.spectrum.norms
     S, condition = response.response_one(
         first.roots, first.rests, first.rows[0] ** 2, at.omega, at.rests, uncertainty, norms
     )
+    gaps = [float(one.equations[0].walls[0]) for one in of]
     found = []
-    for one in of:
-        p = response.impulses_of(S, at.omega, float(one.equations[0].walls[0]))
-        found.append(Impulses(p[:, np.newaxis], p[:, np.newaxis], _EPS * condition))
-    return found
+    for gap in gaps:
+        p = response.impulses_of(S, at.omega, gap)[:, np.newaxis]
+        found.append(Impulses(p, p, _EPS * condition))
+    D, U = np.zeros((2, len(of), at.size, 0))
+    if with_motion:
+        D = response.amplitudes_one(
+            first.roots,
+            first.rests,
+            first.rows[0],
+            at.omega,
+            at.rests,
+            np.where(np.isfinite(S), np.divide.outer(gaps, S), 0.0),
+        )
+    return found, D, U
 
 
 def _bordered(

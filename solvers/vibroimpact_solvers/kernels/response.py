@@ -14,11 +14,12 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.kernels.jit import fma, kernel
-from vibroimpact_solvers.kernels.phases import LARGEST, tangent
+from vibroimpact_solvers.kernels.phases import LARGEST, sine_cosine, tangent
 from vibroimpact_solvers.kernels.threads import over_ranges
 
 _EPS = 2.220446049250313e-16
 _LANES = 64  # frequencies of a block
+_PHASES = 512  # cosines of a block
 _MODES = 32  # terms that are summed before their sum joins the total, against rounding
 
 
@@ -27,6 +28,88 @@ def impulses_of(S: Floats, omega: Floats, gap: float) -> Floats:
     with np.errstate(over="ignore", invalid="ignore"):
         p = gap * omega * omega / S
     return np.where(np.isfinite(S), p, 0.0)
+
+
+def amplitudes_one(
+    roots: Floats,
+    rests: Floats,
+    row: Floats,
+    omega: Floats,
+    omega_rests: Floats,
+    scale: Floats,
+) -> Floats:
+    """Return amplitudes of the motion that impulses at one coordinate cause.
+
+    A member of the family is ``q = D sin(gamma tau)/gamma``, eq. 10.48, with
+    ``D = a gap/(S cos(gamma))``. Near a pole S grows as its mode's ``1/cos(gamma)`` does, and
+    as both come of the same phase D is as good there as anywhere.
+
+    Parameters
+    ----------
+    roots, rests, omega, omega_rests
+        As of `response_one`.
+    row : array, shape (mode,)
+        ``w^T e_j``.
+    scale : array, shape (set, frequency)
+        Gaps over the response; where it is 0 nothing moves.
+
+    Returns
+    -------
+    D : array, shape (set, frequency, mode)
+        Of modes that fall, the D of ``D sinh(g tau)/(g cosh(g))``.
+    """
+    D = np.empty((scale.shape[0], omega.size, roots.size))
+    root = np.maximum(roots, 0.0)
+
+    def piece(start: int, stop: int) -> None:
+        some = slice(start, stop)
+        _amplitudes_one(
+            root, root * rests, row, omega[some], omega_rests[some], scale[:, some], D[:, some]
+        )
+
+    over_ranges(piece, omega.size, 2.0 * D.size)
+    return D
+
+
+@kernel
+def _amplitudes_one(
+    root: Floats,
+    root_rest: Floats,
+    row: Floats,
+    omega: Floats,
+    omega_rest: Floats,
+    scale: Floats,
+    D: Floats,
+) -> None:
+    modes = root.size
+    step = max(1, _PHASES // max(modes, 1))
+    phase, rest = np.empty((step, modes)), np.empty((step, modes))
+    for first in range(0, omega.size, step):
+        last = min(first + step, omega.size)
+        for f in range(first, last):
+            q = 1.0 / omega[f]
+            q_rest = q * (fma(-q, omega[f], 1.0) - omega_rest[f])
+            for j in range(modes):
+                x = root[j] * q
+                lost = fma(root[j], q_rest, fma(root[j], q, -x))
+                phase[f - first, j] = x
+                rest[f - first, j] = fma(root_rest[j], q, lost)
+        count = (last - first) * modes
+        _secants(phase.reshape(-1)[:count], rest.reshape(-1)[:count])
+        for s in range(scale.shape[0]):
+            for f in range(first, last):
+                if scale[s, f] == 0.0:
+                    D[s, f] = 0.0
+                    continue
+                for j in range(modes):
+                    D[s, f, j] = row[j] * scale[s, f] * phase[f - first, j]
+
+
+@kernel
+def _secants(phase: Floats, rest: Floats) -> None:
+    """Replace phases by 1/cos."""
+    for i in range(phase.size):
+        phase[i] = 1.0 / sine_cosine(phase[i], rest[i])[1]
 
 
 def response_one(

@@ -1,0 +1,224 @@
+"""Motions of the members of a family by their modal amplitudes, see `kernels.families`.
+
+Between two impacts a mode with natural frequency r and ``gamma = r/omega`` is at
+
+    q = D sin(gamma tau)/gamma + U cos(gamma tau) + f (1 - cos(gamma tau))/lambda
+
+The sines of all modes and times are taken by one vector loop; modes that fall or hardly swing
+have formulas of their own and are put right one by one.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.kernels.jit import kernel
+from vibroimpact_solvers.kernels.phases import LARGEST, sine_cosine
+from vibroimpact_solvers.kernels.triangle_time import (
+    cosine,
+    hyperbolic_cosine,
+    hyperbolic_sine,
+    sag,
+    sine,
+)
+
+_BLOCK = 512  # phases that a vector loop takes at once: they stay in the nearest cache
+_STILL = 1e-100  # gamma below which a mode only moves along: D/gamma might overflow
+
+
+@kernel
+def coordinates(
+    roots: Floats, load: Floats, omega: Floats, D: Floats, U: Floats, tau: Floats
+) -> Floats:
+    """Modal coordinates q, shape (frequency, tau, mode); D or U may have no columns."""
+    modes, times = roots.size, tau.size
+    q = np.zeros((omega.size, times, modes))
+    odd, even = D.shape[1] > 0, U.shape[1] > 0
+    if q.size == 0 or not (odd or even):
+        return q
+    loaded = even and np.any(load != 0.0)
+    step = max(1, _BLOCK // (times * modes))
+    gamma, turns = np.empty((step, modes)), np.empty((3, step, times, modes))
+    furthest = np.max(np.abs(tau)) * np.max(np.abs(roots))
+    exceptions = np.flatnonzero(roots < _STILL * np.max(omega))
+    for first in range(0, omega.size, step):
+        last = min(first + step, omega.size)
+        count = (last - first) * times * modes
+        phase, sines = turns[0].reshape(-1)[:count], turns[1].reshape(-1)[:count]
+        _phases(roots, omega[first:last], tau, gamma, turns[0])
+        if odd and not even:
+            _sines(phase, sines)
+        else:
+            _turns(phase, sines, turns[2].reshape(-1)[:count])
+        if odd:
+            _add_odd(gamma, D[first:last], turns[1], q[first:last])
+        if even:
+            _add_even(U[first:last], turns[2], q[first:last])
+        if loaded:
+            for i in range(count):
+                phase[i] *= 0.5
+            _sines(phase, sines)
+            _add_sag(gamma, load, omega[first:last], turns[1], q[first:last])
+        for f in range(first, last):
+            # Phases that are not known, and modes without any.
+            unknown = furthest > LARGEST * omega[f]
+            for k in range(modes if unknown else exceptions.size):
+                j = k if unknown else exceptions[k]
+                if not (unknown or roots[j] < _STILL * omega[f]):
+                    continue
+                swing, place = D[f, j] if odd else 0.0, U[f, j] if even else 0.0
+                for t in range(times):
+                    q[f, t, j] = _place(roots[j], load[j], omega[f], swing, place, even, tau[t])
+    return q
+
+
+@kernel
+def _phases(roots: Floats, omega: Floats, tau: Floats, gamma: Floats, phase: Floats) -> None:
+    """Fill in gamma, shape (frequency, mode), and gamma tau, (frequency, tau, mode)."""
+    for f in range(omega.size):
+        for j in range(roots.size):
+            gamma[f, j] = roots[j] / omega[f]
+        for t in range(tau.size):
+            for j in range(roots.size):
+                phase[f, t, j] = gamma[f, j] * tau[t]
+
+
+@kernel
+def _sines(phase: Floats, sines: Floats) -> None:
+    for i in range(phase.size):
+        sines[i] = sine_cosine(phase[i], 0.0)[0]
+
+
+@kernel
+def _turns(phase: Floats, sines: Floats, cosines: Floats) -> None:
+    for i in range(phase.size):
+        sines[i], cosines[i] = sine_cosine(phase[i], 0.0)
+
+
+@kernel
+def _add_odd(gamma: Floats, D: Floats, sines: Floats, q: Floats) -> None:
+    scale = np.empty(gamma.shape[1])
+    for f in range(q.shape[0]):
+        for j in range(scale.size):
+            scale[j] = D[f, j] / gamma[f, j] if gamma[f, j] > _STILL else 0.0
+        for t in range(q.shape[1]):
+            for j in range(scale.size):
+                q[f, t, j] += scale[j] * sines[f, t, j]
+
+
+@kernel
+def _add_even(U: Floats, cosines: Floats, q: Floats) -> None:
+    for f in range(q.shape[0]):
+        for t in range(q.shape[1]):
+            for j in range(q.shape[2]):
+                q[f, t, j] += U[f, j] * cosines[f, t, j]
+
+
+@kernel
+def _add_sag(gamma: Floats, load: Floats, omega: Floats, halves: Floats, q: Floats) -> None:
+    """Add ``f (1 - cos(gamma tau))/lambda`` by the sines of half the phases: none cancels."""
+    scale = np.empty(gamma.shape[1])
+    for f in range(q.shape[0]):
+        for j in range(scale.size):
+            scale[j] = 1.0 / (omega[f] * gamma[f, j]) if gamma[f, j] > _STILL else 0.0
+        for t in range(q.shape[1]):
+            for j in range(scale.size):
+                half = halves[f, t, j] * scale[j]
+                q[f, t, j] += 2.0 * load[j] * half * half
+
+
+@kernel
+def _place(
+    root: float, load: float, omega: float, D: float, U: float, even: bool, tau: float
+) -> float:
+    """Modal coordinate of a mode that may fall, without vectors."""
+    mu = root / omega * abs(root / omega)
+    z, gamma = mu * tau * tau, math.sqrt(abs(mu))
+    place = D * tau * sine(z) if mu >= 0.0 else D * hyperbolic_sine(gamma, tau)
+    if even and mu > -1.0:
+        return place + U * cosine(z) + load / (omega * omega) * tau * tau * sag(z)
+    if even:
+        return place + U * hyperbolic_cosine(gamma, tau) + load / (mu * omega * omega)
+    return place
+
+
+@kernel
+def energies(roots: Floats, load: Floats, omega: Floats, D: Floats, U: Floats) -> Floats:
+    """Total energies, taken of every mode at tau = 0, shape (frequency,)."""
+    total = np.zeros(omega.size)
+    for f in range(omega.size):
+        for j in range(roots.size):
+            mu = roots[j] / omega[f] * abs(roots[j] / omega[f])
+            fade = 1.0
+            if mu < 0.0:
+                gamma = math.sqrt(-mu)
+                fade = 2.0 * math.exp(-gamma) / (1.0 + math.exp(-2.0 * gamma))
+            if D.shape[1] > 0:
+                speed = omega[f] * D[f, j] * fade
+                total[f] += 0.5 * speed * speed
+            if U.shape[1] > 0:
+                stiffness = roots[j] * abs(roots[j])
+                if mu > -1.0:
+                    total[f] += U[f, j] * (0.5 * stiffness * U[f, j] - load[j])
+                else:
+                    place = U[f, j] * fade
+                    total[f] += 0.5 * (stiffness * place * place - load[j] * load[j] / stiffness)
+    return total
+
+
+@kernel
+def fourier(
+    roots: Floats, load: Floats, omega: Floats, D: Floats, U: Floats, orders: Integers
+) -> Floats:
+    """Fourier amplitudes of the modal coordinates, eq. 10.69, shape (frequency, order, mode).
+
+    Of ``sin(n Omega t)`` for odd orders n and of ``cos(n Omega t)`` for even ones.
+    """
+    b = np.zeros((omega.size, orders.size, roots.size))
+    for f in range(omega.size):
+        for j in range(roots.size):
+            mu = roots[j] / omega[f] * abs(roots[j] / omega[f])
+            for k in range(orders.size):
+                if orders[k] % 2 == 1 and D.shape[1] > 0:
+                    b[f, k, j] = D[f, j] * _odd_amplitude(mu, orders[k])
+                elif orders[k] % 2 == 0 and U.shape[1] > 0:
+                    force = load[j] / (omega[f] * omega[f])
+                    b[f, k, j] = _even_amplitude(mu, orders[k], U[f, j], force)
+    return b
+
+
+@kernel
+def _odd_amplitude(mu: float, order: int) -> float:
+    kappa = 0.5 * math.pi * order
+    if mu < 0.0:
+        sign = 1.0 if order % 4 == 1 else -1.0
+        return sign * 2.0 / (kappa * kappa - mu)
+    gamma = math.sqrt(mu)
+    delta = kappa - gamma
+    return 2.0 * sine(delta * delta) / (kappa + gamma)
+
+
+@kernel
+def _even_amplitude(mu: float, order: int, place: float, force: float) -> float:
+    """Amplitude of ``place cos(gamma tau) + force (1 - cos(gamma tau))/mu``."""
+    kappa = 0.5 * math.pi * order
+    sign = 1.0 if order % 4 == 0 else -1.0
+    if mu <= -1.0:
+        g = math.sqrt(-mu)
+        if order == 0:
+            return place * math.tanh(g) / g + force / mu
+        return place * sign * 2.0 * g * math.tanh(g) / (kappa * kappa - mu)
+    if order == 0:
+        mean = 1.0 / 6.0 * (1.0 - mu / 20.0 * (1.0 - mu / 42.0 * (1.0 - mu / 72.0)))
+        if abs(mu) > 1e-2:
+            mean = (1.0 - sine(mu)) / mu
+        return place * sine(mu) + force * mean
+    if mu < 1.0:
+        share = sign * 2.0 * sine(mu) / (mu - kappa * kappa)
+        return share * (place * mu - force)
+    gamma = math.sqrt(mu)
+    delta = kappa - gamma
+    return (place - force / mu) * 2.0 * gamma * sine(delta * delta) / (kappa + gamma)
