@@ -219,12 +219,7 @@ def _scalar(
     D, U = np.zeros((2, len(of), at.size, 0))
     if with_motion:
         D = response.amplitudes_one(
-            first.roots,
-            first.rests,
-            first.rows[0],
-            at.omega,
-            at.rests,
-            np.where(np.isfinite(S), np.divide.outer(gaps, S), 0.0),
+            first.roots, first.rests, first.rows[0], at.omega, at.rests, np.divide.outer(gaps, S)
         )
     return found, D, U
 

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels.jit import fma, kernel
 from vibroimpact_solvers.kernels.phases import LARGEST, sine_cosine, tangent
 from vibroimpact_solvers.kernels.threads import over_ranges
@@ -59,12 +59,11 @@ def amplitudes_one(
         Of modes that fall, the D of ``D sinh(g tau)/(g cosh(g))``.
     """
     D = np.empty((scale.shape[0], omega.size, roots.size))
-    root = np.maximum(roots, 0.0)
 
     def piece(start: int, stop: int) -> None:
         some = slice(start, stop)
         _amplitudes_one(
-            root, root * rests, row, omega[some], omega_rests[some], scale[:, some], D[:, some]
+            roots, rests, row, omega[some], omega_rests[some], scale[:, some], D[:, some]
         )
 
     over_ranges(piece, omega.size, 2.0 * D.size)
@@ -73,15 +72,16 @@ def amplitudes_one(
 
 @kernel
 def _amplitudes_one(
-    root: Floats,
-    root_rest: Floats,
+    roots: Floats,
+    rests: Floats,
     row: Floats,
     omega: Floats,
     omega_rest: Floats,
     scale: Floats,
     D: Floats,
 ) -> None:
-    modes = root.size
+    modes, root = roots.size, np.maximum(roots, 0.0)
+    root_rest = root * rests
     step = max(1, _PHASES // max(modes, 1))
     phase, rest = np.empty((step, modes)), np.empty((step, modes))
     for first in range(0, omega.size, step):
@@ -150,25 +150,14 @@ def response_one(
         frequencies and weights are magnified in it. Both are infinite where the response
         vanishes, so that no impulse is of use, or the phases of the modes are unknown.
     """
-    S, condition = np.empty(omega.size), np.empty(omega.size)
-    root = np.abs(roots)
-    with np.errstate(over="ignore", divide="ignore"):
-        over_root = weight2 / root
-    # So soft that its tangent is its argument at any frequency: a rigid-body mode.
-    rigid = ~np.isfinite(over_root)
-    swinging, falling = (roots > 0.0) & ~rigid, (roots < 0.0) & ~rigid
-    mass = float(weight2[rigid].sum())
+    S, condition = np.empty((2, omega.size))
 
     def piece(start: int, stop: int) -> None:
         some = slice(start, stop)
         _response_one(
-            root[swinging],
-            rests[swinging],
-            over_root[swinging],
-            weight2[swinging],
-            root[falling],
-            weight2[falling],
-            mass,
+            roots,
+            rests,
+            weight2,
             omega[some],
             omega_rests[some],
             uncertainty,
@@ -182,14 +171,30 @@ def response_one(
 
 
 @kernel
+def _sorted(roots: Floats, weight2: Floats) -> tuple[Integers, Integers, float]:
+    """Return which modes swing and which fall, and the squares of those that only move along.
+
+    Those are so soft that their tangent is its argument at any frequency.
+    """
+    swinging, falling = np.empty(roots.size, np.int64), np.empty(roots.size, np.int64)
+    swing, fall, mass = 0, 0, 0.0
+    for j in range(roots.size):
+        if not np.isfinite(weight2[j] / abs(roots[j])):
+            mass += weight2[j]
+        elif roots[j] > 0.0:
+            swinging[swing] = j
+            swing += 1
+        else:
+            falling[fall] = j
+            fall += 1
+    return swinging[:swing], falling[:fall], mass
+
+
+@kernel
 def _response_one(
-    root: Floats,
-    rest: Floats,
-    over_root: Floats,
+    roots: Floats,
+    rests: Floats,
     weight2: Floats,
-    growth: Floats,
-    growth_weight2: Floats,
-    rigid: float,
     omega: Floats,
     omega_rest: Floats,
     uncertainty: float,
@@ -197,22 +202,32 @@ def _response_one(
     response: Floats,
     condition: Floats,
 ) -> None:
+    swinging, falling, rigid = _sorted(roots, weight2)
+    root, heard, growth_weight2 = roots[swinging], weight2[swinging], weight2[falling]
+    growth = -roots[falling]
+    over_root = heard / root
     total, size, slope = np.empty(_LANES), np.empty(_LANES), np.empty(_LANES)
     q, q_rest = np.empty(_LANES), np.empty(_LANES)
+    w, w_rest = np.empty(_LANES), np.empty(_LANES)
     largest = np.max(root) if root.size else 0.0
-    root_rest = root * rest
+    root_rest = root * rests[swinging]
     # Relative errors of the eigenvalues, in roundings.
     doubt = 0.5 * (roundings - 2.0) + uncertainty / (2.0 * _EPS * root * root)
-    doubtful, doubtful_over = weight2 * (1.0 + doubt), over_root * doubt
+    doubtful, doubtful_over = heard * (1.0 + doubt), over_root * doubt
     still = np.sum(doubtful) + roundings * rigid
     large_over = over_root * roundings
     falling_doubt = 0.5 * (roundings - 2.0) + uncertainty / (2.0 * _EPS * growth * growth)
     for first in range(0, omega.size, _LANES):
         count = min(_LANES, omega.size - first)
+        # Slices: no index into them can be negative, which loops over vectors must know.
+        some, some_rest = omega[first : first + count], omega_rest[first : first + count]
+        for lane in range(count):
+            w[lane], w_rest[lane] = some[lane], some_rest[lane]
+        for lane in range(count, _LANES):
+            w[lane], w_rest[lane] = w[0], w_rest[0]
         for lane in range(_LANES):
-            f = first + min(lane, count - 1)
-            q[lane] = 1.0 / omega[f]
-            q_rest[lane] = q[lane] * (fma(-q[lane], omega[f], 1.0) - omega_rest[f])
+            q[lane] = 1.0 / w[lane]
+            q_rest[lane] = q[lane] * (fma(-q[lane], w[lane], 1.0) - w_rest[lane])
         _sum_swinging(
             root,
             root_rest,
@@ -226,25 +241,27 @@ def _response_one(
             size,
             slope,
         )
-        for lane in range(count):
-            w = omega[first + lane]
-            S = total[lane] * w + rigid
+        for lane in range(_LANES):
             # What relative changes of weights and natural frequencies change: a^2 |T| and,
             # as the derivative of gamma T is 1/cos^2, a^2 (|T| + 1/cos^2); what changes of
             # eigenvalues change: a^2 (1/cos^2 - T)/(2 lambda), which is 1/3 of a^2/omega^2 for
             # rigid-body modes.
-            spread = size[lane] * w + still + slope[lane]
-            spread += rigid * uncertainty * q[lane] * q[lane] / (3.0 * _EPS)
-            for j in range(growth.size):
+            spread = fma(size[lane], w[lane], still + slope[lane])
+            size[lane] = spread + rigid * uncertainty * q[lane] * q[lane] / (3.0 * _EPS)
+            total[lane] = fma(total[lane], w[lane], rigid)
+        for j in range(growth.size):
+            for lane in range(_LANES):
                 g = growth[j] * q[lane]
                 term = growth_weight2[j] * math.tanh(g) / g
-                S += term
-                spread += roundings * term
+                total[lane] += term
+                size[lane] += roundings * term
                 steep = growth_weight2[j] / math.cosh(min(g, 300.0)) ** 2
-                spread += steep + (term - steep) * falling_doubt[j]
-            known = largest * q[lane] < LARGEST and S != 0.0
-            response[first + lane] = S if known else np.inf
-            condition[first + lane] = spread / abs(S) if known else np.inf
+                size[lane] += steep + (term - steep) * falling_doubt[j]
+        S, magnified = response[first : first + count], condition[first : first + count]
+        for lane in range(count):
+            known = (largest * q[lane] < LARGEST) & (total[lane] != 0.0)
+            S[lane] = total[lane] if known else np.inf
+            magnified[lane] = size[lane] / abs(total[lane]) if known else np.inf
 
 
 @kernel

@@ -29,7 +29,9 @@ def over_ranges(piece: Callable[[int, int], object], size: int, work: float) -> 
     work : float
         Elementary steps of all of it; little work stays in the calling thread.
     """
-    threads = min(cores(), size, int(work / WORTH) + 1)
+    threads = min(size, int(work / WORTH) + 1)
+    if threads > 1:
+        threads = min(threads, cores())
     if threads <= 1 or getattr(_here, "kept", False):  # of which there might be none left
         piece(0, size)
         return
