@@ -12,9 +12,12 @@ from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 GAP = 0.2
 
 
-def chain(n: int) -> System:
-    """Return the chain of eq. 10.60; of 13 masses the one of Fig. 10.13, struck at mass 6."""
-    return presets.chain(n, [Constraint.at(struck(n), GAP)])
+def chain(n: int, constraints: int = 1) -> System:
+    """Return the chain of eq. 10.60; of 13 masses the one of Fig. 10.13, struck at mass 6.
+
+    With more constraints the masses beside it are struck, too.
+    """
+    return presets.chain(n, [Constraint.at(struck(n) + i, GAP) for i in range(constraints)])
 
 
 def struck(n: int) -> int:

@@ -40,6 +40,10 @@ def _scalar(_: Any, roots: Any, rests: Any, weight2: Any, omega: Any, *rest: Any
     yield "responses of modes", roots.size * omega.size
 
 
+def _amplitudes(_: Any, roots: Any, rests: Any, row: Any, omega: Any, *rest: Any) -> Tally:
+    yield "responses of modes", roots.size * omega.size
+
+
 def _bordered(_: Any, roots: Any, rests: Any, odd: Any, even: Any, *rest: Any) -> Tally:
     parities = (odd.shape[0] > 0) + (even.shape[0] > 0)
     _, walls, omega = rest[:3]
@@ -101,6 +105,7 @@ _COUNTED: tuple[tuple[Any, str, Callable[..., Tally]], ...] = (
     (methods, "_compute", _spectrum),
     (Spectrum, "rows", _rows),
     (response, "response_one", _scalar),
+    (response, "amplitudes_one", _amplitudes),
     (families, "members", _bordered),
     (limits, "check", _walks),
     (ModalFamily, "displacements", _modal),

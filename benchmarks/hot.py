@@ -146,28 +146,44 @@ def recorded(place: ModuleType, name: str, work: Callable[[], object], **more: A
 
 
 @cache
-def _modes(asked: str, num: int) -> Callable[[], object]:
+def _modes(asked: str, num: int, constraints: int = 1) -> Callable[[], object]:
     from benchmarks.cases import chain, grid
     from vibroimpact_solvers import impact_modes
 
     Omega = grid(0.2, 3.0, num)
     tau = np.linspace(0.0, 1.0, 16)
     problem = impact_modes.Problem(
-        chain(100), Omega * (2.0 / np.pi), outputs=frozenset({asked}), Omega=Omega, tau=tau
+        chain(100, constraints),
+        Omega * (2.0 / np.pi),
+        outputs=frozenset({asked}),
+        Omega=Omega,
+        tau=tau,
     )
     return partial(impact_modes.solve, problem, impact_modes.plan(problem))
 
 
-def _family(name: str, asked: str, num: int) -> Watched:
-    from vibroimpact_solvers.impact_modes import modal
+def _motions(name: str, asked: str, num: int) -> Watched:
+    from vibroimpact_solvers.kernels import motions
 
-    return recorded(vars(modal)["families"], name, _modes(asked, num))
+    return recorded(motions, name, _modes(asked, num))
 
 
 def _impulse() -> Watched:
     from vibroimpact_solvers.kernels import response
 
     return recorded(response, "response_one", _modes("impulse", 1024), reference=VECTOR)
+
+
+def _amplitudes() -> Watched:
+    from vibroimpact_solvers.kernels import response
+
+    return recorded(response, "amplitudes_one", _modes("shape", 1024), reference=VECTOR)
+
+
+def _bordered() -> Watched:
+    from vibroimpact_solvers.kernels import families
+
+    return recorded(families, "members", _modes("shape", 256, 2))
 
 
 def _walks() -> Watched:
@@ -269,11 +285,12 @@ def _own(name: str, *arguments: Any) -> Watched:
 
 HOT: Final[Mapping[str, Callable[[], Watched]]] = {
     "impulse of one constraint": _impulse,
-    "members with their motion": partial(_family, "members", "shape", 128),
+    "members with their motion": _amplitudes,
+    "members of two constraints": _bordered,
     "walks along limits": _walks,
-    "displacements": partial(_family, "coordinates", "waveform", 64),
-    "harmonics": partial(_family, "fourier", "harmonics", 64),
-    "energies": partial(_family, "energies", "energy", 512),
+    "displacements": partial(_motions, "coordinates", "waveform", 64),
+    "harmonics": partial(_motions, "fourier", "harmonics", 64),
+    "energies": partial(_motions, "energies", "energy", 512),
     "bands": _survey,
     "stability, flights": partial(_stability, "fly"),
     "stability, impacts": partial(_stability, "strike"),

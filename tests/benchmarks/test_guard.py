@@ -51,7 +51,7 @@ def test_usual_values_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_calls_are_recorded_as_solvers_make_them() -> None:
-    one = hot.HOT["members with their motion"]()
+    one = hot.HOT["members of two constraints"]()
     assert (one.module, one.function) == ("vibroimpact_solvers.kernels.families", "members")
     before = [a.copy() for a in one.arguments if hasattr(a, "copy")]
     one()  # writes into copies alone

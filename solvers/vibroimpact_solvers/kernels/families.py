@@ -30,15 +30,20 @@ import numpy as np
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels.jit import fma, inline, kernel
 from vibroimpact_solvers.kernels.phases import LARGEST, sine_cosine
+from vibroimpact_solvers.kernels.sums import folded
 from vibroimpact_solvers.kernels.triangle_time import (
     cosine,
     even_response,
-    hyperbolic_cosine,
-    hyperbolic_sine,
     odd_response,
     sag,
     sine,
 )
+
+Modes = tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats]
+"""mu, what rounding took from it, its doubt, sine and cosine of gamma, and room for responses,
+
+their changes and terms of sums: an entry for each mode.
+"""
 
 _EPS = 2.220446049250313e-16
 
@@ -49,6 +54,8 @@ _LOUD = 4.0
 # ... or so close to the pole that the term cannot be trusted to be finite.
 _AT_POLE = 1e-9
 _RIGID = 1e-200
+# Responses of modes with smaller mu are power series.
+_SOFT = 1e-3
 # Of an even motion whose mu is less certain than this, relative to it, the pole at 0 is near.
 _UNCERTAIN = 1e-6
 
@@ -61,13 +68,13 @@ def _is_near(parity: int, mu: float, sine: float, cosine: float) -> bool:
     return bool(abs(mu) < _NEAR or (mu > 0.0 and abs(sine) < _NEAR))
 
 
-@kernel
-def is_at_pole(parity: int, mu: float) -> bool:
-    """Whether the response must not even be evaluated."""
+@inline
+def _is_at_pole(parity: int, mu: float, sine: float, cosine: float) -> bool:
+    """Whether the response of a candidate must not even be evaluated."""
     if parity == 0:
-        return abs(cosine(mu)) < _AT_POLE
+        return abs(cosine) < _AT_POLE
     # Close to mu = 0 the response -1/mu is as good as mu is.
-    return abs(mu) < _RIGID if abs(mu) < _NEAR else abs(mu * sine(mu)) < _AT_POLE
+    return abs(mu) < _RIGID if abs(mu) < _NEAR else math.sqrt(mu) * abs(sine) < _AT_POLE
 
 
 @kernel
@@ -97,9 +104,68 @@ def _add(
             product = rows[i, j] * rows[k, j]
             S[i, k] += product * value
             dS[i, k] += abs(product) * change
-        if parity == 1:
+        if parity == 1 and static != 0.0:
             for k in range(right.shape[1]):
                 right[i, k] -= rows[i, j] * static / mu
+
+
+@kernel
+def _add_plain(
+    S: Floats,
+    dS: Floats,
+    right: Floats,
+    rows: Floats,
+    products: Floats,
+    parity: int,
+    modes: Modes,
+    load: Floats,
+    share: float,
+    noise: float,
+    others: Integers,
+) -> int:
+    """Do what `_add` does for all modes that are neither near nor soft; name the others.
+
+    `products` are those of all pairs of rows; the number of others is returned.
+    """
+    mu, rest, dmu, sines, cosines, value, change, terms = modes
+    for j in range(mu.size):
+        # The response is sine/(cosine gamma), or -cosine/(sine gamma), by one division.
+        top, low = (sines[j], cosines[j]) if parity == 0 else (-cosines[j], sines[j])
+        plain = (mu[j] > _SOFT) & (abs(low) >= _NEAR) & ((parity == 0) | (mu[j] >= _NEAR))
+        over = 1.0 / (low * mu[j]) if plain else 0.0
+        found = top * math.sqrt(abs(mu[j])) * over
+        value[j] = found
+        change[j] = (1.0 + mu[j] * found * found - found) * (0.5 * low * over)
+    # Loops apart: of many arrays none would be known to be apart from the others.
+    for j in range(mu.size):
+        value[j] += change[j] * rest[j]
+        change[j] = abs(change[j]) * dmu[j] + noise * abs(value[j])
+    count = 0
+    for j in range(mu.size):
+        if change[j] == 0.0:
+            others[count] = j
+            count += 1
+    place = 0
+    for i in range(rows.shape[0]):
+        for k in range(i, rows.shape[0]):
+            product = products[place]
+            for j in range(mu.size):
+                terms[j] = product[j] * value[j]
+            S[i, k] += folded(terms)
+            for j in range(mu.size):
+                terms[j] = abs(product[j]) * change[j]
+            dS[i, k] += folded(terms)
+            S[k, i], dS[k, i] = S[i, k], dS[i, k]
+            place += 1
+    if parity == 1 and np.any(load != 0.0):
+        for i in range(rows.shape[0]):
+            row = rows[i]
+            for j in range(mu.size):
+                terms[j] = row[j] * load[j] / (share * mu[j]) if change[j] != 0.0 else 0.0
+            lifted = folded(terms)
+            for k in range(right.shape[1]):
+                right[i, k] -= lifted
+    return count
 
 
 @kernel
@@ -141,18 +207,16 @@ def _border(
 
 
 @kernel
-def _inverse(matrix: Floats) -> tuple[Floats, bool]:
-    """Invert a small matrix by Gauss-Jordan elimination after equilibrating it."""
-    m = matrix.shape[0]
-    d = np.empty(m)
+def _invert(matrix: Floats, m: int, work: Floats, inverse: Floats, d: Floats) -> bool:
+    """Invert a small matrix of order m by Gauss-Jordan elimination after equilibrating it."""
     for i in range(m):
-        largest = np.max(np.abs(matrix[i]))
-        d[i] = 1.0 / math.sqrt(largest) if largest > 0.0 else 1.0
-    work = np.empty((m, m))
-    inverse = np.zeros((m, m))
-    for i in range(m):
-        inverse[i, i] = 1.0
+        largest = 0.0
         for k in range(m):
+            largest = max(largest, abs(matrix[i, k]))
+        d[i] = 1.0 / math.sqrt(largest) if largest > 0.0 else 1.0
+    for i in range(m):
+        for k in range(m):
+            inverse[i, k] = 1.0 if i == k else 0.0
             work[i, k] = matrix[i, k] * d[i] * d[k]
     for column in range(m):
         pivot = column
@@ -160,7 +224,7 @@ def _inverse(matrix: Floats) -> tuple[Floats, bool]:
             if abs(work[row, column]) > abs(work[pivot, column]):
                 pivot = row
         if not abs(work[pivot, column]) > 1e-30:
-            return inverse, False
+            return False
         for k in range(m):
             work[column, k], work[pivot, k] = work[pivot, k], work[column, k]
             inverse[column, k], inverse[pivot, k] = inverse[pivot, k], inverse[column, k]
@@ -177,40 +241,57 @@ def _inverse(matrix: Floats) -> tuple[Floats, bool]:
     for i in range(m):
         for k in range(m):
             inverse[i, k] *= d[i] * d[k]
-    return inverse, True
+    return True
 
 
 @kernel
-def _scaled(
-    roots: Floats, rests: Floats, omega: float, rest: float, uncertainty: float, norms: float
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return mu of all modes, what rounding took from it, and how uncertain it is.
+def _times(matrix: Floats, m: int, vector: Floats, out: Floats) -> None:
+    for i in range(m):
+        total = 0.0
+        for k in range(m):
+            total += matrix[i, k] * vector[k]
+        out[i] = total
 
-    And the sines and cosines of their gamma, shape (2, mode), which mean nothing where mu is
-    negative: one vector loop, as calls for one mode after the other would take most of the time.
+
+@kernel
+def _scale(
+    roots: Floats,
+    rests: Floats,
+    omega: float,
+    rest: float,
+    uncertainty: float,
+    norms: float,
+    modes: Modes,
+) -> None:
+    """Fill in mu of all modes, what rounding took from it, and how uncertain it is.
+
+    And the sines and cosines of their gamma, which mean nothing where mu is negative.
     """
-    mu, missing, doubt = np.empty(roots.size), np.empty(roots.size), np.empty(roots.size)
-    turn, largest = np.empty((2, roots.size)), 0.0
+    mu, missing, doubt, sines, cosines, _, _, terms = modes
+    largest, over, inverse = 0.0, uncertainty / (omega * omega), 1.0 / omega
     for j in range(roots.size):
         gamma = roots[j] / omega
         mu[j] = gamma * abs(gamma)
-        root = roots[j] if roots[j] != 0.0 else 1.0
-        missing[j] = 2.0 * mu[j] * (fma(-gamma, omega, roots[j]) / root + rests[j] - rest)
-        doubt[j] = (_EPS + norms) * abs(mu[j]) + uncertainty / (omega * omega)
+        terms[j] = gamma
     for j in range(roots.size):
-        turn[0, j], turn[1, j] = sine_cosine(math.sqrt(abs(mu[j])), 0.0)
-        largest = max(largest, mu[j])
-    if largest > LARGEST * LARGEST:
+        lost = fma(-terms[j], omega, roots[j]) * inverse
+        missing[j] = 2.0 * fma(mu[j], rests[j] - rest, abs(terms[j]) * lost)
+    for j in range(roots.size):
+        doubt[j] = (_EPS + norms) * abs(mu[j]) + over
+        terms[j] = abs(terms[j])
+    for j in range(roots.size):
+        sines[j], cosines[j] = sine_cosine(terms[j], 0.0)
+    for j in range(roots.size):
+        largest = max(largest, terms[j])
+    if largest > LARGEST:
         for j in range(roots.size):
-            gamma = math.sqrt(abs(mu[j]))
-            turn[0, j], turn[1, j] = math.sin(gamma), math.cos(gamma)
-    return mu, missing, doubt, turn
+            sines[j], cosines[j] = math.sin(terms[j]), math.cos(terms[j])
 
 
 @inline
 def _response(parity: int, mu: float, sine: float, cosine: float) -> tuple[float, float]:
     """Return the odd or even response and its derivative from the sine and cosine of gamma."""
-    if mu < 1e-3:
+    if mu < _SOFT:
         return odd_response(mu) if parity == 0 else even_response(mu)
     value = (sine / cosine if parity == 0 else -cosine / sine) / math.sqrt(mu)
     return value, (1.0 + mu * value * value - value) / (2.0 * mu)
@@ -218,137 +299,156 @@ def _response(parity: int, mu: float, sine: float, cosine: float) -> tuple[float
 
 @kernel
 def _loud(
-    mu: Floats,
-    rest: Floats,
-    dmu: Floats,
-    turn: Floats,
+    modes: Modes,
     odd: Floats,
     even: Floats,
     load: Floats,
     share: float,
     noise: float,
     near: Integers,
+    loudness: Floats,
     S: Floats,
     dS: Floats,
     right: Floats,
-) -> Integers:
-    """Return the candidates that need a border; the others are summed, quiet ones first."""
-    loudness = np.empty(near.size)
+) -> int:
+    """Put first the candidates that need a border; the others are summed, quiet ones first.
+
+    The number of the former is returned; nz is the order of the matrix before them.
+    """
+    mu, rest, dmu, sines, cosines, _, _, _ = modes
+    nz = max(odd.shape[0], even.shape[0])
     for k in range(near.size):
         j, parity = near[k] // 2, near[k] % 2
-        column = odd[:, j] if parity == 0 else even[:, j]
-        weight = np.max(np.abs(column)) ** 2
+        rows, weight = odd if parity == 0 else even, 0.0
+        for i in range(nz):
+            weight = max(weight, abs(rows[i, j]))
+        weight *= weight
         loudness[k] = np.inf if weight > 0.0 else 0.0
         uncertain = parity == 1 and dmu[j] > _UNCERTAIN * abs(mu[j])
-        if weight > 0.0 and not uncertain and not is_at_pole(parity, mu[j]):
-            value, _ = odd_response(mu[j]) if parity == 0 else even_response(mu[j])
+        if weight > 0.0 and not uncertain and not _is_at_pole(parity, mu[j], sines[j], cosines[j]):
+            value, _ = _response(parity, mu[j], sines[j], cosines[j])
             loudness[k] = abs(value) * weight
+    for k in range(1, near.size):
+        one, loud, place = near[k], loudness[k], k
+        while place > 0 and loudness[place - 1] > loud:
+            near[place], loudness[place] = near[place - 1], loudness[place - 1]
+            place -= 1
+        near[place], loudness[place] = one, loud
     kept = 0
-    bordered = np.empty(near.size, dtype=np.int64)
-    order = np.argsort(loudness)
-    for place in range(order.size):
-        k = order[place]
+    for k in range(near.size):
         if loudness[k] == 0.0:
             continue
         # Of modes that are all loud, as many as there are impulses drown the others and not
         # one another: more borders would only make the system singular.
-        quiet = order.size - place > S.shape[0]
+        quiet = near.size - k > nz
         loudest = 0.0
-        for i in range(S.shape[0]):
+        for i in range(nz):
             loudest = max(loudest, abs(S[i, i]))
         if loudness[k] < np.inf and (quiet or loudness[k] <= _LOUD * loudest or loudest == 0.0):
             j, parity = near[k] // 2, near[k] % 2
             rows, static = odd if parity == 0 else even, load[j] / share
-            both = turn[0, j], turn[1, j]
+            both = sines[j], cosines[j]
             _add(S, dS, right, rows, j, parity, mu[j], rest[j], dmu[j], both, static, noise)
         else:
-            bordered[kept] = near[k]
+            near[kept] = near[k]
             kept += 1
-    return bordered[:kept]
+    return kept
 
 
 @kernel
-def _system(
-    mu: Floats,
-    rest: Floats,
-    dmu: Floats,
-    turn: Floats,
+def _sum(
+    modes: Modes,
     odd: Floats,
     even: Floats,
+    products: tuple[Floats, Floats],
     load: Floats,
-    walls: Floats,
-    omega: float,
     share: float,
     noise: float,
-) -> tuple[Floats, Floats, Floats, Integers]:
-    """Return the bordered matrix, its wobble, the right-hand sides and the bordered modes.
+    near: Integers,
+    others: Integers,
+    loudness: Floats,
+    S: Floats,
+    dS: Floats,
+    right: Floats,
+) -> int:
+    """Sum the responses of all modes; return how many are named in `near`, which want a border.
 
-    A bordered mode j is named 2 j for its odd and 2 j + 1 for its even motion.
+    A mode j is named 2 j for its odd and 2 j + 1 for its even motion.
     """
-    nz, modes = walls.shape[1], mu.size
-    S, dS = np.zeros((nz, nz)), np.zeros((nz, nz))
-    right = np.empty((nz, walls.shape[0]))
-    for i in range(nz):
-        for k in range(walls.shape[0]):
-            right[i, k] = walls[k, i] * (omega * omega / share)
-    near = np.empty(2 * modes, dtype=np.int64)
+    mu, rest, dmu, sines, cosines, _, _, _ = modes
     count = 0
     for parity in range(2):
         rows = odd if parity == 0 else even
         if rows.shape[0] == 0:
             continue
-        for j in range(modes):
-            both = turn[0, j], turn[1, j]
+        pairs = products[0] if parity == 0 else products[1]
+        left = _add_plain(S, dS, right, rows, pairs, parity, modes, load, share, noise, others)
+        for k in range(left):
+            j = others[k]
+            both = sines[j], cosines[j]
             if _is_near(parity, mu[j], both[0], both[1]):
                 near[count] = 2 * j + parity
                 count += 1
             else:
                 static = load[j] / share
                 _add(S, dS, right, rows, j, parity, mu[j], rest[j], dmu[j], both, static, noise)
-    near = _loud(mu, rest, dmu, turn, odd, even, load, share, noise, near[:count], S, dS, right)
-    size = nz + near.size
-    A, dA = np.zeros((size, size)), np.zeros((size, size))
-    b = np.zeros((size, walls.shape[0]))
-    A[:nz, :nz], dA[:nz, :nz], b[:nz] = S, dS, right
-    for k in range(near.size):
-        j, parity = near[k] // 2, near[k] % 2
-        column = odd[:, j] if parity == 0 else even[:, j]
-        _border(A, dA, b, nz + k, column, parity, mu[j], rest[j], dmu[j], load[j] / share, noise)
-    return A, dA, b, near
+    return _loud(modes, odd, even, load, share, noise, near[:count], loudness, S, dS, right)
 
 
 @kernel
-def _amplitudes(
-    mu: Floats,
-    rest: Floats,
-    turn: Floats,
-    rows: Floats,
-    load: Floats,
-    omega: float,
-    share: float,
-    parity: int,
-    z: Floats,
-    unit: Floats,
-) -> None:
-    """Fill in the amplitudes of all modes but the bordered ones, see `members`."""
-    scale = share / (omega * omega)
+def _products(rows: Floats) -> Floats:
+    """Return the products of all pairs of rows, shape (pair, mode)."""
+    n = rows.shape[0]
+    found, place = np.empty((n * (n + 1) // 2, rows.shape[1])), 0
+    for i in range(n):
+        for k in range(i, n):
+            found[place] = rows[i] * rows[k]
+            place += 1
+    return found
+
+
+@kernel
+def _forces(rows: Floats, z: Floats, scale: float, force: Floats) -> None:
+    for j in range(force.size):
+        force[j] = 0.0
+    for i in range(rows.shape[0]):
+        row, p = rows[i], scale * z[i]
+        for j in range(force.size):
+            force[j] += row[j] * p
+
+
+@kernel
+def _odd_amplitudes(modes: Modes, force: Floats, unit: Floats) -> None:
+    """Fill in D of all modes but the bordered ones, see `members`."""
+    mu, rest, _, sines, cosines, _, _, _ = modes
     for j in range(mu.size):
-        force = 0.0
-        for i in range(rows.shape[0]):
-            force += rows[i, j] * z[i]
-        force *= scale
-        if parity == 0:
-            unit[j] = force
-            if mu[j] > 0.0 and force != 0.0:
-                unit[j] = force / (turn[1, j] - 0.5 * (turn[0, j] / math.sqrt(mu[j])) * rest[j])
-        elif mu[j] <= -1.0:
+        gamma = math.sqrt(abs(mu[j]))
+        swings = (mu[j] > 0.0) & (force[j] != 0.0)
+        low = fma(cosines[j], gamma, -0.5 * sines[j] * rest[j])
+        unit[j] = force[j] * gamma / low if swings else force[j]
+
+
+@kernel
+def _even_amplitudes(modes: Modes, force: Floats, load: Floats, omega: float, unit: Floats) -> None:
+    """Fill in U of all modes but the bordered ones, see `members`."""
+    mu, rest, _, sines, cosines, _, _, _ = modes
+    square, any_soft = omega * omega, False
+    for j in range(mu.size):
+        gamma = math.sqrt(abs(mu[j]))
+        low = fma(mu[j], sines[j], 0.5 * fma(cosines[j], gamma, sines[j]) * rest[j])
+        moved = -force[j] * gamma / low if force[j] != 0.0 else 0.0
+        unit[j] = moved + (load[j] / (mu[j] * square) if load[j] != 0.0 else 0.0)
+    for j in range(mu.size):
+        any_soft |= mu[j] < _SOFT
+    for j in range(mu.size if any_soft else 0):
+        if mu[j] <= -1.0:
             value, _ = even_response(mu[j])
-            unit[j] = force * value
-        else:
-            unit[j] = load[j] / (mu[j] * omega * omega) if load[j] != 0.0 else 0.0
-            if force != 0.0:
+            unit[j] = force[j] * value
+        elif mu[j] < _SOFT:
+            unit[j] = load[j] / (mu[j] * square) if load[j] != 0.0 else 0.0
+            if force[j] != 0.0:
                 slope = 0.5 * (sine(mu[j]) + cosine(mu[j]))
-                unit[j] -= force / (mu[j] * sine(mu[j]) + slope * rest[j])
+                unit[j] -= force[j] / (mu[j] * sine(mu[j]) + slope * rest[j])
 
 
 @kernel
@@ -407,13 +507,57 @@ def members(
         Receives the place of the even motion at tau = 0, static one included, or, for mu
         <= -1, U of ``U cosh(g tau)/cosh(g)``; not wanted where it has no columns.
     """
-    nz = walls.shape[1]
+    nz, count, room = walls.shape[1], roots.size, walls.shape[1] + 4
+    mu, rest, dmu, sines = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
+    cosines, value, change = np.empty(count), np.empty(count), np.empty(count)
+    modes = (mu, rest, dmu, sines, cosines, value, change, np.empty(count))
+    near, others = np.empty(2 * count, np.int64), np.empty(count, np.int64)
+    force, loudness, noise = np.empty(count), np.empty(2 * count), 2.0 * _EPS + norms
+    products = _products(odd), _products(even)
+    A, dA, work, inverse = _matrix(room), _matrix(room), _matrix(room), _matrix(room)
+    right, vectors = np.empty((room, walls.shape[0])), np.empty((5, room))
     for f in range(omega.size):
-        mu, rest, dmu, turn = _scaled(roots, rests, omega[f], omega_rests[f], uncertainty, norms)
-        A, dA, right, near = _system(
-            mu, rest, dmu, turn, odd, even, load, walls, omega[f], share, 2.0 * _EPS + norms
+        _scale(roots, rests, omega[f], omega_rests[f], uncertainty, norms, modes)
+        A[:nz, :nz] = 0.0
+        dA[:nz, :nz] = 0.0
+        for i in range(nz):
+            for s in range(walls.shape[0]):
+                right[i, s] = walls[s, i] * (omega[f] * omega[f] / share)
+        kept = _sum(
+            modes,
+            odd,
+            even,
+            products,
+            load,
+            share,
+            noise,
+            near,
+            others,
+            loudness,
+            A,
+            dA,
+            right,
         )
-        inverse, sound = _inverse(A)
+        size = nz + kept
+        if size > room:
+            room = size
+            A, dA = _larger(A, nz, room), _larger(dA, nz, room)
+            work, inverse = _matrix(room), _matrix(room)
+            taller = np.empty((room, walls.shape[0]))
+            taller[:nz] = right[:nz]
+            right, vectors = taller, np.empty((5, room))
+        A[nz:size, :size] = 0.0
+        A[:size, nz:size] = 0.0
+        dA[nz:size, :size] = 0.0
+        dA[:size, nz:size] = 0.0
+        right[nz:size] = 0.0
+        for k in range(kept):
+            j, parity = near[k] // 2, near[k] % 2
+            column = odd[:, j] if parity == 0 else even[:, j]
+            static = load[j] / share
+            _border(A, dA, right, nz + k, column, parity, mu[j], rest[j], dmu[j], static, noise)
+        sound = _invert(A, size, work, inverse, vectors[0])
+        b, v, other, spread = vectors[1], vectors[2], vectors[3], vectors[4]
         for s in range(walls.shape[0]):
             if not sound:
                 z[s, f] = np.nan
@@ -421,20 +565,48 @@ def members(
                 D[s, f] = 0.0
                 U[s, f] = 0.0
                 continue
-            b = right[:, s].copy()
-            v = np.dot(inverse, b)
-            v += np.dot(inverse, b - np.dot(A, v))
-            z[s, f] = v[:nz]
-            size = np.dot(dA, np.abs(v)) + 2.0 * _EPS * np.abs(b)
-            error[s, f] = np.dot(np.abs(inverse), size)[:nz]
+            for i in range(size):
+                b[i] = right[i, s]
+            _times(inverse, size, b, v)
+            _times(A, size, v, other)
+            for i in range(size):
+                other[i] = b[i] - other[i]
+            _times(inverse, size, other, spread)
+            for i in range(size):
+                v[i] += spread[i]
+                other[i] = abs(v[i])
+            _times(dA, size, other, spread)
+            for i in range(size):
+                spread[i] += 2.0 * _EPS * abs(b[i])
+            for i in range(nz):
+                z[s, f, i] = v[i]
+                error[s, f, i] = 0.0
+                for k in range(size):
+                    error[s, f, i] += abs(inverse[i, k]) * spread[k]
+            scale = share / (omega[f] * omega[f])
             if D.shape[2] > 0:
-                _amplitudes(mu, rest, turn, odd, load, omega[f], share, 0, v[:nz], D[s, f])
+                _forces(odd, v, scale, force)
+                _odd_amplitudes(modes, force, D[s, f])
             if U.shape[2] > 0:
-                _amplitudes(mu, rest, turn, even, load, omega[f], share, 1, v[:nz], U[s, f])
-            for k in range(near.size):
+                _forces(even, v, scale, force)
+                _even_amplitudes(modes, force, load, omega[f], U[s, f])
+            for k in range(kept):
                 j = near[k] // 2
-                place = v[nz + k] * share / (omega[f] * omega[f])
+                place = v[nz + k] * scale
                 if near[k] % 2 == 0 and D.shape[2] > 0:
                     D[s, f, j] = place / sine(mu[j])
                 elif near[k] % 2 == 1 and U.shape[2] > 0:
                     U[s, f, j] = place / cosine(mu[j])
+
+
+@kernel
+def _matrix(order: int) -> Floats:
+    return np.empty((order, order))
+
+
+@kernel
+def _larger(matrix: Floats, order: int, room: int) -> Floats:
+    """Return room for a larger matrix with the first rows and columns of another one."""
+    found = np.empty((room, room))
+    found[:order, :order] = matrix[:order, :order]
+    return found

@@ -13,8 +13,10 @@ import math
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import Booleans, Floats
+from vibroimpact_solvers.arrays import Booleans, Floats, Integers
 from vibroimpact_solvers.kernels.jit import kernel
+from vibroimpact_solvers.kernels.phases import LARGEST, sine_cosine
+from vibroimpact_solvers.kernels.sums import folded
 from vibroimpact_solvers.kernels.triangle_time import (
     cosine,
     hyperbolic_cosine,
@@ -23,6 +25,24 @@ from vibroimpact_solvers.kernels.triangle_time import (
     sine,
 )
 
+Motion = tuple[
+    Floats,
+    Floats,
+    Floats,
+    Floats,
+    bool,
+    Floats,
+    Floats,
+    Floats,
+    Floats,
+    float,
+    Integers,
+    Floats,
+    Floats,
+]
+"""mu, D, U, force, even and row as of `_motion`, what `_waves` makes of them, and room for it."""
+
+_STILL = 1e-200  # mu below which a mode only moves along
 _SHORTEST = 1e-12  # step of the walk
 _MOST = 20_000_000  # steps of one walk
 
@@ -75,16 +95,54 @@ def _curvature(mu: float, D: float, U: float, force: float, even: bool) -> float
 
 
 @kernel
-def _look(
-    mu: Floats, D: Floats, U: Floats, force: Floats, even: bool, row: Floats, tau: float
-) -> tuple[float, float]:
-    """Place and slope of a constrained coordinate."""
-    y, slope = 0.0, 0.0
+def _waves(
+    mu: Floats,
+    D: Floats,
+    U: Floats,
+    force: Floats,
+    even: bool,
+    row: Floats,
+    gamma: Floats,
+    odd_part: Floats,
+    even_part: Floats,
+) -> tuple[float, Integers]:
+    """Fill in what a coordinate is made of: ``odd sin(gamma tau) + even cos(gamma tau)``.
+
+    And return the constant beside it, and the modes that are not such a sum and take part with
+    nothing: those that fall or hardly swing, sag more than they swing or have unknown phases.
+    """
+    constant, others, count = 0.0, np.empty(mu.size, np.int64), 0
     for j in range(mu.size):
-        place, rise = _motion(mu[j], D[j], U[j], force[j], even, tau)
-        y += row[j] * place
-        slope += row[j] * rise
-    return y, slope
+        g = math.sqrt(abs(mu[j]))
+        swings = mu[j] > _STILL and g < LARGEST and (force[j] == 0.0 or mu[j] > 1.0)
+        gamma[j] = g if swings else 0.0
+        odd_part[j] = row[j] * D[j] / g if swings else 0.0
+        even_part[j] = 0.0
+        if not swings:
+            others[count] = j
+            count += 1
+        elif even:
+            rest = force[j] / mu[j]
+            even_part[j] = row[j] * (U[j] - rest)
+            constant += row[j] * rest
+    return constant, others[:count]
+
+
+@kernel
+def _look(motion: Motion, tau: float) -> tuple[float, float]:
+    """Place and slope of a constrained coordinate."""
+    mu, D, U, force, even, row, gamma, odd_part, even_part, constant, others, y, slope = motion
+    for j in range(gamma.size):
+        s, c = sine_cosine(gamma[j] * tau, 0.0)
+        y[j] = odd_part[j] * s + even_part[j] * c
+        slope[j] = gamma[j] * (odd_part[j] * c - even_part[j] * s)
+    total, rise = folded(y) + constant, folded(slope)
+    for k in range(others.size):
+        j = others[k]
+        more, faster = _motion(mu[j], D[j], U[j], force[j], even, tau)
+        total += row[j] * more
+        rise += row[j] * faster
+    return total, rise
 
 
 @kernel
@@ -112,12 +170,8 @@ def _clear(slope: float, room: float, curvature: float) -> float:
 
 @kernel
 def _walk(
-    mu: Floats,
-    D: Floats,
-    U: Floats,
-    force: Floats,
+    motion: Motion,
     even: bool,
-    row: Floats,
     bottom: float,
     top: float,
     struck_bottom: bool,
@@ -137,16 +191,16 @@ def _walk(
         bottom = -top
         tau = 0.0
     if struck_bottom and even:
-        _, slope = _look(mu, D, U, force, even, row, -1.0)
+        _, slope = _look(motion, -1.0)
         tau += _clear(slope, top - bottom, curvature)
     if struck_top:
-        _, slope = _look(mu, D, U, force, even, row, 1.0)
+        _, slope = _look(motion, 1.0)
         end -= _clear(slope, top - bottom, curvature)
     top, bottom = top + shift, bottom - shift
     for _ in range(_MOST):
         if tau >= end:
             return np.nan, sure
-        y, slope = _look(mu, D, U, force, even, row, tau)
+        y, slope = _look(motion, tau)
         if y - top > tolerance or bottom - y > tolerance:
             return tau, sure
         up = _step(max(top - y, 0.0) + tolerance, slope, curvature)
@@ -160,12 +214,8 @@ def _walk(
 
 @kernel
 def _verdict(
-    mu: Floats,
-    D: Floats,
-    U: Floats,
-    force: Floats,
+    motion: Motion,
     even: bool,
-    row: Floats,
     bottom: float,
     top: float,
     struck_bottom: bool,
@@ -181,12 +231,8 @@ def _verdict(
         shifts[0], shifts[2] = doubt, -doubt
     for k in range(3):
         tau, sure = _walk(
-            mu,
-            D,
-            U,
-            force,
+            motion,
             even,
-            row,
             bottom,
             top,
             struck_bottom,
@@ -242,6 +288,8 @@ def check(
     """
     even = U.shape[1] > 0
     mu, force, place = np.empty(roots.size), np.empty(roots.size), np.zeros(roots.size)
+    gamma, odd_part, even_part = np.empty(roots.size), np.empty(roots.size), np.empty(roots.size)
+    y, slope = np.empty(roots.size), np.empty(roots.size)
     for f in range(omega.size):
         witness[f] = np.nan
         certified[f] = True
@@ -256,13 +304,27 @@ def check(
                 bend = _curvature(mu[j], D[f, j], place[j], force[j], even)
                 curvature += abs(rows[a, j]) * bend
                 size += abs(rows[a, j]) * (abs(D[f, j]) + abs(place[j]))
+            swing, row = D[f], rows[a]
+            constant, others = _waves(
+                mu, swing, place, force, even, row, gamma, odd_part, even_part
+            )
             witness[f], sure = _verdict(
-                mu,
-                D[f],
-                place,
-                force,
+                (
+                    mu,
+                    swing,
+                    place,
+                    force,
+                    even,
+                    row,
+                    gamma,
+                    odd_part,
+                    even_part,
+                    constant,
+                    others,
+                    y,
+                    slope,
+                ),
                 even,
-                rows[a],
                 -lower[a],
                 upper[a],
                 struck_lower[a],
