@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.kernels.jit import kernel
+from vibroimpact_solvers.kernels.jit import fma, kernel
 from vibroimpact_solvers.kernels.phases import sine_cosine
 from vibroimpact_solvers.kernels.waves import fold
 
+_LANES = 64  # times of a block
 
 @kernel
 def state(
@@ -89,15 +92,24 @@ def truncated(
     for k in range(last, -1, -1):
         first = first * r0 + coefficients[k]
     scale = math.sqrt(math.sqrt(4.0 / (45.0 * r0))) / (2.0 * zeta)
-    for i in range(clock.size):
-        growth = math.exp(2.0 * zeta * clock[i])
-        square = growth * growth
-        r = r0 * square * square
-        total = 0.0
-        for k in range(last, -1, -1):
-            total = total * r + coefficients[k]
-        gamma[i] = growth * math.sqrt(math.sqrt(11.25 * r0 / (1.0 - r)))
-        phi[i] = scale * (first - total / growth)
+    growth, r, total = np.empty(_LANES), np.ones(_LANES), np.empty(_LANES)
+    for start in range(0, clock.size, _LANES):
+        stop = min(start + _LANES, clock.size)
+        some, some_gamma, some_phi = clock[start:stop], gamma[start:stop], phi[start:stop]
+        for lane in range(some.size):
+            growth[lane] = math.exp(2.0 * zeta * some[lane])
+        for lane in range(some.size):
+            square = growth[lane] * growth[lane]
+            r[lane] = r0 * square * square
+        # All times of a block for one term after the other: vector loops.
+        for lane in range(_LANES):
+            total[lane] = coefficients[last]
+        for k in range(last - 1, -1, -1):
+            for lane in range(_LANES):
+                total[lane] = fma(total[lane], r[lane], coefficients[k])
+        for lane in range(some.size):
+            some_gamma[lane] = growth[lane] * math.sqrt(math.sqrt(11.25 * r0 / (1.0 - r[lane])))
+            some_phi[lane] = scale * (first - total[lane] / growth[lane])
 
 
 @kernel
