@@ -1,20 +1,25 @@
-"""How far hot kernels are from what the hardware allows: the transcendental functions alone.
+"""How far hot kernels are from what the hardware allows: the functions they cannot do without.
 
 The floor of a kernel is the time of the functions that it cannot do without, as many of them, by
 the fastest vector loop there is on this machine: numpy's, which is Intel's vector library where
 there are vectors of 512 bits and one call after the other elsewhere, or the polynomials of
-`kernels.phases` alone in a loop, whichever takes less in the same run.
+`kernels.phases` alone in a loop, whichever takes less in the same run. Where the result of the
+kernel holds a number for each the loops write as many; elsewhere theirs stay in the nearest cache.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
 
 import numpy as np
 
+from benchmarks import hot
 from benchmarks.cases import chain, grid
-from benchmarks.harness import Timing, Work, measure
+from benchmarks.harness import Work, measure
 from benchmarks.motions import ours
 from benchmarks.motions.cases import from_mode
 from benchmarks.tables import Goal, Table
@@ -23,7 +28,7 @@ from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.impact_modes import Problem
 from vibroimpact_solvers.impact_modes.family import Family
 from vibroimpact_solvers.impact_modes.modal import ModalFamily
-from vibroimpact_solvers.kernels import motions, response
+from vibroimpact_solvers.kernels import bands, limits, motions, response
 from vibroimpact_solvers.kernels.jit import kernel
 from vibroimpact_solvers.kernels.phases import sine_cosine, tangent
 
@@ -31,137 +36,371 @@ _WITHIN = 3.0
 _POINTS = 512
 _TIMES = 4  # at which modal coordinates are wanted
 _IMPACT = 4  # three evaluations and one advance
-_REPEATS = 1000
-
-
-def _tangents(x: Floats, out: Floats) -> None:
-    np.tan(x, out=out)
-
-
-def _turns(x: Floats, out: Floats) -> None:
-    """Take a sine and a cosine of each."""
-    np.sin(x, out=out)
-    np.cos(x, out=out)
+_NUMBERS = 1024  # that a floor is measured with
+_REPEATS = 20
 
 
 @kernel
-def _own_tangents(x: Floats, out: Floats) -> None:
-    for i in range(x.size):
-        out[i] = tangent(x[i], 0.0)
-
-
-@kernel
-def _own_turns(x: Floats, sines: Floats, cosines: Floats, repeats: int) -> None:
+def _own_tangents(x: Floats, out: Floats, other: Floats, repeats: int) -> None:
     for _ in range(repeats):
         for i in range(x.size):
-            sines[i], cosines[i] = sine_cosine(x[i], 0.0)
+            out[i] = tangent(x[i], 0.0)
 
 
 @kernel
-def _own_sines(x: Floats, out: Floats) -> None:
-    for i in range(x.size):
-        out[i] = sine_cosine(x[i], 0.0)[0]
+def _own_turns(x: Floats, out: Floats, other: Floats, repeats: int) -> None:
+    for _ in range(repeats):
+        for i in range(x.size):
+            out[i], other[i] = sine_cosine(x[i], 0.0)
 
 
-def _over(found: dict[str, Timing], repeats: int = 1) -> tuple[float, float]:
-    """Return the time of the kernel and that of the faster of the two floors, seconds."""
-    least = min(found["numpy"].processor, found["own"].processor)
-    return found["work"].processor, least / repeats
+@kernel
+def _own_secants(x: Floats, out: Floats, other: Floats, repeats: int) -> None:
+    for _ in range(repeats):
+        for i in range(x.size):
+            sine, cosine = sine_cosine(x[i], 0.0)
+            out[i] = sine / cosine
+
+
+@kernel
+def _own_sines(x: Floats, out: Floats, other: Floats, repeats: int) -> None:
+    for _ in range(repeats):
+        for i in range(x.size):
+            out[i] = sine_cosine(x[i], 0.0)[0]
+
+
+@kernel
+def _own_growths(x: Floats, out: Floats, other: Floats, repeats: int) -> None:
+    for _ in range(repeats):
+        for i in range(x.size):
+            out[i] = math.exp(-x[i])
+        for i in range(x.size):
+            gamma = math.sqrt(math.sqrt(out[i]))
+            sine, cosine = sine_cosine(x[i], 0.0)
+            over = 1.0 / sine_cosine(gamma, 0.0)[0]
+            out[i], other[i] = sine * over, cosine * over
+
+
+@kernel
+def _own_arctangents(x: Floats, out: Floats, other: Floats, repeats: int) -> None:
+    for _ in range(repeats):
+        for i in range(x.size):
+            out[i] = math.atan(math.exp(-x[i]))
+        for i in range(x.size):
+            out[i], other[i] = sine_cosine(x[i] * out[i], 0.0)
+
+
+def _turns(x: Floats, out: Floats, other: Floats) -> None:
+    np.sin(x, out=out)
+    np.cos(x, out=other)
+
+
+def _secants(x: Floats, out: Floats, other: Floats) -> None:
+    _turns(x, out, other)
+    np.divide(out, other, out=out)
+
+
+def _growths(x: Floats, out: Floats, other: Floats) -> None:
+    np.exp(-x, out=out)
+    np.sin(np.sqrt(np.sqrt(out)), out=out)
+    np.divide(np.sin(x), out, out=other)
+    np.divide(np.cos(x), out, out=out)
+
+
+def _arctangents(x: Floats, out: Floats, other: Floats) -> None:
+    np.arctan(np.exp(-x), out=out)
+    np.multiply(x, out, out=out)
+    _turns(out, other, out)
+
+
+@dataclass(frozen=True, slots=True)
+class Floor:
+    """Functions that a kernel cannot do without.
+
+    Parameters
+    ----------
+    what : str
+    library : callable
+        Takes numbers and room for two results.
+    own : callable
+        The same as many times over as its last argument says.
+    """
+
+    what: str
+    library: Callable[[Floats, Floats, Floats], object]
+    own: Callable[[Floats, Floats, Floats, int], object]
+
+    def works(self, numbers: int, repeats: int) -> dict[str, Work]:
+        """Return both, over the same numbers."""
+        x = np.linspace(0.1, 30.0, numbers)
+        out, other = np.empty((2, numbers))
+
+        def library() -> None:
+            for _ in range(repeats):
+                self.library(x, out, other)
+
+        return {"library": library, "own": partial(self.own, x, out, other, repeats)}
+
+
+_TANGENT: Final = Floor(
+    "a tangent, with its division", lambda x, out, _: np.tan(x, out=out), _own_tangents
+)
+_TURN: Final = Floor("a sine and a cosine", _turns, _own_turns)
+_SECANT: Final = Floor("a sine, a cosine and a division", _secants, _own_secants)
+_SINE: Final = Floor("a sine", lambda x, out, _: np.sin(x, out=out), _own_sines)
+_GROWTH: Final = Floor(
+    "an exponential, a fourth root, two sines, a cosine and a division", _growths, _own_growths
+)
+_ARCTANGENT: Final = Floor(
+    "an exponential, an inverse tangent, a sine and a cosine", _arctangents, _own_arctangents
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A kernel, and what it is compared with.
+
+    Parameters
+    ----------
+    name : str
+    n : int
+        Masses.
+    work : callable
+    floor : Floor
+    count : float
+        How often its functions are needed.
+    each : str
+        For each of what.
+    call : callable, optional
+        The same work for one frequency: what a call costs whatever it is asked.
+    why : str
+        What there is beside the floor.
+    kept : bool
+        Whether the result holds a number for each: the floor writes as many, too, instead of
+        staying in the nearest cache.
+    """
+
+    name: str
+    n: int
+    work: Work
+    floor: Floor
+    count: float
+    each: str
+    call: Work | None = None
+    why: str = ""
+    kept: bool = False
+
+
+def _family(n: int, constraints: int = 1) -> tuple[ModalFamily, Problem]:
+    system, Omega = chain(n, constraints), grid(0.2, 3.0, _POINTS)
+    omega = Omega * (2.0 / np.pi)
+    problem = Problem(system, omega, outputs=frozenset({"impulse"}), Omega=Omega)
+    return ModalFamily(problem, Family.of(problem), spectrum.spectrum(system)), problem
+
+
+def _families(n: int) -> Iterator[Case]:
+    """Yield what impact modes are made of."""
+    family, problem = _family(n)
+    at, one = problem.frequencies, problem.slice(0, 1).frequencies
+    weights, tau = family.rows[0] ** 2, np.linspace(0.0, 1.0, _TIMES)
+    _, motion = family.members(at)
+    modes = family.roots.size * _POINTS
+    impulse = partial(response.response_one, family.roots, family.rests, weights)
+    yield Case(
+        "impulse of one constraint",
+        n,
+        partial(impulse, at.omega, at.rests),
+        _TANGENT,
+        modes,
+        "mode",
+        partial(impulse, one.omega, one.rests),
+        "every tangent comes with the rest of its phase and takes part in three sums, its own "
+        "and two of the error",
+    )
+    yield Case(
+        "members with their motion",
+        n,
+        partial(family.members, at),
+        _SECANT,
+        modes,
+        "mode",
+        partial(family.members, one),
+        "the response is summed with its error before the motion, whose cosines are taken "
+        "anew; memory of the result is new in every call",
+        kept=True,
+    )
+
+    def energy(frequencies: Any) -> None:
+        family.energy(family.members(frequencies)[1])
+
+    yield Case(
+        "members with their energy",
+        n,
+        partial(energy, at),
+        _SECANT,
+        modes,
+        "mode",
+        partial(energy, one),
+        "as members with their motion",
+        kept=True,
+    )
+    some = partial(motions.coordinates, family.roots, family.load)
+    yield Case(
+        "modal coordinates at 4 times",
+        n,
+        partial(some, motion.omega, motion.D, motion.U, tau),
+        _SINE,
+        modes * _TIMES,
+        "mode and time",
+        partial(some, motion.omega[:1], motion.D[:1], motion.U[:1], tau),
+        "phases and products with the amplitudes are loops of their own, and memory of the "
+        "result is new in every call",
+        kept=True,
+    )
+    several, problem = _family(n, 2)
+    yield Case(
+        "members of two constraints",
+        n,
+        partial(several.members, problem.frequencies),
+        _SECANT,
+        several.roots.size * _POINTS,
+        "mode",
+        partial(several.members, problem.slice(0, 1).frequencies),
+        "a second division for the motion, six sums (three of the matrix, three of its error), "
+        "the search for poles and, for each frequency, a system with its inverse",
+        kept=True,
+    )
+
+
+def _walks(n: int) -> Case:
+    walks = hot.walks(n)
+    steps = limits.check(*walks.arguments)
+    return Case(
+        "walks along limits",
+        n,
+        walks,
+        _TURN,
+        steps * walks.arguments[0].size,
+        "mode and step",
+        None,
+        "walks have few steps, and before the first one there are a root and a division for each "
+        "mode, and the sums that bound curvature and error",
+    )
+
+
+def _bands(n: int) -> Case:
+    survey = hot.survey(n)
+    *_, boxes = bands.survey(*survey.arguments)
+    return Case(
+        "existence bands",
+        n,
+        survey,
+        _TURN,
+        boxes * survey.arguments[0].size,
+        "mode and box",
+        None,
+        "three sums for each box, one number after the other; modes near their poles are bounded "
+        "one by one; and every cell lays down coefficients and bounds of all modes before its "
+        "first box",
+    )
+
+
+def _slow_flows() -> Iterator[Case]:
+    """Yield closed forms, without what the interpreter does around them."""
+    damped = hot.slow_flow("damped_walls", "truncated", "damped", "truncated")
+    shapes = hot.slow_flow("damped_walls", "elastic_shapes", "damped", "truncated")
+
+    def both() -> None:
+        damped()
+        shapes()
+
+    yield Case(
+        "slow flow, damped, truncated",
+        1,
+        both,
+        _GROWTH,
+        shapes.arguments[0].size,
+        "time",
+        None,
+        "36 terms of a series for each time, and exponentials one after the other",
+    )
+    lossy = hot.HOT["slow flow, closed form"]()
+    yield Case(
+        "slow flow, restitution, corrected",
+        1,
+        lossy,
+        _ARCTANGENT,
+        lossy.arguments[0].size,
+        "time",
+        None,
+        "Newton's method takes the inverse of the inverse tangent integral, an exponential, an "
+        "inverse tangent and hyperbolic functions anew in each of two or three steps, one time "
+        "after the other",
+    )
+
+
+def _impacts() -> Iterator[Case]:
+    """Yield impacts of prepared time histories: three evaluations, one advance."""
+    for n, dof, periods in ((1, 0, 500), (13, 5, 500), (100, 49, 250), (1000, 499, 20)):
+        top = spectrum.spectrum(chain(n)).largest_frequency
+        scene = from_mode(n, dof, 1.5 * 2.0 / np.pi * top, periods)
+        motion = ours.prepared(scene, estimate=False)
+        yield Case(
+            "one impact of a time history",
+            n,
+            motion,
+            _TURN,
+            _IMPACT * n * len(motion().times),
+            "mode, four times an impact",
+            None,
+            "an expansion of degree twelve and its first passage, both one number after the "
+            "other, are what few modes do not pay for",
+        )
+
+
+def _cases() -> Iterator[Case]:
+    for n in (13, 100, 1000):
+        yield from _families(n)
+    for n in (13, 100):
+        yield _walks(n)
+        yield _bands(n)
+    yield from _slow_flows()
+    yield from _impacts()
 
 
 def floors() -> Table:
     """Time hot kernels and the functions that they cannot do without."""
     rows: list[tuple[Any, ...]] = []
-    for n in (13, 100, 1000):
-        system = chain(n)
-        Omega = grid(0.2, 3.0, _POINTS)
-        omega = Omega * (2.0 / np.pi)
-        problem = Problem(system, omega, outputs=frozenset({"impulse"}), Omega=Omega)
-        family = ModalFamily(problem, Family.of(problem), spectrum.spectrum(system))
-        at, heard = problem.frequencies, family.roots.size
-        weights, tau = family.rows[0] ** 2, np.linspace(0.0, 1.0, _TIMES)
-        _, motion = family.members(at, with_motion=True)
-        angles = np.outer(1.0 / omega, family.roots).ravel()
-        out, other = np.empty((2, angles.size))
-        times = np.multiply.outer(angles, tau).ravel()
-        places = np.empty_like(times)
-        impulse = partial(response.response_one, family.roots, family.rests, weights, omega)
-        cases: list[tuple[str, Work, Work, Work, str]] = [
-            (
-                "impulse of one constraint",
-                partial(impulse, at.rests),
-                partial(_tangents, angles, out),
-                partial(_own_tangents, angles, out),
-                "a tangent for each mode",
-            ),
-            (
-                "members with their motion",
-                partial(family.members, at, with_motion=True),
-                partial(_turns, angles, out),
-                partial(_own_turns, angles, out, other, 1),
-                "a sine and a cosine for each mode",
-            ),
-            (
-                "modal coordinates at 4 times",
-                partial(
-                    motions.coordinates, family.roots, family.load, omega, motion.D, motion.U, tau
-                ),
-                partial(np.sin, times, out=places),
-                partial(_own_sines, times, places),
-                "a sine for each mode and time",
-            ),
-        ]
-        for name, work, library, own, what in cases:
-            spent, least = _over(measure(rounds=5, work=work, numpy=library, own=own))
-            each = 1e9 / (_POINTS * heard)
-            rows.append((name, n, spent * each, least * each, spent / least, _WITHIN, what))
-    rows += _impacts()
+    reasons: dict[str, str] = {}
+    for case in _cases():
+        numbers, repeats = (int(case.count), 1) if case.kept else (_NUMBERS, _REPEATS)
+        works: Mapping[str, Work] = {"work": case.work, **case.floor.works(numbers, repeats)}
+        if case.call is not None:
+            works = {**works, "call": case.call}
+        found = measure(rounds=5, **works)
+        each = 1e9 / case.count
+        spent = found["work"].processor * each
+        least = min(found["library"].processor, found["own"].processor)
+        least *= 1e9 / (repeats * numbers)
+        what = f"{case.floor.what} for each {case.each}"
+        rows.append((case.name, case.n, spent, least, spent / least, _WITHIN, what))
+        said = case.why
+        if "call" in found:
+            share = 100.0 * found["call"].processor / found["work"].processor
+            said = f"{share:.0f} % is what the call takes for one frequency alone; {said}"
+        reasons[f"{case.name}, N {case.n}"] = said
     return Table(
         "Distance to the hardware",
-        (
-            "kernel",
-            "N",
-            "time [ns/mode]",
-            "floor [ns/mode]",
-            "time over floor",
-            "goal",
-            "the floor is",
-        ),
+        ("kernel", "N", "time [ns]", "floor [ns]", "time over floor", "goal", "the floor is"),
         rows,
-        "Time of the processor, one core. The floor is the faster of numpy's loop and of the "
-        "polynomials alone. Members with their motion: beside the vector loop of sines and "
-        "cosines every mode takes four divisions and two roots, one mode after the other, for "
-        "its response, that of its derivative and its share of the error; and every frequency "
-        "a bordered system with its inverse, which few modes do not pay for. Impacts are those "
-        "of a prepared motion without errors: an expansion of degree twelve and its first "
-        "passage, both one number after the other, are what few modes do not pay for.",
+        "Time of the processor, one core, for each of what the floor is for. The floor is the "
+        "faster of numpy's loop and of the polynomials alone; where the result holds a number "
+        "for each, it writes as many. Divisions belong to it where no mode can do without: of "
+        "the tangent, of the motion's amplitude. Impacts are those of a prepared motion without "
+        "errors.",
         Goal("time over floor", "goal"),
+        reasons=reasons,
     )
-
-
-def _impacts() -> list[tuple[Any, ...]]:
-    """Return the same for impacts of prepared time histories: three evaluations, one advance."""
-    rows: list[tuple[Any, ...]] = []
-    for n, dof, periods in ((1, 0, 500), (13, 5, 500), (100, 49, 250), (1000, 499, 20)):
-        top = spectrum.spectrum(chain(n)).largest_frequency
-        scene = from_mode(n, dof, 1.5 * 2.0 / np.pi * top, periods)
-        motion = ours.prepared(scene, estimate=False)
-        impacts = len(motion().times)
-        x = np.linspace(0.1, 3.0, n)
-        out, other = np.empty((2, n))
-
-        def library(x: Floats = x, out: Floats = out) -> None:
-            for _ in range(_IMPACT * _REPEATS):
-                _turns(x, out)
-
-        own = partial(_own_turns, x, out, other, _IMPACT * _REPEATS)
-        found = measure(rounds=3, work=motion, numpy=library, own=own)
-        spent, least = _over(found, _REPEATS)
-        each = 1e9 / n
-        what = "a sine and a cosine for each mode, four times an impact"
-        name, spent = "one impact of a time history", spent / impacts
-        rows.append((name, n, spent * each, least * each, spent / least, _WITHIN, what))
-    return rows
 
 
 TABLES: Final = (floors,)

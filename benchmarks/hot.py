@@ -146,14 +146,14 @@ def recorded(place: ModuleType, name: str, work: Callable[[], object], **more: A
 
 
 @cache
-def _modes(asked: str, num: int, constraints: int = 1) -> Callable[[], object]:
+def _modes(asked: str, num: int, constraints: int = 1, n: int = 100) -> Callable[[], object]:
     from benchmarks.cases import chain, grid
     from vibroimpact_solvers import impact_modes
 
     Omega = grid(0.2, 3.0, num)
     tau = np.linspace(0.0, 1.0, 16)
     problem = impact_modes.Problem(
-        chain(100, constraints),
+        chain(n, constraints),
         Omega * (2.0 / np.pi),
         outputs=frozenset({asked}),
         Omega=Omega,
@@ -186,18 +186,20 @@ def _bordered() -> Watched:
     return recorded(families, "members", _modes("shape", 256, 2))
 
 
-def _walks() -> Watched:
+def walks(n: int = 100) -> Watched:
+    """Return walks along the limits of a chain."""
     from vibroimpact_solvers.kernels import limits
 
-    return recorded(limits, "check", _modes("exists", 128))
+    return recorded(limits, "check", _modes("exists", 128, n=n))
 
 
-def _survey() -> Watched:
+def survey(n: int = 13) -> Watched:
+    """Return the search for existence bands of a chain in a small range."""
     from benchmarks.cases import chain
     from vibroimpact_solvers import existence_bands
     from vibroimpact_solvers.kernels import bands
 
-    problem = existence_bands.Problem(chain(13), 1.85, 1.95)
+    problem = existence_bands.Problem(chain(n), 1.85, 1.95)
     plan = existence_bands.plan(problem)
     return recorded(bands, "survey", partial(existence_bands.solve, problem, plan))
 
@@ -260,7 +262,8 @@ def _soft() -> Watched:
     return recorded(soft, "advance", partial(time_history.solve, problem, plan))
 
 
-def _slow_flow(place: str, name: str, model: str, variant: str) -> Watched:
+def slow_flow(place: str, name: str, model: str, variant: str) -> Watched:
+    """Return a kernel of a slow flow at ten thousand times."""
     from benchmarks.slow_flows import motions
     from vibroimpact_solvers import slow_flow
 
@@ -287,11 +290,11 @@ HOT: Final[Mapping[str, Callable[[], Watched]]] = {
     "impulse of one constraint": _impulse,
     "members with their motion": _amplitudes,
     "members of two constraints": _bordered,
-    "walks along limits": _walks,
+    "walks along limits": walks,
     "displacements": partial(_motions, "coordinates", "waveform", 64),
     "harmonics": partial(_motions, "fourier", "harmonics", 64),
     "energies": partial(_motions, "energies", "energy", 512),
-    "bands": _survey,
+    "bands": survey,
     "stability, flights": partial(_stability, "fly"),
     "stability, impacts": partial(_stability, "strike"),
     "time history, N=1": partial(_flight, 1, 2000.0),
@@ -301,13 +304,13 @@ HOT: Final[Mapping[str, Callable[[], Watched]]] = {
     "passages": _passages,
     "soft limiters": _soft,
     "slow flow, closed form": partial(
-        _slow_flow, "lossy_walls", "slow_flow", "restitution", "corrected"
+        slow_flow, "lossy_walls", "slow_flow", "restitution", "corrected"
     ),
     "slow flow, impacts of one mass": partial(
-        _slow_flow, "damped_walls", "flights", "damped", "exact"
+        slow_flow, "damped_walls", "flights", "damped", "exact"
     ),
     "slow flow, impacts of two masses": partial(
-        _slow_flow, "linear_flights", "flights", "two_oscillator", "exact"
+        slow_flow, "linear_flights", "flights", "two_oscillator", "exact"
     ),
     "responses to triangle waves": partial(
         _own, "triangle_time", np.linspace(-20.0, 900.0, 20_001)

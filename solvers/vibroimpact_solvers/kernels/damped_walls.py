@@ -13,6 +13,7 @@ from vibroimpact_solvers.kernels.waves import fold
 
 _LANES = 64  # times of a block
 
+
 @kernel
 def state(
     x: float, v: float, delta: float, root: float, square: float, s: float

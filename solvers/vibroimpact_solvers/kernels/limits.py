@@ -84,14 +84,27 @@ def states(
 
 
 @kernel
-def _curvature(mu: float, D: float, U: float, force: float, even: bool) -> float:
-    """Bound of the second derivative of one modal coordinate on [-1, 1]."""
-    bound = abs(D) * math.sqrt(abs(mu))
-    if even and mu > -1.0:
-        bound += abs(force - mu * U) * max(1.0, cosine(mu))
-    elif even:
-        bound += abs(U * mu)
-    return bound
+def _reach(
+    mu: Floats, D: Floats, U: Floats, force: Floats, even: bool, row: Floats, terms: Floats
+) -> tuple[float, float]:
+    """Return a bound of the second derivative on [-1, 1], and the size of all terms."""
+    for j in range(mu.size):
+        terms[j] = abs(row[j] * D[j]) * math.sqrt(abs(mu[j]))
+    curvature = folded(terms)
+    for j in range(mu.size):
+        terms[j] = abs(row[j] * D[j])
+    size = folded(terms)
+    if even:
+        for j in range(mu.size):
+            terms[j] = abs(row[j] * U[j])
+        size += folded(terms)
+        for j in range(mu.size):
+            bend = abs(U[j] * mu[j])
+            if mu[j] > -1.0:
+                bend = abs(force[j] - mu[j] * U[j]) * max(1.0, cosine(mu[j]))
+            terms[j] = abs(row[j]) * bend
+        curvature += folded(terms)
+    return max(curvature, 1e-300), size
 
 
 @kernel
@@ -111,17 +124,20 @@ def _waves(
     And return the constant beside it, and the modes that are not such a sum and take part with
     nothing: those that fall or hardly swing, sag more than they swing or have unknown phases.
     """
-    constant, others, count = 0.0, np.empty(mu.size, np.int64), 0
     for j in range(mu.size):
         g = math.sqrt(abs(mu[j]))
-        swings = mu[j] > _STILL and g < LARGEST and (force[j] == 0.0 or mu[j] > 1.0)
+        swings = (mu[j] > _STILL) & (g < LARGEST) & ((force[j] == 0.0) | (mu[j] > 1.0))
         gamma[j] = g if swings else 0.0
         odd_part[j] = row[j] * D[j] / g if swings else 0.0
-        even_part[j] = 0.0
-        if not swings:
+    constant, others, count = 0.0, np.empty(mu.size, np.int64), 0
+    for j in range(mu.size):
+        if gamma[j] == 0.0:
             others[count] = j
             count += 1
-        elif even:
+    for j in range(mu.size):
+        even_part[j] = 0.0
+    for j in range(mu.size if even else 0):
+        if gamma[j] > 0.0:
             rest = force[j] / mu[j]
             even_part[j] = row[j] * (U[j] - rest)
             constant += row[j] * rest
@@ -179,10 +195,10 @@ def _walk(
     curvature: float,
     tolerance: float,
     shift: float,
-) -> tuple[float, bool]:
+) -> tuple[float, bool, int]:
     """Return a time at which the coordinate is beyond a limit or nan, and whether that is sure.
 
-    Both limits are moved outwards by the shift.
+    And in how many steps. Both limits are moved outwards by the shift.
     """
     tau, end, sure = -1.0, 1.0, True
     if not even:
@@ -197,19 +213,19 @@ def _walk(
         _, slope = _look(motion, 1.0)
         end -= _clear(slope, top - bottom, curvature)
     top, bottom = top + shift, bottom - shift
-    for _ in range(_MOST):
+    for steps in range(_MOST):
         if tau >= end:
-            return np.nan, sure
+            return np.nan, sure, steps
         y, slope = _look(motion, tau)
         if y - top > tolerance or bottom - y > tolerance:
-            return tau, sure
+            return tau, sure, steps
         up = _step(max(top - y, 0.0) + tolerance, slope, curvature)
         down = _step(max(y - bottom, 0.0) + tolerance, -slope, curvature)
         step = min(up, down)
         # Motions so violent that the proof would have to stand still: looked at, not proved.
         sure = sure and step > _SHORTEST
         tau += max(step, _SHORTEST)
-    return np.nan, False
+    return np.nan, False, _MOST
 
 
 @kernel
@@ -223,14 +239,14 @@ def _verdict(
     curvature: float,
     tolerance: float,
     doubt: float,
-) -> tuple[float, bool]:
+) -> tuple[float, bool, int]:
     """Return what `_walk` does for a coordinate that is only known up to a doubt."""
-    shifts = np.zeros(3)
+    shifts, steps = np.zeros(3), 0
     if doubt >= 0.1 * tolerance:
         # Passed for certain, passed at all, nearly passed.
         shifts[0], shifts[2] = doubt, -doubt
     for k in range(3):
-        tau, sure = _walk(
+        tau, sure, more = _walk(
             motion,
             even,
             bottom,
@@ -241,11 +257,12 @@ def _verdict(
             tolerance,
             shifts[k],
         )
+        steps += more
         if doubt < 0.1 * tolerance or (k == 0 and not np.isnan(tau)):
-            return tau, sure
+            return tau, sure, steps
         if k == 1 and not np.isnan(tau):
-            return tau, False
-    return np.nan, sure and np.isnan(tau)
+            return tau, False, steps
+    return np.nan, sure and np.isnan(tau), steps
 
 
 @kernel
@@ -264,8 +281,8 @@ def check(
     error: Floats,
     witness: Floats,
     certified: Booleans,
-) -> None:
-    """Walk along all limits of all members.
+) -> int:
+    """Walk along all limits of all members; return in how many steps.
 
     Parameters
     ----------
@@ -286,7 +303,7 @@ def check(
     certified : array of bool, shape (frequency,)
         Receives whether neither rounding nor that error could have changed the outcome.
     """
-    even = U.shape[1] > 0
+    even, steps = U.shape[1] > 0, 0
     mu, force, place = np.empty(roots.size), np.empty(roots.size), np.zeros(roots.size)
     gamma, odd_part, even_part = np.empty(roots.size), np.empty(roots.size), np.empty(roots.size)
     y, slope = np.empty(roots.size), np.empty(roots.size)
@@ -299,16 +316,12 @@ def check(
             if even:
                 place[j] = U[f, j]
         for a in range(lower.size):
-            curvature, size = 1e-300, 0.0
-            for j in range(roots.size):
-                bend = _curvature(mu[j], D[f, j], place[j], force[j], even)
-                curvature += abs(rows[a, j]) * bend
-                size += abs(rows[a, j]) * (abs(D[f, j]) + abs(place[j]))
             swing, row = D[f], rows[a]
+            curvature, size = _reach(mu, swing, place, force, even, row, y)
             constant, others = _waves(
                 mu, swing, place, force, even, row, gamma, odd_part, even_part
             )
-            witness[f], sure = _verdict(
+            witness[f], sure, more = _verdict(
                 (
                     mu,
                     swing,
@@ -333,7 +346,9 @@ def check(
                 tolerance[a],
                 (1e-15 + 2.0 * error[f]) * size,
             )
+            steps += more
             if not np.isnan(witness[f]):
                 certified[f] = sure
                 break
             certified[f] = certified[f] and sure
+    return steps

@@ -17,6 +17,7 @@ import numpy as np
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels.jit import kernel
 from vibroimpact_solvers.kernels.phases import LARGEST, sine_cosine
+from vibroimpact_solvers.kernels.sums import folded
 from vibroimpact_solvers.kernels.triangle_time import (
     cosine,
     hyperbolic_cosine,
@@ -35,8 +36,10 @@ def coordinates(
 ) -> Floats:
     """Modal coordinates q, shape (frequency, tau, mode); D or U may have no columns."""
     modes, times = roots.size, tau.size
-    q = np.zeros((omega.size, times, modes))
+    q = np.empty((omega.size, times, modes))
     odd, even = D.shape[1] > 0, U.shape[1] > 0
+    if not odd:
+        q[:] = 0.0
     if q.size == 0 or not (odd or even):
         return q
     loaded = even and np.any(load != 0.0)
@@ -54,7 +57,7 @@ def coordinates(
         else:
             _turns(phase, sines, turns[2].reshape(-1)[:count])
         if odd:
-            _add_odd(gamma, D[first:last], turns[1], q[first:last])
+            _put_odd(gamma, D[first:last], turns[1], q[first:last])
         if even:
             _add_even(U[first:last], turns[2], q[first:last])
         if loaded:
@@ -99,14 +102,14 @@ def _turns(phase: Floats, sines: Floats, cosines: Floats) -> None:
 
 
 @kernel
-def _add_odd(gamma: Floats, D: Floats, sines: Floats, q: Floats) -> None:
+def _put_odd(gamma: Floats, D: Floats, sines: Floats, q: Floats) -> None:
     scale = np.empty(gamma.shape[1])
     for f in range(q.shape[0]):
         for j in range(scale.size):
             scale[j] = D[f, j] / gamma[f, j] if gamma[f, j] > _STILL else 0.0
         for t in range(q.shape[1]):
             for j in range(scale.size):
-                q[f, t, j] += scale[j] * sines[f, t, j]
+                q[f, t, j] = scale[j] * sines[f, t, j]
 
 
 @kernel
@@ -148,25 +151,38 @@ def _place(
 @kernel
 def energies(roots: Floats, load: Floats, omega: Floats, D: Floats, U: Floats) -> Floats:
     """Total energies, taken of every mode at tau = 0, shape (frequency,)."""
-    total = np.zeros(omega.size)
+    total, terms, modes = np.zeros(omega.size), np.empty(roots.size), roots.size
+    stiffness = roots * np.abs(roots)
+    falling = np.flatnonzero(roots < 0.0)
     for f in range(omega.size):
-        for j in range(roots.size):
-            mu = roots[j] / omega[f] * abs(roots[j] / omega[f])
-            fade = 1.0
-            if mu < 0.0:
-                gamma = math.sqrt(-mu)
-                fade = 2.0 * math.exp(-gamma) / (1.0 + math.exp(-2.0 * gamma))
-            if D.shape[1] > 0:
-                speed = omega[f] * D[f, j] * fade
-                total[f] += 0.5 * speed * speed
-            if U.shape[1] > 0:
-                stiffness = roots[j] * abs(roots[j])
-                if mu > -1.0:
-                    total[f] += U[f, j] * (0.5 * stiffness * U[f, j] - load[j])
-                else:
-                    place = U[f, j] * fade
-                    total[f] += 0.5 * (stiffness * place * place - load[j] * load[j] / stiffness)
+        if D.shape[1] > 0:
+            swing = D[f]
+            for j in range(modes):
+                terms[j] = 0.5 * (omega[f] * swing[j]) * (omega[f] * swing[j])
+            for k in range(falling.size):
+                fade = _fade(roots[falling[k]] / omega[f])
+                terms[falling[k]] *= fade * fade
+            total[f] = folded(terms)
+        if U.shape[1] > 0:
+            place = U[f]
+            for j in range(modes):
+                terms[j] = place[j] * (0.5 * stiffness[j] * place[j] - load[j])
+            for k in range(falling.size):
+                j = falling[k]
+                gamma = roots[j] / omega[f]
+                if gamma * gamma >= 1.0:
+                    faded = place[j] * _fade(gamma)
+                    sagging = load[j] * load[j] / stiffness[j]
+                    terms[j] = 0.5 * (stiffness[j] * faded * faded - sagging)
+            total[f] += folded(terms)
     return total
+
+
+@kernel
+def _fade(gamma: float) -> float:
+    """Return 1/cosh(gamma), which overflows nowhere."""
+    g = abs(gamma)
+    return 2.0 * math.exp(-g) / (1.0 + math.exp(-2.0 * g))
 
 
 @kernel
