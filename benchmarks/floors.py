@@ -19,7 +19,7 @@ import numpy as np
 
 from benchmarks import hot
 from benchmarks.cases import chain, grid
-from benchmarks.harness import Work, measure
+from benchmarks.harness import SAMPLE, Work, measure
 from benchmarks.motions import ours
 from benchmarks.motions.cases import from_mode
 from benchmarks.tables import Goal, Table
@@ -378,7 +378,7 @@ def floors() -> Table:
         works: Mapping[str, Work] = {"work": case.work, **case.floor.works(numbers, repeats)}
         if case.call is not None:
             works = {**works, "call": case.call}
-        found = measure(rounds=5, **works)
+        found = measure(rounds=5, sample=SAMPLE, **works)
         each = 1e9 / case.count
         spent = found["work"].processor * each
         least = min(found["library"].processor, found["own"].processor)
