@@ -309,7 +309,7 @@ def survey(
         Boxes looked at.
     """
     ends, status = np.empty(_SEGMENTS), np.empty(_SEGMENTS, np.int64)
-    witness, passed = np.zeros(_SEGMENTS), np.zeros(_SEGMENTS, np.int64)
+    witness, passed = np.empty(_SEGMENTS), np.empty(_SEGMENTS, np.int64)
     count, spent = 0, 0
     waiting = np.empty((_BOXES, 2))
     whose = np.empty(_BOXES, np.int64)

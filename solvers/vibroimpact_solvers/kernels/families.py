@@ -518,8 +518,7 @@ def members(
     right, vectors = np.empty((room, walls.shape[0])), np.empty((5, room))
     for f in range(omega.size):
         _scale(roots, rests, omega[f], omega_rests[f], uncertainty, norms, modes)
-        A[:nz, :nz] = 0.0
-        dA[:nz, :nz] = 0.0
+        _clear(A, dA, right, 0, nz)
         for i in range(nz):
             for s in range(walls.shape[0]):
                 right[i, s] = walls[s, i] * (omega[f] * omega[f] / share)
@@ -546,11 +545,7 @@ def members(
             taller = np.empty((room, walls.shape[0]))
             taller[:nz] = right[:nz]
             right, vectors = taller, np.empty((5, room))
-        A[nz:size, :size] = 0.0
-        A[:size, nz:size] = 0.0
-        dA[nz:size, :size] = 0.0
-        dA[:size, nz:size] = 0.0
-        right[nz:size] = 0.0
+        _clear(A, dA, right, nz, size)
         for k in range(kept):
             j, parity = near[k] // 2, near[k] % 2
             column = odd[:, j] if parity == 0 else even[:, j]
@@ -597,6 +592,16 @@ def members(
                     D[s, f, j] = place / sine(mu[j])
                 elif near[k] % 2 == 1 and U.shape[2] > 0:
                     U[s, f, j] = place / cosine(mu[j])
+
+
+@kernel
+def _clear(A: Floats, dA: Floats, right: Floats, start: int, size: int) -> None:
+    """Empty the rows and columns from start to size of a system."""
+    for i in range(start, size):
+        for k in range(size):
+            A[i, k] = A[k, i] = dA[i, k] = dA[k, i] = 0.0
+        for k in range(right.shape[1]):
+            right[i, k] = 0.0
 
 
 @kernel
