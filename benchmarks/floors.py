@@ -268,7 +268,8 @@ def _families(n: int) -> Iterator[Case]:
         partial(several.members, problem.slice(0, 1).frequencies),
         "of 100 modes the loop of sines takes a sixth, responses and six sums (three of the "
         "matrix, three of its error) three tenths, the search for modes near their poles, one by "
-        "one, a quarter, and the system with its inverse, its error and the motion a quarter",
+        "one, a quarter, and the system with its inverse, its error and the motion a quarter; of "
+        "13 modes nine tenths are what a frequency costs with however few of them",
         kept=True,
     )
 

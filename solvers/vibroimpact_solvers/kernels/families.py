@@ -392,6 +392,8 @@ def _sum(
             else:
                 static = load[j] / share
                 _add(S, dS, right, rows, j, parity, mu[j], rest[j], dmu[j], both, static, noise)
+    if count == 0:
+        return 0
     return _loud(modes, odd, even, load, share, noise, near[:count], loudness, S, dS, right)
 
 
