@@ -5,6 +5,7 @@ the fastest vector loop there is on this machine: numpy's, which is Intel's vect
 there are vectors of 512 bits and one call after the other elsewhere, or the polynomials of
 `kernels.phases` alone in a loop, whichever takes less in the same run. Where the result of the
 kernel holds a number for each the loops write as many; elsewhere theirs stay in the nearest cache.
+Where steps wait for one another the loops take the modes of one step at a time.
 """
 
 from __future__ import annotations
@@ -178,6 +179,8 @@ class Case:
     kept : bool
         Whether the result holds a number for each: the floor writes as many, too, instead of
         staying in the nearest cache.
+    together : int
+        How many are known at a time: the modes of one step, where steps wait for one another.
     """
 
     name: str
@@ -189,6 +192,7 @@ class Case:
     call: Work | None = None
     why: str = ""
     kept: bool = False
+    together: int = _NUMBERS
 
 
 def _family(n: int, constraints: int = 1) -> tuple[ModalFamily, Problem]:
@@ -287,6 +291,7 @@ def _walks(n: int) -> Case:
         None,
         "walks have few steps, and before the first one there are a root and a division for each "
         "mode, and the sums that bound curvature and error",
+        together=walks.arguments[0].size,
     )
 
 
@@ -304,6 +309,7 @@ def _bands(n: int) -> Case:
         "three sums for each box, one number after the other; modes near their poles are bounded "
         "one by one; and every cell lays down coefficients and bounds of all modes before its "
         "first box",
+        together=survey.arguments[0].size,
     )
 
 
@@ -357,6 +363,7 @@ def _impacts() -> Iterator[Case]:
             None,
             "an expansion of degree twelve and its first passage, both one number after the "
             "other, are what few modes do not pay for",
+            together=n,
         )
 
 
@@ -375,7 +382,8 @@ def floors() -> Table:
     rows: list[tuple[Any, ...]] = []
     reasons: dict[str, str] = {}
     for case in _cases():
-        numbers, repeats = (int(case.count), 1) if case.kept else (_NUMBERS, _REPEATS)
+        numbers = int(case.count) if case.kept else case.together
+        repeats = max(1, _REPEATS * _NUMBERS // numbers)
         works: Mapping[str, Work] = {"work": case.work, **case.floor.works(numbers, repeats)}
         if case.call is not None:
             works = {**works, "call": case.call}
