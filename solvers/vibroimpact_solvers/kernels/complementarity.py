@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from vibroimpact_solvers.arrays import Booleans, Floats
-from vibroimpact_solvers.kernels.jit import kernel
+from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.kernels.jit import bare
 
 
-@kernel
-def solve(G: Floats, q: Floats, z: Floats, basic: Booleans, work: Floats) -> bool:
+@bare
+def solve(G: Floats, q: Floats, z: Floats, basic: Integers, work: Floats) -> bool:
     """Solve ``w = q + G z``, ``w >= 0``, ``z >= 0``, ``w . z = 0`` for positive definite G.
 
     Murty's least-index pivots end after finitely many steps, at the one solution there is.
@@ -18,8 +18,8 @@ def solve(G: Floats, q: Floats, z: Floats, basic: Booleans, work: Floats) -> boo
     q : array, shape (m,)
     z : array, shape (m,)
         Filled in.
-    basic : array of bool, shape (m,)
-        Filled in: which z may be positive.
+    basic : array of int, shape (m,)
+        Filled in: 1 for every z that may be positive, else 0.
     work : array, shape (m, m + 1)
 
     Returns
@@ -29,7 +29,7 @@ def solve(G: Floats, q: Floats, z: Floats, basic: Booleans, work: Floats) -> boo
     """
     m = q.size
     for i in range(m):
-        basic[i] = False
+        basic[i] = 0
     for _ in range(50 + 2 ** min(m, 12)):
         _basic_solution(G, q, z, basic, work)
         wrong = -1
@@ -48,18 +48,18 @@ def solve(G: Floats, q: Floats, z: Floats, basic: Booleans, work: Floats) -> boo
                     break
         if wrong < 0:
             return True
-        basic[wrong] = not basic[wrong]
+        basic[wrong] = 1 - basic[wrong]
     return False
 
 
-@kernel
-def _basic_solution(G: Floats, q: Floats, z: Floats, basic: Booleans, work: Floats) -> None:
+@bare
+def _basic_solution(G: Floats, q: Floats, z: Floats, basic: Integers, work: Floats) -> None:
     """Fill in z with ``G z = -q`` in the basic rows and columns, zero elsewhere."""
     m = q.size
     for i in range(m):
         z[i] = 0.0
         for j in range(m):
-            inside = basic[i] and basic[j]
+            inside = basic[i] != 0 and basic[j] != 0
             work[i, j] = G[i, j] if inside else (1.0 if i == j else 0.0)
         work[i, m] = -q[i] if basic[i] else 0.0
     for i in range(m):  # G is positive definite: the pivots need no exchange of rows

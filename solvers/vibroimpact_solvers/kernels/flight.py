@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import Booleans, Floats, Integers
+from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels import complementarity
 from vibroimpact_solvers.kernels.flow import (
     bound,
@@ -28,7 +28,7 @@ from vibroimpact_solvers.kernels.flow import (
     reach,
     take,
 )
-from vibroimpact_solvers.kernels.jit import fma, inline, kernel
+from vibroimpact_solvers.kernels.jit import bare, fma, inline, kernel
 from vibroimpact_solvers.kernels.passages import (
     DEPTH,
     LOW,
@@ -103,7 +103,7 @@ def _search(
     Z: Floats,
     clock: Floats,
     counts: Integers,
-    idle: Booleans,
+    idle: Integers,
     grain: Floats,
     P: Floats,
     size: Floats,
@@ -192,7 +192,7 @@ def _swing(
     Z: Floats,
     clock: Floats,
     counts: Integers,
-    idle: Booleans,
+    idle: Integers,
     grain: Floats,
 ) -> tuple[float, float, int, int]:
     """Return what `_search` does, for one mode without damping, in closed form.
@@ -307,17 +307,35 @@ def impulses(
         Velocities towards the walls.
     """
     m = struck.size
-    G, q, P = np.empty((m, m)), np.empty(m), np.empty(m)
-    for a in range(m):
-        i = struck[a]
-        q[a] = -speeds[a] * (1.0 + restitution[i]) if speeds[a] > 0.0 else -speeds[a]
-        for b in range(m):
-            G[a, b] = sides[a] * sides[b] * mobility[i, struck[b]]
-    complementarity.solve(G, q, P, np.empty(m, np.bool_), np.empty((m, m + 1)))
+    levels, marks, square = np.empty((5, m)), np.empty((3, m), np.int64), np.empty((2 * m, m + 1))
+    levels[1], levels[2], marks[1] = sides, speeds, struck
+    _share(mobility, restitution, m, levels, marks, square)
+    P: Floats = levels[3]
     return P
 
 
-@kernel
+@bare
+def _share(
+    mobility: Floats,
+    restitution: Floats,
+    count: int,
+    levels: Floats,
+    marks: Integers,
+    square: Floats,
+) -> None:
+    """Fill in the impulses of the first few constraints that are struck (`workspace`)."""
+    struck, basic = marks[1], marks[2, :count]
+    sides, speeds, P, q = levels[1], levels[2], levels[3, :count], levels[4, :count]
+    G, work = square[:count], square[count : 2 * count]
+    for a in range(count):
+        i = struck[a]
+        q[a] = -speeds[a] * (1.0 + restitution[i]) if speeds[a] > 0.0 else -speeds[a]
+        for b in range(count):
+            G[a, b] = sides[a] * sides[b] * mobility[i, struck[b]]
+    complementarity.solve(G, q, P, basic, work)
+
+
+@bare
 def length(Z: Floats, c: int, own: Floats) -> float:
     """Return the root of the sum of squares of the state Z[c], loads apart.
 
@@ -351,7 +369,7 @@ def _rounded(
             Z[c, 1, j] += grain * noise[at, 1, j] - turned * a
 
 
-@kernel
+@bare
 def begin(Z: Floats, noise: Floats, own: Floats, clock: Floats) -> None:
     """Set the deviations that a motion starts with, and the size of its state."""
     clock[7] = length(Z, 0, own)
@@ -362,7 +380,7 @@ def begin(Z: Floats, noise: Floats, own: Floats, clock: Floats) -> None:
             Z[c, 1, j] = grain * own[j] * noise[c, 1, j]
 
 
-@kernel
+@bare
 def spread(Z: Floats, own: Floats, size: float) -> float:
     """Return the bound of the error that deviations tell, relative to the motion's size."""
     largest = 0.0
@@ -377,7 +395,7 @@ def _row(count: int, rows: int) -> int:
     return (count * 2654435761 % 4294967296 >> 8) % rows
 
 
-@kernel
+@bare
 def _strike(
     F: Floats,
     split: Integers,
@@ -395,14 +413,15 @@ def _strike(
     what: Floats,
     grain: Floats,
     near: Floats,
-    struck: Integers,
-    sides: Floats,
-    speeds: Floats,
+    levels: Floats,
+    marks: Integers,
+    square: Floats,
 ) -> bool:
     """Let the constraint that ended the flight strike, and all others that are at their walls.
 
     Returns whether one of them comes to rest there.
     """
+    sides, speeds, given, struck = levels[1], levels[2], levels[3], marks[1]
     who, first, count = counts[5], counts[0], 0
     bend, impulse = 0.0, 0.0
     row = _row(counts[10], noise.shape[0])
@@ -435,7 +454,7 @@ def _strike(
         what[first, 0], what[first, 1] = sides[0] * speed, abs(impulse)
         counts[0] += 1
     else:
-        given = impulses(mobility, walls[2], struck[:count], sides[:count], speeds[:count])
+        _share(mobility, walls[2], count, levels, marks, square)
         for a in range(count):
             i, line = struck[a], counts[0]
             if given[a] > 0.0:
@@ -479,7 +498,21 @@ def _strike(
     return False
 
 
-@kernel
+def workspace(pairs: int, watched: int) -> tuple[Any, ...]:
+    """Return the arrays that `fly` takes for its own use.
+
+    They are states; rows for the search; rows of numbers of the watched coordinates: rounding,
+    then side, speed, impulse and a rest of those that are struck; rows of whole numbers: whether
+    out of reach, then which are struck and which of these get an impulse; equations of impacts.
+    """
+    m, search = watched, np.empty((DEPTH + 7, DEPTH + 2))
+    return (
+        np.empty((4, 2, pairs)), search, np.empty((5, m)), np.empty((3, m), dtype=np.int64),
+        np.empty((2 * m, m + 1)),
+    )  # fmt: skip
+
+
+@bare
 def fly(
     F: Floats,
     split: Integers,
@@ -499,6 +532,11 @@ def fly(
     what: Floats,
     wanted: Floats,
     samples: Floats,
+    room: Floats,
+    search: Floats,
+    levels: Floats,
+    marks: Integers,
+    square: Floats,
 ) -> int:
     """Follow a motion until its end or until something that is not decided here.
 
@@ -541,15 +579,16 @@ def fly(
         Ascending times at which the state is wanted.
     samples : array, shape (buffer, 2, pair)
         The states there.
+    room, search, levels, marks, square : array
+        Of `workspace`; overwritten.
     """
     m, n = walls.shape[1], F.shape[1]
-    P, size, near = np.empty((2, n)), np.empty(n), np.empty((2, 2, n))
-    roots, d, low = np.empty((DEPTH + 5, DEPTH + 2)), np.empty(ORDER), np.empty(LOW)
+    near, P, size = room[:2], room[2], room[3, 0]
+    roots, d, low = search[:-2], search[-2, :ORDER], search[-1, :LOW]
+    grain, idle = levels[0], marks[0]
     swings = n == 1 and split[0] == 1 and split[2] == 0
     for i in range(m):
         swings = swings and forms[0, i, 1, 0] == 0.0
-    idle, grain = np.zeros(m, np.bool_), np.empty(m)
-    struck, sides, speeds = np.empty(m, np.int64), np.empty(m), np.empty(m)
     while True:
         if counts[0] + m > at.shape[0]:
             return _TABLE
@@ -602,6 +641,6 @@ def fly(
             return _STRUCK
         if _strike(
             F, split, forms, walls, mobility, Z, noise, bends, own, clock, counts, at, where,
-            what, grain, near, struck, sides, speeds,
+            what, grain, near, levels, marks, square,
         ):  # fmt: skip
             return _CONTACT

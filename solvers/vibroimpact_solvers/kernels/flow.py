@@ -22,8 +22,7 @@ changes of state by unit impulses, and the rates of these; `sizes`, shape (3, wa
 holds |form_j| rate_j^n for the two derivatives n that are bounded (`passages.ORDER` and
 `passages.LOW`), and |form_j| between.
 
-Arrays are passed whole and indexed in place: to unpack tuples or to take views costs numba
-atomic reference counts, which in the smallest systems last longer than the arithmetic.
+Arrays are passed whole and indexed in place, and none is made (`jit.bare`).
 """
 
 from __future__ import annotations
@@ -32,13 +31,13 @@ import math
 from typing import Any
 
 from vibroimpact_solvers.arrays import Floats, Integers
-from vibroimpact_solvers.kernels.jit import fma, inline, kernel
+from vibroimpact_solvers.kernels.jit import bare, fma, inline
 from vibroimpact_solvers.kernels.phases import sine_cosine
 
 _LONG = 64  # pairs from which on sums are worth exact ones
 
 
-@kernel
+@bare
 def propagators(F: Floats, split: Integers, s: float, ds: float, P: Floats) -> None:
     """Fill in what takes states through a time s + ds: (stay, turn) of every pair.
 
@@ -102,7 +101,7 @@ def take(
         out[o, 1, j] += second
 
 
-@kernel
+@bare
 def _drive(F: Floats, P: Floats, row: int, s: float, Z: Floats, c: int) -> tuple[float, float]:
     """Return what a drive adds to its pair in a time s.
 
@@ -128,7 +127,7 @@ def _drive(F: Floats, P: Floats, row: int, s: float, Z: Floats, c: int) -> tuple
     return real * P[0, j] - imaginary * P[1, j], -(real * P[1, j] + imaginary * P[0, j])
 
 
-@kernel
+@bare
 def _driven(F: Floats, row: int, forms: Floats, i: int, Z: Floats, c: int, d: Floats) -> None:
     """Add what a drive does to derivatives of a coordinate."""
     j, k = int(F[row, 0]), int(F[row, 1])
@@ -251,7 +250,7 @@ def _push(F: Floats, split: Integers, forms: Floats, i: int, Z: Floats, c: int, 
             d[2] += forms[0, i, 0, j] * F[3, j]
 
 
-@kernel
+@bare
 def derivatives(
     F: Floats, split: Integers, forms: Floats, i: int, Z: Floats, c: int, d: Floats
 ) -> None:
@@ -326,7 +325,7 @@ def derivatives(
     _push(F, split, forms, i, Z, c, d)
 
 
-@kernel
+@bare
 def near_derivatives(
     F: Floats, split: Integers, forms: Floats, i: int, Z: Floats, c: int, d: Floats
 ) -> None:

@@ -22,6 +22,17 @@ def kernel(function: Function) -> Function:
     return cast(Function, numba.njit(nogil=True, cache=True, error_model="numpy")(function))
 
 
+def bare(function: Function) -> Function:
+    """Compile a function that makes no arrays, without counts of references to those it gets.
+
+    Each count is an atomic operation, and they are taken wherever an array gets another name: in
+    small structures they last longer than the arithmetic. Whoever calls keeps the arrays.
+    """
+    njit: Any = numba.njit  # its stubs do not know the last option
+    compiled = njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
+    return cast(Function, compiled(function))
+
+
 def inline(function: Function) -> Function:
     """Compile a small function into its callers, so that their loops become vector loops."""
     compiled = numba.njit(nogil=True, cache=True, error_model="numpy", inline="always")

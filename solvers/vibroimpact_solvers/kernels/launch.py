@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels.flight import begin, fly, spread
-from vibroimpact_solvers.kernels.jit import kernel
+from vibroimpact_solvers.kernels.jit import bare
 from vibroimpact_solvers.kernels.modal import motion_of, state_of
 
 REFUSED = -1
 """What `launch` returns where an initial state is not finite or outside of its limits."""
 
 
-@kernel
+@bare
 def launch(
     x: Floats,
     v: Floats,
@@ -45,6 +45,11 @@ def launch(
     where: Integers,
     what: Floats,
     samples: Floats,
+    room: Floats,
+    search: Floats,
+    levels: Floats,
+    marks: Integers,
+    square: Floats,
     xs: Floats,
     vs: Floats,
     numbers: Floats,
@@ -65,7 +70,7 @@ def launch(
         See `kernels.modal`.
     F, split, forms, sizes, walls, mobility, noise, drifts, bends, own, wanted : array
         See `kernels.flight.fly`.
-    Z, clock, counts, at, where, what, samples : array
+    Z, clock, counts, at, where, what, samples, room, search, levels, marks, square : array
         See `kernels.flight.fly`; what they hold before does not matter.
     xs, vs : array, shape (time, dof)
         The history at the wanted times, filled in at the end.
@@ -89,17 +94,18 @@ def launch(
     clock[2], clock[3], clock[4] = settings[1], settings[2], settings[3]
     counts[:] = 0
     counts[3] = int(settings[4])
-    if not state_of(x, v, 1.0 / scale, weighted, normal, place, W, limits, Z):
+    if not state_of(x, v, 1.0 / scale, weighted, normal, place, W, limits, Z, room[0]):
         return REFUSED, 0, 0, 0, 0.0, 0.0
     begin(Z, noise, own, clock)
     stop = fly(
         F, split, forms, sizes, walls, mobility, Z, noise, drifts, bends, own, clock, counts, at,
-        where, what, wanted, samples,
+        where, what, wanted, samples, room, search, levels, marks, square,
     )  # fmt: skip
     rows, growth = counts[0], 1.0
     if stop == 0:
         if wanted.size > 0:
-            motion_of(samples[: wanted.size], scale, shapes, dofs, normal, place, xs, vs)
+            some = samples[: wanted.size]
+            motion_of(some, scale, shapes, dofs, normal, place, xs, vs, room[0])
         growth = max(growth, spread(Z, own, clock[7]))
         for row in range(rows):
             numbers[0, row] = (at[row, 0] + at[row, 1]) / scale

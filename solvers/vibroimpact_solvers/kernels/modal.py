@@ -6,16 +6,14 @@ last longer than a motion with its impacts.
 
 from __future__ import annotations
 
-import numpy as np
-
 from vibroimpact_solvers.arrays import Floats, Integers
-from vibroimpact_solvers.kernels.jit import kernel
+from vibroimpact_solvers.kernels.jit import bare
 
 SMALLEST, LARGEST = 1e-100, 1e100
 """Magnitudes of numbers whose squares double precision can do with."""
 
 
-@kernel
+@bare
 def state_of(
     x: Floats,
     v: Floats,
@@ -26,6 +24,7 @@ def state_of(
     W: Floats,
     limits: Floats,
     Z: Floats,
+    own: Floats,
 ) -> bool:
     """Fill in the state Z[0] and return whether it is finite, within range and the limits.
 
@@ -46,10 +45,14 @@ def state_of(
         Lower limits, as distances, and upper ones.
     Z : array, shape (1 + column, 2, pair)
         Zero at the pairs that belong to no mode.
+    own : array, shape (2, mode) or with longer rows
+        Overwritten.
     """
     n, modes = weighted.shape
-    q, rate, checked = np.zeros(modes), np.zeros(modes), 0.0
+    q, rate, checked = own[0], own[1], 0.0
     far, fast = 0.0, 0.0
+    for j in range(modes):
+        q[j] = rate[j] = 0.0
     for i in range(n):
         a, b = x[i], unit * v[i]
         checked += 0.0 * a + 0.0 * b
@@ -74,7 +77,7 @@ def state_of(
     return checked == 0.0
 
 
-@kernel
+@bare
 def motion_of(
     samples: Floats,
     scale: float,
@@ -84,6 +87,7 @@ def motion_of(
     place: Integers,
     x: Floats,
     v: Floats,
+    own: Floats,
 ) -> None:
     """Fill in displacements and velocities, shape (time, dof), of states (time, 2, pair).
 
@@ -94,11 +98,11 @@ def motion_of(
     shapes : array, shape (dof, mode)
     dofs : array of int
         Those that are wanted.
-    normal, place : array
+    normal, place, own : array
         As of `state_of`.
     """
     modes = shapes.shape[1]
-    q, rate = np.zeros(modes + 4), np.zeros(modes + 4)
+    q, rate = own[0], own[1]
     whole = modes - modes % 4
     for t in range(samples.shape[0]):
         for j in range(modes):

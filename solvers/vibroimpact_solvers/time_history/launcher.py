@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats, Integers
-from vibroimpact_solvers.kernels.flight import Stop
+from vibroimpact_solvers.kernels.flight import Stop, workspace
 from vibroimpact_solvers.kernels.launch import REFUSED, launch
 from vibroimpact_solvers.time_history.basis import COLUMNS
 from vibroimpact_solvers.time_history.problem import Problem, State
@@ -39,7 +39,8 @@ class Scratch:
         self.samples = np.empty((MOST, 2, pairs))
         rows = self.table[0].shape[0]
         self.numbers, self.places = np.empty((4, rows)), np.empty((2, rows), dtype=np.int64)
-        arrays = self.Z, self.clock, self.counts, *self.table, self.samples
+        own = workspace(pairs, len(structure.system.constraints))
+        arrays = self.Z, self.clock, self.counts, *self.table, self.samples, *own
         self.arrays: tuple[Any, ...] = arrays
 
 

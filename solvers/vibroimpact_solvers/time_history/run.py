@@ -11,7 +11,7 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.errors import ConvergenceError
-from vibroimpact_solvers.kernels.flight import Stop, begin, fly, impulses, spread
+from vibroimpact_solvers.kernels.flight import Stop, begin, fly, impulses, spread, workspace
 from vibroimpact_solvers.time_history.basis import COLUMNS, Basis
 from vibroimpact_solvers.time_history.pressure import impulses as impulses_at_rest
 from vibroimpact_solvers.time_history.structure import Contact, Scene, Structure
@@ -168,7 +168,7 @@ class Run:
             fly(
                 basis.rates, basis.split, scene.forms, scene.sizes, scene.walls, scene.mobility,
                 self.Z, basis.noise, basis.drifts, scene.bends, basis.own, self.clock,
-                self.counts, *self._table, self.wanted, self._buffer,
+                self.counts, *self._table, self.wanted, self._buffer, *self._workspace,
             )
         )  # fmt: skip
         if before is not None:
@@ -199,6 +199,7 @@ class Run:
     def _samples(self, scene: Scene) -> None:
         rows = max(1, min(self.wanted.size, _BUFFER // max(1, 2 * scene.basis.pairs)))
         self._buffer = np.empty((rows, 2, scene.basis.pairs))
+        self._workspace = workspace(scene.basis.pairs, scene.walls.shape[1])
 
     def _flush_samples(self) -> None:
         first, count = int(self.counts[4]), int(self.counts[1])
