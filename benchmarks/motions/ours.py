@@ -56,6 +56,7 @@ def _outcome(found: Result) -> Outcome:
     assert found.x is not None
     assert found.v is not None
     times = [] if found.impact_time is None else found.impact_time.tolist()
-    if found.contact_rest is not None:
-        times += found.contact_rest.tolist()
-    return Outcome(tuple(times), np.concatenate([found.x[0], found.v[0]]))
+    rests = found.contact_rest
+    if rests is not None and rests.size:
+        times += rests.tolist()
+    return Outcome(tuple(times), np.concatenate((found.x[0], found.v[0])))

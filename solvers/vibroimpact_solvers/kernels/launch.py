@@ -6,6 +6,8 @@ would last longer than the motion. Made for many motions of one structure, in se
 
 from __future__ import annotations
 
+import math
+
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels.flight import begin, fly, spread
 from vibroimpact_solvers.kernels.jit import bare
@@ -19,6 +21,8 @@ REFUSED = -1
 def launch(
     x: Floats,
     v: Floats,
+    xs: Floats,
+    vs: Floats,
     settings: Floats,
     weighted: Floats,
     normal: Floats,
@@ -50,8 +54,6 @@ def launch(
     levels: Floats,
     marks: Integers,
     square: Floats,
-    xs: Floats,
-    vs: Floats,
     numbers: Floats,
     places: Integers,
 ) -> tuple[int, int, int, int, float, float]:
@@ -63,6 +65,8 @@ def launch(
     ----------
     x, v : array, shape (dof,)
         Initial displacements and velocities.
+    xs, vs : array, shape (time, dof)
+        The history at the wanted times, filled in at the end.
     settings : array, shape (5,)
         What turns velocities in units of the pairs into those of x and v; then the end, the
         longest expansion, the shortest time of chatter and the most expansions (`fly`).
@@ -72,10 +76,9 @@ def launch(
         See `kernels.flight.fly`.
     Z, clock, counts, at, where, what, samples, room, search, levels, marks, square : array
         See `kernels.flight.fly`; what they hold before does not matter.
-    xs, vs : array, shape (time, dof)
-        The history at the wanted times, filled in at the end.
     numbers : array, shape (4, row)
-        Filled in at the end, of every impact: time, velocity before it, impulse, deviations.
+        Filled in at the end, of every impact: time, velocity before it, impulse, deviations, nan
+        where none go along.
     places : array of int, shape (2, row)
         The same: constraint and side.
 
@@ -110,7 +113,7 @@ def launch(
         for row in range(rows):
             numbers[0, row] = (at[row, 0] + at[row, 1]) / scale
             numbers[1, row], numbers[2, row] = what[row, 0] * scale, what[row, 1] * scale
-            numbers[3, row] = what[row, 2]
+            numbers[3, row] = what[row, 2] if Z.shape[0] > 1 else math.nan
             places[0, row], places[1, row] = where[row, 0], where[row, 1]
             if not what[row, 2] <= growth:
                 growth = what[row, 2]

@@ -8,11 +8,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.kernels.flight import Stop, workspace
 from vibroimpact_solvers.kernels.launch import REFUSED, launch
+from vibroimpact_solvers.time_history import answer
 from vibroimpact_solvers.time_history.basis import COLUMNS
 from vibroimpact_solvers.time_history.problem import Problem, State
+from vibroimpact_solvers.time_history.result import Result
 from vibroimpact_solvers.time_history.run import CHATTER, Table, budget, new_table
 from vibroimpact_solvers.time_history.structure import Structure
 
@@ -40,39 +42,26 @@ class Scratch:
         rows = self.table[0].shape[0]
         self.numbers, self.places = np.empty((4, rows)), np.empty((2, rows), dtype=np.int64)
         own = workspace(pairs, len(structure.system.constraints))
-        arrays = self.Z, self.clock, self.counts, *self.table, self.samples, *own
-        self.arrays: tuple[Any, ...] = arrays
+        self.arrays: tuple[Any, ...] = (
+            self.Z, self.clock, self.counts, *self.table, self.samples, *own, self.numbers,
+            self.places,
+        )  # fmt: skip
 
 
 @dataclass(slots=True)
 class Launched:
-    """A motion as the compiled function left it.
+    """A motion that the compiled function left before its end.
 
     Parameters
     ----------
     stop : Stop
         Why it was left.
-    rows, grazings, expansions : int
-    penetration, growth : float
-        As `kernels.launch.launch` returns them.
-    x, v : array, shape (time, dof)
-    numbers, places : array
-        The history and the table of impacts; there where the end was reached.
-    scratch : Scratch, optional
-        Where it can go on; there where the end was not reached.
+    scratch : Scratch
+        Where it can go on.
     """
 
     stop: Stop
-    rows: int
-    grazings: int
-    expansions: int
-    penetration: float
-    growth: float
-    x: Floats
-    v: Floats
-    numbers: Floats
-    places: Integers
-    scratch: Scratch | None
+    scratch: Scratch
 
 
 @dataclass(slots=True)
@@ -137,6 +126,9 @@ class Launcher:
         self._columns = COLUMNS if problem.estimate else 0
         self._free = gear.free[self._columns]
         self._shape, self._history = (problem.system.n,), (wanted.size, dofs.size)
+        self._bare, self._gap = answer.bare_of_flights(problem), answer.least_gap(problem)
+        outputs, self._estimate = problem.outputs, problem.estimate
+        self._x, self._v, self._impacts = (name in outputs for name in ("x", "v", "impacts"))
 
     @classmethod
     def of(cls, structure: Structure, problem: Problem, wanted: Floats) -> Launcher | None:
@@ -146,7 +138,7 @@ class Launcher:
         gear = _gear(structure)
         return None if gear is None else cls(structure, gear, problem, wanted)
 
-    def fly(self, initial: State) -> Launched | None:
+    def fly(self, initial: State) -> Result | Launched | None:
         """Follow a motion to its end, or until the compiled loop leaves it.
 
         None where the initial state was not accepted, though by a rounding only.
@@ -159,19 +151,43 @@ class Launcher:
         except IndexError:
             scratch = Scratch(self._structure, self._columns)
         xs, vs = np.empty(self._history), np.empty(self._history)
-        numbers, places = scratch.numbers, scratch.places
-        arguments = (x, v, *self._shared, *scratch.arrays, xs, vs, numbers, places)
-        stop, rows, grazings, expansions, penetration, growth = launch(*arguments)
-        found = Launched(
-            _STOPS[stop], rows, grazings, expansions, penetration, growth, xs, vs, numbers,
-            places, scratch,
-        )  # fmt: skip
-        if stop == 0:
-            found.numbers, found.places = numbers[:, :rows].copy(), places[:, :rows].copy()
-            found.scratch = None
+        found = launch(x, v, xs, vs, *self._shared, *scratch.arrays)
+        if found[0] == 0:
+            result = self._result(found, xs, vs, scratch)
             self._free.append(scratch)
-        elif stop == REFUSED:
+            return result
+        if found[0] == REFUSED:
             self._free.append(scratch)
             self._problem.check(initial)
             return None
-        return found
+        return Launched(_STOPS[found[0]], scratch)
+
+    def _result(
+        self,
+        flown: tuple[int, int, int, int, float, float],
+        xs: Floats,
+        vs: Floats,
+        scratch: Scratch,
+    ) -> Result:
+        """Return what a motion that reached its end yields."""
+        _, rows, grazings, expansions, penetration, growth = flown
+        found = self._bare.copy()
+        if self._x:
+            found["x"] = xs
+        if self._v:
+            found["v"] = vs
+        if self._impacts:
+            numbers, places = scratch.numbers[:, :rows].copy(), scratch.places[:, :rows].copy()
+            # To unpack an array ends in an error that is raised, worded and caught.
+            found["impact_time"], found["impact_velocity"] = numbers[0], numbers[1]
+            found["impact_impulse"], found["impact_condition"] = numbers[2], numbers[3]
+            found["impact_constraint"], found["impact_side"] = places[0], places[1]
+        found["count_impacts"] = rows
+        found["count_grazings"], found["count_expansions"] = grazings, expansions
+        if not penetration < self._gap:
+            answer.told_apart(self._problem, penetration)
+        found["error_penetration"] = penetration
+        if self._estimate:
+            times, condition = scratch.numbers[0, :rows], scratch.numbers[3, :rows]
+            answer.fill_condition(found, growth, times, condition)
+        return Result.of(found)

@@ -11,30 +11,26 @@ from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.plan import Plan, Stage
 from vibroimpact_solvers.time_history import reference, soft
+from vibroimpact_solvers.time_history.answer import (
+    TOLERANCE,
+    bare,
+    bare_of_flights,
+    fill_condition,
+    told_apart,
+)
 from vibroimpact_solvers.time_history.history import History
 from vibroimpact_solvers.time_history.launcher import Launched, Launcher
 from vibroimpact_solvers.time_history.planning import Flight
 from vibroimpact_solvers.time_history.problem import Member, Problem, State
-from vibroimpact_solvers.time_history.result import Result, empty
-from vibroimpact_solvers.time_history.run import Run, Tick, hidden_walls
+from vibroimpact_solvers.time_history.result import Result
+from vibroimpact_solvers.time_history.run import Run, Tick
 from vibroimpact_solvers.time_history.start import initial_state
 from vibroimpact_solvers.time_history.structure import Structure
 
-TOLERANCE: Final = 1e-6
-"""Meant where none is asked for."""
-
-_EPS = float(np.finfo(np.float64).eps)
-_STATEMENT = (
-    "estimate: roundings of the initial state, flights, frequencies, impacts and walls, carried "
-    "along by the linearised motion and its impacts, four times the largest of three samples, "
-    "relative to the largest state; between impacts the motion is exact, and no impact can be "
-    "missed but for grazings within rounding"
-)
 _HALVED = (
     "estimate: difference to the same motion with steps of twice the length, relative to the "
     "largest state; penetration is the largest coordinate over scale times its gap"
 )
-_UNKNOWN = "none: no estimate was asked for"
 _NONE = "none: the integrator's own control of its steps; it can miss impacts"
 
 
@@ -63,7 +59,6 @@ class Prepared:
         self._launcher = None
         if self._solver is _exact:
             self._launcher = Launcher.of(self.structure, problem, self.wanted)
-        self.bare = _bare(problem)
 
     def solve(self, initial: State | Member | None = None, tick: Tick | None = None) -> Result:
         """Compute the motion from an initial state; absent: from that of the problem.
@@ -76,8 +71,12 @@ class Prepared:
         start = self.problem.initial if initial is None else initial
         if self._launcher is not None and isinstance(start, State):
             flight = self._launcher.fly(start)
+            if isinstance(flight, Launched):
+                return _continued(self, flight, tick)
             if flight is not None:
-                return _launched(self, flight, tick)
+                if tick is not None:
+                    tick(1000, 1000)
+                return flight
         history = History(self.problem, self.structure)
         return self._solver(self, start, history, tick)
 
@@ -101,32 +100,14 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     return Prepared(problem, plan).solve(tick=tick)
 
 
-def _launched(prepared: Prepared, flight: Launched, tick: Tick | None) -> Result:
-    """Return what a flight in one call yields, going on where that did not reach the end."""
-    problem = prepared.problem
-    scratch = flight.scratch
-    if scratch is not None:
-        history = History(problem, prepared.structure)
-        run = _run(prepared, scratch.Z[0], history, tick)
-        run.adopt(scratch.Z, scratch.clock, scratch.counts, scratch.table, scratch.samples)
-        run.finish(flight.stop)
-        return _result(problem, run, history)
-    if tick is not None:
-        tick(1000, 1000)
-    found = prepared.bare.copy()
-    if "x" in problem.outputs:
-        found["x"] = flight.x
-    if "v" in problem.outputs:
-        found["v"] = flight.v
-    times, speeds, impulses, growth = flight.numbers
-    if "impacts" in problem.outputs:
-        found["impact_time"], found["impact_velocity"] = times, speeds
-        found["impact_impulse"], found["impact_condition"] = impulses, growth
-        found["impact_constraint"], found["impact_side"] = flight.places
-    found["count_impacts"] = flight.rows
-    found["count_grazings"], found["count_expansions"] = flight.grazings, flight.expansions
-    _fill_errors(found, problem, flight.penetration, flight.growth, times, growth)
-    return Result.of(found)
+def _continued(prepared: Prepared, flight: Launched, tick: Tick | None) -> Result:
+    """Return what a motion yields that its launch did not follow to the end."""
+    problem, scratch = prepared.problem, flight.scratch
+    history = History(problem, prepared.structure)
+    run = _run(prepared, scratch.Z[0], history, tick)
+    run.adopt(scratch.Z, scratch.clock, scratch.counts, scratch.table, scratch.samples)
+    run.finish(flight.stop)
+    return _result(problem, run, history)
 
 
 def _run(prepared: Prepared, z: Floats, history: History, tick: Tick | None) -> Run:
@@ -216,43 +197,20 @@ def _integrated(
 _METHODS: Final = {Flight.MODAL: _exact, Flight.SPLITTING: _soft}
 
 
-def _bare(problem: Problem) -> dict[str, Any]:
-    """Return empty tables, and what is known without the motion."""
-    found, outputs = _NOTHING.copy(), problem.outputs
-    if outputs & {"x", "v", "energy"}:
-        found["t"] = problem.times
-    if outputs & {"x", "v"}:
-        found["dof"] = problem.wanted_dofs
-    for table in outputs & {"impacts", "contacts"}:
-        found.update(_TABLES[table])
-    found["count_impacts"] = found["count_grazings"] = found["count_expansions"] = 0
-    found["error_condition"], found["error_penetration"] = 1.0, 0.0
-    found["error_predictable_until"] = problem.t_end
-    found["error_tolerance"] = TOLERANCE if problem.tolerance is None else problem.tolerance
-    found["error_statement"] = ""
-    return found
-
-
 def _with_history(problem: Problem, history: History) -> dict[str, Any]:
     """Return the history and, for methods that know no more, empty tables."""
-    found = _bare(problem)
-    found.update(x=history.x, v=history.v, energy=history.energy, error_energy_drift=history.drift)
+    found = bare(problem)
+    _add_history(found, history)
     return found
 
 
-_NOTHING: Final = empty()
-_TABLES: Final = {
-    table: {
-        name: np.zeros(0, np.int64 if name.endswith(("_constraint", "_side")) else np.float64)
-        for name in _NOTHING
-        if name.startswith(table[:-1] + "_")
-    }
-    for table in ("impacts", "contacts")
-}
+def _add_history(found: dict[str, Any], history: History) -> None:
+    found.update(x=history.x, v=history.v, energy=history.energy, error_energy_drift=history.drift)
 
 
 def _result(problem: Problem, run: Run, history: History) -> Result:
-    found, scale, table = _with_history(problem, history), run.scale, run.impacts
+    found, scale, table = bare_of_flights(problem), run.scale, run.impacts
+    _add_history(found, history)
     at, growth = _joined(table.at, (0, 2)), _joined(table.growth, (0,))
     times = (at[:, 0] + at[:, 1]) / scale
     if "impacts" in problem.outputs:
@@ -279,42 +237,12 @@ def _result(problem: Problem, run: Run, history: History) -> Result:
     found["count_impacts"] = table.count
     found["count_grazings"], found["count_expansions"] = grazings, expansions
     largest = max(1.0, run.growth, float(growth.max(initial=0.0)))
-    _fill_errors(found, problem, float(run.clock[6]), largest, times, growth)
-    return Result.of(found)
-
-
-def _fill_errors(
-    found: dict[str, Any],
-    problem: Problem,
-    penetration: float,
-    largest: float,
-    times: Floats,
-    growth: Floats,
-) -> None:
-    """Fill in errors: the largest deviation, and times of impacts with those there."""
-    found["error_penetration"] = _told_apart(problem, penetration)
+    found["error_penetration"] = told_apart(problem, float(run.clock[6]))
     if problem.estimate:
-        found["error_condition"], found["error_statement"] = largest, _STATEMENT
-        if not largest * _EPS <= found["error_tolerance"]:
-            lost = np.flatnonzero(~(growth * _EPS <= found["error_tolerance"]))
-            if lost.size:
-                found["error_predictable_until"] = float(times[lost[0]])
-        return
-    found["error_condition"] = found["error_predictable_until"] = math.nan
-    found["error_statement"] = _UNKNOWN
-    if "impacts" in problem.outputs:
+        fill_condition(found, largest, times, growth)
+    elif "impacts" in problem.outputs:
         found["impact_condition"] = np.full(times.size, math.nan)
-
-
-def _told_apart(problem: Problem, penetration: float) -> float:
-    """Return how far rounding lets coordinates through walls, less than these are apart."""
-    for index, constraint in enumerate(problem.system.constraints):
-        if constraint.lower is None or constraint.upper is None:
-            continue
-        apart = constraint.lower + constraint.upper
-        if not penetration < apart:
-            raise hidden_walls(index, apart, penetration)
-    return penetration
+    return Result.of(found)
 
 
 def _joined(pieces: list[Any], shape: tuple[int, ...]) -> Any:
