@@ -244,11 +244,20 @@ def _swing(
 
 
 @inline
+def _kicked(z: float, impulse: float, taken: float, form: float) -> float:
+    """Return ``z + (impulse + taken) form`` rounded once."""
+    kick = impulse * form
+    found, lost = two_sum(z, kick)
+    return found + (lost + fma(taken, form, fma(impulse, form, -kick)))
+
+
+@inline
 def _single(
     forms: Floats,
     walls: Floats,
     i: int,
     speed: float,
+    lost: float,
     bend: float,
     Z: Floats,
     noise: Floats,
@@ -258,14 +267,16 @@ def _single(
 ) -> float:
     """Take Z[first:], state 0 and deviations, through the impact of one constraint.
 
-    speed and bend are the velocity and the acceleration of its coordinate before the impact;
-    returns the impulse. Deviations get the rounding of the place of the wall and of the kick
-    on their way.
+    speed, lost and bend are the velocity of its coordinate before the impact, what rounding took
+    from it, and the acceleration; returns the impulse. Deviations get the rounding of the place
+    of the wall and of the kick on their way.
     """
     factor: float = walls[4, i]
     n = Z.shape[2]
     rest: float = walls[5, i]
-    impulse = -(factor * speed + rest * speed)
+    impulse = -factor * speed
+    # What rounding takes from an impulse it takes from the energy, at each impact the same.
+    taken = fma(-factor, speed, -impulse) - (rest * speed + factor * lost)
     for c in range(max(first, 1), Z.shape[0]):
         place = product(forms, 0, i, Z, c)
         place += walls[3, i] if c & 1 else -walls[3, i]
@@ -280,8 +291,8 @@ def _single(
             Z[c, 1, j] += impulse * bends[c - 1, i, 1, j]
     if first == 0:
         for j in range(n):
-            Z[0, 0, j] += impulse * forms[2, i, 0, j]
-            Z[0, 1, j] += impulse * forms[2, i, 1, j]
+            Z[0, 0, j] = _kicked(Z[0, 0, j], impulse, taken, forms[2, i, 0, j])
+            Z[0, 1, j] = _kicked(Z[0, 1, j], impulse, taken, forms[2, i, 1, j])
     return impulse
 
 
@@ -423,7 +434,7 @@ def _strike(
     """
     sides, speeds, given, struck = levels[1], levels[2], levels[3], marks[1]
     who, first, count = counts[5], counts[0], 0
-    bend, impulse = 0.0, 0.0
+    bend, impulse, lost = 0.0, 0.0, 0.0
     row = _row(counts[10], noise.shape[0])
     for i in range(walls.shape[1]):
         y = product(forms, 0, i, Z, 0)
@@ -439,7 +450,8 @@ def _strike(
         else:
             continue
         struck[count] = i
-        speeds[count] = sides[count] * exact_product(forms, 1, i, Z, 0)
+        speed, lost = exact_product(forms, 1, i, Z, 0)
+        speeds[count] = sides[count] * speed
         count += 1
     rates(F, split, Z, 0, near, 1)
     if count == 1:
@@ -449,7 +461,7 @@ def _strike(
             counts[8] += towards < 0.0
             clock[5] = 0.0
             return bool(towards >= 0.0)
-        impulse = _single(forms, walls, who, sides[0] * speed, bend, Z, noise, bends, row, 0)
+        impulse = _single(forms, walls, who, sides[0] * speed, lost, bend, Z, noise, bends, row, 0)
         where[first, 0], where[first, 1] = who, counts[6]
         what[first, 0], what[first, 1] = sides[0] * speed, abs(impulse)
         counts[0] += 1
@@ -462,8 +474,9 @@ def _strike(
                     # The deviations go through one after the other.
                     bend = product(forms, 1, i, near, 1)
                     _single(
-                        forms, walls, i, sides[a] * speeds[a], bend, Z, noise, bends, row + a, 1
-                    )
+                        forms, walls, i, sides[a] * speeds[a], 0.0, bend, Z, noise, bends, row + a,
+                        1,
+                    )  # fmt: skip
                 where[line, 0], where[line, 1] = i, int(sides[a])
                 what[line, 0], what[line, 1] = sides[a] * speeds[a], given[a]
                 counts[0] += 1

@@ -34,7 +34,7 @@ from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels.jit import bare, fma, inline
 from vibroimpact_solvers.kernels.phases import sine_cosine
 
-_LONG = 64  # pairs from which on sums are worth exact ones
+_LONG = 32  # pairs from which on sums are worth exact ones
 
 
 @bare
@@ -199,15 +199,15 @@ def _added(total: float, lost: float, factor: float, value: float) -> tuple[floa
 
 
 @inline
-def exact_product(forms: Floats, kind: int, i: int, Z: Floats, c: int) -> float:
-    """Return what `product` does, of long forms rounded as if only once (the dot product Dot2).
+def exact_product(forms: Floats, kind: int, i: int, Z: Floats, c: int) -> tuple[float, float]:
+    """Return what `product` does and, of long forms, what rounding took from it (Dot2).
 
     The roundings of `product` are the same at every impact of a periodic motion, and so is what
     they take from its energy; in sums of few numbers they are no more than other roundings.
     """
     n = Z.shape[2]
     if n < _LONG:
-        return product(forms, kind, i, Z, c)
+        return product(forms, kind, i, Z, c), 0.0
     s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
     l0, l1, l2, l3 = 0.0, 0.0, 0.0, 0.0
     for j in range(0, n - n % 2, 2):
@@ -221,7 +221,9 @@ def exact_product(forms: Floats, kind: int, i: int, Z: Floats, c: int) -> float:
     s0, l0 = _added(s0, l0, 1.0, s1)
     s2, l2 = _added(s2, l2, 1.0, s3)
     s0, l0 = _added(s0, l0, 1.0, s2)
-    return s0 + ((l0 + l1) + (l2 + l3))
+    lost = (l0 + l1) + (l2 + l3)
+    found = s0 + lost
+    return found, lost - (found - s0)
 
 
 @inline

@@ -187,17 +187,20 @@ def _chain(shape: ChainShape) -> Spectrum:
     # Where the type is wider than double, it keeps what rounding takes from the frequencies.
     angle = j.astype(np.longdouble) * (_HALF_PI / size)
     omega0 = np.sqrt(np.longdouble(shape.stiffness) / np.longdouble(shape.mass))
-    exact = 2.0 * omega0 * np.sin(angle)
+    sines = np.concatenate([[0.0], np.sin(angle), [1.0]])
+    exact = 2.0 * omega0 * sines[1:size]
     frequencies = exact.astype(np.float64)
     rests = ((exact - frequencies) / exact).astype(np.float64)
-    factor = np.sqrt(2.0 / (size * shape.mass))
+    # Rounded once: a rounded factor would make all modes too long or too short alike.
+    factor = np.sqrt(2 / (size * np.longdouble(shape.mass)))
+    entries = (factor * sines[::2]).astype(np.float64)
 
     def rows(dofs: Integers) -> Floats:
         turns = np.outer(dofs + 1, j) % (2 * size)
-        sign = np.where(turns >= size, -factor, factor)
+        sign = np.where(turns >= size, -1.0, 1.0)
         turns %= size
         turns = np.minimum(turns, size - turns)
-        return np.asarray(sign * np.sin(np.pi * turns / size))
+        return np.asarray(sign * entries[turns])
 
     return Spectrum(_frozen(frequencies), rows, shape.n, rests=_frozen(rests))
 

@@ -142,7 +142,7 @@ class Basis:
         with np.errstate(divide="ignore", invalid="ignore"):
             self.still = np.where(self._eigenvalues != 0.0, load / self._eigenvalues, 0.0)
         # In the wider type where there is one, so that rounding nu costs no phase.
-        roots = self._roots[one].astype(np.longdouble) * (1 + self.modes.rests[one])
+        roots = self._roots[one] * (1 + self.modes.rests[one].astype(np.longdouble))
         square = roots * np.abs(roots) - delta.astype(np.longdouble) ** 2
         kind = np.where(square > 0.0, 0, np.where(square < 0.0, 1, 2))
         exact = np.sqrt(np.abs(square))
