@@ -34,7 +34,8 @@ from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels.jit import bare, fma, inline
 from vibroimpact_solvers.kernels.phases import sine_cosine
 
-_LONG = 32  # pairs from which on sums are worth exact ones
+_LONG = 32  # pairs from which on sums for velocities at impacts are worth exact ones
+_VERY_LONG = 256  # and those for the places that impacts are found by
 
 
 @bare
@@ -348,7 +349,11 @@ def near_derivatives(
         a = twice * b + square * a
         d2 += a
         d3 += twice * a + square * b
-    d[0], d[1], d[2], d[3] = product(forms, 0, i, Z, c), d1, d2, d3
+    if Z.shape[2] < _VERY_LONG:
+        value = product(forms, 0, i, Z, c)
+    else:
+        value, _ = exact_product(forms, 0, i, Z, c)
+    d[0], d[1], d[2], d[3] = value, d1, d2, d3
     _push(F, split, forms, i, Z, c, d)
 
 

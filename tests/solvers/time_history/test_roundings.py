@@ -1,0 +1,89 @@
+"""Roundings that would add up: in frequencies, modes and impacts that are the same every time."""
+
+from __future__ import annotations
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+from vibroimpact_solvers import presets, spectrum
+from vibroimpact_solvers import time_history as th
+from vibroimpact_solvers.model import Constraint
+from vibroimpact_solvers.time_history.structure import Structure
+
+GAP = 0.2
+EPS, FINE = np.finfo(np.float64).eps, np.finfo(np.longdouble).eps
+
+
+def exact(value: mp.mpf, part: float) -> mp.mpf:
+    """Return a number less its first part."""
+    return value - mp.mpf(part)
+
+
+def test_frequencies_keep_what_rounding_takes_from_them() -> None:
+    system = presets.chain(13, [Constraint.at(5, GAP)])
+    structure = Structure.of(system, spectrum.Method.CLOSED_FORM, 1.0)
+    basis = structure.scene().basis
+    nu, rest = basis.rates[1, basis.place], basis.rates[2, basis.place]
+    with mp.workdps(40):
+        for j in range(13):
+            true = 2 * mp.sin(mp.pi * (j + 1) / 28) / structure.scale
+            assert abs((exact(true, nu[j]) - mp.mpf(rest[j])) / true) <= 4.0 * max(FINE, EPS**2)
+
+
+def test_modes_of_a_chain_are_rounded_once() -> None:
+    n, worst = 40, mp.mpf(0)
+    modes = spectrum.spectrum(presets.chain(n, [Constraint.at(5, GAP)])).modes
+    with mp.workdps(40):
+        factor = mp.sqrt(mp.mpf(2) / (n + 1))
+        for i in range(n):
+            for j in range(n):
+                true = factor * mp.sin(mp.pi * (i + 1) * (j + 1) / (n + 1))
+                if abs(true) > 1e-20:
+                    worst = max(worst, abs(exact(true, modes[i, j])) / np.spacing(abs(modes[i, j])))
+    assert worst <= 0.5 + 4.0 * FINE / EPS
+
+
+@pytest.mark.parametrize(
+    ("n", "dof", "factor", "periods"), [(50, 20, 1.7, 100), (100, 49, 1.5, 250)]
+)
+def test_elastic_impacts_take_no_energy(n: int, dof: int, factor: float, periods: int) -> None:
+    """On an impact mode all roundings are the same each time, and so is what they take.
+
+    A rounding of every impulse took 1e-15 of the speed within ten impacts, and with it the time.
+    """
+    system = presets.chain(n, [Constraint.at(dof, GAP)])
+    Omega = factor * spectrum.spectrum(system).largest_frequency
+    problem = th.Problem(system, th.Member(Omega), periods * 2.0 * np.pi / Omega)
+    result = th.solve(problem, th.plan(problem))
+    assert result.impact_velocity is not None
+    assert result.impact_time is not None
+    assert result.count_impacts == 2 * periods
+    speeds, times = np.abs(result.impact_velocity), result.impact_time
+    assert abs(speeds[-1] / speeds[0] - 1.0) <= 1e-14
+    late = times[-1] - times[0] - (times[1] - times[0]) * (speeds.size - 1)
+    # An error of the first interval, 2e-16 or so, counts as often as there are impacts.
+    assert abs(late) <= 1e-14 * speeds.size
+
+
+def test_prepared_motions_tell_no_errors_where_none_are_estimated() -> None:
+    system = presets.chain(13, [Constraint.at(5, GAP)])
+    state = th.State(np.zeros(13), np.ones(13))
+    outputs = frozenset({"impacts", "x"})
+    found = {}
+    for estimate in (True, False):
+        problem = th.Problem(
+            system, state, 30.0, t=np.array([30.0]), outputs=outputs, estimate=estimate
+        )
+        found[estimate] = th.prepare(problem, th.plan(problem)).solve()
+    some, none = found[True], found[False]
+    assert some.impact_condition is not None
+    assert none.impact_condition is not None
+    assert none.impact_condition.size == none.count_impacts == some.count_impacts > 0
+    assert np.isnan(none.impact_condition).all()
+    assert np.isnan(none.error_condition)
+    assert np.isnan(none.error_predictable_until)
+    assert (some.impact_condition > 0.0).all()
+    assert some.error_condition >= some.impact_condition.max()
+    np.testing.assert_array_equal(none.impact_time, some.impact_time)
+    np.testing.assert_array_equal(none.x, some.x)
