@@ -82,9 +82,10 @@ def turns(
 
 
 _FEW_MODES: Final = (
-    "with few modes the certified search for the first passage, which the others do without, is "
-    "most of an impact; of a short motion, 15 to 20 µs are the way of some thirty arrays into "
-    "compiled code and the result's way out"
+    "with few modes an impact is one number after the other: of thirteen, two fifths are the "
+    "certified search for the first passage, which the others do without, a quarter sines, "
+    "cosines and two advances, the rest the impact and passing from one step to the next; of a "
+    "short motion, 8 µs are the way into compiled code and the result's way out"
 )
 _FLOORS: Final = {13: 0.25, 100: 1.1, 1000: 10.0}
 """Three evaluations and one advance of all modes, µs, by the number of modes."""

@@ -126,7 +126,11 @@ def short_chains() -> Iterator[Case]:
 
 
 def long_chain(n: int) -> Case:
-    """Return case C: a chain on an impact mode above its spectrum, for ten periods."""
+    """Return case C: a chain on an impact mode above its spectrum, for ten periods.
+
+    What it is compared with is known as the first state is: in extended precision the motion
+    from that state closes to 1e-14 after ten periods.
+    """
     top = 2.0 * math.sin(n * math.pi / (2 * n + 2))
     omega = 1.5 * 2.0 / np.pi * top
     scene = from_mode(n, n // 2 - 1, omega, 10)
