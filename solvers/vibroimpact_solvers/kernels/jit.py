@@ -26,7 +26,8 @@ def bare(function: Function) -> Function:
     """Compile a function that makes no arrays, without counts of references to those it gets.
 
     Each count is an atomic operation, and they are taken wherever an array gets another name: in
-    small structures they last longer than the arithmetic. Whoever calls keeps the arrays.
+    small structures they last longer than the arithmetic. Whoever calls keeps the arrays, and
+    what is called may make none either.
     """
     njit: Any = numba.njit  # its stubs do not know the last option
     compiled = njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
