@@ -308,7 +308,8 @@ def _bands(n: int) -> Case:
         None,
         "three sums for each box, one number after the other; modes near their poles are bounded "
         "one by one; and every cell lays down coefficients and bounds of all modes before its "
-        "first box",
+        "first box; with 13 modes a search of 800 boxes takes 0.17 ms, and several times as long "
+        "where the system clears memory for 131072 boxes that may wait in every call",
         together=survey.arguments[0].size,
     )
 
