@@ -91,7 +91,7 @@ def _structures(*_: Any) -> Tally:
 
 
 def _steps(_: Any, *args: Any) -> Tally:
-    yield "steps of splitting", args[9]
+    yield "steps between soft limiters", args[10][0]
 
 
 def _history(_: Any, history: Any, scene: Any, samples: Any, first: Any) -> Tally:
@@ -116,7 +116,7 @@ _COUNTED: tuple[tuple[Any, str, Callable[..., Tally]], ...] = (
     (bands, "survey", _survey),
     (Structure, "__init__", _structures),
     (History, "take", _history),
-    (soft, "advance", _steps),
+    (soft, "follow", _steps),
     *((model, "motion", _motions) for model in MODELS.values()),
 )
 

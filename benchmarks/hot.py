@@ -256,10 +256,10 @@ def _soft() -> Watched:
 
     state = time_history.State(np.zeros(13), np.ones(13))
     problem = time_history.Problem(
-        chain(13), state, 3.0, limiter=time_history.Power(17.0, 1.0), tolerance=1e-3
+        chain(13), state, 10.0, limiter=time_history.Power(17.0, 1.0), tolerance=1e-9
     )
     plan = time_history.plan(problem)
-    return recorded(soft, "advance", partial(time_history.solve, problem, plan))
+    return recorded(soft, "follow", partial(time_history.solve, problem, plan))
 
 
 def slow_flow(place: str, name: str, model: str, variant: str) -> Watched:

@@ -33,15 +33,19 @@ def whole(scene: Scene, tolerance: float | None = None) -> Outcome:
     return _outcome(time_history.solve(asked, time_history.plan(asked)))
 
 
-def prepared(scene: Scene, *, estimate: bool = False) -> Callable[[], Outcome]:
+def prepared(
+    scene: Scene, tolerance: float | None = None, *, estimate: bool = False
+) -> Callable[[], Outcome]:
     """Return what solves a motion that was planned and prepared beforehand, as peers are.
 
     Parameters
     ----------
+    scene : Scene
+    tolerance : float, optional
     estimate : bool
         Whether errors are estimated, which no peer does.
     """
-    asked = problem(scene, estimate=estimate)
+    asked = problem(scene, tolerance, estimate=estimate)
     motion = time_history.prepare(asked, time_history.plan(asked))
     # The peers get their state anew each time; so does this.
     again = _state(scene)

@@ -97,9 +97,7 @@ class Result:
     ]
     error_difference: Annotated[
         Floats | None,
-        _member(
-            "1", "difference to steps of twice the length, over the largest", "error/difference"
-        ),
+        _member("1", "difference to longer steps, over the largest", "error/difference"),
     ]
     #: The tolerance meant.
     error_tolerance: float

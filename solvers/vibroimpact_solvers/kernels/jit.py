@@ -65,3 +65,52 @@ is_odd_bit = cast(Callable[[float], bool], intrinsic(_lowest_bit))
 
 fma = cast(Callable[[float, float, float], float], intrinsic(_fused))
 """``a * b + c`` rounded once; only inside kernels."""
+
+
+def _address(typing: Any, array: Any) -> tuple[Any, Callable[..., Any]]:
+    """Emit where the first number of an array stands in memory."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        return builder.ptrtoint(data, context.get_value_type(types.int64))
+
+    return types.int64(array), generate
+
+
+def _pointer(context: Any, builder: Any, address: Any, place: Any) -> Any:
+    number = context.get_value_type(types.float64)
+    return builder.gep(builder.inttoptr(address, number.as_pointer()), [place])
+
+
+def _item(typing: Any, address: Any, place: Any) -> tuple[Any, Callable[..., Any]]:
+    """Emit the load of a number."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.load(_pointer(context, builder, *arguments))
+
+    return types.float64(types.int64, types.int64), generate
+
+
+def _put(typing: Any, address: Any, place: Any, value: Any) -> tuple[Any, Callable[..., Any]]:
+    """Emit the store of a number."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        builder.store(arguments[2], _pointer(context, builder, *arguments[:2]))
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, types.float64), generate
+
+
+address = cast(Callable[[Any], int], intrinsic(_address))
+"""Where the first double of a contiguous array stands in memory; only inside kernels.
+
+For loops of small functions: each that is given an array counts a reference to it, atomically,
+which takes as long as the arithmetic of a small structure. The array must be an argument of the
+kernel, which its caller holds; one that is made inside may be gone.
+"""
+
+item = cast(Callable[[int, int], float], intrinsic(_item))
+"""The number so many places after an address; only inside kernels, and nothing is checked."""
+
+put = cast(Callable[[int, int, float], None], intrinsic(_put))
+"""Store a number so many places after an address; only inside kernels, and nothing is checked."""

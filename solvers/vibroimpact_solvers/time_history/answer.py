@@ -15,14 +15,15 @@ from vibroimpact_solvers.time_history.run import hidden_walls
 TOLERANCE: Final = 1e-6
 """Meant where none is asked for."""
 
-_EPS = float(np.finfo(np.float64).eps)
+EPS: Final = float(np.finfo(np.float64).eps)
 _STATEMENT = (
     "estimate: roundings of the initial state, flights, frequencies, impacts and walls, carried "
     "along by the linearised motion and its impacts, four times the largest of three samples, "
     "relative to the largest state; between impacts the motion is exact, and no impact can be "
     "missed but for grazings within rounding"
 )
-_UNKNOWN = "none: no estimate was asked for"
+UNKNOWN: Final = "none: no estimate was asked for"
+"""What is said of errors where nothing is."""
 
 
 def bare(problem: Problem) -> dict[str, Any]:
@@ -45,7 +46,7 @@ def bare(problem: Problem) -> dict[str, Any]:
 def bare_of_flights(problem: Problem) -> dict[str, Any]:
     """Return `bare` of a motion that is flown, with what is told of errors if nothing is lost."""
     found = bare(problem)
-    found["error_statement"] = _STATEMENT if problem.estimate else _UNKNOWN
+    found["error_statement"] = _STATEMENT if problem.estimate else UNKNOWN
     if not problem.estimate:
         found["error_condition"] = found["error_predictable_until"] = math.nan
     return found
@@ -64,8 +65,8 @@ def fill_condition(found: dict[str, Any], largest: float, times: Floats, growth:
         Times of impacts, and deviations there.
     """
     found["error_condition"] = largest
-    if not largest * _EPS <= found["error_tolerance"]:
-        lost = np.flatnonzero(~(growth * _EPS <= found["error_tolerance"]))
+    if not largest * EPS <= found["error_tolerance"]:
+        lost = np.flatnonzero(~(growth * EPS <= found["error_tolerance"]))
         if lost.size:
             found["error_predictable_until"] = float(times[lost[0]])
 

@@ -272,6 +272,17 @@ class Basis:
         """0 for the pairs of loads and 1 for the others, shape (pair,)."""
         return np.where(self._order < self._loads.start, 1.0, 0.0)
 
+    @cached_property
+    def weights(self) -> Floats:
+        """What the pairs count in the size of a state, shape (pair,): loads by what they move."""
+        moves = np.abs(self._response).max(axis=0, initial=0.0)
+        moves *= float(np.abs(self._roots).max(initial=0.0))
+        moves = np.maximum(moves, np.abs(self._answer).max(axis=0, initial=0.0))
+        found = np.zeros(self.pairs)
+        found[: self._loads.start] = 1.0
+        found[self._loads] = np.concatenate([moves, np.abs(self._creep).max(axis=0, initial=0.0)])
+        return found[self._order]
+
     @property
     def plain(self) -> bool:
         """Whether every pair is a mode: no loads that vary, no modes that damping couples."""

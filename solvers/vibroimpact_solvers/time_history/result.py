@@ -47,7 +47,8 @@ class Result:
     #: Largest change of the energy where it is conserved, relative to the largest kinetic or
     #: potential part; None where loads or losses change it or it was not asked for.
     error_energy_drift: float | None
-    #: Difference to the same motion with steps of twice the length; None where nothing steps.
+    #: Difference to the same motion in longer steps, with roundings, relative to the largest
+    #: state; None where nothing steps or errors are not estimated.
     error_difference: float | None
     #: How the errors were obtained.
     error_statement: str

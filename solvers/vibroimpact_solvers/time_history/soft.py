@@ -1,30 +1,37 @@
-"""Motions with soft limiters, by splitting; steps are halved until the motion stays the same."""
+"""Motions with soft limiters, by Taylor series; how well they are known two runs tell together."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.errors import ConvergenceError
-from vibroimpact_solvers.kernels.flow import propagators
-from vibroimpact_solvers.kernels.splitting import FLIGHTS, advance
+from vibroimpact_solvers.kernels.soft_launch import launch
+from vibroimpact_solvers.kernels.taylor import LARGEST, Stop, follow, room
+from vibroimpact_solvers.time_history.launcher import MOST
 from vibroimpact_solvers.time_history.limiters import Power
 from vibroimpact_solvers.time_history.run import Tick
 from vibroimpact_solvers.time_history.structure import Structure
 
-HALVINGS: Final = 8
-"""Most halvings of the step."""
-_FIRST = 0.15  # of a first step, over the shortest time of the limiters
-_MOST_STEPS = 1e10  # of the first run; more would not end
-_AT_A_TIME = 200_000  # steps between two looks at whether anybody still waits
+_EPS: Final = 2.0**-52
+_STEP: Final = 1e-2
+"""Error of a step over the tolerance; and of a step of the finer run over one of the other."""
+_FINEST: Final = 2.0**-53
+_LEAST: Final = 1e-6
+"""How much finer steps are made at once, at most."""
+_MOST_STEPS: Final = 1e10
+"""Motions that need more of them, which take hours, are refused."""
+_WORK: Final = 4_000_000
+"""Pairs taken through a step between two looks at whether anybody still waits."""
+_FIRST: Final = 0.25
+"""The first step that is tried, in units of the basis' time."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, slots=True)
 class SoftRun:
     """States at the wanted times, and how well they are known.
 
@@ -33,129 +40,210 @@ class SoftRun:
     states : array, shape (time, 2, pair)
     compression : float
         The largest coordinate over scale times its gap.
-    difference : float
-        Largest difference between the states of the last two step sizes, relative to the
-        largest state.
     steps : int
-        Steps of the last run.
+        Steps of this run.
+    difference : float
+        Largest difference to the states of a run with longer steps, whose start, frequencies
+        and limiters are off by their roundings; relative to the largest state. nan: not
+        estimated.
+    known_until : float
+        Time until which this is no more than the tolerance; nan: not estimated.
     """
 
     states: Floats
     compression: float
-    difference: float
+    steps: int
+    difference: float = math.nan
+    known_until: float = math.nan
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SoftLaunch:
+    """A history at the wanted times, each (time, dof), with compression and steps of a run."""
+
+    x: Floats
+    v: Floats
+    compression: float
     steps: int
 
 
-def follow(
-    structure: Structure,
-    law: Power,
-    z: Floats,
-    wanted: Floats,
-    t_end: float,
-    tolerance: float,
-    tick: Tick | None = None,
-) -> SoftRun:
-    """Follow a motion with soft limiters.
+def order_of(eps: float) -> int:
+    """Return the order of series for some error of a step, relative to the state.
+
+    Half its logarithm makes the least work of long series (Jorba and Zou); short ones have less
+    to do besides when they are a little longer.
+    """
+    return math.ceil(-0.5 * math.log(eps)) + 3
+
+
+class SoftMotion:
+    """What the motions of one structure between soft limiters share.
 
     Parameters
     ----------
     structure : Structure
     law : Power
-    z : array, shape (2, pair)
-        Initial state.
     wanted : array, shape (time,)
         Ascending times.
     t_end : float
     tolerance : float
         Difference of states, relative to the largest, at which steps are short enough.
-    tick : callable, optional
+    estimate : bool
+        Whether a second run tells how well the first is known.
     """
-    scale = math.ldexp(1.0, structure.exponent)
-    times = np.append(wanted, t_end) * scale
-    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # then there is no step
-        step = _first_step(structure, law, z, t_end * scale)
 
-    def pulse() -> None:
-        if tick is not None:
-            tick(0, HALVINGS + 1)
-
-    before, _, _ = _follow(structure, law, z, times, step, pulse)
-    for halving in range(1, HALVINGS + 1):
-        if tick is not None:
-            tick(halving, HALVINGS + 1)
-        step *= 0.5
-        states, deepest, steps = _follow(structure, law, z, times, step, pulse)
-        own = structure.scene().basis.own
-        difference = float((np.abs(states - before) * own).max())
-        difference /= max(float((np.abs(states) * own).max()), 1e-300)
-        # Order six: the finer of two runs is about 64 times better than their difference.
-        if difference <= 32.0 * tolerance:
-            break
-        before = states
-    if tick is not None:
-        tick(HALVINGS + 1, HALVINGS + 1)
-    return SoftRun(states[:-1], deepest, difference, steps)
-
-
-def _first_step(structure: Structure, law: Power, z: Floats, t_end: float) -> float:
-    """Return a step that resolves the stiffest state that the energy at the start allows."""
-    scene, sizes = structure.scene(), law.sizes(structure.system)
-    x, v = structure.place(scene, z)
-    system = structure.system
-    energy = 0.5 * (v @ (system.M @ v) * math.ldexp(1.0, 2 * structure.exponent))
-    energy += abs(0.5 * x @ (system.K @ x) - structure.force @ x)
-    energy += float(law.potential(structure.W @ x, sizes))
-    p = law.exponent
-    size = np.where(np.isfinite(sizes), sizes, np.inf).min(axis=0)
-    # stiffness size/(p+1) u^(p+1) = energy at the turn, where the slope is stiffness p u^(p-1).
-    u = (energy * (p + 1.0) / (law.stiffness * size)) ** (1.0 / (p + 1.0))
-    slope = law.stiffness * p / size * np.maximum(u, 1.0) ** (p - 1.0)
-    rate = float(np.sqrt((slope * structure.mobility.diagonal()).max(initial=0.0)))
-    return min(_FIRST / max(rate / math.ldexp(1.0, structure.exponent), 0.3), t_end)
-
-
-def _follow(
-    structure: Structure,
-    law: Power,
-    z: Floats,
-    times: Floats,
-    step: float,
-    pulse: Callable[[], None],
-) -> tuple[Floats, float, int]:
-    """Return the states at some times, the deepest compression and the number of steps.
-
-    Raises
-    ------
-    ConvergenceError
-        Where the limiters are too stiff to be followed.
-    """
-    if not step * _MOST_STEPS >= times[-1]:
-        message = f"the limiters are so stiff that the motion needs more than {_MOST_STEPS:g} steps"
-        raise ConvergenceError(message)
-    scene, sizes = structure.scene(), law.sizes(structure.system)
-    basis = scene.basis
-    levels = structure.level(scene)
-    stiffness = law.stiffness * math.ldexp(1.0, -2 * structure.exponent)
-    Z, other = z[np.newaxis].copy(), np.empty((1, *z.shape))
-    states, now, deepest, steps = np.empty((times.size, *z.shape)), 0.0, 0.0, 0
-    P, made = np.empty((FLIGHTS.size, 2, basis.pairs)), -1.0
-    for index, time in enumerate(times):
-        span = float(time - now)
-        count = max(1, math.ceil(span / step)) if span > 0.0 else 0
-        h = span / max(count, 1)
-        if count and abs(h - made) > 1e-15 * h:
-            for stage, part in enumerate(FLIGHTS):
-                propagators(basis.rates, basis.split, part * h, 0.0, P[stage])
-            made = h
-        for first in range(0, count, _AT_A_TIME):
-            if first:
-                pulse()
-            deepest = max(
-                deepest,
-                advance(
-                    basis.rates, basis.split, scene.forms, levels, sizes, law.exponent, stiffness,
-                    P, h, min(_AT_A_TIME, count - first), Z, other,
-                ),
+    def __init__(
+        self,
+        structure: Structure,
+        law: Power,
+        wanted: Floats,
+        t_end: float,
+        tolerance: float,
+        estimate: bool,
+    ) -> None:
+        scene, scale = structure.scene(), structure.scale
+        basis = scene.basis
+        self._times, self._end = np.append(wanted, t_end) * scale, t_end * scale
+        self._tolerance, self._estimate, self._scale = tolerance, estimate, scale
+        self._basis, self._own, self._weights = basis, basis.own, basis.weights
+        self._fixed = structure.level(scene), _laws(structure, law), basis.weights
+        self._exact = basis.rates, basis.split, scene.forms
+        self._whole = float(law.exponent <= LARGEST and law.exponent == int(law.exponent))
+        self._exponent = float(law.exponent)
+        self._scene = scene
+        self._budget = float(max(100, _WORK // (basis.pairs + 20)))
+        modes = basis.modes
+        self._shared = None
+        if basis.plain and not estimate and wanted.size <= MOST:
+            free = np.full((2, len(structure.system.constraints)), np.inf)
+            self._shared = (
+                scale, modes.weighted, basis.normal, basis.place, structure.W, free, modes.shapes,
             )  # fmt: skip
-        states[index], now, steps = Z[0], float(time), steps + count
-    return states, deepest, steps
+
+    def follow(self, z: Floats, tick: Tick | None = None) -> SoftRun:
+        """Follow a motion from a state, shape (2, pair).
+
+        Raises
+        ------
+        ConvergenceError
+            Where the limiters are too stiff to be followed.
+        """
+        if not self._estimate:
+            return self._run(z, max(_STEP * self._tolerance, _FINEST), tick, 0.0, 1.0)
+        rough, begin = max(_STEP * self._tolerance, 8.0 * _FINEST), 0.0
+        while True:
+            fine = max(_STEP * rough, _FINEST)
+            middle, end = 0.5 * (1.0 + begin), 0.5 * (1.0 + 0.5 * (1.0 + begin))
+            other = self._run(z, rough, tick, begin, 0.5 * (begin + middle), off=True)
+            found = self._run(z, fine, tick, 0.5 * (begin + middle), end)
+            found = self._judged(found, other)
+            if found.difference <= self._tolerance or fine == _FINEST:
+                if tick is not None:
+                    tick(1000, 1000)
+                return found
+            # As much finer as it was too rough, and some more.
+            finer = max(_STEP * self._tolerance / found.difference, _LEAST)
+            rough = max(finer * rough, 8.0 * _FINEST)
+            begin = end
+
+    def launch(self, x: Floats, v: Floats, dofs: Integers) -> SoftLaunch | None:
+        """Follow a motion from displacements and velocities in one call, not estimated.
+
+        None where that was not possible: `follow` tells why, or can.
+
+        Parameters
+        ----------
+        x, v : array, shape (dof,)
+        dofs : array of int
+            Those that are wanted.
+        """
+        if self._shared is None or x.shape != v.shape or x.shape != self._shared[1].shape[:1]:
+            return None
+        eps = max(_STEP * self._tolerance, _FINEST)
+        settings, clock, counts, work = self._arrays(eps)
+        pairs, times = self._basis.pairs, self._times.size
+        xs, vs = np.empty((times - 1, dofs.size)), np.empty((times - 1, dofs.size))
+        stop = launch(
+            x, v, *self._shared, dofs, *self._exact, *self._fixed, settings, self._times,
+            np.zeros((2, 2, pairs)), clock, counts, np.empty((times, 2, pairs)), work, xs, vs,
+        )  # fmt: skip
+        if stop != Stop.END:
+            return None
+        return SoftLaunch(xs, vs, float(clock[4]), int(counts[0]))
+
+    def _arrays(self, eps: float) -> tuple[Floats, Floats, Integers, Floats]:
+        """Return settings, clock, counts and room to work in of `kernels.taylor.follow`."""
+        order = order_of(eps)
+        settings = np.array([self._exponent, self._whole, order, eps])
+        clock = np.array([0.0, 0.0, self._end, _FIRST, 0.0, self._budget])
+        work = np.empty(room(self._basis.pairs, self._fixed[0].size, order))
+        return settings, clock, np.zeros(3, dtype=np.int64), work
+
+    def _judged(self, found: SoftRun, other: SoftRun) -> SoftRun:
+        """Return a run with what another tells about it."""
+        weights = self._weights[np.newaxis]
+        apart = (np.abs(found.states - other.states) * self._own).max(axis=(1, 2))
+        largest = float((np.abs(found.states) * weights).max(initial=0.0))
+        apart = apart / largest if largest > 0.0 else apart
+        late = np.flatnonzero(~(apart <= self._tolerance))
+        until = self._times[late[0]] if late.size else self._end
+        return SoftRun(
+            found.states,
+            found.compression,
+            found.steps,
+            float(apart.max()),
+            float(until) / self._scale,
+        )
+
+    def _run(
+        self,
+        z: Floats,
+        eps: float,
+        tick: Tick | None,
+        begin: float,
+        end: float,
+        *,
+        off: bool = False,
+    ) -> SoftRun:
+        """Follow a motion with steps of some error, off: with the roundings of what is given.
+
+        Its progress counts from one part of the whole work to another.
+        """
+        rates, split, forms = self._exact
+        levels, laws, weights = self._fixed
+        states = np.empty((self._times.size, *z.shape))
+        start = np.zeros((2, *z.shape))
+        start[0] = z
+        if off:
+            basis = self._basis
+            start[0] += _EPS * float((np.abs(z) * weights).max()) * basis.noise[0] * self._own
+            rates, forms = rates.copy(), forms.copy()
+            rates[1] += _EPS * basis.drifts[0]
+            forms[2] += _EPS * self._scene.bends[0]
+        settings, clock, counts, work = self._arrays(eps)
+        while True:
+            stop = follow(
+                rates, split, forms, levels, laws, weights, settings, self._times, start, clock,
+                counts, states, work,
+            )  # fmt: skip
+            if stop == Stop.END:
+                return SoftRun(states, float(clock[4]), int(counts[0]))
+            part = float(clock[0]) / self._end
+            if stop == Stop.STIFF or not counts[0] < _MOST_STEPS * part:
+                message = (
+                    "the limiters are so stiff that the motion needs more than "
+                    f"{_MOST_STEPS:g} steps"
+                )
+                raise ConvergenceError(message)
+            if tick is not None:
+                tick(int(1e3 * (begin + (end - begin) * part)), 1000)
+
+
+def _laws(structure: Structure, law: Power) -> Floats:
+    """Return what `kernels.taylor.follow` takes of the limiters, shape (5, constraint)."""
+    sizes = law.sizes(structure.system)
+    unit = sizes.min(axis=0, initial=np.inf)
+    ratios = unit / sizes
+    stiffness = law.stiffness * math.ldexp(1.0, -2 * structure.exponent)
+    gains = stiffness * np.array([[1.0], [-1.0]]) * ratios**law.exponent
+    return np.ascontiguousarray(np.concatenate([1.0 / unit[np.newaxis], gains, ratios]))

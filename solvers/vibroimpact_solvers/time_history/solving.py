@@ -10,9 +10,11 @@ import numpy as np
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.plan import Plan, Stage
-from vibroimpact_solvers.time_history import reference, soft
+from vibroimpact_solvers.time_history import reference
 from vibroimpact_solvers.time_history.answer import (
+    EPS,
     TOLERANCE,
+    UNKNOWN,
     bare,
     bare_of_flights,
     fill_condition,
@@ -24,12 +26,14 @@ from vibroimpact_solvers.time_history.planning import Flight
 from vibroimpact_solvers.time_history.problem import Member, Problem, State
 from vibroimpact_solvers.time_history.result import Result
 from vibroimpact_solvers.time_history.run import Run, Tick
+from vibroimpact_solvers.time_history.soft import SoftLaunch, SoftMotion
 from vibroimpact_solvers.time_history.start import initial_state
 from vibroimpact_solvers.time_history.structure import Structure
 
-_HALVED = (
-    "estimate: difference to the same motion with steps of twice the length, relative to the "
-    "largest state; penetration is the largest coordinate over scale times its gap"
+_TWICE = (
+    "estimate: difference to the same motion with longer steps, a hundred times the error each, "
+    "and with the initial state, frequencies and limiters off by their roundings, relative to "
+    "the largest state; penetration is the largest coordinate over scale times its gap"
 )
 _NONE = "none: the integrator's own control of its steps; it can miss impacts"
 
@@ -59,6 +63,17 @@ class Prepared:
         self._launcher = None
         if self._solver is _exact:
             self._launcher = Launcher.of(self.structure, problem, self.wanted)
+        self.soft, self._light = None, "energy" not in problem.outputs
+        if self._solver is _soft:
+            assert problem.limiter is not None
+            self.soft = SoftMotion(
+                self.structure,
+                problem.limiter,
+                self.wanted,
+                problem.t_end,
+                TOLERANCE if problem.tolerance is None else problem.tolerance,
+                problem.estimate,
+            )
 
     def solve(self, initial: State | Member | None = None, tick: Tick | None = None) -> Result:
         """Compute the motion from an initial state; absent: from that of the problem.
@@ -77,6 +92,10 @@ class Prepared:
                 if tick is not None:
                     tick(1000, 1000)
                 return flight
+        if self.soft is not None and isinstance(start, State) and self._light:
+            found = self.soft.launch(start.x, start.v, self.problem.wanted_dofs)
+            if found is not None:
+                return _launched_softly(self, found, tick)
         history = History(self.problem, self.structure)
         return self._solver(self, start, history, tick)
 
@@ -110,6 +129,19 @@ def _continued(prepared: Prepared, flight: Launched, tick: Tick | None) -> Resul
     return _result(problem, run, history)
 
 
+def _launched_softly(prepared: Prepared, flight: SoftLaunch, tick: Tick | None) -> Result:
+    """Return what a motion between soft limiters in one call yields."""
+    outputs, found = prepared.problem.outputs, bare_of_flights(prepared.problem)
+    if tick is not None:
+        tick(1000, 1000)
+    if "x" in outputs:
+        found["x"] = flight.x
+    if "v" in outputs:
+        found["v"] = flight.v
+    found["error_penetration"], found["count_expansions"] = flight.compression, flight.steps
+    return Result.of(found)
+
+
 def _run(prepared: Prepared, z: Floats, history: History, tick: Tick | None) -> Run:
     problem, structure = prepared.problem, prepared.structure
     return Run(
@@ -138,21 +170,19 @@ def _exact(
 def _soft(
     prepared: Prepared, initial: State | Member, history: History, tick: Tick | None
 ) -> Result:
-    """Split into exact flow and kicks of the soft limiters."""
-    problem, structure = prepared.problem, prepared.structure
-    assert problem.limiter is not None
-    z = initial_state(problem, initial, structure)
-    tolerance = TOLERANCE if problem.tolerance is None else problem.tolerance
-    run = soft.follow(
-        structure, problem.limiter, z, prepared.wanted, problem.t_end, tolerance, tick
-    )
-    history.take(structure.scene(), run.states, 0)
+    """Follow the Taylor series between the soft limiters."""
+    problem = prepared.problem
+    assert prepared.soft is not None
+    run = prepared.soft.follow(initial_state(problem, initial, prepared.structure), tick)
+    history.take(prepared.structure.scene(), run.states[:-1], 0)
     found = _with_history(problem, history)
     found.update(
         error_penetration=run.compression,
-        error_difference=run.difference,
         count_expansions=run.steps,
-        error_statement=_HALVED,
+        error_condition=run.difference / EPS if problem.estimate else math.nan,
+        error_predictable_until=run.known_until,
+        error_difference=run.difference if problem.estimate else None,
+        error_statement=_TWICE if problem.estimate else UNKNOWN,
     )
     return Result.of(found)
 
@@ -194,7 +224,7 @@ def _integrated(
     return Result.of(found)
 
 
-_METHODS: Final = {Flight.MODAL: _exact, Flight.SPLITTING: _soft}
+_METHODS: Final = {Flight.MODAL: _exact, Flight.TAYLOR: _soft}
 
 
 def _with_history(problem: Problem, history: History) -> dict[str, Any]:
