@@ -58,15 +58,15 @@ def launch(
     F, split, forms, levels, laws, weights, settings, wanted, clock, counts, samples, work : array
         See `kernels.taylor.follow`.
     z : array, shape (2, 2, pair)
-        Zero.
+        Zero; overwritten.
     xs, vs : array, shape (time, dof)
         The history at the first of the wanted times, filled in at the end.
     """
-    if not state_of(x, v, 1.0 / scale, weighted, normal, place, W, limits, z):
+    if not state_of(x, v, 1.0 / scale, weighted, normal, place, W, limits, z, samples[0]):
         return REFUSED
     stop = follow(
         F, split, forms, levels, laws, weights, settings, wanted, z, clock, counts, samples, work
     )
     if stop == 0 and xs.shape[0] > 0:
-        motion_of(samples[: xs.shape[0]], scale, shapes, dofs, normal, place, xs, vs)
+        motion_of(samples[: xs.shape[0]], scale, shapes, dofs, normal, place, xs, vs, z[1])
     return stop
