@@ -48,4 +48,8 @@ def explain(error: BaseException) -> dict[str, Any]:
     return {"detail": repr(error)}
 
 
+def nothing(tick: Tick) -> None:
+    """Do nothing: what remains of a call is the way to a worker and back."""
+
+
 WORK = Work(split, solve, join, explain, modules=(__name__,))

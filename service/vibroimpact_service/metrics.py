@@ -12,6 +12,8 @@ from prometheus_client.exposition import CONTENT_TYPE_PLAIN_1_0_0
 MEDIA_TYPE: Final = CONTENT_TYPE_PLAIN_1_0_0
 
 _LOOK_SECONDS: Final = 0.02
+_IDLE_SECONDS: Final = 0.25
+"""How often the event loop is looked at while nobody asks anything: nothing blocks it then."""
 _FAST: Final = (
     0.001,
     0.0025,
@@ -34,6 +36,8 @@ class Metrics:
     """What is counted and timed in one application."""
 
     def __init__(self) -> None:
+        self._answered = 0
+        self._series: dict[tuple[str, str, int], tuple[Counter, Histogram]] = {}
         self._registry = CollectorRegistry()
         self._requests = Counter(
             "vibroimpact_http_requests", "Answered requests.", ("method", "route", "status"),
@@ -73,15 +77,24 @@ class Metrics:
     async def watch_loop(self) -> None:
         """Measure for ever how late the event loop wakes: it is late by what blocked it."""
         clock = asyncio.get_running_loop().time
+        seen = -1
         while True:
-            due = clock() + _LOOK_SECONDS
-            await asyncio.sleep(_LOOK_SECONDS)
+            pause = _IDLE_SECONDS if seen == self._answered else _LOOK_SECONDS
+            seen = self._answered
+            due = clock() + pause
+            await asyncio.sleep(pause)
             self._lag.observe(max(0.0, clock() - due))
 
     def answered(self, method: str, route: str, status: int, seconds: float) -> None:
         """Count an answer."""
-        self._requests.labels(method, route, str(status)).inc()
-        self._seconds.labels(method, route).observe(seconds)
+        self._answered += 1
+        key = method, route, status
+        found = self._series.get(key)
+        if found is None:
+            count = self._requests.labels(method, route, str(status))
+            found = self._series[key] = count, self._seconds.labels(method, route)
+        found[0].inc()
+        found[1].observe(seconds)
 
     def result(self, kind: str, cache: str) -> None:
         """Count a computation: ``hit``, ``miss``, ``collapsed`` or ``job``."""

@@ -12,7 +12,7 @@ import dask
 import structlog
 from distributed import Nanny, Scheduler
 
-from vibroimpact_service.jobs.engine import CONFIG, LANES, open_nursery, security
+from vibroimpact_service.jobs.engine import CONFIG, LANES, calm, open_nursery, security
 from vibroimpact_service.settings import Settings
 
 log = structlog.get_logger("vibroimpact.cluster")
@@ -34,6 +34,7 @@ def schedule(settings: Settings, host: str, port: int, ready: Callable[[str], No
             security=security(settings),
             dashboard=False,
         ) as scheduler:
+            calm(scheduler)
             ready(scheduler.address)
             await _first(stop.wait(), scheduler.finished())
 

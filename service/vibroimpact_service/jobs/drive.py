@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import queue
 import threading
 import time
@@ -14,7 +13,7 @@ from typing import Any, Final
 
 import structlog
 
-from vibroimpact_service.jobs import calls, lease
+from vibroimpact_service.jobs import bundles, calls, lease
 from vibroimpact_service.jobs.database import RecordsUnavailableError
 from vibroimpact_service.jobs.engine import BULK, FAST, Call, Engine, EngineUnavailableError
 from vibroimpact_service.jobs.records import JobRow
@@ -28,10 +27,12 @@ log = structlog.get_logger("vibroimpact.jobs")
 _PROGRESS_SECONDS: Final = 0.2
 _LOOK_SECONDS: Final = 0.25  # how soon a drive notices that it must stop while nothing ends
 _FAST_SECONDS: Final = 1.0  # planned work below it goes through the fast lane
-_BUNDLE_SECONDS: Final = 0.2
-_LARGEST_BUNDLE: Final = 1000
+_MEASURE_SECONDS: Final = 0.25
+"""How often a sweep asks how long a bundle took: fetching that costs as much as all else of it."""
 _FEW_CHUNKS: Final = 32
 """Chunks that are put together in the time of a quick job: a small job does not wait twice more."""
+_UNMEASURED: Final = 8
+"""Chunks of a bundle, at most, while only the plan tells how long they take."""
 _JOINS: Final = 3
 ALONE_TRIES: Final = 2
 _RETRY_SECONDS: Final = 0.5
@@ -318,8 +319,8 @@ class _Sweep:
         self._suspects: list[int] = []
         planned = [chunks[i].seconds for i in missing if chunks[i].seconds > 0]
         # Before the first bundle came back, the plan is all that is known.
-        self._seconds = sum(planned) / len(planned) if planned else _BUNDLE_SECONDS
-        self._measured = False
+        self._seconds = sum(planned) / len(planned) if planned else bundles.SECONDS
+        self._measured_at: float | None = None
 
     def run(self) -> None:
         """Compute them all."""
@@ -360,14 +361,12 @@ class _Sweep:
 
     def _bundle(self) -> int:
         """Return how many chunks the next call computes."""
-        size = min(_LARGEST_BUNDLE, max(1, int(_BUNDLE_SECONDS / self._seconds)))
-        if not self._measured:
-            size = min(size, 8)
+        waiting = len(self._waiting)
         if self._chained:
-            return min(size, len(self._waiting))
-        # Towards the end smaller ones, so that all workers end at about the same time.
-        share = math.ceil(len(self._waiting) / (2 * max(1, self._around.engine.slots)))
-        return min(size, share)
+            size = min(waiting, bundles.chunks(bundles.SECONDS, self._seconds))
+        else:
+            size = bundles.size(waiting, self._seconds, self._around.engine.slots)
+        return size if self._measured_at is not None else min(size, _UNMEASURED)
 
     def _receive(self, ended: Sequence[Call]) -> None:
         well = []
@@ -387,13 +386,24 @@ class _Sweep:
             if self._chained:  # the others need these
                 self._suspects += self._waiting[::-1]
                 self._waiting.clear()
-        if not well:
-            return
-        seconds = self._around.engine.values([call for call, _ in well])
-        for (call, bundle), spent in zip(well, seconds, strict=True):
+        for call, bundle in well:
             del self._flying[call.key]
             self._around.shares.give(self._drive.job.owner)
             self._done += len(bundle)
-            one = max(spent / len(bundle), 1e-5)
-            self._seconds = 0.5 * (self._seconds + one) if self._measured else one
-            self._measured = True
+        if well:
+            self._measure(*well[-1])
+        for call, _ in well:
+            call.future.release()
+
+    def _measure(self, call: Call, bundle: list[int]) -> None:
+        """Learn from a bundle, now and then, how long a chunk takes."""
+        now = time.monotonic()
+        if self._measured_at is not None and now - self._measured_at < _MEASURE_SECONDS:
+            return
+        try:
+            (spent,) = self._around.engine.values([call])
+        except EngineUnavailableError:
+            return  # its worker is gone; what it computed is stored
+        one = max(spent / len(bundle), 1e-5)
+        self._seconds = one if self._measured_at is None else 0.5 * (self._seconds + one)
+        self._measured_at = now

@@ -13,9 +13,18 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import dask
+import distributed.scheduler
 import distributed.utils
 import structlog
-from distributed import Client, Future, LocalCluster, Security, WorkerPlugin, get_worker
+from distributed import (
+    Client,
+    Future,
+    LocalCluster,
+    Scheduler,
+    Security,
+    WorkerPlugin,
+    get_worker,
+)
 from distributed.scheduler import KilledWorker
 
 from vibroimpact_service.jobs import certificates, nursery
@@ -45,7 +54,10 @@ CONFIG: Final[dict[str, Any]] = {
     "distributed.admin.system-monitor.disk": False,
     "distributed.admin.system-monitor.gil.enabled": False,
     "distributed.diagnostics.nvml": False,
-    "distributed.worker.memory.monitor-interval": "500ms",
+    "distributed.worker.memory.monitor-interval": "1s",
+    "distributed.client.scheduler-info-interval": "5 minutes",
+    # Nor does anybody want to see the lines of source from which calls come.
+    "distributed.diagnostics.computations.nframes": 0,
     # There are never many bundles to be moved: each user has a few per worker at a time.
     "distributed.scheduler.work-stealing-interval": "1s",
     # A result has one copy, and it is gone as soon as it was fetched.
@@ -58,6 +70,12 @@ _RETRY_SECONDS = 0.5
 _LOOK_SECONDS = 1.0
 _MISSING_SECONDS = 60.0  # workers of our own that are away for longer will not come back
 _SEND_SECONDS = 0.002  # Dask collects messages to the scheduler for 10 ms otherwise
+_HEARTBEAT_SECONDS = 5.0
+"""Between heartbeats of a worker. A death shows at once by its connection, and only a worker that
+hangs by heartbeats: after minutes, see above. Dask's half a second is for its status pages."""
+_SELDOM = 1e6
+_HERE: Final = "inproc://"
+"""How the client and a scheduler in the same process talk: without encoding and encryption."""
 
 log = structlog.get_logger("vibroimpact.engine")
 
@@ -245,7 +263,11 @@ class Engine:
         if self._settings.scheduler is None:
             passing = _passing_security()
             self._cluster = self._own_cluster(passing)
-            client = Client(self._cluster, security=passing, set_as_default=False)
+            listeners = self._cluster.scheduler.listeners
+            (here,) = (e.contact_address for e in listeners if e.contact_address.startswith(_HERE))
+            loop = self._cluster.loop
+            loop.add_callback(calm, self._cluster.scheduler)
+            client = Client(here, loop=loop, security=passing, set_as_default=False)
         else:
             client = Client(
                 self._settings.scheduler,
@@ -268,6 +290,8 @@ class Engine:
             protocol="tls://",
             security=passing,
             resources=dict.fromkeys(LANES, 1),
+            scheduler_kwargs={"host": ["127.0.0.1", None], "protocol": ["tls://", _HERE]},
+            scheduler_sync_interval=_SELDOM,
             dashboard_address="127.0.0.1:0",
             worker_dashboard_address="127.0.0.1:0",
             silence_logs=logging.ERROR,
@@ -277,7 +301,7 @@ class Engine:
         """Watch the connection until it breaks, and calls that do not stop."""
         complete = time.monotonic()
         while not self._closing.is_set() and client.status == "running":
-            self.slots = len(client.nthreads())
+            self.slots = self._count(client)
             self.failure = None if self.slots else "there are no workers"
             if self._cluster is None or self.slots >= self._settings.workers:
                 complete = time.monotonic()
@@ -286,6 +310,12 @@ class Engine:
                 return
             self._stop_stubborn(client)
             self._closing.wait(_LOOK_SECONDS if self.slots else _LOOK_SECONDS / 5)
+
+    def _count(self, client: Client) -> int:
+        """Return how many workers there are."""
+        if self._cluster is not None:
+            return len(self._cluster.scheduler.workers)
+        return len(client.nthreads())
 
     def _stop_stubborn(self, client: Client) -> None:
         now = time.monotonic()
@@ -320,6 +350,26 @@ def open_nursery(modules: Sequence[str]) -> None:
     """
     nursery.open_nursery(modules)
     distributed.utils._forkserver_preload_set = True
+
+
+def calm(scheduler: Scheduler) -> None:
+    """Keep a scheduler from looking four times a second for what it was not asked to look for."""
+    limits = {
+        "idle-timeout": scheduler.idle_timeout,
+        "no-workers-timeout": scheduler.no_workers_timeout,
+    }
+    for name, limit in limits.items():
+        if limit is None:
+            scheduler.periodic_callbacks[name].stop()
+
+
+def _heartbeat_seconds(workers: int) -> float:
+    return float(max(_HEARTBEAT_SECONDS, _usual_heartbeat_seconds(workers)))
+
+
+# Dask has no setting for it.
+_usual_heartbeat_seconds = distributed.scheduler.heartbeat_interval
+distributed.scheduler.heartbeat_interval = _heartbeat_seconds
 
 
 def _passing_security() -> Security:

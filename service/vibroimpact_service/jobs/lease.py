@@ -22,6 +22,23 @@ LEASE_SECONDS: Final = 8.0
 _FREED: Final[dict[str, Any]] = {"lease_owner": None, "lease_until": None}
 
 
+def claimable(connection: Connection) -> bool:
+    """Whether there is a job that could be claimed: to look costs far less than to try.
+
+    Of a queued one it is not asked whether its result is being computed for another.
+    """
+    clock = now(connection)
+    orphan = sa.exists().where(RUNNING, jobs.c.lease_until < clock)
+    due = jobs.c.retry_at.is_(None) | (jobs.c.retry_at <= clock)
+    return bool(connection.execute(sa.select(orphan | sa.exists().where(QUEUED, due))).scalar_one())
+
+
+def overdue(connection: Connection) -> bool:
+    """Whether there is a job whose deadline has passed."""
+    found = sa.exists().where(QUEUED | RUNNING, jobs.c.deadline < now(connection))
+    return bool(connection.execute(sa.select(found)).scalar_one())
+
+
 def claim(me: str, lane: str, room: int, seconds: float) -> Callable[[Connection], list[JobRow]]:
     """Lease jobs of a lane that are queued or whose lease ran out.
 

@@ -302,16 +302,26 @@ class JobQueue:
 
     async def _claim(self) -> None:
         # Before Python 3.12 wait_for can swallow a cancellation, hence the flag beside it.
+        woken = False
         while not self._closing:
             self._wake.clear()
-            if self.engine.ready:
+            if self.engine.ready and (woken or await self._claimable()):
                 await asyncio.gather(self._claim_bulk(), self._claim_quick())
             try:
                 # Until there are workers, look often whether they have come.
                 pause = _LOOK_SECONDS if self.engine.ready else 0.05
                 await asyncio.wait_for(self._wake.wait(), pause)
+                woken = True
             except TimeoutError:
-                continue
+                woken = False
+
+    async def _claimable(self) -> bool:
+        """Look for jobs of which nobody here was told: of other replicas, or to be tried again."""
+        try:
+            return await self._read(lease.claimable)
+        except Exception as error:
+            log.warning("no jobs can be looked for", error=str(error))
+            return False
 
     async def _claim_bulk(self) -> None:
         room = self._settings.driven_jobs - self._count(Drive)
@@ -361,8 +371,8 @@ class JobQueue:
         while not self._closing:
             await asyncio.sleep(_RENEW_SECONDS)
             try:
-                overdue = await self._write(lease.fail_overdue(self._overdue))
-                self._watch.tell(overdue)
+                if await self._read(lease.overdue):
+                    self._watch.tell(await self._write(lease.fail_overdue(self._overdue)))
                 held = {job for driver in self._drivers for job in driver.held}
                 if held:
                     mine = await self._write(lease.renew(self._me, held))
