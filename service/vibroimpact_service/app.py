@@ -28,6 +28,7 @@ from vibroimpact_service.api import (
     sharing,
     systems,
 )
+from vibroimpact_service.api.direct import Direct
 from vibroimpact_service.api.shell import Shell, cross_origin, http_error, parameter_error
 from vibroimpact_service.api.turns import Turns
 from vibroimpact_service.evaluate import Evaluation
@@ -101,6 +102,8 @@ def create_app(settings: Settings | None = None, queue: JobQueue | None = None) 
     )
     for router in app.state.routers:
         app.include_router(router)
+    if not traced:  # the framework traces on its own way
+        app.add_middleware(Direct, routers=app.state.routers)
     if chosen.cors_origins:
         app.add_middleware(CORSMiddleware, **cross_origin(chosen))
     app.add_middleware(Shell, settings=chosen, metrics=metrics, gate=gate)

@@ -50,6 +50,7 @@ class Shell:
 
     def __init__(self, app: ASGIApp, settings: Settings, metrics: Metrics, gate: Gate) -> None:
         self._app, self._settings, self._metrics, self._gate = app, settings, metrics, gate
+        self._loopback = loopback(settings.host)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve one request."""
@@ -113,7 +114,7 @@ class Shell:
         """
         names: Collection[str] = self._settings.hosts
         if not names:
-            if self._gate.closed or not loopback(self._settings.host):
+            if self._gate.closed or not self._loopback:
                 return
             names = _LOCAL_NAMES
         name = host.rpartition(":")[0] if _PORT.search(host) else host
