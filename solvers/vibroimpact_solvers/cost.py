@@ -23,9 +23,12 @@ RATES: Final[Mapping[Stage, float]] = {
 """Rates of stages whose operations are counted differently."""
 BYTES_PER_SECOND: Final = 5.0e8
 OVERHEAD_SECONDS: Final = 4e-4
+POINT_SECONDS: Final = 1e-3
+"""For making the problem of one point of a sweep, checks included, and taking its result."""
 
 
 def seconds(plan: Plan) -> float:
     """Return the estimated time of a plan on one core."""
     work = sum(step.flops / RATES.get(step.stage, FLOPS_PER_SECOND) for step in plan.steps)
-    return OVERHEAD_SECONDS + work + plan.bytes / BYTES_PER_SECOND
+    overhead = OVERHEAD_SECONDS + POINT_SECONDS * plan.points
+    return overhead + work + plan.bytes / BYTES_PER_SECOND

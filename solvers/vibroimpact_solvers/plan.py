@@ -65,11 +65,21 @@ class Skip:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """All decisions of one computation."""
+    """All decisions of one computation.
+
+    Parameters
+    ----------
+    kind : str
+    steps : tuple of Step
+    skips : tuple of Skip
+    points : int
+        Problems that have to be made of a common one before they are solved, as in a sweep.
+    """
 
     kind: str
     steps: tuple[Step, ...]
     skips: tuple[Skip, ...] = ()
+    points: int = 0
 
     def step(self, stage: Stage) -> Step | None:
         """Return the step of a stage, or None where the plan has none."""

@@ -28,7 +28,8 @@ def plan(problem: Problem) -> Plan:
     """
     point, of_point = _first(problem)
     steps = tuple(_steps(problem, point, of_point))
-    return Plan(KIND, steps, tuple(_skips(problem, of_point)))
+    made = math.prod(axis.values.size for axis in problem.axes if axis.stage is not None)
+    return Plan(KIND, steps, tuple(_skips(problem, of_point)), made)
 
 
 def _first(problem: Problem) -> tuple[Any, Plan]:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vibroimpact_solvers import impact_modes, sweep
+from vibroimpact_solvers import cost, impact_modes, sweep
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.plan import Stage
@@ -115,3 +115,12 @@ def test_there_must_be_a_row_for_the_kind() -> None:
     with pytest.raises(ModelError) as caught:
         sweep.Problem("no-such-kind", (stepped(0, 3),), at, SYSTEM)
     assert caught.value.pointer == ("kind",)
+
+
+def test_a_sweep_costs_what_it_takes_to_make_its_points() -> None:
+    idle = sweep.Axis("i", "i", np.arange(5.0), stage=None, why="it changes nothing")
+    plan = sweep.plan(lattice(stepped(1, 4), stepped(1, 3, name="m"), idle))
+    assert plan.points == 12  # those that differ by the idle axis alone are one
+    alone = cost.seconds(impact_modes.plan(at((0, 0, 0))))
+    assert cost.seconds(plan) > 12 * cost.POINT_SECONDS
+    assert cost.seconds(plan) < 12 * (cost.POINT_SECONDS + alone)
