@@ -24,10 +24,12 @@ import numpy as np
 from benchmarks.server import Server, running, seconds
 from benchmarks.tables import Figure, Table, figures
 from vibroimpact_schema.requests import ImpactModesRequest
+from vibroimpact_schema.sweeps import SweepRequest
 from vibroimpact_schema.systems import SystemReference
-from vibroimpact_service import decode, digest, encode
+from vibroimpact_service import decode, digest, encode, tasks
+from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.store import Store
-from vibroimpact_solvers import cost, impact_modes
+from vibroimpact_solvers import cost, impact_modes, sweep
 from vibroimpact_solvers.arrays import Quantity
 
 SECONDS: Final = 5
@@ -41,6 +43,11 @@ _LATE: Final = "event loop over 50 ms late"
 _SHARED: Final = (
     "on the clock: clients, service and its workers share the cores with one another, and with "
     "whatever else the machine does"
+)
+_PLANNED: Final = (
+    "requests of a millisecond take twice as long where others keep the machine busy, and "
+    "impulses of two hundred masses a quarter of what is planned, as their kernel does several "
+    "operations at once: jobs are cut into pieces by the same prices"
 )
 MIX = """
 local number = 0
@@ -72,6 +79,31 @@ function done()
   for status, count in pairs(all) do io.write("status " .. status .. " " .. count .. "\\n") end
 end
 """
+
+
+SWEEP: Final[dict[str, Any]] = {
+    "kind": "time-history",
+    "base": {
+        "system": {
+            "preset": "oscillator",
+            "Omega0": 1.0,
+            "zeta": 0.02,
+            "constraints": [{"dof": 0, "gap": 1.0, "restitution": 0.8}],
+        },
+        "initial": {"x": [0.0], "v": [2.0]},
+        "t_end": 20.0,
+        "t": {"num": 50},
+        "outputs": ["x", "v", "impacts"],
+    },
+    "axes": [
+        {
+            "path": f"system.constraints.0.{name}",
+            "name": name,
+            "values": [first + 1e-3 * i for i in range(8)],
+        }
+        for name, first in (("gap", 0.5), ("restitution", 0.7))
+    ],
+}
 
 
 class Control:
@@ -241,6 +273,7 @@ def plans() -> Iterator[Figure]:
     yield Figure("planned over measured, 5 % below", low)
     yield Figure("planned over measured, median", middle)
     yield Figure("planned over measured, 95 % below", high)
+    yield Figure("planned over measured, a sweep of 64 time histories", ratio_of_sweep())
 
 
 def ratio(n: int, num: int, outputs: list[str]) -> float:
@@ -262,6 +295,19 @@ def ratio(n: int, num: int, outputs: list[str]) -> float:
         began = time.process_time()
         encode.freeze(impact_modes.solve(problem, plan), {})
         spent.append(time.process_time() - began)
+    return cost.seconds(plan) / min(spent[1:])
+
+
+def ratio_of_sweep() -> float:
+    """Return planned over measured time of a sweep of short time histories."""
+    request = SweepRequest.model_validate(SWEEP)
+    with tempfile.TemporaryDirectory() as folder:
+        _, problem, plan = tasks.assign(Store(folder), KINDS["sweep"], request)
+        spent = []
+        for _ in range(4):
+            began = time.process_time()
+            sweep.solve(problem, plan)
+            spent.append(time.process_time() - began)
     return cost.seconds(plan) / min(spent[1:])
 
 
@@ -403,7 +449,7 @@ def large_results() -> Table:
 def estimates() -> Table:
     """Compare planned seconds with the processor time of the library, over a mix of requests."""
     note = "Plans speak of one core of a machine of 2024."
-    return figures("Estimates of plans", plans(), note)
+    return figures("Estimates of plans", plans(), note, {"": _PLANNED})
 
 
 TABLES: Final = (answers, crowd, large_results, estimates)

@@ -143,10 +143,11 @@ def idle(server: Server, length: float = 10.0) -> Iterable[Figure]:
     """Yield how much of a core a service uses that nobody asks anything."""
     _latencies(server, 5, 0)
     time.sleep(3.0)
-    before = seconds(server.processes())
+    before, alone = seconds(server.processes()), server.processor()
     time.sleep(length)
-    used = seconds(server.processes()) - before
-    yield Figure("idle processor [% of a core]", 100.0 * used / length, 2.0)
+    used, own = seconds(server.processes()) - before, server.processor() - alone
+    yield Figure(_IDLE, 100.0 * used / length, 2.0)
+    yield Figure("the same of the serving process alone [% of a core]", 100.0 * own / length)
 
 
 def soak(server: Server, jobs: int = 2000, warm: int = 1000) -> Iterable[Figure]:
@@ -290,9 +291,15 @@ def upkeep() -> Table:
     found = list(listing())
     with running(_WORKERS) as server:
         found += [*idle(server), *soak(server)]
-    return figures("Upkeep", found, _loads())
+    return figures("Upkeep", found, _loads(), _RESTING)
 
 
+_IDLE: Final = "idle processor [% of a core]"
+_RESTING: Final = {
+    _IDLE: "what remains is mostly Dask's and uvicorn's: heartbeats, looks at the memory of each "
+    "worker every second, the clock of the HTTP server ten times a second; of ours, two looks at "
+    "the records a second for what other replicas left"
+}
 _SHARED: Final = {
     "": "on the clock: service, workers and clients share the cores with one another, and with "
     "whatever else the machine does; see the load"

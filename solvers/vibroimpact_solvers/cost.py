@@ -14,6 +14,8 @@ from vibroimpact_solvers.plan import Plan, Stage
 FLOPS_PER_SECOND: Final = 1.0e9
 """Rate of the kernels; conservative, so that estimates err to the long side."""
 RATES: Final[Mapping[Stage, float]] = {
+    # LAPACK, by blocks or by a few vectors of a band.
+    Stage.SPECTRUM: 3.0e9,
     # A walk along the motion ends where a limit is passed, mostly long before its bound.
     Stage.EXISTENCE: 8.0e9,
     # Products of matrices and formulas over whole arrays.
