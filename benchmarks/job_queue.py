@@ -142,7 +142,7 @@ def listing(rows: int = 100_000, pages: int = 50) -> Iterable[Figure]:
 def idle(server: Server, length: float = 10.0) -> Iterable[Figure]:
     """Yield how much of a core a service uses that nobody asks anything."""
     _latencies(server, 5, 0)
-    time.sleep(3.0)
+    time.sleep(10.0)  # workers load their kernels
     before, alone = seconds(server.processes()), server.processor()
     time.sleep(length)
     used, own = seconds(server.processes()) - before, server.processor() - alone
