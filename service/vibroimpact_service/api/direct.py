@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from fastapi import APIRouter
 from starlette.convertors import StringConvertor
 from starlette.requests import Request
+from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from vibroimpact_service.api.guard import Guarded, Handler
@@ -34,10 +35,13 @@ class Direct:
     def __init__(self, app: ASGIApp, routers: Sequence[APIRouter]) -> None:
         self._app = app
         self._ways: dict[tuple[str, str], _Way] = {}
-        for router in routers:
-            for route in router.routes:
-                if isinstance(route, Guarded) and route.direct:
-                    self._add(route)
+        self._left: set[tuple[str, str]] = set()
+        for route in (route for router in routers for route in router.routes):
+            if isinstance(route, Guarded) and route.direct:
+                self._add(route)
+            elif isinstance(route, Route):
+                # An address of its own is not what a parameter could be.
+                self._left |= {(method, route.path) for method in route.methods or ()}
 
     def _add(self, route: Guarded) -> None:
         assert route.methods is not None
@@ -58,7 +62,7 @@ class Direct:
             return
         method, path = scope["method"], scope["path"]
         way, last = self._ways.get((method, path)), ""
-        if way is None or way[2]:
+        if (way is None or way[2]) and (method, path) not in self._left:
             fixed, _, last = path.rpartition("/")
             way = self._ways.get((method, f"{fixed}/"))
         if way is None or bool(way[2]) != bool(last):

@@ -14,7 +14,7 @@ from starlette.types import Receive, Scope, Send
 from vibroimpact_service.api.direct import Direct
 from vibroimpact_service.api.guard import Guarded
 
-router = APIRouter(route_class=Guarded)
+router, plain = APIRouter(route_class=Guarded), APIRouter()
 
 
 @router.get("/v1/version")
@@ -25,6 +25,11 @@ async def version(request: Request) -> Response:
 @router.get("/console/{file}")
 async def part(request: Request, file: str) -> Response:
     return Response(f"part {file} {request.path_params}")
+
+
+@plain.get("/console/own")
+async def own(verbose: bool = False) -> Response:
+    return Response("own")
 
 
 @router.get("/v1/health/live")
@@ -46,7 +51,7 @@ def _ask(method: str, path: str, **more: Any) -> str:
         return {"type": "http.request"}
 
     scope = {"type": "http", "method": method, "path": path, "headers": [], "state": {}} | more
-    asyncio.run(Direct(_framework, [router])(scope, receive, send))
+    asyncio.run(Direct(_framework, [router, plain])(scope, receive, send))
     return b"".join(each.get("body", b"") for each in sent).decode()
 
 
@@ -64,6 +69,7 @@ def test_known_addresses_take_the_short_way() -> None:
         ("GET", "/console/"),
         ("GET", "/console/a/b"),
         ("GET", "/console"),
+        ("GET", "/console/own"),  # no part, but an address of its own
         ("GET", "/other"),
         ("GET", "/"),
         ("GET", ""),
