@@ -1,6 +1,6 @@
-"""A server that only answers, with and without the framework: ``python -m benchmarks.bare``.
+"""A server that only answers, bare, with the framework, or beside workers of Dask.
 
-What the service's answers take beside it is the service's own.
+``python -m benchmarks.bare``: what the service takes beside it is the service's own.
 """
 
 from __future__ import annotations
@@ -10,17 +10,20 @@ import sys
 from typing import Final
 
 import uvicorn
+from distributed import LocalCluster
 from fastapi import FastAPI
 from starlette.responses import Response
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-KINDS: Final = ("server", "framework")
+SERVER: Final = "server"
+FRAMEWORK: Final = "framework"
+CLUSTER: Final = "cluster"
 
 
 def application(kind: str, size: int) -> ASGIApp:
     """Return an application that answers everything with so many bytes."""
     body = b"x" * size
-    if kind == "server":
+    if kind != FRAMEWORK:
 
         async def answer(scope: Scope, receive: Receive, send: Send) -> None:
             assert scope["type"] == "http"
@@ -39,7 +42,19 @@ def application(kind: str, size: int) -> ASGIApp:
 
 
 def main(kind: str, size: int) -> None:
-    """Serve on a free port of this machine and print its address."""
+    """Serve on a free port of this machine and print its address.
+
+    Beside a cluster the size is the number of its workers, each a process with one thread.
+    """
+    if kind == CLUSTER:
+        with LocalCluster(n_workers=size, threads_per_worker=1, dashboard_address=None):
+            serve(kind, size)
+    else:
+        serve(kind, size)
+
+
+def serve(kind: str, size: int) -> None:
+    """Serve until the process is stopped."""
     listener = socket.create_server(("127.0.0.1", 0))
     sys.stdout.write(f"http://127.0.0.1:{listener.getsockname()[1]}\n")
     sys.stdout.flush()

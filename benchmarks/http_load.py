@@ -21,7 +21,8 @@ from typing import Annotated, Any, Final
 
 import numpy as np
 
-from benchmarks.server import Server, running, seconds
+from benchmarks.bare import FRAMEWORK, SERVER
+from benchmarks.server import Bare, Server, running
 from benchmarks.tables import Figure, Table, figures
 from vibroimpact_schema.requests import ImpactModesRequest
 from vibroimpact_schema.sweeps import SweepRequest
@@ -205,32 +206,11 @@ def rated(
 def bare(length: int) -> Iterator[Figure]:
     """Measure what server and framework alone take to answer with as many bytes."""
     for kind, what in (
-        ("server", "bare uvicorn, 14 kB"),
-        ("framework", "bare FastAPI route, 14 kB"),
+        (SERVER, "bare uvicorn, 14 kB"),
+        (FRAMEWORK, "bare FastAPI route, 14 kB"),
     ):
         with Bare(kind, 14_000) as other:
             yield from rated(other, what, "/found", length, None)
-
-
-class Bare:
-    """A process that does nothing but answer; see `benchmarks.bare`."""
-
-    def __init__(self, kind: str, size: int) -> None:
-        command = [sys.executable, "-m", "benchmarks.bare", kind, str(size)]
-        self._process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-
-    def __enter__(self) -> Bare:
-        assert self._process.stdout is not None
-        self.url = self._process.stdout.readline().strip()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._process.terminate()
-        self._process.communicate()
-
-    def processor(self) -> float:
-        """Return the seconds of processor time that it has spent."""
-        return seconds([self._process.pid])
 
 
 def modes(server: Server, count: int = 200) -> Iterator[Figure]:

@@ -20,7 +20,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from benchmarks import chunks
-from benchmarks.server import Server, bulk, running, seconds, tiny
+from benchmarks.bare import CLUSTER
+from benchmarks.server import Bare, Server, bulk, running, seconds, tiny
 from benchmarks.tables import Figure, Table, figures
 from vibroimpact_service.jobs.database import open_database
 from vibroimpact_service.jobs.ledger import NewJob, insert
@@ -148,6 +149,14 @@ def idle(server: Server, length: float = 10.0) -> Iterable[Figure]:
     used, own = seconds(server.processes()) - before, server.processor() - alone
     yield Figure(_IDLE, 100.0 * used / length, 2.0)
     yield Figure("the same of the serving process alone [% of a core]", 100.0 * own / length)
+    with Bare(CLUSTER, _WORKERS) as other:
+        time.sleep(10.0)
+        before = other.processor()
+        time.sleep(length)
+        used = other.processor() - before
+    yield Figure(
+        "the same of a bare server and workers of Dask [% of a core]", 100.0 * used / length
+    )
 
 
 def soak(server: Server, jobs: int = 2000, warm: int = 1000) -> Iterable[Figure]:
@@ -168,10 +177,15 @@ def soak(server: Server, jobs: int = 2000, warm: int = 1000) -> Iterable[Figure]
 
 
 def _held(processes: list[int]) -> tuple[int, int]:
+    """Return bytes and file handles that processes hold.
+
+    Pages of files do not count: the system takes them from processes that rest, and gives them
+    back later.
+    """
     memory = handles = 0
     for process in processes:
-        pages = int(Path(f"/proc/{process}/statm").read_text().split()[1])
-        memory += pages * os.sysconf("SC_PAGESIZE")
+        words = Path(f"/proc/{process}/status").read_text().split("RssAnon:")[1].split()
+        memory += 1024 * int(words[0])
         handles += len(list(Path(f"/proc/{process}/fd").iterdir()))
     return memory, handles
 
@@ -296,9 +310,9 @@ def upkeep() -> Table:
 
 _IDLE: Final = "idle processor [% of a core]"
 _RESTING: Final = {
-    _IDLE: "what remains is mostly Dask's and uvicorn's: heartbeats, looks at the memory of each "
-    "worker every second, the clock of the HTTP server ten times a second; of ours, two looks at "
-    "the records a second for what other replicas left"
+    _IDLE: "Dask's workers and a server that do nothing take more than the whole service does, see "
+    "the row below: heartbeats, looks at the memory of each worker, the clock of the HTTP server "
+    "ten times a second; of ours, two looks at the records a second for what other replicas left"
 }
 _SHARED: Final = {
     "": "on the clock: service, workers and clients share the cores with one another, and with "

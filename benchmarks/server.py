@@ -130,16 +130,7 @@ class Server:
 
     def processes(self) -> list[int]:
         """Return the ids of all its processes."""
-        found = []
-        for stat in Path("/proc").glob("[0-9]*/stat"):
-            try:
-                fields = stat.read_text().rpartition(")")[2].split()
-            except OSError:
-                continue
-            # Of its session, and not those that ended already.
-            if int(fields[3]) == self.process.pid and fields[0] not in "ZX":
-                found.append(int(stat.parent.name))
-        return found
+        return session(self.process.pid)
 
     def memory(self) -> float:
         """Return mebibytes of the process that serves."""
@@ -182,6 +173,36 @@ class Server:
                     os.kill(process, signal.SIGKILL)
 
 
+class Bare:
+    """A process that does nothing but answer, and workers that do nothing; see `benchmarks.bare`.
+
+    Parameters
+    ----------
+    kind : str
+    size : int
+        Bytes of an answer, or the number of workers.
+    """
+
+    def __init__(self, kind: str, size: int) -> None:
+        command = [sys.executable, "-m", "benchmarks.bare", kind, str(size)]
+        self._process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, text=True, start_new_session=True
+        )
+
+    def __enter__(self) -> Bare:
+        assert self._process.stdout is not None
+        self.url = self._process.stdout.readline().strip()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.terminate()
+        self._process.communicate()
+
+    def processor(self) -> float:
+        """Return the seconds of processor time that it and its workers have spent."""
+        return seconds(session(self._process.pid))
+
+
 @contextmanager
 def running(workers: int = 1, environment: Mapping[str, str] | None = None) -> Iterator[Server]:
     """Give a service on an empty folder."""
@@ -191,6 +212,19 @@ def running(workers: int = 1, environment: Mapping[str, str] | None = None) -> I
             yield found
         finally:
             found.stop()
+
+
+def session(leader: int) -> list[int]:
+    """Return the ids of the processes of a session that have not ended."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = stat.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(fields[3]) == leader and fields[0] not in "ZX":
+            found.append(int(stat.parent.name))
+    return found
 
 
 def seconds(processes: list[int]) -> float:
