@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import signal
 import socket
 import sys
 from typing import Final
@@ -47,6 +48,8 @@ def main(kind: str, size: int) -> None:
     Beside a cluster the size is the number of its workers, each a process with one thread.
     """
     if kind == CLUSTER:
+        # The server passes the signal on when it has stopped: the workers are closed then.
+        signal.signal(signal.SIGTERM, lambda *_: sys.exit())
         with LocalCluster(n_workers=size, threads_per_worker=1, dashboard_address=None):
             serve(kind, size)
     else:
