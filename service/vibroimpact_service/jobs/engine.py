@@ -359,8 +359,9 @@ def calm(scheduler: Scheduler) -> None:
         "no-workers-timeout": scheduler.no_workers_timeout,
     }
     for name, limit in limits.items():
-        if limit is None:
-            scheduler.periodic_callbacks[name].stop()
+        look = scheduler.periodic_callbacks.get(name)
+        if limit is None and look is not None:
+            look.stop()
 
 
 def _heartbeat_seconds(workers: int) -> float:
