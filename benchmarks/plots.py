@@ -68,8 +68,18 @@ def draw(table: Table, plot: Plot, path: Path) -> None:
             axes.set(xlabel=plot.x, ylabel=_named(plot.y), title=panel or "")
             axes.set_xscale("log" if "x" in plot.log else "linear")
             axes.set_yscale("log" if "y" in plot.log else "linear")
+            _widen(axes)
         if plot.by or any(_trend(table, plot, name) for name in styles):
             _legend(figure, every_axes)
+
+
+def _widen(axes: Axes) -> None:
+    """Give logarithmic axes room for two powers of ten: their labels would overlap otherwise."""
+    for axis in (axes.xaxis, axes.yaxis):
+        low, high = axis.get_view_interval()
+        if axis.get_scale() == "log" and high < 100.0 * low:
+            middle = math.sqrt(low * high)
+            axis.set_view_interval(0.1 * middle, 10.0 * middle, ignore=True)
 
 
 def _named(column: str) -> str:
