@@ -11,9 +11,10 @@ Where steps wait for one another the loops take the modes of one step at a time.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
 from typing import Any, Final
 
 import numpy as np
@@ -21,17 +22,29 @@ import numpy as np
 from benchmarks import hot
 from benchmarks.cases import chain, grid
 from benchmarks.harness import SAMPLE, Work, measure
+from benchmarks.loops import (
+    ADDITION,
+    ARCTANGENT,
+    DECAY,
+    FOLD,
+    GROWTH,
+    RESPONSE,
+    ROTATION,
+    SECANT,
+    SHARE,
+    SINE,
+    TANGENT,
+    TURN,
+    Floor,
+)
 from benchmarks.motions import ours
 from benchmarks.motions.cases import from_mode
 from benchmarks.tables import Goal, Table
 from vibroimpact_solvers import spectrum
-from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.impact_modes import Problem
 from vibroimpact_solvers.impact_modes.family import Family
 from vibroimpact_solvers.impact_modes.modal import ModalFamily
-from vibroimpact_solvers.kernels import bands, limits, motions, response
-from vibroimpact_solvers.kernels.jit import kernel
-from vibroimpact_solvers.kernels.phases import sine_cosine, tangent
+from vibroimpact_solvers.kernels import bands, limits, motions, response, taylor
 
 _WITHIN = 3.0
 _POINTS = 512
@@ -39,122 +52,6 @@ _TIMES = 4  # at which modal coordinates are wanted
 _IMPACT = 4  # three evaluations and one advance
 _NUMBERS = 1024  # that a floor is measured with
 _REPEATS = 20
-
-
-@kernel
-def _own_tangents(x: Floats, out: Floats, other: Floats, repeats: int) -> None:
-    for _ in range(repeats):
-        for i in range(x.size):
-            out[i] = tangent(x[i], 0.0)
-
-
-@kernel
-def _own_turns(x: Floats, out: Floats, other: Floats, repeats: int) -> None:
-    for _ in range(repeats):
-        for i in range(x.size):
-            out[i], other[i] = sine_cosine(x[i], 0.0)
-
-
-@kernel
-def _own_secants(x: Floats, out: Floats, other: Floats, repeats: int) -> None:
-    for _ in range(repeats):
-        for i in range(x.size):
-            sine, cosine = sine_cosine(x[i], 0.0)
-            out[i] = sine / cosine
-
-
-@kernel
-def _own_sines(x: Floats, out: Floats, other: Floats, repeats: int) -> None:
-    for _ in range(repeats):
-        for i in range(x.size):
-            out[i] = sine_cosine(x[i], 0.0)[0]
-
-
-@kernel
-def _own_growths(x: Floats, out: Floats, other: Floats, repeats: int) -> None:
-    for _ in range(repeats):
-        for i in range(x.size):
-            out[i] = math.exp(-x[i])
-        for i in range(x.size):
-            gamma = math.sqrt(math.sqrt(out[i]))
-            sine, cosine = sine_cosine(x[i], 0.0)
-            over = 1.0 / sine_cosine(gamma, 0.0)[0]
-            out[i], other[i] = sine * over, cosine * over
-
-
-@kernel
-def _own_arctangents(x: Floats, out: Floats, other: Floats, repeats: int) -> None:
-    for _ in range(repeats):
-        for i in range(x.size):
-            out[i] = math.atan(math.exp(-x[i]))
-        for i in range(x.size):
-            out[i], other[i] = sine_cosine(x[i] * out[i], 0.0)
-
-
-def _turns(x: Floats, out: Floats, other: Floats) -> None:
-    np.sin(x, out=out)
-    np.cos(x, out=other)
-
-
-def _secants(x: Floats, out: Floats, other: Floats) -> None:
-    _turns(x, out, other)
-    np.divide(out, other, out=out)
-
-
-def _growths(x: Floats, out: Floats, other: Floats) -> None:
-    np.exp(-x, out=out)
-    np.sin(np.sqrt(np.sqrt(out)), out=out)
-    np.divide(np.sin(x), out, out=other)
-    np.divide(np.cos(x), out, out=out)
-
-
-def _arctangents(x: Floats, out: Floats, other: Floats) -> None:
-    np.arctan(np.exp(-x), out=out)
-    np.multiply(x, out, out=out)
-    _turns(out, other, out)
-
-
-@dataclass(frozen=True, slots=True)
-class Floor:
-    """Functions that a kernel cannot do without.
-
-    Parameters
-    ----------
-    what : str
-    library : callable
-        Takes numbers and room for two results.
-    own : callable
-        The same as many times over as its last argument says.
-    """
-
-    what: str
-    library: Callable[[Floats, Floats, Floats], object]
-    own: Callable[[Floats, Floats, Floats, int], object]
-
-    def works(self, numbers: int, repeats: int) -> dict[str, Work]:
-        """Return both, over the same numbers."""
-        x = np.linspace(0.1, 30.0, numbers)
-        out, other = np.empty((2, numbers))
-
-        def library() -> None:
-            for _ in range(repeats):
-                self.library(x, out, other)
-
-        return {"library": library, "own": partial(self.own, x, out, other, repeats)}
-
-
-_TANGENT: Final = Floor(
-    "a tangent, with its division", lambda x, out, _: np.tan(x, out=out), _own_tangents
-)
-_TURN: Final = Floor("a sine and a cosine", _turns, _own_turns)
-_SECANT: Final = Floor("a sine, a cosine and a division", _secants, _own_secants)
-_SINE: Final = Floor("a sine", lambda x, out, _: np.sin(x, out=out), _own_sines)
-_GROWTH: Final = Floor(
-    "an exponential, a fourth root, two sines, a cosine and a division", _growths, _own_growths
-)
-_ARCTANGENT: Final = Floor(
-    "an exponential, an inverse tangent, a sine and a cosine", _arctangents, _own_arctangents
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,7 +111,7 @@ def _families(n: int) -> Iterator[Case]:
         "impulse of one constraint",
         n,
         partial(impulse, at.omega, at.rests),
-        _TANGENT,
+        TANGENT,
         modes,
         "mode",
         partial(impulse, one.omega, one.rests),
@@ -225,7 +122,7 @@ def _families(n: int) -> Iterator[Case]:
         "members with their motion",
         n,
         partial(family.members, at),
-        _SECANT,
+        SECANT,
         modes,
         "mode",
         partial(family.members, one),
@@ -241,7 +138,7 @@ def _families(n: int) -> Iterator[Case]:
         "members with their energy",
         n,
         partial(energy, at),
-        _SECANT,
+        SECANT,
         modes,
         "mode",
         partial(energy, one),
@@ -254,7 +151,7 @@ def _families(n: int) -> Iterator[Case]:
         "modal coordinates at 4 times",
         n,
         partial(some, motion.omega, motion.D, motion.U, tau),
-        _SINE,
+        SINE,
         modes * _TIMES,
         "mode and time",
         partial(some, motion.omega[:1], motion.D[:1], motion.U[:1], tau),
@@ -267,7 +164,7 @@ def _families(n: int) -> Iterator[Case]:
         "members of two constraints",
         n,
         partial(several.members, problem.frequencies),
-        _SECANT,
+        SECANT,
         several.roots.size * _POINTS,
         "mode",
         partial(several.members, problem.slice(0, 1).frequencies),
@@ -286,7 +183,7 @@ def _walks(n: int) -> Case:
         "walks along limits",
         n,
         walks,
-        _TURN,
+        TURN,
         steps * walks.arguments[0].size,
         "mode and step",
         None,
@@ -303,7 +200,7 @@ def _bands(n: int) -> Case:
         "existence bands",
         n,
         survey,
-        _TURN,
+        TURN,
         boxes * survey.arguments[0].size,
         "mode and box",
         None,
@@ -313,6 +210,128 @@ def _bands(n: int) -> Case:
         "where the system clears memory for 131072 boxes that may wait in every call",
         together=survey.arguments[0].size,
     )
+
+
+def _harmonics() -> Case:
+    found = hot.HOT["harmonics"]()
+    roots, _, omega, D, _, orders = found.arguments
+    odd = int(np.sum(orders % 2 == 1)) if D.shape[1] else 0
+    return Case(
+        "harmonics",
+        roots.size,
+        found,
+        SHARE,
+        omega.size * roots.size * odd,
+        "mode and odd order",
+        None,
+        "sines of the mathematical library, one after the other, a root for each, and a result "
+        "cleared before it is filled in, even orders with it",
+    )
+
+
+def _deviations() -> Iterator[Case]:
+    """Yield what stability is made of: deviations through flights and impacts."""
+    flight, strike = hot.HOT["stability, flights"](), hot.HOT["stability, impacts"]()
+    X = flight.arguments[0]
+    yield Case(
+        "stability, flights",
+        X.shape[0] // 2,
+        flight,
+        ROTATION,
+        flight.calls * X.size / 2,
+        "pair of deviations",
+        None,
+        "the deviations, 0.3 MB with 100 modes, come from beyond the nearest cache, where those of "
+        "the floor stay, and are copied for each call measured; sines are few beside them",
+    )
+    X = strike.arguments[0]
+    yield Case(
+        "stability, impacts",
+        X.shape[0] // 2,
+        strike,
+        ADDITION,
+        2.0 * strike.calls * X.size,
+        "deviation, twice",
+        None,
+        "the deviations, 0.3 MB with 100 modes, come from beyond the nearest cache, where those of "
+        "the floor stay, and are copied for each call measured",
+    )
+
+
+def _series() -> Case:
+    """Return a motion between soft limiters, by Taylor series."""
+    found = hot.HOT["soft limiters"]()
+    arguments = [a.copy() if isinstance(a, np.ndarray) else a for a in found.arguments]
+    taylor.follow(*arguments)
+    F, _, _, levels, _, _, settings, _, _, _, counts, *_ = arguments
+    terms = int(settings[2]) + 1
+    products = math.floor(math.log2(settings[0])) + int(settings[0]).bit_count() - 1
+    each = products * terms * (terms + 1) / 2 * levels.size + 4 * terms * F.shape[1]
+    return Case(
+        "soft limiters",
+        F.shape[1],
+        found,
+        ADDITION,
+        float(counts[0]) * each,
+        "product of coefficients in a step",
+        None,
+        "coefficients follow one another: each sum has few terms, which wait for the last one; "
+        "besides, forces are checked at the end of each step, and the state is laid down",
+    )
+
+
+def _flights() -> Iterator[Case]:
+    """Yield impacts of slow flows' exact motions: a state found, and a state taken."""
+    for name, n, rates, why in (
+        (
+            "slow flow, impacts of one mass",
+            1,
+            1,
+            "Newton's method takes the same functions anew in each step, one impact after the "
+            "other, by the mathematical library",
+        ),
+        (
+            "slow flow, impacts of two masses",
+            2,
+            4,
+            "the first impact is searched in steps, each with its own complex exponentials, so "
+            "that none is missed",
+        ),
+    ):
+        found = hot.HOT[name]()
+        arguments = [a.copy() if isinstance(a, np.ndarray) else a for a in found.arguments]
+        function = getattr(import_module(found.module), found.function)
+        impacts = abs(function(*arguments))
+        yield Case(name, n, found, DECAY, 2.0 * rates * impacts, "rate, twice an impact", None, why)
+
+
+def _triangle_time() -> Iterator[Case]:
+    responses, waves = hot.HOT["responses to triangle waves"](), hot.HOT[_WAVES]()
+    yield Case(
+        "responses to triangle waves",
+        1,
+        responses,
+        RESPONSE,
+        responses.arguments[0].size,
+        "response",
+        None,
+        "tangents and exponentials of the mathematical library, one after the other, with a case "
+        "for every sign; formulas that few numbers pass through",
+    )
+    yield Case(
+        _WAVES,
+        1,
+        waves,
+        FOLD,
+        waves.arguments[0].size,
+        "phase",
+        None,
+        "the loop that is watched adds up what it finds, one number after the other; where the "
+        "solvers fold phases, in loops of their own, nothing waits for the last one",
+    )
+
+
+_WAVES: Final = "triangle and square waves"
 
 
 def _slow_flows() -> Iterator[Case]:
@@ -328,7 +347,7 @@ def _slow_flows() -> Iterator[Case]:
         "slow flow, damped, truncated",
         1,
         both,
-        _GROWTH,
+        GROWTH,
         shapes.arguments[0].size,
         "time",
         None,
@@ -339,7 +358,7 @@ def _slow_flows() -> Iterator[Case]:
         "slow flow, restitution, corrected",
         1,
         lossy,
-        _ARCTANGENT,
+        ARCTANGENT,
         lossy.arguments[0].size,
         "time",
         None,
@@ -370,7 +389,7 @@ def _impacts() -> Iterator[Case]:
             "one impact of a time history",
             n,
             motion,
-            _TURN,
+            TURN,
             _IMPACT * n * len(motion().times),
             "mode, four times an impact",
             None,
@@ -385,8 +404,13 @@ def _cases() -> Iterator[Case]:
     for n in (13, 100):
         yield _walks(n)
         yield _bands(n)
-    yield from _slow_flows()
+    yield _harmonics()
+    yield from _deviations()
     yield from _impacts()
+    yield _series()
+    yield from _slow_flows()
+    yield from _flights()
+    yield from _triangle_time()
 
 
 def floors() -> Table:

@@ -73,11 +73,16 @@ def strike(
     n = row.size
     mobility = np.dot(row, row)
     factor = (1.0 + restitution) / mobility
-    for c in range(X.shape[1]):
-        place, speed = 0.0, 0.0
-        for j in range(n):
-            place += row[j] / scale[j] * X[j, c]
-            speed += row[j] * X[n + j, c]
-        for j in range(n):
-            X[j, c] -= factor * row[j] * scale[j] * place
-            X[n + j, c] += factor * (row[j] * (curvature * place - speed) + drag[j] * place)
+    # Row by row, as the deviations lie in memory: the loops over columns are vector loops.
+    place, speed = np.zeros(X.shape[1]), np.zeros(X.shape[1])
+    for j in range(n):
+        share = row[j] / scale[j]
+        for c in range(X.shape[1]):
+            place[c] += share * X[j, c]
+            speed[c] += row[j] * X[n + j, c]
+    for j in range(n):
+        back = factor * row[j] * scale[j]
+        for c in range(X.shape[1]):
+            X[j, c] -= back * place[c]
+            turned = row[j] * (curvature * place[c] - speed[c]) + drag[j] * place[c]
+            X[n + j, c] += factor * turned
