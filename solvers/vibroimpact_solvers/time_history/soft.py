@@ -182,7 +182,8 @@ class SoftMotion:
     def _judged(self, found: SoftRun, other: SoftRun) -> SoftRun:
         """Return a run with what another tells about it."""
         weights = self._weights[np.newaxis]
-        apart = (np.abs(found.states - other.states) * self._own).max(axis=(1, 2))
+        # Loads count by what they move: their series end somewhere, too.
+        apart = (np.abs(found.states - other.states) * weights).max(axis=(1, 2))
         largest = float((np.abs(found.states) * weights).max(initial=0.0))
         apart = apart / largest if largest > 0.0 else apart
         late = np.flatnonzero(~(apart <= self._tolerance))
