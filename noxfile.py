@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import pathlib
-import re
 import shutil
 import sys
 
@@ -89,23 +88,21 @@ def browser(session: nox.Session) -> None:
 
 @nox.session
 def guard(session: nox.Session) -> None:
-    """Compare hot kernels with reference loops: none may have become half as slow again.
+    """Count the instructions of the watched kernels: none may need 3 % more than usual.
 
-    By the instructions that valgrind counts where it is installed, else by time.
-    ``nox -s guard -- --usual`` takes what it finds for the usual.
+    It needs valgrind. ``nox -s guard -- --usual`` stores the counts as the usual ones,
+    ``nox -s guard -- --against CHECKOUT`` counts the kernels of another checkout beside.
     """
+    if not shutil.which("valgrind"):
+        session.error("valgrind is not installed: apt install valgrind (see CONTRIBUTING.md)")
     install(session, "-e", ".[test]")
-    if shutil.which("valgrind"):
-        session.run("python", "-m", "benchmarks.instructions", *session.posargs)
-        session.run("pytest", "-n", "0", "-m", "valgrind", "tests/benchmarks/test_guard.py")
-    else:
-        session.warn("valgrind is not installed: times are compared instead of instructions")
-        session.run("python", "-m", "benchmarks.guard", *session.posargs)
+    session.run("python", "-m", "benchmarks.guard", *session.posargs)
+    session.run("pytest", "-n", "0", "-m", "valgrind", "tests/benchmarks/test_guard.py")
 
 
 @nox.session
 def benchmarks(session: nox.Session) -> None:
-    """Run all benchmarks with all peers, keep the results and draw the page of the docs."""
+    """Run all benchmarks with all peers, store the results and draw the pages of the docs."""
     install(session, "-e", ".[bench]")
     session.run("vibroimpact", "bench", *session.posargs, "--save")
 
@@ -117,19 +114,6 @@ def faults(session: nox.Session) -> None:
     session.run(
         "pytest", "-n", "0", "-m", "faults", "-s", "tests/acceptance/faults", *session.posargs
     )
-
-
-@nox.session(venv_backend="none")
-def readme_tests(session: nox.Session) -> None:
-    """Run the README's test command, word for word, in a copy of the committed tree."""
-    commands = re.findall(r"^(python3 -m venv .*pytest.*)$", (ROOT / "README.md").read_text(), re.M)
-    if len(commands) != 1:
-        session.error(f"the README has {len(commands)} test commands instead of one")
-    copy = pathlib.Path(session.create_tmp()) / "readme"
-    shutil.rmtree(copy, ignore_errors=True)
-    session.run("git", "clone", "-q", str(ROOT), str(copy), external=True)
-    session.chdir(copy)
-    session.run("bash", "-c", commands[0], external=True)
 
 
 @nox.session(venv_backend="none")

@@ -1,15 +1,18 @@
-"""Structures that the benchmarks share."""
+"""Structures that the benchmarks share, and their impact modes."""
 
 from __future__ import annotations
+
+from typing import Final
 
 import numpy as np
 import scipy.sparse
 
-from vibroimpact_solvers import presets
+from vibroimpact_solvers import impact_modes, presets
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 
 GAP = 0.2
+IMPULSE: Final = frozenset({"impulse"})
 
 
 def chain(n: int, constraints: int = 1) -> System:
@@ -61,3 +64,9 @@ def net(side: int) -> System:
 def grid(start: float, stop: float, num: int) -> Floats:
     """Return frequencies that hit no pole: a uniform grid, stretched by a hair."""
     return np.asarray(np.linspace(start, stop, num) * (1.0 + 1.4142135623e-7))
+
+
+def solve(system: System, Omega: Floats, outputs: frozenset[str] = IMPULSE) -> impact_modes.Result:
+    """Plan and solve for impact modes, as the service does."""
+    problem = impact_modes.Problem(system, Omega * (2.0 / np.pi), outputs=outputs, Omega=Omega)
+    return impact_modes.solve(problem, impact_modes.plan(problem))

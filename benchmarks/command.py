@@ -1,4 +1,4 @@
-"""What ``vibroimpact bench`` does."""
+"""The command ``vibroimpact bench``: runs benchmarks, prints their tables and stores them."""
 
 from __future__ import annotations
 
@@ -7,107 +7,70 @@ import time
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from types import FunctionType
 
-from benchmarks import history, registry
-from benchmarks.history import Failure
-from benchmarks.limits import LONGEST, at_most
+from benchmarks import registry
+from benchmarks.harness import LONGEST, at_most
+from benchmarks.registry import Part, named
+from benchmarks.results import Measurement
 from benchmarks.tables import Table
 from benchmarks.writing import text
+
+__all__ = ["draw", "listing", "named", "run"]
 
 Say = Callable[[str], object]
 
 
 def listing() -> str:
-    """Return the names of the benchmarks and what they show."""
-    width = max(len(one.name) for one in registry.BENCHMARKS)
-    return "\n".join(f"{one.name:{width}}  {one.shows}" for one in registry.BENCHMARKS)
+    """Return the names of the benchmarks and of their tables, and what they show."""
+    lines = []
+    for one in registry.BENCHMARKS:
+        lines.append(f"{one.name}: {one.shows}")
+        lines += [f"  {part.label}" for part in one.parts]
+    return "\n".join(lines)
 
 
-def chosen(names: Sequence[str], *, save: bool = False) -> tuple[registry.Benchmark, ...]:
-    """Return the benchmarks of those names, all for none.
+def run(parts: Sequence[Part], say: Say, *, save: bool, longest: float = LONGEST) -> int:
+    """Measure tables, print them and, where wanted, store them and draw the pages.
 
-    Raises
-    ------
-    ValueError
-        Where one is unknown, or where a table alone should be kept.
-    """
-    found = registry.named(names)
-    for one in found:
-        if one.only and save:
-            raise ValueError(
-                f"Benchmarks are kept whole: --save goes with {one.name}, not {one.name}.{one.only}"
-            )
-    return found
-
-
-def run(
-    benchmarks: Sequence[registry.Benchmark], say: Say, *, save: bool, longest: float = LONGEST
-) -> int:
-    """Run benchmarks, print their tables and, where wanted, keep them and draw the page.
-
-    One that fails or takes too long hinders no other. Returns how many tables failed.
+    A table that fails or takes too long hinders no other. Returns how many failed.
     """
     failed = 0
     started = time.perf_counter()
-    parts = [(one, *_parts(one)) for one in benchmarks]
-    count = sum(max(1, len(functions)) for _, functions, _ in parts)
-    done = 0
-    for benchmark, functions, broken in parts:
-        tables: list[Table] = []
-        failures = list(broken)
-        for failure in broken:
-            done += 1
-            say(f"{benchmark.name} failed: {failure.error}\n")
-        for function in functions:
-            done += 1
-            spent = time.perf_counter() - started
-            say(f"[{done}/{count}, {spent:.0f} s] {benchmark.name}.{function.__name__} ...")
-            found = _table(function, say, longest)
-            if isinstance(found, Table):
-                tables.append(found)
-                say(f"{text(found)}\n{found.seconds:.0f} s\n")
-            else:
-                failures.append(found)
-        failed += len(failures)
+    for number, part in enumerate(parts, 1):
+        say(f"[{number}/{len(parts)}, {time.perf_counter() - started:.0f} s] {part.label} ...")
+        outcome = _measured(part, say, longest)
+        if isinstance(outcome, Table):
+            say(f"{text(outcome)}\n{outcome.seconds:.0f} s\n")
+        else:
+            failed += 1
         if save:
-            path = history.save(history.run_of(benchmark.name, tables, failures))
-            say(f"kept in {path}\n")
+            say(f"stored in {Measurement.now(part.benchmark, part.name, outcome).save()}\n")
     if save:
         draw()
-    say(f"{count - failed} of {count} tables in {time.perf_counter() - started:.0f} s")
+    count, spent = len(parts), time.perf_counter() - started
+    say(f"{count - failed} of {count} tables in {spent:.0f} s")
     return failed
 
 
-def _parts(
-    benchmark: registry.Benchmark,
-) -> tuple[tuple[FunctionType, ...], tuple[Failure, ...]]:
-    try:
-        return benchmark.functions(), ()
-    except Exception as error:
-        return (), (Failure("", f"{type(error).__name__}: {error}"),)
-
-
-def _table(function: FunctionType, say: Say, longest: float) -> Table | Failure:
-    """Return what a function measured, or how it failed."""
+def _measured(part: Part, say: Say, longest: float) -> Table | str:
+    """Return the table that a function measured, or its error."""
     started = time.perf_counter()
     try:
+        function = part.function()
         with at_most(longest):
-            table: Table = function()
+            table = function()
     except Exception as error:
         say(f"failed\n{traceback.format_exc()}\n")
-        reason = " ".join(f"{type(error).__name__}: {error}".split())
-        return Failure(function.__name__, reason[:500])
+        return " ".join(f"{type(error).__name__}: {error}".split())[:500]
     return replace(
         table,
         about=inspect.cleandoc(function.__doc__ or ""),
-        part=function.__name__,
         seconds=time.perf_counter() - started,
     )
 
 
 def draw() -> None:
-    """Draw the page of the documentation from the results that were kept."""
+    """Draw the pages of the documentation from the stored results."""
     from benchmarks import report
 
     report.draw()

@@ -11,13 +11,13 @@ from unittest import mock
 
 import numpy as np
 
-from benchmarks import flights
+from benchmarks import free_motions
 from vibroimpact_solvers import spectrum, stability
 from vibroimpact_solvers.arrays import Described
 from vibroimpact_solvers.impact_modes.modal import ModalFamily
 from vibroimpact_solvers.kernels import bands, families, limits, response
 from vibroimpact_solvers.matrices import SymmetricMatrix
-from vibroimpact_solvers.receptance import Receptance
+from vibroimpact_solvers.receptance import TriangleWaveResponse
 from vibroimpact_solvers.slow_flow.models import MODELS
 from vibroimpact_solvers.spectrum import Cache, Spectrum, methods
 from vibroimpact_solvers.time_history import soft
@@ -32,8 +32,8 @@ def _spectrum(_: Any, *args: Any) -> Tally:
     yield "natural modes", args[0].n
 
 
-def _rows(found: Any, *_: Any) -> Tally:
-    yield "entries of modes", found.size
+def _rows(result: Any, *_: Any) -> Tally:
+    yield "entries of modes", result.size
 
 
 def _scalar(_: Any, roots: Any, rests: Any, weight2: Any, omega: Any, *rest: Any) -> Tally:
@@ -51,8 +51,8 @@ def _bordered(_: Any, roots: Any, rests: Any, odd: Any, even: Any, *rest: Any) -
     yield "impulses by equations", walls.size * omega.size
 
 
-def _walks(_: Any, *args: Any) -> Tally:
-    yield "walks along a limit", args[2].size * args[5].shape[0]
+def _path_checks(_: Any, *args: Any) -> Tally:
+    yield "certified path checks", args[2].size * args[5].shape[0]
 
 
 def _modal(_: Any, family: Any, motion: Any, tau: Any, dofs: Any) -> Tally:
@@ -76,9 +76,9 @@ def _maps(*_: Any) -> Tally:
     yield "maps of half periods", 1
 
 
-def _survey(found: Any, *_: Any) -> Tally:
+def _survey(result: Any, *_: Any) -> Tally:
     yield "surveys of bands", 1
-    yield "boxes", found[4]
+    yield "boxes", result[4]
 
 
 def _motions(_: Any, model: Any, variant: Any, t: Any, *, shapes: bool = True) -> Tally:
@@ -96,7 +96,7 @@ def _steps(_: Any, *args: Any) -> Tally:
 
 def _history(_: Any, history: Any, scene: Any, samples: Any, first: Any) -> Tally:
     whole = history.energy is not None
-    dofs = history.problem.system.n if whole else history.problem.wanted_dofs.size
+    dofs = history.problem.system.n if whole else history.problem.output_dofs.size
     wanted = 2 if whole else (history.x is not None) + (history.v is not None)
     yield "displacements", samples.shape[0] * dofs * wanted
 
@@ -106,10 +106,10 @@ _COUNTED: tuple[tuple[Any, str, Callable[..., Tally]], ...] = (
     (Spectrum, "rows", _rows),
     (response, "response_one", _scalar),
     (response, "amplitudes_one", _amplitudes),
-    (families, "members", _bordered),
-    (limits, "check", _walks),
+    (families, "solutions", _bordered),
+    (limits, "check", _path_checks),
     (ModalFamily, "displacements", _modal),
-    (Receptance, "displacements", _direct),
+    (TriangleWaveResponse, "displacements", _direct),
     (SymmetricMatrix, "factorize", _factors),
     (SymmetricMatrix, "__matmul__", _products),
     (stability, "PeriodMap", _maps),
@@ -138,12 +138,12 @@ def fresh() -> Iterator[None]:
 def counting() -> Iterator[Counter[str]]:
     """Count, in the body of a with statement, from an empty cache of natural modes.
 
-    Counted are: natural modes found and entries of the modal matrix; responses of one mode at
-    one frequency; unknown impulses; walks of one member along one limit; displacements of one
+    Counted are: natural modes, and entries of the modal matrix; responses of one mode at one
+    frequency; unknown impulses; path checks of one solution along one limit; displacements of one
     degree of freedom at one time; factorizations of matrices and products with one vector;
     maps of half periods; ranges surveyed for bands and boxes of frequency and time in them;
-    places and shapes of slow flows at one time; structures prepared for flights; and what
-    `flights.counted` counts.
+    places and shapes of slow flows at one time; structures prepared for motions; and what
+    `free_motions.counted` counts.
     """
     counts: Counter[str] = Counter()
     with fresh(), ExitStack() as stack:
@@ -151,7 +151,7 @@ def counting() -> Iterator[Counter[str]]:
             stack.enter_context(
                 mock.patch.object(place, name, _counter(place, name, tally, counts))
             )
-        stack.enter_context(flights.counted(counts))
+        stack.enter_context(free_motions.counted(counts))
         yield counts
         for name in [name for name, number in counts.items() if not number]:
             del counts[name]
@@ -163,11 +163,11 @@ def _counter(
     function = getattr(place, name)
 
     def counted(*args: Any, **named: Any) -> Any:
-        found = function(*args, **named)
-        with flights.LOCK:
-            for what, number in tally(found, *args, **named):
+        result = function(*args, **named)
+        with free_motions.LOCK:
+            for what, number in tally(result, *args, **named):
                 counts[what] += int(number)
-        return found
+        return result
 
     return counted
 

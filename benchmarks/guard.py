@@ -1,90 +1,331 @@
-"""Hot kernels against plain loops of the same kind of work, in one run: a guard for CI.
+"""Counts the instructions of the watched kernels under valgrind: none may need 3 % more than usual.
 
-The ratio of a kernel's time to that of its reference hardly depends on the machine, as both
-are loops of the same compiler over the same numbers. One that grows by half means that the
-kernel does more work or that its loop is no longer a vector loop.
+    python -m benchmarks.guard                       # fails where a kernel needs more than usual
+    python -m benchmarks.guard --usual               # stores the counts as the usual ones
+    python -m benchmarks.guard --against CHECKOUT    # the kernels of another checkout beside ours
 
-    python -m benchmarks.guard            # fails where a kernel is slower than usual
-    python -m benchmarks.guard --usual    # takes what it finds for the usual
-
-`benchmarks.instructions` counts instead of measuring, where valgrind is installed.
+Instructions are counted, as no neighbour on the machine changes their number. The kernels are
+those of `benchmarks.hot`. They are compiled for one processor, whatever this one is, and run once
+under valgrind's cachegrind, as many processes at a time as there are cores: for each kernel the
+process is forked, the child runs it and ends, and the counts of children that do nothing are taken
+off. The processes that run kernels are given this file and `benchmarks.hot` of their checkout,
+0.1.0 or later, and import nothing else of the benchmarks: this module neither.
 """
 
 from __future__ import annotations
 
-import statistics
+import argparse
+import gc
+import hashlib
+import json
+import os
+import pickle
+import platform
+import re
+import shutil
+import subprocess
 import sys
-import time
-from collections.abc import Callable
-from typing import Any, Final
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+from unittest import mock
 
-from benchmarks import usual
-from benchmarks.hot import HOT, Watched, references
-from benchmarks.tables import Goal, Table
+if TYPE_CHECKING:
+    from benchmarks.tables import Table
 
-MARGIN: Final = 1.4
-"""Times the usual ratio at which the guard fails; a slowdown of 1.5 is beyond it."""
+TOLERANCE: Final = 1.03
+"""Times the usual number of instructions at which the guard fails."""
+OTHER_VERSIONS: Final = 1.25
+"""The same where Python, the compiler or the mathematical library are other versions."""
+USUAL: Final = Path(__file__).with_name("usual.json")
+ROOT: Final = Path(__file__).parent.parent
+_ENVIRONMENT: Final = {
+    # Valgrind knows no wider vectors; these are what every server of the last ten years has.
+    "NUMBA_CPU_NAME": "haswell",
+    "NUMBA_CPU_FEATURES": "+avx,+avx2,+fma,+sse4.2",
+    "NPY_DISABLE_CPU_FEATURES": "AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL "
+    "AVX512_SPR",
+    "OPENBLAS_CORETYPE": "Haswell",
+    "OPENBLAS_NUM_THREADS": "1",
+    "OMP_NUM_THREADS": "1",
+    "PYTHONHASHSEED": "0",
+}
+_VALGRIND: Final = ("valgrind", "--tool=cachegrind", "--cache-sim=no")
+_MISSING: Final = (
+    "valgrind is not installed, and the guard counts instructions by nothing else: "
+    "apt install valgrind (CONTRIBUTING.md names what the checks need)"
+)
+_NOTHING: Final = "nothing"
+_FORMER_NAMES: Final[Mapping[str, str]] = {
+    "members with their motion": "motion of one constraint",
+    "members of two constraints": "motion of two constraints",
+    "walks along limits": "certified path check",
+    "stability, flights": "stability, free motion",
+    "passages": "first passage",
+}
+"""Names of kernels as they are now, by those that they had in 0.1.0."""
 
-_SAMPLE: Final = 2e-3  # seconds of a sample, at least
+Works = Mapping[str, Callable[[], object]]
+"""What is counted, by name; it can be pickled."""
 
 
-def ratio(work: Watched, reference: Watched, rounds: int = 11) -> float:
-    """Return the kernel's time over that of its reference: least over least, in turns."""
-    works, repeats = (work, reference), [_repeats(work), _repeats(reference)]
-    times: tuple[list[float], list[float]] = ([], [])
-    for _ in range(rounds):
-        for one, count, found in zip(works, repeats, times, strict=True):
-            found.append(_processor(one, count))
-    return min(times[0]) / min(times[1])
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """The instructions of a kernel beside the usual ones, or those of another checkout.
+
+    Parameters
+    ----------
+    name : str
+    counted, usual : int or None
+        None where one of both is not known.
+    tolerance : float
+        Times the usual that is too much.
+    """
+
+    name: str
+    counted: int | None
+    usual: int | None
+    tolerance: float
+
+    @property
+    def good(self) -> bool:
+        """Whether the kernel needs no more than it may."""
+        if self.counted is None or self.usual is None:
+            return False
+        return self.counted <= self.usual * self.tolerance
+
+    def __str__(self) -> str:
+        if self.usual is None:
+            return f"{self.name}: nothing to compare with; python -m benchmarks.guard --usual"
+        if self.counted is None:
+            return f"{self.name}: was not counted"
+        times = self.counted / self.usual
+        what = "" if self.good else f", too many: at most {self.tolerance}"
+        return f"{self.name}: {self.counted:,} instructions, {times:.4f} times the usual{what}"
 
 
-def _repeats(work: Callable[[], object]) -> int:
-    work()
-    return max(1, round(_SAMPLE / max(_processor(work, 1), 1e-6)))
+def compared(
+    counted: Mapping[str, int], usual: Mapping[str, int], tolerance: float = TOLERANCE
+) -> list[Comparison]:
+    """Compare the counts of every kernel that either of both knows."""
+    names = dict.fromkeys([*usual, *counted])
+    return [Comparison(name, counted.get(name), usual.get(name), tolerance) for name in names]
 
 
-def _processor(work: Callable[[], object], count: int) -> float:
-    start = time.process_time()
-    for _ in range(count):
+def versions() -> dict[str, str]:
+    """Return the versions that instructions depend on."""
+    python = ".".join(platform.python_version_tuple()[:2])
+    libraries = {name: version(name) for name in ("numba", "llvmlite", "numpy")}
+    return {"python": python, **libraries, "libc": " ".join(platform.libc_ver())}
+
+
+def usual() -> tuple[dict[str, int], float]:
+    """Return the usual counts, and the tolerance that the installed versions need."""
+    stored = json.loads(USUAL.read_text())
+    tolerance = TOLERANCE if stored["versions"] == versions() else OTHER_VERSIONS
+    return stored["instructions"], tolerance
+
+
+def store(counted: Mapping[str, int]) -> None:
+    """Store counts as the usual ones."""
+    document = {"versions": versions(), "instructions": dict(counted)}
+    USUAL.write_text(json.dumps(document, indent=2) + "\n")
+
+
+@dataclass(frozen=True, slots=True)
+class Checkout:
+    """A checkout whose kernels are counted, and its interpreter."""
+
+    root: Path = ROOT
+    python: Path = Path(sys.executable)
+
+    def counts(self, names: Sequence[str] = ()) -> dict[str, int]:
+        """Return the instructions of its watched kernels, of all for no names."""
+        if shutil.which(_VALGRIND[0]) is None:
+            raise FileNotFoundError(_MISSING)
+        folder = self.compiled()
+        names = names or self._run(("--names",), folder)[0].splitlines()
+        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
+        size = -(-len(names) // cores)  # neighbours share what is compiled
+        groups = [names[start : start + size] for start in range(0, len(names), size)]
+        with ThreadPoolExecutor(cores) as pool:
+            parts = list(pool.map(lambda group: self._recorded(group, folder), groups))
+        return {name: count for part in parts for name, count in part.items()}
+
+    def works(self, works: Works, folder: Path) -> dict[str, int]:
+        """Return the instructions of some works; `folder` keeps what is compiled for them."""
+        with tempfile.NamedTemporaryFile(dir=folder) as file:
+            file.write(pickle.dumps(dict(works)))
+            file.flush()
+            return self._counted(Path(file.name), folder)
+
+    def compiled(self) -> Path:
+        """Return the folder of compiled kernels: one for each state of all sources that matter.
+
+        Numba itself looks at the file of a kernel alone, and not at those of kernels that it calls.
+        """
+        kernels = (self.root / "solvers" / "vibroimpact_solvers" / "kernels").rglob("*.py")
+        text = hashlib.sha256(f"{self.root} {versions()}".encode())
+        for path in sorted(kernels):
+            text.update(path.read_bytes())
+        home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        folder = home / "vibroimpact" / "guard" / text.hexdigest()[:16]
+        folder.mkdir(parents=True, exist_ok=True)
+        os.utime(folder)
+        for old in sorted(folder.parent.iterdir(), key=lambda path: path.stat().st_mtime)[:-4]:
+            shutil.rmtree(old, ignore_errors=True)
+        return folder
+
+    def _recorded(self, names: Sequence[str], folder: Path) -> dict[str, int]:
+        with tempfile.NamedTemporaryFile(dir=folder) as file:
+            self._run(("--record", file.name, *names), folder)
+            return self._counted(Path(file.name), folder)
+
+    def _counted(self, file: Path, folder: Path) -> dict[str, int]:
+        inside = ("--inside", str(file))
+        self._run(inside, folder)  # compiles, which is nothing to wait for under valgrind
+        valgrind = (*_VALGRIND, f"--cachegrind-out-file={folder}/%p")
+        output, log = self._run(inside, folder, valgrind)
+        children = re.findall(r"^(\d+) (.+)$", output, re.M)
+        counts = {
+            pid: int(number.replace(",", ""))
+            for pid, number in re.findall(r"==(\d+)== I\s+refs:\s+([\d,]+)", log)
+        }
+        for pid, _ in children:
+            (folder / pid).unlink(missing_ok=True)
+        ordered = [counts[pid] for pid, _ in children]
+        return {
+            name: ordered[i] - (ordered[i - 1] + ordered[i + 1]) // 2
+            for i, (_, name) in enumerate(children)
+            if name != _NOTHING
+        }
+
+    def _run(
+        self, arguments: Sequence[str], folder: Path, before: Sequence[str] = ()
+    ) -> tuple[str, str]:
+        """Run this file by the checkout's interpreter; return what it writes, output and errors."""
+        places = {"NUMBA_CACHE_DIR": str(folder), "PYTHONPATH": str(self.root)}
+        done = subprocess.run(
+            # -P: the folder of this file stays off the path, modules are those of the checkout.
+            [*before, str(self.python), "-P", str(Path(__file__).resolve()), *arguments],
+            capture_output=True,
+            text=True,
+            env={**os.environ, **_ENVIRONMENT, **places},
+            cwd=self.root,
+            check=False,
+        )
+        if done.returncode:
+            raise RuntimeError(done.stderr[-2000:])
+        return done.stdout, done.stderr
+
+
+def record(file: Path, names: Sequence[str]) -> None:
+    """Write watched kernels with their arguments to a file; each has been called once."""
+    from benchmarks.hot import HOT
+
+    # 0.1.0 records the first call of any thread: with one core there is one.
+    with mock.patch.object(os, "sched_getaffinity", return_value={0}):
+        works: dict[str, Any] = {name: HOT[name]() for name in names}
+    for work in works.values():
         work()
-    return (time.process_time() - start) / count
+    file.write_bytes(pickle.dumps(works))
 
 
-def kernels() -> Table:
-    """Time hot kernels over plain loops of the same kind; what a change must not raise."""
-    rows: list[tuple[Any, ...]] = []
-    plain, known = references(), usual.load("times")
-    for name, make in HOT.items():
-        one = make()
-        found = statistics.median(ratio(one, plain[one.reference]) for _ in range(3))
-        rows.append((name, found, known[name], known[name] * MARGIN))
+def inside(file: Path) -> None:
+    """Run each work of a file in a child of its own; print the number of the child.
+
+    Before the first one, between them and after the last one there is a child that does nothing:
+    a child counts what its parent did before, and half of the two beside it is taken off.
+    """
+    works: dict[str, Callable[[], object]] = pickle.loads(file.read_bytes())
+    for work in works.values():  # whatever is made at the first call
+        work()
+    gc.disable()  # in one child it might run, and not in another
+    for _ in range(3):  # the first ones take more of the parent
+        _in_child(_NOTHING, int)
+    for name, work in works.items():
+        _in_child(name, work)
+        _in_child(_NOTHING, int)
+
+
+def _in_child(name: str, work: Callable[[], object]) -> None:
+    """Fork: the child does some work and ends, the parent waits and prints its number."""
+    child = os.fork()
+    if child == 0:
+        work()
+        os._exit(0)
+    os.waitpid(child, 0)
+    print(child, name, flush=True)
+
+
+def instructions() -> Table:
+    """Count the instructions of the watched kernels; what a change must not raise by 3 %."""
+    from benchmarks.tables import Goal, Table
+
+    known, tolerance = usual()
+    rows = [
+        (name, count, known.get(name), tolerance * known[name] if name in known else None)
+        for name, count in Checkout().counts().items()
+    ]
     return Table(
-        "Hot kernels over reference loops",
-        ("kernel", "time over reference", "usually", "at most"),
+        "Instructions of the watched kernels",
+        ("kernel", "instructions", "usual", "at most"),
         rows,
-        f"The guard of the continuous integration fails above {MARGIN} times the usual ratio, "
-        "or by instructions where valgrind is installed.",
-        Goal("time over reference", "at most"),
+        "By valgrind, compiled for vectors of 256 bits. The guard, a part of the checks that every "
+        "change passes, fails beyond the last column.",
+        Goal("instructions", "at most"),
     )
 
 
-def main(*, keep: bool) -> int:
-    """Fail where a kernel is too slow in each of three attempts."""
-    plain, known, found = references(), usual.load("times"), dict[str, float]()
-    for name, make in HOT.items():
-        one, tries = make(), list[float]()
-        for _ in range(3):
-            tries.append(ratio(one, plain[one.reference]))
-            if not keep and tries[-1] <= known.get(name, 0.0) * MARGIN:
-                break
-        found[name] = statistics.median(tries) if keep else min(tries)
-    if keep:
-        usual.save("times", found)
-        known = usual.load("times")
-    return usual.told(usual.compared(found, known, MARGIN))
+def main() -> int:
+    """Fail where a kernel needs too many instructions."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.guard")
+    parser.add_argument("--usual", action="store_true", help="store the counts as the usual ones")
+    parser.add_argument("--against", type=Path, help="a checkout whose counts are the usual ones")
+    parser.add_argument("--python", type=Path, help="its interpreter; else that of its .venv")
+    parser.add_argument("names", nargs="*", help="kernels; all for none")
+    given = parser.parse_args()
+    if given.usual and given.names:
+        parser.error("the usual counts are stored together: --usual goes without names")
+    try:
+        counted = Checkout().counts(given.names)
+    except FileNotFoundError as error:
+        print(error, file=sys.stderr)
+        return 2
+    if given.usual:
+        store(counted)
+    if given.against is None:
+        known, tolerance = usual()
+    else:
+        python = given.python or given.against.resolve() / ".venv/bin/python"
+        theirs = Checkout(given.against.resolve(), python).counts()
+        theirs = {_FORMER_NAMES.get(name, name): count for name, count in theirs.items()}
+        for name in sorted(counted.keys() ^ theirs.keys()):
+            print(f"{name}: watched in one of the checkouts only")
+        counted = {name: count for name, count in counted.items() if name in theirs}
+        known, tolerance = {name: theirs[name] for name in counted}, TOLERANCE
+    if given.names:
+        known = {name: known[name] for name in given.names if name in known}
+    comparisons = compared(counted, known, tolerance)
+    for comparison in comparisons:
+        print(comparison)
+    if tolerance != TOLERANCE:
+        print(f"Versions differ from those in {USUAL.name}: the tolerance is {tolerance}.")
+    return int(not all(comparison.good for comparison in comparisons))
 
-
-TABLES: Final = (kernels,)
 
 if __name__ == "__main__":
-    sys.exit(main(keep="--usual" in sys.argv))
+    if sys.argv[1:2] == ["--names"]:
+        from benchmarks.hot import HOT
+
+        print("\n".join(HOT))
+    elif sys.argv[1:2] == ["--record"]:
+        record(Path(sys.argv[2]), sys.argv[3:])
+    elif sys.argv[1:2] == ["--inside"]:
+        inside(Path(sys.argv[2]))
+    else:
+        sys.exit(main())

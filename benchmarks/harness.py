@@ -1,4 +1,4 @@
-"""How times are measured: warmed up, in turns, as medians, on a machine that is described.
+"""How times are measured: warmed up, in turns, as medians, with a limit, on a described machine.
 
 Functions that are compared take turns in one run, so that whatever else the machine does
 hits all of them; a ratio is the median over the rounds of the ratio in each round. Beside the
@@ -12,12 +12,16 @@ import gc
 import math
 import os
 import platform
+import signal
 import statistics
+import threading
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -26,6 +30,8 @@ Work = Callable[[], object]
 
 SAMPLE = 0.02
 """Seconds that a sample should take at least: quick functions are repeated inside it."""
+LONGEST = 240.0
+"""Seconds that one table may take."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,13 +128,13 @@ def machine() -> dict[str, Any]:
 
 def versions(*packages: str) -> Mapping[str, str]:
     """Return the versions of the packages that are installed."""
-    found = {}
+    there = {}
     for package in packages:
         try:
-            found[package] = version(package)
+            there[package] = version(package)
         except PackageNotFoundError:
             continue
-    return found
+    return there
 
 
 def _processor() -> str:
@@ -147,3 +153,36 @@ def _vectors() -> str:
     path = Path("/proc/cpuinfo")
     flags = path.read_text() if path.exists() else ""
     return next((name for name in ("avx512f", "avx2", "sse2") if f" {name}" in flags), "unknown")
+
+
+class TooLongError(Exception):
+    """A part took longer than it may."""
+
+
+@contextmanager
+def at_most(seconds: float = LONGEST) -> Iterator[None]:
+    """Raise `TooLongError` in the block after that time, and again until it ends.
+
+    The services that it started are stopped on the way out, as they are when the process is
+    asked to terminate. Where there are no such signals, or in another thread, nothing is limited.
+    """
+    if not hasattr(signal, "SIGALRM") or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def late(number: int, frame: FrameType | None) -> None:
+        raise TooLongError(f"not done after {seconds:g} s")
+
+    def terminate(number: int, frame: FrameType | None) -> None:
+        raise SystemExit(128 + number)
+
+    alarm = signal.signal(signal.SIGALRM, late)
+    end = signal.signal(signal.SIGTERM, terminate)
+    # What hangs while it cleans up is woken again.
+    signal.setitimer(signal.ITIMER_REAL, seconds, max(1.0, 0.5 * seconds))
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, alarm)
+        signal.signal(signal.SIGTERM, end)

@@ -1,13 +1,12 @@
-"""The hot kernels that the guard watches, with arguments as the solvers give them.
+"""The watched kernels, with arguments as the solvers give them.
 
-To watch another one: add a line to `HOT`, and ``python -m benchmarks.instructions --usual`` and
-``python -m benchmarks.guard --usual`` measure what is usual for it. Solvers are imported where
-they are called: under valgrind, where every import takes seconds, kernels alone are wanted.
+To watch another one: add a line to `HOT`, and ``python -m benchmarks.guard --usual`` stores what
+is usual for it. Solvers are imported where they are called: under valgrind, where every import
+takes seconds, only the kernels are loaded.
 """
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -20,23 +19,21 @@ from unittest import mock
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.kernels.jit import fma, kernel
+from vibroimpact_solvers.kernels import threads
+from vibroimpact_solvers.kernels.jit import kernel
 from vibroimpact_solvers.kernels.passages import first_passage
 from vibroimpact_solvers.kernels.triangle_time import (
-    even_response,
+    antisymmetric_response,
     hyperbolic_cosine,
     hyperbolic_sine,
-    odd_response,
+    symmetric_response,
 )
 from vibroimpact_solvers.kernels.waves import fold
-
-VECTOR: Final = "a vector loop"
-SCALAR: Final = "a loop of sines and cosines"
 
 
 @dataclass(frozen=True, slots=True)
 class Watched:
-    """A hot kernel and what it is called with.
+    """A watched kernel and what it is called with.
 
     Parameters
     ----------
@@ -44,8 +41,6 @@ class Watched:
         Where it is.
     arguments : tuple
         Arrays are copied before the call: kernels write into theirs.
-    reference : str
-        The loop it is compared with, `VECTOR` or `SCALAR`.
     calls : int
         How often it is called in one go.
     """
@@ -53,36 +48,19 @@ class Watched:
     module: str
     function: str
     arguments: tuple[Any, ...]
-    reference: str = SCALAR
     calls: int = 1
 
-    def __call__(self) -> None:
-        """Call it."""
-        function = getattr(import_module(self.module), self.function)
+    def __call__(self) -> Any:
+        """Call it; return what the last call returns."""
         for _ in range(self.calls):
-            function(*(a.copy() if isinstance(a, np.ndarray) else a for a in self.arguments))
+            result, _ = self.result()
+        return result
 
-
-@kernel
-def polynomials(x: Floats, y: Floats, terms: int) -> None:
-    """Sum quotients of polynomials: a vector loop."""
-    for j in range(terms):
-        shift = 1e-3 * j
-        for i in range(x.size):
-            z = x[i] * x[i] + shift
-            top = fma(z, fma(z, fma(z, fma(z, fma(z, 0.1, 0.2), 0.3), 0.4), 0.5), 1.0)
-            low = fma(z, fma(z, fma(z, fma(z, fma(z, 0.3, 0.1), 0.2), 0.3), 0.2), 2.0)
-            y[i] = fma(top / low, x[i], y[i])
-
-
-@kernel
-def sines(x: Floats, terms: int) -> float:
-    """Sum sines and cosines of the mathematical library one after the other: no vector loop."""
-    total = 0.0
-    for j in range(terms):
-        for i in range(x.size):
-            total += math.sin(x[i] + j) * math.cos(x[i] - j)
-    return total
+    def result(self) -> tuple[Any, tuple[Any, ...]]:
+        """Call it once; return what it returns, and its arguments, which it may have filled."""
+        copies = tuple(a.copy() if isinstance(a, np.ndarray) else a for a in self.arguments)
+        function = getattr(import_module(self.module), self.function)
+        return function(*copies), copies
 
 
 @kernel
@@ -100,8 +78,8 @@ def triangle_time(mu: Floats) -> float:
     """Sum the responses to the triangle wave, and the shapes of single modes."""
     total = 0.0
     for i in range(mu.size):
-        odd, odd_slope = odd_response(mu[i])
-        even, even_slope = even_response(mu[i])
+        odd, odd_slope = antisymmetric_response(mu[i])
+        even, even_slope = symmetric_response(mu[i])
         total += odd + odd_slope + even + even_slope
         total += hyperbolic_sine(mu[i], 0.3) + hyperbolic_cosine(mu[i], 0.3)
     return total
@@ -121,159 +99,128 @@ _HERE: Final = "benchmarks.hot"
 _KERNELS: Final = "vibroimpact_solvers.kernels"
 
 
-def references() -> Mapping[str, Watched]:
-    """Return the loops that kernels are compared with."""
-    some = np.linspace(0.1, 0.9, 64)
-    return {
-        VECTOR: Watched(_HERE, "polynomials", (some, np.zeros(64), 7000)),
-        SCALAR: Watched(_HERE, "sines", (some, 1000)),
-    }
+def recorded(
+    place: ModuleType, name: str, work: Callable[[], object], calls: int = 1, which: int = 0
+) -> Watched:
+    """Return a call that some work makes of a kernel, the first one for `which` = 0.
 
-
-def recorded(place: ModuleType, name: str, work: Callable[[], object], **more: Any) -> Watched:
-    """Return the first call that some work makes of a kernel, where a solver calls it."""
-    found: list[tuple[Any, ...]] = []
+    The work is done by one thread: pieces of several would come in any order.
+    """
+    seen: list[tuple[Any, ...]] = []
     function = getattr(place, name)
 
     def called(*args: Any) -> Any:
-        if not found:
-            found.append(tuple(a.copy() if isinstance(a, np.ndarray) else a for a in args))
+        if len(seen) <= which:
+            seen.append(tuple(a.copy() if isinstance(a, np.ndarray) else a for a in args))
         return function(*args)
 
-    with mock.patch.object(place, name, called):
+    with (
+        mock.patch.object(place, name, called),
+        mock.patch.object(threads, "cores", return_value=1),
+    ):
         work()
-    return Watched(function.__module__, name, found[0], **more)
+    return Watched(function.__module__, name, seen[which], calls)
+
+
+def _kernel(place: str, name: str, work: Callable[[], object], which: int = 0) -> Watched:
+    """Return a call of a kernel where its module is looked up, ``place`` inside the kernels."""
+    return recorded(import_module(f"{_KERNELS}.{place}"), name, work, which=which)
+
+
+def _solved(solver: ModuleType, problem: Any) -> Callable[[], object]:
+    return partial(solver.solve, problem, solver.plan(problem))
 
 
 @cache
-def _modes(asked: str, num: int, constraints: int = 1, n: int = 100) -> Callable[[], object]:
+def _modes(output: str, num: int, constraints: int = 1, n: int = 100) -> Callable[[], object]:
+    """Return the solution for impact modes of a chain, planned beforehand."""
     from benchmarks.cases import chain, grid
     from vibroimpact_solvers import impact_modes
 
     Omega = grid(0.2, 3.0, num)
-    tau = np.linspace(0.0, 1.0, 16)
-    problem = impact_modes.Problem(
-        chain(n, constraints),
-        Omega * (2.0 / np.pi),
-        outputs=frozenset({asked}),
-        Omega=Omega,
-        tau=tau,
-    )
-    return partial(impact_modes.solve, problem, impact_modes.plan(problem))
+    omega, tau = Omega * (2.0 / np.pi), np.linspace(0.0, 1.0, 16)
+    system, outputs = chain(n, constraints), frozenset({output})
+    problem = impact_modes.Problem(system, omega, outputs=outputs, Omega=Omega, tau=tau)
+    return _solved(impact_modes, problem)
 
 
-def _motions(name: str, asked: str, num: int) -> Watched:
-    from vibroimpact_solvers.kernels import motions
-
-    return recorded(motions, name, _modes(asked, num))
-
-
-def _impulse() -> Watched:
-    from vibroimpact_solvers.kernels import response
-
-    return recorded(response, "response_one", _modes("impulse", 1024), reference=VECTOR)
-
-
-def _amplitudes() -> Watched:
-    from vibroimpact_solvers.kernels import response
-
-    return recorded(response, "amplitudes_one", _modes("shape", 1024), reference=VECTOR)
-
-
-def _bordered() -> Watched:
-    from vibroimpact_solvers.kernels import families
-
-    return recorded(families, "members", _modes("shape", 256, 2))
-
-
-def walks(n: int = 100) -> Watched:
-    """Return walks along the limits of a chain."""
-    from vibroimpact_solvers.kernels import limits
-
-    return recorded(limits, "check", _modes("exists", 128, n=n))
+def path_check(n: int = 100) -> Watched:
+    """Return the check of paths along the limits of a chain."""
+    return _kernel("limits", "check", _modes("exists", 128, n=n))
 
 
 def survey(n: int = 13) -> Watched:
-    """Return the search for existence bands of a chain in a small range."""
+    """Return the search for existence bands of a chain, in one of the intervals between poles.
+
+    The first one is narrow and soon decided; the second one takes 814 boxes with 13 masses.
+    """
     from benchmarks.cases import chain
     from vibroimpact_solvers import existence_bands
-    from vibroimpact_solvers.kernels import bands
 
     problem = existence_bands.Problem(chain(n), 1.85, 1.95)
-    plan = existence_bands.plan(problem)
-    return recorded(bands, "survey", partial(existence_bands.solve, problem, plan))
+    return _kernel("bands", "survey", _solved(existence_bands, problem), which=1)
 
 
-def _flight(n: int, t_end: float) -> Watched:
-    """Return a motion of one mass with loss, or of a chain without."""
+def _motion(system: Any, v: Any, t_end: float, **more: Any) -> Callable[[], object]:
+    """Return the solution for a time history from x = 0."""
+    from vibroimpact_solvers import time_history
+
+    state = time_history.State(np.zeros(system.n), v)
+    return _solved(time_history, time_history.Problem(system, state, t_end, **more))
+
+
+def _chain_motion(n: int, t_end: float, seed: int, **more: Any) -> Callable[[], object]:
     from benchmarks.cases import chain
-    from vibroimpact_solvers import presets, time_history
-    from vibroimpact_solvers.model import Constraint
-    from vibroimpact_solvers.time_history import launcher
 
-    system = chain(n) if n > 1 else presets.oscillator([Constraint.at(0, 1.0, 0.999)], 1.0)
-    v = np.random.default_rng(n).standard_normal(n) if n > 1 else np.array([5.0])
-    problem = time_history.Problem(system, time_history.State(np.zeros(n), v), t_end)
-    plan = time_history.plan(problem)
-    return recorded(launcher, "launch", partial(time_history.solve, problem, plan))
+    v = np.random.default_rng(seed).standard_normal(n)
+    return _motion(chain(n), v, t_end, **more)
+
+
+def _launch(n: int, t_end: float) -> Watched:
+    """Return a motion of one mass with loss, or of a chain without."""
+    from vibroimpact_solvers import presets
+    from vibroimpact_solvers.model import Constraint
+    from vibroimpact_solvers.time_history import single_call
+
+    if n > 1:
+        return recorded(single_call, "whole_motion", _chain_motion(n, t_end, n))
+    system = presets.oscillator([Constraint.at(0, 1.0, 0.999)], 1.0)
+    return recorded(single_call, "whole_motion", _motion(system, np.array([5.0]), t_end))
 
 
 def _passages() -> Watched:
-    from benchmarks import flights
-    from benchmarks.cases import chain
-    from vibroimpact_solvers import time_history
-    from vibroimpact_solvers.kernels import flight
+    from benchmarks import free_motions
 
-    state = time_history.State(np.zeros(13), np.random.default_rng(13).standard_normal(13))
-    problem = time_history.Problem(chain(13), state, 1.0)
-    plan = time_history.plan(problem)
-    with flights.counted(Counter()):
-        found = recorded(flight, "first_passage", partial(time_history.solve, problem, plan))
-    return _own("passages", found.arguments, 2000)
+    with free_motions.counted(Counter()):
+        call = _kernel("free_motion", "first_passage", _chain_motion(13, 1.0, 13))
+    return _own("passages", call.arguments, 2000)
 
 
-def _history() -> Watched:
-    from benchmarks.cases import chain
-    from vibroimpact_solvers import time_history
+def _samples() -> Watched:
     from vibroimpact_solvers.time_history import run
 
-    v = np.random.default_rng(0).standard_normal(13)
-    problem = time_history.Problem(
-        chain(13),
-        time_history.State(np.zeros(13), v),
-        100.0,
-        t=np.linspace(0.0, 100.0, 1001),
-        outputs=frozenset({"x", "v"}),
-    )
-    plan = time_history.plan(problem)
-    return recorded(run, "fly", partial(time_history.solve, problem, plan))
+    t, outputs = np.linspace(0.0, 100.0, 1001), frozenset({"x", "v"})
+    return recorded(run, "advance", _chain_motion(13, 100.0, 0, t=t, outputs=outputs))
 
 
 def _soft() -> Watched:
     from benchmarks.cases import chain
-    from vibroimpact_solvers import time_history
-    from vibroimpact_solvers.time_history import soft
+    from vibroimpact_solvers.time_history import Power, soft
 
-    state = time_history.State(np.zeros(13), np.ones(13))
-    problem = time_history.Problem(
-        chain(13), state, 10.0, limiter=time_history.Power(17.0, 1.0), tolerance=1e-9
-    )
-    plan = time_history.plan(problem)
-    return recorded(soft, "follow", partial(time_history.solve, problem, plan))
+    law = Power(17.0, 1.0)
+    work = _motion(chain(13), np.ones(13), 10.0, limiter=law, tolerance=1e-9)
+    return recorded(soft, "follow", work)
 
 
 def slow_flow(place: str, name: str, model: str, variant: str) -> Watched:
     """Return a kernel of a slow flow at ten thousand times."""
-    from benchmarks.slow_flows import motions
+    from benchmarks.error_against_time.slow_flows import motions
     from vibroimpact_solvers import slow_flow
 
-    system, initial, end = next(found[1:] for found in motions() if found[0] == model)
-    t = np.linspace(0.0, end, 10_000)
-    outputs = frozenset({"state", "x", "v"})
+    system, initial, end = next(motion[1:] for motion in motions() if motion[0] == model)
+    t, outputs = np.linspace(0.0, end, 10_000), frozenset({"state", "x", "v"})
     problem = slow_flow.Problem(system, model, variant, initial, t, outputs)
-    plan = slow_flow.plan(problem)
-    kernels = import_module(f"{_KERNELS}.{place}")
-    return recorded(kernels, name, partial(slow_flow.solve, problem, plan))
+    return _kernel(place, name, _solved(slow_flow, problem))
 
 
 def _stability(name: str) -> Watched:
@@ -286,35 +233,39 @@ def _own(name: str, *arguments: Any) -> Watched:
     return Watched(_HERE, name, arguments)
 
 
+def _of_modes(place: str, name: str, output: str, num: int, constraints: int = 1) -> Watched:
+    return _kernel(place, name, _modes(output, num, constraints))
+
+
 HOT: Final[Mapping[str, Callable[[], Watched]]] = {
-    "impulse of one constraint": _impulse,
-    "members with their motion": _amplitudes,
-    "members of two constraints": _bordered,
-    "walks along limits": walks,
-    "displacements": partial(_motions, "coordinates", "waveform", 64),
-    "harmonics": partial(_motions, "fourier", "harmonics", 64),
-    "energies": partial(_motions, "energies", "energy", 512),
-    "bands": survey,
-    "stability, flights": partial(_stability, "fly"),
+    "impulse of one constraint": partial(_of_modes, "response", "response_one", "impulse", 1024),
+    "motion of one constraint": partial(_of_modes, "response", "amplitudes_one", "shape", 1024),
+    "motion of two constraints": partial(_of_modes, "families", "solutions", "shape", 256, 2),
+    "certified path check": path_check,
+    "displacements": partial(_of_modes, "motions", "coordinates", "waveform", 64),
+    "harmonics": partial(_of_modes, "motions", "fourier", "harmonics", 64),
+    "energies": partial(_of_modes, "motions", "energies", "energy", 512),
+    "existence bands": survey,
+    "stability, free motion": partial(_stability, "advance"),
     "stability, impacts": partial(_stability, "strike"),
-    "time history, N=1": partial(_flight, 1, 2000.0),
-    "time history, N=13": partial(_flight, 13, 100.0),
-    "time history, N=100": partial(_flight, 100, 10.0),
-    "time history with samples, N=13": _history,
-    "passages": _passages,
+    "time history, N=1": partial(_launch, 1, 2000.0),
+    "time history, N=13": partial(_launch, 13, 100.0),
+    "time history, N=100": partial(_launch, 100, 10.0),
+    "time history with samples, N=13": _samples,
+    "first passage": _passages,
     "soft limiters": _soft,
     "slow flow, closed form": partial(
         slow_flow, "lossy_walls", "slow_flow", "restitution", "corrected"
     ),
     "slow flow, impacts of one mass": partial(
-        slow_flow, "damped_walls", "flights", "damped", "exact"
+        slow_flow, "damped_walls", "impacts", "damped", "exact"
     ),
     "slow flow, impacts of two masses": partial(
-        slow_flow, "linear_flights", "flights", "two_oscillator", "exact"
+        slow_flow, "elastic_walls", "impacts", "two_oscillator", "exact"
     ),
     "responses to triangle waves": partial(
         _own, "triangle_time", np.linspace(-20.0, 900.0, 20_001)
     ),
     "triangle and square waves": partial(_own, "waves", np.linspace(-50.0, 50.0, 200_001)),
 }
-"""What is watched."""
+"""The kernels that the guard watches, by name."""

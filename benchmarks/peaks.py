@@ -11,10 +11,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-from benchmarks.cases import chain, grid, random_structure
-from benchmarks.impact_modes import solve
+from benchmarks.cases import chain, grid, random_structure, solve
 from vibroimpact_schema.requests import TimeHistoryRequest
-from vibroimpact_service import digest, tasks
+from vibroimpact_service import chunks as job_chunks
+from vibroimpact_service.documents import digest, requests
 from vibroimpact_service.store import Store
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.model import System
@@ -29,7 +29,7 @@ TIMES: Final = "times of a long motion, N = 13"
 
 
 def impact_modes(make: Callable[[int], System], n: int, points: int) -> None:
-    """Solve for members of a structure whose natural modes nobody has found yet."""
+    """Solve for impact modes of a structure whose natural modes are not known yet."""
     spectrum.CACHE.clear()
     solve(make(n), grid(0.2, 3.0, points), frozenset({"impulse", "energy"}))
 
@@ -50,26 +50,26 @@ def history(times: int) -> None:
     request = TimeHistoryRequest.model_validate(content)
     with tempfile.TemporaryDirectory() as folder:
         store = Store(folder)
-        block = tasks.request_block("local", digest.canonical(request))
+        block = requests.stored_form("local", digest.canonical(request))
         store.requests.put(_REQUEST, block)
-        asked = (store.url, "time-history", _REQUEST, _RESULT)
-        chunks = tasks.split(*asked)
-        tasks.solve(*asked, range(len(chunks)))
-        tasks.join(*asked, chunks)
+        job = (store.url, "time-history", _REQUEST, _RESULT)
+        chunks = job_chunks.split(*job)
+        job_chunks.solve(*job, range(len(chunks)))
+        job_chunks.join(*job, chunks)
 
 
 def cases() -> list[tuple[str, int, Callable[[], None]]]:
     """Return what grows, how far, and the work."""
-    found: list[tuple[str, int, Callable[[], None]]] = []
+    problems: list[tuple[str, int, Callable[[], None]]] = []
     for n in (300, 1000, 2000):
-        found.append((FULL, n, partial(impact_modes, _full, n, 300)))
+        problems.append((FULL, n, partial(impact_modes, _full, n, 300)))
     for n in (300, 1000, 3000):
-        found.append((CHAIN, n, partial(impact_modes, chain, n, 300)))
+        problems.append((CHAIN, n, partial(impact_modes, chain, n, 300)))
     for points in (10**5, 3 * 10**5, 10**6):
-        found.append((FREQUENCIES, points, partial(impact_modes, chain, 13, points)))
+        problems.append((FREQUENCIES, points, partial(impact_modes, chain, 13, points)))
     for times in (10**5, 3 * 10**5, 10**6):
-        found.append((TIMES, times, partial(history, times)))
-    return found
+        problems.append((TIMES, times, partial(history, times)))
+    return problems
 
 
 def peak(work: Callable[[], None]) -> float:

@@ -25,7 +25,7 @@ _MODES: Final = f"""<style>
   :root {{ --ink: #e8e9ea; --grid: #484a54; --faint: #a5a6a8; }}
 }}
 </style>"""
-# Okabe and Ito: told apart by everybody, and light and dark enough for both modes.
+# Okabe and Ito: distinct with every kind of colour vision, and readable in both modes.
 _COLOURS: Final = ("#d55e00", "#0083c9", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c7ae6")
 _PEERS: Final = ("heyoka", "DOP853", "LSODA", "CVODE", "diffrax", "Siconos", "numpy", "mpmath")
 """Other programs, which have the same colour on all pictures."""
@@ -119,13 +119,13 @@ def _styles(table: Table, plot: Plot) -> dict[str, dict[str, Any]]:
     taken = {_COLOURS[_peer(name) % len(_COLOURS)] for name in names if _peer(name) >= 0}
     free = itertools.cycle([colour for colour in _COLOURS if colour not in taken] or _COLOURS)
     used: dict[str, int] = {}
-    found: dict[str, dict[str, Any]] = {}
+    styles: dict[str, dict[str, Any]] = {}
     for place, name in enumerate(names):
         ours = bool(name) and name.startswith(plot.ours)
         peer = _peer(name)
         colour = _INK if ours else _COLOURS[peer % len(_COLOURS)] if peer >= 0 else next(free)
         turn = used[colour] = used.get(colour, -1) + 1
-        found[name] = {
+        styles[name] = {
             "color": colour,
             "linestyle": _LINES[turn % len(_LINES)],
             "linewidth": 2.4 if ours else 1.4,
@@ -133,7 +133,7 @@ def _styles(table: Table, plot: Plot) -> dict[str, dict[str, Any]]:
             "markersize": 11 if ours and turn == 0 else 5.5,
             "zorder": 3 if ours else 2,
         }
-    return found
+    return styles
 
 
 def _peer(name: str) -> int:
@@ -182,37 +182,3 @@ def _legend(figure: Figure, every_axes: Sequence[Axes]) -> None:
     width = figure.get_size_inches()[0] * 9.0  # letters in a line
     columns = max(1, min(len(handles), int(width / (widest + 6))))
     figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=columns)
-
-
-def draw_history(panels: Mapping[str, Mapping[str, Points]], path: Path, worst: int = 3) -> None:
-    """Draw one panel for each benchmark: what was measured over its goal, run after run.
-
-    Parameters
-    ----------
-    panels : mapping
-        Series by name, by benchmark: numbers of runs and measured over goal.
-    path : Path
-    worst : int
-        How many series of a panel have a name and a colour: those that end highest.
-    """
-    with _figure(len(panels), path) as (_, every_axes):
-        for axes, (title, series) in zip(every_axes, panels.items(), strict=True):
-            order = sorted(series, key=lambda name: series[name][-1][1], reverse=True)
-            for name in order[worst:]:
-                axes.plot(*zip(*series[name], strict=True), color=_GRID, zorder=1)
-            for place, name in enumerate(order[:worst]):
-                style: dict[str, Any] = {
-                    "color": _COLOURS[place],
-                    "marker": _MARKERS[place],
-                    "markersize": 5,
-                }
-                axes.plot(*zip(*series[name], strict=True), label=_short(name), **style)
-            axes.axhline(1.0, color=_INK, linewidth=1.2)
-            axes.set(title=title, yscale="log", xlabel="run", ylabel="measured over goal")
-            runs = sorted({int(x) for points in series.values() for x, _ in points})
-            axes.set_xticks(runs if len(runs) < 10 else runs[:: len(runs) // 5])
-            axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.22), fontsize="x-small")
-
-
-def _short(name: str, most: int = 60) -> str:
-    return name if len(name) <= most else f"{name[: most - 1]}…"

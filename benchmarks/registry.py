@@ -1,50 +1,80 @@
-"""The benchmarks there are: a table of modules.
+"""The benchmarks, each a page of the documentation, and the functions that measure their tables.
 
-To add one:
-
-1. Write a module in this folder. Its functions take nothing and return a `tables.Table`;
-   their docstrings say what is measured. `harness.measure` does the timing.
-2. List the functions in the module's `TABLES`.
-3. Add a line to `BENCHMARKS` below. The modules are imported only when they run, so that one
-   whose peers are not installed hinders no other.
+To add a table: write a function in this folder that takes nothing and returns a `tables.Table`,
+with a docstring that says what is measured; `harness.measure` does the timing. List the function
+below. Modules are imported only when they run, so that a peer that is not installed hinders
+no other table.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from difflib import get_close_matches
 from importlib import import_module
-from types import FunctionType
 from typing import Final
+
+from benchmarks.tables import Table
 
 
 @dataclass(frozen=True, slots=True)
-class Benchmark:
-    """One benchmark: its name on the command line, its module and what it shows.
+class Part:
+    """A table of a benchmark.
 
     Parameters
     ----------
-    name, module, shows : str
-    only : str
-        The only function that is meant; all where it is empty.
+    benchmark : str
+        Name of the benchmark.
+    path : str
+        Module and name of the function that measures the table.
     """
 
-    name: str
-    module: str
-    shows: str
-    only: str = ""
+    benchmark: str
+    path: str
 
-    def functions(self) -> tuple[FunctionType, ...]:
-        """Return the functions of the module, each of which makes a table.
+    @property
+    def name(self) -> str:
+        """Name of the function."""
+        return self.path.rpartition(".")[2]
+
+    @property
+    def label(self) -> str:
+        """Name on the command line."""
+        return f"{self.benchmark}.{self.name}"
+
+    def function(self) -> Callable[[], Table]:
+        """Return the function.
 
         Raises
         ------
         ImportError
             Where something that it needs is not installed.
         """
-        found = import_module(self.module).TABLES
-        return tuple(each for each in found if self.only in ("", each.__name__))
+        module, _, name = self.path.rpartition(".")
+        function: Callable[[], Table] = getattr(import_module(module), name)
+        return function
+
+
+@dataclass(frozen=True, slots=True)
+class Benchmark:
+    """A benchmark: a page of the documentation.
+
+    Parameters
+    ----------
+    name, title, shows : str
+    paths : tuple of str
+        Module, inside `benchmarks`, and name of each function.
+    """
+
+    name: str
+    title: str
+    shows: str
+    paths: tuple[str, ...]
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """Its tables."""
+        return tuple(Part(self.name, f"benchmarks.{path}") for path in self.paths)
 
 
 class UnknownNameError(ValueError):
@@ -57,48 +87,83 @@ class UnknownNameError(ValueError):
 
 BENCHMARKS: Final[tuple[Benchmark, ...]] = (
     Benchmark(
-        "impact-modes",
-        "benchmarks.impact_modes",
-        "time of one impulse, against numpy, large structures, run time against error",
+        "peers",
+        "Against other programs",
+        "time histories against heyoka, SUNDIALS, diffrax, scipy and Siconos; impact modes "
+        "against numpy",
+        (
+            "peers.ahead.ahead",
+            "peers.against_heyoka.against_heyoka",
+            "peers.against_heyoka.long_motions",
+            "peers.ahead.rest",
+            "error_against_time.impact_modes.against_numpy",
+        ),
     ),
     Benchmark(
-        "existence-bands",
-        "benchmarks.existence_bands",
-        "certified bands against scans, and the bands that scans miss",
+        "error-against-time",
+        "Error against time",
+        "run time and error of every method, from loose to tight tolerances",
+        (
+            "error_against_time.time_histories.time_histories",
+            "error_against_time.time_histories.ten_million_impacts",
+            "error_against_time.impact_modes.impulses",
+            "error_against_time.impact_modes.localized_shapes",
+            "error_against_time.existence_bands.bands_by_scans",
+            "error_against_time.slow_flows.slow_flow_variants",
+        ),
     ),
     Benchmark(
-        "slow-flows",
-        "benchmarks.slow_flows",
-        "closed forms at a million times, run time against error of every variant",
+        "skips",
+        "Skips",
+        "what plans leave out: counters and the time saved",
+        ("skips.counters",),
     ),
-    Benchmark(
-        "time-histories",
-        "benchmarks.time_histories",
-        "run time against error, impacts missed: heyoka, scipy, CVODE, diffrax, Siconos",
-    ),
-    Benchmark("skips", "benchmarks.skips", "what plans leave out: counters and the time saved"),
     Benchmark(
         "scaling",
-        "benchmarks.scaling",
-        "cost against size, frequencies and threads; cold starts",
+        "Scaling",
+        "cost against size, frequencies, impacts and threads; memory; large structures",
+        (
+            "scaling.impulse_per_frequency",
+            "scaling.size",
+            "scaling.modes",
+            "scaling.frequencies",
+            "scaling.impacts",
+            "scaling.threads",
+            "scaling.memory",
+            "large.large",
+            "large.partial_spectrum",
+        ),
     ),
-    Benchmark("floors", "benchmarks.floors", "hot kernels over what the hardware allows"),
     Benchmark(
         "service",
-        "benchmarks.service",
-        "start and memory of the service, latency and throughput against clients, workers",
+        "Service",
+        "answers over HTTP, concurrent clients, jobs, memory and idling",
+        (
+            "service.answers.answers",
+            "service.answers.clients",
+            "service.answers.concurrent_clients",
+            "service.answers.large_results",
+            "service.answers.estimates",
+            "service.jobs.small_jobs",
+            "service.jobs.chunks_of_jobs",
+            "service.jobs.workers",
+            "service.jobs.scheduler",
+            "service.upkeep.starts",
+            "service.upkeep.upkeep",
+        ),
     ),
-    Benchmark("http", "benchmarks.http_load", "answers a second, 200 clients, large results"),
-    Benchmark("jobs", "benchmarks.job_queue", "small jobs, chunks, fairness, listing, idling"),
     Benchmark(
-        "scheduler", "benchmarks.scheduler", "ten million chunks on a thousand workers, simulated"
+        "bounds",
+        "Guard and lower bounds",
+        "instructions of the watched kernels, and their time over the least that the hardware "
+        "allows",
+        ("guard.instructions", "bounds.bounds"),
     ),
-    Benchmark("guard", "benchmarks.guard", "hot kernels over reference loops"),
 )
 
 
-def named(names: Sequence[str]) -> tuple[Benchmark, ...]:
-    """Return the benchmarks of those names, all for none.
+def named(names: Sequence[str]) -> tuple[Part, ...]:
+    """Return the tables of those names, all for none.
 
     Parameters
     ----------
@@ -110,17 +175,22 @@ def named(names: Sequence[str]) -> tuple[Benchmark, ...]:
     UnknownNameError
         Where there is no such benchmark or table.
     """
-    return tuple(_one(name) for name in dict.fromkeys(names)) if names else BENCHMARKS
+    chosen = [part for name in names or _all() for part in _one(name)]
+    return tuple(dict.fromkeys(chosen))
 
 
-def _one(name: str) -> Benchmark:
-    table = {one.name: one for one in BENCHMARKS}
+def _all() -> list[str]:
+    return [benchmark.name for benchmark in BENCHMARKS]
+
+
+def _one(name: str) -> tuple[Part, ...]:
+    known = {benchmark.name: benchmark for benchmark in BENCHMARKS}
     first, _, last = name.partition(".")
-    if first not in table:
-        raise UnknownNameError(name, table)
+    if first not in known:
+        raise UnknownNameError(name, known)
+    parts = {part.label: part for part in known[first].parts}
     if not last:
-        return table[first]
-    parts = [f"{first}.{function.__name__}" for function in table[first].functions()]
+        return tuple(parts.values())
     if name not in parts:
         raise UnknownNameError(name, parts)
-    return replace(table[first], only=last)
+    return (parts[name],)

@@ -1,4 +1,4 @@
-"""How costs grow: with the size of the structure, the frequencies and the threads; cold starts."""
+"""How costs grow with size, frequencies, impacts and threads; memory."""
 
 from __future__ import annotations
 
@@ -6,26 +6,41 @@ import json
 import os
 import subprocess
 import sys
-import tempfile
 import time
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
 from benchmarks import peaks
-from benchmarks.cases import chain, grid, random_structure, uneven_chain
-from benchmarks.harness import Work, measure
-from benchmarks.impact_modes import solve
-from benchmarks.limits import LONGEST
-from benchmarks.motions import ours
-from benchmarks.motions.cases import from_mode
+from benchmarks.cases import chain, grid, random_structure, solve, uneven_chain
+from benchmarks.harness import LONGEST, Work, measure
+from benchmarks.peers import ours
+from benchmarks.peers.cases import from_mode
 from benchmarks.tables import Goal, Plot, Table, Trend
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.spectrum import methods
 
 _MICRO = 1e6
+
+
+def impulse_per_frequency() -> Table:
+    """One impulse p(omega) of the chain struck at one mass, on one core.
+
+    It is all that a caller of the solvers waits for, planning and error statement included.
+    """
+    rows: list[tuple[Any, ...]] = []
+    for n, points, goal in ((13, 20_000, 0.2), (100, 10_000, 0.4), (1000, 2000, 5.0)):
+        work = partial(solve, chain(n), grid(0.2, 3.0, points))
+        rows.append((n, measure(work=work)["work"].processor / points * _MICRO, goal))
+    return Table(
+        "One impulse p(ω), one constraint, one core",
+        ("N", "solve [µs]", "goal [µs]"),
+        rows,
+        "Time of the processor.",
+        Goal("solve [µs]", "goal [µs]"),
+    )
 
 
 def size() -> Table:
@@ -61,8 +76,8 @@ def modes() -> Table:
             def work(system: Any = system) -> None:
                 methods._compute(system, spectrum.choose(system))
 
-            found = measure(rounds=3, work=work)["work"].processor
-            rows.append((title, n, method.value, found))
+            seconds = measure(rounds=3, work=work)["work"].processor
+            rows.append((title, n, method.value, seconds))
     return Table(
         "Natural modes",
         ("structure", "N", "method", "time [s]"),
@@ -83,8 +98,8 @@ def frequencies() -> Table:
     system = chain(100)
     for points in (1, 10, 100, 1000, 10_000, 100_000, 1_000_000):
         work = partial(solve, system, grid(0.2, 3.0, points))
-        found = measure(rounds=3, work=work)["work"]
-        rows.append(("impulse", points, found.processor * 1e3, found.processor / points * _MICRO))
+        timing = measure(rounds=3, work=work)["work"]
+        rows.append(("impulse", points, timing.processor * 1e3, timing.processor / points * _MICRO))
     return Table(
         "Cost against the number of frequencies, N = 100",
         ("outputs", "frequencies", "time [ms]", "time [µs/frequency]"),
@@ -113,11 +128,13 @@ def threads() -> Table:
         for count in range(1, len(everywhere) + 1):
             os.sched_setaffinity(0, sorted(everywhere)[:count])
             try:
-                found = min(_clock(work) for _ in range(7))
+                seconds = min(_clock(work) for _ in range(7))
             finally:
                 os.sched_setaffinity(0, everywhere)
-            alone = alone or found
-            rows.append((title, count, found, alone / found, 0.8 * count if count > 1 else None))
+            alone = alone or seconds
+            rows.append(
+                (title, count, seconds, alone / seconds, 0.8 * count if count > 1 else None)
+            )
     return Table(
         "Threads, chain of 1000 masses",
         ("work", "cores", "clock [s]", "speed-up", "goal"),
@@ -151,10 +168,10 @@ def impacts() -> Table:
             if n * count > 200_000:
                 continue
             scene = from_mode(n, dof, 1.5 * 2.0 / np.pi * top, count // 2)
-            found = measure(rounds=3, sample=0.0, work=partial(ours.whole, scene))["work"]
+            timing = measure(rounds=3, sample=0.0, work=partial(ours.whole, scene))["work"]
             seen = max(1, len(ours.whole(scene).times))
-            each = found.processor / seen * _MICRO
-            rows.append((f"N = {n}", seen, found.processor * 1e3, each))
+            each = timing.processor / seen * _MICRO
+            rows.append((f"N = {n}", seen, timing.processor * 1e3, each))
     return Table(
         "Cost against the number of impacts",
         ("structure", "impacts", "time [ms]", "time [µs/impact]"),
@@ -175,13 +192,13 @@ def memory() -> Table:
     """
     if not Path("/proc/self/status").exists():
         raise RuntimeError("the system does not tell the memory of a process")
-    found = json.loads(_run([sys.executable, "-m", "benchmarks.peaks"]))
+    peak = json.loads(_run([sys.executable, "-m", "benchmarks.peaks"]))
     x, y, by = "size", "memory [MB]", "what grows"
     return Table(
         "Memory",
         (by, x, y),
-        [tuple(row) for row in found["rows"]],
-        f"Chain with one constraint, the result included; beside {found['before']:.0f} MB of "
+        [tuple(row) for row in peak["rows"]],
+        f"Chain with one constraint, the result included; beside {peak['before']:.0f} MB of "
         "libraries and kernels.",
         plots=(Plot(x, y, by=by),),
         trends=(
@@ -206,36 +223,3 @@ def _run(command: list[str], **environment: str) -> str:
     if done.returncode:
         raise RuntimeError(f"{' '.join(command)[:100]}: {done.stderr[-1000:]}")
     return done.stdout
-
-
-_FIRST: Final = """
-import time
-start = time.perf_counter()
-from benchmarks.impact_modes import solve
-from benchmarks import peaks
-from benchmarks.cases import chain, grid
-loaded = time.perf_counter()
-solve(chain(13), grid(0.2, 3.0, 100), frozenset({"impulse", "exists"}))
-done = time.perf_counter()
-solve(chain(13), grid(0.3, 3.0, 100), frozenset({"impulse", "exists"}))
-print(loaded - start, done - loaded, time.perf_counter() - done)
-"""
-
-
-def cold_starts() -> Table:
-    """Start a new process: import, first result, and the second one."""
-    rows: list[tuple[Any, ...]] = []
-    with tempfile.TemporaryDirectory() as empty:
-        for title in ("kernels compiled", "kernels from disk"):
-            said = _run([sys.executable, "-c", _FIRST], NUMBA_CACHE_DIR=empty)
-            rows.append((title, *map(float, said.split())))
-    return Table(
-        "Cold starts",
-        ("process", "import [s]", "first result [s]", "second result [s]"),
-        rows,
-        "Impulses and existence at 100 frequencies, chain of 13 masses; the kernels are compiled "
-        "once in the life of an installation.",
-    )
-
-
-TABLES: Final = (size, modes, frequencies, impacts, threads, memory, cold_starts)

@@ -114,12 +114,6 @@ class Verdict:
     reached: bool
     reason: str = ""
 
-    @property
-    def over(self) -> float:
-        """How far beyond the goal: above 1 it is missed; not a number where there is no ratio."""
-        above, below = (self.limit, self.value) if self.at_least else (self.value, self.limit)
-        return above / below if above > 0.0 and below > 0.0 else math.nan
-
 
 @dataclass(frozen=True, slots=True)
 class Table:
@@ -142,8 +136,6 @@ class Table:
     reasons : mapping
         Why goals are missed, as far as known: by the label of the row, see `labels`, or of the
         trend; the one of the empty label holds for all others.
-    part : str
-        Name of the function that measured.
     seconds : float
         How long that took.
     """
@@ -157,7 +149,6 @@ class Table:
     about: str = ""
     trends: tuple[Trend, ...] = ()
     reasons: Mapping[str, str] = field(default_factory=dict)
-    part: str = ""
     seconds: float = 0.0
 
     def __post_init__(self) -> None:
@@ -214,7 +205,7 @@ class Table:
 
     def grown(self) -> list[Verdict]:
         """Return whether the trends are as they should be."""
-        found = []
+        verdicts = []
         for trend in self.trends:
             for curve, points in self.curves(trend.x, trend.y, trend.by).items():
                 if trend.only and curve not in trend.only:
@@ -222,8 +213,8 @@ class Table:
                 value = exponent([p for p in points if trend.since <= p[0] <= trend.until])
                 label = f"{curve}: {trend.y}" if curve else trend.y
                 quantity = f"exponent of {trend.x}"
-                found.append(self._verdict(label, quantity, value, trend.limit, trend.at_least))
-        return found
+                verdicts.append(self._verdict(label, quantity, value, trend.limit, trend.at_least))
+        return verdicts
 
     def verdicts(self) -> Iterator[Verdict]:
         """Yield all goals, of rows and of trends."""
@@ -251,16 +242,16 @@ class Table:
         panel : tuple of str, optional
             A column and the text that it must have.
         """
-        found: dict[str, list[tuple[float, float]]] = {}
+        curves: dict[str, list[tuple[float, float]]] = {}
         names = [""] * len(self.rows) if by is None else list(map(written, self.column(by)))
         panels = (
             [""] * len(self.rows) if panel is None else list(map(written, self.column(panel[0])))
         )
         for name, where, a, b in zip(names, panels, self.column(x), self.column(y), strict=True):
-            points = found.setdefault(name, [])
+            points = curves.setdefault(name, [])
             if (panel is None or where == panel[1]) and is_number(a):
                 points.append((float(a), float(b) if is_number(b) else math.nan))
-        return found
+        return curves
 
     def document(self) -> dict[str, Any]:
         """Return plain data for JSON."""
@@ -268,7 +259,7 @@ class Table:
 
     @classmethod
     def of(cls, document: dict[str, Any]) -> Table:
-        """Return the table of such data; of older ones, which lack what came later, too."""
+        """Return the table of such data."""
         return cls(
             **document
             | {
@@ -277,8 +268,7 @@ class Table:
                 "goal": Goal(**document["goal"]) if document["goal"] else None,
                 "plots": tuple(Plot(**plot) for plot in document["plots"]),
                 "trends": tuple(
-                    Trend(**trend | {"only": tuple(trend["only"])})
-                    for trend in document.get("trends", ())
+                    Trend(**trend | {"only": tuple(trend["only"])}) for trend in document["trends"]
                 ),
             }
         )
@@ -305,7 +295,7 @@ class Figure:
 
 
 def figures(
-    title: str, found: Iterable[Figure], note: str = "", reasons: Mapping[str, str] | None = None
+    title: str, numbers: Iterable[Figure], note: str = "", reasons: Mapping[str, str] | None = None
 ) -> Table:
     """Return a table of numbers that have different units."""
     rows: list[tuple[Cell, ...]] = [
@@ -315,7 +305,7 @@ def figures(
             "" if each.limit is None else "≥" if each.at_least else "≤",
             each.limit,
         )
-        for each in found
+        for each in numbers
     ]
     columns = ("figure", "measured", "", "goal")
     goal = Goal("measured", "goal", sense="")

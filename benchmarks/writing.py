@@ -69,7 +69,7 @@ def markdown(table: Table) -> str:
 
 def _without_repetition(body: list[list[str]], words: Sequence[bool]) -> list[list[str]]:
     """Leave out leading cells of words that are those of the row above."""
-    found = []
+    shortened = []
     for above, row in zip([[], *body], body, strict=False):
         cells, same = list(row), bool(above)
         for place, is_word in enumerate(words):
@@ -77,8 +77,8 @@ def _without_repetition(body: list[list[str]], words: Sequence[bool]) -> list[li
             if not same:
                 break
             cells[place] = ""
-        found.append(cells)
-    return found
+        shortened.append(cells)
+    return shortened
 
 
 def grid(head: Sequence[str], body: Sequence[Sequence[str]], words: Sequence[bool]) -> str:

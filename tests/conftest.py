@@ -16,6 +16,11 @@ from typing import Any
 
 import pytest
 
+# Each process of the suite has a core to itself, and so have the services that it starts: threads
+# of linear algebra would only wait for one another. Read once, when numpy is loaded.
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(variable, "1")
+
 GIVEN = "VIBROIMPACT_TEST_POSTGRESQL"
 
 

@@ -49,6 +49,3 @@ def counters() -> Table:
         "Time of the processor, of planning and solving, least of three; natural modes forgotten "
         "before each. What is the same on both sides is not listed.",
     )
-
-
-TABLES: Final = (counters,)

@@ -16,8 +16,8 @@ from vibroimpact_solvers import impact_modes as modes
 from vibroimpact_solvers.existence_bands import OUTPUTS, Problem, search
 from vibroimpact_solvers.existence_bands.certified import CertifiedBands
 from vibroimpact_solvers.existence_bands.search import SearchedBands, poles_of
+from vibroimpact_solvers.impact_modes.family_solver import FamilySolver
 from vibroimpact_solvers.impact_modes.modal import ModalFamily
-from vibroimpact_solvers.impact_modes.solving import Members
 from vibroimpact_solvers.kernels import bands
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 
@@ -62,13 +62,15 @@ def scenes() -> Iterator[Scene]:
         _all_maps,
         ("stability",),
     )
-    for asked in ("bands", "stability"):
+    for requested in ("bands", "stability"):
         yield Scene(
-            f"only {asked} asked" if asked == "bands" else "only their stability asked",
+            f"only {requested} requested"
+            if requested == "bands"
+            else "only their stability requested",
             existence_bands,
-            partial(_problem, partial(chain, 13), outputs=frozenset({asked})),
+            partial(_problem, partial(chain, 13), outputs=frozenset({requested})),
             partial(_everything, partial(chain, 13)),
-            tuple(name for name in OUTPUTS if name != asked),
+            tuple(name for name in OUTPUTS if name != requested),
         )
 
 
@@ -95,32 +97,32 @@ def _coupled() -> System:
 
 
 def _with_shapes() -> object:
-    """Find shape, energy and amplitudes of all members that are looked at."""
+    """Find shape, energy and amplitudes of all solutions that are evaluated."""
     outputs = frozenset({"reason", "shape", "energy", "harmonics"})
     with mock.patch.object(search, "_OUTPUTS", outputs):
         return solve(existence_bands, _problem(_uneven))
 
 
 def _by_grid() -> None:
-    """Look at members between all poles and halve between those that are unlike."""
+    """Evaluate solutions between all poles and bisect between those that differ."""
     problem = _problem(partial(chain, 13))
     poles = poles_of(problem, spectrum.spectrum(problem.system))
     SearchedBands(problem, poles).find(None)
 
 
 def _proved_above() -> object:
-    """Prove by boxes that members above the spectrum exist."""
+    """Prove by boxes that solutions above the spectrum are admissible."""
     problem = Problem(chain(13), 2.0, 3.0)
-    found = CertifiedBands(problem, spectrum.spectrum(problem.system))
+    certified = CertifiedBands(problem, spectrum.spectrum(problem.system))
     bands.survey(
-        found.roots,
-        found.alpha,
-        found.beta,
-        found.rigid_alpha,
-        found.rigid_beta,
-        found.struck,
-        found.q_start,
-        found.q_stop,
+        certified.roots,
+        certified.alpha,
+        certified.beta,
+        certified.rigid_alpha,
+        certified.rigid_beta,
+        certified.struck,
+        certified.q_start,
+        certified.q_stop,
         problem.resolution,
         1_000_000,
     )
@@ -135,11 +137,11 @@ def _all_maps() -> object:
     assert result.band_stop is not None
     for start, stop in zip(result.band_start, result.band_stop, strict=True):
         Omega = np.linspace(start, stop, _POINTS + 2)[1:-1]
-        members = problem.members(Omega, frozenset({"stability"}))
-        ready = Members(members, modes.plan(members))
-        _, motion = ready.evaluator.members(members.frequencies, with_motion=True)
-        assert isinstance(ready.evaluator, ModalFamily)
-        orbits = ready.evaluator.orbits(motion, np.zeros(Omega.size))
+        solutions = problem.impact_modes_at(Omega, frozenset({"stability"}))
+        family = FamilySolver(solutions, modes.plan(solutions)).evaluator
+        assert isinstance(family, ModalFamily)
+        _, motion = family.solutions(solutions.frequencies, with_motion=True)
+        orbits = family.orbits(motion, np.zeros(Omega.size))
         for f in range(Omega.size):
             stability.PeriodMap(orbits, f, np.maximum(np.abs(orbits.roots), orbits.omega[f]))
     return result

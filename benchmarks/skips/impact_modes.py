@@ -16,8 +16,8 @@ from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.impact_modes import OUTPUTS, Problem
 from vibroimpact_solvers.impact_modes.direct import DirectFamily
 from vibroimpact_solvers.impact_modes.family import Family, Kind
+from vibroimpact_solvers.impact_modes.family_solver import PENETRATION_TOLERANCE
 from vibroimpact_solvers.impact_modes.modal import ModalFamily
-from vibroimpact_solvers.impact_modes.solving import EXCESS
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.spectrum import Spectrum
 from vibroimpact_solvers.time_history import Problem as Motion
@@ -37,7 +37,7 @@ def scenes() -> Iterator[Scene]:
     def scene(
         name: str,
         system: Callable[[], System],
-        asked: str,
+        requested: str,
         without: Callable[[System], object],
         *states: str,
         Omega: Floats = _GRID,
@@ -46,22 +46,24 @@ def scenes() -> Iterator[Scene]:
         return Scene(
             name,
             impact_modes,
-            lambda: _problem(system(), asked, Omega, **more),
+            lambda: _problem(system(), requested, Omega, **more),
             lambda: without(system()),
             states,
         )
 
     few, hundred = partial(chain, 13), partial(chain, 100)
     yield scene(
-        "only impulses asked, N=100",
+        "only impulses requested, N=100",
         hundred,
         "impulse",
         _everything,
         *sorted(_ALL - {"impulse", "reason", "stability"}),
     )
-    yield scene("only existence asked, N=13", few, "exists", _everything, "impulse", "stability")
     yield scene(
-        "one of 100 degrees of freedom asked",
+        "only existence requested, N=13", few, "exists", _everything, "impulse", "stability"
+    )
+    yield scene(
+        "one of 100 degrees of freedom requested",
         hundred,
         "waveform",
         lambda system: solve(impact_modes, _problem(system, "waveform", _GRID, tau=_TIMES)),
@@ -98,7 +100,13 @@ def scenes() -> Iterator[Scene]:
         "natural modes",
         Omega=_close(net(20))[:1],
     )
-    yield scene("equal gaps and no load", few, "impulse", _both_parities, "even motion")
+    yield scene(
+        "equal gaps and no load",
+        few,
+        "impulse",
+        _both_parities,
+        "symmetric component of the motion",
+    )
     yield scene(
         "one of two constraints struck",
         _two,
@@ -111,16 +119,16 @@ def scenes() -> Iterator[Scene]:
         "existence below Ω_N: impulses that are not positive",
         few,
         "exists",
-        partial(_all_walks, Omega=_BELOW),
-        "the walk where an impulse is not positive",
+        partial(_all_path_checks, Omega=_BELOW),
+        "path check where an impulse is not positive",
         Omega=_BELOW,
     )
     yield scene(
         "existence above Ω_N",
         few,
         "exists",
-        partial(_all_walks, Omega=_ABOVE),
-        "the walk above the spectrum",
+        partial(_all_path_checks, Omega=_ABOVE),
+        "path check above the spectrum",
         Omega=_ABOVE,
     )
     yield scene(
@@ -131,7 +139,7 @@ def scenes() -> Iterator[Scene]:
         "damping and restitution",
     )
     yield scene(
-        "stability where members exist",
+        "stability where the modes exist",
         few,
         "stability",
         _all_maps,
@@ -146,11 +154,11 @@ def scenes() -> Iterator[Scene]:
         "stability",
     )
     dense = random_structure(100, 5)
-    yield scene("the same structure asked again", lambda: dense, "impulse", _again)
+    yield scene("the same structure requested again", lambda: dense, "impulse", _again)
 
 
-def _problem(system: System, asked: str, Omega: Floats, **more: Any) -> Problem:
-    return Problem(system, Omega * 2.0 / np.pi, outputs=frozenset({asked}), Omega=Omega, **more)
+def _problem(system: System, requested: str, Omega: Floats, **more: Any) -> Problem:
+    return Problem(system, Omega * 2.0 / np.pi, outputs=frozenset({requested}), Omega=Omega, **more)
 
 
 def _everything(system: System) -> object:
@@ -173,16 +181,16 @@ def _all_rows(system: System) -> object:
 
 
 def _all_modes(system: System) -> None:
-    """Sum over all modes, those that the constraint does not hear included."""
+    """Sum over all modes, those with a node at the constraint included."""
     natural = spectrum.spectrum(system)
 
-    def heard(dofs: Any) -> Any:
-        rows = natural.rows(dofs)
-        return np.where(rows == 0.0, 1e-100, rows)
+    def rows(dofs: Any) -> Any:
+        exact = natural.rows(dofs)
+        return np.where(exact == 0.0, 1e-100, exact)
 
     problem = _problem(system, "impulse", _GRID)
-    family = ModalFamily(problem, Family.of(problem), Spectrum(natural.roots, heard, natural.n))
-    family.members(problem.frequencies, with_motion=False)
+    family = ModalFamily(problem, Family.of(problem), Spectrum(natural.roots, rows, natural.n))
+    family.solutions(problem.frequencies, with_motion=False)
 
 
 def _close(system: System) -> Floats:
@@ -193,28 +201,28 @@ def _close(system: System) -> Floats:
 def _by_factors(system: System) -> None:
     """Factorize at each harmonic of each frequency."""
     problem = _problem(system, "impulse", _close(system))
-    DirectFamily(problem, spectrum.largest_frequency(system)).members(problem.frequencies)
+    DirectFamily(problem, spectrum.largest_frequency(system)).solutions(problem.frequencies)
 
 
 def _by_modes(system: System) -> None:
     problem = _problem(system, "impulse", _close(system)[:1])
-    _modal(problem).members(problem.frequencies, with_motion=False)
+    _modal(problem).solutions(problem.frequencies, with_motion=False)
 
 
 def _both_parities(system: System) -> None:
     """Solve for the sum and for the difference of the impulses at both walls."""
     problem = _problem(system, "impulse", _GRID)
-    _modal(problem, Family(Kind.SEPARATE, (0,), (0,), 1)).members(
+    _modal(problem, Family(Kind.SEPARATE, (0,), (0,), 1)).solutions(
         problem.frequencies, with_motion=False
     )
 
 
-def _all_walks(system: System, Omega: Floats) -> None:
-    """Follow the motion of every member along every limit."""
+def _all_path_checks(system: System, Omega: Floats) -> None:
+    """Follow the motion of every solution along every limit."""
     problem = _problem(system, "exists", Omega)
     family = _modal(problem)
-    impulses, motion = family.members(problem.frequencies, with_motion=True)
-    family.check(motion, np.minimum(impulses.error, 1.0), problem, EXCESS)
+    impulses, motion = family.solutions(problem.frequencies, with_motion=True)
+    family.check(motion, np.minimum(impulses.error, 1.0), problem, PENETRATION_TOLERANCE)
 
 
 def _two() -> System:
@@ -242,11 +250,11 @@ def _coupled() -> System:
 
 
 def _all_maps(system: System) -> None:
-    """Find the map of half a period of every member, phantoms included."""
+    """Find the map of half a period of every solution, admissible or not."""
     Omega = _BELOW if system.n == 13 else _GRID
     problem = _problem(system, "stability", Omega)
     family = _modal(problem)
-    _, motion = family.members(problem.frequencies, with_motion=True)
+    _, motion = family.solutions(problem.frequencies, with_motion=True)
     orbits = family.orbits(motion, np.zeros(Omega.size))
     for f in range(Omega.size):
         stability.PeriodMap(orbits, f, np.maximum(np.abs(orbits.roots), orbits.omega[f]))

@@ -79,24 +79,24 @@ def _impulses(system: System) -> impact_modes.Problem:
 
 def _lossless(kind: str) -> sweep.Problem:
     whole = _structure([Constraint.at(7, GAP)])
-    asked: Callable[[System], object] = _impulses
+    requested: Callable[[System], object] = _impulses
     if kind == resonances.KIND:
-        asked = resonances.Problem
+        requested = resonances.Problem
 
     def at(index: tuple[int, ...]) -> object:
-        return asked(whole.limited((Constraint.at(7, GAP, float(_RESTITUTIONS[index[0]])),)))
+        return requested(whole.limited((Constraint.at(7, GAP, float(_RESTITUTIONS[index[0]])),)))
 
     rule = sweep.rule(kind, ("system", "constraints", 0, "restitution"))
     axis = Axis("restitution", "restitution", _RESTITUTIONS, stage=rule.stage, why=rule.why)
     return sweep.Problem(kind, (axis,), at, whole)
 
 
-def _alone(lattice: Callable[[], sweep.Problem], points: int = 50) -> None:
-    """Solve every point of a lattice as if nothing were known of the others."""
-    problem = lattice()
+def _alone(points_of: Callable[[], sweep.Problem], points: int = 50) -> None:
+    """Solve every point of a parameter grid as if nothing were known of the others."""
+    problem = points_of()
     for index in range(points):
         forget_modes()
-        solve(problem.swept.solver, problem.at((index,)))
+        solve(problem.swept_kind.solver, problem.at((index,)))
 
 
 def _ensemble() -> ensemble.Problem:
@@ -105,7 +105,7 @@ def _ensemble() -> ensemble.Problem:
 
 
 def _apart() -> None:
-    """Follow every member as if nothing were known of the others."""
+    """Follow every motion as if nothing were known of the others."""
     for v in _STATES:
         forget_modes()
         system = presets.chain(13, [Constraint.at(5, GAP)])

@@ -31,7 +31,7 @@ def scenes() -> Iterator[Scene]:
         resonances,
         lambda: Problem(_apart(), odd_max=_MAX),
         lambda: _all_modes(_apart()),
-        ("modes that the held coordinate does not move",),
+        ("modes that the fixed coordinate does not excite",),
     )
 
 
@@ -45,18 +45,18 @@ def _chain() -> System:
 
 def _all_harmonics(system: System) -> Result:
     """Divide by even numbers too."""
-    found = _solved(Problem(system, odd_max=_MAX))
-    assert found.harmonic is not None
-    assert found.part is not None
-    first, every = found.harmonic == 1, np.arange(1, _MAX + 1)
-    natural = found.natural[first]
+    result = _solved(Problem(system, odd_max=_MAX))
+    assert result.harmonic is not None
+    assert result.part is not None
+    first, every = result.harmonic == 1, np.arange(1, _MAX + 1)
+    natural = result.natural[first]
     return replace(
-        found,
+        result,
         Omega=(natural[:, np.newaxis] / every).ravel(),
         harmonic=np.tile(every, natural.size),
-        part=np.repeat(found.part[first], every.size),
+        part=np.repeat(result.part[first], every.size),
         natural=np.repeat(natural, every.size),
-        error_natural=np.repeat(found.error_natural[first], every.size),
+        error_natural=np.repeat(result.error_natural[first], every.size),
     )
 
 
@@ -69,7 +69,7 @@ def _apart() -> System:
 
 
 def _all_modes(system: System) -> Result:
-    """Find all natural modes of the held structure."""
+    """Find all natural modes of the constrained structure."""
     free = np.delete(np.arange(system.n), 5)
     K = SymmetricMatrix.leanest(system.K.to_sparse()[free][:, free].tocsr())
     spectrum.spectrum(System(SymmetricMatrix.diagonal(np.ones(free.size)), K, ()))

@@ -17,7 +17,7 @@ NUMBERS = "numbers of the result"
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """One thing that is asked, as the plan does it and without what the plan skips.
+    """One thing that is requested, as the plan does it and without what the plan skips.
 
     Parameters
     ----------
@@ -66,10 +66,10 @@ def counted(work: Callable[[], object]) -> Counter[str]:
 def timed(work: Callable[[], object], rounds: int = 3) -> float:
     """Return the least time of the processor, natural modes forgotten before each round."""
     work()
-    found = []
+    times = []
     for _ in range(rounds):
         with fresh():
             start = time.process_time()
             work()
-            found.append(time.process_time() - start)
-    return min(found)
+            times.append(time.process_time() - start)
+    return min(times)

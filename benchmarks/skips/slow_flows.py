@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
+from benchmarks.error_against_time.slow_flows import motions
 from benchmarks.skips.scene import Scene, solve
-from benchmarks.slow_flows import motions
 from vibroimpact_solvers import presets, slow_flow
 from vibroimpact_solvers.model import Constraint, System
 from vibroimpact_solvers.slow_flow import OUTPUTS, Initial, Problem
@@ -24,23 +24,23 @@ def scenes() -> Iterator[Scene]:
     models = [*motions(), ("oscillator", elastic, Initial(gamma=0.5), 40.0)]
     for model, system, initial, end in models:
         for variant in MODELS[model].VARIANTS:
-            asked = partial(_problem, model, variant, system, initial, end)
+            requested = partial(_problem, model, variant, system, initial, end)
             name = f"{model}, {variant}"
             if variant == "exact":
                 yield Scene(
                     f"{name}: its own error",
                     slow_flow,
-                    partial(asked, frozenset({"x", "error"})),
-                    partial(_twice, asked),
+                    partial(requested, frozenset({"x", "error"})),
+                    partial(_twice, requested),
                     ("a second solution for the error",),
                 )
                 continue
             for outputs in ({"x"}, {"state"}):
                 yield Scene(
-                    f"{name}: only {min(outputs)} asked",
+                    f"{name}: only {min(outputs)} requested",
                     slow_flow,
-                    partial(asked, frozenset(outputs)),
-                    partial(_everything, asked),
+                    partial(requested, frozenset(outputs)),
+                    partial(_everything, requested),
                     tuple(sorted(set(OUTPUTS) - outputs)),
                 )
 
@@ -57,12 +57,12 @@ def _problem(
     return Problem(system, model, variant, initial, t, outputs)
 
 
-def _everything(asked: partial[Problem]) -> object:
-    return solve(slow_flow, asked(frozenset(OUTPUTS)))
+def _everything(requested: partial[Problem]) -> object:
+    return solve(slow_flow, requested(frozenset(OUTPUTS)))
 
 
-def _twice(asked: partial[Problem]) -> object:
+def _twice(requested: partial[Problem]) -> object:
     """Compare the exact motion with itself."""
-    problem = asked(frozenset({"x", "error"}))
+    problem = requested(frozenset({"x", "error"}))
     problem.moving.motion("exact", problem.t)
     return solve(slow_flow, problem)

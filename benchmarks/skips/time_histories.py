@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from benchmarks.cases import GAP, chain
-from benchmarks.flights import watching_all
+from benchmarks.free_motions import watching_all
 from benchmarks.skips.scene import Scene, solve
 from vibroimpact_solvers import presets, time_history
 from vibroimpact_solvers.model import Constraint, System
@@ -39,13 +39,15 @@ def scenes() -> Iterator[Scene]:
         _with_restitution,
         ("restitution",),
     )
-    yield _asked("only impacts asked, N=13", {"impacts"}, "history", "x", "v", "energy", "contacts")
-    yield _asked("only displacements asked, N=13", {"x"}, "impacts")
-    yield _asked("one of 13 degrees of freedom asked", {"x", "v"}, dofs=np.array([5]))
-    yield _asked("no estimate of errors asked, N=13", _ALL, estimate=False)
+    yield _with_outputs(
+        "only impacts requested, N=13", {"impacts"}, "history", "x", "v", "energy", "contacts"
+    )
+    yield _with_outputs("only displacements requested, N=13", {"x"}, "impacts")
+    yield _with_outputs("one of 13 degrees of freedom requested", {"x", "v"}, dofs=np.array([5]))
+    yield _with_outputs("no estimate of errors requested, N=13", _ALL, estimate=False)
 
 
-def _asked(name: str, outputs: Any, *states: str, **more: Any) -> Scene:
+def _with_outputs(name: str, outputs: Any, *states: str, **more: Any) -> Scene:
     return Scene(
         name,
         time_history,

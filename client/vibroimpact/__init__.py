@@ -1,13 +1,7 @@
 """The client library of the vibroimpact computation service."""
 
 from vibroimpact.async_client import AsyncClient
-from vibroimpact.client import (
-    Client,
-    ensemble_request,
-    impact_modes_request,
-    slow_flow_request,
-    time_history_request,
-)
+from vibroimpact.client import Client
 from vibroimpact.errors import (
     AccessDenied,
     ConfigurationError,
@@ -25,6 +19,14 @@ from vibroimpact.errors import (
     VibroimpactError,
 )
 from vibroimpact.jobs import AsyncJob, Job, Submitted
+from vibroimpact.requests import (
+    ensemble_request,
+    existence_bands_request,
+    impact_modes_request,
+    resonances_request,
+    slow_flow_request,
+    time_history_request,
+)
 from vibroimpact.results import Result
 from vibroimpact.sweeps import sweep_request
 from vibroimpact.systems import (
@@ -65,9 +67,11 @@ __all__ = [
     "constraint",
     "double_pendulum",
     "ensemble_request",
+    "existence_bands_request",
     "harmonic",
     "impact_modes_request",
     "oscillator",
+    "resonances_request",
     "slow_flow_request",
     "soft",
     "sweep_request",

@@ -1,4 +1,4 @@
-"""The asynchronous twin of the client: the same conversations, awaited."""
+"""The asynchronous client: the same exchanges with the service, awaited."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from vibroimpact import conversations
-from vibroimpact.client import Computations
+from vibroimpact.computations import Computations
 from vibroimpact.config import connection
 from vibroimpact.conversations import Terms
 from vibroimpact.embedded import EmbeddedService
@@ -24,7 +24,7 @@ from vibroimpact.transport import AsyncTransport
 class AsyncClient(Computations[Coroutine[Any, Any, Result]]):
     """A connection to a vibroimpact service, for use with ``async with`` and ``await``.
 
-    Takes what `vibroimpact.Client` takes and has its methods.
+    It takes the parameters of `vibroimpact.Client` and has the same methods.
 
     Examples
     --------
@@ -42,7 +42,7 @@ class AsyncClient(Computations[Coroutine[Any, Any, Result]]):
         key: str | None = None,
         profile: str | None = None,
     ) -> None:
-        self._meant, self._data = connection(url, key, timeout, profile), data
+        self._connection, self._data = connection(url, key, timeout, profile), data
         self._service: EmbeddedService | None = None
         self._transport: AsyncTransport | None = None
 
@@ -54,17 +54,17 @@ class AsyncClient(Computations[Coroutine[Any, Any, Result]]):
     @property
     def _open(self) -> AsyncTransport:
         if self._transport is None:
-            raise RuntimeError("an AsyncClient is open within: async with AsyncClient() as client")
+            raise RuntimeError("open an AsyncClient first: async with AsyncClient() as client")
         return self._transport
 
     async def compute(
         self, kind: str, request: Mapping[str, Any], *, progress: bool = False
     ) -> Result:
-        """Compute anything; waits for the job where the service makes one of it."""
-        found = await self._open.hold(conversations.ask(kind, request))
-        if isinstance(found, bytes):
-            return Result(found)
-        job = AsyncJob(self._open, found)
+        """Compute a request of any kind; where the service queues it, wait for the job."""
+        answer = await self._open.hold(conversations.ask(kind, request))
+        if isinstance(answer, bytes):
+            return Result(answer)
+        job = AsyncJob(self._open, answer)
         await job.wait(progress=progress)
         return await job.result()
 
@@ -77,7 +77,7 @@ class AsyncClient(Computations[Coroutine[Any, Any, Result]]):
         deadline: float | None = None,
         webhook: Mapping[str, str] | None = None,
     ) -> AsyncJob:
-        """Queue a computation; as `Client.submit`."""
+        """Queue a computation; see `Client.submit`."""
         terms = Terms(priority, deadline, webhook)
         document = await self._open.hold(conversations.submit(kind, request, terms))
         return AsyncJob(self._open, document)
@@ -91,52 +91,41 @@ class AsyncClient(Computations[Coroutine[Any, Any, Result]]):
         deadline: float | None = None,
         webhook: Mapping[str, str] | None = None,
     ) -> Submitted[AsyncJob]:
-        """Queue many computations; what is wrong with some does not keep the others.
+        """Queue many computations; those that are refused do not hold back the others.
 
-        Parameters as for `submit`, for each of the jobs.
+        The parameters are those of `submit` and hold for each job.
         """
         terms = Terms(priority, deadline, webhook)
-        found = await self._open.hold(conversations.submit_many(kind, requests, terms))
-        return Submitted.of(found, lambda document: AsyncJob(self._open, document))
+        answers = await self._open.hold(conversations.submit_many(kind, requests, terms))
+        return Submitted.of(answers, lambda document: AsyncJob(self._open, document))
 
     async def as_completed(
         self, jobs: Sequence[AsyncJob], timeout: float | None = None
     ) -> AsyncIterator[AsyncJob]:
-        """Yield jobs as they become final, well or not; raises as `Client.as_completed`."""
+        """Yield jobs as they end; see `Client.as_completed`."""
         waiting = list(jobs)
         while waiting:
             documents = [job.document for job in waiting]
-            final, found = await self._open.hold(conversations.first_final(documents, timeout))
-            for job, document in zip(waiting, found, strict=True):
+            exchange = conversations.first_final(documents, timeout)
+            final, documents = await self._open.hold(exchange)
+            for job, document in zip(waiting, documents, strict=True):
                 job.document = document
             for place in final:
                 yield waiting[place]
             waiting = [job for job in waiting if not job.final]
 
     async def store(self, system: Document) -> Document:
-        """Keep a structure with the service; return the short document that stands for it.
-
-        It goes wherever a structure goes, also with other constraints:
-        ``found | {"constraints": [...]}``. A large matrix is then sent, and its natural modes
-        computed, once.
-        """
+        """Store a structure with the service; see `Client.store`."""
         return await self._open.hold(conversations.store(system))
 
     async def batch(
         self, kind: str, requests: Sequence[Mapping[str, Any]]
     ) -> list[dict[str, Any] | ServerError]:
-        """Compute many tiny things in one exchange; nothing of it is stored.
-
-        Returns
-        -------
-        list of dict or ServerError
-            In the order of the requests: the result as the document that JSON answers are, or
-            the problem that the request met.
-        """
+        """Compute many small requests in one exchange; see `Client.batch`."""
         return await self._open.hold(conversations.batch(kind, requests))
 
     async def plan(self, kind: str, request: Mapping[str, Any]) -> Plan:
-        """Return what would be computed and skipped, and why, without computing it."""
+        """Return the steps of a computation and those it skips, with reasons; compute nothing."""
         return Plan(await self._open.hold(conversations.plan(kind, request)))
 
     async def job(self, job_id: str) -> AsyncJob:
@@ -157,15 +146,15 @@ class AsyncClient(Computations[Coroutine[Any, Any, Result]]):
             params["cursor"] = page["next"]
 
     async def result(self, digest: str) -> Result:
-        """Return a result by its name."""
+        """Return a stored result by its digest."""
         return Result(await self._open.hold(conversations.result(digest)))
 
     async def version(self) -> dict[str, Any]:
-        """Return what the service is and can."""
+        """Return the version, kinds and limits of the service."""
         return await self._open.hold(conversations.version())
 
     async def close(self) -> None:
-        """Close the connection, and the service where it is our own."""
+        """Close the connection, and stop the service if this client started it."""
         transport, self._transport = self._transport, None
         if transport is not None:
             await transport.close()
@@ -174,12 +163,14 @@ class AsyncClient(Computations[Coroutine[Any, Any, Result]]):
             await asyncio.to_thread(service.close)
 
     async def __aenter__(self) -> Self:
-        """Open the connection, starting a service where there is none, and return itself."""
-        address = self._meant.url
+        """Open the connection, starting a service if no address was given; return the client."""
+        address = self._connection.url
         if address is None:
             self._service = await asyncio.to_thread(EmbeddedService, self._data)
             address = self._service.url
-        self._transport = AsyncTransport(address, self._meant.timeout, key=self._meant.key)
+        self._transport = AsyncTransport(
+            address, self._connection.timeout, key=self._connection.key
+        )
         return self
 
     async def __aexit__(
@@ -188,5 +179,5 @@ class AsyncClient(Computations[Coroutine[Any, Any, Result]]):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Close."""
+        """Close the client."""
         await self.close()

@@ -19,8 +19,10 @@ def bench(
         typer.Argument(help="Benchmarks, or tables such as scaling.memory; none for all."),
     ] = None,
     list_only: Annotated[bool, typer.Option("--list", help="Only list them.")] = False,
-    save: Annotated[bool, typer.Option("--save", help="Keep results, draw the page anew.")] = False,
-    page: Annotated[bool, typer.Option("--page", help="Only draw the page anew.")] = False,
+    save: Annotated[
+        bool, typer.Option("--save", help="Store results, draw the pages anew.")
+    ] = False,
+    page: Annotated[bool, typer.Option("--page", help="Only draw the pages anew.")] = False,
 ) -> None:
     """Run benchmarks and print their tables."""
     root = checkout(Path(__file__), Path.cwd())
@@ -40,11 +42,11 @@ def bench(
         command.draw()
         return
     try:
-        chosen = command.chosen(names or [], save=save)
+        parts = command.named(names or [])
     except ValueError as error:
         typer.echo(f"{error}", err=True)
         raise typer.Exit(2) from None
-    if command.run(chosen, typer.echo, save=save):
+    if command.run(parts, typer.echo, save=save):
         raise typer.Exit(1)
 
 

@@ -1,4 +1,4 @@
-"""The command line; the server's commands are found by their entry points."""
+"""The command line; commands of the service are found by their entry points."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ app = typer.Typer(
 
 _HELP = {
     "bench": "Run the benchmarks of a checkout.",
-    "certificates": "Make the certificates that scheduler and workers know one another by.",
-    "keys": "Make and revoke API keys.",
+    "certificates": "Create the TLS certificates of scheduler, workers and service.",
+    "keys": "Create and revoke API keys.",
     "scheduler": "Run the scheduler of a cluster.",
     "serve": "Run the service.",
     "worker": "Run a worker of a cluster.",
 }
-"""What help says of commands that are not loaded for it."""
+"""Help texts of the commands that are not imported to show them."""
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
+def _print_version(given: bool) -> None:
+    if given:
         show_version()
         raise typer.Exit
 
@@ -39,17 +39,19 @@ def _print_version(wanted: bool) -> None:
 def common(
     _: Annotated[
         bool,
-        typer.Option("--version", callback=_print_version, is_eager=True, help="Print it."),
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version."
+        ),
     ] = False,
 ) -> None:
-    """Take what stands before the commands."""
+    """Accept the options that precede a command."""
 
 
 @app.command()
 def demo(
-    out: Annotated[Path, typer.Option(help="Folder for the file and the pictures.")] = Path("demo"),
+    out: Annotated[Path, typer.Option(help="Folder for the files and the figures.")] = Path("demo"),
 ) -> None:
-    """Start a service, compute a first example as a job, draw it and check its numbers."""
+    """Start a service, compute a first example as a job, plot it and check its numbers."""
     from vibroimpact.demo import run
 
     if not run(out):
@@ -60,11 +62,11 @@ def demo(
 def gallery(
     figures: Annotated[
         list[str] | None,
-        typer.Argument(help="Figures such as 10.19; none: all.", metavar="FIG"),
+        typer.Argument(help="Figures such as 10.19; default: all.", metavar="FIG"),
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for the pictures.")] = Path("gallery"),
+    out: Annotated[Path, typer.Option(help="Folder for the figures.")] = Path("gallery"),
 ) -> None:
-    """Compute, draw and check figures of the chapter with a service of our own."""
+    """Start a service; compute, plot and check figures of the chapter."""
     from vibroimpact.gallery import run
 
     if not run(figures or [], out):
@@ -78,19 +80,19 @@ def show_version() -> None:
 
 
 def _add_server_command(point: EntryPoint) -> None:
-    """Add a command of the service's package, loading it only where it is the one called.
+    """Add a command of the service, importing it only if it is the one called.
 
-    Loading costs a second, which ``vibroimpact --help`` need not spend.
+    The import takes a second, which ``vibroimpact --help`` saves.
     """
     if point.name not in sys.argv[1:2]:
         app.command(point.name, help=_HELP.get(point.name))(lambda: None)
         return
     try:
-        found = point.load()
-        if isinstance(found, typer.Typer):
-            app.add_typer(found, name=point.name)
+        command = point.load()
+        if isinstance(command, typer.Typer):
+            app.add_typer(command, name=point.name)
         else:
-            app.command(point.name)(found)
+            app.command(point.name)(command)
     except ImportError as error:
         message = f"vibroimpact {point.name} needs: pip install 'vibroimpact[all]'  ({error})"
         sys.exit(message)

@@ -1,6 +1,7 @@
-"""Which service is meant: arguments before the environment before a file of profiles.
+"""Address and key of the service, from arguments, the environment or a file of profiles.
 
-The file is ``~/.config/vibroimpact/config.toml``, or the one that VIBROIMPACT_CONFIG names::
+Arguments override the environment, and the environment overrides the file. The file is
+``~/.config/vibroimpact/config.toml``, or the one that VIBROIMPACT_CONFIG names::
 
     default = "lab"
 
@@ -22,7 +23,7 @@ from typing import Any, Final
 from vibroimpact.errors import ConfigurationError
 
 TIMEOUT: Final = 60.0
-"""Longest wait for one answer where nothing else is said, in seconds."""
+"""Default of the longest wait for one answer, in seconds."""
 _FIELDS: Final[Mapping[str, tuple[type, ...]]] = {
     "url": (str,),
     "key": (str,),
@@ -32,7 +33,7 @@ _FIELDS: Final[Mapping[str, tuple[type, ...]]] = {
 
 @dataclass(frozen=True, slots=True)
 class Connection:
-    """Where the service is and how to speak to it; no address stands for one of our own."""
+    """Address, key and timeout of a service; without an address, the client starts one."""
 
     url: str | None
     key: str | None
@@ -46,24 +47,24 @@ def connection(
     profile: str | None = None,
     environment: Mapping[str, str] = os.environ,
 ) -> Connection:
-    """Return what arguments, environment and file say together.
+    """Return the connection that arguments, environment and file define together.
 
-    The key of a profile goes to the address of that profile and to no other.
+    The key of a profile is sent to the address of that profile and to no other.
 
     Raises
     ------
     ConfigurationError
-        Where they cannot be understood.
+        If the environment or the file is wrong.
     """
     chosen = profile or environment.get("VIBROIMPACT_PROFILE")
     given_url = url or environment.get("VIBROIMPACT_URL")
-    # A profile asked for in the program goes before an address in the environment.
+    # A profile given as an argument overrides an address in the environment.
     if profile is not None and url is None:
         given_url = None
-    said = {} if given_url is not None and chosen is None else _profile(chosen, environment)
-    address = given_url or said.get("url")
-    own = said if address == said.get("url") else {}
-    wait = timeout if timeout is not None else _seconds(environment) or said.get("timeout")
+    values = {} if given_url is not None and chosen is None else _profile(chosen, environment)
+    address = given_url or values.get("url")
+    own = values if address == values.get("url") else {}
+    wait = timeout if timeout is not None else _seconds(environment) or values.get("timeout")
     return Connection(
         address,
         key or environment.get("VIBROIMPACT_KEY") or own.get("key"),
@@ -86,7 +87,7 @@ def _profile(name: str | None, environment: Mapping[str, str]) -> dict[str, Any]
     except FileNotFoundError:
         if name is None:
             return {}
-        raise ConfigurationError(f"there is no file of profiles {path}") from None
+        raise ConfigurationError(f"there is no configuration file {path}") from None
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise ConfigurationError(f"{path}: {error}") from None
     chosen = name or content.get("default")
@@ -95,11 +96,11 @@ def _profile(name: str | None, environment: Mapping[str, str]) -> dict[str, Any]
     profiles = content.get("profiles", {})
     if not isinstance(profiles, dict) or not isinstance(profiles.get(chosen), dict):
         raise ConfigurationError(f"{path} has no profile {chosen!r}")
-    found: dict[str, Any] = profiles[chosen]
-    for field, value in found.items():
+    values: dict[str, Any] = profiles[chosen]
+    for field, value in values.items():
         if field not in _FIELDS or not isinstance(value, _FIELDS[field]):
             raise ConfigurationError(f"{path}: profile {chosen!r}: {field} is not understood")
-    return found
+    return values
 
 
 def _path(environment: Mapping[str, str]) -> Path:

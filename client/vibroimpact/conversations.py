@@ -1,7 +1,7 @@
-"""Conversations with the service, each written once and held by `transport`, waiting or async.
+"""Conversations with the service, each written once for the waiting and the async client.
 
-A conversation is a generator: it yields what is to be sent and how long to pause, is given the
-answers, and returns its outcome.
+A conversation is a generator. It yields requests to send and pauses to make, receives the
+answers, and returns its outcome; the two classes of `transport` carry it out.
 """
 
 from __future__ import annotations
@@ -28,20 +28,23 @@ from vibroimpact.errors import (
 Document = dict[str, Any]
 Outcome = TypeVar("Outcome")
 
-_AGAIN: Final = frozenset({408, 429, 500, 502, 503, 504})
-_TRIES: Final = 4
+_RETRIED: Final = frozenset({408, 429, 500, 502, 503, 504})
+_ATTEMPTS: Final = 4
 _LONGEST_PAUSE: Final = 120.0
+_FIRST_BACKOFF: Final = 0.5
+_LONGEST_BACKOFF: Final = 8.0
+"""Seconds before the first retry and before later ones, which double; jitter takes up to half."""
 _POLL: Final = 25.0
-"""Longest look at a job; the service answers earlier when something changes."""
+"""Longest poll of a job in seconds; the service answers earlier when something changes."""
 _FEW: Final = 8
-"""Jobs that are looked at one by one; more are looked for in the list of jobs."""
+"""Up to so many jobs are read one by one, more of them from the list of jobs."""
 _PAGE: Final = 500
 _HDF5: Final = {"Accept": "application/x-hdf5"}
 
 
 @dataclass(frozen=True, slots=True)
 class Send:
-    """A request to be sent; its answer is given back, good or bad, or a `NoAnswer`."""
+    """A request to send; the conversation receives its response, of any status, or `NoAnswer`."""
 
     method: str
     path: str
@@ -52,14 +55,14 @@ class Send:
 
 @dataclass(frozen=True, slots=True)
 class Pause:
-    """A time to wait, in seconds."""
+    """A pause, in seconds."""
 
     seconds: float
 
 
 @dataclass(frozen=True, slots=True)
 class NoAnswer:
-    """Nobody answered at an address."""
+    """A request without a response: connecting, sending or receiving failed."""
 
     url: str
     error: httpx2.TransportError
@@ -77,40 +80,40 @@ def request(
     params: Mapping[str, str] | None = None,
     headers: Mapping[str, str] | None = None,
 ) -> Conversation[httpx2.Response]:
-    """Send a request, again where that is safe, and return a good answer.
+    """Send a request, repeat it after temporary failures, and return the successful response.
 
     Raises
     ------
     ConnectionFailed
-        Where nobody answers.
+        If the service does not respond.
     ServerError
-        Where the answer is a problem.
+        If it responds with a problem document.
     """
     sent = dict(headers or {})
     if method == "POST":
-        # The same for all tries, so that the service does it once.
+        # The same key in all attempts, so that the service executes the request once.
         sent.setdefault("Idempotency-Key", uuid.uuid4().hex)
-    for turn in range(_TRIES):
-        last = turn == _TRIES - 1
+    for attempt in range(_ATTEMPTS):
+        last = attempt == _ATTEMPTS - 1
         answer = yield Send(method, path, json, params, sent)
         if isinstance(answer, httpx2.Response):
             if answer.status_code < 400:
                 return answer
             problem = _problem(answer)
-            again = answer.status_code in _AGAIN and problem.get("retryable", True)
+            again = answer.status_code in _RETRIED and problem.get("retryable", True)
             if last or not again:
                 raise from_problem(problem)
-            yield Pause(_pause(turn, answer.headers.get("Retry-After")))
+            yield Pause(_pause(attempt, answer.headers.get("Retry-After")))
         elif isinstance(answer, NoAnswer):
             if last:
                 message = f"no answer from {answer.url}: {answer.error}"
                 raise ConnectionFailed(message) from answer.error
-            yield Pause(_pause(turn, None))
-    raise AssertionError("every try returns or raises in the end")
+            yield Pause(_pause(attempt, None))
+    raise AssertionError("the last attempt returns or raises")
 
 
 def not_finite(content: Any, pointer: str = "") -> InvalidRequest | None:
-    """Return the error of a document that holds a number which JSON has not: the first of them."""
+    """Return the error of a document with a NaN or an infinity, which JSON cannot represent."""
     if isinstance(content, float) and not math.isfinite(content):
         fault = {"pointer": pointer, "code": "not_finite", "message": f"{content} is not finite"}
         detail = f"{pointer}: {fault['message']}"
@@ -121,14 +124,14 @@ def not_finite(content: Any, pointer: str = "") -> InvalidRequest | None:
         parts = content.items()
     elif isinstance(content, list | tuple):
         parts = enumerate(content)
-    found = (not_finite(part, f"{pointer}/{name}") for name, part in parts)
-    return next((error for error in found if error is not None), None)
+    errors = (not_finite(part, f"{pointer}/{name}") for name, part in parts)
+    return next((error for error in errors if error is not None), None)
 
 
-def _pause(turn: int, asked: str | None) -> float:
-    if asked is not None and asked.isdigit():
-        return min(float(asked), _LONGEST_PAUSE)
-    return min(8.0, 0.5 * 2.0**turn) * random.uniform(0.5, 1.0)
+def _pause(attempt: int, retry_after: str | None) -> float:
+    if retry_after is not None and retry_after.isdigit():
+        return min(float(retry_after), _LONGEST_PAUSE)
+    return min(_LONGEST_BACKOFF, _FIRST_BACKOFF * 2.0**attempt) * random.uniform(0.5, 1.0)
 
 
 def _problem(answer: httpx2.Response) -> Document:
@@ -145,7 +148,7 @@ def _problem(answer: httpx2.Response) -> Document:
 
 
 def ask(kind: str, content: Mapping[str, Any]) -> Conversation[bytes | Document]:
-    """Return the file of a result, or the job that the service makes of the request."""
+    """Return the file of the result, or the job in which the service computes it."""
     path = f"/v1/compute/{kind}"
     answer = yield from request("POST", path, json=dict(content), headers=_HDF5)
     return dict(answer.json()) if answer.status_code == 202 else answer.content
@@ -158,13 +161,13 @@ def plan(kind: str, content: Mapping[str, Any]) -> Conversation[Document]:
 
 
 def result(digest: str) -> Conversation[bytes]:
-    """Return the file of a result by its name."""
+    """Return the file of a result by its digest."""
     answer = yield from request("GET", f"/v1/results/{digest}", headers=_HDF5)
     return answer.content
 
 
 def store(system: Mapping[str, Any]) -> Conversation[Document]:
-    """Keep a system; return the document that stands for it."""
+    """Store a system; return the document that stands for it."""
     answer = yield from request("POST", "/v1/systems", json=dict(system))
     return {"id": answer.json()["id"]}
 
@@ -172,7 +175,7 @@ def store(system: Mapping[str, Any]) -> Conversation[Document]:
 def batch(
     kind: str, contents: Sequence[Mapping[str, Any]]
 ) -> Conversation[list[Document | ServerError]]:
-    """Return the result document of each request, or the problem that it met."""
+    """Return the result document of each request, or its error."""
     body = {"kind": kind, "requests": [dict(content) for content in contents]}
     answer = yield from request("POST", "/v1/batch", json=body)
     return [
@@ -182,7 +185,7 @@ def batch(
 
 
 def version() -> Conversation[Document]:
-    """Return what the service is and can."""
+    """Return the version, kinds and limits of the service."""
     answer = yield from request("GET", "/v1/version")
     return dict(answer.json())
 
@@ -192,20 +195,20 @@ def version() -> Conversation[Document]:
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """On which terms jobs are queued: priority, seconds in which they must be done, webhook."""
+    """The terms on which jobs are queued: priority, deadline in seconds from now, webhook."""
 
     priority: int = 0
     deadline: float | None = None
     webhook: Mapping[str, str] | None = None
 
     def document(self) -> Document:
-        """Return the members of a job's document that say so."""
-        found: Document = {"priority": self.priority}
+        """Return the fields of a job document that state them."""
+        fields: Document = {"priority": self.priority}
         if self.deadline is not None:
-            found["deadline_seconds"] = self.deadline
+            fields["deadline_seconds"] = self.deadline
         if self.webhook is not None:
-            found["webhook"] = dict(self.webhook)
-        return found
+            fields["webhook"] = dict(self.webhook)
+        return fields
 
 
 def submit(kind: str, content: Mapping[str, Any], terms: Terms) -> Conversation[Document]:
@@ -218,14 +221,14 @@ def submit(kind: str, content: Mapping[str, Any], terms: Terms) -> Conversation[
 def submit_many(
     kind: str, contents: Sequence[Mapping[str, Any]], terms: Terms
 ) -> Conversation[list[Document | ServerError]]:
-    """Queue computations; return the job of each, or the problem that it met."""
-    found: list[Document | ServerError] = []
+    """Queue computations; return the job of each, or its error."""
+    answers: list[Document | ServerError] = []
     for content in contents:
         try:
-            found.append((yield from submit(kind, content, terms)))
+            answers.append((yield from submit(kind, content, terms)))
         except ServerError as error:
-            found.append(error)
-    return found
+            answers.append(error)
+    return answers
 
 
 def job(job_id: str) -> Conversation[Document]:
@@ -241,7 +244,7 @@ def job_page(params: Mapping[str, str]) -> Conversation[Document]:
 
 
 def look(document: Document, wait: float = 0.0) -> Conversation[Document]:
-    """Return a job anew, after waiting up to so many seconds for a change."""
+    """Read a job again, waiting up to `wait` seconds for a change."""
     params = None
     if wait > 0:
         params = {"wait": f"{wait:g}", "since": str(document["version"])}
@@ -252,12 +255,12 @@ def look(document: Document, wait: float = 0.0) -> Conversation[Document]:
 def wait(
     document: Document, timeout: float | None, note: Callable[[Document], None]
 ) -> Conversation[Document]:
-    """Return a job once it is final; `note` is told whenever it changed.
+    """Return a job once it has ended; call `note` with every change.
 
     Raises
     ------
     JobTimeout
-        Where the time is over; the job goes on.
+        If it has not ended within `timeout` seconds; the job continues.
     """
     deadline = None if timeout is None else time.monotonic() + timeout
     while not document["final"]:
@@ -273,50 +276,50 @@ def wait(
 def first_final(
     documents: Sequence[Document], timeout: float | None
 ) -> Conversation[tuple[list[int], list[Document]]]:
-    """Return the places of the jobs that are final, as soon as there are any, and all jobs anew.
+    """Wait until a job has ended; return the indices of those that have, and all jobs as read.
 
     Raises
     ------
     JobTimeout
-        Where the time is over; the jobs go on.
+        If none has ended within `timeout` seconds; the jobs continue.
     """
     deadline = None if timeout is None else time.monotonic() + timeout
-    pause, found = 0.25, list(documents)
+    pause, current = 0.25, list(documents)
     while True:
-        final = [place for place, document in enumerate(found) if document["final"]]
+        final = [index for index, document in enumerate(current) if document["final"]]
         if final:
-            return final, found
+            return final, current
         left = pause if deadline is None else min(pause, deadline - time.monotonic())
         if left <= 0:
-            raise JobTimeout(f"{len(found)} jobs are not final after {timeout:g} s")
-        # One is waited for, as a pause that ends early; then all are looked at.
-        found[0] = yield from look(found[0], left)
-        if len(found) > _FEW:
-            found = yield from _look_at_many(found)
+            raise JobTimeout(f"none of {len(current)} jobs has ended after {timeout:g} s")
+        # Waiting for the first job is a pause that ends early; then all of them are read.
+        current[0] = yield from look(current[0], left)
+        if len(current) > _FEW:
+            current = yield from _look_at_many(current)
         else:
-            for place in range(1, len(found)):
-                found[place] = yield from look(found[place])
+            for index in range(1, len(current)):
+                current[index] = yield from look(current[index])
         pause = min(10.0, 1.5 * pause)
 
 
 def _look_at_many(documents: Sequence[Document]) -> Conversation[list[Document]]:
-    """Return jobs anew, by pages of the list of all jobs, newest first, as long as they bring any.
+    """Read jobs again by pages of the list of all jobs, newest first.
 
-    What lies further back than other jobs fill a page is looked at one by one.
+    Pages are read as long as they contain some of the jobs; the remaining ones are read singly.
     """
-    left = {document["id"]: place for place, document in enumerate(documents)}
-    found, params = list(documents), {"limit": str(_PAGE)}
+    left = {document["id"]: index for index, document in enumerate(documents)}
+    current, params = list(documents), {"limit": str(_PAGE)}
     while left:
         page = yield from job_page(params)
-        mine = [one for one in page["jobs"] if one["id"] in left]
-        for one in mine:
-            found[left.pop(one["id"])] = one
-        if page["next"] is None or not mine:
+        listed = [document for document in page["jobs"] if document["id"] in left]
+        for document in listed:
+            current[left.pop(document["id"])] = document
+        if page["next"] is None or not listed:
             break
         params["cursor"] = page["next"]
-    for place in left.values():
-        found[place] = yield from look(found[place])
-    return found
+    for index in left.values():
+        current[index] = yield from look(current[index])
+    return current
 
 
 def cancel(document: Document) -> Conversation[Document]:
@@ -326,13 +329,13 @@ def cancel(document: Document) -> Conversation[Document]:
 
 
 def job_result(document: Document) -> Conversation[bytes]:
-    """Return the file of the result of a job that succeeded."""
+    """Return the file of the result of a job."""
     answer = yield from request("GET", f"/v1/jobs/{document['id']}/result", headers=_HDF5)
     return answer.content
 
 
 def share(document: Document, readers: Sequence[str]) -> Conversation[list[str]]:
-    """Let exactly these see a job, and return them."""
+    """Share a job with exactly these owners, and return them."""
     address = f"/v1/jobs/{document['id']}/share"
     if readers:
         answer = yield from request("PUT", address, json={"readers": list(readers)})
@@ -342,6 +345,6 @@ def share(document: Document, readers: Sequence[str]) -> Conversation[list[str]]
 
 
 def readers(document: Document) -> Conversation[list[str]]:
-    """Return who may see a job beside its owner."""
+    """Return the owners with whom a job is shared."""
     answer = yield from request("GET", f"/v1/jobs/{document['id']}/share")
     return list(answer.json()["readers"])

@@ -1,4 +1,4 @@
-"""The first example: Fig. 10.13 of the chapter, computed by a service and checked."""
+"""A first example: Fig. 10.13 of the chapter, computed by a service and checked."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from rich.console import Console
 from rich.table import Table
 
 from vibroimpact import plots
-from vibroimpact.client import Client, impact_modes_request
+from vibroimpact.client import Client
+from vibroimpact.requests import impact_modes_request
 from vibroimpact.results import Result
 from vibroimpact.systems import chain, constraint
 
@@ -25,10 +26,10 @@ _AGREEMENT = 1e-12
 
 
 def run(out: Path) -> bool:
-    """Compute, draw and print; whether the numbers are those of the chapter."""
+    """Compute, plot and print; return whether the numbers agree with the chapter."""
     console = Console()
     structure = chain(N, [constraint(DOF, GAP)])
-    with console.status("starting a service of our own …"):
+    with console.status("starting a service …"):
         client = Client()
     with client:
         console.print(f"service at {client.url}")
@@ -65,7 +66,7 @@ def _table(computed: list[tuple[str, float, float]]) -> Table:
 
 
 def draw_impulse(modes: Result, mode: Result, path: Path) -> None:
-    """Draw p over Omega as in Fig. 10.13a."""
+    """Plot p over Omega as in Fig. 10.13a."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.0, 4.5), layout="constrained")
@@ -83,7 +84,7 @@ def draw_impulse(modes: Result, mode: Result, path: Path) -> None:
 
 
 def draw_mode(mode: Result, path: Path) -> None:
-    """Draw the mode profile as in Fig. 10.13b."""
+    """Plot the mode shape as in Fig. 10.13b."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.0, 4.5), layout="constrained")

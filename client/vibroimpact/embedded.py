@@ -1,4 +1,4 @@
-"""A service of our own, in a process beside this one, for as long as it is needed."""
+"""A service that the client starts in a process of its own and stops when it is closed."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ class EmbeddedService:
     Parameters
     ----------
     data : path, optional
-        Folder for its records and results; absent: one that goes with it.
+        Folder of its records and results; default: a temporary one.
     """
 
     def __init__(self, data: str | Path | None = None) -> None:
         if importlib.util.find_spec("vibroimpact_service") is None:
             message = (
-                "there is no service here: give the address of one, "
+                "the service is not installed: give the address of a running one, "
                 "or install it with  pip install 'vibroimpact[all]'"
             )
             raise EmbeddedServiceError(message)
@@ -43,7 +43,7 @@ class EmbeddedService:
             stdin=subprocess.DEVNULL,
             stdout=self._log,
             stderr=self._log,
-            # Ctrl-C is meant for the program in front; the service is stopped by `close`.
+            # Ctrl-C goes to the program in the foreground; `close` stops the service.
             start_new_session=True,
         )
         atexit.register(self.close)
@@ -54,7 +54,7 @@ class EmbeddedService:
             raise
 
     def close(self) -> None:
-        """Stop it; its unfinished jobs stay on record."""
+        """Stop the service; its unfinished jobs stay on record."""
         atexit.unregister(self.close)
         if self._process.poll() is None:
             self._process.terminate()
@@ -69,20 +69,20 @@ class EmbeddedService:
             self._own = None
 
     def _address(self) -> str:
-        """Wait until it answers, and return where."""
+        """Wait until the service answers, and return its address."""
         deadline = time.monotonic() + _START_SECONDS
         while time.monotonic() < deadline:
             if self._process.poll() is not None:
-                raise EmbeddedServiceError(f"the service did not start:\n{self._last_words()}")
+                raise EmbeddedServiceError(f"the service did not start:\n{self._log_tail()}")
             try:
-                found = json.loads((self.data / "service.json").read_text())
+                announced = json.loads((self.data / "service.json").read_text())
             except (OSError, ValueError):
-                found = {}
-            # A file of an earlier service may still lie there.
-            if found.get("pid") == self._process.pid:
-                return str(found["url"])
+                announced = {}
+            # The file may be that of an earlier service.
+            if announced.get("pid") == self._process.pid:
+                return str(announced["url"])
             time.sleep(0.02)
-        raise EmbeddedServiceError(f"the service does not answer:\n{self._last_words()}")
+        raise EmbeddedServiceError(f"the service does not answer:\n{self._log_tail()}")
 
-    def _last_words(self) -> str:
+    def _log_tail(self) -> str:
         return (self.data / "service.log").read_text(errors="replace")[-2000:]

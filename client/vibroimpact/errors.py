@@ -1,15 +1,15 @@
-"""What can go wrong between a program and the service, sorted by what the program can do.
+"""Errors of the client, sorted by what a program can do about them.
 
 ::
 
     VibroimpactError
-    ├── ConnectionFailed       nobody answers at the address
-    ├── EmbeddedServiceError   the service of our own did not start
-    ├── ConfigurationError     the environment or the file of profiles cannot be understood
+    ├── ConnectionFailed       the service does not respond
+    ├── EmbeddedServiceError   the service that the client starts did not start
+    ├── ConfigurationError     an environment variable or the configuration file is wrong
     ├── JobFailed              the job ended without a result; `problem` says why
-    ├── JobCancelled           somebody cancelled it
-    ├── JobTimeout             it goes on, but we waited long enough
-    └── ServerError            the service answered with a problem
+    ├── JobCancelled           the job was cancelled
+    ├── JobTimeout             the job has not ended in the time given; it continues
+    └── ServerError            the service answered with a problem document
         ├── InvalidRequest     400, 415, 422: correct the fields in `errors`
         ├── AccessDenied       401, 403
         ├── NotFound           404
@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from typing import Any
 
-# These are conditions a program meets, named as users say them.
+# The names state conditions, without the suffix Error.
 # ruff: noqa: N818
 
 
@@ -31,15 +31,15 @@ class VibroimpactError(Exception):
 
 
 class ConnectionFailed(VibroimpactError):
-    """Nobody answers at the address of the service."""
+    """The service does not respond."""
 
 
 class EmbeddedServiceError(VibroimpactError):
-    """The service that the client starts for itself did not start."""
+    """The service that the client starts in the background did not start."""
 
 
 class ConfigurationError(VibroimpactError):
-    """What the environment or the file of profiles say cannot be understood."""
+    """An environment variable or the configuration file is wrong."""
 
 
 class JobFailed(VibroimpactError):
@@ -48,7 +48,7 @@ class JobFailed(VibroimpactError):
     Parameters
     ----------
     job : str
-        Its id.
+        Id of the job.
     problem : dict
         The problem document of the job.
     """
@@ -63,11 +63,11 @@ class JobCancelled(VibroimpactError):
 
 
 class JobTimeout(VibroimpactError):
-    """A job is not done in the time given; it goes on."""
+    """A job has not ended in the time given; it continues."""
 
 
 class ServerError(VibroimpactError):
-    """The service answered with a problem.
+    """The service answered with a problem document.
 
     Parameters
     ----------
@@ -83,34 +83,34 @@ class ServerError(VibroimpactError):
         self.errors: list[dict[str, Any]] = list(problem.get("errors", ()))
         lines = [f"{fault.get('pointer', '')}: {fault.get('message', '')}" for fault in self.errors]
         detail = str(problem.get("detail") or problem.get("title") or "the service failed")
-        # With faults, the detail mostly repeats the first of them.
+        # The detail mostly repeats the first fault.
         if not lines or not detail.startswith(lines[0]):
             lines.insert(0, detail)
         super().__init__("\n  ".join(lines))
 
 
 class InvalidRequest(ServerError):
-    """The request is wrong; `errors` names the fields."""
+    """The request is wrong; `errors` names the faulty fields."""
 
 
 class AccessDenied(ServerError):
-    """The service wants a key, or another one."""
+    """The key is missing, invalid, or lacks the scope."""
 
 
 class NotFound(ServerError):
-    """There is no such thing, or not for us."""
+    """The address or object does not exist, or belongs to another owner."""
 
 
 class TooLarge(ServerError):
-    """The request, or its result, is larger than the service takes."""
+    """The request, its cost or its result exceeds a limit of the service."""
 
 
 class TooManyRequests(ServerError):
-    """The service wants us to slow down."""
+    """Too many requests, or too many unfinished jobs; try again later."""
 
 
 class Unavailable(ServerError):
-    """The service cannot answer now."""
+    """The service cannot answer at the moment."""
 
 
 _BY_STATUS = {
@@ -126,6 +126,6 @@ _BY_STATUS = {
 
 
 def from_problem(problem: dict[str, Any]) -> ServerError:
-    """Return the error that a problem document stands for."""
+    """Return the exception for a problem document."""
     status = int(problem.get("status", 500))
     return _BY_STATUS.get(status, Unavailable if status >= 500 else ServerError)(problem)

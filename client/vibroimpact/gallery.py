@@ -1,4 +1,4 @@
-"""The figures of the chapter: a script each, computed by a service, drawn and checked."""
+"""The figures of the chapter: one script each, which computes, plots and checks it."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ if TYPE_CHECKING:
 
 
 def folder() -> Path:
-    """Return where the scripts are: in the installed package, or in the repository."""
+    """Return the folder of the scripts, in the installed package or in the repository."""
     here = Path(__file__).resolve().parent
     installed = here / "_gallery"
     return installed if installed.is_dir() else here.parent.parent / "docs" / "gallery"
 
 
 def figures() -> list[str]:
-    """Return the numbers of the figures that there are, such as ``"10.19"``."""
+    """Return the numbers of all figures, such as ``"10.19"``."""
     return [_number(path) for path in sorted(folder().glob("fig_*.py"))]
 
 
 def draw(client: Client, figure: str) -> Figure:
-    """Compute and draw one figure.
+    """Compute and plot one figure.
 
     Raises
     ------
     AssertionError
-        Where a number is not the expected one.
+        If a number is not the expected one.
     """
     with _importable(folder()):
         script: Any = importlib.import_module(_module(figure))
@@ -43,10 +43,10 @@ def draw(client: Client, figure: str) -> Figure:
         return drawn
 
 
-def run(wanted: Sequence[str], out: Path) -> bool:
-    """Draw figures, all where none is named; return whether all of them are right."""
+def run(names: Sequence[str], out: Path) -> bool:
+    """Plot the named figures, or all; return whether all their numbers are as expected."""
     console = Console()
-    chosen = list(wanted) or figures()
+    chosen = list(names) or figures()
     unknown = [figure for figure in chosen if figure not in figures()]
     if unknown:
         known = ", ".join(figures())
@@ -54,7 +54,7 @@ def run(wanted: Sequence[str], out: Path) -> bool:
         return False
     out.mkdir(parents=True, exist_ok=True)
     wrong = 0
-    with console.status("starting a service of our own …"):
+    with console.status("starting a service …"):
         client = Client()
     with client:
         for figure in chosen:
@@ -86,7 +86,7 @@ def _number(path: Path) -> str:
 
 @contextmanager
 def _importable(place: Path) -> Iterator[None]:
-    """Let scripts import one another, as they do when they are run by themselves."""
+    """Let scripts import one another, as they can when run directly."""
     sys.path.insert(0, str(place))
     try:
         yield

@@ -1,4 +1,4 @@
-"""Jobs on the service: look at them, wait for them, cancel them, take their results."""
+"""Jobs of the service: their state, waiting, cancelling, sharing, and their results."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ Document = dict[str, Any]
 
 
 class JobState:
-    """What a job was when last looked at."""
+    """The state of a job when it was last read from the service."""
 
     def __init__(self, document: Document) -> None:
         self.document = document
 
     @property
     def id(self) -> str:
-        """Its id; `Client.job` finds it again by it."""
+        """The id of the job, with which `Client.job` finds it again."""
         return str(self.document["id"])
 
     @property
@@ -35,14 +35,14 @@ class JobState:
 
     @property
     def final(self) -> bool:
-        """Whether the state will not change any more."""
+        """Whether the job has ended, so that its state will not change any more."""
         return bool(self.document["final"])
 
     @property
     def progress(self) -> tuple[int, int]:
-        """How much is done, of how much."""
-        done = self.document["progress"]
-        return int(done["done"]), int(done["total"])
+        """How much of the work is done, and how much there is."""
+        progress = self.document["progress"]
+        return int(progress["done"]), int(progress["total"])
 
     def _note(self, document: Document) -> None:
         self.document = document
@@ -55,7 +55,7 @@ class JobState:
 
     @contextmanager
     def _shown(self, *, progress: bool) -> Iterator[Callable[[Document], None]]:
-        """Yield what takes note of changes, and shows them in a bar where that is wanted."""
+        """Yield the function to call with every change; with `progress` it updates a bar."""
         if not progress:
             yield self._note
             return
@@ -75,12 +75,12 @@ class JobState:
 
     def _repr_html_(self) -> str:
         done, total = self.progress
-        told = self.document.get("waiting_reason") or ""
+        waiting = self.document.get("waiting_reason") or ""
         error = (self.document.get("error") or {}).get("detail", "")
         return (
             f"<b>{html.escape(str(self.document['kind']))}</b> <code>{html.escape(self.id)}</code> "
             f"{self.state} <progress max='{total or 1}' value='{done}'></progress> "
-            f"{done}/{total} {html.escape(told or error)}"
+            f"{done}/{total} {html.escape(waiting or error)}"
         )
 
 
@@ -91,7 +91,7 @@ class Job(JobState):
     ----------
     transport : Transport
     document : dict
-        The job as the service describes it.
+        The document of the job, from the service.
     """
 
     def __init__(self, transport: Transport, document: Document) -> None:
@@ -99,17 +99,17 @@ class Job(JobState):
         self._transport = transport
 
     def refresh(self, wait: float = 0.0) -> Job:
-        """Look at it again, waiting up to so many seconds for a change."""
+        """Read the job again, waiting up to `wait` seconds for a change."""
         self._note(self._transport.hold(conversations.look(self.document, wait)))
         return self
 
     def wait(self, timeout: float | None = None, *, progress: bool = False) -> Job:
-        """Wait until it ended well.
+        """Wait until the job has succeeded.
 
         Parameters
         ----------
         timeout : float, optional
-            Longest wait in seconds; the job goes on after it.
+            Longest wait in seconds; the job continues after it.
         progress : bool
             Show a progress bar.
 
@@ -123,78 +123,78 @@ class Job(JobState):
         return self
 
     def cancel(self) -> Job:
-        """Cancel it; nothing happens to a job that ended."""
+        """Cancel the job; one that has ended stays as it is."""
         self._note(self._transport.hold(conversations.cancel(self.document)))
         return self
 
     def share(self, *readers: str) -> list[str]:
-        """Let exactly these see it and its result; return them.
+        """Share the job and its result with exactly these owners; return them.
 
         Parameters
         ----------
         *readers : str
-            Owners of keys; ``"*"``: whoever has a key that may read; none: nobody else.
+            Owners of keys; ``"*"``: every key with the scope read; none: stop sharing.
         """
         return self._transport.hold(conversations.share(self.document, readers))
 
     def readers(self) -> list[str]:
-        """Return who else may see it."""
+        """Return the owners with whom the job is shared."""
         return self._transport.hold(conversations.readers(self.document))
 
     def result(self) -> Result:
-        """Return the result of a job that succeeded."""
+        """Return the result of the job, which must have succeeded."""
         return Result(self._transport.hold(conversations.job_result(self.document)))
 
 
 class AsyncJob(JobState):
-    """A queued computation, waited for asynchronously; otherwise as `Job`."""
+    """A queued computation whose methods are awaited; otherwise like `Job`."""
 
     def __init__(self, transport: AsyncTransport, document: Document) -> None:
         super().__init__(document)
         self._transport = transport
 
     async def refresh(self, wait: float = 0.0) -> AsyncJob:
-        """Look at it again, waiting up to so many seconds for a change."""
+        """Read the job again, waiting up to `wait` seconds for a change."""
         self._note(await self._transport.hold(conversations.look(self.document, wait)))
         return self
 
     async def wait(self, timeout: float | None = None, *, progress: bool = False) -> AsyncJob:
-        """Wait until it ended well; raises as `Job.wait`."""
+        """Wait until the job has succeeded; see `Job.wait`."""
         with self._shown(progress=progress) as note:
             await self._transport.hold(conversations.wait(self.document, timeout, note))
         self._require_success()
         return self
 
     async def cancel(self) -> AsyncJob:
-        """Cancel it; nothing happens to a job that ended."""
+        """Cancel the job; one that has ended stays as it is."""
         self._note(await self._transport.hold(conversations.cancel(self.document)))
         return self
 
     async def share(self, *readers: str) -> list[str]:
-        """Let exactly these see it and its result, as `Job.share`."""
+        """Share the job and its result; see `Job.share`."""
         return await self._transport.hold(conversations.share(self.document, readers))
 
     async def readers(self) -> list[str]:
-        """Return who else may see it."""
+        """Return the owners with whom the job is shared."""
         return await self._transport.hold(conversations.readers(self.document))
 
     async def result(self) -> Result:
-        """Return the result of a job that succeeded."""
+        """Return the result of the job, which must have succeeded."""
         return Result(await self._transport.hold(conversations.job_result(self.document)))
 
 
 @dataclass(frozen=True, slots=True)
 class Submitted(Generic[AnyJob]):
-    """What became of many computations that were queued at once.
+    """The outcome of queueing many computations at once.
 
     Parameters
     ----------
     inserted : list
-        Jobs that will do work.
+        Jobs that have something to compute.
     existing : list
-        Jobs whose results were there already.
+        Jobs whose results already existed.
     errors : dict
-        Place of a request -> the problem that it met.
+        Index of a refused request -> its error.
     """
 
     inserted: list[AnyJob] = field(default_factory=list)
@@ -209,15 +209,15 @@ class Submitted(Generic[AnyJob]):
     @classmethod
     def of(
         cls,
-        found: Sequence[Document | ServerError],
+        answers: Sequence[Document | ServerError],
         make: Callable[[Document], AnyJob],
     ) -> Submitted[AnyJob]:
-        """Sort what was found."""
-        sorted_out = cls()
-        for place, one in enumerate(found):
-            if isinstance(one, ServerError):
-                sorted_out.errors[place] = one
+        """Sort the answer to each request, a job or an error."""
+        submitted = cls()
+        for index, answer in enumerate(answers):
+            if isinstance(answer, ServerError):
+                submitted.errors[index] = answer
             else:
-                jobs = sorted_out.existing if one["reused"] else sorted_out.inserted
-                jobs.append(make(one))
-        return sorted_out
+                jobs = submitted.existing if answer["reused"] else submitted.inserted
+                jobs.append(make(answer))
+        return submitted

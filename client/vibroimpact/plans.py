@@ -1,4 +1,4 @@
-"""A plan as people read it: what will be done and left out, and why."""
+"""The plan of a computation, readable as text and in notebooks."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from typing import Any
 
 
 class Plan(dict[str, Any]):
-    """What would be computed and skipped: the document of the service, readable."""
+    """The steps of a computation and those it skips: the plan document of the service."""
 
     def __str__(self) -> str:
-        """Return steps, skips and cost, a line each."""
+        """Return steps, skipped steps and cost, one line each."""
         lines = [f"{s['stage']}: {s['method']} – {s['reason']}" for s in self["steps"]]
-        lines += [f"not: {s['what']} – {s['why']}" for s in self["skips"]]
+        lines += [f"skipped: {s['what']} – {s['why']}" for s in self["skips"]]
         return "\n".join([*lines, self._cost()])
 
     def _cost(self) -> str:
         if self["cached"]:
-            return "the result is there already"
-        how = "answered at once" if self["inline"] else "becomes a job"
-        return f"about {self['seconds']:.2g} s of computing, {how}"
+            return "the result is already stored"
+        how = "answered directly" if self["inline"] else "run as a job"
+        return f"about {self['seconds']:.2g} s of computation, {how}"
 
     def _repr_html_(self) -> str:
         steps = [(s["stage"], s["method"], s["count"], s["reason"]) for s in self["steps"]]
@@ -29,5 +29,5 @@ class Plan(dict[str, Any]):
             + "</tr>"
             for row in [*steps, *skips]
         )  # fmt: skip
-        head = "<tr><th>stage</th><th>what</th><th>how often</th><th>why</th></tr>"
+        head = "<tr><th>stage</th><th>method</th><th>count</th><th>reason</th></tr>"
         return f"<p>{html.escape(self._cost())}</p><table><thead>{head}</thead>{rows}</table>"

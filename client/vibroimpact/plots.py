@@ -1,22 +1,24 @@
-"""Pictures of results."""
+"""Plots of results."""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from vibroimpact.result_file import ResultFile
+from vibroimpact.tables import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from vibroimpact.results import Array, Result
-
-REAL, PHANTOM, WALL = "#0b5394", "#b7b7b7", "#c0392b"
+ADMISSIBLE, PHANTOM, WALL = "#0b5394", "#b7b7b7", "#c0392b"
 
 
 def axes_or_new(ax: Axes | None) -> Axes:
-    """Return the axes to draw in; where none are given, those of a new figure."""
+    """Return the given axes, or those of a new figure."""
     if ax is not None:
         return ax
     from matplotlib import pyplot
@@ -24,24 +26,24 @@ def axes_or_new(ax: Axes | None) -> Axes:
     return pyplot.subplots(figsize=(8.0, 4.5), layout="constrained")[1]
 
 
-def _label(text: str, result: Result, output: str) -> str:
+def _label(text: str, result: ResultFile, output: str) -> str:
     unit = result.unit(output)
     return text if unit == "1" else f"{text} ({unit})"
 
 
-def impulse(result: Result, ax: Axes | None = None) -> Axes:
-    """Draw p over Omega: real members in colour, phantoms in grey, no lines through poles."""
+def impulse(result: ResultFile, ax: Axes | None = None) -> Axes:
+    """Plot p over Omega: admissible solutions in colour, phantoms in grey, poles left open."""
     ax = axes_or_new(ax)
     Omega, p = result.Omega, result.impulse
     order = np.argsort(Omega, kind="stable")
-    exists: Array = result.exists if "exists" in dir(result) else np.all(p > 0, axis=1)
+    exists: Array = result.exists if hasattr(result, "exists") else np.all(p > 0, axis=1)
     for column, index in enumerate(result.constraint):
         curve = _broken(p[order, column])
         name = f"p, constraint {index}" if p.shape[1] > 1 else "p"
         ax.plot(Omega[order], curve, color=PHANTOM, linewidth=1.2, zorder=2)
         shown = np.where(exists[order], curve, np.nan)
         style = "-" if column == 0 else "--"
-        ax.plot(Omega[order], shown, style, color=REAL, linewidth=2.0, label=name, zorder=3)
+        ax.plot(Omega[order], shown, style, color=ADMISSIBLE, linewidth=2.0, label=name, zorder=3)
     positive = p[exists] if exists.any() else np.abs(p)
     top = 1.15 * float(np.quantile(positive, 0.97)) if positive.size else 1.0
     ax.set_ylim(-0.35 * top, top)
@@ -53,27 +55,27 @@ def impulse(result: Result, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def frequency_energy(result: Result, ax: Axes | None = None) -> Axes:
-    """Draw Omega over the energy of the members that exist, those known to be unstable dashed.
+def frequency_energy(result: ResultFile, ax: Axes | None = None) -> Axes:
+    """Plot Omega over the energy of the admissible solutions, unstable ones dashed.
 
-    Needs the output energy; exists and stability are heeded where they were computed.
+    Requires the output energy; uses exists and stability if they were computed.
     """
     ax = axes_or_new(ax)
     order = np.argsort(result.Omega, kind="stable")
     Omega, energy = result.Omega[order], result.energy[order]
-    there: Array = result.exists[order] if "exists" in dir(result) else np.isfinite(energy)
-    if "stability" in dir(result):
+    admissible: Array = result.exists[order] if hasattr(result, "exists") else np.isfinite(energy)
+    if hasattr(result, "stability"):
         # Moduli of an elastic motion are 1, but for rounding.
-        stable = there & (result.stability[order] <= 1.0 + 1e-6)
-        lanes = [(stable, "-", "stable"), (there & ~stable, "--", "unstable")]
+        stable = admissible & (result.stability[order] <= 1.0 + 1e-6)
+        branches = [(stable, "-", "stable"), (admissible & ~stable, "--", "unstable")]
     else:
-        lanes = [(there, "-", "impact modes")]
-    for some, style, name in lanes:
+        branches = [(admissible, "-", "impact modes")]
+    for some, style, name in branches:
         if some.any():
             drawn = np.where(some, energy, np.nan)
-            # A member whose neighbours are phantoms is a point.
+            # A solution between two phantoms is a single point, which a line does not show.
             mark = "." if Omega.size < 200 else None
-            ax.plot(drawn, Omega, style, marker=mark, color=REAL, linewidth=1.8, label=name)
+            ax.plot(drawn, Omega, style, marker=mark, color=ADMISSIBLE, linewidth=1.8, label=name)
     ax.set_xscale("log")
     ax.set_xlabel(_label("energy", result, "energy"))
     ax.set_ylabel(_label(r"fundamental frequency $\Omega$", result, "Omega"))
@@ -82,12 +84,12 @@ def frequency_energy(result: Result, ax: Axes | None = None) -> Axes:
 
 
 def mode_plot(output: str) -> Callable[..., Axes]:
-    """Return what draws an output of impact modes.
+    """Return the function that plots an output of impact modes.
 
     Raises
     ------
     ValueError
-        Where nothing does.
+        If there is none.
     """
     drawing: dict[str, Callable[..., Axes]] = {
         "impulse": impulse,
@@ -95,20 +97,20 @@ def mode_plot(output: str) -> Callable[..., Axes]:
         "shape": shape,
     }
     if output not in drawing:
-        raise ValueError(f"of impact modes {', '.join(drawing)} can be drawn, not {output!r}")
+        raise ValueError(f"impact modes: {', '.join(drawing)} can be drawn, not {output!r}")
     return drawing[output]
 
 
-def bands(result: Result, ax: Axes | None = None) -> Axes:
-    """Draw where members exist, where they fail despite positive impulses, and where stable."""
+def bands(result: ResultFile, ax: Axes | None = None) -> Axes:
+    """Plot the bands that are admissible, rejected despite positive impulses, and stable."""
     ax = axes_or_new(ax)
-    lanes = [
-        ("bands", "real", REAL, None),
+    rows = [
+        ("bands", "admissible", ADMISSIBLE, None),
         ("rejected", "rejected", PHANTOM, None),
         ("stability", "stable", "#38761d", True),
         ("stability", "unstable", "#e69138", False),
     ]
-    shown = [lane for lane in lanes if lane[0] in dir(result)]
+    shown = [row for row in rows if hasattr(result, row[0])]
     for place, (name, _, color, stable) in enumerate(reversed(shown)):
         table = getattr(result, name)
         some = np.ones(table.start.size, dtype=bool)
@@ -122,8 +124,8 @@ def bands(result: Result, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def resonances(result: Result, ax: Axes | None = None) -> Axes:
-    """Draw the frequencies of resonance, a row for each harmonic, coloured by part."""
+def resonances(result: ResultFile, ax: Axes | None = None) -> Axes:
+    """Plot the resonance frequencies, one row per harmonic, coloured by part of the structure."""
     ax = axes_or_new(ax)
     for part in np.unique(result.part):
         mine = result.part == part
@@ -135,14 +137,14 @@ def resonances(result: Result, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def shape(result: Result, index: int = 0, ax: Axes | None = None) -> Axes:
-    """Draw the displacement of every computed degree of freedom at tau = 1."""
+def shape(result: ResultFile, index: int = 0, ax: Axes | None = None) -> Axes:
+    """Plot the displacement of every computed degree of freedom at tau = 1."""
     ax = axes_or_new(ax)
     x = result.shape[index]
     ax.axhline(0.0, color="black", linewidth=0.6)
-    ax.plot(result.dof, x, "-", color=REAL, linewidth=1.0, alpha=0.5)
-    ax.vlines(result.dof, 0.0, x, color=REAL, linewidth=1.0, alpha=0.3)
-    ax.plot(result.dof, x, "o", color=REAL, markersize=7)
+    ax.plot(result.dof, x, "-", color=ADMISSIBLE, linewidth=1.0, alpha=0.5)
+    ax.vlines(result.dof, 0.0, x, color=ADMISSIBLE, linewidth=1.0, alpha=0.3)
+    ax.plot(result.dof, x, "o", color=ADMISSIBLE, markersize=7)
     _walls(result, ax)
     ax.set_xlabel("degree of freedom")
     ax.set_ylabel(_label(r"displacement at $\tau = 1$", result, "shape"))
@@ -151,16 +153,16 @@ def shape(result: Result, index: int = 0, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def history(result: Result, dof: int | None = None, ax: Axes | None = None) -> Axes:
-    """Draw a coordinate over time, with its walls and the impacts of its constraint.
+def history(result: ResultFile, dof: int | None = None, ax: Axes | None = None) -> Axes:
+    """Plot a displacement over time, with the walls and impacts of its constraint.
 
-    Where only impacts were computed: their impulses over time.
+    If only impacts were computed, plot their impulses over time.
     """
     ax = axes_or_new(ax)
-    if "x" not in dir(result):
+    if not hasattr(result, "x"):
         return _impulses(result, ax)
     dof, column = _column(result, dof)
-    ax.plot(result.t, result.x[:, column], color=REAL, linewidth=1.2)
+    ax.plot(result.t, result.x[:, column], color=ADMISSIBLE, linewidth=1.2)
     _impacts(result, dof, ax)
     until = result.error.predictable_until
     if until < result.t[-1]:
@@ -173,22 +175,22 @@ def history(result: Result, dof: int | None = None, ax: Axes | None = None) -> A
     return ax
 
 
-def basins(result: Result, values: Array | None = None, ax: Axes | None = None) -> Axes:
-    """Draw a number of every member of an ensemble over its initial state.
+def basins(result: ResultFile, values: Array | None = None, ax: Axes | None = None) -> Axes:
+    """Plot one value of each member of an ensemble over its initial state.
 
     Parameters
     ----------
-    result : Result
-        Of an ensemble whose initial states differ in one or two coordinates.
+    result : ResultFile
+        Result of an ensemble whose initial states differ in one or two coordinates.
     values : array, shape (member,), optional
-        What is drawn; absent: the number of impacts.
+        Values to plot; default: the number of impacts.
     ax : Axes, optional
-        Where to draw; absent: a new figure.
+        Axes to draw in; default: those of a new figure.
 
     Raises
     ------
     ValueError
-        Where the states differ in more coordinates.
+        If the states differ in no coordinate or in more than two.
     """
     ax = axes_or_new(ax)
     initial = result.request["initial"]
@@ -198,27 +200,29 @@ def basins(result: Result, values: Array | None = None, ax: Axes | None = None) 
     varying = [column for column in columns if np.ptp(column[1]) > 0.0]
     if not 1 <= len(varying) <= 2:
         raise ValueError(f"the initial states differ in {len(varying)} coordinates, not in 1 or 2")
-    there = result.status == "ok"
-    counted = "number of impacts" if values is None else ""
+    computed = result.status == "ok"
+    label = "number of impacts" if values is None else ""
     shown = np.asarray(result.count.impacts if values is None else values, dtype=np.float64)
     (across, first), (up, second) = varying[0], varying[-1]
     if len(varying) == 1:
-        order = np.argsort(first[there], kind="stable")
-        ax.plot(first[there][order], shown[there][order], "o-", color=REAL, markersize=3.0)
-        ax.set_ylabel(counted)
+        order = np.argsort(first[computed], kind="stable")
+        ax.plot(
+            first[computed][order], shown[computed][order], "o-", color=ADMISSIBLE, markersize=3.0
+        )
+        ax.set_ylabel(label)
     else:
-        ax.plot(first[~there], second[~there], "x", color=PHANTOM, markersize=3.0)
+        ax.plot(first[~computed], second[~computed], "x", color=PHANTOM, markersize=3.0)
         size = float(np.clip(2e5 / max(first.size, 1), 4.0, 120.0))
         drawn = ax.scatter(
-            first[there], second[there], size, shown[there], marker="s", linewidths=0.0
+            first[computed], second[computed], size, shown[computed], marker="s", linewidths=0.0
         )
-        ax.figure.colorbar(drawn, ax=ax, label=counted)
+        ax.figure.colorbar(drawn, ax=ax, label=label)
         ax.set_ylabel(up)
     ax.set_xlabel(across)
     return ax
 
 
-def _impulses(result: Result, ax: Axes) -> Axes:
+def _impulses(result: ResultFile, ax: Axes) -> Axes:
     for index in np.unique(result.impacts.constraint):
         mine = result.impacts.constraint == index
         ax.plot(result.impacts.time[mine], result.impacts.impulse[mine], ".", label=f"{index}")
@@ -230,19 +234,21 @@ def _impulses(result: Result, ax: Axes) -> Axes:
     return ax
 
 
-def phase_plane(result: Result, dof: int | None = None, ax: Axes | None = None) -> Axes:
-    """Draw velocity over displacement of a degree of freedom, with the walls it strikes.
+def phase_plane(result: ResultFile, dof: int | None = None, ax: Axes | None = None) -> Axes:
+    """Plot the velocity over the displacement of a degree of freedom, with its walls.
 
-    The line breaks at impacts, where the velocity jumps.
+    The line is interrupted at impacts, where the velocity jumps.
     """
     ax = axes_or_new(ax)
     dof, column = _column(result, dof)
     x, v = result.x[:, column], result.v[:, column]
     breaks = np.zeros(0, dtype=np.int64)
-    if "impacts" in dir(result):
+    if hasattr(result, "impacts"):
         breaks = np.unique(np.searchsorted(result.t, result.impacts.time))
         breaks = breaks[(breaks > 0) & (breaks < x.size)]
-    ax.plot(np.insert(x, breaks, np.nan), np.insert(v, breaks, np.nan), color=REAL, linewidth=0.9)
+    ax.plot(
+        np.insert(x, breaks, np.nan), np.insert(v, breaks, np.nan), color=ADMISSIBLE, linewidth=0.9
+    )
     for wall in _gaps(result, dof):
         ax.axvline(wall, color=WALL, linewidth=2.0)
     ax.set_xlabel(_label(rf"displacement $x_{{{dof}}}$", result, "x"))
@@ -250,19 +256,23 @@ def phase_plane(result: Result, dof: int | None = None, ax: Axes | None = None) 
     return ax
 
 
-def _column(result: Result, dof: int | None) -> tuple[int, int]:
-    """Return a degree of freedom and its column: the first constrained one, if none is named."""
-    there = [int(d) for d in result.dof]
+def _column(result: ResultFile, dof: int | None) -> tuple[int, int]:
+    """Return a degree of freedom, by default the first constrained one, and its column."""
+    computed = [int(d) for d in result.dof]
     if dof is None:
-        struck = [c.get("dof") for c in result.request["system"].get("constraints") or ()]
-        dof = next((d for d in struck if d in there), there[0])
-    return dof, there.index(dof)
+        struck = [c.get("dof") for c in _constraints(result)]
+        dof = next((d for d in struck if d in computed), computed[0])
+    return dof, computed.index(dof)
 
 
-def _gaps(result: Result, dof: int) -> list[float]:
-    """Return the places of the walls of a degree of freedom."""
+def _constraints(result: ResultFile) -> list[dict[str, Any]]:
+    return list(result.request.get("system", {}).get("constraints") or ())
+
+
+def _gaps(result: ResultFile, dof: int) -> list[float]:
+    """Return the displacements at which the walls of a degree of freedom stand."""
     walls: list[float] = []
-    for constraint in result.request["system"].get("constraints") or ():
+    for constraint in _constraints(result):
         if constraint.get("dof") == dof:
             gap = constraint["gap"]
             single = isinstance(gap, int | float)
@@ -271,12 +281,12 @@ def _gaps(result: Result, dof: int) -> list[float]:
     return walls
 
 
-def _impacts(result: Result, dof: int, ax: Axes) -> None:
+def _impacts(result: ResultFile, dof: int, ax: Axes) -> None:
     for wall in _gaps(result, dof):
         ax.axhline(wall, color=WALL, linewidth=1.5)
-    if "impacts" not in dir(result):
+    if not hasattr(result, "impacts"):
         return
-    constraints = result.request["system"].get("constraints") or ()
+    constraints = _constraints(result)
     mine = [i for i, c in enumerate(constraints) if c.get("dof") == dof]
     struck = np.isin(result.impacts.constraint, mine)
     walls = _gaps(result, dof)
@@ -285,8 +295,8 @@ def _impacts(result: Result, dof: int, ax: Axes) -> None:
         ax.plot(result.impacts.time[struck], places[struck], ".", color=WALL, markersize=5)
 
 
-def displacement(result: Result, ax: Axes | None = None) -> Axes:
-    """Draw every computed degree of freedom over time."""
+def displacement(result: ResultFile, ax: Axes | None = None) -> Axes:
+    """Plot the displacement of every computed degree of freedom over time."""
     ax = axes_or_new(ax)
     for column, dof in enumerate(result.dof):
         ax.plot(result.t, result.x[:, column], linewidth=1.2, label=f"degree of freedom {dof}")
@@ -297,22 +307,27 @@ def displacement(result: Result, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def _walls(result: Result, ax: Axes) -> None:
-    for constraint in result.request.get("system", {}).get("constraints", ()):
-        gap, dof = constraint.get("gap"), constraint.get("dof")
-        if dof is None:
-            continue
-        walls = (gap, gap) if isinstance(gap, float | int) else (gap.get("lower"), gap.get("upper"))
-        for sign, wall in zip((-1.0, 1.0), walls, strict=True):
-            if wall is not None:
-                ax.hlines(sign * wall, dof - 0.4, dof + 0.4, color=WALL, linewidth=3.0)
+def _walls(result: ResultFile, ax: Axes) -> None:
+    for dof in {c["dof"] for c in _constraints(result) if c.get("dof") is not None}:
+        ax.hlines(_gaps(result, dof), dof - 0.4, dof + 0.4, color=WALL, linewidth=3.0)
 
 
 def _broken(p: Array) -> Array:
-    """Return the curve without the points beside which it jumps from one infinity to the other."""
+    """Return the curve with gaps at its poles, where it jumps between plus and minus infinity."""
     curve = np.array(p, dtype=np.float64)
     jump = (curve[1:] > 0) != (curve[:-1] > 0)
     # At a zero the curve is small on both sides, at a pole it is large.
     large = np.minimum(np.abs(curve[1:]), np.abs(curve[:-1])) > np.median(np.abs(curve))
     curve[1:][jump & large] = np.nan
     return curve
+
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        """Return the colour of admissible solutions by its name in 0.1.0."""
+        if name != "REAL":
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        message = f"{__name__}.REAL is now {__name__}.ADMISSIBLE"
+        warnings.warn(message, DeprecationWarning, stacklevel=2)
+        return ADMISSIBLE

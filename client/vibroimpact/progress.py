@@ -13,9 +13,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 @contextmanager
 def bar(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
-    """Show a bar; what is yielded takes the job document as it changes."""
+    """Show a bar; yield the function that updates it from the job document."""
     if Console().is_jupyter:
-        # rich would ask for ipywidgets there.
+        # In notebooks rich requires ipywidgets.
         yield _notebook_bar(title)
         return
     columns = (

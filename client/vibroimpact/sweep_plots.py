@@ -1,4 +1,4 @@
-"""Pictures of sweeps: lines over one axis, a map over two."""
+"""Plots of sweeps: a line over one axis, a colour map over two."""
 
 from __future__ import annotations
 
@@ -7,67 +7,68 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vibroimpact.plots import PHANTOM, REAL, axes_or_new
+from vibroimpact.plots import ADMISSIBLE, PHANTOM, axes_or_new
+from vibroimpact.result_file import ResultFile
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
 
-    from vibroimpact.results import Result
-
 
 def draw(
-    result: Result,
+    result: ResultFile,
     output: str | None = None,
     at: Mapping[str, float] | None = None,
     ax: Axes | None = None,
 ) -> Axes:
-    """Draw an output of a sweep over the one or two dimensions that are left.
+    """Plot an output of a sweep over the one or two dimensions that are left.
 
-    Where `exists` was computed too, what belongs to phantoms is left grey.
+    If `exists` was computed as well, phantoms are grey.
 
     Parameters
     ----------
-    result : Result
-        Of a sweep.
+    result : ResultFile
+        Result of a sweep.
     output : str, optional
-        Absent: the first that was computed.
+        Name of the output; default: the first one computed.
     at : mapping, optional
-        Dimension -> where to stand on it; the nearest value is taken. Dimensions of one value
-        need not be named.
+        Dimension -> value at which it is held fixed; the nearest one computed is taken.
+        Dimensions of size one may be left out.
     ax : Axes, optional
-        Where to draw; absent: a new figure.
+        Axes to draw in; default: those of a new figure.
 
     Raises
     ------
     ValueError
-        Where other than one or two dimensions are left.
+        If not one or two dimensions are left.
     """
     data = result.to_xarray()
     chosen = output or _first(data)
     shown = _selected(data[chosen], at or {})
-    real = _real(data, chosen, at or {})
+    admissible = _admissible(data, chosen, at or {})
     if shown.ndim not in (1, 2):
         left = ", ".join(str(dim) for dim in shown.dims) or "none"
-        raise ValueError(f"one or two dimensions can be drawn; left are: {left}. Name some in at")
+        raise ValueError(f"a plot has one or two dimensions; left are: {left}. Fix some by at")
     target = axes_or_new(ax)
     if shown.ndim == 1:
-        _line(shown, real, target)
+        _line(shown, admissible, target)
     else:
-        _map(shown if real is None else shown.where(real), target)
+        _map(shown if admissible is None else shown.where(admissible), target)
     fixed = [f"{name} = {float(shown[name]):.4g}" for name in at or {} if name in shown.coords]
     target.set_title(", ".join(fixed), fontsize="medium")
     return target
 
 
 def _first(data: xarray.Dataset) -> str:
-    """Return the first variable that is a computed quantity."""
-    plain = [str(name) for name in data.data_vars if name != "status"]
-    return next((name for name in ("impulse", *plain) if name in plain), "status")
+    """Return the impulse if it was computed, else the first output."""
+    computed = [str(name) for name in data.data_vars if name != "status"]
+    return next((name for name in ("impulse", *computed) if name in computed), "status")
 
 
-def _real(data: xarray.Dataset, output: str, at: Mapping[str, float]) -> xarray.DataArray | None:
-    """Return where the members drawn are motions, None where that is not known."""
+def _admissible(
+    data: xarray.Dataset, output: str, at: Mapping[str, float]
+) -> xarray.DataArray | None:
+    """Return which of the plotted solutions are admissible, None if that is not known."""
     if "exists" not in data or "flag_meanings" in data[output].attrs:
         return None
     dims = data["exists"].dims
@@ -78,7 +79,7 @@ def _real(data: xarray.Dataset, output: str, at: Mapping[str, float]) -> xarray.
 
 def _selected(shown: xarray.DataArray, at: Mapping[str, float]) -> xarray.DataArray:
     for dim, value in at.items():
-        # Dimensions without values of their own are counted.
+        # A dimension without a coordinate is selected by index.
         place = int(value)
         if dim in shown.indexes:
             place = int(np.abs(shown[dim].values - value).argmin())
@@ -99,17 +100,17 @@ def _coordinate(shown: xarray.DataArray, dim: Any) -> tuple[np.ndarray[Any, Any]
     return np.arange(shown.sizes[dim]), str(dim)
 
 
-def _line(shown: xarray.DataArray, real: xarray.DataArray | None, ax: Axes) -> None:
+def _line(shown: xarray.DataArray, admissible: xarray.DataArray | None, ax: Axes) -> None:
     x, label = _coordinate(shown, shown.dims[0])
     order = np.argsort(x, kind="stable")
     style = "-" if x.size > 60 else "o-"
     y = shown.values[order]
-    if real is not None and real.values.any():
+    if admissible is not None and admissible.values.any():
         ax.plot(x[order], y, style, color=PHANTOM, markersize=3.0, linewidth=1.0)
-        y = np.where(real.values[order], y, np.nan)
+        y = np.where(admissible.values[order], y, np.nan)
         low, high = np.nanmin(y), np.nanmax(y)
         ax.set_ylim(low - 0.3 * (high - low), high + 0.1 * (high - low) or 1.0)
-    ax.plot(x[order], y, style, color=REAL, markersize=3.5, linewidth=1.5)
+    ax.plot(x[order], y, style, color=ADMISSIBLE, markersize=3.5, linewidth=1.5)
     ax.set_xlabel(label)
     ax.set_ylabel(_label(shown))
     meanings = shown.attrs.get("flag_meanings")
@@ -122,7 +123,7 @@ def _map(shown: xarray.DataArray, ax: Axes) -> None:
     (y, y_label), (x, x_label) = _coordinate(shown, down), _coordinate(shown, across)
     rows, columns = np.argsort(y, kind="stable"), np.argsort(x, kind="stable")
     values = np.ma.masked_invalid(shown.values.astype(np.float64)[np.ix_(rows, columns)])
-    ax.set_facecolor(PHANTOM)  # seen where there is no value
+    ax.set_facecolor(PHANTOM)  # shows where there is no value
     meanings = str(shown.attrs.get("flag_meanings", "")).split()
     if meanings:
         _codes(x[columns], y[rows], values, meanings, ax)
@@ -138,7 +139,7 @@ def _map(shown: xarray.DataArray, ax: Axes) -> None:
 
 
 def _range(values: Any, top: float) -> tuple[float, float, str]:
-    """Return the ends of the scale and its colours: white is zero where both signs are there."""
+    """Return the limits and the colour map; values of both signs get one that is white at zero."""
     if not values.count() or values.min() >= 0:
         return 0.0, top, "viridis"
     if values.max() <= 0:
@@ -147,7 +148,7 @@ def _range(values: Any, top: float) -> tuple[float, float, str]:
 
 
 def _codes(x: Any, y: Any, values: Any, meanings: list[str], ax: Axes) -> None:
-    """Draw codes, each in its colour, with what they mean beside."""
+    """Plot codes, one colour each, with their meanings beside the colour bar."""
     from matplotlib import colormaps
     from matplotlib.colors import BoundaryNorm, ListedColormap
 

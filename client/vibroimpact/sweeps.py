@@ -1,4 +1,4 @@
-"""Documents that ask for sweeps, made from numbers and arrays."""
+"""Request documents of sweeps, made from numbers and arrays."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ def sweep_request(
     Parameters
     ----------
     kind : str
-        Of the computation, such as ``"impact-modes"``.
+        Kind of computation, such as ``"impact-modes"``.
     base : dict
-        A request of that kind, as `impact_modes_request` makes it.
+        A request of that kind, for example from `impact_modes_request`.
     axes : mapping
-        Path of a number of the base -> its values, see `axis`. Results have these axes in this
-        order, before their own dimensions.
+        Path of a number in the base -> its values, see `axis`. The axes are the first dimensions
+        of the results, in this order.
     outputs : sequence of str, optional
-        What is wanted; absent: the outputs of the base.
+        Quantities to compute; default: the outputs of the base.
     """
     request: Document = {
         "kind": kind,
@@ -43,16 +43,15 @@ def sweep_request(
 
 
 def axis(path: str, values: Any) -> Document:
-    """Return the document of an axis.
+    """Return the document of a sweep axis.
 
     Parameters
     ----------
     path : str
-        The number of the base that varies, such as ``"system.constraints.0.gap"``.
+        Path of the number that varies, such as ``"system.constraints.0.gap"``.
     values : array, (start, stop, num) or dict
-        Its values; a dictionary with ``start``, ``stop`` and ``step`` makes a lattice of which
-        longer and shifted sweeps use the parts that were computed before; with ``name`` it
-        names the dimension.
+        Values of the number. Sweeps over ``start``, ``stop`` and ``step`` reuse the parts that
+        longer or shifted sweeps with the same step have computed; ``name`` names the dimension.
     """
     if isinstance(values, Mapping):
         return {"path": path} | dict(values)

@@ -1,4 +1,4 @@
-"""Documents that describe structures, made from numbers and arrays."""
+"""Documents of structures, constraints and loads, made from numbers and arrays."""
 
 from __future__ import annotations
 
@@ -17,55 +17,55 @@ def constraint(
     *,
     direction: Mapping[int, float] | None = None,
 ) -> Document:
-    """Describe a rigid amplitude limiter.
+    """Return the document of a rigid amplitude limiter.
 
     Parameters
     ----------
     dof : int
-        The constrained degree of freedom, from 0.
+        Index of the constrained degree of freedom, from 0.
     gap : float or mapping
-        Distance to both walls, or ``{"lower": l, "upper": u}`` with None for no wall.
+        Distance to both walls, or ``{"lower": l, "upper": u}``; None stands for no wall.
     restitution : float
-        Newton's coefficient; 1 is elastic.
+        Newton's coefficient of restitution; 1 is elastic.
     direction : mapping of int to float
-        Instead of `dof`: weight of each degree of freedom in the constrained coordinate.
+        Alternative to `dof`: weight of each degree of freedom in the constrained coordinate.
     """
     limits = dict(gap) if isinstance(gap, Mapping) else float(gap)
-    found: Document = {"gap": limits, "restitution": float(restitution)}
+    document: Document = {"gap": limits, "restitution": float(restitution)}
     if direction is not None:
         dofs, weights = list(direction), [float(w) for w in direction.values()]
-        return found | {"direction": {"dofs": dofs, "weights": weights}}
-    return found | {"dof": dof}
+        return document | {"direction": {"dofs": dofs, "weights": weights}}
+    return document | {"dof": dof}
 
 
 def chain(
     n: int, constraints: Iterable[Document], mass: float = 1.0, stiffness: float = 1.0
 ) -> Document:
-    """Describe n equal masses joined by equal springs between fixed ends (eq. 10.60)."""
+    """Return a chain of n equal masses and equal springs between fixed ends (eq. 10.60)."""
     return _preset("chain", constraints, n=n, mass=float(mass), stiffness=float(stiffness))
 
 
 def oscillator(constraints: Iterable[Document], Omega0: float = 1.0, zeta: float = 0.0) -> Document:
-    """Describe one mass on a spring."""
+    """Return an oscillator with one degree of freedom."""
     return _preset("oscillator", constraints, Omega0=float(Omega0), zeta=float(zeta))
 
 
 def two_mass(
     constraints: Iterable[Document], Omega0: float = 1.0, coupling: float = 1.0, zeta: float = 0.0
 ) -> Document:
-    """Describe two coupled oscillators (eq. 10.22, 10.42)."""
+    """Return two coupled oscillators (eq. 10.22, 10.42)."""
     return _preset(
         "two_mass", constraints, Omega0=float(Omega0), coupling=float(coupling), zeta=float(zeta)
     )
 
 
 def double_pendulum(constraints: Iterable[Document], mu: float) -> Document:
-    """Describe the linearised double pendulum (eq. 10.33)."""
+    """Return the linearised double pendulum (eq. 10.33)."""
     return _preset("double_pendulum", constraints, mu=float(mu))
 
 
 def bouncing_ball(constraints: Iterable[Document], g: float = 9.81) -> Document:
-    """Describe a ball over a floor."""
+    """Return a ball above a floor, under gravity."""
     return _preset("bouncing_ball", constraints, g=float(g))
 
 
@@ -77,31 +77,31 @@ def system(
     force: Sequence[float] | None = None,
     units: Mapping[str, str] | None = None,
 ) -> Document:
-    """Describe a structure by its matrices.
+    """Return a structure given by its matrices.
 
     Parameters
     ----------
     M, K, C : array, shape (n, n), or sparse matrix
         Mass, stiffness and damping. An array of shape (n,) is a diagonal.
     constraints : iterable of dict
-        As `constraint` makes them.
+        Rigid limiters, from `constraint`.
     force : sequence of float, optional
-        Constant load.
+        Static load.
     units : mapping, optional
         ``{"length": "m", "mass": "kg", "time": "s"}``.
     """
-    found: Document = {"M": matrix(M), "K": matrix(K), "constraints": _several(constraints)}
+    document: Document = {"M": matrix(M), "K": matrix(K), "constraints": _several(constraints)}
     if C is not None:
-        found["C"] = matrix(C)
+        document["C"] = matrix(C)
     if force is not None:
-        found["force"] = [float(f) for f in force]
+        document["force"] = [float(f) for f in force]
     if units is not None:
-        found["units"] = dict(units)
-    return found
+        document["units"] = dict(units)
+    return document
 
 
 def matrix(given: Any) -> Any:
-    """Return the leanest document of a matrix: diagonal, coordinates or rows."""
+    """Return the shortest document of a matrix: diagonal, coordinates or rows."""
     if hasattr(given, "tocoo"):
         entries = given.tocoo()
         return {
@@ -117,13 +117,8 @@ def matrix(given: Any) -> Any:
 
 
 def frequencies(given: Any, unit: str = "Omega") -> Document:
-    """Return the document of a grid: an array, a mapping, or (start, stop, num)."""
-    if isinstance(given, Mapping):
-        return {"unit": unit} | dict(given)
-    if isinstance(given, tuple) and len(given) == 3:
-        start, stop, num = given
-        return {"start": float(start), "stop": float(stop), "num": int(num), "unit": unit}
-    return {"values": np.atleast_1d(np.asarray(given, dtype=np.float64)).tolist(), "unit": unit}
+    """Return the document of frequencies: an array, a mapping, or (start, stop, num)."""
+    return {"unit": unit} | times(given)
 
 
 def times(given: Any) -> Document:

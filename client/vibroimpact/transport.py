@@ -1,4 +1,4 @@
-"""Holds conversations over HTTP: one class waits, the other is asynchronous."""
+"""Sends what `conversations` yields, blocking or asynchronously; retries are decided there."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ def _content(step: Send) -> dict[str, Any]:
 
 
 def _no_answer(url: str, step: Send, error: Exception) -> NoAnswer:
-    """Return what a conversation hears where the network failed; raise where nothing was sent."""
+    """Return what a conversation receives after a network error; raise if nothing was sent."""
     if isinstance(error, httpx2.TransportError):
         return NoAnswer(url, error)
-    # What JSON cannot say: nothing was sent.
+    # The request cannot be written as JSON, so that nothing was sent.
     raise conversations.not_finite(step.json) or error from None
 
 
 class Transport:
-    """Speaks HTTP to one service.
+    """Blocking HTTP connection to one service.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class Transport:
     timeout : float
         Longest wait for an answer, in seconds.
     transport : httpx2.BaseTransport, optional
-        Where requests go instead of the network; for tests.
+        Replaces the network in tests.
     key : str, optional
         API key or token.
     """
@@ -66,7 +66,7 @@ class Transport:
         self.url = url
 
     def hold(self, conversation: Conversation[Outcome]) -> Outcome:
-        """Hold a conversation and return its outcome."""
+        """Carry out a conversation and return its outcome."""
         reply: Reply = None
         try:
             while True:
@@ -86,7 +86,7 @@ class Transport:
     def request(
         self, method: str, path: str, *, json: Any = None, params: Mapping[str, str] | None = None
     ) -> httpx2.Response:
-        """Send a request, again where that is safe, and return a good answer."""
+        """Send a request, repeat it after temporary failures, and return the response."""
         return self.hold(conversations.request(method, path, json=json, params=params))
 
     def close(self) -> None:
@@ -95,7 +95,7 @@ class Transport:
 
 
 class AsyncTransport:
-    """The same, asynchronously."""
+    """Asynchronous HTTP connection to one service; see `Transport`."""
 
     def __init__(
         self,
@@ -108,7 +108,7 @@ class AsyncTransport:
         self.url = url
 
     async def hold(self, conversation: Conversation[Outcome]) -> Outcome:
-        """Hold a conversation and return its outcome."""
+        """Carry out a conversation and return its outcome."""
         reply: Reply = None
         try:
             while True:

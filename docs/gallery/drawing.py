@@ -1,4 +1,4 @@
-"""What the scripts of the gallery share: colours, profiles, and being run by themselves."""
+"""Shared code of the gallery scripts: colours, plots of shapes, and running a script directly."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 import vibroimpact as vi
 
-REAL, SOFT, PHANTOM, WALL, OTHER = "#0b5394", "#cc4125", "#b7b7b7", "#c0392b", "#38761d"
+BLUE, SOFT, PHANTOM, WALL, OTHER = "#0b5394", "#cc4125", "#b7b7b7", "#c0392b", "#38761d"
 
 
 def panels(rows: int = 1, columns: int = 1, size: tuple[float, float] = (8.0, 4.0)):
@@ -19,8 +19,8 @@ def panels(rows: int = 1, columns: int = 1, size: tuple[float, float] = (8.0, 4.
     return figure, figure.subplots(rows, columns)
 
 
-def profile(ax, x, walls=None, label="", color=REAL, marker="o"):
-    """Draw the displacements of the masses of a chain, counted from 1."""
+def profile(ax, x, walls=None, label="", color=BLUE, marker="o"):
+    """Plot the displacements of the masses of a chain, counted from 1."""
     masses = np.arange(1, len(x) + 1)
     ax.axhline(0.0, color="black", linewidth=0.5)
     ax.plot(masses, x, "-" + marker, color=color, linewidth=1.2, markersize=5, label=label)
@@ -30,8 +30,8 @@ def profile(ax, x, walls=None, label="", color=REAL, marker="o"):
     ax.set_xlabel("mass")
 
 
-def impulses(ax, modes, natural, top, index=0, color=REAL, label="p"):
-    """Draw p over Omega, phantoms in grey, natural frequencies as dots."""
+def impulses(ax, modes, natural, top, index=0, color=BLUE, label="p"):
+    """Plot p over Omega, phantoms in grey, natural frequencies as dots."""
     p = modes.impulse[:, index].copy()
     p[np.abs(p) > 20 * top] = np.nan
     ax.plot(modes.Omega, p, color=PHANTOM, linewidth=1.2)
@@ -44,10 +44,11 @@ def impulses(ax, modes, natural, top, index=0, color=REAL, label="p"):
 
 
 def soft_motion(client, system, start, t_end, around, dof, *, drift, **law):
-    """Return the motion from (x, v) between soft limiters, and its turn.
+    """Return the motion from (x, v) between soft limiters, and the index of its turning point.
 
-    The law is that of `vibroimpact.soft`; the energy may drift by a part; the turn is the row at
-    which the degree of freedom is farthest within 30 % of the time `around`.
+    The force law is that of `vibroimpact.soft`. `drift` is the largest permitted relative change
+    of the energy. The turning point is the row with the largest displacement of `dof` at times
+    within 30 % of `around`.
     """
     motion = client.time_history(
         system, start, t_end, t=6_001, outputs=("x", "energy"), limiter=vi.soft(**law)
@@ -57,13 +58,13 @@ def soft_motion(client, system, start, t_end, around, dof, *, drift, **law):
     return motion, int(np.flatnonzero(near)[np.argmax(motion.x[near, dof])])
 
 
-def close(found, expected, relative=1e-12) -> None:
+def close(computed, expected, relative=1e-12) -> None:
     """Assert that numbers agree."""
-    np.testing.assert_allclose(found, expected, rtol=relative, atol=0)
+    np.testing.assert_allclose(computed, expected, rtol=relative, atol=0)
 
 
 def main(draw) -> None:
-    """Run a script against a service of its own and write its picture beside it."""
+    """Start a service, run a script and write its figure beside it."""
     path = Path(sys.argv[0]).with_suffix(".png")
     with vi.Client() as client:
         draw(client).savefig(path, dpi=110)

@@ -1,6 +1,6 @@
 """Fig. 10.3: the damped impact oscillator, exact, averaged and truncated, with its free decay."""
 
-from drawing import OTHER, REAL, SOFT, WALL, close, main, np, panels, vi
+from drawing import BLUE, OTHER, SOFT, WALL, close, main, np, panels, vi
 
 SYSTEM = vi.oscillator([vi.constraint(0, 1.0)], Omega0=1.0, zeta=0.01)
 DURATIONS = {
@@ -13,7 +13,7 @@ DURATIONS = {
 
 def draw(client):
     figure, axes = panels(2, 1, (9, 5.5))
-    looks = {"exact": REAL, "transformed": "black", "averaged": OTHER, "truncated": SOFT}
+    looks = {"exact": BLUE, "transformed": "black", "averaged": OTHER, "truncated": SOFT}
     for variant, color in looks.items():
         flow = client.slow_flow(SYSTEM, "damped", variant, {"gamma": 0.2}, (0, 110, 5501))
         style = ":" if variant == "transformed" else "-"

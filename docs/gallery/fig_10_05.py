@@ -15,12 +15,12 @@ def draw(client):
         one = client.impact_modes(SYSTEM, [Omega])
         close(one.impulse[0, 0], p)
         assert one.exists[0] == (p > 0)
-    # p > 0 on (1, 1.45475), yet the motion is real on (1, 1.42913) only.
+    # p > 0 on (1, 1.45475), but the solution is admissible on (1, 1.42913) only.
     edge = client.impact_modes(SYSTEM, [1.42912, 1.42914])
     assert edge.exists.tolist() == [True, False]
     assert (edge.impulse > 0).all()
     ax.axvspan(1.42913, 1.45475, color="#f3d9c9")
-    ax.text(1.46, 1.05, "p > 0 and not real", fontsize="small")
+    ax.text(1.46, 1.05, "p > 0, not admissible", fontsize="small")
     return figure
 
 

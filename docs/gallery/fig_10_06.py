@@ -1,6 +1,6 @@
 """Fig. 10.6: impact modes of two masses and the pulses of soft limiters, alpha = 0.968, n = 9."""
 
-from drawing import REAL, SOFT, close, main, np, panels, profile, soft_motion, vi
+from drawing import BLUE, SOFT, close, main, np, panels, profile, soft_motion, vi
 
 SYSTEM = vi.two_mass([vi.constraint(0, 0.2)])
 CASES = (  # omega, p, the profile at tau = 1, largest difference of the soft profile
@@ -28,14 +28,14 @@ def draw(client):
         soft, turn = soft_motion(
             client, SYSTEM, start, 2 * period, period / 4, 0, drift=1e-6, scale=0.968
         )
-        found = np.abs(soft.x[turn] - shape).max()
-        assert found < difference, found
+        deviation = np.abs(soft.x[turn] - shape).max()
+        assert deviation < difference, deviation
         profile(axes[row, 0], mode.shape[0], {1: 0.2}, "impact mode")
         profile(axes[row, 0], soft.x[turn], None, "soft limiter", SOFT, "x")
         axes[row, 0].set_title(rf"({'ac'[row]}) $\omega$ = {omega:.4f}", fontsize="medium")
         axes[row, 1].plot(soft.t, (soft.x[:, 0] / (0.968 * 0.2)) ** 17, color=SOFT)
         for impact in np.arange(period / 4, 2 * period, period / 2):
-            axes[row, 1].axvline(impact, color=REAL, linewidth=0.8)
+            axes[row, 1].axvline(impact, color=BLUE, linewidth=0.8)
         axes[row, 1].set_title(f"({'bd'[row]}) force of the soft limiter", fontsize="medium")
         axes[row, 1].set_xlabel("t; lines: impacts of the mode")
     axes[0, 0].legend(frameon=False)

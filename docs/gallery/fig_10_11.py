@@ -1,6 +1,6 @@
 """Fig. 10.11: energies of two coupled oscillators, the first damped and between walls."""
 
-from drawing import OTHER, PHANTOM, REAL, SOFT, main, np, panels, vi
+from drawing import BLUE, OTHER, PHANTOM, SOFT, main, np, panels, vi
 
 # The chapter does not print beta; 0.05 makes A(0) = -0.003 nearly the averaged equilibrium.
 SYSTEM = vi.two_mass([vi.constraint(0, 1.0)], Omega0=1.0, coupling=0.05, zeta=0.01)
@@ -24,7 +24,7 @@ def draw(client):
     looks = {
         "averaged": (OTHER, "1 averaged 10.44"),
         "truncated": (SOFT, "2 truncated 10.46"),
-        "transformed": (REAL, "3 10.44 without averaging"),
+        "transformed": (BLUE, "3 10.44 without averaging"),
         "soft_wall": (PHANTOM, "4 soft walls"),
     }
     for variant, (color, name) in reversed(looks.items()):

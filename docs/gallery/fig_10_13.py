@@ -19,9 +19,9 @@ def draw(client):
         assert (np.abs(pair.impulse) > 1e5).all()
         assert pair.impulse[0, 0] * pair.impulse[1, 0] < 0
     omega = 2 / np.pi * Omega[4] + 0.02
-    found, _, soft = chain.mode(client, 13, [5], omega, [0.2346217395232693])
-    close(found.shape[0, 0], 0.14069688839403216)
-    chain.both(axes[1], found, soft, [5], 0.05)
+    result, _, soft = chain.mode(client, 13, [5], omega, [0.2346217395232693])
+    close(result.shape[0, 0], 0.14069688839403216)
+    chain.both(axes[1], result, soft, [5], 0.05)
     return figure
 
 

@@ -13,9 +13,9 @@ def draw(client):
     figure, axes = panels(2, 1, (8, 6.5))
     for ax, (omega, p, largest, mass, resonance) in zip(axes, CASES, strict=True):
         assert abs(2 / np.pi * resonance - omega) < 1e-5
-        found, _, soft = chain.mode(client, 13, [5], omega, [p], alpha=0.968)
-        close(found.shape[0, mass - 1], largest)
-        chain.both(ax, found, soft, [5], 0.1)
+        result, _, soft = chain.mode(client, 13, [5], omega, [p], alpha=0.968)
+        close(result.shape[0, mass - 1], largest)
+        chain.both(ax, result, soft, [5], 0.1)
     return figure
 
 

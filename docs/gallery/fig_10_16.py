@@ -1,7 +1,7 @@
-"""Fig. 10.16: localization above all resonances, the split chain, and the soft limiter's pulses."""
+"""Fig. 10.16: localization above all resonances, the split chain, and soft limiters."""
 
 import chain
-from drawing import OTHER, REAL, SOFT, close, main, np, panels, profile
+from drawing import BLUE, OTHER, SOFT, close, main, np, panels, profile
 
 OMEGA = 1.34877
 
@@ -24,13 +24,13 @@ def split(a=6, n=13, gap=0.2, terms=200):
 
 def draw(client):
     figure, axes = panels(2, 1, (8, 6.5))
-    found, motion, soft = chain.mode(
+    result, motion, soft = chain.mode(
         client, 13, [5], OMEGA, [0.13723969271483], quarter=5, alpha=0.968
     )
-    chain.both(axes[0], found, soft, [5], 0.15)
+    chain.both(axes[0], result, soft, [5], 0.15)
     parts = split()
     np.testing.assert_allclose(parts[[0, 12]], [-4.27561672260665e-3, -1.08503928119176e-3], 1e-4)
-    assert np.abs(parts - found.shape[0]).max() < 4.4e-3
+    assert np.abs(parts - result.shape[0]).max() < 4.4e-3
     profile(axes[0], parts, None, "split chain, 10.73", OTHER, "+")
     axes[0].legend(frameon=False, fontsize="small")
     # "About 6 %": 8.0 % above the highest resonance 10.76, 6.6 % above Omega_13.
@@ -38,7 +38,7 @@ def draw(client):
     close(OMEGA / highest - 1, 0.0801, 2e-3)
     axes[1].plot(motion.t, (motion.x[:, 5] / (0.968 * 0.2)) ** 17, color=SOFT)
     for impact in np.arange(1, 6, 2) / OMEGA:
-        axes[1].axvline(impact, color=REAL, linewidth=0.8)
+        axes[1].axvline(impact, color=BLUE, linewidth=0.8)
     axes[1].set_xlabel("t; lines: impacts of the mode")
     axes[1].set_ylabel("force of the soft limiter")
     return figure

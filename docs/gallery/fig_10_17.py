@@ -21,10 +21,10 @@ def draw(client):
     impulses(ax, modes, natural, 1.0, 0, label=r"$p_5$")
     impulses(ax, modes, natural, 1.0, 1, OTHER, r"$p_9$")
     ax.legend(frameon=False)
-    found = client.impact_modes(SYSTEM, list(P))
-    close(found.impulse, [row[:2] for row in P.values()], 1e-11)
-    assert found.exists.tolist() == [row[2] for row in P.values()]
-    # Both positive and real just above Omega_9, "the fifth red dot".
+    result = client.impact_modes(SYSTEM, list(P))
+    close(result.impulse, [row[:2] for row in P.values()], 1e-11)
+    assert result.exists.tolist() == [row[2] for row in P.values()]
+    # Both positive and admissible just above Omega_9, "the fifth red dot".
     near = client.impact_modes(SYSTEM, natural[4] + np.array([0.005, 0.02, 0.04]))
     assert near.exists.all()
     return figure

@@ -8,9 +8,9 @@ def draw(client):
     figure, ax = panels(size=(8, 3.5))
     omega = 2 / np.pi * chain.natural(12)[8] + 0.02
     p = [0.27439611800597, 0.37856420641731]
-    found, _, soft = chain.mode(client, 12, [4, 8], omega, p, quarter=5)
-    close(found.shape[0, [0, 6]], [-0.12741621054822, -0.68400928842393])
-    chain.both(ax, found, soft, [4, 8], 0.3)
+    result, _, soft = chain.mode(client, 12, [4, 8], omega, p, quarter=5)
+    close(result.shape[0, [0, 6]], [-0.12741621054822, -0.68400928842393])
+    chain.both(ax, result, soft, [4, 8], 0.3)
     return figure
 
 

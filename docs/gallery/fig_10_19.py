@@ -1,6 +1,6 @@
-"""Fig. 10.19: lossy walls, eps = 0.05: exact, the corrected slow flow and the printed one."""
+"""Fig. 10.19: inelastic walls, eps = 0.05: exact, the corrected slow flow and the printed one."""
 
-from drawing import PHANTOM, REAL, SOFT, main, np, panels, vi
+from drawing import BLUE, PHANTOM, SOFT, main, np, panels, vi
 
 SYSTEM = vi.oscillator([vi.constraint(0, 1.0, 0.95)])
 # Eq. 10.116 as printed, at t = 0: the chapter's initial conditions.
@@ -13,7 +13,7 @@ def draw(client):
     assert (exact.impacts.time < 15).sum() == 21
     assert exact.impacts.time.size == 63
     axes[0].plot(exact.t, exact.x[:, 0], color=PHANTOM, linewidth=3, label="exact")
-    looks = {"printed": SOFT, "corrected": REAL}
+    looks = {"printed": SOFT, "corrected": BLUE}
     for variant, color in looks.items():
         flow = client.slow_flow(SYSTEM, "restitution", variant, START, (0, 100, 10001))
         axes[0].plot(flow.t, flow.x[:, 0], color=color, linewidth=1.0, label=variant)

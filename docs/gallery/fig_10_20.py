@@ -1,6 +1,6 @@
 """Fig. 10.20: period of the impacts and their intensity p as the oscillator slows down."""
 
-from drawing import REAL, SOFT, WALL, close, main, np, panels, vi
+from drawing import BLUE, SOFT, WALL, close, main, np, panels, vi
 
 SYSTEM = vi.oscillator([vi.constraint(0, 1.0, 0.95)])
 KNOWN = {  # t: 4 lambda / Omega and p of the slow flow
@@ -12,7 +12,7 @@ KNOWN = {  # t: 4 lambda / Omega and p of the slow flow
 
 def draw(client):
     figure, axes = panels(1, 2, (9, 3.5))
-    for variant, color in (("printed", SOFT), ("corrected", REAL)):
+    for variant, color in (("printed", SOFT), ("corrected", BLUE)):
         flow = client.slow_flow(
             SYSTEM, "restitution", variant, {"omega": 5}, (0, 200, 2001),
             outputs=("state", "impulse"),

@@ -1,11 +1,11 @@
 """Fig. 10.22: the bouncing ball, exact and by both nonsmooth transformations."""
 
-from drawing import OTHER, PHANTOM, REAL, SOFT, close, main, np, panels, vi
+from drawing import BLUE, OTHER, PHANTOM, SOFT, close, main, np, panels, vi
 
 # The chapter prints no parameters: g = 9.81, H = 1, eps = 0.1 are assumed.
 FLOOR = vi.constraint(0, {"lower": 0.0, "upper": None}, 0.9)
 SYSTEM = vi.bouncing_ball([FLOOR], g=9.81)
-LOOKS = {"exact": PHANTOM, "nstt": SOFT, "nsct": OTHER, "corrected": REAL}
+LOOKS = {"exact": PHANTOM, "nstt": SOFT, "nsct": OTHER, "corrected": BLUE}
 
 
 def draw(client):

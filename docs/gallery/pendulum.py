@@ -1,6 +1,6 @@
 """Profiles of the double pendulum, Fig. 10.9 and 10.10: n = 20, beta = 0.702145."""
 
-from drawing import REAL, SOFT, WALL, close, np, panels, soft_motion, vi
+from drawing import BLUE, SOFT, WALL, close, np, panels, soft_motion, vi
 
 SYSTEM = vi.double_pendulum([vi.constraint(0, 0.1)], mu=2.0)
 
@@ -23,14 +23,14 @@ def draw(client, omega, p, shape, difference):
         drift=1e-6, exponent=39, stiffness=BETA,
     )  # fmt: skip
     for angles, color, name, marker in (
-        (mode.shape[0], REAL, "impact mode", "o"),
+        (mode.shape[0], BLUE, "impact mode", "o"),
         (soft.x[turn], SOFT, "soft limiter", "x"),
     ):
         across = [0.0, angles[0], angles.sum()]
         ax.plot(across, [0, -1, -2], "-" + marker, color=color, label=name)
     ax.vlines([-0.1, 0.1], -1.15, -0.85, color=WALL, linewidth=3)
-    found = np.abs(soft.x[turn] - shape).max()
-    assert found < difference, found
+    deviation = np.abs(soft.x[turn] - shape).max()
+    assert deviation < difference, deviation
     ax.set_xlabel("horizontal displacement")
     ax.set_yticks([0, -1, -2], ["support", "top mass", "bottom mass"])
     ax.set_title(rf"$\omega$ = {omega:.4f}", fontsize="medium")

@@ -1,1 +1,1 @@
-"""The documents that cross the wire: systems, requests, plans, jobs, problems, results."""
+"""The documents exchanged over HTTP: systems, requests, plans, jobs, problems, results."""

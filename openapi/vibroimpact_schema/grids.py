@@ -1,4 +1,4 @@
-"""Documents that describe the points at which a curve is wanted."""
+"""Documents of frequency and time grids."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def forwards(stop: float, info: ValidationInfo) -> float:
 
 
 def extended(num: int, info: ValidationInfo) -> int:
-    """Validate that several points do not lie on one."""
+    """Validate that a grid of several points has an extent."""
     start, stop = info.data.get("start"), info.data.get("stop")
     if num > 1 and start is not None and start == stop:
         raise PydanticCustomError("empty_grid", "start and stop coincide: num must be 1")
@@ -42,21 +42,21 @@ def extended(num: int, info: ValidationInfo) -> int:
 
 
 def steps(start: float, stop: float, step: float) -> int:
-    """Return how many of start, start + step, … lie before stop or on it."""
-    # A stop that is meant to be met is missed by rounding now and then.
+    """Return the number of values start, start + step, … up to stop."""
+    # A stop that a whole number of steps should reach may be missed by rounding.
     size = max(abs(start), abs(stop))
     return int(min((stop - start + _ROUNDING * size) / step, LARGEST_INTEGER - 1.0)) + 1
 
 
 def form(value: Any, points: type[Document]) -> str | None:
-    """Return the tag of the form in which a grid is written.
+    """Return the tag of the form of a grid.
 
     Parameters
     ----------
     value
-        A document, checked or not.
+        A document, before or after validation.
     points : type
-        Class of grids by number of points, the form that is meant where nothing tells.
+        Class of grids by number of points, the form where neither key is there.
     """
     if holds(value, "values"):
         return VALUES
@@ -66,11 +66,11 @@ def form(value: Any, points: type[Document]) -> str | None:
 
 
 class Frequencies(Document):
-    """What all grids of frequencies share."""
+    """Fields of all frequency grids."""
 
     unit: FrequencyUnit = Field(
         "Omega",
-        description="What the numbers are: Omega, the fundamental angular frequency of the "
+        description="Meaning of the numbers: Omega, the fundamental angular frequency of the "
         "motion, or omega = (2/pi) Omega, that of the triangle wave; rad per unit of time.",
         # Generators of clients that name values in capitals would give both the same name.
         json_schema_extra={"x-enum-varnames": ["FUNDAMENTAL", "TRIANGLE_WAVE"]},
@@ -78,18 +78,18 @@ class Frequencies(Document):
 
 
 class FrequencyValues(Frequencies):
-    """Frequencies one by one, in any order."""
+    """A list of frequencies, in any order."""
 
     values: Positives = Field(description="The frequencies.", min_length=1)
 
     @property
     def count(self) -> int:
-        """How many frequencies there are."""
+        """Number of frequencies."""
         return len(self.values)
 
 
 class FrequencyRange(Frequencies):
-    """What grids between two frequencies share."""
+    """Fields of grids between two frequencies."""
 
     start: Positive = Field(description="First frequency.")
     stop: Positive = Field(description="Last frequency; not below start.")
@@ -111,29 +111,29 @@ class FrequencyInterval(FrequencyRange):
 class FrequencyPoints(FrequencyRange):
     """A number of equally spaced frequencies, both ends included."""
 
-    num: Count = Field(description="How many.")
+    num: Count = Field(description="Number of points.")
 
     @property
     def count(self) -> int:
-        """How many frequencies there are."""
+        """Number of frequencies."""
         return self.num
 
     _extended = field_validator("num")(extended)
 
 
 class FrequencySteps(FrequencyRange):
-    """Frequencies start, start + step, … up to stop, which is included where a step meets it."""
+    """Frequencies start, start + step, … up to stop, which is included if a step reaches it."""
 
-    step: Positive = Field(description="Distance of neighbours.")
+    step: Positive = Field(description="Distance between neighbours.")
 
     @property
     def count(self) -> int:
-        """How many frequencies there are."""
+        """Number of frequencies."""
         return steps(self.start, self.stop, self.step)
 
 
 def frequency_form(value: Any) -> str | None:
-    """Return the tag of the form in which a grid of frequencies is written."""
+    """Return the tag of the form of a frequency grid."""
     return form(value, FrequencyPoints)
 
 
@@ -151,7 +151,7 @@ FrequencyGrid = Annotated[
 
 
 class TimeValues(Document):
-    """Times one by one, in any order."""
+    """A list of times, in any order."""
 
     values: Annotated[list[NonNegative], Field(min_length=1, fail_fast=True)] = Field(
         description="The times, not negative."
@@ -159,7 +159,7 @@ class TimeValues(Document):
 
     @property
     def count(self) -> int:
-        """How many times there are."""
+        """Number of times."""
         return len(self.values)
 
 
@@ -168,7 +168,7 @@ class TimePoints(Document):
 
     start: NonNegative = Field(0.0, description="First time.")
     stop: Positive = Field(description="Last time; after start.")
-    num: Annotated[Count, Field(ge=2)] = Field(description="How many.")
+    num: Annotated[Count, Field(ge=2)] = Field(description="Number of points.")
 
     @field_validator("stop")
     @classmethod
@@ -179,12 +179,12 @@ class TimePoints(Document):
 
     @property
     def count(self) -> int:
-        """How many times there are."""
+        """Number of times."""
         return self.num
 
 
 def time_form(value: Any) -> str | None:
-    """Return the tag of the form in which times are written."""
+    """Return the tag of the form of a time grid."""
     if holds(value, "values"):
         return VALUES
     return POINTS if isinstance(value, (dict, TimePoints)) else None

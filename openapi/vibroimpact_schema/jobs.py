@@ -14,11 +14,11 @@ State = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 
 
 class Progress(Document):
-    """How far a job is; the unit is up to the kind."""
+    """Progress of a job; the unit depends on the kind."""
 
     done: Index
     total: Index
-    kept: Index = Field(0, description="Of those done, how many were there already.")
+    kept: Index = Field(0, description="How many of those done were known before.")
 
 
 class Job(Document):
@@ -29,38 +29,40 @@ class Job(Document):
     kind: str = Field(examples=["impact-modes"])
     state: State
     final: bool = Field(description="Whether the state will not change any more.")
-    phase: str = Field(description="What is going on within the state.")
-    waiting_reason: str | None = Field(description="Why it is not running yet, in words.")
-    queue_position: Index | None = Field(description="Jobs in front of it; null once it runs.")
+    phase: str = Field(description="Activity within the state.")
+    waiting_reason: str | None = Field(description="Why it is not running yet.")
+    queue_position: Index | None = Field(description="Number of jobs before it; null once it runs.")
     progress: Progress
     priority: int
     created: AwareDatetime
     started: AwareDatetime | None
     finished: AwareDatetime | None
-    deadline: AwareDatetime | None = Field(None, description="When it fails if it is not done.")
-    attempts: Index = Field(description="How often it was begun.")
+    deadline: AwareDatetime | None = Field(
+        None, description="Time at which it fails if it is not done."
+    )
+    attempts: Index = Field(description="Number of times it was started.")
     estimate: NonNegative | None = Field(description="Planned seconds of computing.")
-    reused: bool = Field(description="Whether the result was there already.")
+    reused: bool = Field(description="Whether the result was known before.")
     digest: Digest = Field(description="Name that the result has or will have.")
-    result: str | None = Field(description="Where the result is, once there is one.")
+    result: str | None = Field(description="Address of the result, once there is one.")
     error: Problem | None = Field(description="Why it failed.")
 
 
 class ShareRequest(Document):
-    """Who else may see a job and its result."""
+    """Further users who may see a job and its result."""
 
     readers: Annotated[list[Reader], Field(min_length=1, max_length=100, fail_fast=True)] = Field(
-        description="Owners of keys; * stands for whoever has a key that may read.",
+        description="Owners of keys; * stands for all keys with permission to read.",
         examples=[["bob"]],
     )
 
 
 class Share(Document):
-    """Who may see a job and its result."""
+    """Users who may see a job and its result."""
 
     job: str
-    owner: str = Field(description="Whose job it is, as others name them among readers.")
-    readers: list[str] = Field(description="Who else; empty: nobody.")
+    owner: str = Field(description="Owner of the job, by the name used among readers.")
+    readers: list[str] = Field(description="Further users; empty: none.")
 
 
 class JobList(Document):

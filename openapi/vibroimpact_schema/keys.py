@@ -14,19 +14,21 @@ Label = Annotated[str, Field(max_length=80)]
 
 
 class KeyRequest(Document):
-    """What a new key is to be good for."""
+    """Request of a new key."""
 
-    owner: Name = Field(description="Whose jobs and results it shows.", examples=["ann"])
-    label: Label = Field("", description="What it is for, in words.")
-    scopes: Annotated[list[ScopeName], Field(min_length=1, max_length=4)] = Field(
-        ["read", "submit"], description="What it is good for."
+    owner: Name = Field(
+        description="Owner of the jobs and results that it gives access to.", examples=["ann"]
     )
-    requests_per_minute: Count | None = Field(None, description="Absent: as the settings say.")
+    label: Label = Field("", description="Purpose of the key.")
+    scopes: Annotated[list[ScopeName], Field(min_length=1, max_length=4)] = Field(
+        ["read", "submit"], description="What it permits."
+    )
+    requests_per_minute: Count | None = Field(None, description="Absent: by the settings.")
     seconds_per_hour: Positive | None = Field(
-        None, description="Planned computing; absent: as the settings say."
+        None, description="Planned computing time; absent: by the settings."
     )
     days: Annotated[float, Field(strict=True, gt=0, le=36500)] | None = Field(
-        None, description="After which it expires."
+        None, description="Days after which it expires."
     )
 
 
@@ -63,8 +65,8 @@ class Act(Document):
     time: AwareDatetime
     actor: str = Field(description="The key that did it, or the user of the command line.")
     act: str = Field(examples=["key created"])
-    subject: str = Field(description="To what it was done.")
-    about: str = Field(description="Particulars, as JSON.")
+    subject: str = Field(description="Object of the act.")
+    about: str = Field(description="Details, as JSON.")
 
 
 class ActList(Document):

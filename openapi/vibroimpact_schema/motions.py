@@ -1,4 +1,4 @@
-"""Documents that describe a motion: where it starts, when it is looked at, what drives it."""
+"""Documents of a motion: initial state, output times, loads and limiters."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ EQUAL: Final = "@equal"
 class InitialState(Document):
     """Displacements and velocities at t = 0."""
 
-    x: Numbers = Field(description="Displacements [dof], inside of all limits.", min_length=1)
+    x: Numbers = Field(description="Displacements [dof], within all limits.", min_length=1)
     v: Numbers = Field(description="Velocities [dof].", min_length=1)
 
 
 class Member(Document):
-    """A member of a family of impact modes."""
+    """One impact mode of a family."""
 
     Omega: Positive = Field(description="Its fundamental angular frequency.")
     active: Annotated[Indices, Field(min_length=1)] | None = Field(
-        None, description="Indices of the constraints that it strikes; absent: all."
+        None, description="Indices of the constraints at which it has impacts; absent: all."
     )
 
 
@@ -48,7 +48,7 @@ class InitialMode(Document):
 
 
 def initial_form(value: Any) -> str | None:
-    """Return the tag of the form in which an initial state is written."""
+    """Return the tag of the form of an initial state."""
     if holds(value, "impact_mode"):
         return MODE
     return STATE if isinstance(value, (dict, InitialState)) else None
@@ -70,7 +70,7 @@ States = Annotated[
 
 
 class InitialStates(Document):
-    """Displacements and velocities of many members at t = 0."""
+    """Initial states of the members of an ensemble, at t = 0."""
 
     x: States = Field(description="Displacements [member, dof].")
     v: States = Field(description="Velocities [member, dof].")
@@ -92,7 +92,7 @@ class InitialStates(Document):
 class EqualTimes(Document):
     """A number of equally spaced times from 0 to t_end, both included."""
 
-    num: Count = Field(description="How many.")
+    num: Count = Field(description="Number of times.")
 
 
 Instants = Annotated[
@@ -102,7 +102,7 @@ Instants = Annotated[
 
 
 def times_form(value: Any) -> str | None:
-    """Return the tag of the form in which times are written."""
+    """Return the tag of the form of output times."""
     if isinstance(value, list):
         return TIMES
     return EQUAL if isinstance(value, (dict, EqualTimes)) else None
@@ -121,7 +121,7 @@ Times = Annotated[
 class HarmonicLoad(Document):
     """A load ``amplitude cos(frequency t + phase)`` on one degree of freedom."""
 
-    dof: Index = Field(description="Where it acts.")
+    dof: Index = Field(description="Degree of freedom on which it acts.")
     amplitude: Number = Field(description="Its amplitude, mass length / time².")
     frequency: NonNegative = Field(description="Its angular frequency.")
     phase: Number = Field(0.0, description="Its phase at t = 0.")

@@ -1,4 +1,4 @@
-"""Documents that say what a computation will do, and what not, before it is done."""
+"""Documents of plans: the steps of a computation before it is done, and what it skips."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from vibroimpact_schema.values import Count, Digest, Document, NonNegative
 
 
 class PlanStep(Document):
-    """One thing that will be done."""
+    """A step of a computation."""
 
-    stage: str = Field(description="What it yields.", examples=["spectrum"])
+    stage: str = Field(description="Quantity that it computes.", examples=["spectrum"])
     method: str = Field(description="The method chosen.", examples=["closed form"])
     reason: str = Field(description="Why this method.")
     flops: NonNegative = Field(description="Estimated floating-point operations.")
     bytes: NonNegative = Field(description="Estimated memory written.")
-    count: Count = Field(1, description="How often it is done in a sweep.")
+    count: Count = Field(1, description="Number of times it is done in a sweep or an ensemble.")
 
 
 class PlanSkip(Document):
-    """One thing that will not be done."""
+    """Something that is not computed."""
 
     what: str = Field(examples=["waveform"])
     why: str = Field(examples=["not asked"])
 
 
 class Steps(Document):
-    """The steps of a computation and what is skipped."""
+    """The steps of a computation, and what it skips."""
 
     steps: list[PlanStep]
     skips: list[PlanSkip]
@@ -40,5 +40,5 @@ class Plan(Steps):
     kind: str = Field(examples=["impact-modes"])
     digest: Digest = Field(description="Name that the result has or will have.")
     seconds: NonNegative = Field(description="Estimated time on this machine.")
-    cached: bool = Field(description="Whether the result is there already.")
+    cached: bool = Field(description="Whether the result is known.")
     inline: bool = Field(description="Whether POST /v1/compute would answer at once.")

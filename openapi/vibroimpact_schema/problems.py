@@ -23,15 +23,15 @@ class Fault(Document):
 
 
 class Problem(Document):
-    """Why a request was not answered as asked."""
+    """Description of an error (RFC 9457)."""
 
-    # RFC 9457 lets problems grow new members, which old clients must ignore.
+    # RFC 9457 lets problems grow new fields, which old clients must ignore.
     model_config = ConfigDict(extra="ignore")
 
     type: str = Field(description="Address of the page about this type of problem.")
     title: str = Field(description="The type in words.")
     status: int = Field(description="The HTTP status.", ge=400, le=599)
-    detail: str = Field(description="This occurrence in words.")
+    detail: str = Field(description="Description of this occurrence.")
     instance: str = Field(description="Name of this occurrence.")
     request_id: str = Field(description="As in the header X-Request-ID.")
     code: str = Field(description="Stable short name of the type.", examples=["invalid_request"])

@@ -1,4 +1,4 @@
-"""Documents that ask for a computation, one per kind, and the one that asks for a job."""
+"""Requests of computations, one for each kind, and of jobs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Priority = Annotated[int, Field(strict=True, ge=-10, le=10)]
 
 
 class ComputationRequest(Document):
-    """What all computations take."""
+    """Fields of the requests of all kinds."""
 
     system: System
     tolerance: Positive | None = Field(
@@ -37,12 +37,12 @@ ImpactModesOutput = Literal[
 class ImpactModesRequest(ComputationRequest):
     """Impact modes: periodic motions with one impact per half period at every active limiter.
 
-    Each frequency has one member of the family, real or phantom.
+    At each frequency there is one solution of the family, admissible or phantom.
     """
 
     frequency: FrequencyGrid
     active: Annotated[Indices, Field(min_length=1)] | None = Field(
-        None, description="Indices of the constraints that are hit; absent: all."
+        None, description="Indices of the constraints with impacts; absent: all."
     )
     dofs: Annotated[Indices, Field(min_length=1)] | None = Field(
         None, description="Degrees of freedom of shape and waveform; absent: all."
@@ -52,13 +52,13 @@ class ImpactModesRequest(ComputationRequest):
         | None
     ) = Field(
         None,
-        description="Triangle-wave times of the waveform, -1 to 1; needed where it is asked for.",
+        description="Triangle-wave times of the waveform, -1 to 1; required for waveform.",
     )
     outputs: Annotated[list[ImpactModesOutput], Field(min_length=1, fail_fast=True)] = Field(
         ["impulse", "exists", "reason"],
-        description="What to compute; what is not asked for is not computed. "
+        description="Outputs; only these are computed. "
         "impulse: p [frequency, constraint] (mass length / time²); "
-        "exists, reason: whether the member is a real motion, and if not why [frequency]; "
+        "exists, reason: whether the solution is admissible, and if not, why [frequency]; "
         "shape: x at tau = 1 [frequency, dof] (length); "
         "waveform: x at tau [frequency, tau, dof] (length); "
         "energy [frequency] (mass length² / time²); "
@@ -72,25 +72,24 @@ ExistenceBandsOutput = Literal["bands", "rejected", "stability"]
 
 
 class ExistenceBandsRequest(ComputationRequest):
-    """Ranges of frequency in which impact modes are real motions of the structure.
+    """Ranges of frequency in which impact modes are admissible motions of the structure.
 
-    With one limiter struck, equal gaps and no load they are proved: no band can hide between
-    those found. Else members between all poles are looked at, and the result says what width
-    could hide.
+    With impacts at one limiter, equal gaps and no load they are proved to be all. Otherwise
+    solutions between all poles are examined, and the result states which width could be missed.
     """
 
     frequency: FrequencyInterval
     active: Annotated[Indices, Field(min_length=1)] | None = Field(
-        None, description="Indices of the constraints that are hit; absent: all."
+        None, description="Indices of the constraints with impacts; absent: all."
     )
     tolerance: Annotated[Number, Field(ge=1e-15, lt=0.1)] | None = Field(
-        None, description="Relative width to which edges are narrowed down; absent: 1e-12."
+        None, description="Relative accuracy of the edges; absent: 1e-12."
     )
     outputs: Annotated[list[ExistenceBandsOutput], Field(min_length=1, fail_fast=True)] = Field(
         ["bands", "rejected"],
-        description="What to compute; what is not asked for is not computed. "
-        "bands: where members exist; rejected: where all impulses are positive and the members "
-        "are phantoms all the same; stability: where in the bands members are stable.",
+        description="Outputs; only these are computed. "
+        "bands: where solutions are admissible; rejected: where all impulses are positive but the "
+        "solutions are phantoms; stability: where in the bands solutions are stable.",
     )
 
 
@@ -98,14 +97,17 @@ ResonancesOutput = Literal["Omega", "harmonic", "part"]
 
 
 class ResonancesRequest(ComputationRequest):
-    """Internal resonances: odd harmonics that meet the structure held at a limiter."""
+    """Internal resonances: odd harmonics of impact modes at natural frequencies.
 
-    constraint: Index = Field(0, description="Index of the constraint whose coordinate moves.")
+    These are the frequencies of the structure with the constrained coordinate held fixed.
+    """
+
+    constraint: Index = Field(0, description="Index of the constraint with impacts.")
     odd_max: Annotated[int, Field(strict=True, ge=1, le=9999)] = Field(
         9, description="Highest odd harmonic."
     )
     outputs: Annotated[list[ResonancesOutput], Field(min_length=1, fail_fast=True)] = Field(
-        ["Omega", "harmonic", "part"], description="What is wanted, each [resonance]."
+        ["Omega", "harmonic", "part"], description="Outputs, each [resonance]."
     )
 
 
@@ -116,62 +118,62 @@ TimeHistoryMethod = Literal["exact", "RK45", "RK23", "DOP853", "Radau", "BDF", "
 
 
 class MotionRequest(ComputationRequest):
-    """What motions from initial states take."""
+    """Fields of the requests of motions from initial states."""
 
     t_end: Positive = Field(description="Length of the motion.")
-    t: Times | None = Field(None, description="Times of the history; needed by x, v and energy.")
+    t: Times | None = Field(None, description="Output times; required for x, v and energy.")
     dofs: Annotated[Indices, Field(min_length=1)] | None = Field(
         None, description="Degrees of freedom of x and v; absent: all."
     )
     load: Annotated[list[HarmonicLoad], Field(fail_fast=True)] | None = Field(
-        None, description="Harmonic loads, beside the constant one of the system."
+        None, description="Harmonic loads, in addition to the constant load of the system."
     )
-    limiter: Limiter | None = Field(None, description="The law of the limiters; absent: rigid.")
+    limiter: Limiter | None = Field(None, description="Force law of the limiters; absent: rigid.")
     method: TimeHistoryMethod = Field(
         "exact",
-        description="exact, or an integrator of scipy to compare with, which can miss impacts.",
+        description="exact, or an integrator of scipy for comparison, which can miss impacts.",
     )
     outputs: Annotated[list[TimeHistoryOutput], Field(min_length=1, fail_fast=True)] = Field(
-        ["impacts"], description="What to compute; what is not asked for is not computed."
+        ["impacts"], description="Outputs; only these are computed."
     )
 
 
 class TimeHistoryRequest(MotionRequest):
-    """Time history: the motion from an initial state, with every impact on its way.
+    """Time history: the motion from an initial state, with every impact.
 
     Between impacts the motion is exact; tolerance is relative to the size of the motion, and the
-    result says until when it can hold.
+    result states until when it can hold.
     """
 
     initial: Initial
     digits: Annotated[int, Field(strict=True, ge=17, le=1000)] | None = Field(
         None,
-        description="Decimal digits to compute with where double precision cannot hold the "
-        "tolerance until the end; absent: the result says until when it holds.",
+        description="Decimal digits of the arithmetic where double precision cannot hold the "
+        "tolerance to the end; absent: the result states until when it can.",
     )
     outputs: Annotated[list[TimeHistoryOutput], Field(min_length=1, fail_fast=True)] = Field(
         ["impacts"],
-        description="What to compute; what is not asked for is not computed. "
+        description="Outputs; only these are computed. "
         "x, v: displacement and velocity [time, dof]; "
         "impacts: a table of all impacts; "
         "energy: kinetic and elastic energy and that of the constant load [time]; "
-        "contacts: a table of the times that coordinates rest at their walls.",
+        "contacts: a table of the times at which coordinates rest at their walls.",
     )
 
 
 class EnsembleRequest(MotionRequest):
     """Ensemble: the motions of one structure from many initial states.
 
-    A member that starts outside of the limits is an entry of status and does not keep the
-    others. What varies otherwise is a sweep.
+    A member that starts outside of the limits has no motion, as its status says; the others are
+    computed. To vary anything else, use a sweep.
     """
 
     initial: InitialStates
     outputs: Annotated[list[TimeHistoryOutput], Field(min_length=1, fail_fast=True)] = Field(
         ["impacts"],
-        description="What to compute; what is not asked for is not computed. "
+        description="Outputs; only these are computed. "
         "x, v: displacement and velocity [member, time, dof]; "
-        "impacts, contacts: tables of all members, one after the other; "
+        "impacts, contacts: tables of all members, concatenated; "
         "energy: kinetic and elastic energy and that of the constant load [member, time].",
     )
 
@@ -199,7 +201,7 @@ SlowFlowOutput = Literal["state", "x", "v", "impulse", "error"]
 
 
 class SlowFlowInitial(Document):
-    """Where a slow flow starts, at t = 0; each model takes some of the fields."""
+    """Initial state of a slow flow, at t = 0; each model uses some of the fields."""
 
     gamma: Positive | None = Field(
         None,
@@ -224,7 +226,7 @@ class SlowFlowInitial(Document):
     )
     root: Index | None = Field(
         None,
-        description="Which gamma of that energy, by size from 0, absent: 0; oscillator.",
+        description="Index of gamma among those of that energy, ascending, absent: 0; oscillator.",
     )
     x: Number | None = Field(
         None,
@@ -237,7 +239,7 @@ class SlowFlowInitial(Document):
 class SlowFlowRequest(ComputationRequest):
     """Slow flow: a motion with impacts whose amplitude or frequency changes slowly.
 
-    The system is the one that the model is about: `damped`: an oscillator with viscous damping
+    Each model has its system: `damped`: an oscillator with viscous damping
     between elastic walls; `two_oscillator`: the same with a second mass coupled to it;
     `restitution`: an oscillator between lossy walls; `bouncing_ball`: a mass under a constant
     load over a lossy floor; `oscillator`: an undamped one between elastic walls, or below one.
@@ -255,7 +257,7 @@ class SlowFlowRequest(ComputationRequest):
     t: TimeGrid
     outputs: Annotated[list[SlowFlowOutput], Field(min_length=1, fail_fast=True)] = Field(
         ["state", "x", "v", "error"],
-        description="What to compute; what is not asked for is not computed. "
+        description="Outputs; only these are computed. "
         "state: gamma, omega, phi, A, B as far as the model has them [time]; "
         "x, v: displacement and velocity [time, dof] (length, length / time); "
         "impulse: p [time] (mass length / time²); "
@@ -264,7 +266,7 @@ class SlowFlowRequest(ComputationRequest):
 
 
 class Webhook(Document):
-    """A server that is sent a message when a job ends, signed as Standard Webhooks says."""
+    """A server to which a message is sent when a job ends, signed by Standard Webhooks."""
 
     url: Annotated[str, Field(max_length=2000, pattern="^https://[!-~]+$")] = Field(
         description="Address; https, and not in a private network.",
@@ -277,7 +279,7 @@ class Webhook(Document):
 
 
 class BatchRequest(Document):
-    """Many tiny computations of one kind, answered at once and kept nowhere."""
+    """Many small computations of one kind, answered at once and not stored."""
 
     kind: Annotated[str, Field(max_length=40)] = Field(
         description="Kind of computation.", examples=["impact-modes"]
@@ -288,14 +290,14 @@ class BatchRequest(Document):
 
 
 class JobRequest(Document):
-    """A computation to be queued."""
+    """A computation to be done as a job."""
 
     kind: Annotated[str, Field(max_length=40)] = Field(
         description="Kind of computation.", examples=["impact-modes"]
     )
     request: dict[str, Any] = Field(description="The request, as POST /v1/compute/{kind} takes it.")
-    priority: Priority = Field(0, description="Higher goes first among one's own jobs.")
+    priority: Priority = Field(0, description="Higher runs first among the jobs of one owner.")
     deadline_seconds: Annotated[float, Field(strict=True, gt=0, le=3.2e7)] | None = Field(
-        None, description="The job fails where it is not done so many seconds after this request."
+        None, description="The job fails if it is not done this many seconds after the request."
     )
-    webhook: Webhook | None = Field(None, description="Told when the job ends.")
+    webhook: Webhook | None = Field(None, description="Receives a message when the job ends.")

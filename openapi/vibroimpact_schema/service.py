@@ -11,7 +11,7 @@ class Health(Document):
     """Whether the service is well."""
 
     status: str = Field(examples=["ok"])
-    checks: dict[str, str] = Field(description="Part of the service -> ok, or what is amiss.")
+    checks: dict[str, str] = Field(description="Part of the service -> ok, or what is wrong.")
 
 
 class ServiceLimits(Document):
@@ -20,13 +20,13 @@ class ServiceLimits(Document):
     body_bytes: Count
     header_bytes: Count = Field(description="Address and header fields together.")
     points: Count = Field(description="Points of a grid.")
-    job_seconds: NonNegative = Field(description="Planned computing of one request.")
+    job_seconds: NonNegative = Field(description="Planned computing time of one request.")
     unfinished_jobs: Count = Field(description="Unfinished jobs of one owner.")
     requests_per_minute: Count | None = Field(
         description="Of a key that has no number of its own; null where no keys are needed."
     )
     seconds_per_hour: NonNegative | None = Field(
-        description="Planned computing of such a key; null where no keys are needed."
+        description="Planned computing time of such a key; null where no keys are needed."
     )
     dofs: Count = Field(description="Degrees of freedom of a system.")
     result_bytes: Count = Field(description="Largest result, by the numbers it would hold.")
@@ -38,7 +38,7 @@ class ServiceLimits(Document):
 
 
 class Version(Document):
-    """What the service is and can."""
+    """Version and capabilities of the service."""
 
     service: str
     solvers: str
@@ -48,14 +48,14 @@ class Version(Document):
     codings: list[str] = Field(description="Content codings of answers.")
     system_types: list[str] = Field(description="Media types in which systems are taken.")
     capabilities: list[str] = Field(
-        description="What else it can: keys, oidc, events, ranges, idempotency, …"
+        description="Further capabilities: keys, oidc, events, ranges, idempotency, …"
     )
     limits: ServiceLimits
 
 
 class StoredSystem(Document):
-    """A system that stands in the store."""
+    """A stored system."""
 
     id: str = Field(examples=["sys_" + "0" * 64])
     n: Count = Field(description="Degrees of freedom.")
-    constraints: int = Field(ge=0, description="How many constraints it carries.")
+    constraints: int = Field(ge=0, description="Number of constraints.")

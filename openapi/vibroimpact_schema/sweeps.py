@@ -1,4 +1,4 @@
-"""Documents about sweeps: a computation over a lattice of values of some of its fields."""
+"""Documents of sweeps: a computation over a grid of values of some of its fields."""
 
 from __future__ import annotations
 
@@ -26,36 +26,37 @@ Outputs = Annotated[list[Output], Field(min_length=1, fail_fast=True)]
 
 
 class Axis(Document):
-    """What all axes share."""
+    """Fields of all axes."""
 
     path: Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+(\.[A-Za-z0-9_]+)*$", max_length=200)] = (
         Field(
-            description="The number of the base request that varies: names of fields, keys and "
-            "indices from 0, with dots between. An entry of a matrix takes its mirror image along.",
+            description="Path of the number of the base request that varies: names of fields, "
+            "keys and indices from 0, separated by dots. With an entry of a matrix the symmetric "
+            "entry varies too.",
             examples=["system.constraints.0.gap", "system.K.0.1"],
         )
     )
     name: Annotated[str, Field(pattern="^[A-Za-z][A-Za-z0-9_]{0,39}$")] | None = Field(
         None,
-        description="Name of the dimension; absent: the end of the path, as much of it as tells "
-        "the axis from all others.",
+        description="Name of the dimension; absent: the shortest end of the path that "
+        "distinguishes the axis from the others.",
         examples=["gap"],
     )
 
 
 class AxisValues(Axis):
-    """Values one by one, in any order."""
+    """A list of values, in any order."""
 
     values: Annotated[list[Number], Field(min_length=1, fail_fast=True)]
 
     @property
     def count(self) -> int:
-        """How many values there are."""
+        """Number of values."""
         return len(self.values)
 
 
 class AxisRange(Axis):
-    """What axes between two values share."""
+    """Fields of axes between two values."""
 
     start: Number = Field(description="First value.")
     stop: Number = Field(description="Last value; not below start.")
@@ -66,33 +67,33 @@ class AxisRange(Axis):
 class AxisPoints(AxisRange):
     """A number of equally spaced values, both ends included."""
 
-    num: Count = Field(description="How many.")
+    num: Count = Field(description="Number of values.")
 
     @property
     def count(self) -> int:
-        """How many values there are."""
+        """Number of values."""
         return self.num
 
     _extended = field_validator("num")(grids.extended)
 
 
 class AxisSteps(AxisRange):
-    """Values start, start + step, … up to stop, which is included where a step meets it.
+    """Values start, start + step, … up to stop, which is included if a step reaches it.
 
-    They are counted in decimal numbers and rounded once, so that a longer or a shifted axis of
-    the same lattice has the same numbers, and what was computed for them is used again.
+    They are computed in decimal arithmetic and rounded once, so that a longer or a shifted axis
+    with the same step has the same numbers, whose results are reused.
     """
 
-    step: Positive = Field(description="Distance of neighbours.")
+    step: Positive = Field(description="Distance between neighbours.")
 
     @property
     def count(self) -> int:
-        """How many values there are."""
+        """Number of values."""
         return grids.steps(self.start, self.stop, self.step)
 
 
 def axis_form(value: Any) -> str | None:
-    """Return the tag of the form in which an axis is written."""
+    """Return the tag of the form of an axis."""
     return grids.form(value, AxisPoints)
 
 
@@ -111,12 +112,12 @@ AxisDocument = Annotated[
 
 
 class SweepOf(Document):
-    """What the sweeps of all kinds share."""
+    """Fields of the sweeps of all kinds."""
 
     kind: str
     base: ComputationRequest
     axes: Annotated[list[AxisDocument], Field(min_length=1, max_length=8)] = Field(
-        description="Each is a dimension of the results, in this order, before their own."
+        description="Each is a dimension of the outputs; in this order, they come first."
     )
 
 
@@ -125,7 +126,7 @@ _OUTPUTS: Final = "What to compute; absent: the outputs of the base."
 
 
 class ImpactModesSweep(SweepOf):
-    """Impact modes over a lattice."""
+    """Impact modes over a parameter grid."""
 
     kind: Literal["impact-modes"]
     base: requests.ImpactModesRequest = Field(description=_BASE)
@@ -133,7 +134,7 @@ class ImpactModesSweep(SweepOf):
 
 
 class ExistenceBandsSweep(SweepOf):
-    """Existence bands over a lattice."""
+    """Existence bands over a parameter grid."""
 
     kind: Literal["existence-bands"]
     base: requests.ExistenceBandsRequest = Field(description=_BASE)
@@ -141,7 +142,7 @@ class ExistenceBandsSweep(SweepOf):
 
 
 class ResonancesSweep(SweepOf):
-    """Internal resonances over a lattice."""
+    """Internal resonances over a parameter grid."""
 
     kind: Literal["resonances"]
     base: requests.ResonancesRequest = Field(description=_BASE)
@@ -149,7 +150,7 @@ class ResonancesSweep(SweepOf):
 
 
 class TimeHistorySweep(SweepOf):
-    """Time histories over a lattice."""
+    """Time histories over a parameter grid."""
 
     kind: Literal["time-history"]
     base: requests.TimeHistoryRequest = Field(description=_BASE)
@@ -157,7 +158,7 @@ class TimeHistorySweep(SweepOf):
 
 
 class SlowFlowSweep(SweepOf):
-    """Slow flows over a lattice."""
+    """Slow flows over a parameter grid."""
 
     kind: Literal["slow-flow"]
     base: requests.SlowFlowRequest = Field(description=_BASE)
@@ -171,16 +172,16 @@ AnySweep = Annotated[
 
 
 class SweepRequest(RootModel[AnySweep]):
-    """A computation at every point of the lattice that its axes span.
+    """A computation at every point of the parameter grid that its axes span.
 
-    What an axis does not touch is computed once for all its values.
+    What does not depend on an axis is computed once for all its values.
     """
 
     model_config = ConfigDict(strict=True, frozen=True, hide_input_in_errors=True)
 
     @property
     def base(self) -> ComputationRequest:
-        """The request whose fields vary, with the outputs that are wanted."""
+        """The request whose fields vary, with the outputs to be computed."""
         outputs = self.root.outputs
         return self.root.base if outputs is None else self._based(outputs=outputs)
 
@@ -191,7 +192,7 @@ class SweepRequest(RootModel[AnySweep]):
 
     @property
     def points(self) -> int:
-        """How many points the lattice has."""
+        """Number of points of the parameter grid."""
         return math.prod(axis.count for axis in self.root.axes)
 
     def with_system(self, system: AnySystem) -> Self:
@@ -203,12 +204,12 @@ class SweepRequest(RootModel[AnySweep]):
 
 
 class SweepResult(Result):
-    """The outputs of the base over the lattice: the axes first, then their own dimensions.
+    """The outputs of the base over the parameter grid: the axes first, then their own dimensions.
 
-    Outputs stand under their own names as in results of the base's kind. Tables whose length
-    differs from point to point are joined to one table each, in the order of the points, the
-    last axis fastest; ``<table>_count`` and ``<table>_offset`` tell how many rows each point has
-    and which is its first.
+    Outputs have the names of the results of the base's kind. Tables whose length differs from
+    point to point are concatenated in the order of the points, the last axis fastest;
+    ``<table>_count`` and ``<table>_offset`` are the number of rows of each point and the index
+    of the first.
     """
 
     model_config = ConfigDict(extra="allow")

@@ -69,7 +69,7 @@ class ScalarMatrix(Document):
 
 
 def matrix_form(value: Any) -> str | None:
-    """Return the tag of the form in which a matrix is written."""
+    """Return the tag of the form of a matrix."""
     if isinstance(value, list):
         return DENSE
     for key, tag in (
@@ -119,7 +119,7 @@ class Limits(Document):
 
 
 def gap_form(value: Any) -> str | None:
-    """Return the tag of the form in which a gap is written."""
+    """Return the tag of the form of a gap."""
     if isinstance(value, (dict, Limits)):
         return LIMITS
     return DISTANCE if isinstance(value, (int, float)) else None
@@ -160,7 +160,7 @@ Constraints = Annotated[list[Constraint], Field(fail_fast=True)]
 
 
 class Units(Document):
-    """The consistent set of units that the numbers are meant in."""
+    """The consistent set of units of the numbers."""
 
     length: Annotated[str, Field(pattern="^[A-Za-zµ°]{1,16}$")] = Field(examples=["m"])
     mass: Annotated[str, Field(pattern="^[A-Za-zµ°]{1,16}$")] = Field(examples=["kg"])
@@ -179,7 +179,7 @@ class MatrixSystem(Document):
 
 
 class SystemReference(Document):
-    """A system that was stored before by POST /v1/systems."""
+    """A system stored by POST /v1/systems."""
 
     id: Annotated[str, Field(pattern="^sys_[0-9a-f]{64}$")] = Field(
         description="Its name, as POST /v1/systems returned it."
@@ -190,7 +190,7 @@ class SystemReference(Document):
 
 
 class Preset(Document):
-    """What all presets share."""
+    """Fields of all presets."""
 
     constraints: Constraints = Field(description="Limiters; results refer to them by position.")
     units: Units | None = Field(None, description="Absent: dimensionless.")
@@ -242,7 +242,7 @@ AnyPreset = Annotated[
 
 
 def system_form(value: Any) -> str | None:
-    """Return the tag of the form in which a system is written."""
+    """Return the tag of the form of a system."""
     if holds(value, "id"):
         return REFERENCE
     if holds(value, "preset"):

@@ -1,26 +1,74 @@
-"""Many tiny computations at once: what a request costs beside its numbers is shared."""
+"""POST /v1/batch: many tiny computations in one request, shared among the workers."""
 
 from __future__ import annotations
 
+import asyncio
 import pickle
-from collections.abc import Sequence
-from datetime import UTC, datetime
+from collections.abc import Awaitable, Callable, Sequence
 from typing import Any
 
 import orjson
 import structlog
 
-from vibroimpact_service import digest, intake, problems, tasks
-from vibroimpact_service.jobs.work import Tick
-from vibroimpact_service.kinds import KINDS, Kind
+from vibroimpact_schema.requests import BatchRequest
+from vibroimpact_service import execute, kinds, problems
+from vibroimpact_service.documents import parse, planning, requests
+from vibroimpact_service.executor import Executor
+from vibroimpact_service.jobs.engine import Engine, EngineUnavailableError
+from vibroimpact_service.jobs.work import Tick, WorkerLostError
+from vibroimpact_service.kinds import Kind
 from vibroimpact_service.problems import ProblemError
+from vibroimpact_service.results import negotiate, representations
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
+from vibroimpact_solvers.plan import Plan
 
 log = structlog.get_logger("vibroimpact.batches")
 
 
-def answers(
+async def answer(
+    owner: str,
+    body: bytes,
+    charge: Callable[[Plan, float], Awaitable[None]],
+    settings: Settings,
+    executor: Executor,
+    engine: Engine,
+) -> bytes:
+    """Return the results of the requests of a batch, in their order, as one document.
+
+    They are computed by the workers, or in this process where there are none, and not stored.
+
+    Raises
+    ------
+    ProblemError
+        422 where the batch as a whole is wrong; what is wrong with one of its requests
+        stands in the place of its result.
+    """
+
+    def read() -> tuple[str, list[Any]]:
+        batch = parse.document(BatchRequest, parse.json(body))
+        if len(batch.requests) > settings.batch_requests:
+            message = f"A batch has at most {settings.batch_requests} requests."
+            raise problems.too_large("/requests", "too_long", message)
+        return kinds.named(batch.kind, "kind").name, batch.requests
+
+    kind, contents = await executor.run(read)
+    # Charged at what they may cost at most: they are planned where they are computed.
+    await charge(Plan(kind, ()), settings.batch_seconds * len(contents))
+
+    async def part(first: int, contents: bytes) -> list[bytes]:
+        arguments = (settings, owner, kind, contents, first)
+        try:
+            return list(await engine.run(compute, *arguments))
+        except (EngineUnavailableError, WorkerLostError):
+            return await executor.run(lambda: compute(*arguments, None))
+
+    parts = _parts(contents, 2 * max(1, engine.workers))
+    answers = await asyncio.gather(*(part(first, some) for first, some in parts))
+    return b'{"answers":[' + b",".join(each for some in answers for each in some) + b"]}"
+
+
+def compute(
     settings: Settings, owner: str, kind: str, contents: bytes, first: int, tick: Tick | None
 ) -> list[bytes]:
     """Return the answer to each of some requests: ``{"result": …}`` or ``{"problem": …}``.
@@ -30,53 +78,47 @@ def answers(
     settings : Settings
     owner, kind : str
     contents : bytes
-        Some requests, as `parts` packs them.
+        Some requests, as `_parts` packs them.
     first : int
         Position of the first of them in the whole batch.
     tick : Tick, optional
     """
     store = Store(settings.store_url)
-    requests = pickle.loads(contents)
-    found = []
-    for position, content in enumerate(requests, first):
+    batch = pickle.loads(contents)
+    answers = []
+    for position, content in enumerate(batch, first):
         try:
-            found.append(b'{"result":' + _answer(settings, store, owner, KINDS[kind], content))
+            result = _result(settings, store, owner, kinds.KINDS[kind], content)
+            answers.append(b'{"result":' + result + b"}")
         except Exception as error:
-            problem = problems.of(error)
-            if problem.type is problems.INTERNAL:
+            fault = problems.of(error)
+            if fault.type is problems.INTERNAL:
                 log.exception("request of a batch failed", kind=kind, position=position)
-            document = problem.document(f"batch-{position}").model_dump(mode="json")
-            found.append(b'{"problem":' + orjson.dumps(document))
+            document = fault.document(f"batch-{position}").model_dump(mode="json")
+            answers.append(b'{"problem":' + orjson.dumps(document) + b"}")
         if tick is not None:
-            tick(position, len(requests))
-    return [each + b"}" for each in found]
+            tick(position, len(batch))
+    return answers
 
 
-def _answer(settings: Settings, store: Store, owner: str, kind: Kind, content: Any) -> bytes:
-    from vibroimpact_service import encode  # the numerical libraries load at the first request
-
-    request = intake.document(kind.request, content)
-    canonical = digest.canonical(request)
-    tasks.check_references(owner, canonical, content)
-    name = digest.name(owner, kind.name, tasks.solver_name(), canonical)
-    assignment = tasks.assign(store, kind, request, settings)
-    if tasks.seconds(assignment) > settings.batch_seconds:
+def _result(settings: Settings, store: Store, owner: str, kind: Kind, content: Any) -> bytes:
+    request = requests.read(owner, kind, content)
+    planned = planning.plan(store, kind, request.document, settings)
+    if planned.seconds > settings.batch_seconds:
         detail = "This is too much work for a batch; submit it as a job."
         raise ProblemError(problems.TOO_LARGE, detail)
-    result = kind.solver.solve(assignment.problem, assignment.plan)
-    created = datetime.now(UTC).isoformat(timespec="milliseconds")
-    head = tasks.head(name, assignment, canonical, created)
-    return encode.json(encode.describe(result, head))
+    computed = execute.compute(planned, request.digest, request.canonical)
+    return representations.of_content(computed, negotiate.JSON).data
 
 
-def parts(requests: Sequence[Any], count: int) -> list[tuple[int, bytes]]:
+def _parts(contents: Sequence[Any], count: int) -> list[tuple[int, bytes]]:
     """Cut a batch into about equal parts; return the first position and the bytes of each.
 
     They are not JSON: that would refuse integers of more than 64 bits and turn NaN into null,
-    about which the answer should rather say where it stands.
+    and the problem of the request could not name the place.
     """
-    size = max(1, -(-len(requests) // count))
+    size = max(1, -(-len(contents) // count))
     return [
-        (start, pickle.dumps(requests[start : start + size]))
-        for start in range(0, len(requests), size)
+        (start, pickle.dumps(contents[start : start + size]))
+        for start in range(0, len(contents), size)
     ]

@@ -17,9 +17,9 @@ import typer
 import uvicorn
 
 from vibroimpact_service import loading, logs
-from vibroimpact_service.jobs import nursery
-from vibroimpact_service.settings import Settings, SettingsInvalidError, read, unknown
-from vibroimpact_service.wire import connection
+from vibroimpact_service.connection import connection
+from vibroimpact_service.jobs import forkserver
+from vibroimpact_service.settings import Settings, SettingsInvalidError, read, renamed, unknown
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
@@ -29,7 +29,7 @@ log = structlog.get_logger("vibroimpact.cli")
 _CONTRACT = Path(__file__).resolve().parents[2] / "openapi" / "openapi.json"
 
 _STOPPING_SECONDS = 2.0
-"""What computations have for noticing that they are to stop, when the service ends."""
+"""Time that computations have to notice that the service stops."""
 
 # Pretty tracebacks show local variables, and with them passwords, in the logs.
 app = typer.Typer(
@@ -47,10 +47,10 @@ def serve(
 ) -> None:
     """Start the service: HTTP, job queue, workers and store, until SIGTERM or Ctrl-C.
 
-    Everything else is set by environment variables VIBROIMPACT_….
+    All other settings are environment variables VIBROIMPACT_….
     """
     # Worker processes import this module too.
-    from vibroimpact_service.access.gate import ExposedError, keys_needed
+    from vibroimpact_service.access.authenticator import ExposedError, keys_needed
     from vibroimpact_service.jobs.database import RecordsUnavailableError
 
     settings = _settings(host=host, port=port, data=data)
@@ -64,17 +64,19 @@ def serve(
         raise typer.Exit(3) from None
     if settings.scheduler is None:
         # It loads the numerical libraries while this process loads those of HTTP.
-        nursery.open_nursery(loading.NUMERICAL)
+        forkserver.start(loading.NUMERICAL)
     from vibroimpact_service.app import create_app
 
     logs.to_stderr()
     for name in unknown(os.environ):
         log.warning("there is no such setting", variable=name)
-    # Work in threads must not keep the event loop waiting for as long as Python lets it.
+    for old, new in renamed(os.environ).items():
+        log.warning("the setting has a new name", variable=old, now=new)
+    # By default, Python would let threads keep the event loop waiting for 5 ms at a time.
     sys.setswitchinterval(0.001)
     server = Server(create_app(settings), settings)
     server.run()
-    _let_go()
+    _end_threads()
     if not server.started:
         raise typer.Exit(3)
 
@@ -107,9 +109,9 @@ def worker(
     """Run workers for a scheduler elsewhere, until SIGTERM or Ctrl-C.
 
     They need the same store as the services: VIBROIMPACT_STORE of the services must be an
-    address under which these workers reach it too. They survive restarts of the scheduler.
+    address that these workers can reach too. They survive restarts of the scheduler.
     """
-    from vibroimpact_service import tasks
+    from vibroimpact_service import chunks
     from vibroimpact_service.jobs import cluster
 
     settings = _cluster_settings(tls, scheduler=address, workers=workers)
@@ -117,15 +119,15 @@ def worker(
         typer.echo("the address of the scheduler must be given, as tls://host:port", err=True)
         raise typer.Exit(2)
     logs.to_stderr()
-    cluster.work(settings, tasks.WORK.modules, lambda count: _say(f"{count} workers"))
+    cluster.work(settings, chunks.WORK.modules, lambda count: _say(f"{count} workers"))
 
 
 @app.command()
 def certificates(
     folder: Annotated[Path, typer.Argument(help="Where to write ca.pem, cert.pem and key.pem.")],
-    days: Annotated[int, typer.Option(min=1, help="How long they hold.")] = 825,
+    days: Annotated[int, typer.Option(min=1, help="Days for which they are valid.")] = 825,
 ) -> None:
-    """Write the keys and certificates by which services, scheduler and workers trust another."""
+    """Write the keys and certificates with which services, scheduler and workers authenticate."""
     from vibroimpact_service.jobs import certificates as files
 
     try:
@@ -138,11 +140,11 @@ def certificates(
 
 
 def _settings(**given: Any) -> Settings:
-    """Return the settings, or end the process with a word on what is wrong with them."""
+    """Return the settings, or end the process with a message about the invalid ones."""
     try:
         return read(**given)
     except SettingsInvalidError as error:
-        typer.echo(f"A setting cannot be: {error}", err=True)
+        typer.echo(f"Invalid setting: {error}", err=True)
         raise typer.Exit(2) from None
 
 
@@ -159,7 +161,7 @@ def _cluster_settings(tls: Path | None, **given: Any) -> Settings:
     if lacking:
         missing = ", ".join(name for name in lacking if name != "None") or "none is named"
         typer.echo(
-            "scheduler and workers need the three files of `vibroimpact certificates`, by --tls "
+            "scheduler and workers need the three files of `vibroimpact certificates`, from --tls "
             f"or VIBROIMPACT_TLS_CA, _TLS_CERT and _TLS_KEY; missing: {missing}",
             err=True,
         )
@@ -175,34 +177,33 @@ def _say(text: str) -> None:
 @app.command()
 def openapi(
     check: Annotated[
-        bool, typer.Option("--check", help="Only tell whether the committed one is current.")
+        bool, typer.Option("--check", help="Only check whether the committed one is current.")
     ] = False,
 ) -> None:
-    """Write the contract to openapi/openapi.json of the source tree."""
+    """Write the OpenAPI document to openapi/openapi.json of the source tree."""
     text = contract_text()
     if not check:
         _CONTRACT.write_text(text)
         typer.echo(f"wrote {_CONTRACT}")
     elif not _CONTRACT.exists() or _CONTRACT.read_text() != text:
-        typer.echo("openapi/openapi.json is not what the service speaks; write it anew", err=True)
+        typer.echo("openapi/openapi.json is not up to date; write it again", err=True)
         raise typer.Exit(1)
 
 
 def contract_text() -> str:
-    """Return the contract as it is committed."""
-    from vibroimpact_service.api import contract
+    """Return the OpenAPI document as it is committed."""
+    from vibroimpact_service.api import openapi
     from vibroimpact_service.app import create_app
 
-    return (
-        json.dumps(contract.document(create_app(Settings())), indent=1, ensure_ascii=False) + "\n"
-    )
+    document = openapi.document(create_app(Settings()))
+    return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
 
 
-def _let_go() -> None:
-    """End the process where a computation does not notice in time that it is to stop.
+def _end_threads() -> None:
+    """End the process if a computation does not stop in time.
 
-    Nobody waits for it any more, and what it may be writing appears whole or not at all; the
-    interpreter would wait for its thread for ever.
+    Its result is no longer awaited, and files appear whole or not at all; the interpreter would
+    wait for its thread without limit.
     """
     end = time.monotonic() + _STOPPING_SECONDS
     others = [each for each in threading.enumerate() if each is not threading.current_thread()]
@@ -216,7 +217,7 @@ def _let_go() -> None:
 
 
 class Server(uvicorn.Server):
-    """uvicorn that says where it listens and tells the application when to stop."""
+    """uvicorn that announces its address and tells the application when to stop."""
 
     def __init__(self, application: FastAPI, settings: Settings) -> None:
         config = uvicorn.Config(
@@ -237,31 +238,31 @@ class Server(uvicorn.Server):
         self._application, self._note = application, settings.data / "service.json"
 
     async def startup(self, sockets: list[object] | None = None) -> None:  # type: ignore[override]
-        """Listen, then note and print where."""
+        """Listen, then write and print the address."""
         await super().startup(sockets)  # type: ignore[arg-type]
         if self.should_exit or not self.servers:
             return
         host, port = self.servers[0].sockets[0].getsockname()[:2]
         url = f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
-        # Whoever started this waits for the file, and must not read half of it.
+        # Other processes wait for this file, and must not read half of it.
         passing = self._note.with_suffix(".tmp")
-        # Where records and results are elsewhere, nobody else has made the folder.
+        # If records and results are elsewhere, the folder may not exist.
         self._note.parent.mkdir(parents=True, exist_ok=True)
         passing.write_text(json.dumps({"url": url, "pid": os.getpid()}))
         passing.replace(self._note)
         _say(url)
 
     async def shutdown(self, sockets: list[object] | None = None) -> None:  # type: ignore[override]
-        """Remove the note and stop."""
+        """Remove the file and stop."""
         self._note.unlink(missing_ok=True)
         await super().shutdown(sockets)  # type: ignore[arg-type]
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """Take a signal."""
+        """Handle a signal."""
         # Event streams and long polls end themselves; uvicorn would wait for them.
-        self._application.state.drain.set()
-        # The signal is obeyed here and not raised again at the end, as uvicorn would:
-        # a service that was asked to stop, and did, has succeeded.
+        self._application.state.services.drain.set()
+        # uvicorn would raise the signal again at the end; a service that stopped because it
+        # was asked to has succeeded.
         self.force_exit = self.should_exit and sig == signal.SIGINT
         self.should_exit = True
 

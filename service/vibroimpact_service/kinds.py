@@ -3,13 +3,13 @@
 To add a kind:
 
 1. Write the solver module; it offers ``plan``, ``solve``, ``split``, ``join`` and the result
-   class ``Result``, whose arrays say what they are (`vibroimpact_solvers.arrays.Quantity`);
-   and ``content``, where pieces are to be shared between requests (see `Kind.axis`).
-2. Write its request in `vibroimpact_schema.requests` and its result in
-   `vibroimpact_schema.results`.
+   class ``Result``; and ``content``, where pieces are to be shared between requests (see
+   `Kind.axis`).
+2. Declare the fields of its result in `vibroimpact_solvers.results`, and write its request in
+   `vibroimpact_schema.requests`. The document of the result follows from the declaration.
 3. Write the function that makes the solver's problem of the request, in `decode`.
 4. Add one row to `KINDS`, and an example to ``openapi/examples``.
-5. To let it be swept, add a row to `vibroimpact_solvers.sweep.stages.KINDS`.
+5. To let it be swept, add a row to `vibroimpact_solvers.sweep.kinds.KINDS`.
 
 Routes, jobs, encodings and the contract follow from the row.
 """
@@ -17,15 +17,24 @@ Routes, jobs, encodings and the contract follow from the row.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, Protocol, cast
 
 from vibroimpact_schema import requests, results, sweeps
+from vibroimpact_service import problems
 from vibroimpact_service.jobs.work import Tick
+from vibroimpact_service.result_documents import document
+from vibroimpact_solvers.results import (
+    ensemble,
+    existence_bands,
+    impact_modes,
+    resonances,
+    slow_flow,
+    time_history,
+)
 
 if TYPE_CHECKING:
-    from vibroimpact_solvers.model import System
     from vibroimpact_solvers.plan import Plan
 
 
@@ -35,7 +44,7 @@ class Solver(Protocol):
     Where each piece of a problem needs the one before, it offers ``follow(piece, plan, before,
     tick)``, which returns a part of class ``Part`` from the part before (None: it is the first),
     and ``Assembly(problem, sink)``, which puts parts together one by one: its ``add(part)``
-    hands their rows on to the sink (`spool.Spool`), and in the end ``labels()`` and ``plain()``
+    hands their rows on to the sink (`rows.RowFiles`), and in the end ``labels()`` and ``plain()``
     return the arrays and the other fields that are missing. Pieces are then computed in turn,
     and the result is written without ever being in memory.
     """
@@ -100,12 +109,6 @@ class Kind:
         """The solver's module."""
         return cast("Solver", importlib.import_module(self.module))
 
-    def problem(self, request: Any, system: System) -> Any:
-        """Return the solver's problem of a request."""
-        decode = importlib.import_module("vibroimpact_service.decode")
-        make = cast("Callable[[Any, Any], Any]", getattr(decode, self.decoder))
-        return make(request, system)
-
 
 KINDS: Final[Mapping[str, Kind]] = {
     kind.name: kind
@@ -114,7 +117,7 @@ KINDS: Final[Mapping[str, Kind]] = {
             "impact-modes",
             "Impact modes",
             requests.ImpactModesRequest,
-            results.ImpactModesResult,
+            document("impact-modes", impact_modes.Result),
             "vibroimpact_solvers.impact_modes",
             "impact_modes",
             axis="frequency",
@@ -123,7 +126,7 @@ KINDS: Final[Mapping[str, Kind]] = {
             "existence-bands",
             "Existence bands",
             requests.ExistenceBandsRequest,
-            results.ExistenceBandsResult,
+            document("existence-bands", existence_bands.Result),
             "vibroimpact_solvers.existence_bands",
             "existence_bands",
         ),
@@ -131,7 +134,7 @@ KINDS: Final[Mapping[str, Kind]] = {
             "resonances",
             "Internal resonances",
             requests.ResonancesRequest,
-            results.ResonancesResult,
+            document("resonances", resonances.Result),
             "vibroimpact_solvers.resonances",
             "resonances",
         ),
@@ -139,7 +142,7 @@ KINDS: Final[Mapping[str, Kind]] = {
             "time-history",
             "Time history",
             requests.TimeHistoryRequest,
-            results.TimeHistoryResult,
+            document("time-history", time_history.Result),
             "vibroimpact_solvers.time_history",
             "time_history",
         ),
@@ -147,7 +150,7 @@ KINDS: Final[Mapping[str, Kind]] = {
             "ensemble",
             "Ensemble",
             requests.EnsembleRequest,
-            results.EnsembleResult,
+            document("ensemble", ensemble.Result),
             "vibroimpact_solvers.ensemble",
             "ensemble",
             axis="initial",
@@ -156,7 +159,7 @@ KINDS: Final[Mapping[str, Kind]] = {
             "slow-flow",
             "Slow flows",
             requests.SlowFlowRequest,
-            results.SlowFlowResult,
+            document("slow-flow", slow_flow.Result),
             "vibroimpact_solvers.slow_flow",
             "slow_flow",
         ),
@@ -172,3 +175,17 @@ KINDS: Final[Mapping[str, Kind]] = {
         ),
     )
 }
+
+
+def named(name: str, *prefix: str) -> Kind:
+    """Return the kind of that name; `prefix` is the path from the body to the name.
+
+    Raises
+    ------
+    ProblemError
+        422 where there is none.
+    """
+    if name not in KINDS:
+        message = f"must be one of {', '.join(KINDS)}"
+        raise problems.invalid(problems.pointer(prefix), "unknown_choice", message)
+    return KINDS[name]

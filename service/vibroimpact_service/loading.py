@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Final
 
 NUMERICAL: Final = (
-    "vibroimpact_service.tasks",
+    "vibroimpact_service.chunks",
     "vibroimpact_service.batches",
-    "vibroimpact_service.decode",
-    "vibroimpact_service.encode",
+    "vibroimpact_service.documents.decode",
+    "vibroimpact_service.results.encode",
 )
 """Modules that workers are born with."""

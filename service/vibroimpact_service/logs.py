@@ -1,4 +1,4 @@
-"""How every process of the service logs: a JSON object per line, on stderr."""
+"""Logging of every process of the service: one JSON object per line, on stderr."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import structlog
 
 
 def to_stderr() -> None:
-    """Log from now on as all processes of the service do; what libraries say, too."""
+    """Configure logging of this process, including that of libraries."""
     shared: list[Any] = [
         structlog.contextvars.merge_contextvars,
         structlog.processors.add_log_level,
@@ -37,10 +37,10 @@ def to_stderr() -> None:
             ],
         )
     )
-    handler.addFilter(_is_news)
+    handler.addFilter(_is_relevant)
     logging.root.handlers[:] = [handler]
     for logger in logging.root.manager.loggerDict.values():
-        # Dask gives its loggers handlers of their own, which write plain text, and tells of
+        # Dask gives its loggers handlers of their own, which write plain text, and reports
         # every connection.
         if isinstance(logger, logging.Logger) and logger.handlers:
             logger.handlers.clear()
@@ -48,10 +48,10 @@ def to_stderr() -> None:
             logger.propagate = True
 
 
-def _is_news(record: logging.LogRecord) -> bool:
-    """Whether a record is more than Dask's word on a connection that is no longer there.
+def _is_relevant(record: logging.LogRecord) -> bool:
+    """Whether a record is more than Dask's report of a closed connection.
 
-    Every service that ends closes some; what matters of it is logged where it is noticed.
+    Every service that stops closes some; those that matter are logged where they are noticed.
     """
     error = record.exc_info[0] if record.exc_info else None
     closed = error is not None and error.__name__ == "CommClosedError"

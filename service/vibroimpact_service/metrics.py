@@ -1,4 +1,4 @@
-"""The service's own figures, in the format of Prometheus."""
+"""The service's metrics, in the format of Prometheus."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from prometheus_client.exposition import CONTENT_TYPE_PLAIN_1_0_0
 
 MEDIA_TYPE: Final = CONTENT_TYPE_PLAIN_1_0_0
 
-_LOOK_SECONDS: Final = 0.02
+_SAMPLE_SECONDS: Final = 0.02
+"""Interval at which the lag of the event loop is measured."""
 _IDLE_SECONDS: Final = 0.25
-"""How often the event loop is looked at while nobody asks anything: nothing blocks it then."""
+"""Interval of the same while there are no requests, when nothing blocks the loop."""
 _FAST: Final = (
     0.001,
     0.0025,
@@ -33,7 +34,7 @@ _FAST: Final = (
 
 
 class Metrics:
-    """What is counted and timed in one application."""
+    """Counters and timings of one application."""
 
     def __init__(self) -> None:
         self._answered = 0
@@ -48,11 +49,11 @@ class Metrics:
             ("method", "route"), buckets=_FAST, registry=self._registry,
         )  # fmt: skip
         self._results = Counter(
-            "vibroimpact_results", "Computations asked for, by how they were answered.",
+            "vibroimpact_results", "Requested computations, by how they were answered.",
             ("kind", "cache"), registry=self._registry,
         )  # fmt: skip
         self._solves = Histogram(
-            "vibroimpact_solve_seconds", "Time of computations that were done at once.",
+            "vibroimpact_solve_seconds", "Time of computations that were answered directly.",
             ("kind", "method"), buckets=_FAST, registry=self._registry,
         )  # fmt: skip
         self._planned = Counter(
@@ -67,19 +68,19 @@ class Metrics:
             "vibroimpact_jobs", "Unfinished jobs.", ("state",), registry=self._registry
         )
         self._workers = Gauge(
-            "vibroimpact_worker_slots", "Calls that the workers compute at once.",
+            "vibroimpact_worker_slots", "Calls that the workers compute at the same time.",
             registry=self._registry,
         )  # fmt: skip
         self._ready = Gauge(
-            "vibroimpact_ready", "Whether work can be taken.", registry=self._registry
+            "vibroimpact_ready", "Whether the service accepts work.", registry=self._registry
         )
 
     async def watch_loop(self) -> None:
-        """Measure for ever how late the event loop wakes: it is late by what blocked it."""
+        """Measure continuously how late the event loop wakes, by what blocked it."""
         clock = asyncio.get_running_loop().time
         seen = -1
         while True:
-            pause = _IDLE_SECONDS if seen == self._answered else _LOOK_SECONDS
+            pause = _IDLE_SECONDS if seen == self._answered else _SAMPLE_SECONDS
             seen = self._answered
             due = clock() + pause
             await asyncio.sleep(pause)
@@ -89,24 +90,24 @@ class Metrics:
         """Count an answer."""
         self._answered += 1
         key = method, route, status
-        found = self._series.get(key)
-        if found is None:
+        series = self._series.get(key)
+        if series is None:
             count = self._requests.labels(method, route, str(status))
-            found = self._series[key] = count, self._seconds.labels(method, route)
-        found[0].inc()
-        found[1].observe(seconds)
+            series = self._series[key] = count, self._seconds.labels(method, route)
+        series[0].inc()
+        series[1].observe(seconds)
 
     def result(self, kind: str, cache: str) -> None:
         """Count a computation: ``hit``, ``miss``, ``collapsed`` or ``job``."""
         self._results.labels(kind, cache).inc()
 
     def solved(self, kind: str, methods: Sequence[str], seconds: float, planned: float) -> None:
-        """Time a computation that was done at once."""
+        """Record the time of a computation that was answered directly."""
         self._solves.labels(kind, "+".join(dict.fromkeys(methods))).observe(seconds)
         self._planned.labels(kind).inc(planned)
 
     def text(self, jobs: Mapping[str, int], workers: int, ready: bool) -> bytes:
-        """Return all figures, with those that hold now."""
+        """Return all metrics, with the present state of jobs and workers."""
         for state, count in jobs.items():
             self._jobs.labels(state).set(count)
         self._workers.set(workers)

@@ -1,31 +1,23 @@
-"""Which error is answered how: the one table from exceptions to problems (RFC 9457)."""
+"""Problem types (RFC 9457), and the one mapping from exceptions to problems."""
 
 from __future__ import annotations
 
 import errno
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
-from pydantic import ValidationError
-from pydantic_core import ErrorDetails
-
-from vibroimpact_schema import grids, motions, sweeps, systems
 from vibroimpact_schema.problems import Fault, Problem
 from vibroimpact_solvers.errors import ConvergenceError, ModelError, PlanError
 
 MEDIA_TYPE: Final = "application/problem+json"
 PAGES: Final = "/docs/problems/"
-"""Where the pages about the types of problems are."""
-
-_MOST_FAULTS = 20
-_LONGEST_NAME = 64
-_TAGS = systems.TAGS | grids.TAGS | motions.TAGS | sweeps.TAGS
+"""Path of the pages about the problem types."""
 
 
 @dataclass(frozen=True, slots=True)
 class Type:
-    """A type of problem: its code, HTTP status, title, whether to retry, and its page."""
+    """A problem type: code, HTTP status, title, advice, and whether a retry can succeed."""
 
     code: str
     status: int
@@ -35,224 +27,246 @@ class Type:
 
     @property
     def uri(self) -> str:
-        """Address of its page."""
+        """Address of the page about it."""
         return PAGES + self.code
 
 
-MALFORMED = Type(
+TYPES: Final[dict[str, Type]] = {}
+"""Code -> problem type."""
+_OF_STATUS: Final[dict[int, Type]] = {}
+
+
+def _type(
+    code: str,
+    status: int,
+    title: str,
+    about: str,
+    *,
+    of_status: bool = False,
+    retryable: bool = False,
+) -> Type:
+    """Declare a problem type; with `of_status` it stands for its bare HTTP status too."""
+    declared = TYPES[code] = Type(code, status, title, about, retryable)
+    if of_status:
+        _OF_STATUS[status] = declared
+    return declared
+
+
+MALFORMED = _type(
     "malformed_json",
     400,
     "The body is not JSON",
-    "The body must be one JSON document in UTF-8, without duplicate names and with at most "
-    "200 levels of nesting.",
+    "The body must be one JSON document in UTF-8, without duplicate names and with at "
+    "most 200 levels of nesting.",
 )
-MALFORMED_FILE = Type(
+MALFORMED_FILE = _type(
     "malformed_file",
     400,
-    "The file is not what its media type says",
-    "Matrix Market text must be real and general or symmetric; .npy must hold real numbers and "
-    "have the length that its header claims.",
+    "The file does not have the format of its media type",
+    "Matrix Market text must be real and general or symmetric; .npy must hold real "
+    "numbers and have the length that its header states.",
 )
-BAD_REQUEST = Type(
-    "bad_request", 400, "The request cannot be read", "It violates HTTP or breaks off."
+BAD_REQUEST = _type(
+    "bad_request",
+    400,
+    "The request cannot be read",
+    "It violates HTTP or is incomplete.",
+    of_status=True,
 )
-UNAUTHENTICATED = Type(
+UNAUTHENTICATED = _type(
     "unauthenticated",
     401,
-    "A key is needed",
-    "Send Authorization: Bearer and an API key or token that is valid.",
+    "Authentication is required",
+    "Send Authorization: Bearer with a valid API key or token.",
+    of_status=True,
 )
-FORBIDDEN = Type(
+FORBIDDEN = _type(
     "forbidden",
     403,
-    "The key is not good for this",
-    "Use a key that has the scope that detail names.",
+    "The key does not permit this",
+    "Use a key with the scope that detail names.",
+    of_status=True,
 )
-NOT_FOUND = Type(
+NOT_FOUND = _type(
     "not_found",
     404,
-    "There is no such thing",
-    "The address is unknown, or names something that does not exist or is not yours.",
+    "Not found",
+    "The address is unknown, or names something that does not exist or belongs to someone else.",
+    of_status=True,
 )
-NOT_READY = Type(
+NOT_READY = _type(
     "not_ready",
     404,
     "The job has no result yet",
     "Ask again after Retry-After, or wait with GET /v1/jobs/{id}?wait=25.",
     retryable=True,
 )
-NO_RESULT = Type(
+NO_RESULT = _type(
     "no_result",
     404,
     "The job has no result",
     "It failed or was cancelled; GET /v1/jobs/{id} says why.",
 )
-METHOD_NOT_ALLOWED = Type(
-    "method_not_allowed", 405, "This address does not take this method", "Allow lists what it does."
+METHOD_NOT_ALLOWED = _type(
+    "method_not_allowed",
+    405,
+    "The address does not support this method",
+    "Allow lists the methods that it supports.",
+    of_status=True,
 )
-NOT_ACCEPTABLE = Type(
+NOT_ACCEPTABLE = _type(
     "not_acceptable",
     406,
-    "The wanted media type is not available",
+    "The requested media type is not available",
     "Results are application/json or application/x-hdf5.",
+    of_status=True,
 )
-TIMEOUT = Type(
+TIMEOUT = _type(
     "timeout",
     408,
-    "The request came too slowly",
+    "The request arrived too slowly",
     "Send it again over a better connection.",
+    of_status=True,
     retryable=True,
 )
-TOO_LARGE = Type(
+TOO_LARGE = _type(
     "too_large",
     413,
     "The request is too large",
-    "The body, the system, a grid or the result would exceed a limit; GET /v1/version lists them.",
+    "The body, the system, a grid or the result would exceed a limit; GET /v1/version "
+    "lists the limits.",
+    of_status=True,
 )
-TOO_COSTLY = Type(
+TOO_COSTLY = _type(
     "too_costly",
     413,
-    "The computation costs too much",
-    "Its plan exceeds what one computation, or this key, may cost; detail has the numbers.",
+    "The computation is too expensive",
+    "Its planned cost exceeds what one computation, or this key, may cost; detail has the numbers.",
 )
-UNSUPPORTED_MEDIA_TYPE = Type(
+UNSUPPORTED_MEDIA_TYPE = _type(
     "unsupported_media_type",
     415,
     "The media type or coding of the body is not supported",
     "Send application/json in UTF-8 without content coding; to /v1/systems also "
     "application/x-matrix-market or application/x-npy.",
+    of_status=True,
 )
-RANGE_NOT_SATISFIABLE = Type(
-    "range_not_satisfiable", 416, "No such bytes", "Content-Range tells the size."
+RANGE_NOT_SATISFIABLE = _type(
+    "range_not_satisfiable",
+    416,
+    "The range lies beyond the end",
+    "Content-Range states the size.",
+    of_status=True,
 )
-MISDIRECTED = Type(
+MISDIRECTED = _type(
     "misdirected",
     421,
-    "The service does not go by this name",
-    "Host must be a name of this machine, or one that the setting hosts lists.",
+    "The host name is not one of this service",
+    "Host must name this machine or be listed in the setting hosts.",
+    of_status=True,
 )
-INVALID = Type(
+INVALID = _type(
     "invalid_request",
     422,
-    "The request is well-formed but wrong",
-    "Each of errors points at a faulty field and says what is wrong with it.",
+    "The request is well-formed but not valid",
+    "Each entry of errors points at a faulty field and says what is wrong with it.",
+    of_status=True,
 )
-NOT_POSSIBLE = Type(
+NOT_POSSIBLE = _type(
     "not_possible",
     422,
-    "Nothing available can compute this",
-    "Ask for less or for something else; detail says what stands in the way.",
+    "No available method can compute this",
+    "Reduce or change the request; detail names the obstacle.",
 )
-NO_CONVERGENCE = Type(
+NO_CONVERGENCE = _type(
     "no_convergence",
     422,
     "A numerical method did not reach its tolerance",
     "Loosen the tolerance or change the method.",
 )
-KEY_REUSED = Type(
+KEY_REUSED = _type(
     "idempotency_key_reused",
     422,
     "The Idempotency-Key was used for another request",
-    "Take a new key for each new request.",
+    "Use a new key for each new request.",
 )
-WORKER_LOST = Type(
+WORKER_LOST = _type(
     "worker_lost",
     422,
     "The computation killed its worker process",
-    "It was tried several times, also alone: most likely it needs more memory than there is. "
-    "Ask for less at a time.",
+    "It was tried several times, the last time alone: most likely it needs more memory "
+    "than there is. Request less at a time.",
 )
-DEADLINE = Type(
+DEADLINE = _type(
     "deadline_passed",
     422,
-    "The job was not done by its deadline",
-    "Ask for less, or set a later deadline.",
+    "The job did not finish by its deadline",
+    "Request less, or set a later deadline.",
 )
-TOO_MANY = Type(
+TOO_MANY = _type(
     "too_many_requests",
     429,
-    "There were too many requests",
+    "Too many requests",
     "Ask again after Retry-After.",
+    of_status=True,
     retryable=True,
 )
-QUOTA_SPENT = Type(
+QUOTA_SPENT = _type(
     "quota_spent",
     429,
-    "The key has too little computing left",
-    "Ask for less, or again after Retry-After; detail has the numbers.",
+    "The key has too little computing time left",
+    "Request less, or ask again after Retry-After; detail has the numbers.",
     retryable=True,
 )
-TOO_MANY_JOBS = Type(
+TOO_MANY_JOBS = _type(
     "too_many_jobs",
     429,
-    "Too many jobs are unfinished",
-    "Wait until some have ended, or cancel some.",
+    "Too many unfinished jobs",
+    "Wait until some have finished, or cancel some.",
     retryable=True,
 )
-HEADER_TOO_LARGE = Type(
-    "header_too_large", 431, "The header is too large", "Send fewer and shorter header fields."
+HEADER_TOO_LARGE = _type(
+    "header_too_large",
+    431,
+    "The header section is too large",
+    "Send fewer and shorter header fields.",
+    of_status=True,
 )
-INTERNAL = Type(
+INTERNAL = _type(
     "internal_error",
     500,
-    "The service failed",
-    "The fault is ours. Please report it with the request id.",
+    "Internal error",
+    "The fault is the service's. Please report it with the request id.",
+    of_status=True,
 )
-STORE_FULL = Type(
+STORE_FULL = _type(
     "store_full",
     507,
-    "The store has no room",
-    "Results that nobody needs must be removed first; nothing that was stored is lost.",
+    "The store is full",
+    "Results that are no longer needed must be removed first; nothing that was stored is lost.",
     retryable=True,
 )
-UNAVAILABLE = Type(
+UNAVAILABLE = _type(
     "unavailable",
     503,
-    "The service cannot do this now",
-    "It is starting, stopping, overloaded or out of room; ask again after Retry-After.",
+    "The service is unavailable",
+    "It is starting, stopping, overloaded or out of space; ask again after Retry-After.",
+    of_status=True,
     retryable=True,
 )
-
-TYPES: Final[Mapping[str, Type]] = {
-    t.code: t
-    for t in (
-        *(
-            MALFORMED,
-            MALFORMED_FILE,
-            BAD_REQUEST,
-            UNAUTHENTICATED,
-            FORBIDDEN,
-            NOT_FOUND,
-            NOT_READY,
-            NO_RESULT,
-        ),
-        *(METHOD_NOT_ALLOWED, NOT_ACCEPTABLE, TIMEOUT, TOO_LARGE, TOO_COSTLY),
-        *(UNSUPPORTED_MEDIA_TYPE, RANGE_NOT_SATISFIABLE, MISDIRECTED, INVALID, NOT_POSSIBLE),
-        *(NO_CONVERGENCE, KEY_REUSED, WORKER_LOST, DEADLINE, TOO_MANY, QUOTA_SPENT),
-        *(TOO_MANY_JOBS, HEADER_TOO_LARGE, INTERNAL, STORE_FULL, UNAVAILABLE),
-    )
-}
-_OF_STATUS: Final = {
-    t.status: t
-    for t in (
-        *(BAD_REQUEST, UNAUTHENTICATED, FORBIDDEN, NOT_FOUND, METHOD_NOT_ALLOWED),
-        *(NOT_ACCEPTABLE, TIMEOUT, TOO_LARGE, UNSUPPORTED_MEDIA_TYPE, RANGE_NOT_SATISFIABLE),
-        *(MISDIRECTED, INVALID, TOO_MANY, HEADER_TOO_LARGE, INTERNAL, UNAVAILABLE),
-    )
-}
 
 
 class ProblemError(Exception):
-    """A request that is answered by a problem.
+    """A request that is answered by a problem document.
 
     Parameters
     ----------
     type : Type
-        What sort of problem.
+        The problem type.
     detail : str
-        This occurrence in words; never words of the request.
+        A sentence about this occurrence; it never quotes the request.
     errors : sequence of Fault
-        The faults that can be located.
+        The faulty fields, where they are known.
     headers : mapping
         Headers of the answer, such as Retry-After.
     """
@@ -271,11 +285,11 @@ class ProblemError(Exception):
         self.headers = dict(headers or {})
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Survive the way through a process boundary."""
+        """Support pickling, between processes."""
         return (ProblemError, (self.type, self.detail, self.errors, self.headers))
 
     def document(self, request_id: str) -> Problem:
-        """Return the document that answers a request."""
+        """Return the problem document for a request."""
         return Problem(
             type=self.type.uri,
             title=self.type.title,
@@ -306,12 +320,12 @@ def of(error: BaseException) -> ProblemError:
         case ConvergenceError():
             return ProblemError(NO_CONVERGENCE, str(error))
         case OSError() if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            return ProblemError(STORE_FULL, "The store has no room for the result.")
+            return ProblemError(STORE_FULL, "The store is full: the result cannot be stored.")
         case ConnectionError():
             detail = "The records or the store cannot be reached."
             return ProblemError(UNAVAILABLE, detail, headers={"Retry-After": "2"})
         case MemoryError():
-            return ProblemError(TOO_LARGE, "The computation needs more memory than there is.")
+            return ProblemError(TOO_LARGE, "The computation needs more memory than is available.")
         case _:
             return ProblemError(INTERNAL, "An unexpected error occurred; it has been logged.")
 
@@ -323,107 +337,8 @@ def invalid(where: str, code: str, message: str) -> ProblemError:
 
 
 def too_large(where: str, code: str, message: str) -> ProblemError:
-    """Return the problem of one place that claims too much."""
+    """Return the problem of one field that is too large."""
     return ProblemError(TOO_LARGE, message, [Fault(pointer=where, code=code, message=message)])
-
-
-def of_validation(error: ValidationError, document: Any, *prefix: str) -> ProblemError:
-    """Return the problem of a document that does not fit its model.
-
-    Parameters
-    ----------
-    error : ValidationError
-        What pydantic found.
-    document : object
-        What was validated; only its structure is used, to tell the parts of an error's
-        path that lie in it from those that name a branch of a union.
-    prefix : str
-        Path from the body to the document.
-    """
-    found = error.errors(include_url=False, include_input=False)
-    faults = [
-        Fault(
-            pointer=pointer((*prefix, *_place(item["loc"], document), *_tag(item))),
-            code=_CODES.get(item["type"], item["type"]),
-            message=sentence(item["type"], item["msg"], item.get("ctx", {})),
-        )
-        for item in found[:_MOST_FAULTS]
-    ]
-    first = faults[0]
-    detail = f"{first.pointer}: {first.message}" if first.pointer else first.message
-    if len(found) > 1:
-        detail += f" (and {len(found) - 1} more)"
-    return ProblemError(INVALID, detail, faults)
-
-
-_CODES: Final = {
-    "missing": "missing",
-    "extra_forbidden": "unknown_field",
-    "finite_number": "not_finite",
-    "float_type": "wrong_type",
-    "int_type": "wrong_type",
-    "bool_type": "wrong_type",
-    "string_type": "wrong_type",
-    "string_unicode": "wrong_type",
-    "list_type": "wrong_type",
-    "dict_type": "wrong_type",
-    "model_type": "wrong_type",
-    "greater_than": "out_of_range",
-    "greater_than_equal": "out_of_range",
-    "less_than": "out_of_range",
-    "less_than_equal": "out_of_range",
-    "too_short": "too_short",
-    "too_long": "too_long",
-    "string_too_long": "too_long",
-    "string_pattern_mismatch": "wrong_format",
-    "literal_error": "unknown_choice",
-    "union_tag_invalid": "unknown_choice",
-    "union_tag_not_found": "missing",
-}
-
-
-def sentence(kind: str, message: str, context: Mapping[str, Any]) -> str:
-    """Return pydantic's sentence, or one of ours where its own quotes the input or is obscure."""
-    if kind == "union_tag_invalid":
-        return f"must be one of {context['expected_tags']}"
-    if kind == "extra_forbidden":
-        return "there is no such field"
-    if kind == "missing":
-        return "this field is required"
-    if kind == "model_type":
-        return "must be an object"
-    if kind == "too_short":
-        least = context["min_length"]
-        return "must not be empty" if least == 1 else f"needs at least {least} items"
-    return message.replace("Input should be", "must be")
-
-
-def _place(path: Sequence[str | int], document: Any) -> list[str | int]:
-    """Return the parts of an error's path that lie in the document."""
-    here, place = document, []
-    for part in path:
-        inside = (isinstance(here, dict) and part in here) or (
-            isinstance(here, list) and isinstance(part, int) and part < len(here)
-        )
-        if inside:
-            here = here[part]
-        elif part in _TAGS or part == "[key]":
-            continue
-        place.append(part if isinstance(part, int) else _shown(part))
-    return place
-
-
-def _tag(item: ErrorDetails) -> tuple[str, ...]:
-    """Return the field that should have told which of several documents was meant."""
-    if item["type"] not in {"union_tag_invalid", "union_tag_not_found"}:
-        return ()
-    return (item["ctx"]["discriminator"].strip("'"),)
-
-
-def _shown(name: str) -> str:
-    """Return a field name as it may be shown: short and printable."""
-    cut = name if len(name) <= _LONGEST_NAME else name[:_LONGEST_NAME] + "…"
-    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in cut)
 
 
 def pointer(parts: Sequence[str | int]) -> str:

@@ -1,22 +1,25 @@
-"""Everything that can be set about the service, from arguments or ``VIBROIMPACT_…`` variables."""
+"""Settings of the service, from arguments and environment variables ``VIBROIMPACT_…``."""
 
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Final, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict, SettingsError
 
 _PREFIX: Final = "VIBROIMPACT_"
 _OF_OTHERS: Final = ("URL", "KEY", "PROFILE", "TIMEOUT", "TEST_")
 """Variables of clients and of tests, which a service may inherit."""
+RENAMED: Final = {"driven_jobs": "running_jobs", "spot_seconds": "on_submission_seconds"}
+"""Names of version 0.1.0 -> present names. The old ones are still read."""
 
 
 class SettingsInvalidError(ValueError):
-    """A setting has a value that it cannot have."""
+    """A setting has a value that is not valid."""
 
 
 class Settings(BaseSettings):
@@ -28,122 +31,159 @@ class Settings(BaseSettings):
     port: int = Field(8000, ge=0, le=65535, description="Port to listen on; 0 takes a free one.")
     hosts: tuple[str, ...] = Field(
         (),
-        description="Names in the header Host that are answered; absent: on a loopback address "
-        "without keys only those of this machine, else any.",
+        description="Host names that the service answers to; unset: on a loopback address "
+        "without keys only those of this machine, otherwise any.",
     )
-    data: Path = Field(Path("vibroimpact-data"), description="Folder for records and results.")
-    database: str | None = Field(None, description="SQLAlchemy URL; absent: SQLite in the folder.")
-    store: str | None = Field(None, description="fsspec URL of the store; absent: the folder.")
+    data: Path = Field(Path("vibroimpact-data"), description="Folder of the records and results.")
+    database: str | None = Field(
+        None, description="SQLAlchemy URL of the records; unset: SQLite in the data folder."
+    )
+    store: str | None = Field(None, description="fsspec URL of the store; unset: the data folder.")
     scheduler: str | None = Field(
-        None, description="Address tls://… of a Dask scheduler; absent: workers of its own."
+        None, description="Address tls://… of a Dask scheduler; unset: own worker processes."
     )
     tls_ca: Path | None = Field(None, description="Certificate authority of that scheduler.")
-    tls_cert: Path | None = Field(None, description="Own certificate for it.")
-    tls_key: Path | None = Field(None, description="Own key for it.")
-    workers: int = Field(os.cpu_count() or 2, ge=1, description="Own worker processes.")
+    tls_cert: Path | None = Field(None, description="Certificate with which to connect to it.")
+    tls_key: Path | None = Field(None, description="Private key of that certificate.")
+    workers: int = Field(os.cpu_count() or 2, ge=1, description="Number of own worker processes.")
     grace_seconds: float = Field(
-        10.0, ge=0, description="After it, a cancelled call that goes on loses its worker."
+        10.0,
+        ge=0,
+        description="Time after which a cancelled computation that does not stop loses its worker.",
     )
     webhook_private: bool = Field(
-        False, description="Whether messages may go to servers in private networks."
+        False, description="Whether webhooks may go to servers in private networks."
     )
     webhook_ca: Path | None = Field(
-        None, description="Authority that their certificates are signed by, beside the usual ones."
+        None,
+        description="Certificate authority accepted for webhook servers in addition to the "
+        "usual ones.",
     )
-    driven_jobs: int = Field(16, ge=1, description="Jobs under way at once.")
-    keep_jobs_days: float = Field(90.0, gt=0, description="Age at which ended jobs are removed.")
+    running_jobs: int = Field(16, ge=1, description="Jobs that run at the same time.")
+    keep_jobs_days: float = Field(90.0, gt=0, description="Age at which finished jobs are removed.")
     keep_results_days: float = Field(
-        365.0, gt=0, description="Age at which results are removed that nobody pinned."
+        365.0, gt=0, description="Age at which results that are not pinned are removed."
     )
     keep_chunks_days: float = Field(
-        30.0, gt=0, description="Age at which parts of results are removed."
+        30.0, gt=0, description="Age at which chunks of results are removed."
     )
     max_store_bytes: int | None = Field(
-        None, ge=0, description="Size of all results beyond which the oldest are removed."
+        None, ge=0, description="Total size of the results above which the oldest are removed."
     )
     max_chunks_bytes: int | None = Field(
-        None, ge=0, description="Size of all parts of results beyond which the oldest are removed."
+        None, ge=0, description="Total size of the chunks above which the oldest are removed."
     )
-    clean_seconds: float = Field(3600.0, gt=0, description="Time between two cleanings.")
+    clean_seconds: float = Field(3600.0, gt=0, description="Time between two clean-ups.")
     access: Literal["auto", "keys", "open"] = Field(
         "auto",
-        description="Who may ask. keys: whoever has a key or token. open: anybody who reaches "
-        "the port may compute, see and cancel everything. auto: keys where there are any or an "
-        "issuer is set; without, a loopback address is open and any other one is refused.",
+        description="Authentication. keys: a key or token is required. open: whoever "
+        "reaches the port may compute, see and cancel everything. auto: "
+        "required if there are keys or an issuer is set; otherwise a loopback "
+        "address is open and any other address is refused.",
     )
     oidc_issuer: str | None = Field(
         None, description="Address of an OpenID Connect issuer whose tokens are accepted."
     )
     oidc_audience: str = Field("vibroimpact", description="Audience that its tokens must name.")
     oidc_scope_prefix: str = Field(
-        "vibroimpact:", description="What precedes read, submit, … among the scopes of a token."
+        "vibroimpact:", description="Prefix of read, submit, … among the scopes of a token."
     )
-    requests_per_minute: int = Field(
-        6000, ge=1, description="Requests of a key that has no number of its own."
-    )
+    requests_per_minute: int = Field(6000, ge=1, description="Rate limit of a key without its own.")
     seconds_per_hour: float = Field(
-        36_000.0, gt=0, description="Planned computing of a key that has no number of its own."
+        36_000.0, gt=0, description="Quota of planned computing time of a key without its own."
     )
     max_job_seconds: float = Field(
-        86_400.0, gt=0, description="Planned computing above which a request is refused."
+        86_400.0, gt=0, description="Planned computing time above which a request is refused."
     )
     max_unfinished_jobs: int = Field(
         1000, ge=1, description="Unfinished jobs that one owner may have."
     )
     limits_storage: str = Field(
-        "memory://", description="Where requests are counted; redis://… where replicas share."
+        "memory://",
+        description="Where requests are counted; redis://… if replicas share the limits.",
     )
     cors_origins: tuple[str, ...] = Field(
         (), description='Origins of web pages that may read answers, as JSON: ["https://a.b"].'
     )
     max_body_bytes: int = Field(64 * 2**20, ge=1024, description="Largest request body.")
     max_bodies_bytes: int = Field(
-        512 * 2**20, ge=2048, description="All request bodies in memory at once."
+        512 * 2**20, ge=2048, description="Total size of the request bodies in memory."
     )
-    max_header_bytes: int = Field(32 * 2**10, ge=1024, description="Largest header section.")
-    max_connections: int = Field(2000, ge=1, description="Connections at once.")
-    header_seconds: float = Field(10.0, gt=0, description="Longest time a header may take.")
+    max_header_bytes: int = Field(
+        32 * 2**10, ge=1024, description="Largest header section of a request."
+    )
+    max_connections: int = Field(2000, ge=1, description="Connections at the same time.")
+    header_seconds: float = Field(
+        10.0, gt=0, description="Time limit for receiving the header section."
+    )
     body_seconds: float = Field(
-        30.0, gt=0, description="Longest pause within a body, or within the reading of an answer."
+        30.0, gt=0, description="Longest pause while a body is sent or an answer is read."
     )
-    max_dofs: int = Field(5000, ge=1, description="Most degrees of freedom of a system.")
-    max_points: int = Field(10_000_000, ge=1, description="Most points of a grid.")
-    max_sweep_points: int = Field(1_000_000, ge=1, description="Most points of a sweep.")
+    max_dofs: int = Field(
+        5000, ge=1, description="Largest number of degrees of freedom of a system."
+    )
+    max_points: int = Field(
+        10_000_000,
+        ge=1,
+        description="Largest number of frequencies, or of output times, of a request.",
+    )
+    max_sweep_points: int = Field(
+        1_000_000, ge=1, description="Largest number of points of a sweep."
+    )
     max_result_bytes: int = Field(2**30, ge=1024, description="Largest result.")
     inline_seconds: float = Field(
-        1.0, ge=0, description="Planned work above it becomes a job instead of being awaited."
+        1.0,
+        ge=0,
+        description="Planned time above which a computation becomes a job instead of being "
+        "answered directly.",
     )
     inline_overrun_seconds: float = Field(
         10.0,
         gt=0,
-        description="Time after which what was to be answered at once becomes a job.",
+        description="Running time after which a computation that was to be answered "
+        "directly becomes a job.",
     )
-    spot_seconds: float = Field(
-        0.02,
-        ge=0,
-        description="Planned work of a job below it is done while the job is submitted.",
+    on_submission_seconds: float = Field(
+        0.02, ge=0, description="Planned time below which a job is computed while it is submitted."
     )
-    batch_requests: int = Field(1000, ge=1, description="Most requests of one batch.")
+    batch_requests: int = Field(1000, ge=1, description="Largest number of requests in a batch.")
     batch_seconds: float = Field(
-        0.1, gt=0, description="Planned work up to which a request may be part of a batch."
+        0.1, gt=0, description="Planned time above which a request may not be part of a batch."
     )
     inline_threads: int = Field(
         max(2, os.cpu_count() or 2),
         ge=1,
-        description="Threads for checks and small work; more only keep one another waiting.",
+        description="Threads for checks and small computations; more threads than cores "
+        "slow one another down.",
     )
     max_waiting: int = Field(
-        256, ge=1, description="Requests that wait for these threads; more are answered 503."
+        256,
+        ge=1,
+        description="Requests that may wait for these threads; further ones are answered 503.",
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_old_names(cls, given: dict[str, Any]) -> dict[str, Any]:
+        """Take settings by their names of 0.1.0 where the present ones are not given."""
+        values = dict(given)
+        environment = {name.upper(): value for name, value in os.environ.items()}
+        for old, new in RENAMED.items():
+            value = values.pop(old, environment.get(_variable((old,))))
+            if value is not None:
+                message = f"{_variable((old,))} is now called {_variable((new,))}"
+                warnings.warn(message, DeprecationWarning, stacklevel=2)
+                values.setdefault(new, value)
+        return values
 
     @property
     def database_url(self) -> str:
-        """Where the records are."""
+        """SQLAlchemy URL of the records."""
         return self.database or f"sqlite:///{(self.data / 'records.sqlite').absolute()}"
 
     @property
     def store_url(self) -> str:
-        """Where requests, chunks and results are."""
+        """URL, for fsspec, of requests, chunks and results."""
         return self.store or str((self.data / "store").absolute())
 
 
@@ -153,12 +193,12 @@ def read(**given: Any) -> Settings:
     Parameters
     ----------
     **given : Any
-        What arguments say; they win over the environment. None counts as not given.
+        Settings from arguments, which override the environment. None counts as not given.
 
     Raises
     ------
     SettingsInvalidError
-        Where a value cannot be; it names the variables.
+        If a value is not valid; it names the variables.
     """
     try:
         return Settings(**{name: value for name, value in given.items() if value is not None})
@@ -170,9 +210,16 @@ def read(**given: Any) -> Settings:
         raise SettingsInvalidError(f"{error}; lists are written as JSON") from None
 
 
+def renamed(environment: Iterable[str]) -> dict[str, str]:
+    """Return the variables with old names, and their present names."""
+    given = {name.upper() for name in environment}
+    names = {_variable((old,)): _variable((new,)) for old, new in RENAMED.items()}
+    return {old: new for old, new in names.items() if old in given}
+
+
 def unknown(environment: Iterable[str]) -> list[str]:
-    """Return those variables VIBROIMPACT_… that no setting goes by, most likely misspelt."""
-    known = {f"{_PREFIX}{name}".upper() for name in Settings.model_fields}
+    """Return the variables VIBROIMPACT_… that name no setting, most likely misspelt."""
+    known = {f"{_PREFIX}{name}".upper() for name in (*Settings.model_fields, *RENAMED)}
     others = tuple(_PREFIX + name for name in _OF_OTHERS)
     return sorted(
         name

@@ -1,11 +1,19 @@
-"""What an array of a result is: its dimensions, unit and name, written at the field itself."""
+"""Types of arrays, and the declaration of a result's fields: dimensions, unit, name, error.
+
+Each field of a result class is declared once, in its annotation::
+
+    x: Annotated[Floats | None, Quantity(("time", "dof"), "length", "displacement")]
+
+Documents, files, ensembles, sweeps and the tables of the documentation follow from it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from types import MappingProxyType
-from typing import Any, Final, get_type_hints
+import dataclasses
+from collections.abc import Callable, Container, Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType, NoneType, UnionType
+from typing import Annotated, Any, Final, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +22,12 @@ Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 Integers = NDArray[np.int64]
 
+_Class = TypeVar("_Class", bound=type)
+
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """Meaning of an array.
+    """Declaration of a field of a result: an array, a number or a text.
 
     Parameters
     ----------
@@ -27,20 +37,27 @@ class Quantity:
         Product of powers of length, mass and time, such as ``"length mass time-2"``
         (``"1"`` for a pure number); the writer of a file replaces them by real units.
     long_name : str
-        What a plot would write at the axis.
+        Label of a plot's axis.
     coordinate : bool
         Whether the array labels one of the axes.
     flags : tuple of str
-        For codes 0, 1, …: the meaning of each.
+        Meanings of the codes 0, 1, …
     path : str
-        Where documents and files hold it, such as ``"frequency/Omega"``; empty: under the
-        field's own name.
+        Place in documents and files, such as ``"frequency/Omega"``; empty: the field's own name.
     record : bool
         Whether documents hold a list of objects at the first part of the path, of which this
         is one field, such as ``"bands/start"``.
     rows_of : str
-        The dimension whose rows it counts, where the rows of many points stand one after the
-        other in it (a contiguous ragged array of the CF conventions).
+        The dimension whose rows it counts, where the rows of many points follow one another
+        in it (a contiguous ragged array of the CF conventions).
+    note : str
+        What the documentation adds.
+    missing : str
+        When there is no finite number, but null in documents, and nan or inf in files.
+    error : str
+        Path of its error.
+    integers : tuple of int, optional
+        The integers that occur, empty for any; None: those from 0.
     """
 
     dims: tuple[str, ...]
@@ -51,18 +68,65 @@ class Quantity:
     path: str = ""
     record: bool = False
     rows_of: str = ""
+    note: str = ""
+    missing: str = ""
+    error: str = ""
+    integers: tuple[int, ...] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Declaration of the fields whose paths begin alike, such as ``"error/…"``.
+
+    Parameters
+    ----------
+    name : str
+        Name of their document.
+    about : str
+        A sentence about them.
+    """
+
+    name: str
+    about: str
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A field of a result class.
+
+    Parameters
+    ----------
+    name : str
+    scalar : type
+        float, int, bool or str, of an array its elements; or ``list[str]``.
+    array : bool
+    optional : bool
+        Whether the field may be None, where it was not requested.
+    quantity : Quantity
+    """
+
+    name: str
+    scalar: Any
+    array: bool
+    optional: bool
+    quantity: Quantity
+
+    @property
+    def path(self) -> str:
+        """Place in documents and files."""
+        return self.quantity.path or self.name
 
 
 @dataclass(frozen=True, eq=False)
 class Described:
-    """A result whose arrays are not known before it is there.
+    """A result whose arrays depend on the problem.
 
     Parameters
     ----------
     arrays : mapping
         Values by name.
     meanings : mapping
-        What they are, by the same names.
+        Their declarations, by the same names.
     plain : mapping
         What is not an array, by its path, such as ``"error/statement"``.
     """
@@ -72,23 +136,82 @@ class Described:
     plain: Mapping[str, Any]
 
 
-def quantities(result: type[Any]) -> Mapping[str, Quantity]:
-    """Return the quantity of every annotated field of a result class, by field name."""
-    found = _known.get(result)
-    if found is None:
-        found = _known[result] = MappingProxyType(_annotated(result))
-    return found
+def stacked(one: type[Any], dim: str, missing: str) -> Callable[[_Class], _Class]:
+    """Declare a class whose fields collect those of many results of the class `one`.
+
+    A field without a declaration of its own has that of the same name in `one`, with the axis
+    `dim` in front. Coordinates are shared by all results and keep their axes, and so do the
+    rows of tables, which follow one another.
+
+    Parameters
+    ----------
+    one : type
+    dim : str
+    missing : str
+        When a result has no numbers.
+    """
+
+    def declare(many: _Class) -> _Class:
+        _stacked[many] = one, dim, missing
+        return many
+
+    return declare
 
 
-_known: Final[dict[type[Any], Mapping[str, Quantity]]] = {}
-"""What was found out before: to evaluate annotations takes longer than many a computation."""
+_stacked: Final[dict[type[Any], tuple[type[Any], str, str]]] = {}
+_SCALARS: Final[Mapping[Any, type]] = {Floats: float, Integers: int, Booleans: bool}
 
 
-def _annotated(result: type[Any]) -> dict[str, Quantity]:
+def declared(result: type[Any]) -> Mapping[str, Field]:
+    """Return the declared fields of a result class by name."""
+    if result not in _declared:
+        _declared[result] = MappingProxyType(_evaluated(result))
+    return _declared[result]
+
+
+_declared: Final[dict[type[Any], Mapping[str, Field]]] = {}
+"""Cache: evaluating annotations takes longer than many a computation."""
+
+
+def _evaluated(result: type[Any]) -> dict[str, Field]:
     hints = get_type_hints(result, include_extras=True)
-    found: dict[str, Quantity] = {}
-    for field in fields(result):
-        for note in getattr(hints[field.name], "__metadata__", ()):
-            if isinstance(note, Quantity):
-                found[field.name] = note
-    return found
+    names = [field.name for field in dataclasses.fields(result)]
+    fields: dict[str, Field] = {}
+    for name in names:
+        if get_origin(hints[name]) is Annotated:
+            fields[name] = _field(name, *get_args(hints[name]))
+    if result in _stacked:
+        one, dim, missing = _stacked[result]
+        tables = {field.quantity.rows_of for field in fields.values()}
+        for name, field in declared(one).items():
+            if name in hints and name not in fields:
+                many = _field(name, hints[name], field.quantity)
+                fields[name] = _in_front(many, dim, missing, tables)
+    return {name: fields[name] for name in names if name in fields}
+
+
+def nothing(result: type[Any]) -> dict[str, Any]:
+    """Return all fields of a result class as None."""
+    return dict.fromkeys(field.name for field in dataclasses.fields(result))
+
+
+def along(result: type[Any], *dims: str) -> tuple[str, ...]:
+    """Return the names of a result's arrays whose first axis is one of these."""
+    fields = declared(result).values()
+    return tuple(f.name for f in fields if f.quantity.dims and f.quantity.dims[0] in dims)
+
+
+def _field(name: str, hint: Any, quantity: Quantity) -> Field:
+    optional = isinstance(hint, UnionType)
+    if optional:
+        (hint,) = (part for part in get_args(hint) if part is not NoneType)
+    return Field(name, _SCALARS.get(hint, hint), hint in _SCALARS, optional, quantity)
+
+
+def _in_front(field: Field, dim: str, missing: str, tables: Container[str]) -> Field:
+    quantity = field.quantity
+    if not field.array or quantity.coordinate or (quantity.dims and quantity.dims[0] in tables):
+        return field
+    if field.scalar is not float:
+        missing = ""
+    return replace(field, quantity=replace(quantity, dims=(dim, *quantity.dims), missing=missing))

@@ -1,4 +1,4 @@
-"""Checks of what is asked that the problems of all kinds share."""
+"""Checks of problems that are common to several kinds."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from vibroimpact_solvers.arrays import Integers
 from vibroimpact_solvers.errors import ModelError
 
 
-def check_outputs(asked: frozenset[str], known: Collection[str]) -> None:
-    """Check that something is asked, and nothing unknown.
+def check_outputs(requested: frozenset[str], known: Collection[str]) -> None:
+    """Check that at least one output is requested, and only known ones.
 
     Raises
     ------
     ModelError
         At ``outputs``.
     """
-    if not asked or not asked <= set(known):
-        message = f"outputs are {', '.join(known)}"
+    if not requested or not requested <= set(known):
+        message = f"available outputs are {', '.join(known)}"
         raise ModelError(("outputs",), message, code="unknown_output")
 
 
 def check_tolerance(tolerance: float | None) -> None:
-    """Check that a relative tolerance, if there is one, lies between 0 and 1.
+    """Check that a relative tolerance, if given, lies between 0 and 1.
 
     Raises
     ------
@@ -37,12 +37,12 @@ def check_tolerance(tolerance: float | None) -> None:
 
 
 def check_indices(name: str, indices: Integers, limit: int) -> None:
-    """Check that indices are not negative, below a limit, and each given once.
+    """Check that indices are at least 0, below a limit, and distinct.
 
     Raises
     ------
     ModelError
-        At the name, and the place of the wrong one.
+        At the name and the position of the wrong index.
     """
     outside = (indices < 0) | (indices >= limit)
     if outside.any():

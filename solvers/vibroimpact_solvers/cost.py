@@ -1,7 +1,7 @@
-"""What a plan costs on this machine: seconds from operations and memory written.
+"""Estimated time of a plan from its operations and the memory that it writes.
 
-The rates are those of one core of a machine of 2024; ``vibroimpact bench http``
-shows how far they lead from what is measured.
+The rates are those of one core of a machine of 2024; ``vibroimpact bench http`` compares the
+estimates with measurements.
 """
 
 from __future__ import annotations
@@ -12,21 +12,21 @@ from typing import Final
 from vibroimpact_solvers.plan import Plan, Stage
 
 FLOPS_PER_SECOND: Final = 1.0e9
-"""Rate of the kernels; conservative, so that estimates err to the long side."""
+"""Rate of the kernels; low, so that estimates are rather too long."""
 RATES: Final[Mapping[Stage, float]] = {
-    # LAPACK, by blocks or by a few vectors of a band.
+    # LAPACK, with blocks or with a few vectors of a band.
     Stage.SPECTRUM: 3.0e9,
-    # A walk along the motion ends where a limit is passed, mostly long before its bound.
+    # A path check ends where a limit is exceeded, mostly long before its bound.
     Stage.EXISTENCE: 8.0e9,
     # Products of matrices and formulas over whole arrays.
     Stage.HISTORY: 5.0e9,
     Stage.SLOW_FLOW: 1.0e10,
 }
-"""Rates of stages whose operations are counted differently."""
+"""Operations per second of stages that have rates of their own."""
 BYTES_PER_SECOND: Final = 5.0e8
 OVERHEAD_SECONDS: Final = 4e-4
 POINT_SECONDS: Final = 1e-3
-"""For making the problem of one point of a sweep, checks included, and taking its result."""
+"""For constructing the problem of one point of a sweep and collecting its result."""
 
 
 def seconds(plan: Plan) -> float:

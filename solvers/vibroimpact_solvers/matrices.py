@@ -1,9 +1,22 @@
-"""Real symmetric matrices in the leanest form that holds them: products, sums, factors."""
+"""Real symmetric matrices in the most compact form: products, sums, factors.
+
+Examples
+--------
+>>> import numpy as np
+>>> from vibroimpact_solvers.matrices import SymmetricMatrix
+>>> K = SymmetricMatrix.dense([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.0]])
+>>> K.form.value, K.data.shape
+('tridiagonal', (2, 3))
+>>> K @ np.array([1.0, 2.0, 3.0])
+array([0., 0., 4.])
+>>> K.factorize()(np.array([0.0, 0.0, 4.0])).round(12)
+array([1., 2., 3.])
+"""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
@@ -13,25 +26,23 @@ import scipy.linalg
 import scipy.sparse
 import scipy.sparse.linalg
 from numpy.typing import ArrayLike
-from scipy.linalg import lapack
 
+from vibroimpact_solvers import factors
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.factors import Solve
 
 # Entries that differ by less, relative to the largest, are taken as equal: assembled
 # finite-element matrices are symmetric only up to the rounding of their sums.
 _SYMMETRY = 1e-12
 
-# Bands that hold this many times more numbers than there are nonzero entries give way to
-# a list of the entries.
+# Bands with this many times more numbers than nonzero entries are replaced by a list of the
+# entries.
 _FILL = 6
-
-Solve = Callable[[Floats], Floats]
-"""Returns the solution for right-hand sides of shape (n,) or (n, columns)."""
 
 
 class Form(StrEnum):
-    """How a matrix is held."""
+    """Storage of a matrix."""
 
     DIAGONAL = "diagonal"
     TRIDIAGONAL = "tridiagonal"
@@ -42,9 +53,9 @@ class Form(StrEnum):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SymmetricMatrix:
-    """A real symmetric matrix in the leanest form that holds it.
+    """A real symmetric matrix in the most compact form.
 
-    Made by one of the class methods, which check it and choose the form.
+    The class methods check the entries and choose the form.
 
     Parameters
     ----------
@@ -53,7 +64,7 @@ class SymmetricMatrix:
         holding the entries (i + k, i), as `scipy.linalg.eig_banded` takes them; or the
         entries of the sparse form, shape (entries,).
     form : Form
-        Which of them, and how many bands.
+        Which of these, and how many bands.
     pattern : tuple of arrays, optional
         Of the sparse form: column indices and row starts, as in `scipy.sparse.csr_array`.
     """
@@ -64,7 +75,7 @@ class SymmetricMatrix:
 
     @classmethod
     def dense(cls, rows: ArrayLike) -> SymmetricMatrix:
-        """Take a full matrix, shape (n, n); a banded one is recognised."""
+        """Take a full matrix, shape (n, n); a banded one is detected."""
         try:
             full = np.array(rows, dtype=np.float64)
         except (TypeError, ValueError):
@@ -82,10 +93,7 @@ class SymmetricMatrix:
         row, col = np.nonzero(full)
         width = int(np.abs(row - col).max(initial=0))
         if 2 * width < full.shape[0] or width == 0:
-            bands = np.zeros((width + 1, full.shape[0]))
-            for k in range(width + 1):
-                bands[k, : full.shape[0] - k] = np.diagonal(full, k)
-            return cls(_frozen(bands), _banded_form(width))
+            return cls.bands({k: np.diagonal(full, k) for k in range(width + 1)})
         return cls(_frozen(full), Form.DENSE)
 
     @classmethod
@@ -135,7 +143,7 @@ class SymmetricMatrix:
 
     @classmethod
     def leanest(cls, matrix: scipy.sparse.csr_array) -> SymmetricMatrix:
-        """Take a symmetric `scipy.sparse` array that is known to be sound."""
+        """Take a `scipy.sparse` array that is known to be finite and symmetric."""
         matrix.eliminate_zeros()
         lower = scipy.sparse.tril(matrix).tocoo()
         n, offsets = matrix.shape[0], lower.row - lower.col
@@ -164,13 +172,13 @@ class SymmetricMatrix:
 
     @property
     def width(self) -> int:
-        """Number of diagonals below the main one that are held."""
+        """Number of diagonals below the main one that are stored."""
         narrow = self.form in {Form.DIAGONAL, Form.TRIDIAGONAL, Form.BANDED}
         return int(self.data.shape[0] - 1) if narrow else self.n - 1
 
     @property
     def entries(self) -> int:
-        """Number of entries that take part in a product."""
+        """Number of entries in a product with a vector."""
         return (
             self.data.size if self.pattern is not None else self.n * min(2 * self.width + 1, self.n)
         )
@@ -236,14 +244,32 @@ class SymmetricMatrix:
         return SymmetricMatrix(data, _banded_form(width))
 
     def factorize(self) -> Solve:
-        """Return the function that solves with this matrix, which need not be definite.
+        """Return the function that solves with this matrix; it may be indefinite.
 
         Raises
         ------
         scipy.linalg.LinAlgError
-            Where the matrix is singular to the last bit.
+            If the matrix is singular to the last bit.
         """
-        return _FACTORS[self.form](self)
+        match self.form:
+            case Form.DIAGONAL:
+                return factors.diagonal(self.data[0])
+            case Form.SPARSE:
+                return factors.sparse(self.to_sparse())
+            case Form.DENSE:
+                return factors.dense(self.data)
+            case _:
+                return factors.banded(self.data)
+
+    def symmetric_factors(self) -> scipy.sparse.linalg.SuperLU:
+        """Return sparse factors L and U = D L^T with the same order of rows and columns.
+
+        Raises
+        ------
+        scipy.linalg.LinAlgError
+            If the factors without row exchanges do not exist.
+        """
+        return factors.symmetric(self.to_sparse())
 
     def is_positive_definite(self) -> bool:
         """Whether all eigenvalues are positive."""
@@ -253,7 +279,7 @@ class SymmetricMatrix:
             elif self.form is Form.DIAGONAL:
                 return bool((self.data[0] > 0.0).all())
             elif self.form is Form.SPARSE:
-                return bool((pivots(self) > 0.0).all())
+                return bool((self.symmetric_factors().U.diagonal() > 0.0).all())
             else:
                 scipy.linalg.cholesky_banded(self.data, lower=True, check_finite=False)
         except scipy.linalg.LinAlgError:
@@ -266,94 +292,6 @@ class SymmetricMatrix:
         for array in (self.data, *(self.pattern or ())):
             text.update(np.ascontiguousarray(array).tobytes())
         return text.digest()
-
-
-def pivots(matrix: SymmetricMatrix) -> Floats:
-    """Return the pivots of a sparse matrix; as many are negative as eigenvalues are.
-
-    Raises
-    ------
-    scipy.linalg.LinAlgError
-        Where the factors without row exchanges do not exist.
-    """
-    return np.asarray(symmetric_factors(matrix).U.diagonal())
-
-
-def symmetric_factors(matrix: SymmetricMatrix) -> scipy.sparse.linalg.SuperLU:
-    """Return sparse factors L and U = D L^T of a symmetric matrix, rows and columns alike.
-
-    Raises
-    ------
-    scipy.linalg.LinAlgError
-        Where the factors without row exchanges do not exist.
-    """
-    options = {"SymmetricMode": True}
-    try:
-        factors = scipy.sparse.linalg.splu(
-            matrix.to_sparse().tocsc(),
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options=options,
-        )
-    except RuntimeError as error:
-        raise scipy.linalg.LinAlgError(str(error)) from None
-    if not np.array_equal(factors.perm_r, factors.perm_c):
-        raise scipy.linalg.LinAlgError("rows were exchanged")
-    return factors
-
-
-def _diagonal_factor(matrix: SymmetricMatrix) -> Solve:
-    entries = matrix.data[0]
-    if not entries.all():
-        raise scipy.linalg.LinAlgError("a diagonal entry is zero")
-    return lambda b: np.asarray((b.T / entries).T)
-
-
-def _banded_factor(matrix: SymmetricMatrix) -> Solve:
-    n, width = matrix.n, matrix.width
-    # Rows of LAPACK's band storage: `width` for fill-in, the upper, main and lower diagonals.
-    bands = np.zeros((3 * width + 1, n), order="F")
-    for k, band in enumerate(matrix.data):
-        bands[2 * width + k, : n - k] = band[: n - k]
-        bands[2 * width - k, k:] = band[: n - k]
-    factors, rows, info = lapack.dgbtrf(bands, width, width, overwrite_ab=1)
-    if info > 0:
-        raise scipy.linalg.LinAlgError("the matrix is singular")
-
-    def solve(b: Floats) -> Floats:
-        x, _ = lapack.dgbtrs(factors, width, width, b.reshape(n, -1), rows)
-        return np.asarray(x).reshape(b.shape)
-
-    return solve
-
-
-def _sparse_factor(matrix: SymmetricMatrix) -> Solve:
-    try:
-        factors = scipy.sparse.linalg.splu(matrix.to_sparse().tocsc())
-    except RuntimeError as error:
-        raise scipy.linalg.LinAlgError(str(error)) from None
-    return lambda b: np.asarray(factors.solve(b))
-
-
-def _dense_factor(matrix: SymmetricMatrix) -> Solve:
-    factors, rows, info = lapack.dgetrf(matrix.data)
-    if info > 0:
-        raise scipy.linalg.LinAlgError("the matrix is singular")
-
-    def solve(b: Floats) -> Floats:
-        x, _ = lapack.dgetrs(factors, rows, b)
-        return np.asarray(x)
-
-    return solve
-
-
-_FACTORS: dict[Form, Callable[[SymmetricMatrix], Solve]] = {
-    Form.DIAGONAL: _diagonal_factor,
-    Form.TRIDIAGONAL: _banded_factor,
-    Form.BANDED: _banded_factor,
-    Form.SPARSE: _sparse_factor,
-    Form.DENSE: _dense_factor,
-}
 
 
 def _frozen(array: Any) -> Any:

@@ -1,4 +1,14 @@
-"""The mechanical model: M x'' + C x' + K x = f with rigid limiters, checked when it is made."""
+"""The mechanical model: M x'' + C x' + K x = f with rigid limiters.
+
+Examples
+--------
+>>> from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
+>>> M = SymmetricMatrix.diagonal([2.0, 1.0])
+>>> K = SymmetricMatrix.dense([[3.0, -1.0], [-1.0, 1.0]])
+>>> system = System(M, K, (Constraint.at(dof=1, gap=0.5),))
+>>> system.directions([0])
+array([[0., 1.]])
+"""
 
 from __future__ import annotations
 
@@ -15,7 +25,7 @@ from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.matrices import SymmetricMatrix
 
 RANGE: Final = (1e-100, 1e100)
-"""Magnitudes that walls, matrices and frequencies may have: their squares stay finite."""
+"""Allowed magnitudes of gaps, matrices and frequencies: their squares stay finite."""
 
 __all__ = [
     "RANGE",
@@ -40,11 +50,11 @@ class Constraint:
     Parameters
     ----------
     dofs : tuple of int
-        Degrees of freedom that make up the coordinate, counted from 0.
+        Degrees of freedom in the coordinate, counted from 0.
     weights : tuple of float
         Their weights.
     lower, upper : float or None
-        Distances to the walls (length); None where there is no wall.
+        Distances to the walls (length); None if there is no wall.
     restitution : float
         Newton's coefficient, 0 to 1.
     """
@@ -57,7 +67,7 @@ class Constraint:
 
     def __post_init__(self) -> None:
         if not self.dofs or len(set(self.dofs)) != len(self.dofs):
-            message = "the dofs of a direction must be there and differ"
+            message = "a direction needs at least one dof, and all of them distinct"
             raise ModelError(("direction", "dofs"), message, code="duplicate_dof")
         if len(self.weights) != len(self.dofs) or not all(map(math.isfinite, self.weights)):
             message = "a direction needs one finite weight per dof"
@@ -89,25 +99,25 @@ class Constraint:
 
     @property
     def symmetric(self) -> bool:
-        """Whether both walls are there and equally far."""
+        """Whether there are two walls at equal distances."""
         return self.lower is not None and self.lower == self.upper
 
     @property
     def coordinate(self) -> tuple[tuple[int, float], ...]:
-        """Pairs of a degree of freedom and its nonzero weight, in order."""
+        """Pairs of a degree of freedom and its nonzero weight, ascending."""
         pairs = sorted((d, w) for d, w in zip(self.dofs, self.weights, strict=True) if w)
         return tuple(pairs)
 
     @property
     def line(self) -> tuple[tuple[int, float], ...]:
-        """The coordinate up to a factor, the same for all limiters along one direction."""
+        """The coordinate up to a factor: the same for all limiters along one direction."""
         pairs = self.coordinate
         return tuple((dof, weight / pairs[0][1]) for dof, weight in pairs)
 
 
 @dataclass(frozen=True, slots=True)
 class Units:
-    """The consistent set of units that the numbers are meant in."""
+    """The consistent set of units of all numbers."""
 
     length: str
     mass: str
@@ -116,7 +126,7 @@ class Units:
 
 @dataclass(frozen=True, slots=True)
 class ChainShape:
-    """What makes a system a uniform chain with known modes (eq. 10.60, 10.63)."""
+    """Parameters of a uniform chain, whose modes are known (eq. 10.60, 10.63)."""
 
     n: int
     mass: float
@@ -132,20 +142,20 @@ class System:
     M, K : SymmetricMatrix
         Mass (positive definite) and stiffness, shape (n, n).
     constraints : sequence of Constraint
-        The limiters; results refer to them by position.
+        The limiters; results refer to them by index.
     C : SymmetricMatrix, optional
         Damping.
     force : array, shape (n,), optional
         Constant load.
     units : Units, optional
-        Units of the numbers; None for dimensionless ones.
+        Units of the numbers; None: dimensionless.
     chain : ChainShape, optional
-        Set by `presets.chain`: its natural modes are known in closed form.
+        Set by `presets.chain`: the natural modes are known in closed form.
 
     Raises
     ------
     ModelError
-        Naming the field that is wrong.
+        Naming the invalid field.
     """
 
     M: SymmetricMatrix
@@ -193,10 +203,10 @@ class System:
 
     def limited(self, constraints: Sequence[Constraint]) -> System:
         """Return the same structure with other limiters; its matrices are not checked again."""
-        found = copy.copy(self)
-        object.__setattr__(found, "constraints", tuple(constraints))
-        found._check_constraints()
-        return found
+        system = copy.copy(self)
+        object.__setattr__(system, "constraints", tuple(constraints))
+        system._check_constraints()
+        return system
 
     def _check_constraints(self) -> None:
         seen: dict[tuple[tuple[int, float], ...], int] = {}
@@ -219,7 +229,7 @@ class System:
         return self.M.n
 
     def directions(self, active: Sequence[int]) -> Floats:
-        """Return the rows w_a of the named constraints, shape (constraint, dof)."""
+        """Return the rows w_a of some constraints, shape (constraint, dof)."""
         rows = np.zeros((len(active), self.n))
         for row, index in zip(rows, active, strict=True):
             constraint = self.constraints[index]

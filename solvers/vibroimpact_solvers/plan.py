@@ -1,18 +1,32 @@
-"""A plan: what will be computed, how and why, and what is skipped and why.
+"""A plan: what is computed, how and why, and what is skipped and why.
 
-A plan is an immutable value. `plan(problem)` of a computation takes all decisions;
-`solve(problem, plan)` follows them and takes none, so that a plan shown beforehand
-cannot disagree with the work done afterwards.
+A plan is an immutable value. `plan(problem)` of a computation makes all decisions and
+`solve(problem, plan)` follows them, so that a plan shown beforehand agrees with the work done.
+
+Examples
+--------
+>>> from vibroimpact_solvers.plan import Plan, Stage, Step
+>>> plan = Plan("impact-modes", (Step(Stage.SPECTRUM, "dense", "full matrices", flops=14e6),))
+>>> plan.step(Stage.SPECTRUM).method, plan.step(Stage.ENERGY), plan.flops
+('dense', None, 14000000.0)
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import TypeVar
+
+Tick = Callable[[int, int], None]
+"""Called with (done, total) while a computation runs; may raise `Cancelled`."""
+
+_Problem = TypeVar("_Problem")
+_Result = TypeVar("_Result")
 
 
 class Stage(StrEnum):
-    """Stages of a computation, in the order in which they spoil one another."""
+    """Stages of a computation; a change of one invalidates those after it."""
 
     SPECTRUM = "spectrum"
     RESPONSE = "response"
@@ -24,27 +38,29 @@ class Stage(StrEnum):
     ENERGY = "energy"
     HARMONICS = "harmonics"
     STABILITY = "stability"
-    FLIGHT = "flight"
+    FREE_MOTION = "flight"  # the name in plan documents
     HISTORY = "history"
     SLOW_FLOW = "slow_flow"
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One thing that will be done.
+    """One step of a computation.
 
     Parameters
     ----------
     stage : Stage
-        What it yields.
+        What it computes.
     method : str
-        Name of the method chosen.
+        Name of the chosen method.
     reason : str
         A sentence saying why this method.
     flops, bytes : float
-        Estimated floating-point operations and memory written, all times together.
+        Estimated floating-point operations and memory written, all repetitions together.
     count : int
-        How often it is done; in sweeps, at how many members for what each member needs.
+        Number of repetitions.
+    settings : object, optional
+        Further decisions of the method: an immutable value of a type of its own.
     """
 
     stage: Stage
@@ -53,11 +69,12 @@ class Step:
     flops: float = 0.0
     bytes: float = 0.0
     count: int = 1
+    settings: object = None
 
 
 @dataclass(frozen=True, slots=True)
 class Skip:
-    """One thing that will not be done: `what`, and the sentence `why`."""
+    """One part of the computation that is left out: `what`, and the sentence `why`."""
 
     what: str
     why: str
@@ -73,7 +90,7 @@ class Plan:
     steps : tuple of Step
     skips : tuple of Skip
     points : int
-        Problems that have to be made of a common one before they are solved, as in a sweep.
+        Number of problems that are derived from a common one, as in a sweep.
     """
 
     kind: str
@@ -94,3 +111,24 @@ class Plan:
     def bytes(self) -> float:
         """Estimated memory written by all steps."""
         return sum(step.bytes for step in self.steps)
+
+
+def batches(total: int, size: int, tick: Tick | None) -> Iterator[tuple[int, int]]:
+    """Yield the ranges of batches of at most `size`; report before each, and at the end."""
+    for start in range(0, total, size):
+        if tick is not None:
+            tick(start, total)
+        yield start, min(start + size, total)
+    if tick is not None:
+        tick(total, total)
+
+
+def split_nothing(problem: _Problem, plan: Plan, seconds_each: float) -> list[_Problem]:
+    """Return a problem that cannot be divided as its only piece."""
+    return [problem]
+
+
+def join_only(problem: object, plan: Plan, results: Sequence[_Result]) -> _Result:
+    """Return the result of the only piece."""
+    (result,) = results
+    return result

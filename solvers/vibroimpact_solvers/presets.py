@@ -1,4 +1,13 @@
-"""The systems of the book chapter, by name."""
+"""The systems of the book chapter, by name.
+
+Examples
+--------
+>>> from vibroimpact_solvers.model import Constraint
+>>> from vibroimpact_solvers.presets import chain
+>>> system = chain(13, [Constraint.at(5, gap=1.0)])
+>>> system.n, system.chain.stiffness
+(13, 1.0)
+"""
 
 from __future__ import annotations
 

@@ -1,57 +1,75 @@
-"""Internal resonances: harmonics of an impact mode that meet the structure held at its limiter.
+"""Internal resonances of impact modes with the structure whose limited coordinate is fixed.
 
-The struck coordinate moves much like a given triangle wave, of which the structure feels the
-odd harmonics. What resonates with it is the structure with that coordinate held: natural
-frequencies nu of the parts it falls into, divided by odd numbers (eq. 10.70-10.76 for the
-uniform chain, any M and K here).
+The limited coordinate moves much like a given triangle wave, whose odd harmonics excite the rest
+of the structure. Resonance occurs at the natural frequencies nu of the structure with that
+coordinate fixed, divided by odd numbers (eq. 10.70-10.76 for the uniform chain, any M and K
+here).
+
+Examples
+--------
+>>> from vibroimpact_solvers import resonances
+>>> from vibroimpact_solvers.model import Constraint
+>>> from vibroimpact_solvers.presets import chain
+>>> problem = resonances.Problem(chain(3, [Constraint.at(0, gap=1.0)]), odd_max=3)
+>>> result = resonances.solve(problem, resonances.plan(problem))
+>>> result.natural.round(6)  # of the two masses that remain
+array([1.      , 1.732051, 1.      , 1.732051])
+>>> result.Omega.round(6), result.harmonic
+(array([0.333333, 0.57735 , 1.      , 1.732051]), array([3, 3, 1, 1]))
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Annotated, Final
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 import scipy.sparse
 import scipy.sparse.csgraph
 
 from vibroimpact_solvers import spectrum
-from vibroimpact_solvers.arrays import Booleans, Floats, Integers, Quantity
+from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.checks import check_outputs, check_tolerance
 from vibroimpact_solvers.errors import ModelError, PlanError
 from vibroimpact_solvers.matrices import SymmetricMatrix
 from vibroimpact_solvers.model import ChainShape, System
-from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
+from vibroimpact_solvers.plan import Plan, Skip, Stage, Step, Tick
+from vibroimpact_solvers.plan import join_only as join
+from vibroimpact_solvers.plan import split_nothing as split
+from vibroimpact_solvers.results.resonances import Result
+
+__all__ = ["KIND", "OUTPUTS", "Problem", "Result", "join", "plan", "solve", "split"]
 
 KIND: Final = "resonances"
 OUTPUTS: Final = ("Omega", "harmonic", "part")
 
-_SILENT = 1e-12  # excitation, relative to the terms of its sum, that is only rounding
-_MIXED = 1e-6  # of neighbouring modes that rounding has at most put into one that is silent
+_UNEXCITED = 1e-12  # excitation, relative to the terms of its sum, that is rounding
+_MAX_MIXED = 1e-6  # largest part of a neighbouring mode in an unexcited one by rounding
 _ROWS = 256  # of a matrix of all pairs of modes at a time
-_METHOD: Final = "held structure"
+_METHOD: Final = "constrained structure"
 _EPS = float(np.finfo(np.float64).eps)
 _STATEMENT: Final = (
-    "estimate: roundings of the eigenvalues of the held structure, a few of the largest one each"
+    "estimate: each eigenvalue of the constrained structure has an error of a few roundings of "
+    "the largest one"
 )
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Which resonances.
+    """Resonances with one limited coordinate.
 
     Parameters
     ----------
     system : System
     constraint : int
-        The constraint whose coordinate moves.
+        The constraint whose coordinate is fixed.
     odd_max : int
         Highest odd harmonic.
     outputs : frozenset of str
-        What is wanted, out of `OUTPUTS`.
+        The requested ones of `OUTPUTS`.
     tolerance : float, optional
-        Relative error that frequencies may have; the result says which are within it.
+        Largest relative error of the frequencies; the result tells which meet it.
     """
 
     system: System
@@ -73,99 +91,62 @@ class Problem:
         check_tolerance(self.tolerance)
 
 
-@dataclass(frozen=True, eq=False)
-class Result:
-    """Resonances, by ascending frequency."""
-
-    Omega: Annotated[
-        Floats | None,
-        Quantity(("resonance",), "time-1", "fundamental frequency of the impact mode"),
-    ]
-    harmonic: Annotated[
-        Integers | None, Quantity(("resonance",), "1", "odd multiple of Omega that resonates")
-    ]
-    part: Annotated[
-        Integers | None,
-        Quantity(("resonance",), "1", "part of the held structure, by its lowest dof"),
-    ]
-    natural: Annotated[
-        Floats,
-        Quantity(("resonance",), "time-1", "natural frequency of the held structure"),
-    ]
-    error_natural: Annotated[
-        Floats,
-        Quantity(
-            ("resonance",), "1", "relative error of the natural frequency", path="error/natural"
-        ),
-    ]
-    within_tolerance: Annotated[
-        Booleans | None,
-        Quantity(
-            ("resonance",),
-            "1",
-            "whether that error is within the tolerance asked for",
-            flags=("beyond", "within"),
-            path="error/within_tolerance",
-        ),
-    ]
-
-    #: How far the numbers can be trusted.
-    error_statement: str
-
-
 def plan(problem: Problem) -> Plan:
-    """Decide how the resonances are found."""
+    """Choose how the resonances are computed."""
     parts = list(_parts(problem))
     methods = [(part, spectrum.choose(part.system)) for part in parts]
     size = sum(spectrum.nbytes(part.system, method) for part, method in methods)
     if size > spectrum.MEMORY:
-        message = f"the natural modes of the held structure take more than {size / 1e9:.0f} GB"
+        message = (
+            f"the natural modes of the constrained structure take more than {size / 1e9:.0f} GB"
+        )
         raise PlanError(message)
     names = sorted({str(method) for _, method in methods})
-    reason = f"{len(parts)} parts fall apart when the coordinate is held ({', '.join(names)})"
-    # To take the structure apart takes longer than the modes of small parts.
+    reason = f"with the coordinate fixed the structure has {len(parts)} parts ({', '.join(names)})"
+    # Dividing the structure takes longer than the modes of small parts.
     flops = 1.5e6 + sum(spectrum.flops(part.system, method) for part, method in methods)
-    steps = (Step(Stage.SPECTRUM, _METHOD, reason, flops, size),)
+    chosen = tuple(method for _, method in methods)
+    steps = (Step(Stage.SPECTRUM, _METHOD, reason, flops, size, settings=chosen),)
     skips = (
         Skip("even harmonics", "the triangle wave has none"),
-        Skip("modes that the held coordinate does not move", "nothing excites them"),
+        Skip("modes that the fixed coordinate does not excite", "they do not resonate"),
     )
     return Plan(KIND, steps, skips)
 
 
-def solve(problem: Problem, plan: Plan, tick: Callable[[int, int], None] | None = None) -> Result:
-    """Find the resonances.
+def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
+    """Compute the resonances.
 
     Parameters
     ----------
     problem : Problem
     plan : Plan
-        The one that `plan(problem)` returned.
+        From `plan(problem)`.
     tick : callable, optional
         Called with (done, total) parts; may raise `Cancelled`.
     """
     parts = list(_parts(problem))
-    found, places = [np.empty(0)], [np.empty(0, dtype=np.int64)]
+    frequencies, places = [np.empty(0)], [np.empty(0, dtype=np.int64)]
     errors = [np.empty(0)]
-    for index, part in enumerate(parts):
+    for index, (part, method) in enumerate(zip(parts, _methods(plan), strict=True)):
         if tick is not None:
             tick(index, len(parts))
-        roots, error = part.excited()
-        found.append(roots)
+        roots, error = part.excited(method)
+        frequencies.append(roots)
         errors.append(error)
         places.append(np.full(roots.size, index))
     if tick is not None:
         tick(len(parts), len(parts))
-    natural, place = np.concatenate(found), np.concatenate(places)
+    natural, place = np.concatenate(frequencies), np.concatenate(places)
     odd = np.arange(1, problem.odd_max + 1, 2)
     Omega = (natural[:, np.newaxis] / odd).ravel()
     order = np.argsort(Omega, kind="stable")
     error = np.repeat(np.concatenate(errors), odd.size)[order]
-    wanted = problem.outputs
+    outputs = problem.outputs
     return Result(
-        Omega=Omega[order] if "Omega" in wanted else None,
-        harmonic=np.tile(odd, natural.size)[order] if "harmonic" in wanted else None,
-        part=np.repeat(place, odd.size)[order] if "part" in wanted else None,
+        Omega=Omega[order] if "Omega" in outputs else None,
+        harmonic=np.tile(odd, natural.size)[order] if "harmonic" in outputs else None,
+        part=np.repeat(place, odd.size)[order] if "part" in outputs else None,
         natural=np.repeat(natural, odd.size)[order],
         error_natural=error,
         within_tolerance=None if problem.tolerance is None else error <= problem.tolerance,
@@ -173,83 +154,78 @@ def solve(problem: Problem, plan: Plan, tick: Callable[[int, int], None] | None 
     )
 
 
-def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Problem]:
-    """Return the problem as its only piece."""
-    return [replace(problem)]
-
-
-def join(problem: Problem, plan: Plan, results: Sequence[Result]) -> Result:
-    """Return the result of the only piece."""
-    (result,) = results
-    return result
+def _methods(plan: Plan) -> tuple[spectrum.Method, ...]:
+    (step,) = plan.steps
+    assert isinstance(step.settings, tuple)
+    return step.settings
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Part:
-    """A part of the held structure.
+    """A part of the structure with the coordinate fixed.
 
     Parameters
     ----------
     system : System
     stiff, heavy : array, shape (dof,)
-        What a unit displacement of the held coordinate does to it: forces by K and by M.
+        Forces by K and by M on it from a unit displacement and acceleration of the coordinate.
     """
 
     system: System
     stiff: Floats
     heavy: Floats
 
-    def excited(self) -> tuple[Floats, Floats]:
-        """Return the natural frequencies that the held coordinate excites, and their errors."""
-        natural = spectrum.spectrum(self.system)
+    def excited(self, method: spectrum.Method) -> tuple[Floats, Floats]:
+        """Return the natural frequencies that the coordinate excites, and their errors."""
+        natural = spectrum.spectrum(self.system, method)
         modes = natural.modes
         push = modes.T @ self.stiff - natural.eigenvalues * (modes.T @ self.heavy)
         size = np.abs(modes.T) @ np.abs(self.stiff)
         size += np.abs(natural.eigenvalues) * (np.abs(modes.T) @ np.abs(self.heavy))
-        heard = np.abs(push) > _SILENT * size + _mixed(natural, np.abs(push))
-        chosen = heard & (natural.roots > 0.0)
+        excited = np.abs(push) > _UNEXCITED * size + _mixed(natural, np.abs(push))
+        chosen = excited & (natural.roots > 0.0)
         relative = natural.uncertainty / np.abs(natural.eigenvalues[chosen]) + natural.norms
         return np.asarray(natural.roots[chosen]), np.minimum(0.5 * relative + 4.0 * _EPS, 1.0)
 
 
 def _mixed(natural: spectrum.Spectrum, push: Floats) -> Floats:
-    """Return what errors of the modes may add to the excitation of each, shape (mode,).
+    """Return the largest error of the excitation of each mode by errors of the modes, (mode,).
 
-    An error of M or K turns modes towards others by itself over the distance of eigenvalues.
+    An error of M or K mixes two modes by its ratio to the distance of their eigenvalues.
     """
-    values, found = natural.eigenvalues, np.zeros(push.size)
+    values, errors = natural.eigenvalues, np.zeros(push.size)
     if natural.uncertainty == natural.norms == 0.0:
-        return found
+        return errors
     for start in range(0, push.size, _ROWS):
         own = values[start : start + _ROWS, np.newaxis]
         error = natural.uncertainty + natural.norms * np.maximum(np.abs(own), np.abs(values))
         apart = np.maximum(np.abs(own - values), error)
-        turned = np.minimum(error / apart, _MIXED)
+        turned = np.minimum(error / apart, _MAX_MIXED)
         turned[own == values] = 0.0
-        found[start : start + _ROWS] = turned @ push
-    return found
+        errors[start : start + _ROWS] = turned @ push
+    return errors
 
 
 def _parts(problem: Problem) -> Iterator[_Part]:
-    """Yield the parts into which the structure falls when the coordinate is held."""
+    """Yield the unconnected parts of the structure with the coordinate fixed."""
     system = problem.system
     coordinate = system.constraints[problem.constraint].coordinate
     if system.n == 1:
         return
-    held, weight = max(coordinate, key=lambda pair: abs(pair[1]))
-    free = np.delete(np.arange(system.n), held)
+    fixed, weight = max(coordinate, key=lambda pair: abs(pair[1]))
+    free = np.delete(np.arange(system.n), fixed)
     place = np.empty(system.n, dtype=np.int64)
     place[free] = np.arange(free.size)
-    # x = Z (free dofs) + u y with the coordinate y: the held dof makes up for the others.
-    others = [(place[dof], -w / weight) for dof, w in coordinate if dof != held]
+    # x = Z (free dofs) + u y with the coordinate y: the fixed dof follows from the others.
+    others = [(place[dof], -w / weight) for dof, w in coordinate if dof != fixed]
     entries = [np.ones(free.size), np.array([w for _, w in others])]
-    rows = [free, np.full(len(others), held)]
+    rows = [free, np.full(len(others), fixed)]
     columns = [np.arange(free.size), np.array([p for p, _ in others], dtype=np.int64)]
     index = (np.concatenate(rows).astype(np.int64), np.concatenate(columns))
     Z = scipy.sparse.csr_array((np.concatenate(entries), index), shape=(system.n, free.size))
     K, M = system.K.to_sparse(), system.M.to_sparse()
     moved = np.zeros(system.n)
-    moved[held] = 1.0 / weight
+    moved[fixed] = 1.0 / weight
     stiff, heavy = Z.T @ (K @ moved), Z.T @ (M @ moved)
     K, M = (Z.T @ K @ Z).tocsr(), (Z.T @ M @ Z).tocsr()
     count, label = scipy.sparse.csgraph.connected_components(abs(K) + abs(M), directed=False)

@@ -26,9 +26,9 @@ def test_all_of_it_awaited(tmp_path: Path) -> None:
             assert [result.impulse.size for result in results] == [20, 30]
             job = await client.submit("impact-modes", request(40))
             assert (await job.wait(60, progress=True)).state == "succeeded"
-            found = await job.result()
-            again = await client.result(found.digest)
-            np.testing.assert_array_equal(found.impulse, again.impulse)
+            first = await job.result()
+            again = await client.result(first.digest)
+            np.testing.assert_array_equal(first.impulse, again.impulse)
             assert (await client.job(job.id)).final
             assert job.id in [each.id async for each in client.jobs(kind="impact-modes")]
             assert (await client.plan("impact-modes", request(40)))["cached"]

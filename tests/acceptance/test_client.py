@@ -60,9 +60,9 @@ def test_jobs_run_and_are_found_again(client: vi.Client) -> None:
     job = client.submit("impact-modes", request)
     done = job.wait(60, progress=True)
     assert done.state == "succeeded"
-    found = client.job(job.id).result()
-    np.testing.assert_array_equal(found.impulse, client.compute("impact-modes", request).impulse)
-    assert found.digest in {client.result(found.digest).digest}
+    stored = client.job(job.id).result()
+    np.testing.assert_array_equal(stored.impulse, client.compute("impact-modes", request).impulse)
+    assert stored.digest in {client.result(stored.digest).digest}
     assert job.id in [each.id for each in client.jobs(state="succeeded", kind="impact-modes")]
     assert client.submit("impact-modes", request).wait(10).document["reused"]
 
@@ -157,9 +157,9 @@ def test_bands_and_resonances_are_tables_and_pictures(client: vi.Client) -> None
     assert set(result.bands.certified) == {"yes"}
     assert result.bands.stop_reason[-1] == "range"
     assert result.plot().get_xlabel()
-    held = client.resonances(structure, odd_max=3)
-    assert held.Omega.size == 24
-    assert held.plot().get_ylabel() == "resonating harmonic"
+    resonances = client.resonances(structure, odd_max=3)
+    assert resonances.Omega.size == 24
+    assert resonances.plot().get_ylabel() == "resonating harmonic"
 
 
 def test_ensembles_are_arrays_and_a_picture(client: vi.Client) -> None:
@@ -193,13 +193,13 @@ def test_tables_are_seen_and_open_in_xarray(client: vi.Client) -> None:
     assert bands.bands._repr_html_().count("<tr>") == count + 1
     data = bands.to_xarray("bands")
     np.testing.assert_array_equal(data.start.values, bands.bands.start)
-    assert data.start.attrs["long_name"] == "lower edge of a band"
+    assert data.start.attrs["long_name"] == "lower edge of a band, Omega"
     with pytest.raises(ValueError, match=r"no table 'band'.*bands, .*rejected"):
         bands.to_xarray("band")
 
 
 def test_frequency_over_energy_is_drawn(client: vi.Client) -> None:
-    """The members drawn are those that exist, each in the line that its stability says."""
+    """Admissible solutions are drawn, each in the line of its stability."""
     outputs = ["exists", "energy", "stability"]
     result = client.impact_modes(
         vi.two_mass(vi.constraint(0, 1.0)), (0.3, 4.0, 400), outputs=outputs
@@ -235,9 +235,9 @@ def test_a_structure_is_sent_once(client: vi.Client) -> None:
     M, K = np.eye(3), np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
     kept = client.store(vi.system(M, K, []))
     stop = [vi.constraint(2, 0.3)]
-    found = client.impact_modes(kept | {"constraints": stop}, (1.9, 3.0, 10))
+    modes = client.impact_modes(kept | {"constraints": stop}, (1.9, 3.0, 10))
     direct = client.impact_modes(vi.system(M, K, stop), (1.9, 3.0, 10))
-    np.testing.assert_array_equal(found.impulse, direct.impulse)
+    np.testing.assert_array_equal(modes.impulse, direct.impulse)
 
 
 def test_a_batch_answers_one_by_one(client: vi.Client) -> None:

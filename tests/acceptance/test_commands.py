@@ -53,7 +53,7 @@ def test_help_tells_defaults(command: tuple[str, ...]) -> None:
 def test_a_wrong_setting_is_one_line(tmp_path: Path) -> None:
     done = _run("serve", "--data", str(tmp_path), port="eight")
     assert done.returncode == 2
-    assert done.stderr.startswith("A setting cannot be: VIBROIMPACT_PORT: ")
+    assert done.stderr.startswith("Invalid setting: VIBROIMPACT_PORT: ")
     assert done.stderr.count("\n") == 1
 
 

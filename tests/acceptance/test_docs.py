@@ -46,18 +46,18 @@ def test_the_beam_of_the_structures_page() -> None:
     b sin(w (t - T/4)); its velocity jumps by 2 b w cos(w T/4) = -J. Hence it is at
     ``J tan(w T/4) / (2 w)`` as the upper stop is struck, and p = J Omega / pi.
     """
-    found = _run("docs/structures.md")
-    family, gap = found["family"], 1e-3
-    squares, Phi = scipy.linalg.eigh(found["K"], found["M"])
-    w, at_tip = np.sqrt(squares), Phi[found["tip"]] ** 2
+    names = _run("docs/structures.md")
+    family, gap = names["family"], 1e-3
+    squares, Phi = scipy.linalg.eigh(names["K"], names["M"])
+    w, at_tip = np.sqrt(squares), Phi[names["tip"]] ** 2
     for place in (3, 57, 211):
         Omega = family.Omega[place]
         per_kick = np.sum(at_tip * np.tan(w * np.pi / (2 * Omega)) / (2 * w))
         p = gap / per_kick * Omega / np.pi
         # Rates of a dense eigenproblem are uncertain by 1e-16 of the square of the highest.
         assert family.impulse[place, 0] == pytest.approx(p, rel=1e-6)
-    bands = found["bands"].bands
+    bands = names["bands"].bands
     assert np.all(bands.certified == "yes")
     assert bands.start.size > 3
-    assert found["motion"].x.shape == (2000, 1)
-    assert np.all(np.abs(found["motion"].x) <= gap * (1 + 1e-9))
+    assert names["motion"].x.shape == (2000, 1)
+    assert np.all(np.abs(names["motion"].x) <= gap * (1 + 1e-9))

@@ -54,13 +54,13 @@ def is_final(document: dict[str, Any]) -> bool:
 def test_a_long_history_is_a_job_in_windows(service: Any) -> None:
     content = long(100_000.0)
     plan = service.http.post("/v1/plan/time-history", json=content).json()
-    flight = next(step for step in plan["steps"] if step["stage"] == "flight")
+    motion = next(step for step in plan["steps"] if step["stage"] == "flight")
     assert not plan["inline"]
-    assert f"in {flight['count']} windows of time" in flight["reason"]
-    assert flight["count"] > 5
+    assert f"in {motion['count']} windows of time" in motion["reason"]
+    assert motion["count"] > 5
     job = submit(service, content)
     seen = until(service, job["id"], lambda job: job["progress"]["done"] > 0)
-    assert seen["progress"]["total"] == flight["count"]
+    assert seen["progress"]["total"] == motion["count"]
     done = until(service, job["id"], is_final)
     assert done["state"] == "succeeded", done
     where = f"/v1/jobs/{job['id']}/result"

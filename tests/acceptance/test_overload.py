@@ -16,7 +16,8 @@ import httpx2
 import numpy as np
 import pytest
 
-from vibroimpact_service import digest, encode, representations
+from vibroimpact_service.documents import digest
+from vibroimpact_service.results import encode, representations
 from vibroimpact_service.store import HEAD, Store
 
 CHAIN = {"preset": "chain", "n": 13, "constraints": [{"dof": 5, "gap": 0.2}]}
@@ -144,9 +145,9 @@ def test_a_gibibyte_goes_out_in_pieces(start: Callable[..., Any], tmp_path: Path
     size = 2**30
     name = digest.name("local", "benchmark", "", b"gibibyte")
     store = Store(str(tmp_path / "store"))
-    # Its bundle only tells that it is large; what is sent is the file beside it.
-    bundle = encode.freeze(encode.Described({}, {}, {}), {"kind": "benchmark"})
-    store.results.put(name, bundle + bytes(representations.LARGE))
+    # The stored result only has to be large; the file beside it is sent.
+    stored = encode.pack(encode.Content({}, {}, {}, {"kind": "benchmark"}))
+    store.results.put(name, stored + bytes(representations.LARGE))
     block = np.random.default_rng(7).bytes(2**20)
     whole = tmp_path / "whole.h5"
     with whole.open("wb") as file:

@@ -105,7 +105,7 @@ def test_families(
 
 
 @pytest.mark.parametrize("name", ["15", "16", "18", "19", "26", "27", "28", "29", "30", "34"])
-def test_members(service: Any, name: str) -> None:
+def test_solutions(service: Any, name: str) -> None:
     entry = ENTRIES[name]
     values = entry["values"]
     tau = [float(text) for text in values["X_at_tau"]]

@@ -84,7 +84,7 @@ def test_impacts_of_one_history_are_cut_out(client: vi.Client) -> None:
         rows = result.rows("impacts", gap=gap, t_end=20.0)
         np.testing.assert_array_equal(rows.time, alone.impacts.time)
         np.testing.assert_array_equal(rows.velocity, alone.impacts.velocity)
-    with pytest.raises(ValueError, match="all axes: gap, t_end"):
+    with pytest.raises(ValueError, match="every axis: gap, t_end"):
         result.rows("impacts", gap=0.5)
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 import signal
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from benchmarks import command, history, limits, registry
+from benchmarks import command, harness, registry, results
+from benchmarks.registry import Part
 from benchmarks.tables import Table
 
 
@@ -30,65 +30,57 @@ def slow() -> Table:
     return sound()
 
 
-def _only(monkeypatch: pytest.MonkeyPatch, *functions: Callable[[], Table]) -> None:
-    monkeypatch.setattr(registry.Benchmark, "functions", lambda self: functions)
-
-
-def run(save: bool = False, longest: float = 30.0) -> tuple[int, str]:
+def run(*names: str, save: bool = False, longest: float = 30.0) -> tuple[int, str]:
+    """Run functions of this module as tables of a benchmark."""
     said: list[str] = []
-    failed = command.run(registry.BENCHMARKS[:1], said.append, save=save, longest=longest)
+    parts = [Part("scaling", f"{__name__}.{name}") for name in names]
+    failed = command.run(parts, said.append, save=save, longest=longest)
     return failed, "\n".join(said)
 
 
-def test_one_that_fails_hinders_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
-    _only(monkeypatch, broken, sound)
-    failed, said = run()
+def test_one_that_fails_hinders_no_other() -> None:
+    failed, said = run("broken", "sound")
     assert failed == 1
     assert "a peer is gone" in said
     assert "Numbers" in said
     assert "1 of 2 tables" in said
 
 
-def test_progress_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    _only(monkeypatch, broken, sound)
-    _, said = run()
-    name = registry.BENCHMARKS[0].name
+def test_progress_is_said() -> None:
+    _, said = run("broken", "sound")
     assert "[1/2, 0 s]" in said
-    assert f"{name}.sound ..." in said
+    assert "scaling.sound ..." in said
 
 
-def test_one_that_takes_too_long_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    _only(monkeypatch, slow, sound)
+def test_one_that_takes_too_long_is_given_up() -> None:
     started = time.monotonic()
-    failed, said = run(longest=0.2)
+    failed, said = run("slow", "sound", longest=0.2)
     assert time.monotonic() - started < 20.0
     assert failed == 1
     assert "not done after 0.2 s" in said
     assert "Numbers" in said
 
 
-def test_failures_are_kept(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(history, "FOLDER", tmp_path)
+def test_tables_and_failures_are_stored(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(results, "FOLDER", tmp_path)
     drawn: list[bool] = []
     monkeypatch.setattr(command, "draw", lambda: drawn.append(True))
-    _only(monkeypatch, broken, sound)
-    run(save=True)
-    (kept,) = history.runs(registry.BENCHMARKS[0].name)
-    assert [failure.part for failure in kept.failures] == ["broken"]
-    assert "a peer is gone" in kept.failures[0].error
-    (table,) = kept.tables
-    assert (table.title, table.about, table.part) == ("Numbers", "Succeed.", "sound")
+    run("broken", "sound", save=True)
+    gone, there = (results.load("scaling", name) for name in ("broken", "sound"))
+    assert gone is not None
+    assert gone.table is None
+    assert "a peer is gone" in gone.failure
+    assert there is not None
+    assert there.table is not None
+    assert (there.table.title, there.table.about) == ("Numbers", "Succeed.")
     assert drawn == [True]
 
 
-def test_one_that_cannot_be_loaded_is_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
-    def missing(self: registry.Benchmark) -> tuple[Callable[[], Table], ...]:
-        raise ImportError("no module named peer")
-
-    monkeypatch.setattr(registry.Benchmark, "functions", missing)
-    failed, said = run()
-    assert failed == 1
-    assert "no module named peer" in said
+def test_one_that_cannot_be_loaded_is_a_failure() -> None:
+    part = Part("scaling", "benchmarks.no_such_module.table")
+    said: list[str] = []
+    assert command.run([part], said.append, save=False) == 1
+    assert "no_such_module" in "\n".join(said)
 
 
 def test_what_runs_cleans_up_when_the_process_should_end() -> None:
@@ -101,26 +93,27 @@ def test_what_runs_cleans_up_when_the_process_should_end() -> None:
         finally:
             cleaned.append(True)
 
-    with pytest.raises(SystemExit), limits.at_most(30.0):
+    with pytest.raises(SystemExit), harness.at_most(30.0):
         asked_to_end()
     assert cleaned == [True]
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
 
 
 def test_one_table_alone() -> None:
-    (found,) = command.chosen(["guard.kernels"])
-    assert [function.__name__ for function in found.functions()] == ["kernels"]
+    (part,) = registry.named(["scaling.memory"])
+    assert (part.benchmark, part.name) == ("scaling", "memory")
+
+
+def test_all_tables_without_names() -> None:
+    parts = registry.named([])
+    assert {part.benchmark for part in parts} == {one.name for one in registry.BENCHMARKS}
+    assert len(set(parts)) == len(parts) == sum(len(one.paths) for one in registry.BENCHMARKS)
 
 
 @pytest.mark.parametrize(
     ("name", "near"),
-    [("scalling", "scaling"), ("guard.kernel", "guard.kernels"), ("zzz", "impact-modes")],
+    [("scalling", "scaling"), ("bounds.bound", "bounds.bounds"), ("zzz", "peers")],
 )
 def test_unknown_names_are_told_what_comes_near(name: str, near: str) -> None:
     with pytest.raises(registry.UnknownNameError, match=f"called {name}.*{near}"):
-        command.chosen([name])
-
-
-def test_a_table_alone_is_not_kept() -> None:
-    with pytest.raises(ValueError, match="kept whole"):
-        command.chosen(["guard.kernels"], save=True)
+        registry.named([name])

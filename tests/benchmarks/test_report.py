@@ -1,4 +1,4 @@
-"""The page is drawn from what was kept: goals, failures, commands and pictures."""
+"""The pages are drawn from the stored results: goals, failures, commands and plots."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import history, plots, registry, report
-from benchmarks.history import Failure, Run
+from benchmarks import plots, registry, report, results
+from benchmarks.results import Measurement
 from benchmarks.tables import Goal, Plot, Table, Trend
 
 MACHINE = {
@@ -39,7 +39,6 @@ PRECISION = Table(
     * 2,
     plots=(Plot("time [s]", "error", by="method", panel="case"),),
     about="Compare.",
-    part="precision",
     seconds=3.0,
 )
 GROWTH = Table(
@@ -50,88 +49,142 @@ GROWTH = Table(
     plots=(Plot("N", "time [s]"),),
     trends=(Trend("N", "time [s]", 0.5),),
     reasons={"N 100": "the cache is full"},
-    part="growth",
 )
 
 
+AHEAD = Table(
+    "Ahead",
+    (
+        "case",
+        "error at most",
+        "fastest peer",
+        "its time [ms]",
+        "prepared [ms]",
+        "both prepared, times faster",
+        "both from nothing, times faster",
+        "whole call over prepared peer, times faster",
+    ),
+    [
+        ("A", "1e-09", "heyoka", 3.0, 1.0, 3.0, 50.0, 1.5),
+        ("B", "1e-09", "CVODE", 5.0, 1.0, 5.0, 70.0, 0.5),
+        ("B", "1e-12", "CVODE", 0.5, 1.0, 0.5, 7.0, 0.1),
+        ("C", "1e-09", "none", None, 1.0, None, None, None),
+    ],
+)
+
+
+def stored(part: str, table: Table | None, benchmark: str = "scaling", failure: str = "") -> None:
+    when = "2026-01-02T00:00:00Z"
+    Measurement(benchmark, part, when, "abc+", MACHINE, table, failure).save()
+
+
 @pytest.fixture
-def page(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> str:
-    monkeypatch.setattr(history, "FOLDER", tmp_path / "results")
+def docs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """Return the folder of the documentation; results are stored beside it."""
+    monkeypatch.setattr(results, "FOLDER", tmp_path / "results")
     monkeypatch.setattr(report, "DOCS", tmp_path / "docs")
-    first = Run("scaling", "2026-01-01T00:00:00Z", "abc+", MACHINE, (PRECISION, GROWTH))
-    broken = (Failure("memory", "RuntimeError: gone"),)
-    for run in (first, replace(first, when="2026-01-02T00:00:00Z", failures=broken)):
-        history.save(run)
-    (tmp_path / "docs" / "images" / "benchmarks").mkdir(parents=True)
-    (tmp_path / "docs" / "images" / "benchmarks" / "gone.png").write_bytes(b"")
-    return report.draw().read_text(encoding="utf-8")
+    folder = tmp_path / "docs"
+    (folder / "images" / "benchmarks").mkdir(parents=True)
+    return folder
 
 
-def test_the_first_lines_say_what_is_reached_and_what_is_not(page: str) -> None:
-    assert "**1 of 3 goals are reached.**" in page
-    head = page.split("## How to read it")[0]
-    assert "the cache is full" in head
-    assert (
-        "](#scaling-growth): exponent of N<br>not known yet" in head
-    )  # fitted to 1, 10 and 100 seconds
+@pytest.fixture
+def pages(docs: Path) -> tuple[str, str]:
+    """Return the first page, and that of a benchmark with two tables and a failure."""
+    (docs / "images" / "benchmarks" / "gone.png").write_bytes(b"")
+    stored("size", PRECISION)
+    stored("modes", GROWTH)
+    stored("memory", None, failure="RuntimeError: gone")
+    first = report.draw().read_text(encoding="utf-8")
+    return first, (docs / "benchmarks" / "scaling.md").read_text(encoding="utf-8")
 
 
-def test_goals_missed_for_one_reason_share_a_row(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+def test_the_first_page_counts_goals_and_the_others_list_those_missed(
+    pages: tuple[str, str],
 ) -> None:
+    first, page = pages
+    assert "**1 of 3 goals are reached.** The 2 others" in first
+    head = page.split("Measured on")[0]
+    assert "**1 of 3 goals are reached.**" in head
+    assert "the cache is full" in head
+    assert "](#modes): exponent of N<br>not known yet" in head  # fitted to 1, 10 and 100 seconds
+
+
+def test_the_first_page_says_how_fast_against_what_at_which_error(docs: Path) -> None:
+    stored("ahead", AHEAD, "peers")
+    first = report.draw().read_text(encoding="utf-8")
+    head = " ".join(first.split("## Details")[0].split())
+    assert "error of at most 1e-9" in head
+    assert "3 to 5 times as fast (median 4)" in head
+    assert "50 to 70 times as fast (median 60)" in head
+    assert "faster in 1 of 3 comparisons of prepared ones" in head
+    assert "| A | heyoka | 3 | 1 | 3 | 50 | 1.5 |" in head
+    assert "none" not in head
+
+
+def test_goals_missed_for_one_reason_share_a_row(docs: Path) -> None:
     rows = [(10, 3.0, 2.0), (100, 10.0, 5.0), (1000, 1.0, 2.0)]
-    slow = replace(GROWTH, rows=rows, trends=(), reasons={"": "no vectors"})
-    monkeypatch.setattr(history, "FOLDER", tmp_path / "results")
-    monkeypatch.setattr(report, "DOCS", tmp_path / "docs")
-    history.save(Run("scaling", "2026-01-01T00:00:00Z", "abc", MACHINE, (slow,)))
-    (row,) = [
-        line
-        for line in report.draw().read_text(encoding="utf-8").replace("\u00a0", " ").split("\n")
-        if "no vectors" in line
-    ]
+    stored("modes", replace(GROWTH, rows=rows, trends=(), reasons={"": "no vectors"}))
+    report.draw()
+    page = (docs / "benchmarks" / "scaling.md").read_text(encoding="utf-8")
+    (row,) = [line for line in page.replace("\u00a0", " ").split("\n") if "no vectors" in line]
     cells = [cell.strip() for cell in row.strip("|").split("|")]
     assert cells[1:] == ["N 10<br>N 100", "3<br>10", "≤ 2<br>≤ 5"]
 
 
-def test_every_benchmark_is_named_and_what_never_ran_is_said(page: str) -> None:
-    head = page.split("## How to read it")[0]
+def test_every_benchmark_is_named_and_what_never_ran_is_said(pages: tuple[str, str]) -> None:
+    first, _ = pages
     for one in registry.BENCHMARKS:
-        assert report.title(one.name) in head
-    assert head.count("not run yet") == len(registry.BENCHMARKS) - 1
+        assert one.title in first
+    assert first.count("not run yet") == len(registry.BENCHMARKS) - 1
 
 
-def test_failures_are_said(page: str) -> None:
-    assert "1 table failed" in page
-    assert "`scaling.memory` failed in this run" in page
+def test_failures_are_said(pages: tuple[str, str]) -> None:
+    first, page = pages
+    assert "1 table failed" in first
+    assert "`scaling.memory` failed" in page
     assert "RuntimeError: gone" in page
 
 
-def test_tables_name_their_command_and_surroundings(page: str) -> None:
-    assert "`vibroimpact bench scaling.precision`" in page
+def test_tables_name_their_command_and_surroundings(pages: tuple[str, str]) -> None:
+    _, page = pages
+    assert "`vibroimpact bench scaling.size`" in page
     assert "abc with changes" in page
     assert "numpy 2.4" in page
 
 
-def test_links_lead_to_places_on_the_page(page: str) -> None:
+def test_links_lead_to_places_on_the_page(pages: tuple[str, str]) -> None:
+    first, page = pages
     anchors = set(re.findall(r"\{ #(\S+) \}", page))
-    anchors |= {
-        line[3:].lower().replace(" ", "-") for line in page.split("\n") if line[:3] == "## "
-    }
     links = set(re.findall(r"\]\(#([^)]+)\)", page))
     assert links
     assert links <= anchors
+    assert set(re.findall(r"\]\((benchmarks/[^)]+)\)", first)) == {"benchmarks/scaling.md"}
 
 
-def test_pictures_are_there_and_old_ones_are_gone(page: str, tmp_path: Path) -> None:
-    folder = tmp_path / "docs"
-    shown = set(re.findall(r"\((images/benchmarks/[^)]+)\)", page))
-    drawn = {str(path.relative_to(folder)) for path in folder.glob("images/benchmarks/*")}
+def test_pictures_are_there_and_old_ones_are_gone(pages: tuple[str, str], docs: Path) -> None:
+    shown = set(re.findall(r"\(\.\./(images/benchmarks/[^)]+)\)", pages[1]))
+    drawn = {str(path.relative_to(docs)) for path in docs.glob("images/benchmarks/*")}
     assert shown == drawn
-    assert len(drawn) == 3  # two plots and the runs over time
+    assert len(drawn) == 2
 
 
-def test_pictures_follow_light_and_dark_mode(page: str, tmp_path: Path) -> None:
-    for path in (tmp_path / "docs" / "images" / "benchmarks").iterdir():
+def test_the_committed_pages_are_those_of_the_stored_results(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    committed = report.DOCS
+    monkeypatch.setattr(report, "DOCS", tmp_path)
+    report.draw()
+    names = ["benchmarks.md", *(f"benchmarks/{one.name}.md" for one in registry.BENCHMARKS)]
+    for name in names:
+        drawn = (tmp_path / name).read_text(encoding="utf-8")
+        assert (committed / name).read_text(encoding="utf-8") == drawn, name
+    plots = {path.name for path in (tmp_path / "images" / "benchmarks").iterdir()}
+    assert plots == {path.name for path in (committed / "images" / "benchmarks").iterdir()}
+
+
+def test_pictures_follow_light_and_dark_mode(pages: tuple[str, str], docs: Path) -> None:
+    for path in (docs / "images" / "benchmarks").iterdir():
         text = path.read_text(encoding="utf-8")
         ET.fromstring(text)
         assert "prefers-color-scheme: dark" in text
@@ -140,20 +193,21 @@ def test_pictures_follow_light_and_dark_mode(page: str, tmp_path: Path) -> None:
         assert text.count(plots._INK) == 1
 
 
-def test_pictures_name_curves_and_exponents(page: str, tmp_path: Path) -> None:
-    folder = tmp_path / "docs" / "images" / "benchmarks"
-    precision = (folder / "scaling-precision-0.svg").read_text(encoding="utf-8")
+def test_pictures_name_curves_and_exponents(pages: tuple[str, str], docs: Path) -> None:
+    folder = docs / "images" / "benchmarks"
+    precision = (folder / "scaling-size-0.svg").read_text(encoding="utf-8")
     for word in ("Vibroimpact", "scipy DOP853", "heyoka", "no number", "less is better"):
         assert word in precision
-    growth = (folder / "scaling-growth-0.svg").read_text(encoding="utf-8")
+    growth = (folder / "scaling-modes-0.svg").read_text(encoding="utf-8")
     assert "exponent 1.00" in growth
 
 
-def test_the_same_results_give_the_same_page_and_pictures(page: str, tmp_path: Path) -> None:
-    folder = tmp_path / "docs" / "images" / "benchmarks"
-    before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    assert report.draw().read_text(encoding="utf-8") == page
-    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+def test_the_same_results_give_the_same_pages_and_pictures(
+    pages: tuple[str, str], docs: Path
+) -> None:
+    before = {path: path.read_bytes() for path in docs.rglob("*") if path.is_file()}
+    report.draw()
+    assert {path: path.read_bytes() for path in docs.rglob("*") if path.is_file()} == before
 
 
 def test_peers_keep_their_colour_and_ours_stands_out() -> None:

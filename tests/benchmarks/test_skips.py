@@ -22,7 +22,11 @@ from vibroimpact_solvers import existence_bands, impact_modes, slow_flow, sweep,
 from vibroimpact_solvers.plan import Plan, Skip
 
 MODES, ROWS, RESPONSES = "natural modes", "entries of modes", "responses of modes"
-EQUATIONS, WALKS, MAPS = "impulses by equations", "walks along a limit", "maps of half periods"
+EQUATIONS, PATH_CHECKS, MAPS = (
+    "impulses by equations",
+    "certified path checks",
+    "maps of half periods",
+)
 PLACES, FACTORS, PRODUCTS = "displacements", "factorizations", "products of a matrix"
 SURVEYS, BOXES, STRUCTURES = "surveys of bands", "boxes", "structures prepared"
 COORDINATES, STATES = "coordinates expanded", "states advanced"
@@ -34,20 +38,20 @@ PATH = frozenset({COORDINATES, STATES, BOXES})
 # What each scene saves: with the plan's skips, and without them.
 SAVED: Mapping[str, Mapping[str, tuple[int, int]]] = {
     # 400 frequencies; all outputs want a shape and 33 times of 100 degrees of freedom.
-    "only impulses asked, N=100": {
+    "only impulses requested, N=100": {
         RESPONSES: (40_000, 80_000),
         ROWS: (100, 30_200),
         PLACES: (0, 400 * 100 * 34),
-        WALKS: (0, 161),
+        PATH_CHECKS: (0, 161),
         FACTORS: (0, 710),
     },
     # The constraint of the chain of 13 masses hears 12 modes.
-    "only existence asked, N=13": {
+    "only existence requested, N=13": {
         RESPONSES: ((400 + 2 * 156) * 12, 2 * 400 * 12),
         PLACES: (0, 400 * 13 * 34),
         MAPS: (0, 275),
     },
-    "one of 100 degrees of freedom asked": {PLACES: (400 * 33, 400 * 33 * 100)},
+    "one of 100 degrees of freedom requested": {PLACES: (400 * 33, 400 * 33 * 100)},
     "rows of modes at the constraint alone, full M and K, N=100": {ROWS: (100, 100 + 100 * 100)},
     # That in the middle hears 7 modes.
     "modes with a node at the constraint, N=13 struck in the middle": {
@@ -59,35 +63,35 @@ SAVED: Mapping[str, Mapping[str, tuple[int, int]]] = {
     "one frequency of a sparse structure, N=400": {MODES: (0, 400), FACTORS: (3, 0)},
     "equal gaps and no load": {RESPONSES: (400 * 12, 2 * 400 * 12), EQUATIONS: (0, 2 * 400)},
     "one of two constraints struck": {EQUATIONS: (0, 2 * 400)},
-    "existence below Ω_N: impulses that are not positive": {WALKS: (186, 300)},
-    "existence above Ω_N": {WALKS: (0, 300), RESPONSES: (300 * 12, 2 * 300 * 12)},
+    "existence below Ω_N: impulses that are not positive": {PATH_CHECKS: (186, 300)},
+    "existence above Ω_N": {PATH_CHECKS: (0, 300), RESPONSES: (300 * 12, 2 * 300 * 12)},
     # C times 13 modes.
     "a structure with damping": {PRODUCTS: (0, 28), ROWS: (13, 13 + 13 * 13)},
-    "stability where members exist": {MAPS: (154, 300)},
+    "stability where the modes exist": {MAPS: (154, 300)},
     "stability that depends on the order of simultaneous impacts": {MAPS: (0, 400)},
-    "the same structure asked again": {MODES: (100, 200)},
-    # 13 degrees of freedom of all members that are looked at.
+    "the same structure requested again": {MODES: (100, 200)},
+    # 13 degrees of freedom of all solutions that are evaluated.
     "bands that are searched, N=13": {PLACES: (0, 31_408)},
-    "bands that are proved, N=13": {RESPONSES: (0, 46_176), WALKS: (0, 717), SURVEYS: (4, 0)},
+    "bands that are proved, N=13": {RESPONSES: (0, 46_176), PATH_CHECKS: (0, 717), SURVEYS: (4, 0)},
     "bands above the spectrum, N=13": {SURVEYS: (0, 1), BOXES: (0, 3)},
-    "bands of one of two constraints struck": {EQUATIONS: (0, 7918), WALKS: (0, 3258)},
+    "bands of one of two constraints struck": {EQUATIONS: (0, 7918), PATH_CHECKS: (0, 3258)},
     "stability of bands that depends on the order of impacts": {MAPS: (0, 33)},
-    "only bands asked": {MAPS: (0, 213), NUMBERS: (30, 82)},
-    "only their stability asked": {NUMBERS: (28, 82)},
+    "only bands requested": {MAPS: (0, 213), NUMBERS: (30, 82)},
+    "only their stability requested": {NUMBERS: (28, 82)},
     # Five numbers of each of 12 frequencies over 1, 3, 5, 7, 9.
     "odd harmonics alone, N=13": {NUMBERS: (5 * 12 * 5, 5 * 12 * 9)},
     "a structure of which half is not joined to the constraint, N=26": {MODES: (12, 12 + 25)},
     "a constraint that the energy does not reach, N=13": {COORDINATES: (34, 65)},
     "thirteen constraints, few of them in reach": {COORDINATES: (449, 1937)},
-    # The state and three deviations, once: one flight.
+    # The state and three deviations, once: one free motion.
     "a motion that has no impact any more, N=13": {COORDINATES: (0, 10), STATES: (4, 13)},
     "soft limiters": {STRUCTURES: (1, 2), STATES: (0, 64)},
     # x and v of 13 degrees of freedom at 301 times.
-    "only impacts asked, N=13": {PLACES: (0, 301 * 13 * 2), STATES: (68, 68 + 301)},
-    "only displacements asked, N=13": {PLACES: (301 * 13, 301 * 13 * 2), NUMBERS: (4227, 8507)},
-    "one of 13 degrees of freedom asked": {PLACES: (301 * 2, 301 * 13 * 2)},
-    # One state instead of four at the end of each flight.
-    "no estimate of errors asked, N=13": {STATES: (333, 369)},
+    "only impacts requested, N=13": {PLACES: (0, 301 * 13 * 2), STATES: (68, 68 + 301)},
+    "only displacements requested, N=13": {PLACES: (301 * 13, 301 * 13 * 2), NUMBERS: (4227, 8507)},
+    "one of 13 degrees of freedom requested": {PLACES: (301 * 2, 301 * 13 * 2)},
+    # One state instead of four at the end of each free motion.
+    "no estimate of errors requested, N=13": {STATES: (333, 369)},
     "fifty gaps of two coupled constraints, N=40": {
         MODES: (40, 50 * 40),
         RESPONSES: (400 * 40, 50 * 400 * 40),
@@ -180,7 +184,7 @@ def test_every_skip_that_a_plan_can_state_has_a_scene() -> None:
             plan, places = stated(scene)
             assert {skip.what for skip in plan.skips} >= set(scene.states), scene.name
             shown.update(*(places[what] for what in scene.states))
-    # Of outputs that were not asked each one counts, see below.
+    # Of outputs that were not requested each one counts, see below.
     assert shown == sites()
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import harness, history
-from benchmarks.history import Failure, Run
+from benchmarks import results
+from benchmarks.results import Measurement
 from benchmarks.tables import Figure, Goal, Plot, Table, Trend, exponent, figures, written
 from benchmarks.writing import markdown, text
 
@@ -58,9 +58,7 @@ def test_a_missed_goal_has_its_reason_and_a_reached_one_has_none() -> None:
     assert none is None
     assert (missed.label, missed.value, missed.limit) == ("N 13", 0.25, 0.2)
     assert missed.reason == "it is cold"
-    assert missed.over == pytest.approx(1.25)
     assert reached.reason == ""
-    assert reached.over == pytest.approx(0.75)
 
 
 def test_figures_are_judged_each_by_its_own_sign() -> None:
@@ -145,24 +143,25 @@ def test_markdown_writes_powers_of_ten_and_repeats_no_words() -> None:
     ]
 
 
-def test_runs_are_kept_in_order(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(history, "FOLDER", tmp_path)
-    failures = (Failure("broken", "RuntimeError: gone"),)
-    for when in ("2026-01-02T00:00:00Z", "2026-01-01T00:00:00Z"):
-        run = Run("times", when, "abc", harness.machine(), (TABLE, GROWING), failures)
-        path = history.save(run)
-        assert json.loads(path.read_text())["machine"]["packages"]["numpy"]
-    found = history.runs("times")
-    assert [run.when for run in found] == ["2026-01-01T00:00:00Z", "2026-01-02T00:00:00Z"]
-    assert found[0].tables == (TABLE, GROWING)
-    assert found[0].failures == failures
+def test_a_table_has_one_file_with_its_newest_measurement(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(results, "FOLDER", tmp_path)
+    Measurement.now("scaling", "size", TABLE).save()
+    path = Measurement.now("scaling", "size", GROWING).save()
+    assert path == tmp_path / "scaling" / "size.json"
+    assert json.loads(path.read_text())["machine"]["packages"]["numpy"]
+    stored = results.load("scaling", "size")
+    assert stored is not None
+    assert (stored.table, stored.failure) == (GROWING, "")
 
 
-def test_older_results_can_be_read() -> None:
-    document = TABLE.document()
-    for later in ("trends", "reasons", "part", "seconds"):
-        del document[later]
-    del document["goal"]["sense"], document["plots"][0]["ours"]
-    found = Table.of(json.loads(json.dumps(document)))
-    assert found.rows == TABLE.rows
-    assert (found.goal, found.plots) == (TABLE.goal, TABLE.plots)
+def test_a_failure_is_stored_in_place_of_a_table(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(results, "FOLDER", tmp_path)
+    assert results.load("scaling", "size") is None
+    Measurement.now("scaling", "size", "RuntimeError: gone").save()
+    stored = results.load("scaling", "size")
+    assert stored is not None
+    assert (stored.table, stored.failure) == (None, "RuntimeError: gone")

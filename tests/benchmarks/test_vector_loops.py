@@ -35,7 +35,7 @@ def blocks(code: str) -> Iterator[list[str]]:
 
 @pytest.fixture(scope="module")
 def hot_block() -> list[str]:
-    plain = response._sum_swinging.py_func  # type: ignore[attr-defined]
+    plain = response._sum_stable.py_func  # type: ignore[attr-defined]
     compiled = numba.njit(nogil=True, error_model="numpy")(plain)
     lanes, modes = np.ones(64), np.ones(10)
     compiled(*[modes] * 6, *[lanes.copy() for _ in range(5)])

@@ -23,7 +23,8 @@ def call(*arguments: str) -> tuple[int, str]:
 def test_lists_what_the_registry_has() -> None:
     code, output = call("--list")
     assert code == 0
-    assert output.startswith("impact-modes ")
+    assert output.startswith("peers: ")
+    assert "  scaling.memory\n" in output
 
 
 def test_unknown_name(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -39,10 +39,10 @@ def test_the_default_profile(environment: dict[str, str]) -> None:
 
 
 def test_a_profile_by_name(environment: dict[str, str]) -> None:
-    found = connection(profile="cluster", environment=environment)
-    assert found == Connection("https://cluster.example", None, TIMEOUT)
+    chosen = connection(profile="cluster", environment=environment)
+    assert chosen == Connection("https://cluster.example", None, TIMEOUT)
     environment["VIBROIMPACT_PROFILE"] = "cluster"
-    assert connection(environment=environment) == found
+    assert connection(environment=environment) == chosen
 
 
 def test_the_environment_goes_before_the_file(environment: dict[str, str]) -> None:
@@ -54,8 +54,8 @@ def test_the_environment_goes_before_the_file(environment: dict[str, str]) -> No
 
 def test_arguments_go_before_all(environment: dict[str, str]) -> None:
     environment |= {"VIBROIMPACT_URL": "http://here:1", "VIBROIMPACT_KEY": "vik_env"}
-    found = connection("http://there:2", "vik_mine", 1.0, environment=environment)
-    assert found == Connection("http://there:2", "vik_mine", 1.0)
+    chosen = connection("http://there:2", "vik_mine", 1.0, environment=environment)
+    assert chosen == Connection("http://there:2", "vik_mine", 1.0)
     del environment["VIBROIMPACT_KEY"]
     named = connection(profile="lab", environment=environment)
     assert (named.url, named.key) == ("https://lab.example", "vik_lab")
@@ -87,7 +87,7 @@ def test_files_that_cannot_be_understood(
 
 
 def test_a_profile_needs_a_file(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="no file of profiles"):
+    with pytest.raises(ConfigurationError, match="no configuration file"):
         connection(profile="lab", environment={"XDG_CONFIG_HOME": str(tmp_path)})
     with pytest.raises(ConfigurationError, match="'soon', not a number"):
         connection(environment={"XDG_CONFIG_HOME": str(tmp_path), "VIBROIMPACT_TIMEOUT": "soon"})

@@ -69,14 +69,14 @@ def hold(request: pytest.FixtureRequest) -> Hold:
 
 @pytest.fixture(autouse=True)
 def pauses(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    found: list[float] = []
+    pauses: list[float] = []
 
     async def sleep(seconds: float) -> None:
-        found.append(seconds)
+        pauses.append(seconds)
 
-    monkeypatch.setattr("vibroimpact.transport.time.sleep", found.append)
+    monkeypatch.setattr("vibroimpact.transport.time.sleep", pauses.append)
     monkeypatch.setattr("vibroimpact.transport.asyncio.sleep", sleep)
-    return found
+    return pauses
 
 
 def test_a_job_is_looked_at_until_it_is_final(hold: Hold) -> None:
@@ -95,17 +95,17 @@ def test_waiting_ends_with_the_time(hold: Hold) -> None:
 def test_the_first_final_of_many(hold: Hold) -> None:
     service = Service(a=5, b=2, c=2)
     jobs = [service.job(name) for name in "abc"]
-    final, found = hold(service, conversations.first_final(jobs, None))
+    final, current = hold(service, conversations.first_final(jobs, None))
     assert final == [1, 2]
-    assert [document["final"] for document in found] == [False, True, True]
-    with pytest.raises(errors.JobTimeout, match="1 jobs are not final"):
-        hold(service, conversations.first_final(found[:1], 0.0))
+    assert [document["final"] for document in current] == [False, True, True]
+    with pytest.raises(errors.JobTimeout, match="none of 1 jobs has ended"):
+        hold(service, conversations.first_final(current[:1], 0.0))
 
 
 def test_one_wrong_request_does_not_keep_the_others(hold: Hold) -> None:
     requests = [{"n": "fine"}, {"n": "bad"}, {"n": "known"}]
-    found = hold(Service(), conversations.submit_many("kind", requests, conversations.Terms()))
-    sorted_out = Submitted.of(found, lambda document: document["id"])
+    answers = hold(Service(), conversations.submit_many("kind", requests, conversations.Terms()))
+    sorted_out = Submitted.of(answers, lambda document: document["id"])
     assert (len(sorted_out.inserted), len(sorted_out.existing)) == (1, 1)
     assert sorted_out.jobs == ["new", "new"]
     assert isinstance(sorted_out.errors[1], errors.InvalidRequest)
@@ -141,8 +141,8 @@ def test_passing_faults_are_tried_again(hold: Hold, pauses: list[float]) -> None
         answer = answers.pop(0)
         if isinstance(answer, Exception):
             raise answer
-        found: httpx2.Response = answer
-        return found
+        response: httpx2.Response = answer
+        return response
 
     assert hold(service, conversations.version()) == {"version": "1"}
     assert pauses[1:] == [3.0]
@@ -201,19 +201,19 @@ def test_many_jobs_are_looked_for_in_pages(hold: Hold, others: int, looks: int) 
     """Thirty of them: three or four exchanges for all instead of thirty."""
     service = ManyJobs(30, others)
     documents = [service.job(f"job{i}") for i in range(30)]
-    final, found = hold(service, conversations.first_final(documents, 60.0))
-    assert [found[place]["id"] for place in final] == [
+    final, current = hold(service, conversations.first_final(documents, 60.0))
+    assert [current[place]["id"] for place in final] == [
         f"job{i}" for i in range(30) if i % 10 in (3, 7)
     ]
-    assert [one["id"] for one in found] == [f"job{i}" for i in range(30)]
+    assert [one["id"] for one in current] == [f"job{i}" for i in range(30)]
     assert service.looked <= looks
 
 
 def test_jobs_behind_those_of_others_are_looked_at_one_by_one(hold: Hold) -> None:
     service = ManyJobs(30, 100)
     documents = [service.job(f"job{i}") for i in range(30)]
-    final, found = hold(service, conversations.first_final(documents, 60.0))
+    final, current = hold(service, conversations.first_final(documents, 60.0))
     assert len(final) == 6
-    assert [one["id"] for one in found] == [f"job{i}" for i in range(30)]
+    assert [one["id"] for one in current] == [f"job{i}" for i in range(30)]
     # Each round asks for one page, which has none of ours, and then for all of them.
     assert service.looked == 31 * service.listed

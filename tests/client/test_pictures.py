@@ -1,4 +1,4 @@
-"""Scales of maps: zero is white where both signs are there, else the end of one scale."""
+"""Colour scales of maps: zero is white if values of both signs occur, else an end of the scale."""
 
 from __future__ import annotations
 

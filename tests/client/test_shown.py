@@ -1,4 +1,4 @@
-"""What people see while they wait and before they compute: bars in notebooks, plans in words."""
+"""Progress bars in notebooks, and plans as text and as tables."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ def test_a_plan_reads_as_words() -> None:
     assert str(PLAN).splitlines() == [
         "spectrum: dense – M & K are full",
         "impulse: scalar – one constraint",
-        "not: shape – not <asked>",
-        "about 0.012 s of computing, answered at once",
+        "skipped: shape – not <asked>",
+        "about 0.012 s of computation, answered directly",
     ]
-    assert str(Plan(PLAN | {"cached": True})).endswith("the result is there already")
-    assert str(Plan(PLAN | {"inline": False})).endswith("becomes a job")
+    assert str(Plan(PLAN | {"cached": True})).endswith("the result is already stored")
+    assert str(Plan(PLAN | {"inline": False})).endswith("run as a job")
     assert PLAN["seconds"] == 0.01234
 
 

@@ -65,7 +65,7 @@ class Played:
 def played() -> Any:
     impulse = np.arange(24.0).reshape(3, 2, 4, 1)
     exists = (("gap", "k", "Omega"), (np.arange(24) % 2).astype(np.int8).reshape(3, 2, 4))
-    flags = {"flag_meanings": "phantom real"}
+    flags = {"flag_meanings": "phantom admissible"}
     return Played(impulse=(("gap", "k", "Omega", "constraint"), impulse), exists=(*exists, flags))
 
 
@@ -96,9 +96,9 @@ def test_lines_over_one_axis() -> None:
 def test_codes_are_drawn_with_their_meanings() -> None:
     ax = draw(played(), "exists", {"k": 1.0})
     bar = ax.figure.axes[-1]
-    assert [text.get_text() for text in bar.get_yticklabels()] == ["phantom", "real"]
+    assert [text.get_text() for text in bar.get_yticklabels()] == ["phantom", "admissible"]
     ax = draw(played(), "exists", {"k": 1.0, "gap": 0.2})
-    assert [text.get_text() for text in ax.get_yticklabels()] == ["phantom", "real"]
+    assert [text.get_text() for text in ax.get_yticklabels()] == ["phantom", "admissible"]
 
 
 def test_what_cannot_be_drawn_says_what_is_left() -> None:

@@ -28,9 +28,9 @@ class Played:
 
 @pytest.fixture(autouse=True)
 def pauses(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    found: list[float] = []
-    monkeypatch.setattr("vibroimpact.transport.time.sleep", found.append)
-    return found
+    pauses: list[float] = []
+    monkeypatch.setattr("vibroimpact.transport.time.sleep", pauses.append)
+    return pauses
 
 
 def problem(status: int, **more: object) -> httpx2.Response:

@@ -12,11 +12,11 @@ import pytest
 import structlog
 from starlette.testclient import TestClient
 
-from vibroimpact_service import tasks
+from vibroimpact_service import chunks as job_chunks
 from vibroimpact_service.app import create_app
 from vibroimpact_service.jobs.engine import EngineUnavailableError
-from vibroimpact_service.jobs.ledger import KeyReusedError, NewJob
-from vibroimpact_service.jobs.records import JobRow
+from vibroimpact_service.jobs.records import KeyReusedError, NewJob
+from vibroimpact_service.jobs.tables import JobRow
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 
@@ -35,7 +35,7 @@ class Engine:
 
     ready = True
     failure = None
-    slots = 2
+    workers = 2
 
     async def run(self, function: Any, *args: Any) -> Any:
         raise EngineUnavailableError
@@ -59,13 +59,13 @@ class Queue:
     async def close(self) -> None:
         """Nothing to close."""
 
-    def takes(self, seconds: float) -> bool:
+    def computes(self, result: str) -> bool:
         return False
 
     async def request(self, name: str) -> bytes | None:
         return self.store.requests.get(name)
 
-    async def submit(self, new: NewJob, compute: Any = None) -> JobRow:
+    async def submit(self, new: NewJob) -> JobRow:
         if new.block is not None:
             self.store.requests.put(new.request, new.block)
         if new.key is not None:
@@ -92,8 +92,8 @@ class Queue:
             created=1e9,
             started=None,
             finished=None,
-            lease_owner=None,
-            lease_until=None,
+            claim_owner=None,
+            claim_until=None,
             version=1,
             error=None,
             deadline=None if new.deadline is None else 1e9 + new.deadline,
@@ -107,12 +107,12 @@ class Queue:
         row = self.rows[job]
         arguments = (self.store.url, row.kind, row.request, row.result)
         try:
-            names = tasks.WORK.split(*arguments)
+            names = job_chunks.WORK.split(*arguments)
             for index in range(len(names)):
-                tasks.WORK.solve(*arguments, [index])
-            tasks.WORK.join(*arguments, names)
+                job_chunks.WORK.solve(*arguments, [index])
+            job_chunks.WORK.join(*arguments, names)
         except Exception as error:
-            self.change(job, state="failed", error=tasks.WORK.explain(error))
+            self.change(job, state="failed", error=job_chunks.WORK.explain(error))
         else:
             self.change(job, state="succeeded", done=1)
 
@@ -148,20 +148,12 @@ class Queue:
             self.change(job, state="cancelled")
         return self.rows[job]
 
-    async def finished(self, owner: str, job: str, seconds: float) -> JobRow | None:
+    async def wait(
+        self, owner: str, job: str, seconds: float, since: int | None = None
+    ) -> JobRow | None:
         try:
             async with asyncio.timeout(seconds):
-                while not self.rows[job].final:
-                    self._changed.clear()
-                    await self._changed.wait()
-        except TimeoutError:
-            pass
-        return self.rows[job]
-
-    async def wait(self, owner: str, job: str, version: int, seconds: float) -> JobRow | None:
-        try:
-            async with asyncio.timeout(seconds):
-                while self.rows[job].version == version:
+                while not self.rows[job].final and since in (None, self.rows[job].version):
                     self._changed.clear()
                     await self._changed.wait()
         except TimeoutError:
@@ -194,7 +186,14 @@ class Queue:
 
 @pytest.fixture
 def settings(tmp_path: Path) -> Settings:
-    return Settings(data=tmp_path, max_body_bytes=2**20, max_dofs=500, hosts=("testserver",))
+    return Settings(
+        data=tmp_path,
+        max_body_bytes=2**20,
+        max_dofs=500,
+        hosts=("testserver",),
+        # Jobs go to the queue, which computes them when the test says so.
+        on_submission_seconds=0.0,
+    )
 
 
 @pytest.fixture

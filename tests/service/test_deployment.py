@@ -33,11 +33,11 @@ def _documents(path: Path) -> list[Any]:
     return list(yaml.safe_load_all(path.read_text()))
 
 
-def _walk(node: Any) -> Iterator[dict[str, Any]]:
+def _mappings(node: Any) -> Iterator[dict[str, Any]]:
     if isinstance(node, dict):
         yield node
     for part in node.values() if isinstance(node, dict) else node if isinstance(node, list) else ():
-        yield from _walk(part)
+        yield from _mappings(part)
 
 
 def _commands(words: list[str]) -> Iterator[list[str]]:
@@ -124,7 +124,7 @@ def test_probes_ask_routes_and_ports_that_are_there() -> None:
     routes = {getattr(route, "path", None) for route in service_routes.router.routes}
     asked = 0
     for path in KUBERNETES:
-        for container in _walk(_documents(path)):
+        for container in _mappings(_documents(path)):
             ports = {port.get("name") for port in container.get("ports", ()) if "name" in port}
             for name in ("startupProbe", "livenessProbe", "readinessProbe"):
                 probe = container.get(name, {})
@@ -155,7 +155,7 @@ def test_kubernetes_names_what_it_has() -> None:
     secrets = set(re.findall(r"secret generic (\S+)", text))
     used = {
         node[key][name]
-        for node in _walk(objects)
+        for node in _mappings(objects)
         for key, name in (("secretRef", "name"), ("secret", "secretName"))
         if key in node
     }

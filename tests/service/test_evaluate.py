@@ -13,12 +13,14 @@ from typing import Any
 import orjson
 import pytest
 
-from vibroimpact_service import evaluate, problems, tasks
-from vibroimpact_service.evaluate import Answer, Evaluation, Question, Queued
+from vibroimpact_service import problems
+from vibroimpact_service.documents import parse, requests
+from vibroimpact_service.documents.requests import Request
+from vibroimpact_service.evaluate import Admission, Answer, Evaluation, Queued
 from vibroimpact_service.kinds import KINDS, Kind, Solver
 from vibroimpact_service.metrics import Metrics
-from vibroimpact_service.negotiate import HDF5, JSON, Preference
 from vibroimpact_service.problems import ProblemError
+from vibroimpact_service.results.negotiate import HDF5, JSON, Preference
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 from vibroimpact_solvers import impact_modes
@@ -58,8 +60,14 @@ def counting(error: Exception | None = None) -> Counting:
     )  # fmt: skip
 
 
-async def free(plan: Any, seconds: float) -> None:
+async def charge(plan: Any, seconds: float) -> None:
     """Charge nothing."""
+
+
+@pytest.fixture(params=[True, False], ids=["free", "charged"])
+def free(request: pytest.FixtureRequest) -> Admission:
+    """Return admissions with which a request is one call in a thread, and two."""
+    return Admission(charge, request.param)
 
 
 @pytest.fixture
@@ -77,21 +85,18 @@ def run(main: Callable[[], Awaitable[Any]]) -> Any:
     return asyncio.run(bounded())
 
 
-def body(content: dict[str, Any]) -> bytes:
-    return orjson.dumps(content)
-
-
-async def asked(use: Evaluation, content: dict[str, Any], kind: Kind | None = None) -> Question:
-    return await use.ask(OWNER, kind or KINDS["impact-modes"], body(content))
+def asked(content: dict[str, Any], kind: Kind | None = None, owner: str = OWNER) -> Request:
+    kind = kind or KINDS["impact-modes"]
+    return requests.read(owner, kind, parse.json(orjson.dumps(content)))
 
 
 def test_small_work_is_answered_at_once_and_known_the_next_time(
-    use: Evaluation, request_body: dict[str, Any]
+    use: Evaluation, request_body: dict[str, Any], free: Admission
 ) -> None:
     async def main() -> None:
-        question = await asked(use, request_body)
+        question = asked(request_body)
         first = await use.compute(question, PLAIN, JSON, free)
-        second = await use.compute(await asked(use, request_body), PLAIN, JSON, free)
+        second = await use.compute(asked(request_body), PLAIN, JSON, free)
         assert isinstance(first, Answer)
         assert isinstance(second, Answer)
         assert (first.cache, second.cache) == ("fwd=miss", "hit")
@@ -106,12 +111,12 @@ def test_small_work_is_answered_at_once_and_known_the_next_time(
 
 
 def test_equal_requests_at_the_same_time_are_computed_once(
-    use: Evaluation, request_body: dict[str, Any]
+    use: Evaluation, request_body: dict[str, Any], free: Admission
 ) -> None:
     kind = counting()
 
     async def main() -> None:
-        questions = [await asked(use, request_body, kind) for _ in range(200)]
+        questions = [asked(request_body, kind) for _ in range(200)]
         waiting = [asyncio.create_task(use.compute(q, PLAIN, JSON, free)) for q in questions]
         while not kind.calls:
             await asyncio.sleep(0.01)
@@ -125,7 +130,7 @@ def test_equal_requests_at_the_same_time_are_computed_once(
 
 
 def test_what_an_equal_request_computed_meanwhile_is_a_hit(
-    use: Evaluation, request_body: dict[str, Any]
+    use: Evaluation, request_body: dict[str, Any], free: Admission
 ) -> None:
     kind = counting()
     kind.gate.set()
@@ -137,8 +142,8 @@ def test_what_an_equal_request_computed_meanwhile_is_a_hit(
             admitted.set()
             await may.wait()
 
-        question = await asked(use, request_body, kind)
-        late = asyncio.create_task(use.compute(question, PLAIN, JSON, slow))
+        question = asked(request_body, kind)
+        late = asyncio.create_task(use.compute(question, PLAIN, JSON, Admission(slow)))
         await admitted.wait()
         first = await use.compute(question, PLAIN, JSON, free)
         may.set()
@@ -152,12 +157,12 @@ def test_what_an_equal_request_computed_meanwhile_is_a_hit(
 
 
 def test_one_who_goes_away_takes_nothing_from_the_others(
-    use: Evaluation, request_body: dict[str, Any]
+    use: Evaluation, request_body: dict[str, Any], free: Admission
 ) -> None:
     kind = counting()
 
     async def main() -> None:
-        question = await asked(use, request_body, kind)
+        question = asked(request_body, kind)
         impatient = asyncio.create_task(use.compute(question, PLAIN, JSON, free))
         while not kind.calls:
             await asyncio.sleep(0.01)
@@ -172,16 +177,16 @@ def test_one_who_goes_away_takes_nothing_from_the_others(
 
 
 def test_a_job_for_what_is_being_computed_waits_for_it(
-    use: Evaluation, request_body: dict[str, Any], queue: Any
+    use: Evaluation, request_body: dict[str, Any], free: Admission, queue: Any
 ) -> None:
     kind = counting()
 
     async def main() -> None:
-        question = await asked(use, request_body, kind)
+        question = asked(request_body, kind)
         inline = asyncio.create_task(use.compute(question, PLAIN, JSON, free))
         while not kind.calls:
             await asyncio.sleep(0.01)
-        job = asyncio.create_task(use.submit(question, 0, free, None))
+        job = asyncio.create_task(use.submit(question, free, None))
         await asyncio.sleep(0.05)
         assert not queue.rows
         kind.gate.set()
@@ -192,13 +197,13 @@ def test_a_job_for_what_is_being_computed_waits_for_it(
 
 
 def test_a_failed_computation_is_a_problem_for_all_and_may_be_tried_again(
-    use: Evaluation, request_body: dict[str, Any], store: Store
+    use: Evaluation, request_body: dict[str, Any], free: Admission, store: Store
 ) -> None:
     kind = counting(ConvergenceError("no root"))
     kind.gate.set()
 
     async def main() -> None:
-        question = await asked(use, request_body, kind)
+        question = asked(request_body, kind)
         for _ in range(2):
             with pytest.raises(ConvergenceError):
                 await use.compute(question, PLAIN, JSON, free)
@@ -208,15 +213,22 @@ def test_a_failed_computation_is_a_problem_for_all_and_may_be_tried_again(
     run(main)
 
 
-def test_large_work_becomes_a_job(store: Store, queue: Any, request_body: dict[str, Any]) -> None:
-    use = Evaluation(Settings(data=Path("unused"), inline_seconds=0), store, queue, Metrics())
+def test_large_work_becomes_a_job(
+    store: Store, queue: Any, request_body: dict[str, Any], free: Admission
+) -> None:
+    use = Evaluation(
+        Settings(data=Path("unused"), inline_seconds=0, on_submission_seconds=0),
+        store,
+        queue,
+        Metrics(),
+    )
 
     async def main() -> None:
-        question = await asked(use, request_body)
+        question = asked(request_body)
         outcome = await use.compute(question, PLAIN, JSON, free)
         assert isinstance(outcome, Queued)
         assert outcome.job.seconds > 0
-        assert store.requests.get(outcome.job.request) == tasks.request_block(
+        assert store.requests.get(outcome.job.request) == requests.stored_form(
             OWNER, question.canonical
         )
         assert not store.results.has(question.digest)
@@ -228,9 +240,11 @@ def test_large_work_becomes_a_job(store: Store, queue: Any, request_body: dict[s
     use.close()
 
 
-def test_preferences(use: Evaluation, queue: Any, request_body: dict[str, Any]) -> None:
+def test_preferences(
+    use: Evaluation, queue: Any, request_body: dict[str, Any], free: Admission
+) -> None:
     async def main() -> None:
-        question = await asked(use, request_body)
+        question = asked(request_body)
         first = await use.compute(question, Preference(respond_async=True), JSON, free)
         assert isinstance(first, Queued)
         assert first.job.state == "queued"
@@ -248,10 +262,10 @@ def test_preferences(use: Evaluation, queue: Any, request_body: dict[str, Any]) 
 
 
 def test_a_failed_job_is_returned_as_a_job(
-    use: Evaluation, queue: Any, store: Store, request_body: dict[str, Any]
+    use: Evaluation, queue: Any, store: Store, request_body: dict[str, Any], free: Admission
 ) -> None:
     async def main() -> None:
-        question = await asked(use, request_body)
+        question = asked(request_body)
         outcome = await use.compute(question, Preference(respond_async=True), JSON, free)
         assert isinstance(outcome, Queued)
         store.requests.remove(outcome.job.request)
@@ -262,9 +276,11 @@ def test_a_failed_job_is_returned_as_a_job(
     run(main)
 
 
-def test_plans_do_no_work(use: Evaluation, store: Store, request_body: dict[str, Any]) -> None:
+def test_plans_do_no_work(
+    use: Evaluation, store: Store, request_body: dict[str, Any], free: Admission
+) -> None:
     async def main() -> None:
-        question = await asked(use, request_body)
+        question = asked(request_body)
         plan = await use.plan(question)
         assert plan.digest == question.digest
         assert not plan.cached
@@ -281,8 +297,8 @@ def test_plans_do_no_work(use: Evaluation, store: Store, request_body: dict[str,
 def test_owners_do_not_share_names(use: Evaluation, request_body: dict[str, Any]) -> None:
     async def main() -> None:
         kind = KINDS["impact-modes"]
-        mine = await use.ask("me", kind, body(request_body))
-        yours = await use.ask("you", kind, body(request_body))
+        mine = asked(request_body, kind, "me")
+        yours = asked(request_body, kind, "you")
         assert mine.digest != yours.digest
 
     run(main)
@@ -301,7 +317,13 @@ def test_owners_do_not_share_names(use: Evaluation, request_body: dict[str, Any]
     ],
 )
 def test_nothing_is_kept_of_what_is_wrong(
-    use: Evaluation, store: Store, queue: Any, request_body: dict[str, Any], path: Any, value: Any
+    use: Evaluation,
+    store: Store,
+    queue: Any,
+    request_body: dict[str, Any],
+    free: Admission,
+    path: Any,
+    value: Any,
 ) -> None:
     place: Any = request_body
     for part in path[:-1]:
@@ -311,7 +333,7 @@ def test_nothing_is_kept_of_what_is_wrong(
     async def main() -> None:
         for preference in (PLAIN, Preference(respond_async=True)):
             with pytest.raises(ProblemError) as caught:
-                await use.compute(await asked(use, request_body), preference, JSON, free)
+                await use.compute(asked(request_body), preference, JSON, free)
             assert caught.value.type in (problems.INVALID, problems.TOO_LARGE)
 
     run(main)
@@ -319,16 +341,11 @@ def test_nothing_is_kept_of_what_is_wrong(
     assert not Path(store.url).exists()
 
 
-def test_unknown_kinds_are_refused() -> None:
-    with pytest.raises(ProblemError) as caught:
-        evaluate.kind_named("no-such-kind", "kind")
-    assert caught.value.errors[0].pointer == "/kind"
-
-
 def test_large_bodies_are_read_off_the_event_loop(
     use: Evaluation, request_body: dict[str, Any]
 ) -> None:
     request_body["frequency"] = {"values": [1.0 + i * 1e-6 for i in range(50_000)]}
+    sent = orjson.dumps(request_body)
 
     async def main() -> None:
         stalls = []
@@ -343,34 +360,18 @@ def test_large_bodies_are_read_off_the_event_loop(
         watching = asyncio.create_task(watch())
         await asyncio.sleep(0.01)
         count = len(stalls)
-        question = await asked(use, request_body)
+        question = await use.executor.parse(
+            sent, lambda: requests.read(OWNER, KINDS["impact-modes"], parse.json(sent))
+        )
         watching.cancel()
         assert len(stalls) > count  # the loop went on while the body was read
-        assert question.request.frequency.count == 50_000
-
-    run(main)
-
-
-def test_systems_are_stored_by_content(use: Evaluation, chain: dict[str, Any]) -> None:
-    async def main() -> None:
-        first, new = await use.store_system(OWNER, JSON, body(chain))
-        again, still_new = await use.store_system(OWNER, JSON, body({**chain, "mass": 1.0}))
-        assert (new, still_new) == (True, False)
-        assert first == again
-        assert (first.n, first.constraints) == (13, 1)
-        other, _ = await use.store_system("you", JSON, body(chain))
-        assert other.id != first.id
-        data = await use.system(first.id)
-        assert orjson.loads(data or b"")["preset"] == "chain"
-        moved = {"id": first.id, "constraints": [{"dof": 0, "gap": 1}]}
-        copy, _ = await use.store_system(OWNER, JSON, body(moved))
-        assert copy.id not in (first.id, other.id)
+        assert question.document.frequency.count == 50_000
 
     run(main)
 
 
 def test_too_many_waiting_requests_are_sent_away(
-    settings: Settings, store: Store, queue: Any, request_body: dict[str, Any]
+    settings: Settings, store: Store, queue: Any, request_body: dict[str, Any], free: Admission
 ) -> None:
     chosen = settings.model_copy(update={"max_waiting": 2, "inline_threads": 1})
     use = Evaluation(chosen, store, queue, Metrics())
@@ -378,8 +379,8 @@ def test_too_many_waiting_requests_are_sent_away(
     async def main() -> None:
         questions = []
         for number in range(8):
-            body_ = {**request_body, "frequency": {"values": [1.0 + number]}}
-            questions.append(await asked(use, body_))
+            content = {**request_body, "frequency": {"values": [1.0 + number]}}
+            questions.append(asked(content))
         answers = await asyncio.gather(
             *(use.compute(q, PLAIN, JSON, free) for q in questions), return_exceptions=True
         )

@@ -11,8 +11,10 @@ from typing import Any, get_args, get_origin, get_type_hints
 import pytest
 
 from vibroimpact_schema import examples
+from vibroimpact_service import kinds
 from vibroimpact_service.kinds import KINDS, Kind
-from vibroimpact_solvers.arrays import quantities
+from vibroimpact_service.problems import ProblemError
+from vibroimpact_solvers.arrays import declared
 
 
 @pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
@@ -26,22 +28,28 @@ class TestEveryKind:
         assert dataclasses.is_dataclass(solver.Result)
 
     def test_the_decoder_exists(self, kind: Kind) -> None:
-        decode = importlib.import_module("vibroimpact_service.decode")
+        decode = importlib.import_module("vibroimpact_service.documents.decode")
         assert callable(getattr(decode, kind.decoder))
 
     def test_there_are_examples(self, kind: Kind) -> None:
         assert examples.requests(kind.name)
 
-    def test_the_document_of_the_result_names_every_array(self, kind: Kind) -> None:
-        for name, quantity in quantities(kind.solver.Result).items():
+    def test_the_document_of_the_result_names_every_field(self, kind: Kind) -> None:
+        for field in declared(kind.solver.Result).values():
             model: Any = kind.result
-            for part in (quantity.path or name).split("/"):
-                assert part in model.model_fields, f"{kind.name}: {quantity.path or name}"
+            for part in field.path.split("/"):
+                assert part in model.model_fields, f"{kind.name}: {field.path}"
                 model = _inner(get_type_hints(model)[part])
 
     def test_names_agree(self, kind: Kind) -> None:
         assert KINDS[kind.name] is kind
         assert kind.result.model_fields["kind"].annotation.__args__ == (kind.name,)  # type: ignore[union-attr]
+
+
+def test_unknown_kinds_are_refused() -> None:
+    with pytest.raises(ProblemError) as caught:
+        kinds.named("no-such-kind", "kind")
+    assert caught.value.errors[0].pointer == "/kind"
 
 
 def _inner(hint: Any) -> Any:

@@ -1,20 +1,17 @@
-"""Exceptions become problems; faults point into the body and never quote it."""
+"""Exceptions become problems, of types that are documented."""
 
 from __future__ import annotations
 
 import errno
 import pickle
-from typing import Any
+import re
+from pathlib import Path
 
 import pytest
-from pydantic import ValidationError
 
-from vibroimpact_schema.requests import ImpactModesRequest
 from vibroimpact_service import problems
 from vibroimpact_service.problems import ProblemError, Type
 from vibroimpact_solvers.errors import Cancelled, ConvergenceError, ModelError, PlanError
-
-CHAIN = {"preset": "chain", "n": 3, "constraints": [{"dof": 0, "gap": 0.2}]}
 
 
 @pytest.mark.parametrize(
@@ -69,59 +66,14 @@ def test_pointers_are_escaped() -> None:
     assert problems.pointer([]) == ""
 
 
-def of_validation(content: Any, *prefix: str) -> ProblemError:
-    with pytest.raises(ValidationError) as caught:
-        ImpactModesRequest.model_validate(content)
-    return problems.of_validation(caught.value, content, *prefix)
-
-
-@pytest.mark.parametrize(
-    ("content", "pointer", "code"),
-    [
-        ({"system": CHAIN}, "/frequency", "missing"),
-        ({"system": {**CHAIN, "n": "3"}}, "/system/n", "wrong_type"),
-        ({"system": {**CHAIN, "preset": "x"}}, "/system/preset", "unknown_choice"),
-        (
-            {"system": {**CHAIN, "constraints": [{"dof": 0}]}},
-            "/system/constraints/0/gap",
-            "missing",
-        ),
-        ({"system": {"M": {"bands": {"x": [1]}}}}, "/system/M/bands/x", "wrong_format"),
-        ({"system": {"M": {"diagonal": [float("nan")]}}}, "/system/M/diagonal/0", "not_finite"),
-        ({"system": {"M": [[1, "2"]]}}, "/system/M/0/1", "wrong_type"),
-        ({"system": CHAIN, "frequency": {"values": []}}, "/frequency/values", "too_short"),
-        ({"system": CHAIN, "a/b": 1, "frequency": {"values": [1]}}, "/a~1b", "unknown_field"),
-        (5, "", "wrong_type"),
-    ],
-)
-def test_pointers_lead_into_the_body(content: Any, pointer: str, code: str) -> None:
-    first = of_validation(content).errors[0]
-    assert (first.pointer, first.code) == (pointer, code)
-
-
-def test_a_prefix_leads_to_documents_inside_of_the_body() -> None:
-    assert of_validation({"system": CHAIN}, "request").errors[0].pointer == "/request/frequency"
-
-
-def test_the_input_is_not_quoted() -> None:
-    problem = of_validation({"system": {"preset": "s3cret", "n": "s3cret"}, "tau": ["s3cret"]})
-    assert "s3cret" not in problem.document("r").model_dump_json()
-
-
-def test_names_of_unknown_fields_are_shown_short_and_printable() -> None:
-    content = {"system": CHAIN, "frequency": {"values": [1]}, "x" * 10_000: 1, "a\nb": 2}
-    pointers = [fault.pointer for fault in of_validation(content).errors]
-    assert pointers == ["/" + "x" * 64 + "…", "/a\N{REPLACEMENT CHARACTER}b"]
-
-
-def test_of_many_faults_a_few_are_listed_and_all_are_counted() -> None:
-    content = {"system": CHAIN, "frequency": {"values": [1]}, **{f"x{i}": 1 for i in range(500)}}
-    problem = of_validation(content)
-    assert len(problem.errors) == 20
-    assert "499 more" in problem.detail
-
-
 def test_problems_survive_the_way_between_processes() -> None:
     problem = problems.invalid("/system/K", "not_symmetric", "it is not")
     again = pickle.loads(pickle.dumps(problem))
     assert again.document("r") == problem.document("r")
+
+
+def test_the_page_has_every_type() -> None:
+    page = Path(__file__).parents[2] / "docs" / "problems.md"
+    rows = re.findall(r"^\| `(\w+)` \| (\d+) \| (.+) \| (.+) \|$", page.read_text(), re.M)
+    types = problems.TYPES.values()
+    assert sorted(rows) == sorted((t.code, str(t.status), t.title, t.about) for t in types)

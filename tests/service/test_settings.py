@@ -10,7 +10,14 @@ from typing import Any
 
 import pytest
 
-from vibroimpact_service.settings import Settings, SettingsInvalidError, read, unknown
+from vibroimpact_service.settings import (
+    RENAMED,
+    Settings,
+    SettingsInvalidError,
+    read,
+    renamed,
+    unknown,
+)
 
 PAGE = Path(__file__).parents[2] / "docs" / "service" / "settings.md"
 ROW = re.compile(r"^\| `VIBROIMPACT_([A-Z0-9_]+)` \| (.+?) \| (.+) \|$", re.M)
@@ -82,3 +89,39 @@ def test_misspelt_variables_are_found() -> None:
         "VIBROIMPACT_TEST_POSTGRESQL": "1",
     }
     assert unknown(environment) == ["VIBROIMPACT_WORKER"]
+
+
+def test_names_of_0_1_0_are_still_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("VIBROIMPACT_DRIVEN_JOBS", "3")
+    monkeypatch.setenv("VIBROIMPACT_SPOT_SECONDS", "0.5")
+    with pytest.warns(DeprecationWarning, match="is now called VIBROIMPACT_"):
+        old = read()
+    assert (old.running_jobs, old.on_submission_seconds) == (3, 0.5)
+    assert renamed(os.environ) == {
+        "VIBROIMPACT_DRIVEN_JOBS": "VIBROIMPACT_RUNNING_JOBS",
+        "VIBROIMPACT_SPOT_SECONDS": "VIBROIMPACT_ON_SUBMISSION_SECONDS",
+    }
+    assert unknown(os.environ) == []
+    monkeypatch.setenv("VIBROIMPACT_RUNNING_JOBS", "5")
+    monkeypatch.delenv("VIBROIMPACT_SPOT_SECONDS")
+    for given, taken in (({}, 5), ({"running_jobs": 7}, 7)):
+        with pytest.warns(DeprecationWarning, match="VIBROIMPACT_DRIVEN_JOBS is now called"):
+            assert read(**given).running_jobs == taken
+    monkeypatch.delenv("VIBROIMPACT_DRIVEN_JOBS")
+    monkeypatch.delenv("VIBROIMPACT_RUNNING_JOBS")
+    with pytest.warns(DeprecationWarning, match="VIBROIMPACT_DRIVEN_JOBS is now called"):
+        assert read(driven_jobs=9).running_jobs == 9
+
+
+def test_a_wrong_value_under_an_old_name_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("VIBROIMPACT_DRIVEN_JOBS", "none")
+    with (
+        pytest.warns(DeprecationWarning, match="VIBROIMPACT_DRIVEN_JOBS is now called"),
+        pytest.raises(SettingsInvalidError, match="VIBROIMPACT_RUNNING_JOBS"),
+    ):
+        read()
+
+
+def test_the_page_lists_the_old_names() -> None:
+    found = re.findall(r"^\| `([A-Z_]+)` \| `VIBROIMPACT_([A-Z_]+)` \|$", PAGE.read_text(), re.M)
+    assert {old.lower(): new.lower() for old, new in found} == RENAMED

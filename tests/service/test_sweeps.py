@@ -13,10 +13,14 @@ import xarray
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from vibroimpact_schema.plans import Steps
 from vibroimpact_schema.requests import ImpactModesRequest
 from vibroimpact_schema.sweeps import SweepRequest
-from vibroimpact_service import decode, digest, encode, tasks
+from vibroimpact_service import chunks as job_chunks
+from vibroimpact_service import execute
+from vibroimpact_service.documents import decode, digest, planning, requests
 from vibroimpact_service.kinds import KINDS
+from vibroimpact_service.results import encode, hdf5
 from vibroimpact_service.store import Store
 from vibroimpact_solvers import impact_modes, sweep
 
@@ -137,7 +141,7 @@ def stiffnesses(start: float, stop: float) -> dict[str, Any]:
 
 
 def keep(store: Store, content: dict[str, Any], owner: str) -> str:
-    data = tasks.request_block(owner, digest.canonical(SweepRequest.model_validate(content)))
+    data = requests.stored_form(owner, digest.canonical(SweepRequest.model_validate(content)))
     name = digest.content(data)
     store.requests.put(name, data)
     return name
@@ -146,17 +150,17 @@ def keep(store: Store, content: dict[str, Any], owner: str) -> str:
 def run(store: Store, content: dict[str, Any], result: str, owner: str = "ann") -> tuple[int, int]:
     """Do a job; return how many pieces it had and how many of them were there already."""
     arguments = (store.url, "sweep", keep(store, content, owner), result)
-    chunks = tasks.split(*arguments)
+    chunks = job_chunks.split(*arguments)
     there = store.chunks.present([chunk.name for chunk in chunks])
     missing = [i for i, chunk in enumerate(chunks) if chunk.name not in there]
     assert all(chunk.lasting for chunk in chunks)
-    tasks.solve(*arguments, missing)
-    tasks.join(*arguments, chunks)
+    job_chunks.solve(*arguments, missing)
+    job_chunks.join(*arguments, chunks)
     return len(chunks), len(there)
 
 
 def arrays(store: Store, result: str) -> dict[str, Any]:
-    return dict(encode.open_bundle(store.results.get(result) or b"").arrays)
+    return dict(encode.unpack(store.results.get(result) or b"").arrays)
 
 
 class TestJobs:
@@ -164,11 +168,15 @@ class TestJobs:
     def test_in_pieces_equals_in_one_go(
         self, store: Store, monkeypatch: pytest.MonkeyPatch, seconds: float
     ) -> None:
-        monkeypatch.setattr(tasks, "CHUNK_SECONDS", seconds)
+        monkeypatch.setattr(job_chunks, "CHUNK_SECONDS", seconds)
         pieces, _ = run(store, CONTENT, "ab" * 32)
         assert pieces > 1
         request = SweepRequest.model_validate(CONTENT)
-        tasks.compute(store, "cd" * 32, tasks.assign(store, SWEEP, request), b"{}")
+        execute.put(
+            store,
+            execute.compute(planning.plan(store, SWEEP, request), "cd" * 32, b"{}"),
+            durable=False,
+        )
         joined, once = arrays(store, "ab" * 32), arrays(store, "cd" * 32)
         assert list(joined) == list(once)
         for name, values in once.items():
@@ -178,7 +186,7 @@ class TestJobs:
     def test_longer_and_shifted_ones_use_the_pieces_that_are_there(
         self, store: Store, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(tasks, "CHUNK_SECONDS", 1e-4)
+        monkeypatch.setattr(job_chunks, "CHUNK_SECONDS", 1e-4)
         first, kept = run(store, stiffnesses(0.5, 1.0), "00" * 32)
         assert kept == 0
         assert run(store, stiffnesses(0.5, 1.5), "01" * 32) == (first * 11 // 6, first)
@@ -199,19 +207,21 @@ class TestJobs:
 
 def representation(content: dict[str, Any], store: Store) -> encode.Content:
     request = SweepRequest.model_validate(content)
-    assignment = tasks.assign(store, SWEEP, request)
-    tasks.compute(store, "ee" * 32, assignment, digest.canonical(request))
-    return encode.open_bundle(store.results.get("ee" * 32) or b"")
+    planned = planning.plan(store, SWEEP, request)
+    execute.put(
+        store, execute.compute(planned, "ee" * 32, digest.canonical(request)), durable=False
+    )
+    return encode.unpack(store.results.get("ee" * 32) or b"")
 
 
 class TestEncodings:
     def test_json_names_axes_and_dimensions(self, store: Store) -> None:
-        found = json.loads(encode.json(representation(CONTENT, store)))
+        found = json.loads(encode.to_json(representation(CONTENT, store)))
         assert list(found["axes"]) == ["restitution", "gap", "stiffness"]
         assert found["axes"]["gap"] == [0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4]
         assert found["of"] == "impact-modes"
-        lattice = ["restitution", "gap", "stiffness"]
-        assert found["dimensions"]["shape"] == [*lattice, "frequency", "dof"]
+        grid = ["restitution", "gap", "stiffness"]
+        assert found["dimensions"]["shape"] == [*grid, "frequency", "dof"]
         assert np.array(found["shape"]).shape == (2, 7, 6, 60, 13)
         assert np.array(found["frequency"]["Omega"]).shape == (60,)
         assert set(np.unique(found["status"])) == {"ok"}
@@ -220,7 +230,7 @@ class TestEncodings:
     def test_xarray_opens_hdf5_with_named_axes_and_units(self, store: Store) -> None:
         content = copy.deepcopy(CONTENT)
         content["base"]["system"]["units"] = {"length": "m", "mass": "kg", "time": "s"}
-        file = io.BytesIO(encode.hdf5(representation(content, store)))
+        file = io.BytesIO(hdf5.to_hdf5(representation(content, store)))
         with xarray.open_dataset(file, engine="h5netcdf") as data:
             assert data["impulse"].dims == (
                 "restitution",
@@ -240,7 +250,7 @@ class TestEncodings:
     def test_frequencies_that_vary_are_coordinates_with_axes(self, store: Store) -> None:
         content = copy.deepcopy(CONTENT)
         content["axes"] = [{"path": "frequency.start", "values": [0.6, 0.8]}]
-        file = io.BytesIO(encode.hdf5(representation(content, store)))
+        file = io.BytesIO(hdf5.to_hdf5(representation(content, store)))
         with xarray.open_dataset(file, engine="h5netcdf") as data:
             assert data["impulse"].dims == ("frequency_start", "frequency_index", "constraint")
             assert data["Omega"].dims == ("frequency_start", "frequency_index")
@@ -249,8 +259,8 @@ class TestEncodings:
 
 
 def test_the_plan_counts_and_says_what_is_not_done(store: Store) -> None:
-    plan = tasks.assign(store, SWEEP, SweepRequest.model_validate(CONTENT)).plan
-    document = tasks.plan_document(plan)
+    plan = planning.plan(store, SWEEP, SweepRequest.model_validate(CONTENT)).plan
+    document = Steps(**planning.steps(plan))
     assert {step.stage: step.count for step in document.steps} == {
         "spectrum": 6,
         "response": 6 * 60,
@@ -259,5 +269,5 @@ def test_the_plan_counts_and_says_what_is_not_done(store: Store) -> None:
         "shape": 6 * 7 * 60,
     }
     skips = {skip.what: skip.why for skip in document.skips}
-    sentence = "impact modes are motions without loss: one result stands for all 2 values"
+    sentence = "impact modes are motions without energy loss: one result holds for all 2 values"
     assert skips["computing again along restitution"] == sentence

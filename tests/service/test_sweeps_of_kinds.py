@@ -12,11 +12,14 @@ import pytest
 import xarray
 
 from vibroimpact_schema.sweeps import SweepRequest
-from vibroimpact_service import digest, encode, tasks
+from vibroimpact_service import chunks as job_chunks
+from vibroimpact_service import execute
+from vibroimpact_service.documents import digest, planning
 from vibroimpact_service.kinds import KINDS
+from vibroimpact_service.results import encode, hdf5
 from vibroimpact_service.store import Store
 from vibroimpact_solvers import sweep
-from vibroimpact_solvers.arrays import quantities
+from vibroimpact_solvers.arrays import declared
 
 CHAIN = {"preset": "chain", "n": 7, "constraints": [{"dof": 2, "gap": 0.2}]}
 TIMED = {"seconds", "seconds_exact"}  # how long it took differs from time to time
@@ -104,7 +107,7 @@ def document(case: Case) -> dict[str, Any]:
 
 def solved(store: Store, case: Case) -> tuple[sweep.Problem, sweep.Result]:
     request = SweepRequest.model_validate(document(case))
-    _, problem, plan = tasks.assign(store, KINDS["sweep"], request)
+    _, problem, plan, _ = planning.plan(store, KINDS["sweep"], request)
     return problem, sweep.solve(problem, plan)
 
 
@@ -118,7 +121,7 @@ def single(store: Store, case: Case, values: dict[str, float]) -> Any:
             here = here[part]
         here[last] = value
     kind = KINDS[case.kind]
-    _, problem, plan = tasks.assign(store, kind, kind.request.model_validate(content))
+    _, problem, plan, _ = planning.plan(store, kind, kind.request.model_validate(content))
     return kind.solver.solve(problem, plan)
 
 
@@ -135,11 +138,11 @@ class TestEveryKind:
         for index in np.ndindex(problem.shape):
             values = {path: case.axes[path][k] for path, k in zip(case.axes, index, strict=True)}
             alone = single(store, case, values)
-            for name, quantity in quantities(KINDS[case.kind].solver.Result).items():
+            for name, field in declared(KINDS[case.kind].solver.Result).items():
                 expected = getattr(alone, name)
-                if expected is None or name in TIMED:
+                if expected is None or name in TIMED or field.scalar is str:
                     continue
-                found = self.at(problem, result, name, index, quantity.dims)
+                found = self.at(problem, result, name, index, field.quantity.dims)
                 assert found.tobytes() == np.asarray(expected).tobytes(), name
                 compared += 1
         assert compared >= 3 * np.prod(problem.shape)
@@ -153,25 +156,25 @@ class TestEveryKind:
         dims: tuple[str, ...],
     ) -> Any:
         array = result.arrays[name]
-        if dims[:1] and dims[0] in problem.swept.ragged:
+        if dims[:1] and dims[0] in problem.swept_kind.ragged:
             start = int(result.arrays[f"{dims[0]}_offset"][index])
             return array[start : start + int(result.arrays[f"{dims[0]}_count"][index])]
         axes = [axis.name for axis in problem.axes]
-        lattice = [dim for dim in result.meanings[name].dims if dim in axes]
-        return array[tuple(index[axes.index(dim)] for dim in lattice)]
+        grid = [dim for dim in result.meanings[name].dims if dim in axes]
+        return array[tuple(index[axes.index(dim)] for dim in grid)]
 
     def test_pieces_give_the_whole(
         self, store: Store, case: Case, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(tasks, "CHUNK_SECONDS", 1e-9)
+        monkeypatch.setattr(job_chunks, "CHUNK_SECONDS", 1e-9)
         data = digest.canonical(SweepRequest.model_validate(document(case)))
         name = digest.content(data)
         store.requests.put(name, data)
-        chunks = tasks.split(store.url, "sweep", name, "ab" * 32)
+        chunks = job_chunks.split(store.url, "sweep", name, "ab" * 32)
         assert len(chunks) > 1
-        tasks.solve(store.url, "sweep", name, "ab" * 32, range(len(chunks)))
-        tasks.join(store.url, "sweep", name, "ab" * 32, chunks)
-        joined = encode.open_bundle(store.results.get("ab" * 32) or b"").arrays
+        job_chunks.solve(store.url, "sweep", name, "ab" * 32, range(len(chunks)))
+        job_chunks.join(store.url, "sweep", name, "ab" * 32, chunks)
+        joined = encode.unpack(store.results.get("ab" * 32) or b"").arrays
         _, whole = solved(store, case)
         assert list(joined) == list(whole.arrays)
         for key, values in whole.arrays.items():
@@ -179,12 +182,14 @@ class TestEveryKind:
 
     def test_both_encodings_open(self, store: Store, case: Case) -> None:
         request = SweepRequest.model_validate(document(case))
-        assignment = tasks.assign(store, KINDS["sweep"], request)
-        tasks.compute(store, "cd" * 32, assignment, digest.canonical(request))
-        content = encode.open_bundle(store.results.get("cd" * 32) or b"")
-        assert KINDS["sweep"].result.model_validate_json(encode.json(content))
-        found = json.loads(encode.json(content))
-        with xarray.open_dataset(io.BytesIO(encode.hdf5(content)), engine="h5netcdf") as data:
+        planned = planning.plan(store, KINDS["sweep"], request)
+        execute.put(
+            store, execute.compute(planned, "cd" * 32, digest.canonical(request)), durable=False
+        )
+        content = encode.unpack(store.results.get("cd" * 32) or b"")
+        assert KINDS["sweep"].result.model_validate_json(encode.to_json(content))
+        found = json.loads(encode.to_json(content))
+        with xarray.open_dataset(io.BytesIO(hdf5.to_hdf5(content)), engine="h5netcdf") as data:
             assert set(data["status"].dims) == set(found["axes"])
             np.testing.assert_array_equal(data["status"].values, 0)
 
@@ -192,10 +197,12 @@ class TestEveryKind:
 def test_impacts_of_all_histories_are_one_table(store: Store) -> None:
     case = next(case for case in CASES if case.kind == "time-history")
     request = SweepRequest.model_validate(document(case))
-    assignment = tasks.assign(store, KINDS["sweep"], request)
-    tasks.compute(store, "cd" * 32, assignment, digest.canonical(request))
-    content = encode.open_bundle(store.results.get("cd" * 32) or b"")
-    found = json.loads(encode.json(content))
+    planned = planning.plan(store, KINDS["sweep"], request)
+    execute.put(
+        store, execute.compute(planned, "cd" * 32, digest.canonical(request)), durable=False
+    )
+    content = encode.unpack(store.results.get("cd" * 32) or b"")
+    found = json.loads(encode.to_json(content))
     counts = np.array(found["impact_count"])
     assert counts.shape == (2, 2, 2)
     assert (counts[1] == 0).all()  # the wide gap is never reached
@@ -203,7 +210,7 @@ def test_impacts_of_all_histories_are_one_table(store: Store) -> None:
     assert len(found["impacts"]["time"]) == len(found["impacts"]["side"]) == counts.sum()
     assert found["dimensions"]["impact_time"] == ["impact"]
     assert found["dimensions"]["t"] == ["axis_2", "time"]
-    file = encode.hdf5(content)
+    file = hdf5.to_hdf5(content)
     with xarray.open_dataset(io.BytesIO(file), engine="h5netcdf") as data:
         assert data["impact_count"].attrs["sample_dimension"] == "impact"
         np.testing.assert_array_equal(data["impact_count"].values, counts)

@@ -14,9 +14,12 @@ import pytest
 import xarray
 
 from vibroimpact_schema.requests import TimeHistoryRequest
-from vibroimpact_service import digest, encode, tasks
+from vibroimpact_service import chunks as job_chunks
+from vibroimpact_service import execute
+from vibroimpact_service.documents import digest, requests
 from vibroimpact_service.jobs.work import Chunk, ChunkMissingError
 from vibroimpact_service.kinds import KINDS
+from vibroimpact_service.results import encode, hdf5
 from vibroimpact_service.store import Store
 from vibroimpact_solvers import time_history
 from vibroimpact_solvers.time_history import planning
@@ -52,21 +55,21 @@ def small_windows(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def keep(store: Store, content: dict[str, Any]) -> TimeHistoryRequest:
     request = TimeHistoryRequest.model_validate(content)
-    tasks._known.cache_clear()
-    store.requests.put(REQUEST, tasks.request_block("ann", digest.canonical(request)))
+    job_chunks._pieces.cache_clear()
+    store.requests.put(REQUEST, requests.stored_form("ann", digest.canonical(request)))
     return request
 
 
 def cut(store: Store) -> list[Chunk]:
-    return list(tasks.split(store.url, KIND.name, REQUEST, RESULT))
+    return list(job_chunks.split(store.url, KIND.name, REQUEST, RESULT))
 
 
 def solve(store: Store, indices: Any) -> None:
-    tasks.solve(store.url, KIND.name, REQUEST, RESULT, indices)
+    job_chunks.solve(store.url, KIND.name, REQUEST, RESULT, indices)
 
 
 def joined(store: Store, chunks: list[Chunk]) -> bytes:
-    tasks.join(store.url, KIND.name, REQUEST, RESULT, chunks)
+    job_chunks.join(store.url, KIND.name, REQUEST, RESULT, chunks)
     data = store.results.get(RESULT)
     assert data is not None
     return data
@@ -76,26 +79,24 @@ def joined(store: Store, chunks: list[Chunk]) -> bytes:
 def test_a_result_in_files_is_the_one_in_memory(
     store: Store, content: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(tasks, "_now", lambda: "2026-01-01T00:00:00.000+00:00")
+    monkeypatch.setattr(execute, "_now", lambda: "2026-01-01T00:00:00.000+00:00")
     request = keep(store, content)
     chunks = cut(store)
     assert len(chunks) > 8
     assert all(chunk.chained and not chunk.lasting for chunk in chunks)
     solve(store, range(len(chunks)))
     data = joined(store, chunks)
-    assignment = tasks._known(store.url, KIND.name, REQUEST, tasks.CHUNK_SECONDS).assignment
-    whole = time_history.solve(assignment.problem, assignment.plan)
-    head = tasks.head(
-        RESULT, assignment, digest.canonical(request), "2026-01-01T00:00:00.000+00:00"
-    )
-    assert data == encode.freeze(whole, head)
+    planned = job_chunks._pieces(store.url, KIND.name, REQUEST, job_chunks.CHUNK_SECONDS).planned
+    whole = time_history.solve(planned.problem, planned.plan)
+    head = execute.head(planned, RESULT, digest.canonical(request))
+    assert data == encode.pack(encode.describe(whole, head))
     with xarray.open_dataset(
-        io.BytesIO(encode.hdf5(encode.open_bundle(data))), engine="h5netcdf"
+        io.BytesIO(hdf5.to_hdf5(encode.unpack(data))), engine="h5netcdf"
     ) as file:
         assert file.x.dims == ("t", "dof")
         np.testing.assert_array_equal(file.x.values, whole.x)
     with xarray.open_dataset(
-        io.BytesIO(encode.hdf5(encode.open_bundle(data))), engine="h5netcdf", group="contacts"
+        io.BytesIO(hdf5.to_hdf5(encode.unpack(data))), engine="h5netcdf", group="contacts"
     ) as file:
         np.testing.assert_array_equal(file.impulse.values, whole.contact_impulse)
         assert np.isfinite(file.stop.values).all()
@@ -107,7 +108,7 @@ def test_a_result_in_files_is_the_one_in_memory(
 def test_a_resumed_motion_has_the_numbers_of_one_in_one_go(
     store: Store, content: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(tasks, "_now", lambda: "2026-01-01T00:00:00.000+00:00")
+    monkeypatch.setattr(execute, "_now", lambda: "2026-01-01T00:00:00.000+00:00")
     keep(store, content)
     chunks = cut(store)
     solve(store, range(len(chunks)))
@@ -115,7 +116,7 @@ def test_a_resumed_motion_has_the_numbers_of_one_in_one_go(
     other = Store(str(tmp_path / "other"))
     keep(other, content)
     solve(other, [0, 1, 2])
-    tasks._known.cache_clear()  # another process goes on
+    job_chunks._pieces.cache_clear()  # another process goes on
     computed: list[int] = []
     follow = time_history.follow
 
@@ -152,7 +153,9 @@ def test_a_short_motion_is_one_chunk(store: Store, content: dict[str, Any]) -> N
 
 MEASURE = """
 import json, resource, sys
-from vibroimpact_service import digest, tasks
+from vibroimpact_service import chunks as job_chunks
+from vibroimpact_service import execute
+from vibroimpact_service.documents import digest, requests
 from vibroimpact_service.store import Store
 from vibroimpact_schema.requests import TimeHistoryRequest
 url, bodies = sys.argv[1], json.loads(sys.argv[2])
@@ -161,11 +164,11 @@ for place, body in enumerate(bodies):
     store = Store(url)
     name, result = str(place) * 64, str(place + 5) * 64
     request = TimeHistoryRequest.model_validate(body)
-    store.requests.put(name, tasks.request_block("ann", digest.canonical(request)))
-    chunks = tasks.split(url, "time-history", name, result)
+    store.requests.put(name, requests.stored_form("ann", digest.canonical(request)))
+    chunks = job_chunks.split(url, "time-history", name, result)
     assert len(chunks) > 1
-    tasks.solve(url, "time-history", name, result, range(len(chunks)))
-    tasks.join(url, "time-history", name, result, chunks)
+    job_chunks.solve(url, "time-history", name, result, range(len(chunks)))
+    job_chunks.join(url, "time-history", name, result, chunks)
     peaks.append(1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
     sizes.append(store.results.size(result))
 print(json.dumps([peaks, sizes, len(chunks)]))

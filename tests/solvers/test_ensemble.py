@@ -1,4 +1,4 @@
-"""Ensembles: every member is the motion it would be alone; wrong ones do not spoil the others."""
+"""Ensembles: every member is the motion it would be alone; wrong ones do not affect the others."""
 
 from __future__ import annotations
 
@@ -146,7 +146,7 @@ def test_one_spectrum_is_planned_for_all() -> None:
     x, v = states(CHAIN, 90)
     plan = ensemble.plan(problem(CHAIN, x, v))
     counts = {step.stage: step.count for step in plan.steps}
-    assert counts == {Stage.SPECTRUM: 1, Stage.FLIGHT: 90, Stage.HISTORY: 90}
+    assert counts == {Stage.SPECTRUM: 1, Stage.FREE_MOTION: 90, Stage.HISTORY: 90}
     assert any("89 of 90 members" in skip.what for skip in plan.skips)
     ten = ensemble.plan(problem(CHAIN, x[:10], v[:10]))
     assert 8.0 < plan.flops / ten.flops < 9.1

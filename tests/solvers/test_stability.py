@@ -1,4 +1,4 @@
-"""Multipliers of impact modes against known values and against flights of neighbours."""
+"""Multipliers of impact modes against known values and against free motions of neighbours."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ Omega_N = 2 * np.sin(13 * np.pi / 28)
 
 def radius(system: System, omega: float, active: tuple[int, ...] = ()) -> float:
     problem = modes.Problem(system, np.array([omega]), active, frozenset({"stability", "exists"}))
-    found = modes.solve(problem, modes.plan(problem))
-    assert found.exists.all()
-    return float(found.stability[0])
+    result = modes.solve(problem, modes.plan(problem))
+    assert result.exists.all()
+    return float(result.stability[0])
 
 
 @pytest.mark.parametrize(
@@ -27,8 +27,8 @@ def radius(system: System, omega: float, active: tuple[int, ...] = ()) -> float:
 )
 def test_the_localized_mode_of_the_chain(ratio: float, expected: float) -> None:
     # Unstable just above grazing, stable further up.
-    found = radius(chain(), 2 / np.pi * ratio * Omega_N)
-    assert found == pytest.approx(expected, rel=3e-3 if expected > 1 else 1e-9)
+    computed = radius(chain(), 2 / np.pi * ratio * Omega_N)
+    assert computed == pytest.approx(expected, rel=3e-3 if expected > 1 else 1e-9)
 
 
 def test_the_mode_above_the_fifth_frequency() -> None:
@@ -43,13 +43,13 @@ def impact(system: System, v: np.ndarray, index: int) -> np.ndarray:
     return v - 2.0 * mobile * (w @ v) / (w @ mobile)
 
 
-def next_state(system: System, state: np.ndarray, flight: float) -> np.ndarray:
+def next_state(system: System, state: np.ndarray, duration: float) -> np.ndarray:
     """Fly to the upper wall near the given time, strike it, and mirror: the half-period map."""
     n = system.n
     M, K = system.M.to_dense(), system.K.to_dense()
     A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), np.zeros((n, n))]])
     w = system.directions((0,))[0]
-    t = flight
+    t = duration
     for _ in range(30):
         at = scipy.linalg.expm(A * t) @ state
         t -= (w @ at[:n] - system.constraints[0].upper) / (w @ at[n:])
@@ -58,14 +58,14 @@ def next_state(system: System, state: np.ndarray, flight: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_multipliers_are_those_of_flights_of_neighbours(seed: int) -> None:
+def test_multipliers_are_those_of_neighbouring_motions(seed: int) -> None:
     system = random_system(seed, 3, [Constraint.at(seed % 3, 1.0)])
     omega = 2 / np.pi * 1.15 * spectrum.largest_frequency(system)
     problem = modes.Problem(system, np.array([omega]), outputs=frozenset({"impulse", "shape"}))
-    found = modes.solve(problem, modes.plan(problem))
+    result = modes.solve(problem, modes.plan(problem))
     w = system.directions((0,))[0]
-    velocity = np.linalg.solve(system.M.to_dense(), w) * found.impulse[0, 0] / omega
-    state = np.concatenate([-found.shape[0], velocity])
+    velocity = np.linalg.solve(system.M.to_dense(), w) * result.impulse[0, 0] / omega
+    state = np.concatenate([-result.shape[0], velocity])
     np.testing.assert_allclose(next_state(system, state, 2 / omega), state, atol=1e-10)
     # The map on the wall: deviations along it, by central differences.
     along = scipy.linalg.null_space(np.concatenate([w, np.zeros(3)])[None])
@@ -84,8 +84,8 @@ def test_phantoms_have_no_stability() -> None:
     problem = modes.Problem(
         chain(), np.array([0.4, 2.0]), outputs=frozenset({"stability", "exists"})
     )
-    found = modes.solve(problem, modes.plan(problem))
-    assert (np.isnan(found.stability) == ~found.exists).all()
+    result = modes.solve(problem, modes.plan(problem))
+    assert (np.isnan(result.stability) == ~result.exists).all()
 
 
 def test_coupled_impacts_struck_together_depend_on_their_order() -> None:

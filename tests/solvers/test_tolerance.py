@@ -13,7 +13,7 @@ from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 GAP = 0.2
 
 
-def members(tolerance: float | None) -> impact_modes.Result:
+def solved(tolerance: float | None) -> impact_modes.Result:
     system = presets.chain(13, [Constraint.at(5, GAP)])
     # The second is beside a natural frequency by a billionth, where seven digits are lost.
     Omega = np.array([1.1, 2.0 * np.sin(3.0 * np.pi / 28.0) * (1.0 + 1e-9), 2.5])
@@ -23,28 +23,30 @@ def members(tolerance: float | None) -> impact_modes.Result:
     return impact_modes.solve(problem, impact_modes.plan(problem))
 
 
-def test_members_say_whether_they_are_within() -> None:
-    assert members(None).within_tolerance is None
-    np.testing.assert_array_equal(members(1e-10).within_tolerance, [True, False, True])
-    np.testing.assert_array_equal(members(1e-3).within_tolerance, [True, True, True])
-    np.testing.assert_array_equal(members(1e-20).within_tolerance, [False, False, False])
+def test_solutions_say_whether_they_are_within() -> None:
+    assert solved(None).within_tolerance is None
+    np.testing.assert_array_equal(solved(1e-10).within_tolerance, [True, False, True])
+    np.testing.assert_array_equal(solved(1e-3).within_tolerance, [True, True, True])
+    np.testing.assert_array_equal(solved(1e-20).within_tolerance, [False, False, False])
 
 
 def test_resonances_say_whether_they_are_within() -> None:
     stiff = SymmetricMatrix.dense([[2.0, -1.0, 0.0], [-1.0, 2e10, -1e10], [0.0, -1e10, 1e10 + 1.0]])
     system = System(SymmetricMatrix.diagonal(np.ones(3)), stiff, (Constraint.at(0, GAP),))
     problem = resonances.Problem(system, odd_max=1, tolerance=1e-10)
-    found = resonances.solve(problem, resonances.plan(problem))
-    assert found.Omega is not None
-    held = mpmath.matrix([[mpmath.mpf(2e10), mpmath.mpf(-1e10)], [mpmath.mpf(-1e10), 1e10 + 1.0]])
+    result = resonances.solve(problem, resonances.plan(problem))
+    assert result.Omega is not None
+    remaining = mpmath.matrix(
+        [[mpmath.mpf(2e10), mpmath.mpf(-1e10)], [mpmath.mpf(-1e10), 1e10 + 1.0]]
+    )
     with mpmath.workdps(40):
-        exact = [mpmath.sqrt(value) for value in mpmath.eigsy(held, eigvals_only=True)]
-        for value, natural, error in zip(exact, found.natural, found.error_natural, strict=True):
+        exact = [mpmath.sqrt(value) for value in mpmath.eigsy(remaining, eigvals_only=True)]
+        for value, natural, error in zip(exact, result.natural, result.error_natural, strict=True):
             assert abs(natural / value - 1) <= error
     # The lower of the two is known to a few roundings of the higher one.
-    assert found.error_natural[1] < found.error_natural[0]
-    assert found.within_tolerance is not None
-    np.testing.assert_array_equal(found.within_tolerance, found.error_natural <= 1e-10)
+    assert result.error_natural[1] < result.error_natural[0]
+    assert result.within_tolerance is not None
+    np.testing.assert_array_equal(result.within_tolerance, result.error_natural <= 1e-10)
     silent = resonances.Problem(system)
     assert resonances.solve(silent, resonances.plan(silent)).within_tolerance is None
     with pytest.raises(ModelError) as caught:
@@ -73,12 +75,12 @@ def test_slow_flows_say_whether_they_are_within() -> None:
     assert full.x is not None
     error = np.abs(full.error_x).max() / np.abs(full.x - full.error_x).max()
     for factor, within in ((0.9, False), (1.1, True)):
-        found = flow("corrected", float(factor * error), {"state"})
-        assert found.within_tolerance is not None
-        assert bool(found.within_tolerance) is within
-        # Only the verdict was asked for.
-        assert found.error_x is None
-        assert "exact motion" in found.error_statement
+        result = flow("corrected", float(factor * error), {"state"})
+        assert result.within_tolerance is not None
+        assert bool(result.within_tolerance) is within
+        # Only the verdict was requested.
+        assert result.error_x is None
+        assert "exact motion" in result.error_statement
     exact = flow("exact", 1e-9, {"x"})
     assert exact.within_tolerance is not None
     assert bool(exact.within_tolerance)

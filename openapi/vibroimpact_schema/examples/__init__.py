@@ -10,12 +10,12 @@ from typing import Any
 
 def requests(kind: str) -> dict[str, dict[str, Any]]:
     """Return the examples of a kind, by name: {"summary", "request"}."""
-    found = {}
+    examples = {}
     for file in sorted(resources.files(__name__).iterdir(), key=lambda entry: entry.name):
         prefix, _, rest = file.name.partition(".")
         if prefix == kind and rest.endswith(".json"):
-            found[rest.removesuffix(".json")] = json.loads(file.read_text())
-    return found
+            examples[rest.removesuffix(".json")] = json.loads(file.read_text())
+    return examples
 
 
 def answers(operation: str) -> dict[str, Any]:
@@ -25,6 +25,6 @@ def answers(operation: str) -> dict[str, Any]:
 
 @cache
 def _answers() -> dict[str, dict[str, Any]]:
-    found = json.loads(resources.files(__name__).joinpath("answers.json").read_text())
-    assert isinstance(found, dict)
-    return found
+    answers = json.loads(resources.files(__name__).joinpath("answers.json").read_text())
+    assert isinstance(answers, dict)
+    return answers

@@ -1,1 +1,1 @@
-"""Who may ask for what, and for how much: keys, tokens, scopes, rates and quotas."""
+"""Authentication and authorisation: keys, tokens, scopes, rate limits and quotas."""

@@ -1,4 +1,4 @@
-"""How often somebody may ask, and how much computing: windows, what is left, and the headers."""
+"""Rate limits and computing quotas of callers, and the headers that state what is left."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ _FAILURES: Final = RateLimitItemPerMinute(60, 1, "failures")
 
 
 class Budget:
-    """Counts what callers ask for, over sliding windows of a minute and of an hour.
+    """Counts requests and planned computing of callers over sliding windows.
 
     Parameters
     ----------
     settings : Settings
-        With the allowance of those keys that have none of their own, and where to count:
-        in this process, or in a Redis that replicas share.
+        With the allowance of keys without their own, and where to count: in this process, or
+        in a Redis that replicas share.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -40,34 +40,33 @@ class Budget:
         self._storage: SlidingWindowCounterSupport = storage
         self._windows = SlidingWindowCounterRateLimiter(storage)
 
-    async def ask(self, caller: Caller) -> dict[str, str]:
-        """Count a request; return the headers that say what is left.
+    async def count(self, caller: Caller) -> dict[str, str]:
+        """Count a request; return the headers that state what is left.
 
         Raises
         ------
         ProblemError
-            429 where there were too many.
+            429 if there were too many.
         """
         most = self._allowance(caller).requests_per_minute
         if most is None:
             return {}
         window = RateLimitItemPerMinute(most, 1, "requests")
-        good = await self._windows.hit(window, caller.name)
+        admitted = await self._windows.hit(window, caller.name)
         headers, wait = await self._headers("requests", "requests", window, caller.name, 1)
-        if good:
+        if admitted:
             return headers
         headers["Retry-After"] = str(wait)
         detail = f"More than {most} requests in a minute; ask again in {wait} s."
         raise ProblemError(problems.TOO_MANY, detail, headers=headers)
 
     async def spend(self, caller: Caller, plan: Plan, seconds: float) -> dict[str, str]:
-        """Charge the planned cost of a computation; return the headers that say what is left.
+        """Charge the planned cost of a computation; return the headers that state what is left.
 
         Raises
         ------
         ProblemError
-            413 where it is more than one computation may cost, 429 where it is more than is
-            left; with the numbers.
+            413 if it is more than one computation may cost, 429 if it is more than is left.
         """
         cost = (
             f"The plan costs about {seconds:.3g} s, {plan.flops:.3g} flops "
@@ -75,7 +74,7 @@ class Budget:
         )
         longest = self._settings.max_job_seconds
         if seconds > longest:
-            detail = f"{cost}; one computation may cost {longest:g} s."
+            detail = f"{cost}; a single computation may cost {longest:g} s."
             raise ProblemError(problems.TOO_COSTLY, detail)
         most = self._allowance(caller).seconds_per_hour
         if most is None:
@@ -85,9 +84,9 @@ class Budget:
             raise ProblemError(problems.TOO_COSTLY, detail)
         window = RateLimitItemPerHour(max(1, round(_MILLI * most)), 1, "compute")
         milliseconds = max(1, math.ceil(_MILLI * seconds))
-        good = await self._windows.hit(window, caller.name, cost=milliseconds)
+        admitted = await self._windows.hit(window, caller.name, cost=milliseconds)
         headers, wait = await self._headers("compute", "ms", window, caller.name, milliseconds)
-        if good:
+        if admitted:
             return headers
         headers["Retry-After"] = str(wait)
         stats = await self._windows.get_window_stats(window, caller.name)
@@ -95,18 +94,23 @@ class Budget:
         detail = f"{cost}; {left:g} s are left of {most:g} s per hour. Ask again in {wait} s."
         raise ProblemError(problems.QUOTA_SPENT, detail, headers=headers)
 
+    def free(self, caller: Caller, seconds: float) -> bool:
+        """Whether `spend` does nothing for computations of up to that price."""
+        unlimited = self._allowance(caller).seconds_per_hour is None
+        return unlimited and seconds <= self._settings.max_job_seconds
+
     async def failed(self, address: str) -> None:
-        """Count a request without a good key from an address.
+        """Count a request without a valid key from an address.
 
         Raises
         ------
         ProblemError
-            429 where there were too many.
+            429 if there were too many.
         """
         if not await self._windows.hit(_FAILURES, address):
             stats = await self._windows.get_window_stats(_FAILURES, address)
             wait = _seconds_to(stats.reset_time)
-            detail = f"Too many requests without a good key; ask again in {wait} s."
+            detail = f"Too many requests without a valid key; ask again in {wait} s."
             raise ProblemError(problems.TOO_MANY, detail, headers={"Retry-After": str(wait)})
 
     def _allowance(self, caller: Caller) -> Allowance:
@@ -121,7 +125,7 @@ class Budget:
     async def _headers(
         self, name: str, unit: str, window: RateLimitItem, caller: str, cost: int
     ) -> tuple[dict[str, str], int]:
-        """Return RateLimit and RateLimit-Policy, and seconds after which that cost has room."""
+        """Return RateLimit and RateLimit-Policy, and the seconds until that cost fits."""
         most, length = window.amount, window.get_expiry()
         counts = await self._storage.get_sliding_window(window.key_for(caller), length)
         before, before_left, here, here_left = counts
@@ -137,10 +141,10 @@ class Budget:
 def _wait(
     cost: int, most: int, length: float, before: float, before_left: float, here: float, rest: float
 ) -> int:
-    """Return seconds until a cost has room in a sliding window.
+    """Return the seconds until a cost fits a sliding window.
 
-    The count of the window before fades linearly; this window's begins to fade when it ends,
-    in `rest` seconds.
+    The count of the previous window fades linearly; that of this window begins to fade when
+    it ends, in `rest` seconds.
     """
     excess = before * before_left / length + here + cost - most
     if excess <= 0:

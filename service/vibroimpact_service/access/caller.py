@@ -1,4 +1,4 @@
-"""Whoever asks: whose jobs and results they see, and what they may do."""
+"""Callers: their owner, their scopes and their allowance."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ from typing import Final
 
 
 class Scope(StrEnum):
-    """What a key or token can be good for."""
+    """What a key or token permits."""
 
     READ = "read"
-    """Look at one's own jobs, results and systems."""
+    """Read jobs, results and systems of the owner."""
     SUBMIT = "submit"
     """Compute, plan, queue, cancel and store systems."""
     METRICS = "metrics"
     """Read the service's own figures."""
     ADMIN = "admin"
-    """Make and revoke keys, read the log of such acts."""
+    """Make and revoke keys, read the audit log."""
 
 
 @dataclass(frozen=True, slots=True)
 class Allowance:
-    """How much somebody may ask for; None: no bound.
+    """Rate limit and computing quota; None: unlimited.
 
     Parameters
     ----------
     requests_per_minute : int, optional
     seconds_per_hour : float, optional
-        Planned seconds of computing.
+        Planned computing time.
     """
 
     requests_per_minute: int | None = None
@@ -40,14 +40,14 @@ UNBOUNDED: Final = Allowance()
 
 @dataclass(frozen=True, slots=True)
 class Caller:
-    """Somebody who was recognised.
+    """An authenticated caller.
 
     Parameters
     ----------
     owner : str
-        Whose jobs, results and systems they see.
+        Owner of the jobs, results and systems that the caller may use.
     name : str
-        What they came with: the id of a key, or of a token's subject. Rates are counted for it.
+        Id of the key, or of the token's subject; rates are counted for it.
     scopes : frozenset of Scope
     allowance : Allowance
     """
@@ -59,4 +59,4 @@ class Caller:
 
 
 LOCAL: Final = Caller("local", "local", frozenset(Scope))
-"""Everybody, where no keys are needed."""
+"""Every caller of a service without keys."""

@@ -1,4 +1,4 @@
-"""The commands about API keys: create, list, revoke, and the log of such acts."""
+"""The commands for API keys: create, list, revoke, and the audit log."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ import typer
 from sqlalchemy.engine import Connection
 
 from vibroimpact_schema.keys import KeyRequest
-from vibroimpact_service import intake
 from vibroimpact_service.access import records
+from vibroimpact_service.access.authenticator import open_records
 from vibroimpact_service.access.caller import Allowance, Scope
-from vibroimpact_service.access.gate import open_records
+from vibroimpact_service.documents import parse
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import SettingsInvalidError, read
 
@@ -30,24 +30,27 @@ app = typer.Typer(help="API keys of the service: create, list, revoke.", no_args
 
 @app.command()
 def create(
-    owner: Annotated[str, typer.Argument(help="Whose jobs and results it shows.")],
-    label: Annotated[str, typer.Option(help="What it is for.")] = "",
+    owner: Annotated[
+        str, typer.Argument(help="Owner of the jobs and results that it gives access to.")
+    ],
+    label: Annotated[str, typer.Option(help="Description of its purpose.")] = "",
     scope: Annotated[
-        list[Scope] | None, typer.Option(help="What it is good for; several times (read, submit).")
+        list[Scope] | None,
+        typer.Option(help="What it permits; may be repeated (default: read, submit)."),
     ] = None,
-    days: Annotated[float | None, typer.Option(help="After which it expires.")] = None,
-    requests_per_minute: Annotated[int | None, typer.Option(help="Own rate.")] = None,
-    seconds_per_hour: Annotated[float | None, typer.Option(help="Own computing quota.")] = None,
+    days: Annotated[float | None, typer.Option(help="Lifetime in days.")] = None,
+    requests_per_minute: Annotated[int | None, typer.Option(help="Its own rate limit.")] = None,
+    seconds_per_hour: Annotated[float | None, typer.Option(help="Its own computing quota.")] = None,
     data: Data = None,
 ) -> None:
     """Make a key and print it; it cannot be shown again."""
-    asked = {
+    options = {
         "owner": owner, "label": label, "days": days,
         "scopes": [s.value for s in scope or (Scope.READ, Scope.SUBMIT)],
         "requests_per_minute": requests_per_minute, "seconds_per_hour": seconds_per_hour,
     }  # fmt: skip
     try:
-        checked = intake.document(KeyRequest, asked)
+        checked = parse.document(KeyRequest, options)
     except ProblemError as error:
         typer.echo(error.detail, err=True)
         raise typer.Exit(2) from None
@@ -73,9 +76,9 @@ def show(data: Data = None) -> None:
 
 @app.command()
 def revoke(
-    key: Annotated[str, typer.Argument(help="Its id, as the list shows it.")], data: Data = None
+    key: Annotated[str, typer.Argument(help="Its id, as listed.")], data: Data = None
 ) -> None:
-    """Make a key worthless from now on, also for services that run."""
+    """Revoke a key, with immediate effect on running services."""
     row = _change(data, lambda connection: records.revoke(connection, _actor(), key))
     if row is None:
         typer.echo("there is no such key", err=True)
@@ -96,7 +99,7 @@ def _change(data: Path | None, operation: Callable[[Connection], Value]) -> Valu
     try:
         settings = read(data=data)
     except SettingsInvalidError as error:
-        typer.echo(f"A setting cannot be: {error}", err=True)
+        typer.echo(f"Invalid setting: {error}", err=True)
         raise typer.Exit(2) from None
     engine = open_records(settings)
     try:

@@ -1,4 +1,4 @@
-"""API keys: how one is made, written and recognised; only its hash is kept."""
+"""API keys: their form, and the hash that is stored in place of the secret."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ _TEXT = re.compile(r"vik_([0-9a-f]{12})_([A-Za-z0-9_-]{43})")
 
 
 class Key(NamedTuple):
-    """A key as it is shown once, to whoever it is made for.
+    """A new key.
 
     Parameters
     ----------
     id : str
-        Public part, by which it is listed and revoked.
+        Public part, by which the key is listed and revoked.
     text : str
-        The whole key; the prefix lets scanners of leaked secrets recognise it.
+        The whole key, shown once; scanners for leaked secrets recognise its prefix.
     hash : str
-        What is kept of it.
+        Hash of the secret part, which alone is stored.
     """
 
     id: str
@@ -36,19 +36,20 @@ def make() -> Key:
 
 
 def parse(text: str) -> tuple[str, str] | None:
-    """Return (id, secret) of a key, or None where the text is none."""
+    """Return (id, secret) of a key, or None if the text is not a key."""
     match = _TEXT.fullmatch(text)
     return None if match is None else (match[1], match[2])
 
 
 def digest(secret: str) -> str:
-    """Return what is kept of a secret.
+    """Return the hash of a secret.
 
-    It holds 256 random bits: a plain hash cannot be searched, a slow one would only cost time.
+    A secret holds 256 random bits: a plain hash cannot be inverted by trying, and a slow hash
+    would only cost time.
     """
     return hashlib.sha256(secret.encode()).hexdigest()
 
 
 def same(secret: str, kept: str) -> bool:
-    """Whether a secret is the one whose hash was kept."""
+    """Whether a secret has the stored hash."""
     return hmac.compare_digest(digest(secret), kept)

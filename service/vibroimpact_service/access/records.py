@@ -1,4 +1,4 @@
-"""The tables of API keys and of administrative acts, and what is done to them."""
+"""The tables of API keys and of administrative acts, and their queries."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ audit = sa.Table(
 
 @dataclass(frozen=True, slots=True)
 class KeyRow:
-    """A key on record; times are seconds since 1970 by the database's clock."""
+    """A stored key; times are seconds since 1970 by the database's clock."""
 
     id: str
     owner: str
@@ -64,19 +64,19 @@ class KeyRow:
 
 @dataclass(frozen=True, slots=True)
 class NewKey:
-    """What a key is to be good for.
+    """What a new key permits.
 
     Parameters
     ----------
     owner : str
-        Whose jobs and results it shows.
+        Owner of the jobs and results that it gives access to.
     label : str
-        What it is for, in words.
+        Description of its purpose.
     scopes : frozenset of Scope
     allowance : Allowance
-        Bounds that differ from those of the settings.
+        Limits that replace those of the settings.
     days : float, optional
-        After which it expires.
+        Lifetime.
     """
 
     owner: str
@@ -88,12 +88,12 @@ class NewKey:
 
 def prepare(engine: Engine) -> None:
     """Bring the tables up to date."""
-    # A line of versions of its own: keys and jobs change independently.
+    # A version table of its own: the tables of keys and jobs change independently.
     migrate(engine, MIGRATIONS, "alembic_version_access")
 
 
 def any_keys(engine: Engine) -> bool:
-    """Whether a key was ever made, revoked ones too; without making the tables."""
+    """Whether a key was ever made, even if revoked; does not create the tables."""
     if not sa.inspect(engine).has_table(api_keys.name):
         return False
     with engine.connect() as connection:
@@ -101,7 +101,7 @@ def any_keys(engine: Engine) -> bool:
 
 
 def create(connection: Connection, actor: str, new: NewKey) -> tuple[str, KeyRow]:
-    """Record a new key; return its text, which nobody can find out later, and its row."""
+    """Store a new key; return its text, which cannot be recovered later, and its row."""
     key = keys.make()
     clock = now(connection)
     values: dict[str, Any] = {
@@ -116,27 +116,27 @@ def create(connection: Connection, actor: str, new: NewKey) -> tuple[str, KeyRow
         "expires": None if new.days is None else clock + 86400.0 * new.days,
     }
     connection.execute(api_keys.insert().values(values))
-    found = find(connection, key.id)
-    assert found is not None
+    row = find(connection, key.id)
+    assert row is not None
     about = {"owner": new.owner, "label": new.label, "scopes": sorted(new.scopes)}
     record(connection, actor, "key created", key.id, about)
-    return key.text, found
+    return key.text, row
 
 
 def find(connection: Connection, key: str) -> KeyRow | None:
     """Return a key by its id."""
-    found = connection.execute(_rows(connection).where(api_keys.c.id == key)).one_or_none()
-    return None if found is None else _row(found)
+    row = connection.execute(_rows(connection).where(api_keys.c.id == key)).one_or_none()
+    return None if row is None else _key(row)
 
 
 def listed(connection: Connection) -> list[KeyRow]:
     """Return all keys, oldest first."""
     query = _rows(connection).order_by(api_keys.c.created, api_keys.c.id)
-    return [_row(each) for each in connection.execute(query)]
+    return [_key(row) for row in connection.execute(query)]
 
 
 def revoke(connection: Connection, actor: str, key: str) -> KeyRow | None:
-    """Make a key worthless from now on; return it, or None where there is none."""
+    """Revoke a key; return it, or None if there is none."""
     where = (api_keys.c.id == key) & api_keys.c.revoked.is_(None)
     change = api_keys.update().where(where).values(revoked=now(connection))
     if connection.execute(change).rowcount:
@@ -147,7 +147,7 @@ def revoke(connection: Connection, actor: str, key: str) -> KeyRow | None:
 def record(
     connection: Connection, actor: str, act: str, subject: str, about: Mapping[str, Any]
 ) -> None:
-    """Note an administrative act."""
+    """Add an act to the audit log."""
     values = {
         "time": now(connection),
         "actor": actor,
@@ -172,16 +172,16 @@ def _rows(connection: Connection) -> sa.Select[Any]:
     return sa.select(api_keys, (api_keys.c.revoked.is_(None) & unexpired).label("valid"))
 
 
-def _row(found: sa.Row[Any]) -> KeyRow:
+def _key(row: sa.Row[Any]) -> KeyRow:
     return KeyRow(
-        id=found.id,
-        owner=found.owner,
-        label=found.label,
-        hash=found.hash,
-        scopes=frozenset(Scope(name) for name in found.scopes.split()),
-        allowance=Allowance(found.requests_per_minute, found.seconds_per_hour),
-        created=found.created,
-        expires=found.expires,
-        revoked=found.revoked,
-        valid=bool(found.valid),
+        id=row.id,
+        owner=row.owner,
+        label=row.label,
+        hash=row.hash,
+        scopes=frozenset(Scope(name) for name in row.scopes.split()),
+        allowance=Allowance(row.requests_per_minute, row.seconds_per_hour),
+        created=row.created,
+        expires=row.expires,
+        revoked=row.revoked,
+        valid=bool(row.valid),
     )

@@ -1,4 +1,4 @@
-"""Bearer tokens of an OpenID Connect issuer: their signature, their claims, who they stand for."""
+"""Bearer tokens of an OpenID Connect issuer: signature, claims and the caller they name."""
 
 from __future__ import annotations
 
@@ -15,35 +15,35 @@ import jwt
 from vibroimpact_service.access.caller import Caller, Scope
 
 ALGORITHMS: Final = ("RS256", "RS384", "RS512", "PS256", "ES256", "ES384", "EdDSA")
-"""Signatures with a public key only: a shared secret or none at all would let anybody sign."""
+"""Signature algorithms with a public key; with a shared secret or none, anybody could sign."""
 
 _LEEWAY_SECONDS: Final = 30.0
 _FRESH_SECONDS: Final = 3600.0
-_PAUSE_SECONDS: Final = 10.0  # a caller who invents key ids must not make us press the issuer
+_PAUSE_SECONDS: Final = 10.0  # invented key ids must not cause a request to the issuer each
 _FETCH_SECONDS: Final = 5.0
 _MOST_BYTES: Final = 2**20
 _LONGEST: Final = 8192
 
 
 class TokenError(ValueError):
-    """A token that is not good for anything here."""
+    """A token that is not valid for this service."""
 
 
 class IssuerUnavailableError(ConnectionError):
-    """The issuer does not say what its keys are."""
+    """The issuer's keys cannot be fetched."""
 
 
 class Tokens:
-    """The tokens of one issuer.
+    """Verifies the tokens of one issuer.
 
     Parameters
     ----------
     issuer : str
         Address of the issuer, as in the claim ``iss``.
     audience : str
-        What the claim ``aud`` must name.
+        Required value of the claim ``aud``.
     prefix : str
-        Scopes of the claim ``scope`` (or ``scp``) that begin so are ours.
+        Prefix of this service's scopes in the claim ``scope`` (or ``scp``).
     """
 
     def __init__(self, issuer: str, audience: str, prefix: str) -> None:
@@ -56,14 +56,14 @@ class Tokens:
         self._lock = asyncio.Lock()
 
     async def caller(self, text: str) -> Caller:
-        """Return who a token stands for.
+        """Return the caller that a token names.
 
         Raises
         ------
         TokenError
-            Where it is no token of this issuer for us, or not any more.
+            If it is not a valid token of this issuer for this service, or has expired.
         IssuerUnavailableError
-            Where nobody can tell.
+            If the issuer's keys cannot be fetched.
         """
         if len(text) > _LONGEST:
             raise TokenError("the token is too long")
@@ -114,14 +114,14 @@ class Tokens:
     def _fetch(self) -> dict[str, jwt.PyJWK]:
         about = _get(self._issuer.rstrip("/") + "/.well-known/openid-configuration")
         if about.get("issuer") != self._issuer:
-            raise ValueError("the issuer calls itself otherwise")
-        found = {}
+            raise ValueError("the issuer states a different name")
+        keys = {}
         for each in _get(str(about["jwks_uri"]))["keys"]:
             try:
-                found[str(each.get("kid", ""))] = jwt.PyJWK(each)
+                keys[str(each.get("kid", ""))] = jwt.PyJWK(each)
             except jwt.PyJWTError:
-                continue  # keys of other kinds may stand beside
-        return found
+                continue  # the set may contain keys of unknown types
+        return keys
 
 
 def _get(url: str) -> Any:

@@ -1,1 +1,1 @@
-"""The routes: each parses, calls the use case and answers."""
+"""The routes: each reads a request, calls the use case and answers."""

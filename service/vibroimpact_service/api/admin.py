@@ -1,4 +1,4 @@
-"""/v1/keys and /v1/audit: what administrators do, and what they did."""
+"""/v1/keys and /v1/audit: API keys and the record of administrative acts."""
 
 from __future__ import annotations
 
@@ -6,76 +6,145 @@ import re
 from datetime import UTC, datetime
 from typing import Annotated
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Path, Query
 from starlette.requests import Request
 from starlette.responses import Response
 
 from vibroimpact_schema.keys import Act, ActList, ApiKey, KeyList, KeyRequest, MadeKey
-from vibroimpact_service import intake, problems
+from vibroimpact_service import problems
 from vibroimpact_service.access import records
 from vibroimpact_service.access.caller import Allowance, Scope
-from vibroimpact_service.access.gate import Gate
-from vibroimpact_service.api import contract, exchange, guard
-from vibroimpact_service.api.guard import Guarded
+from vibroimpact_service.api import answers, bodies
+from vibroimpact_service.api.authentication import ADMIN, FAILURES, caller
+from vibroimpact_service.api.openapi import (
+    BODY_FAILURES,
+    READ_FAILURES,
+    answer,
+    failures,
+    json_body,
+)
+from vibroimpact_service.api.services import services
+from vibroimpact_service.documents import parse
 from vibroimpact_service.problems import ProblemError
 
-router = APIRouter(tags=["administration"], route_class=Guarded)
+router = APIRouter(tags=["administration"], responses=FAILURES, dependencies=[ADMIN])
 
 _KEY = re.compile(r"[0-9a-f]{12}")
+KeyId = Annotated[
+    str,
+    Path(
+        description="Id of a key.",
+        examples=["0" * 12],
+        json_schema_extra={"pattern": f"^{_KEY.pattern}$"},
+    ),
+]
 
 
-def _gate(request: Request) -> Gate:
-    found: Gate = request.app.state.gate
-    return found
-
-
-@router.get("/v1/keys", **contract.key_list())
-async def listed(request: Request) -> Response:
+@router.get(
+    "/v1/keys",
+    operation_id="list_keys",
+    summary="List API keys",
+    description="Without their secrets, which are not stored.",
+    responses={
+        200: answer("All keys.", KeyList),
+        **failures(404, 500, 503),
+    },
+)
+async def list_keys(request: Request) -> Response:
     """List all keys."""
-    rows = await _gate(request).read(records.listed)
-    return exchange.document(KeyList(keys=[_document(row) for row in rows]))
+    rows = await services(request).authenticator.read(records.listed)
+    return answers.document(KeyList(keys=[_document(row) for row in rows]))
 
 
-@router.post("/v1/keys", **contract.make_key())
-async def made(request: Request) -> Response:
+@router.post(
+    "/v1/keys",
+    operation_id="make_key",
+    status_code=201,
+    summary="Make an API key",
+    description="The key is shown in this answer only.",
+    responses={
+        201: answer("The key.", MadeKey, links={"revoke_key": {"key": "$response.body#/id"}}),
+        **BODY_FAILURES,
+        **failures(404),
+    },
+    openapi_extra={
+        "requestBody": json_body(
+            "KeyRequest",
+            {
+                "laptop": {
+                    "summary": "A key for a year",
+                    "value": {
+                        "owner": "ann",
+                        "label": "laptop",
+                        "scopes": ["read", "submit"],
+                        "days": 365,
+                    },
+                }
+            },
+        )
+    },
+)
+async def make_key(request: Request) -> Response:
     """Make a key."""
-    body = await exchange.read_json(request)
-    asked = intake.document(KeyRequest, intake.parse(body))
+    body = await bodies.read_json(request)
+    wanted = parse.document(KeyRequest, parse.json(body))
     new = records.NewKey(
-        asked.owner,
-        asked.label,
-        frozenset(Scope(name) for name in asked.scopes),
-        Allowance(asked.requests_per_minute, asked.seconds_per_hour),
-        asked.days,
+        wanted.owner,
+        wanted.label,
+        frozenset(Scope(name) for name in wanted.scopes),
+        Allowance(wanted.requests_per_minute, wanted.seconds_per_hour),
+        wanted.days,
     )
-    actor = guard.caller(request).name
-    text, row = await _gate(request).write(lambda c: records.create(c, actor, new))
-    shown = MadeKey(**_document(row).model_dump(), key=text)
-    return exchange.document(shown, 201)
+    actor = caller(request).name
+    authenticator = services(request).authenticator
+    text, row = await authenticator.write(lambda c: records.create(c, actor, new))
+    return answers.document(MadeKey(**_document(row).model_dump(), key=text), 201)
 
 
-@router.delete("/v1/keys/{key}", **contract.revoke_key())
-async def revoked(request: Request, key: str) -> Response:
+@router.delete(
+    "/v1/keys/{key}",
+    operation_id="revoke_key",
+    summary="Revoke an API key",
+    description="The key is refused from now on. Jobs and results of its owner remain.",
+    responses={
+        200: answer("The key.", ApiKey),
+        **READ_FAILURES,
+    },
+)
+async def revoke_key(request: Request, key: KeyId) -> Response:
     """Revoke a key."""
-    actor = guard.caller(request).name
+    actor = caller(request).name
     row = None
     if _KEY.fullmatch(key):
-        row = await _gate(request).write(lambda c: records.revoke(c, actor, key))
+        authenticator = services(request).authenticator
+        row = await authenticator.write(lambda c: records.revoke(c, actor, key))
     if row is None:
         raise ProblemError(problems.NOT_FOUND, "There is no such key.")
-    return exchange.document(_document(row))
+    return answers.document(_document(row))
 
 
-@router.get("/v1/audit", **contract.audit())
-async def audited(
+@router.get(
+    "/v1/audit",
+    operation_id="list_acts",
+    summary="Administrative acts",
+    description="The audit log: keys made and revoked, jobs shared, newest first.",
+    responses={
+        200: answer("A page of acts.", ActList),
+        **READ_FAILURES,
+    },
+)
+async def list_acts(
     request: Request,
     cursor: Annotated[
         int | None, Query(ge=1, le=2**53, description="Where the last page ended.")
     ] = None,
-    limit: Annotated[int, Query(ge=1, le=500, description="Most acts of the page.")] = 50,
+    limit: Annotated[
+        int, Query(ge=1, le=500, description="Largest number of acts on the page.")
+    ] = 50,
 ) -> Response:
     """List administrative acts, newest first."""
-    rows = await _gate(request).read(lambda c: records.acts(c, cursor, limit + 1))
+    authenticator = services(request).authenticator
+    rows = await authenticator.read(lambda c: records.acts(c, cursor, limit + 1))
     page = rows[:limit]
     acts = [
         Act(
@@ -84,7 +153,7 @@ async def audited(
         for row in page
     ]
     following = str(page[-1].seq) if len(rows) > limit else None
-    return exchange.document(ActList(acts=acts, next=following))
+    return answers.document(ActList(acts=acts, next=following))
 
 
 def _document(row: records.KeyRow) -> ApiKey:

@@ -3,69 +3,172 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
+from typing import Any
 
 from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
-from vibroimpact_service import negotiate
-from vibroimpact_service.api import contract, exchange, jobs
-from vibroimpact_service.api.guard import Guarded
+from vibroimpact_schema import examples, plans
+from vibroimpact_schema.results import BatchAnswers
+from vibroimpact_service import batches
+from vibroimpact_service.api import answers, bodies, request_headers
+from vibroimpact_service.api.authentication import FAILURES, SUBMIT, admission, owner
+from vibroimpact_service.api.jobs import described, job_answer
+from vibroimpact_service.api.openapi import (
+    BODY_FAILURES,
+    IDEMPOTENCY_KEY,
+    IF_NONE_MATCH,
+    answer,
+    failures,
+    json_body,
+    not_modified,
+    request_header,
+)
+from vibroimpact_service.api.plain_route import PlainRoute
+from vibroimpact_service.api.results import OF_RESULT, result_answer
+from vibroimpact_service.api.services import services
+from vibroimpact_service.documents import parse, requests
 from vibroimpact_service.evaluate import Queued
 from vibroimpact_service.kinds import KINDS, Kind
+from vibroimpact_service.results import negotiate
 
 Handler = Callable[[Request], Awaitable[Response]]
 
-
-def router() -> APIRouter:
-    """Return the routes of all kinds."""
-    found = APIRouter(tags=["compute"], route_class=Guarded)
-    for kind in KINDS.values():
-        found.add_api_route(
-            f"/v1/compute/{kind.name}", _compute(kind), methods=["POST"],
-            **contract.compute(kind),
-        )  # fmt: skip
-        found.add_api_route(
-            f"/v1/plan/{kind.name}", _plan(kind), methods=["POST"], **contract.plan(kind)
-        )
-    found.add_api_route("/v1/batch", _batch, methods=["POST"], **contract.batch())
-    return found
+router = APIRouter(
+    tags=["compute"], responses=FAILURES, dependencies=[SUBMIT], route_class=PlainRoute
+)
 
 
-async def _batch(request: Request) -> Response:
-    body = await exchange.read_json(request)
-    owner, spend = exchange.owner(request), exchange.spending(request)
-    answers = await exchange.evaluation(request).batch(owner, body, spend)
-    return Response(answers, media_type=negotiate.JSON)
+def _add_compute(kind: Kind) -> None:
+    operation = f"compute_{kind.decoder}"
 
-
-def _compute(kind: Kind) -> Handler:
+    @router.post(
+        f"/v1/compute/{kind.name}",
+        operation_id=operation,
+        summary=f"{kind.title}: compute",
+        description="Answers with the result if it is stored or the planned work is small, "
+        "otherwise with a job.",
+        responses={
+            200: result_answer(kind.result, OF_RESULT),
+            202: job_answer("It became a job."),
+            304: not_modified("If-None-Match names the result."),
+            **BODY_FAILURES,
+            **failures(406),
+        },
+        openapi_extra={
+            "requestBody": _request_body(kind),
+            "parameters": [
+                request_header(
+                    "Prefer",
+                    "respond-async: answer with a job. wait=N: wait for the result N seconds "
+                    f"first, at most {negotiate.LONGEST_PREFER_WAIT:g}.",
+                    examples=["respond-async, wait=5"],
+                ),
+                IF_NONE_MATCH,
+                IDEMPOTENCY_KEY,
+            ],
+        },
+    )
     async def compute(request: Request) -> Response:
-        media_type = exchange.wanted_representation(request)
+        media_type = request_headers.result_media_type(request)
         preference = negotiate.preference(request.headers.getlist("prefer"))
-        key = exchange.idempotency_key(request)
-        body = await exchange.read_json(request)
-        use = exchange.evaluation(request)
-        asked = await use.ask(exchange.owner(request), kind, body)
-        spend = exchange.spending(request)
-        outcome = await use.compute(asked, preference, media_type, spend, key)
+        key = request_headers.idempotency_key(request)
+        body = await bodies.read_json(request)
+        evaluation = services(request).evaluation
+        computation = await _read(request, kind, body)
+        outcome = await evaluation.compute(
+            computation, preference, media_type, admission(request), key
+        )
         headers = {"Preference-Applied": preference.applied()} if preference.applied() else {}
         if isinstance(outcome, Queued):
             headers["Location"] = f"/v1/jobs/{outcome.job.id}"
             headers["Retry-After"] = "1"
-            return exchange.document(await jobs.described(use.queue, outcome.job), 202, headers)
+            job = await described(evaluation.queue, outcome.job)
+            return answers.document(job, 202, headers)
         headers["Cache-Status"] = f"vibroimpact; {outcome.cache}"
         if outcome.seconds:
             headers["Server-Timing"] = negotiate.server_timing(outcome.seconds)
-        return await exchange.result(request, outcome.digest, outcome.representation, headers)
-
-    return compute
+        return await answers.result(request, computation.digest, outcome.representation, headers)
 
 
-def _plan(kind: Kind) -> Handler:
+def _add_plan(kind: Kind) -> None:
+    operation = f"plan_{kind.decoder}"
+
+    @router.post(
+        f"/v1/plan/{kind.name}",
+        operation_id=operation,
+        summary=f"{kind.title}: plan",
+        description="States what would be computed, by which methods and why, what would be "
+        "skipped, and the cost.",
+        responses={
+            200: answer("The plan.", plans.Plan),
+            **BODY_FAILURES,
+        },
+        openapi_extra={"requestBody": _request_body(kind)},
+    )
     async def plan(request: Request) -> Response:
-        body = await exchange.read_json(request)
-        use = exchange.evaluation(request)
-        return exchange.document(await use.plan(await use.ask(exchange.owner(request), kind, body)))
+        body = await bodies.read_json(request)
+        computation = await _read(request, kind, body)
+        return answers.document(await services(request).evaluation.plan(computation))
 
-    return plan
+
+async def _read(request: Request, kind: Kind, body: bytes) -> requests.Request:
+    executor = services(request).evaluation.executor
+    return await executor.parse(body, lambda: requests.read(owner(request), kind, parse.json(body)))
+
+
+def _request_body(kind: Kind) -> dict[str, Any]:
+    shown = {
+        name: {"summary": example["summary"], "value": example["request"]}
+        for name, example in examples.requests(kind.name).items()
+    }
+    return json_body(kind.request.__name__, shown)
+
+
+for _kind in KINDS.values():
+    _add_compute(_kind)
+    _add_plan(_kind)
+
+
+def _tiny(frequency: float) -> dict[str, Any]:
+    limiter = {"dof": 5, "gap": 0.2}
+    return {
+        "system": {"preset": "chain", "n": 13, "constraints": [limiter]},
+        "frequency": {"values": [frequency]},
+        "outputs": ["impulse"],
+    }
+
+
+@router.post(
+    "/v1/batch",
+    operation_id="compute_batch",
+    summary="Batch of tiny computations",
+    description="Each request is answered by its result or its problem, in the same order. "
+    "Nothing is stored; GET /v1/version states how many requests there may be, and larger work "
+    "is submitted as a job.",
+    responses={
+        200: answer("The answers.", BatchAnswers),
+        **BODY_FAILURES,
+    },
+    openapi_extra={
+        "requestBody": json_body(
+            "BatchRequest",
+            {
+                "impact-modes": {
+                    "summary": "The same chain at two frequencies",
+                    "value": {"kind": "impact-modes", "requests": [_tiny(1.0), _tiny(2.0)]},
+                }
+            },
+        )
+    },
+)
+async def batch(request: Request) -> Response:
+    """Answer many tiny requests."""
+    body = await bodies.read_json(request)
+    evaluation, settings = services(request).evaluation, services(request).settings
+    charge, engine = admission(request).charge, evaluation.queue.engine
+    content = await batches.answer(
+        owner(request), body, charge, settings, evaluation.executor, engine
+    )
+    return Response(content, media_type=negotiate.JSON)

@@ -1,30 +1,65 @@
-"""/v1/jobs: submit, list, look, wait, follow, cancel, and the result of a job."""
+"""/v1/jobs: submit, list, look up, wait, follow, cancel, and the result of a job."""
 
 from __future__ import annotations
 
+import asyncio
 import math
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Awaitable, Sequence
 from datetime import UTC, datetime
-from typing import Annotated, Any, Final, Literal, cast
+from typing import Annotated, Any, Final, Literal, TypeVar, cast
 
 from fastapi import APIRouter, Query
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
+from vibroimpact_schema import examples
 from vibroimpact_schema.jobs import Job, JobList, Progress
 from vibroimpact_schema.problems import Problem
 from vibroimpact_service import problems
-from vibroimpact_service.api import contract, exchange, sharing
-from vibroimpact_service.api.guard import Guarded
+from vibroimpact_service.api import answers, bodies, request_headers
+from vibroimpact_service.api.authentication import FAILURES, READ, SUBMIT, admission, owner
+from vibroimpact_service.api.openapi import (
+    BODY_FAILURES,
+    IDEMPOTENCY_KEY,
+    IF_NONE_MATCH,
+    READ_FAILURES,
+    Declaration,
+    answer,
+    failures,
+    header,
+    json_body,
+    not_modified,
+    request_header,
+)
+from vibroimpact_service.api.results import ANY_RESULT, OF_RESULT, result_answer
+from vibroimpact_service.api.services import services
+from vibroimpact_service.api.shared_results import JobId, own_job, still_visible, visible_job
+from vibroimpact_service.documents import requests
 from vibroimpact_service.jobs.queue import JobQueue
-from vibroimpact_service.jobs.records import JobRow
+from vibroimpact_service.jobs.tables import JobRow
+from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.problems import ProblemError
+from vibroimpact_service.results import negotiate
+
+Value = TypeVar("Value")
 
 LONGEST_POLL: Final = 25.0
+"""Seconds above which ``wait`` is cut."""
 
-router = APIRouter(tags=["jobs"], route_class=Guarded)
+router = APIRouter(tags=["jobs"], responses=FAILURES)
 
 State = Literal["queued", "running", "succeeded", "failed", "cancelled"]
+
+
+def job_answer(description: str) -> Declaration:
+    """Return the declaration of an answer that is a new job."""
+    operations = ("get_job", "cancel_job", "get_job_result", "follow_job")
+    links = {
+        operation: {"job": "$response.body#/id"}
+        for operation in (*operations, "get_share", "share_job", "unshare_job")
+    }
+    location = {"Location": header("Address of the job.")}
+    return answer(description, Job, headers=location, links=links)
 
 
 async def described(queue: JobQueue, job: JobRow) -> Job:
@@ -66,31 +101,74 @@ def _time(seconds: float) -> datetime:
     return datetime.fromtimestamp(seconds, UTC)
 
 
-@router.post("/v1/jobs", **contract.submit())
-async def submit(request: Request) -> Response:
+@router.post(
+    "/v1/jobs",
+    operation_id="submit_job",
+    status_code=201,
+    summary="Queue a computation",
+    description="The job is durable when this answers. Equal requests under way are computed once.",
+    dependencies=[SUBMIT],
+    responses={
+        201: job_answer("The job."),
+        **BODY_FAILURES,
+    },
+    openapi_extra={
+        "requestBody": json_body(
+            "JobRequest",
+            {
+                f"{kind}.{name}": {
+                    "summary": example["summary"],
+                    "value": {"kind": kind, "request": example["request"]},
+                }
+                for kind in KINDS
+                for name, example in examples.requests(kind).items()
+            },
+        ),
+        "parameters": [IDEMPOTENCY_KEY],
+    },
+)
+async def submit_job(request: Request) -> Response:
     """Queue a computation."""
-    key = exchange.idempotency_key(request)
-    body = await exchange.read_json(request)
-    use = exchange.evaluation(request)
-    asked, terms = await use.ask_job(exchange.owner(request), body)
-    job = await use.submit(asked, exchange.spending(request), key, terms)
-    headers = {"Location": f"/v1/jobs/{job.id}"}
-    return exchange.document(await described(use.queue, job), 201, headers)
+    key = request_headers.idempotency_key(request)
+    body = await bodies.read_json(request)
+    evaluation, settings = services(request).evaluation, services(request).settings
+    computation, options = await evaluation.executor.parse(
+        body, lambda: requests.read_job(owner(request), body, settings)
+    )
+    row = await evaluation.submit(computation, admission(request), key, options)
+    headers = {"Location": f"/v1/jobs/{row.id}"}
+    return answers.document(await described(evaluation.queue, row), 201, headers)
 
 
-@router.get("/v1/jobs", **contract.job_list())
-async def listed(
+@router.get(
+    "/v1/jobs",
+    operation_id="list_jobs",
+    summary="List jobs",
+    description="The caller's jobs, newest first.",
+    dependencies=[READ],
+    responses={
+        200: answer(
+            "A page of jobs.",
+            JobList,
+            headers={"Link": header("The next page, rel=next (RFC 8288).")},
+        ),
+        **failures(400, 422, 500, 503),
+    },
+)
+async def list_jobs(
     request: Request,
     state: Annotated[State | None, Query(description="Only jobs in this state.")] = None,
     kind: Annotated[str | None, Query(description="Only jobs of this kind.", max_length=40)] = None,
     cursor: Annotated[
         int | None, Query(ge=1, le=2**53, description="Where the last page ended.")
     ] = None,
-    limit: Annotated[int, Query(ge=1, le=500, description="Most jobs of the page.")] = 50,
+    limit: Annotated[
+        int, Query(ge=1, le=500, description="Largest number of jobs on the page.")
+    ] = 50,
 ) -> Response:
-    """List one's own jobs, newest first."""
-    queue = exchange.evaluation(request).queue
-    rows = await queue.list(exchange.owner(request), state, kind, cursor, limit + 1)
+    """List the caller's jobs, newest first."""
+    queue = services(request).evaluation.queue
+    rows = await queue.list(owner(request), state, kind, cursor, limit + 1)
     page, more = rows[:limit], len(rows) > limit
     following = str(page[-1].seq) if more else None
     headers = {}
@@ -98,78 +176,144 @@ async def listed(
         url = request.url.include_query_params(cursor=following)
         headers["Link"] = f'<{url.path}?{url.query}>; rel="next"'
     jobs = await _described(queue, page)
-    return exchange.document(JobList(jobs=jobs, next=following), headers=headers)
+    return answers.document(JobList(jobs=jobs, next=following), headers=headers)
 
 
-@router.get("/v1/jobs/{job}", **contract.job())
-async def looked_up(
+@router.get(
+    "/v1/jobs/{job}",
+    operation_id="get_job",
+    summary="State of a job",
+    description="With wait, answers when the job is final or the time is over; with since as "
+    "well, when anything has changed since that version.",
+    dependencies=[READ],
+    responses={
+        200: answer("The job.", Job, links=OF_RESULT),
+        **READ_FAILURES,
+    },
+)
+async def get_job(
     request: Request,
-    job: str,
+    job: JobId,
     wait: Annotated[
         float | None,
         Query(
             ge=0,
             allow_inf_nan=False,
-            description="Answer once the job is final, or after so many seconds, 25 at most.",
+            description="Answer when the job is final, or after so many seconds, at most 25.",
         ),
     ] = None,
     since: Annotated[
         int | None,
-        Query(ge=0, le=2**53, description="Version that is known: wait for any other one."),
+        Query(ge=0, le=2**53, description="Version that is known: wait for another one."),
     ] = None,
 ) -> Response:
     """Return a job."""
-    queue = exchange.evaluation(request).queue
-    row = await sharing.job(request, job)
+    queue = services(request).evaluation.queue
+    row = await visible_job(request, job)
     if wait and not row.final:
         seconds = min(wait, LONGEST_POLL)
-        if since is None:
-            waiting = queue.finished(row.owner, job, seconds)
-        else:
-            waiting = queue.wait(row.owner, job, since, seconds)
-        row = await exchange.unless_draining(request, waiting) or row
-    return exchange.document(await described(queue, row))
+        waiting = queue.wait(row.owner, job, seconds, since)
+        row = await _unless_draining(request, waiting) or row
+    return answers.document(await described(queue, row))
 
 
-@router.delete("/v1/jobs/{job}", **contract.cancel())
-async def cancelled(request: Request, job: str) -> Response:
-    """Cancel a job; a final one stays as it is."""
-    queue = exchange.evaluation(request).queue
-    row = await sharing.own_job(request, job)
+@router.delete(
+    "/v1/jobs/{job}",
+    operation_id="cancel_job",
+    summary="Cancel a job",
+    description="A queued job is cancelled at once, a running one soon; a final one does not "
+    "change.",
+    dependencies=[SUBMIT],
+    responses={
+        200: answer("The job.", Job),
+        **READ_FAILURES,
+    },
+)
+async def cancel_job(request: Request, job: JobId) -> Response:
+    """Cancel a job; a final one does not change."""
+    queue = services(request).evaluation.queue
+    row = await own_job(request, job)
     cancelled = await queue.cancel(row.owner, job)
     assert cancelled is not None
-    return exchange.document(await described(queue, cancelled))
+    return answers.document(await described(queue, cancelled))
 
 
-@router.get("/v1/jobs/{job}/result", **contract.job_result())
-async def result(request: Request, job: str) -> Response:
+@router.get(
+    "/v1/jobs/{job}/result",
+    operation_id="get_job_result",
+    summary="Result of a job",
+    description="404 while there is none: not_ready, with Retry-After, or no_result if there "
+    "will be none.",
+    dependencies=[READ],
+    responses={
+        200: result_answer(ANY_RESULT),
+        304: not_modified(),
+        **READ_FAILURES,
+        **failures(406),
+    },
+    openapi_extra={"parameters": [IF_NONE_MATCH]},
+)
+async def get_job_result(request: Request, job: JobId) -> Response:
     """Return the result of a job."""
-    media_type = exchange.wanted_representation(request)
-    use = exchange.evaluation(request)
-    row = await sharing.job(request, job)
+    media_type = request_headers.result_media_type(request)
+    row = await visible_job(request, job)
     if row.state in ("failed", "cancelled"):
         raise ProblemError(problems.NO_RESULT, f"The job was {row.state}.")
     if row.state != "succeeded":
         later = str(max(1, min(30, math.ceil(row.seconds))))
         detail = f"The job is {row.state}."
         raise ProblemError(problems.NOT_READY, detail, headers={"Retry-After": later})
-    found = await use.result_of(row, media_type)
-    if found is None:
+    stored = await services(request).evaluation.result_of(row, media_type)
+    if stored is None:
         raise ProblemError(problems.NO_RESULT, "The result is no longer stored; submit it again.")
-    return await exchange.result(request, row.result, found)
+    return await answers.result(request, row.result, stored)
 
 
-@router.get("/v1/jobs/{job}/events", **contract.events())
-async def events(request: Request, job: str) -> Response:
+@router.get(
+    "/v1/jobs/{job}/events",
+    operation_id="follow_job",
+    summary="Follow a job",
+    description="Server-sent events: job at every change, end at the last one; data is the job, "
+    "id the number of the change, from which Last-Event-ID continues.",
+    dependencies=[READ],
+    responses={
+        200: answer(
+            "The events.",
+            content={
+                "text/event-stream": {
+                    "schema": {
+                        "type": "object",
+                        "properties": {
+                            "id": {"type": "string"},
+                            "event": {"enum": ["job", "end"]},
+                            "data": {
+                                "type": "string",
+                                "contentMediaType": negotiate.JSON,
+                                "contentSchema": {"$ref": "#/components/schemas/Job"},
+                            },
+                        },
+                    }
+                }
+            },
+        ),
+        **READ_FAILURES,
+    },
+    openapi_extra={
+        "parameters": [
+            request_header("Last-Event-ID", "Number of the last change that was received.")
+        ]
+    },
+)
+async def follow_job(request: Request, job: JobId) -> Response:
     """Follow a job by server-sent events."""
-    queue = exchange.evaluation(request).queue
-    row = await sharing.job(request, job)
+    queue = services(request).evaluation.queue
+    row = await visible_job(request, job)
     last = request.headers.get("last-event-id", "")
     seen = int(last) if last.isdigit() and len(last) < 10 else 0
-    stream = _events(request, queue, row, seen)
     headers = {"X-Accel-Buffering": "no"}
     if request.state.head:
         return Response(headers=headers, media_type="text/event-stream")
+    stream = _events(request, queue, row, seen)
     return StreamingResponse(stream, headers=headers, media_type="text/event-stream")
 
 
@@ -180,11 +324,11 @@ async def _events(
     yield b"retry: 1000\n\n"
     changes = queue.events(job.owner, job.id, seen)
     while True:
-        change: Any = await exchange.unless_draining(request, _next(changes))
+        change: Any = await _unless_draining(request, _next(changes))
         if change is None:
             return
         (row,) = change
-        if not await sharing.still_shown(request, job):
+        if not await still_visible(request, job):
             return
         if row is None:
             yield b": still here\n\n"
@@ -198,3 +342,16 @@ async def _next(changes: AsyncIterator[JobRow | None]) -> tuple[JobRow | None] |
     async for change in changes:
         return (change,)
     return None
+
+
+async def _unless_draining(request: Request, waiting: Awaitable[Value | None]) -> Value | None:
+    """Return what an awaitable returns, or None once the service is told to stop."""
+    drain = services(request).drain
+    work, stop = asyncio.ensure_future(waiting), asyncio.ensure_future(drain.wait())
+    try:
+        await asyncio.wait({work, stop}, return_when=asyncio.FIRST_COMPLETED)
+        return work.result() if work.done() else None
+    finally:
+        stop.cancel()
+        if not work.done():
+            work.cancel()

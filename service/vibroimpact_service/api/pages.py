@@ -1,4 +1,4 @@
-"""The console, the page of the contract, and what they are made of."""
+"""The console, the page that shows the OpenAPI document, and their files."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
-from vibroimpact_service import console, digest, negotiate, problems
-from vibroimpact_service.api.guard import Guarded
+from vibroimpact_service import console, problems
+from vibroimpact_service.api import answers
+from vibroimpact_service.documents import digest
 from vibroimpact_service.problems import ProblemError
+from vibroimpact_service.results import negotiate
 
-router = APIRouter(include_in_schema=False, route_class=Guarded)
+router = APIRouter(include_in_schema=False)
 
 
 @router.get("/")
@@ -21,12 +23,12 @@ async def index(request: Request) -> Response:
 
 @router.get("/docs")
 async def docs(request: Request) -> Response:
-    """Return the page that shows the contract."""
+    """Return the page that shows the OpenAPI document."""
     return _page(request, "docs.html")
 
 
 @router.get("/console/{file}")
-async def part(request: Request, file: str) -> Response:
+async def page_file(request: Request, file: str) -> Response:
     """Return a file of the pages."""
     return _page(request, file)
 
@@ -41,7 +43,6 @@ def _page(request: Request, name: str) -> Response:
         "Cache-Control": "no-cache",
         "Content-Security-Policy": console.POLICY,
     }
-    known = request.headers.get("if-none-match")
-    if known is not None and negotiate.names(known, etag):
+    if answers.is_known(request, etag):
         return Response(status_code=304, headers=headers)
     return Response(data, headers=headers, media_type=console.media_type(name))

@@ -1,76 +1,107 @@
-"""Health, version, the contract, and the pages about problems."""
+"""Health, version, metrics, the OpenAPI document, and the pages about problem types."""
 
 from __future__ import annotations
 
 import html
 from importlib.metadata import version
 
+import orjson
 from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
 from vibroimpact_schema.service import Health, ServiceLimits, Version
-from vibroimpact_service import negotiate, problems
-from vibroimpact_service.access.gate import Gate
-from vibroimpact_service.api import contract, exchange
-from vibroimpact_service.api.guard import Guarded
+from vibroimpact_service import problems
+from vibroimpact_service.api import answers, openapi
+from vibroimpact_service.api.authentication import FAILURES, METRICS
 from vibroimpact_service.api.jobs import LONGEST_POLL
-from vibroimpact_service.evaluate import SYSTEM_TYPES
+from vibroimpact_service.api.openapi import answer, failures
+from vibroimpact_service.api.services import services
+from vibroimpact_service.documents import stored_systems
 from vibroimpact_service.kinds import KINDS
-from vibroimpact_service.metrics import MEDIA_TYPE, Metrics
+from vibroimpact_service.metrics import MEDIA_TYPE
 from vibroimpact_service.problems import ProblemError
+from vibroimpact_service.results import negotiate
 
-router = APIRouter(tags=["service"], route_class=Guarded)
-
-
-@router.get("/v1/health/live", **contract.live())
-async def live() -> Response:
-    """Say that the process answers."""
-    return exchange.document(Health(status="ok", checks={}))
+router = APIRouter(tags=["service"])
 
 
-@router.get("/v1/health/ready", **contract.ready())
-async def ready(request: Request) -> Response:
-    """Say whether work can be taken now."""
-    queue = exchange.evaluation(request).queue
+@router.get(
+    "/v1/health/live",
+    operation_id="health_live",
+    summary="Liveness",
+    description="Whether the process answers.",
+    responses={
+        200: answer("The process answers.", Health, rated=False),
+        **failures(500),
+    },
+)
+async def health_live() -> Response:
+    """Answer."""
+    return answers.document(Health(status="ok", checks={}))
+
+
+@router.get(
+    "/v1/health/ready",
+    operation_id="health_ready",
+    summary="Readiness",
+    description="Whether records, store and workers accept work.",
+    responses={
+        200: answer("The service accepts work.", Health, rated=False),
+        **failures(500, 503),
+    },
+)
+async def health_ready(request: Request) -> Response:
+    """Return whether the service accepts work."""
+    queue = services(request).evaluation.queue
     checks = {
         "records": "ok" if queue.healthy else "the job queue has stopped",
         "workers": "ok" if queue.engine.ready else queue.engine.failure or "starting",
-        "service": "stopping" if request.app.state.drain.is_set() else "ok",
+        "service": "stopping" if services(request).drain.is_set() else "ok",
     }
-    amiss = [f"{part}: {what}" for part, what in checks.items() if what != "ok"]
-    if amiss:
-        detail = "; ".join(amiss)
+    faults = [f"{part}: {state}" for part, state in checks.items() if state != "ok"]
+    if faults:
+        detail = "; ".join(faults)
         raise ProblemError(problems.UNAVAILABLE, detail, headers={"Retry-After": "1"})
-    return exchange.document(Health(status="ok", checks=checks))
+    return answers.document(Health(status="ok", checks=checks))
 
 
-@router.get("/v1/version", **contract.version())
-async def about(request: Request) -> Response:
-    """Say what the service is, what it can and what it accepts."""
-    settings = exchange.settings(request)
+@router.get(
+    "/v1/version",
+    operation_id="version",
+    summary="Version",
+    description="Version, kinds, media types, capabilities and limits of the service.",
+    responses={
+        200: answer("Versions, kinds and limits.", Version, rated=False),
+        **failures(500),
+    },
+)
+async def get_version(request: Request) -> Response:
+    """Return version, capabilities and limits."""
+    settings = services(request).settings
     number = version("vibroimpact")
-    gate: Gate = request.app.state.gate
-    closed = gate.closed
+    keys_required = services(request).authenticator.keys_required
     capabilities = ["console", "events", "idempotency", "ranges", "uploads"]
-    capabilities += ["keys"] * closed + ["oidc"] * (closed and settings.oidc_issuer is not None)
+    capabilities += ["keys"] * keys_required + ["oidc"] * (
+        keys_required and settings.oidc_issuer is not None
+    )
     limits = ServiceLimits(
         body_bytes=settings.max_body_bytes,
         header_bytes=settings.max_header_bytes,
         points=settings.max_points,
         job_seconds=settings.max_job_seconds,
         unfinished_jobs=settings.max_unfinished_jobs,
-        requests_per_minute=settings.requests_per_minute if closed else None,
-        seconds_per_hour=settings.seconds_per_hour if closed else None,
+        requests_per_minute=settings.requests_per_minute if keys_required else None,
+        seconds_per_hour=settings.seconds_per_hour if keys_required else None,
         dofs=settings.max_dofs,
         result_bytes=settings.max_result_bytes,
         inline_seconds=settings.inline_seconds,
         batch_requests=settings.batch_requests,
         batch_seconds=settings.batch_seconds,
-        wait_seconds=negotiate.LONGEST_WAIT,
+        wait_seconds=negotiate.LONGEST_PREFER_WAIT,
         poll_seconds=LONGEST_POLL,
     )
-    return exchange.document(
+    return answers.document(
         Version(
             service=number,
             solvers=number,
@@ -78,41 +109,53 @@ async def about(request: Request) -> Response:
             kinds=list(KINDS),
             representations=list(negotiate.REPRESENTATIONS),
             codings=list(negotiate.CODINGS),
-            system_types=list(SYSTEM_TYPES),
+            system_types=list(stored_systems.MEDIA_TYPES),
             capabilities=sorted(capabilities),
             limits=limits,
         )
     )
 
 
-@router.get("/metrics", **contract.metrics())
-async def metrics(request: Request) -> Response:
-    """Return the service's own figures."""
-    queue = exchange.evaluation(request).queue
-    found: Metrics = request.app.state.metrics
-    text = found.text(await queue.waiting(), queue.engine.slots, queue.engine.ready)
+@router.get(
+    "/metrics",
+    operation_id="metrics",
+    summary="Metrics",
+    description="Requests, queue, workers, cache and solve times, in the format of Prometheus.",
+    dependencies=[METRICS],
+    responses={
+        **FAILURES,
+        200: answer("The metrics.", content={"text/plain": {"schema": {"type": "string"}}}),
+        **failures(500, 503),
+    },
+)
+async def get_metrics(request: Request) -> Response:
+    """Return the metrics."""
+    metrics, queue = services(request).metrics, services(request).evaluation.queue
+    text = metrics.text(await queue.waiting(), queue.engine.workers, queue.engine.ready)
     return Response(text, media_type=MEDIA_TYPE)
 
 
 @router.get("/openapi.json", include_in_schema=False)
-async def openapi(request: Request) -> Response:
-    """Return the contract."""
+async def get_openapi(request: Request) -> Response:
+    """Return the OpenAPI document."""
     headers = {"Cache-Control": "no-cache"}
-    return Response(contract.text(request.app), headers=headers, media_type=negotiate.JSON)
+    return Response(
+        orjson.dumps(openapi.document(request.app)), headers=headers, media_type=negotiate.JSON
+    )
 
 
 @router.get(problems.PAGES + "{code}", include_in_schema=False)
 async def page(code: str) -> Response:
-    """Return the page about a type of problem."""
-    found = problems.TYPES.get(code)
-    if found is None:
-        raise ProblemError(problems.NOT_FOUND, "There is no such type of problem.")
-    title, about = html.escape(found.title), html.escape(found.about)
-    retry = "can succeed later" if found.retryable else "will not succeed unchanged"
+    """Return the page about a problem type."""
+    kind = problems.TYPES.get(code)
+    if kind is None:
+        raise ProblemError(problems.NOT_FOUND, "There is no such problem type.")
+    title, about = html.escape(kind.title), html.escape(kind.about)
+    retry = "can succeed later" if kind.retryable else "will not succeed unchanged"
     text = (
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title>'
         f"<h1>{title}</h1><p>{about}</p>"
-        f"<p>Code <code>{found.code}</code>, HTTP status {found.status}. "
+        f"<p>Code <code>{kind.code}</code>, HTTP status {kind.status}. "
         f"The same request {retry}.</p></html>"
     )
     headers = {"Cache-Control": "public, max-age=3600"}

@@ -1,45 +1,129 @@
-"""/v1/systems: systems by content, so that a large matrix is sent once."""
+"""/v1/systems: stored systems, so that a large matrix is sent once."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from typing import Annotated, Final
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Path
 from starlette.requests import Request
 from starlette.responses import Response
 
-from vibroimpact_service import digest, negotiate, problems
-from vibroimpact_service.api import contract, exchange
-from vibroimpact_service.api.guard import Guarded
-from vibroimpact_service.evaluate import SYSTEM_TYPES
+from vibroimpact_schema.service import StoredSystem
+from vibroimpact_service import problems
+from vibroimpact_service.api import answers, bodies
+from vibroimpact_service.api.authentication import FAILURES, READ, SUBMIT, owner
+from vibroimpact_service.api.openapi import (
+    BINARY,
+    BODY_FAILURES,
+    IF_NONE_MATCH,
+    READ_FAILURES,
+    Declaration,
+    answer,
+    header,
+    json_body,
+    not_modified,
+)
+from vibroimpact_service.api.services import services
+from vibroimpact_service.documents import digest, stored_systems
 from vibroimpact_service.problems import ProblemError
+from vibroimpact_service.results import negotiate
 
-router = APIRouter(tags=["systems"], route_class=Guarded)
+router = APIRouter(tags=["systems"], responses=FAILURES)
 
 _SYSTEM = re.compile(r"sys_[0-9a-f]{64}")
+SystemId = Annotated[
+    str,
+    Path(
+        description="Id of a system.",
+        examples=["sys_" + "0" * 64],
+        json_schema_extra={"pattern": f"^{_SYSTEM.pattern}$"},
+    ),
+]
+
+_CHAIN: Final = {"preset": "chain", "n": 13, "constraints": [{"dof": 5, "gap": 0.2}]}
+_MATRIX_MARKET: Final = (
+    "%%MatrixMarket matrix coordinate real symmetric\n2 2 3\n1 1 2.0\n2 1 -1.0\n2 2 2.0\n"
+)
+_FILES: Final[Mapping[str, Declaration]] = {
+    "application/x-matrix-market": {
+        "schema": {
+            "type": "string",
+            "description": "K alone (masses 1), M and K, or M, K and C, one text after another.",
+        },
+        "examples": {"K": {"summary": "Stiffness of two masses", "value": _MATRIX_MARKET}},
+    },
+    "application/x-npy": {
+        "schema": {
+            **BINARY,
+            "description": "float64 of shape (n, n): K; (2, n, n): M and K; (3, n, n): M, K and C.",
+        }
+    },
+}
 
 
-@router.post("/v1/systems", **contract.store_system())
-async def store(request: Request) -> Response:
+def _stored(description: str) -> Declaration:
+    located = {"Location": header("Address of the system.")}
+    links = {"get_system": {"system": "$response.body#/id"}}
+    return answer(description, StoredSystem, headers=located, links=links)
+
+
+@router.post(
+    "/v1/systems",
+    operation_id="store_system",
+    summary="Store a system",
+    description="The id, a hash of the content, can then be used in place of the system.",
+    dependencies=[SUBMIT],
+    responses={
+        200: _stored("The system was stored already."),
+        201: _stored("The system is stored."),
+        **BODY_FAILURES,
+    },
+    openapi_extra={
+        "requestBody": json_body(
+            "System", {"chain": {"summary": "A chain of 13 masses", "value": _CHAIN}}, _FILES
+        )
+    },
+)
+async def store_system(request: Request) -> Response:
     """Store a system."""
-    media_type, body = await exchange.read_body(request, SYSTEM_TYPES)
-    use = exchange.evaluation(request)
-    stored, new = await use.store_system(exchange.owner(request), media_type, body)
+    media_type, body = await bodies.read_body(request, stored_systems.MEDIA_TYPES)
+    evaluation, settings = services(request).evaluation, services(request).settings
+    stored, new = await evaluation.executor.parse(
+        body,
+        lambda: stored_systems.put(evaluation.store, settings, owner(request), media_type, body),
+    )
     headers = {"Location": f"/v1/systems/{stored.id}"}
-    return exchange.document(stored, 201 if new else 200, headers)
+    return answers.document(stored, 201 if new else 200, headers)
 
 
-@router.get("/v1/systems/{system}", **contract.system())
-async def system(request: Request, system: str) -> Response:
+@router.get(
+    "/v1/systems/{system}",
+    operation_id="get_system",
+    summary="Stored system",
+    description="In its canonical form.",
+    dependencies=[READ],
+    responses={
+        200: answer(
+            "The system.",
+            content={negotiate.JSON: {"schema": {"$ref": "#/components/schemas/System"}}},
+        ),
+        304: not_modified(),
+        **READ_FAILURES,
+    },
+    openapi_extra={"parameters": [IF_NONE_MATCH]},
+)
+async def get_system(request: Request, system: SystemId) -> Response:
     """Return a stored system."""
     data = None
-    if _SYSTEM.fullmatch(system) and digest.owned(exchange.owner(request), system):
-        data = await exchange.evaluation(request).system(system)
+    if _SYSTEM.fullmatch(system) and digest.owned(owner(request), system):
+        evaluation = services(request).evaluation
+        data = await evaluation.executor.run(lambda: evaluation.store.systems.get(system))
     if data is None:
         raise ProblemError(problems.NOT_FOUND, "There is no such system.")
     etag = negotiate.entity_tag(digest.content(data))
-    headers = {"ETag": etag, "Cache-Control": exchange.IMMUTABLE}
-    known = request.headers.get("if-none-match")
-    if known is not None and negotiate.names(known, etag):
+    headers = {"ETag": etag, "Cache-Control": answers.IMMUTABLE}
+    if answers.is_known(request, etag):
         return Response(status_code=304, headers=headers)
     return Response(data, headers=headers, media_type=negotiate.JSON)

@@ -1,4 +1,4 @@
-"""The pages of the service: plain files, served as they are, with no source outside of it."""
+"""The console: static files, without references to other servers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ POLICY: Final = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-"""Content-Security-Policy of the pages: nothing inline, nothing from elsewhere."""
+"""Content-Security-Policy of the pages: no inline code, nothing from other servers."""
 
 FILES: Final[Mapping[str, bytes]] = {
     path.name: path.read_bytes()

@@ -1,4 +1,4 @@
-// Talks to the service that this page came from.
+// Requests to the service that delivered this page.
 
 export class Problem extends Error {
   constructor(document, status) {

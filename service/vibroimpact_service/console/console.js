@@ -1,4 +1,4 @@
-// The page: a form that writes a request, its result drawn, the jobs, and how the service is.
+// The console: a form that writes a request, the plot of its result, the jobs, the health.
 
 import { Problem, ask, keep, key } from "/console/api.js";
 import { draw } from "/console/plot.js";
@@ -115,7 +115,7 @@ let shown = "";
 async function showJobs() {
   const { document: page } = await ask("GET", "/v1/jobs?limit=20");
   const now = JSON.stringify(page.jobs.map((job) => [job.id, job.version, job.waiting_reason]));
-  // The table is left alone while nothing changes: a button must not vanish under the pointer.
+  // The table is redrawn only after changes, so that buttons stay under the pointer.
   if (now !== shown) {
     shown = now;
     if (page.jobs.length) find("jobs").replaceChildren(...page.jobs.map(jobRow));

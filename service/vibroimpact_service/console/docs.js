@@ -1,4 +1,4 @@
-// Shows openapi.json as a page.
+// Displays openapi.json as a page.
 
 const make = (name, text, ...children) => {
   const made = document.createElement(name);
@@ -16,7 +16,7 @@ function rows(head, lines) {
   return box;
 }
 
-// A type in a few words: its name where it has one.
+// A type in a few words: its name if it has one.
 function typed(schema = {}) {
   if (schema.$ref) return schema.$ref.split("/").pop();
   if (schema.anyOf || schema.oneOf) return [...new Set((schema.anyOf || schema.oneOf).map(typed))].join(" or ");

@@ -1,4 +1,4 @@
-// Draws p(Omega): real members as a strong line, phantoms as a thin one, and where they exist.
+// Plots p(Omega): admissible solutions as a strong line, phantoms as a thin one, and their bands.
 
 const SPACE = "http://www.w3.org/2000/svg";
 const [LEFT, RIGHT, TOP, BOTTOM, BAND] = [64, 786, 14, 340, 372];
@@ -36,7 +36,7 @@ export function range(values, real) {
   return [low - pad, high + pad];
 }
 
-// Pieces of the curve: broken where members begin or cease to exist, and at poles.
+// Pieces of the curve, interrupted at the ends of existence bands and at poles.
 export function pieces(x, y, real, height) {
   const found = [];
   let current = null;
@@ -59,7 +59,7 @@ export function draw(svg, caption, result) {
   const [low, high] = range(y, real);
   const [first, last] = [x[0], x[x.length - 1]];
   const across = (v) => LEFT + ((v - first) / (last - first || 1)) * (RIGHT - LEFT);
-  // A pole may lie as far outside as numbers go; coordinates of pictures do not.
+  // Values near a pole may exceed the range of SVG coordinates.
   const near = (v) => Math.min(Math.max(v, 2 * low - high), 2 * high - low);
   const up = (v) => BOTTOM - ((near(v) - low) / (high - low)) * (BOTTOM - TOP);
   svg.replaceChildren();

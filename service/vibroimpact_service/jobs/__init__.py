@@ -1,1 +1,1 @@
-"""Durable jobs: SQL records, leases, and the engine that computes their chunks."""
+"""Durable jobs: records in SQL, claims, and the engine that computes their chunks."""

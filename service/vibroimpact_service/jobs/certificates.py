@@ -1,4 +1,4 @@
-"""Keys and certificates by which services, scheduler and workers know one another."""
+"""Keys and certificates with which services, scheduler and workers authenticate one another."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class Material(NamedTuple):
 def make(days: int) -> Material:
     """Return an authority and one certificate that it signed.
 
-    All processes use the same. Whoever has the key can run code in the workers. The
-    authority's own key is thrown away: a leak needs new material for all.
+    All processes use the same certificate. Anybody with its key can run code in the workers. The
+    key of the authority is not kept: after a leak, all certificates are replaced.
     """
     authority, key = (ec.generate_private_key(ec.SECP256R1()) for _ in range(2))
     root = _sign(_AUTHORITY, authority, _AUTHORITY, authority, days, True)
@@ -50,7 +50,7 @@ def write(folder: Path, days: int) -> tuple[Path, Path, Path]:
     Raises
     ------
     FileExistsError
-        Where there is some already.
+        Where one of the files exists already.
     """
     folder.mkdir(parents=True, exist_ok=True)
     made = make(days)

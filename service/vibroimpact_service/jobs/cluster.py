@@ -1,4 +1,4 @@
-"""Scheduler and workers as processes of their own, for services on several machines."""
+"""Scheduler and workers as separate processes, for services on several machines."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ import dask
 import structlog
 from distributed import Nanny, Scheduler
 
-from vibroimpact_service.jobs.engine import CONFIG, LANES, calm, open_nursery, security
+from vibroimpact_service.jobs import forkserver, security
+from vibroimpact_service.jobs.engine import CONFIG, QUEUES
 from vibroimpact_service.settings import Settings
 
 log = structlog.get_logger("vibroimpact.cluster")
@@ -21,9 +22,9 @@ _RETRY_SECONDS: Final = 1.0
 
 
 def schedule(settings: Settings, host: str, port: int, ready: Callable[[str], None]) -> None:
-    """Run a scheduler until SIGTERM or SIGINT; `ready` is told its address.
+    """Run a scheduler until SIGTERM or SIGINT; `ready` is called with its address.
 
-    It holds no state that is needed: services submit again what it forgot as it died.
+    Nothing is lost when it dies: services submit their calls again to the next one.
     """
 
     async def run(stop: asyncio.Event) -> None:
@@ -31,10 +32,9 @@ def schedule(settings: Settings, host: str, port: int, ready: Callable[[str], No
             host=host,
             port=port,
             protocol="tls://",
-            security=security(settings),
+            security=security.of_settings(settings),
             dashboard=False,
         ) as scheduler:
-            calm(scheduler)
             ready(scheduler.address)
             await _first(stop.wait(), scheduler.finished())
 
@@ -42,14 +42,14 @@ def schedule(settings: Settings, host: str, port: int, ready: Callable[[str], No
 
 
 def work(settings: Settings, modules: Sequence[str], ready: Callable[[int], None]) -> None:
-    """Run workers for a scheduler elsewhere until SIGTERM or SIGINT.
+    """Run workers for a remote scheduler until SIGTERM or SIGINT.
 
-    They wait for a scheduler that is not there, and come back to one that was started anew.
-    `ready` is told their number whenever they are connected.
+    They wait for the scheduler to be there, and connect again to one that was restarted.
+    `ready` is called with their number whenever they are connected.
     """
 
     async def run(stop: asyncio.Event) -> None:
-        open_nursery(modules)
+        forkserver.start(modules)
         while not stop.is_set():
             try:
                 await _work_once(settings, ready, stop)
@@ -65,11 +65,11 @@ async def _work_once(settings: Settings, ready: Callable[[int], None], stop: asy
     nannies = [
         Nanny(
             settings.scheduler,
-            nthreads=len(LANES),
-            resources=dict.fromkeys(LANES, 1),
-            security=security(settings),
+            nthreads=len(QUEUES),
+            resources=dict.fromkeys(QUEUES, 1),
+            security=security.of_settings(settings),
             local_directory=None,
-            # A page that has no routes, for this machine alone; Dask opens it in any case.
+            # The status page has no routes, and is for this machine alone.
             dashboard_address="127.0.0.1:0",
             silence_logs=logging.ERROR,
         )
@@ -96,7 +96,7 @@ def _until_signalled(run: Callable[[asyncio.Event], Awaitable[None]]) -> None:
 
 
 async def _first(*waiting: Any) -> None:
-    """Wait until one of several is there; give up the others."""
+    """Wait until one of several awaitables is done; cancel the others."""
     tasks = [asyncio.ensure_future(each) for each in waiting]
     await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     for task in tasks:

@@ -1,4 +1,4 @@
-"""How the database is opened, brought up to date, asked for the time, and how it fails."""
+"""The database of job records: opening, migration, clock, and translation of its errors."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def _open_sqlite(address: URL) -> Engine:
 
     @sa.event.listens_for(engine, "connect")
     def prepare(connection: Any, _record: Any) -> None:
-        # The driver must not begin transactions by itself: `begin` below does.
+        # The driver must not begin transactions by itself: `begin` below does that.
         connection.isolation_level = None
         for pragma in ("journal_mode=WAL", "synchronous=FULL", "busy_timeout=10000"):
             connection.execute(f"PRAGMA {pragma}").close()
@@ -82,7 +82,7 @@ def reader(engine: Engine) -> Engine:
 def migrate(engine: Engine, scripts: Path, table: str) -> None:
     """Apply those migrations of a folder that the database lacks.
 
-    `table` is where the database keeps which of them it has.
+    `table` is the table that records the version of the database.
     """
     newest = max(scripts.glob("versions/v[0-9]*.py")).name[1:5]
     with engine.connect() as connection:
@@ -92,7 +92,7 @@ def migrate(engine: Engine, scripts: Path, table: str) -> None:
             )
             if list(connection.execute(version).scalars()) == [newest]:
                 return
-    # It takes a good part of a second to load, and is hardly ever needed.
+    # Importing Alembic takes a good part of a second, and it is hardly ever needed.
     from alembic import command
     from alembic.config import Config
 
@@ -109,7 +109,7 @@ def migrate(engine: Engine, scripts: Path, table: str) -> None:
 
 
 def now(connection: Connection) -> sa.ColumnElement[float]:
-    """Return the database's clock as an expression: leases compare no two machines' clocks."""
+    """Return the clock of the database as an expression; clocks of machines are never compared."""
     if connection.dialect.name == "sqlite":
         return sa.literal_column("((julianday('now') - 2440587.5) * 86400.0)", sa.Float)
     return sa.literal_column("extract(epoch from clock_timestamp())::float8", sa.Float)
@@ -117,7 +117,7 @@ def now(connection: Connection) -> sa.ColumnElement[float]:
 
 @contextmanager
 def failing() -> Iterator[None]:
-    """Turn what a database raises when it cannot work now into errors of our own.
+    """Translate the errors of a database that cannot work at the moment.
 
     Raises
     ------

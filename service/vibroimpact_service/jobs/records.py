@@ -1,143 +1,257 @@
-"""The tables of jobs: their columns, and their rows as values."""
+"""Operations of users on job records: submit, find, list, cancel, pin."""
 
 from __future__ import annotations
 
-import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 import sqlalchemy as sa
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.engine import Connection
 
-metadata = sa.MetaData()
+from vibroimpact_service.jobs.database import now
+from vibroimpact_service.jobs.tables import JobRow, idempotency, jobs, pins, requests, row, webhooks
 
-jobs = sa.Table(
-    "jobs",
-    metadata,
-    sa.Column("seq", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), primary_key=True),
-    sa.Column("id", sa.String(40)),
-    sa.Column("owner", sa.String(80)),
-    sa.Column("kind", sa.String(40)),
-    sa.Column("request", sa.String(64)),
-    sa.Column("result", sa.String(64)),
-    sa.Column("state", sa.String(12)),
-    sa.Column("phase", sa.String(40)),
-    sa.Column("priority", sa.Integer),
-    sa.Column("seconds", sa.Float),
-    sa.Column("done", sa.Integer),
-    sa.Column("total", sa.Integer),
-    sa.Column("attempts", sa.Integer),
-    sa.Column("reused", sa.Boolean),
-    sa.Column("created", sa.Float),
-    sa.Column("started", sa.Float),
-    sa.Column("finished", sa.Float),
-    sa.Column("lease_owner", sa.String(64)),
-    sa.Column("lease_until", sa.Float),
-    sa.Column("version", sa.Integer),
-    sa.Column("error", sa.JSON(none_as_null=True)),
-    sa.Column("lane", sa.String(8)),
-    sa.Column("kept", sa.Integer),
-    sa.Column("deadline", sa.Float),
-    sa.Column("retry_at", sa.Float),
-    sa.Column("note", sa.String(200)),
-)
+QUICK_SECONDS: Final = 0.1
+"""Planned work up to which a job is sent to a worker together with others."""
 
-idempotency = sa.Table(
-    "idempotency",
-    metadata,
-    sa.Column("owner", sa.String(80), primary_key=True),
-    sa.Column("key", sa.String(255), primary_key=True),
-    sa.Column("fingerprint", sa.String(64)),
-    sa.Column("job", sa.String(40)),
-    sa.Column("created", sa.Float),
-)
+# Literal, not bound: only then does a database see that the partial indices apply.
+QUEUED: Final = jobs.c.state == sa.literal_column("'queued'")
+UNFINISHED: Final = ("queued", "running")
+RUNNING: Final = jobs.c.state == sa.literal_column("'running'")
 
-pins = sa.Table(
-    "pins",
-    metadata,
-    sa.Column("owner", sa.String(80), primary_key=True),
-    sa.Column("result", sa.String(64), primary_key=True),
-    sa.Column("created", sa.Float),
-)
 
-requests = sa.Table(
-    "requests",
-    metadata,
-    sa.Column("name", sa.String(64), primary_key=True),
-    sa.Column("data", sa.LargeBinary),
-    sa.Column("created", sa.Float),
-)
-
-webhooks = sa.Table(
-    "webhooks",
-    metadata,
-    sa.Column("job", sa.String(40), primary_key=True),
-    sa.Column("url", sa.String(2000)),
-    sa.Column("secret", sa.String(120)),
-    sa.Column("attempts", sa.Integer),
-    sa.Column("due", sa.Float),
-)
-
-FINAL: Final = ("succeeded", "failed", "cancelled")
+class KeyReusedError(ValueError):
+    """An idempotency key was used before, for another request."""
 
 
 @dataclass(frozen=True, slots=True)
-class JobRow:
-    """One row of the table of jobs; times are seconds since 1970 by the database's clock.
+class NewJob:
+    """A job as it is submitted.
 
     Parameters
     ----------
-    version : int
-        Grows with every change that a client may care about.
-    done, total : int
-        Chunks that are there, and chunks altogether.
-    kept : int
-        Chunks that were there before the job began.
+    id, owner, kind : str
+    request, result : str
+        Names of the request and of its result in the store.
+    priority : int
+        Higher goes first among the jobs of the same owner.
+    seconds : float
+        Planned work.
     reused : bool
-        Whether the whole result was there already, or was computed for an equal job.
-    lane : str
-        "quick" jobs go to the workers several at a time, "bulk" ones chunk by chunk.
-    retry_at : float, optional
-        Not to be tried again before.
-    note : str, optional
-        Why it has to wait, where the queue itself is not the reason.
+        Whether the result is stored already.
+    key : str, optional
+        Idempotency key.
+    deadline : float, optional
+        Seconds from now after which the job fails unless it is done.
+    webhook : tuple of str, optional
+        URL that receives a message when the job ends, and the secret that signs it.
+    block : bytes, optional
+        The request itself, to be recorded with the job; absent: it is in the store already.
+    computed : bool
+        Whether the result was computed for this job already, before it is recorded.
     """
 
-    seq: int
     id: str
     owner: str
     kind: str
     request: str
     result: str
-    state: str
-    phase: str
     priority: int
     seconds: float
-    done: int
-    total: int
-    attempts: int
     reused: bool
-    created: float
-    started: float | None
-    finished: float | None
-    lease_owner: str | None
-    lease_until: float | None
-    version: int
-    error: dict[str, Any] | None
-    lane: str = "bulk"
-    kept: int = 0
+    key: str | None = None
     deadline: float | None = None
-    retry_at: float | None = None
-    note: str | None = None
+    webhook: tuple[str, str] | None = None
+    block: bytes | None = None
+    computed: bool = False
 
     @property
-    def final(self) -> bool:
-        """Whether the state will not change any more."""
-        return self.state in FINAL
+    def done(self) -> bool:
+        """Whether the result is stored."""
+        return self.reused or self.computed
 
 
-def row(found: sa.Row[Any] | dict[str, Any]) -> JobRow:
-    """Return a selected row of `jobs` as a value."""
-    values = found if isinstance(found, dict) else dict(found._mapping)
-    if isinstance(values["error"], str):
-        values["error"] = json.loads(values["error"])
-    return JobRow(**values)
+def insert(connection: Connection, new: NewJob) -> JobRow:
+    """Record a job and return it; one with an idempotency key is recorded at most once."""
+    earlier = None if new.key is None else _earlier(connection, new)
+    if earlier is not None:
+        return earlier
+    clock = now(connection)
+    if new.block is not None:
+        insertion = _insertion(connection, requests).values(created=clock)
+        # One that was recorded before counts as new, so that retention does not remove it now.
+        insertion = insertion.on_conflict_do_update(
+            index_elements=["name"], set_={"created": clock}
+        )
+        connection.execute(insertion, {"name": new.request, "data": new.block})
+    if new.webhook is not None:
+        url, secret = new.webhook
+        values = {"job": new.id, "url": url, "secret": secret, "attempts": 0, "due": clock}
+        connection.execute(webhooks.insert().values(**values))
+    if new.deadline is not None:  # from the very time that is recorded
+        clock = sa.literal(connection.execute(sa.select(clock)).scalar_one())
+    times = {"created": clock}
+    if new.done:
+        times["finished"] = clock
+        if new.computed:
+            times["started"] = clock
+    elif new.deadline is not None:
+        times["deadline"] = clock + new.deadline
+    insertion = jobs.insert().values(times).returning(*jobs.c)
+    return row(connection.execute(insertion, _values(new)).one())
+
+
+def _insertion(connection: Connection, table: sa.Table) -> Any:
+    """Return an insertion that can say what to do in a conflict."""
+    dialect = postgresql if connection.dialect.name == "postgresql" else sqlite
+    return dialect.insert(table)
+
+
+def _values(new: NewJob) -> dict[str, Any]:
+    return {
+        "id": new.id,
+        "owner": new.owner,
+        "kind": new.kind,
+        "request": new.request,
+        "result": new.result,
+        "state": "succeeded" if new.done else "queued",
+        "phase": "done" if new.done else "waiting",
+        "queue": "quick" if new.seconds <= QUICK_SECONDS else "bulk",
+        "priority": new.priority,
+        "seconds": new.seconds,
+        "done": int(new.done),
+        "total": 1,
+        "kept": int(new.reused),
+        "attempts": int(new.computed),
+        "reused": new.reused,
+        "version": 1,
+    }
+
+
+def _earlier(connection: Connection, new: NewJob) -> JobRow | None:
+    """Return the job that was submitted with the same key, or record the key for this one."""
+    insertion = _insertion(connection, idempotency).values(
+        owner=new.owner, key=new.key, fingerprint=new.result, job=new.id, created=now(connection)
+    )
+    recorded = connection.execute(
+        insertion.on_conflict_do_nothing().returning(idempotency.c.key)
+    ).all()
+    if recorded:
+        return None
+    where = (idempotency.c.owner == new.owner) & (idempotency.c.key == new.key)
+    earlier = connection.execute(idempotency.select().where(where)).one()
+    if earlier.fingerprint != new.result:
+        raise KeyReusedError
+    return row(connection.execute(jobs.select().where(jobs.c.id == earlier.job)).one())
+
+
+def find(connection: Connection, owner: str, job: str) -> JobRow | None:
+    """Return a job of that owner, or None."""
+    where = (jobs.c.id == job) & (jobs.c.owner == owner)
+    selected = connection.execute(jobs.select().where(where)).one_or_none()
+    return None if selected is None else row(selected)
+
+
+def request(connection: Connection, name: str) -> bytes | None:
+    """Return a request that was recorded with its job, or None."""
+    query = sa.select(requests.c.data).where(requests.c.name == name)
+    return connection.execute(query).scalar_one_or_none()
+
+
+def page(
+    connection: Connection, owner: str, state: str | None, kind: str | None, before: int | None,
+    limit: int,
+) -> list[JobRow]:  # fmt: skip
+    """Return jobs of an owner, newest first."""
+    query = jobs.select().where(jobs.c.owner == owner)
+    if state is not None:
+        query = query.where(jobs.c.state == state)
+    if kind is not None:
+        query = query.where(jobs.c.kind == kind)
+    if before is not None:
+        query = query.where(jobs.c.seq < before)
+    rows = connection.execute(query.order_by(jobs.c.seq.desc()).limit(limit))
+    return [row(each) for each in rows]
+
+
+def ahead(connection: Connection, asked: Sequence[JobRow]) -> dict[str, int]:
+    """Return how many queued jobs precede each of some queued jobs.
+
+    The records between neighbouring jobs are counted once, so that a page of jobs costs no more
+    than its last job.
+    """
+    positions = {}
+    for priority in {job.priority for job in asked}:
+        same = sorted((j for j in asked if j.priority == priority), key=lambda j: j.seq)
+        preceding = _count(connection, jobs.c.priority > priority)
+        last = 0
+        for job in same:
+            between = (jobs.c.seq >= last) & (jobs.c.seq < job.seq)
+            preceding += _count(connection, (jobs.c.priority == priority) & between)
+            positions[job.id], last = preceding, job.seq
+    return positions
+
+
+def _count(connection: Connection, where: sa.ColumnElement[bool]) -> int:
+    query = sa.select(sa.func.count()).select_from(jobs).where(QUEUED, where)
+    return int(connection.execute(query).scalar_one())
+
+
+def unfinished(connection: Connection, owner: str, most: int) -> int:
+    """Return how many jobs of an owner are queued or running; counting ends at `most`."""
+    own = sa.select(jobs.c.seq).where(jobs.c.owner == owner, jobs.c.state.in_(UNFINISHED))
+    some = own.limit(most).subquery()
+    return int(connection.execute(sa.select(sa.func.count()).select_from(some)).scalar_one())
+
+
+def waiting(connection: Connection) -> dict[str, int]:
+    """Return how many jobs are queued, and how many running."""
+    counts = {"queued": sa.select(sa.func.count()).select_from(jobs).where(QUEUED)}
+    counts["running"] = sa.select(sa.func.count()).select_from(jobs).where(RUNNING)
+    return {state: int(connection.execute(q).scalar_one()) for state, q in counts.items()}
+
+
+def versions(connection: Connection, asked: Sequence[str]) -> dict[str, int]:
+    """Return the version of each of some jobs."""
+    query = sa.select(jobs.c.id, jobs.c.version).where(jobs.c.id.in_(asked))
+    return {each.id: each.version for each in connection.execute(query)}
+
+
+def cancel(connection: Connection, owner: str, job: str) -> JobRow | None:
+    """Cancel a job that is not final; the process that runs it loses its claim."""
+    where = (jobs.c.id == job) & (jobs.c.owner == owner) & (QUEUED | RUNNING)
+    connection.execute(
+        jobs.update()
+        .where(where)
+        .values(
+            state="cancelled",
+            phase="done",
+            note=None,
+            claim_owner=None,
+            claim_until=None,
+            finished=now(connection),
+            version=jobs.c.version + 1,
+        )
+    )
+    return find(connection, owner, job)
+
+
+def pin(connection: Connection, owner: str, result: str) -> None:
+    """Pin a result: retention keeps it."""
+    insertion = _insertion(connection, pins)
+    values = insertion.values(owner=owner, result=result, created=now(connection))
+    connection.execute(values.on_conflict_do_nothing())
+
+
+def unpin(connection: Connection, owner: str, result: str) -> bool:
+    """Remove a pin; whether there was one."""
+    where = (pins.c.owner == owner) & (pins.c.result == result)
+    return bool(connection.execute(pins.delete().where(where)).rowcount)
+
+
+def pinned(connection: Connection, owner: str) -> list[str]:
+    """Return the results that an owner pinned, oldest pin first."""
+    query = sa.select(pins.c.result).where(pins.c.owner == owner).order_by(pins.c.created)
+    return list(connection.execute(query).scalars())

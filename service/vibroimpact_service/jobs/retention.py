@@ -1,19 +1,20 @@
-"""What is thrown away and when: old jobs, results beyond an age or a size, abandoned chunks."""
+"""Removal of old jobs and requests, and of results and chunks beyond an age or a size."""
 
 from __future__ import annotations
 
 import asyncio
 import time
+from collections.abc import Sequence
 from typing import Final
 
 import sqlalchemy as sa
 import structlog
-from sqlalchemy.engine import Connection, Engine
+from sqlalchemy.engine import Connection
 
-from vibroimpact_service.jobs.database import failing, now
-from vibroimpact_service.jobs.ledger import QUEUED, RUNNING
-from vibroimpact_service.jobs.records import idempotency, jobs, pins, requests, webhooks
-from vibroimpact_service.jobs.writer import Writer
+from vibroimpact_service.jobs.database import now
+from vibroimpact_service.jobs.record_access import RecordAccess
+from vibroimpact_service.jobs.records import QUEUED, RUNNING
+from vibroimpact_service.jobs.tables import idempotency, jobs, pins, requests, webhooks
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Entry, Store
 
@@ -21,24 +22,23 @@ log = structlog.get_logger("vibroimpact.retention")
 
 _DAY: Final = 86400.0
 _FIRST_SECONDS: Final = 60.0
-_FRESH_SECONDS: Final = 3600.0  # younger blocks may belong to a job that is being submitted
-_APART_SECONDS: Final = 60.0
-_AT_ONCE: Final = 500  # jobs removed in one transaction
+_RECENT_SECONDS: Final = 3600.0  # younger blocks may belong to a job that is being submitted
+_CLOCK_SECONDS: Final = 60.0
+_BATCH: Final = 500  # records removed in one transaction
 
 
 class Retention:
     """Keeps records and store within the limits of the settings.
 
-    Pinned results stay, and so does whatever unfinished jobs need. Replicas that clean at
-    the same time do no harm: all that is done here can be done twice.
+    Pinned results stay, and so does everything that unfinished jobs need. Replicas may clean at
+    the same time: every step can be repeated.
     """
 
-    def __init__(self, settings: Settings, store: Store, writer: Writer, reader: Engine) -> None:
-        self._settings, self._store = settings, store
-        self._writer, self._reader = writer, reader
+    def __init__(self, settings: Settings, store: Store, records: RecordAccess) -> None:
+        self._settings, self._store, self._records = settings, store, records
 
     async def loop(self) -> None:
-        """Clean now and then, for ever."""
+        """Clean at intervals until cancelled."""
         await asyncio.sleep(_FIRST_SECONDS)
         while True:
             try:
@@ -48,21 +48,19 @@ class Retention:
             await asyncio.sleep(self._settings.clean_seconds)
 
     def clean(self) -> None:
-        """Remove all that has had its time."""
+        """Remove everything that is too old or too large."""
         self._remove_jobs()
-        with failing(), self._reader.connect() as connection:
-            needed = _needed(connection)
-        self._remove_results(needed)
+        self._remove_results(self._records.read_now(_needed))
         self._remove_requests()
         self._remove_chunks()
         for area in (self._store.results, self._store.requests, self._store.chunks):
-            area.tidy(time.time())
+            area.remove_leftovers(time.time())
 
     def _remove_jobs(self) -> None:
         age = self._settings.keep_jobs_days * _DAY
-        while self._writer.submit(lambda connection: _forget_jobs(connection, age)).result():
+        while self._records.write_now(_delete_jobs, age):
             continue
-        while self._writer.submit(_forget_requests).result():
+        while self._records.write_now(_delete_requests):
             continue
 
     def _remove_results(self, needed: set[str]) -> None:
@@ -83,23 +81,19 @@ class Retention:
 
     def _remove_requests(self) -> None:
         """Remove requests that no job refers to."""
-        fresh = time.time() - _FRESH_SECONDS
-        old = [e.name for e in self._store.requests.entries() if e.modified < fresh]
-        for start in range(0, len(old), _AT_ONCE):
-            some = old[start : start + _AT_ONCE]
-            query = sa.select(jobs.c.request).where(jobs.c.request.in_(some))
-            with failing(), self._reader.connect() as connection:
-                used = set(connection.execute(query).scalars())
-            for name in set(some) - used:
+        recent = time.time() - _RECENT_SECONDS
+        old = [e.name for e in self._store.requests.entries() if e.modified < recent]
+        for start in range(0, len(old), _BATCH):
+            some = old[start : start + _BATCH]
+            for name in set(some) - self._records.read_now(_used_requests, some):
                 self._store.requests.remove(name)
 
     def _remove_chunks(self) -> None:
-        """Remove chunks beyond the age, then those beyond the size that were not used longest.
+        """Remove chunks beyond the age, then the least recently used ones beyond the size.
 
-        What jobs under way have computed or found stays: without it they could not end.
+        Chunks that unfinished jobs have computed or reused stay: the jobs need them to end.
         """
-        with failing(), self._reader.connect() as connection:
-            used = _began(connection)
+        used = self._records.read_now(_earliest_start)
         store, most = self._store.chunks, self._settings.max_chunks_bytes
         oldest = time.time() - self._settings.keep_chunks_days * _DAY
         entries = sorted(store.entries(), key=lambda each: each.modified)
@@ -119,32 +113,38 @@ def _needed(connection: Connection) -> set[str]:
     return kept | set(connection.execute(unfinished).scalars())
 
 
-def _began(connection: Connection) -> float:
-    """Return when the first of the jobs under way began, or infinity where there is none."""
-    began = sa.select(sa.func.min(jobs.c.started)).where(QUEUED | RUNNING)
-    found: float | None = connection.execute(began).scalar_one()
-    # Clocks of the database and of the store may differ a little.
-    return float("inf") if found is None else found - _APART_SECONDS
+def _used_requests(connection: Connection, names: Sequence[str]) -> set[str]:
+    """Return those of some requests that jobs refer to."""
+    query = sa.select(jobs.c.request).where(jobs.c.request.in_(names))
+    return set(connection.execute(query).scalars())
 
 
-def _forget_jobs(connection: Connection, age: float) -> int:
+def _earliest_start(connection: Connection) -> float:
+    """Return when the first of the unfinished jobs began, or infinity where none has."""
+    query = sa.select(sa.func.min(jobs.c.started)).where(QUEUED | RUNNING)
+    started: float | None = connection.execute(query).scalar_one()
+    # The clocks of the database and of the store may differ a little.
+    return float("inf") if started is None else started - _CLOCK_SECONDS
+
+
+def _delete_jobs(connection: Connection, age: float) -> int:
     """Remove some jobs that ended long ago, with their idempotency keys; return how many."""
-    old = sa.select(jobs.c.id).where(jobs.c.finished < now(connection) - age).limit(_AT_ONCE)
-    gone = list(connection.execute(old).scalars())
-    if gone:
-        connection.execute(idempotency.delete().where(idempotency.c.job.in_(gone)))
-        connection.execute(webhooks.delete().where(webhooks.c.job.in_(gone)))
-        connection.execute(jobs.delete().where(jobs.c.id.in_(gone)))
-    return len(gone)
+    old = sa.select(jobs.c.id).where(jobs.c.finished < now(connection) - age).limit(_BATCH)
+    ids = list(connection.execute(old).scalars())
+    if ids:
+        connection.execute(idempotency.delete().where(idempotency.c.job.in_(ids)))
+        connection.execute(webhooks.delete().where(webhooks.c.job.in_(ids)))
+        connection.execute(jobs.delete().where(jobs.c.id.in_(ids)))
+    return len(ids)
 
 
-def _forget_requests(connection: Connection) -> int:
+def _delete_requests(connection: Connection) -> int:
     """Remove some recorded requests that no job refers to any more; return how many."""
-    lonely = ~sa.exists().where(jobs.c.request == requests.c.name)
-    old = requests.c.created < now(connection) - _FRESH_SECONDS
-    some = sa.select(requests.c.name).where(old, lonely).limit(_AT_ONCE)
+    unused = ~sa.exists().where(jobs.c.request == requests.c.name)
+    old = requests.c.created < now(connection) - _RECENT_SECONDS
+    some = sa.select(requests.c.name).where(old, unused).limit(_BATCH)
     names = list(connection.execute(some).scalars())
     if names:
-        # Looked at again: another replica may have recorded a job with one of them meanwhile.
-        connection.execute(requests.delete().where(requests.c.name.in_(names), old, lonely))
+        # Checked again: another replica may have recorded a job with one of them meanwhile.
+        connection.execute(requests.delete().where(requests.c.name.in_(names), old, unused))
     return len(names)

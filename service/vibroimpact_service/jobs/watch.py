@@ -1,32 +1,34 @@
-"""Who waits for news of which job, and how the news comes: from here, or from the records."""
+"""Waiting for changes of jobs, whether made in this process or by other replicas."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 
 import structlog
 
+from vibroimpact_service.jobs import records
+from vibroimpact_service.jobs.record_access import RecordAccess
+
 log = structlog.get_logger("vibroimpact.jobs")
 
-_LOOK_SECONDS = 0.5
+_POLL_SECONDS = 0.5
 
 
 class Watch:
-    """Wakes those who wait for a change of a job.
+    """Sets the events of those who wait for a change of a job.
 
-    Changes made in this process are told by `tell`. Those made by other replicas are found
-    by one query for all watched jobs, every half second, while anybody waits.
+    Changes made in this process are announced by `notify`. Those made by other replicas are
+    found by one query for all watched jobs, every half second, while there are any.
 
     Parameters
     ----------
-    versions : callable
-        ``(jobs) -> job -> version`` from the records.
+    access : RecordAccess
     """
 
-    def __init__(self, versions: Callable[[Sequence[str]], Awaitable[dict[str, int]]]) -> None:
-        self._versions = versions
+    def __init__(self, access: RecordAccess) -> None:
+        self._access = access
         self._waiting: dict[str, set[asyncio.Event]] = {}
         self._loop = asyncio.get_running_loop()
 
@@ -42,28 +44,28 @@ class Watch:
             if not self._waiting[job]:
                 del self._waiting[job]
 
-    def tell(self, changed: Collection[str]) -> None:
-        """Wake those who wait for these jobs; from any thread."""
+    def notify(self, changed: Collection[str]) -> None:
+        """Announce that these jobs changed; from any thread."""
         if changed and not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(self._wake, tuple(changed))
+            self._loop.call_soon_threadsafe(self._set, tuple(changed))
 
-    def _wake(self, changed: Collection[str]) -> None:
+    def _set(self, changed: Collection[str]) -> None:
         for job in changed:
             for event in self._waiting.get(job, ()):
                 event.set()
 
-    async def look(self) -> None:
-        """Look at the records for ever."""
-        seen: dict[str, int] = {}
+    async def poll(self) -> None:
+        """Look for new versions of the watched jobs in the records, until cancelled."""
+        last: dict[str, int] = {}
         while True:
-            await asyncio.sleep(_LOOK_SECONDS)
+            await asyncio.sleep(_POLL_SECONDS)
             if not self._waiting:
-                seen = {}
+                last = {}
                 continue
             try:
-                found = await self._versions(list(self._waiting))
+                versions = await self._access.read(records.versions, list(self._waiting))
             except ConnectionError as error:
-                log.warning("cannot look at the records", error=str(error))
+                log.warning("job records cannot be read", error=str(error))
                 continue
-            self._wake([job for job, version in found.items() if seen.get(job) != version])
-            seen = found
+            self._set([job for job, version in versions.items() if last.get(job) != version])
+            last = versions

@@ -1,4 +1,4 @@
-"""Messages to users' own servers when their jobs end, signed as Standard Webhooks says."""
+"""Messages to users' own servers when their jobs end, signed according to Standard Webhooks."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from urllib.parse import urlsplit
 
 import sqlalchemy as sa
 import structlog
-from sqlalchemy.engine import Connection, Engine
+from sqlalchemy.engine import Connection
 
-from vibroimpact_service.jobs.database import failing, now
-from vibroimpact_service.jobs.records import FINAL, JobRow, jobs, row, webhooks
-from vibroimpact_service.jobs.writer import Writer
+from vibroimpact_service.jobs.database import now
+from vibroimpact_service.jobs.record_access import RecordAccess
+from vibroimpact_service.jobs.tables import FINAL, JobRow, jobs, row, webhooks
 from vibroimpact_service.settings import Settings
 
 log = structlog.get_logger("vibroimpact.webhooks")
 
-_LOOK_SECONDS: Final = 1.0
+_POLL_SECONDS: Final = 1.0
 _AT_ONCE: Final = 16
 _TIMEOUT: Final = 10.0
 _DELAYS: Final = (5.0, 30.0, 120.0, 600.0, 3600.0, 4 * 3600.0, 12 * 3600.0)
@@ -34,39 +34,35 @@ _DELAYS: Final = (5.0, 30.0, 120.0, 600.0, 3600.0, 4 * 3600.0, 12 * 3600.0)
 
 
 class RefusedError(ValueError):
-    """The address is one to which nothing is sent."""
+    """Nothing is sent to the address: it is not https, or lies in a private network."""
 
 
 class Webhooks:
-    """Sends what is due; any replica may, each message is sent by one at a time.
+    """Sends the messages that are due. Each is sent by one replica at a time.
 
-    A message can arrive twice, where a replica dies between sending and noting it: receivers
-    tell by ``webhook-id``, which is the id of the job.
+    A message can arrive twice, where a replica dies between sending and recording it: receivers
+    recognise it by ``webhook-id``, which is the id of the job.
     """
 
-    def __init__(self, settings: Settings, writer: Writer, reader: Engine) -> None:
+    def __init__(self, settings: Settings, records: RecordAccess) -> None:
         self._private = settings.webhook_private
         self._trust = ssl.create_default_context(
             cafile=None if settings.webhook_ca is None else str(settings.webhook_ca)
         )
-        self._writer, self._reader = writer, reader
+        self._records = records
 
     async def loop(self) -> None:
-        """Send for ever."""
+        """Send messages until cancelled."""
         while True:
-            await asyncio.sleep(_LOOK_SECONDS)
+            await asyncio.sleep(_POLL_SECONDS)
             try:
-                if await asyncio.to_thread(self._any):
-                    due = await asyncio.wrap_future(self._writer.submit(_take))
+                if await self._records.read(_any_due):
+                    due = await self._records.write(_take)
                     await asyncio.gather(*(asyncio.to_thread(self._deliver, *each) for each in due))
             except ConnectionError as error:
                 log.warning("messages have to wait", error=str(error))
             except Exception:
                 log.exception("sending failed")
-
-    def _any(self) -> bool:
-        with failing(), self._reader.connect() as connection:
-            return connection.execute(_due(connection).limit(1)).first() is not None
 
     def _deliver(self, job: JobRow, url: str, secret: str, attempts: int) -> None:
         body = json.dumps(_message(job)).encode()
@@ -74,13 +70,13 @@ class Webhooks:
             status = send(url, headers(job.id, secret, body), body, self._trust, self._private)
         except RefusedError as error:
             log.warning("message refused", job=job.id, error=str(error))
-            self._writer.submit(lambda connection: _forget(connection, job.id)).result()
+            self._records.write_now(_delete, job.id)
             return
         except (OSError, http.client.HTTPException) as error:
             log.info("message not delivered", job=job.id, error=type(error).__name__)
             status = 0
         if 200 <= status < 300 or status == http.client.GONE or attempts > len(_DELAYS):
-            self._writer.submit(lambda connection: _forget(connection, job.id)).result()
+            self._records.write_now(_delete, job.id)
 
 
 def _message(job: JobRow) -> dict[str, Any]:
@@ -100,7 +96,7 @@ def _message(job: JobRow) -> dict[str, Any]:
 
 
 def headers(identity: str, secret: str, body: bytes, moment: int | None = None) -> dict[str, str]:
-    """Return the headers by which a receiver knows the sender: HMAC-SHA256 of ``id.time.body``."""
+    """Return the headers that authenticate a message: HMAC-SHA256 of ``id.time.body``."""
     stamp = str(int(time.time()) if moment is None else moment)
     key = base64.b64decode(secret.removeprefix("whsec_"))
     content = b".".join((identity.encode(), stamp.encode(), body))
@@ -149,18 +145,18 @@ def _check_address(address: ipaddress.IPv4Address | ipaddress.IPv6Address, priva
 def send(url: str, head: dict[str, str], body: bytes, trust: ssl.SSLContext, private: bool) -> int:
     """Post a message and return the status; redirections are not followed.
 
-    The address that was checked is the one that is called: a name that is resolved twice
-    could stand for another one the second time.
+    The connection goes to the very address that was checked: a name that is resolved a second
+    time could stand for another address.
 
     Raises
     ------
     RefusedError
-        Where nothing may be sent to any address of the host.
+        Where nothing may be sent to the address of the host.
     """
     host, port = check(url, private=private)
     parts = urlsplit(url)
-    found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
-    address = str(found[0][4][0])
+    resolved = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+    address = str(resolved[0][4][0])
     _check_address(ipaddress.ip_address(address.partition("%")[0]), private)
     path = (parts.path or "/") + (f"?{parts.query}" if parts.query else "")
     with socket.create_connection((address, port), _TIMEOUT) as plain:
@@ -182,20 +178,22 @@ def _due(connection: Connection) -> sa.Select[Any]:
     )
 
 
+def _any_due(connection: Connection) -> bool:
+    return connection.execute(_due(connection).limit(1)).first() is not None
+
+
 def _take(connection: Connection) -> list[tuple[JobRow, str, str, int]]:
-    """Return messages that are due, and put each off to its next attempt."""
+    """Return messages that are due, and postpone each to its next attempt."""
     query = _due(connection).limit(_AT_ONCE).with_for_update(skip_locked=True, of=webhooks)
     taken = []
-    for found in connection.execute(query).all():
-        values = dict(found._mapping)
-        url, secret, tried = (values.pop(name) for name in ("url", "secret", "tried"))
+    for due in connection.execute(query).all():
+        job, tried = row(due), due.tried
         pause = _DELAYS[min(tried, len(_DELAYS) - 1)]
         later = {"attempts": tried + 1, "due": now(connection) + pause}
-        mine = webhooks.c.job == values["id"]
-        connection.execute(webhooks.update().where(mine).values(**later))
-        taken.append((row(values), url, secret, tried + 1))
+        connection.execute(webhooks.update().where(webhooks.c.job == job.id).values(**later))
+        taken.append((job, due.url, due.secret, tried + 1))
     return taken
 
 
-def _forget(connection: Connection, job: str) -> None:
+def _delete(connection: Connection, job: str) -> None:
     connection.execute(webhooks.delete().where(webhooks.c.job == job))

@@ -1,10 +1,14 @@
-"""What the job queue must be given to do its work: it knows no kind of computation itself."""
+"""The interface between the job queue and the computations: chunks, ticks, functions of a job."""
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple, Protocol
+
+_CANCELLED_SECONDS: Final = 0.05
 
 
 class Chunk(NamedTuple):
@@ -15,11 +19,11 @@ class Chunk(NamedTuple):
     name : str
         Name of its block in the store of chunks.
     seconds : float
-        Planned time; 0 where nobody knows.
+        Planned time; 0 where it is unknown.
     lasting : bool
-        Whether other jobs may use it too, so that it outlives this one.
+        Whether other jobs can use it too, so that it is kept when this job ends.
     chained : bool
-        Whether it needs the chunk before it, so that those of a job are computed in turn.
+        Whether it needs the chunk before it, so that the chunks are computed one after another.
     """
 
     name: str
@@ -29,14 +33,50 @@ class Chunk(NamedTuple):
 
 
 class Tick(Protocol):
-    """Told how far a call is; raises `StoppedError` once nobody waits for it any more."""
+    """Called by a computation with its progress; raises an exception to stop it."""
 
     def __call__(self, done: int, total: int, /) -> None:
-        """Take note; raise `StoppedError` where the call is to stop."""
+        """Take note; raise `StoppedError` where the computation is to stop."""
 
 
 class StoppedError(Exception):
-    """The call was given up: nobody waits for its outcome."""
+    """The computation took too long, or was cancelled."""
+
+
+class StopSignal:
+    """Stops a computation from outside or after some time; the `Tick` of all of them.
+
+    Parameters
+    ----------
+    seconds : float
+        Time allowed after the first progress. What came before, such as the compilation of
+        kernels, does not count.
+    cancelled : callable, optional
+        Returns whether the computation was cancelled; called every 50 ms at most.
+    """
+
+    def __init__(
+        self, seconds: float = math.inf, cancelled: Callable[[], bool] | None = None
+    ) -> None:
+        self._seconds, self._cancelled = seconds, cancelled
+        self._end: float | None = None
+        self._next_check = time.monotonic() + _CANCELLED_SECONDS
+        self.stopped = False
+
+    def stop(self) -> None:
+        """Stop the computation at its next progress."""
+        self.stopped = True
+
+    def __call__(self, _done: int, _total: int, /) -> None:
+        """Raise `StoppedError` where the computation is to stop."""
+        now = time.monotonic()
+        if self._end is None:
+            self._end = now + self._seconds
+        if self._cancelled is not None and now >= self._next_check:
+            self._next_check = now + _CANCELLED_SECONDS
+            self.stopped = self.stopped or self._cancelled()
+        if self.stopped or now > self._end:
+            raise StoppedError
 
 
 class ChunkMissingError(Exception):
@@ -44,7 +84,7 @@ class ChunkMissingError(Exception):
 
 
 class WorkerLostError(RuntimeError):
-    """A computation killed its worker again and again."""
+    """A computation killed its worker repeatedly."""
 
 
 class DeadlineError(RuntimeError):
@@ -57,10 +97,10 @@ def nothing() -> None:
 
 @dataclass(frozen=True, slots=True)
 class Work:
-    """How a job is cut, computed and put together.
+    """How jobs are split, computed and joined: functions for all kinds of computations.
 
-    The functions are module-level ones, because workers in other processes import them. All
-    but `explain` run in workers; any of them can be called again after a crash.
+    They are functions of modules, because worker processes import them. All but `explain` run in
+    workers; each of them may be called again after a crash.
 
     Parameters
     ----------
@@ -75,9 +115,9 @@ class Work:
     explain : callable
         ``(exception) -> problem document`` for a job that failed.
     prepare : callable
-        Called once in every worker as it starts, beside its work: loads what is slow to load.
+        Called once in every worker as it starts, in a thread: imports modules that load slowly.
     modules : tuple of str
-        What is slow to load, for workers that are forked from a process that has it.
+        Modules that load slowly, imported by the process from which workers are forked.
     """
 
     split: Callable[[str, str, str, str], Sequence[Chunk]]

@@ -1,4 +1,4 @@
-"""Group commit: one thread writes, and all that waits meanwhile shares the next transaction."""
+"""Group commit: one thread writes, and operations that wait meanwhile share a transaction."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import queue
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import Any, Final, TypeVar
+from typing import Any, Concatenate, Final, ParamSpec, TypeVar
 
 from sqlalchemy.engine import Connection, Engine
 
@@ -14,41 +14,53 @@ from vibroimpact_service.jobs.database import RecordsUnavailableError, failing
 from vibroimpact_service.store import StoreFullError
 
 Value = TypeVar("Value")
-_MOST: Final = 200
+Arguments = ParamSpec("Arguments")
+_MAX_OPERATIONS: Final = 200
 
-Operation = Callable[[Connection], Any]
+_Operation = Callable[[Connection], Any]
 
 
 class Writer:
-    """Runs operations on the database, one after the other, several to a transaction.
+    """Performs operations on the database one after the other, several per transaction.
 
-    A future is done only after the transaction of its operation was committed. Where one of
-    a group fails, the group is rolled back and each of its operations is tried alone.
+    A future is done only after the transaction of its operation was committed. Where one
+    operation of a group fails, the group is rolled back and each operation is repeated alone.
     """
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
-        self._waiting: queue.SimpleQueue[tuple[Operation, Future[Any]] | None]
+        self._waiting: queue.SimpleQueue[tuple[_Operation, Future[Any]] | None]
         self._waiting = queue.SimpleQueue()
         self._lock, self._closed = threading.Lock(), False
         self._thread = threading.Thread(target=self._run, name="record-writer", daemon=True)
         self._thread.start()
 
-    def submit(self, operation: Callable[[Connection], Value]) -> Future[Value]:
-        """Queue an operation; its future is done once it is durable.
+    def submit(
+        self,
+        operation: Callable[Concatenate[Connection, Arguments], Value],
+        *args: Arguments.args,
+        **kwargs: Arguments.kwargs,
+    ) -> Future[Value]:
+        """Queue an operation, which is called with a connection; its future is done once durable.
 
         Once the writer is closed, the future has a RecordsUnavailableError.
         """
         future: Future[Value] = Future()
+
+        def bound(connection: Connection) -> Value:
+            return operation(connection, *args, **kwargs)
+
         with self._lock:
             if self._closed:
                 future.set_exception(RecordsUnavailableError("the service ends"))
             else:
-                self._waiting.put((operation, future))
+                self._waiting.put(
+                    (lambda connection: operation(connection, *args, **kwargs), future)
+                )
         return future
 
     def close(self) -> None:
-        """Write what waits, then stop."""
+        """Perform the operations that wait, then stop."""
         with self._lock:
             if not self._closed:
                 self._waiting.put(None)
@@ -63,7 +75,7 @@ class Writer:
                 # From here on it cannot be cancelled: it may be committed at any moment.
                 if item[1].set_running_or_notify_cancel():
                     group.append(item)
-                if len(group) == _MOST or self._waiting.empty():
+                if len(group) == _MAX_OPERATIONS or self._waiting.empty():
                     break
                 item = self._waiting.get()
             if group:
@@ -71,12 +83,12 @@ class Writer:
             if item is None:
                 return
 
-    def _commit(self, group: list[tuple[Operation, Future[Any]]]) -> None:
+    def _commit(self, group: list[tuple[_Operation, Future[Any]]]) -> None:
         try:
             with failing(), self._engine.begin() as connection:
                 values = [operation(connection) for operation, _ in group]
         except (RecordsUnavailableError, StoreFullError) as error:
-            # It is nobody's fault in particular: trying each alone would only take longer.
+            # No single operation is to blame, so repeating each alone would only take longer.
             for _, future in group:
                 future.set_exception(error)
             return

@@ -1,4 +1,4 @@
-"""A store of immutable blocks by name, in a folder or an object store, checked when read."""
+"""A store of immutable blocks by name, in a folder or an object store, with checksums."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from fsspec.implementations.local import LocalFileSystem
 _NAME = re.compile(r"[0-9a-z_]{8,80}(\.[0-9a-z]{1,12})?")
 HEAD = 32
 """Bytes of the hash before a block."""
-_PIECE = 2**20
-_AT_ONCE = 32  # questions to an object store under way at once
-_BROKEN_OFF_SECONDS = 3600.0
+_READ_BYTES = 2**20
+_MAX_REQUESTS = 32  # requests to an object store at the same time
+_LEFTOVER_SECONDS = 3600.0
 
 
 class StoreFullError(OSError):
@@ -47,21 +47,21 @@ class Entry(NamedTuple):
 class ContentStore:
     """Blocks by name below a URL that fsspec understands.
 
-    Every block is stored behind its own SHA-256; one that does not match it any more is
-    removed and treated as absent, so that it is computed again.
+    Every block is stored behind its own SHA-256. A block that does not match it is removed and
+    treated as absent, so that it is computed again.
 
     Parameters
     ----------
     url : str
         Folder, or URL of a bucket.
     area : str
-        Name of the part of it that this store uses.
+        Subfolder of it that this store uses.
     durable : bool
         Whether a block must survive a power failure once `put` returned.
     """
 
     def __init__(self, url: str, area: str, *, durable: bool = True) -> None:
-        # Other processes write too: what was listed once must not be believed for ever.
+        # Other processes write too, so listings must not be cached.
         options: dict[str, Any] = {"use_listings_cache": False} if "://" in url else {}
         self._fs, root = fsspec.core.url_to_fs(url, **options)
         self._local = isinstance(self._fs, LocalFileSystem)
@@ -87,18 +87,18 @@ class ContentStore:
             durable = self._durable if durable is None else durable
             self._put_file(path, digest, [data], durable)
             return
-        with _reaching():
+        with _translated_errors():
             try:
                 self._fs.pipe_file(path, digest + data)
             except FileNotFoundError as error:  # there is no such bucket
                 raise StoreUnavailableError(errno.ENOENT, "there is no such store") from error
 
     def _put_file(self, target: str, digest: bytes, data: Iterable[bytes], durable: bool) -> None:
-        # In plain calls of the system: chunks of some milliseconds are written by it.
+        # System calls: chunks that take some milliseconds to compute are written here.
         folder, name = os.path.split(target)
-        passing = f"{folder}/.{name}.{_passing_name()}"
+        temporary = f"{folder}/.{name}.{_temporary_suffix()}"
         try:
-            handle = _open_new(passing, folder)
+            handle = _open_new(temporary, folder)
             try:
                 for piece in chain([digest], data):
                     _write(handle, piece)
@@ -106,11 +106,11 @@ class ContentStore:
                     os.fsync(handle)
             finally:
                 os.close(handle)
-            os.rename(passing, target)  # noqa: PTH104 (hot path)
+            os.rename(temporary, target)  # noqa: PTH104 (hot path)
             if durable:
                 _sync_folder(folder)
         except OSError as error:
-            Path(passing).unlink(missing_ok=True)
+            Path(temporary).unlink(missing_ok=True)
             if error.errno in (errno.ENOSPC, errno.EDQUOT):
                 raise StoreFullError(error.errno, "the store is full") from error
             raise
@@ -128,7 +128,7 @@ class ContentStore:
             if self._local:
                 content = _read(path)
             else:
-                with _reaching():
+                with _translated_errors():
                     content = self._fs.cat_file(path)
         except FileNotFoundError:
             return None
@@ -139,44 +139,44 @@ class ContentStore:
         return data
 
     def size(self, name: str) -> int | None:
-        """Return the bytes of a block, or None where there is none; of a store in a folder."""
+        """Return the size of a block in bytes, or None; of a store in a folder."""
         try:
             return os.stat(self._path(name)).st_size - HEAD  # noqa: PTH116 (hot path)
         except FileNotFoundError:
             return None
 
     def file(self, name: str) -> Path | None:
-        """Return the file of a block, for those too large for memory; None where there is none.
+        """Return the file of a block that is too large for memory, or None where there is none.
 
-        The block begins behind the `HEAD` bytes of its hash. A damaged one is removed. Only a
-        store in a folder has files.
+        The block follows the `HEAD` bytes of its hash. A damaged block is removed. Only a store
+        in a folder has files.
         """
         path = Path(self._path(name))
         if not self._local or not path.exists():
             return None
-        about = path.stat()
-        mark = (about.st_ino, about.st_mtime_ns, about.st_size)
-        # Read through once per process: such a file is asked for piece by piece.
-        if self._checked.get(name) != mark:
+        status = path.stat()
+        version = (status.st_ino, status.st_mtime_ns, status.st_size)
+        # Checked once per process: such a file is read piece by piece.
+        if self._checked.get(name) != version:
             with path.open("rb") as file:
                 head = file.read(HEAD)
                 if _hash(file).digest() != head:
                     self.remove(name)
                     return None
-            self._checked[name] = mark
+            self._checked[name] = version
         return path
 
     def put_file(self, name: str, source: Path) -> None:
-        """Store the content of a file as a block, without having it in memory; as `put`."""
+        """Store the content of a file as a block, without reading it into memory; as `put`."""
         path = self._path(name)
         with source.open("rb") as file:
             digest = _hash(file).digest()
             file.seek(0)
-            pieces = iter(lambda: file.read(_PIECE), b"")
+            pieces = iter(lambda: file.read(_READ_BYTES), b"")
             if self._local:
                 self._put_file(path, digest, pieces, self._durable)
                 return
-            with _reaching(), self._fs.open(path, "wb") as target:
+            with _translated_errors(), self._fs.open(path, "wb") as target:
                 target.write(digest)
                 for piece in pieces:
                     target.write(piece)
@@ -188,7 +188,7 @@ class ContentStore:
         Raises
         ------
         StoreFullError
-            Where what is done in it finds no room.
+            Where the disk is full.
         """
         beside = Path(self._root) if self._local else None
         if beside is not None:
@@ -207,15 +207,15 @@ class ContentStore:
         return self._local
 
     def has(self, name: str) -> bool:
-        """Whether there is a block of that name, sound or not."""
+        """Whether there is a block of that name, damaged or not."""
         path = self._path(name)
         if self._local:
             return os.path.exists(path)  # noqa: PTH110 (hot path)
-        with _reaching():
+        with _translated_errors():
             return bool(self._fs.exists(path))
 
-    def sound(self, name: str) -> bool:
-        """Whether there is a block of that name that can be read; a damaged one is removed."""
+    def readable(self, name: str) -> bool:
+        """Whether there is an undamaged block of that name; a damaged one is removed."""
         if self._local:
             return self.file(name) is not None
         return self.has(name) and self.get(name) is not None
@@ -224,9 +224,9 @@ class ContentStore:
         """Return those of some names under which there is a block."""
         if self._local:
             return {name for name in names if self.has(name)}
-        with ThreadPoolExecutor(_AT_ONCE) as threads:
-            there = list(threads.map(self.has, names))
-        return {name for name, found in zip(names, there, strict=True) if found}
+        with ThreadPoolExecutor(_MAX_REQUESTS) as threads:
+            stored = threads.map(self.has, names)
+        return {name for name, present in zip(names, stored, strict=True) if present}
 
     def remove(self, name: str) -> None:
         """Remove a block if it is there."""
@@ -235,13 +235,13 @@ class ContentStore:
             if self._local:
                 os.unlink(path)  # noqa: PTH108 (hot path)
             else:
-                with _reaching():
+                with _translated_errors():
                     self._fs.rm_file(path)
         except FileNotFoundError:
             return
 
     def touch(self, name: str) -> None:
-        """Make a block count as new, where the store can do that."""
+        """Make a block count as new; without effect in an object store."""
         if self._local:
             try:
                 os.utime(self._path(name))
@@ -253,62 +253,62 @@ class ContentStore:
         if self._local:
             yield from self._files()
             return
-        with _reaching():
-            found = self._fs.find(self._root, detail=True)
-        for path, about in found.items():
-            modified = about.get("LastModified") or about.get("created")
+        with _translated_errors():
+            blocks = self._fs.find(self._root, detail=True)
+        for path, details in blocks.items():
+            modified = details.get("LastModified") or details.get("created")
             seconds = modified.timestamp() if isinstance(modified, datetime) else 0.0
-            yield Entry(path.rsplit("/", 1)[1], int(about["size"]), seconds)
+            yield Entry(path.rsplit("/", 1)[1], int(details["size"]), seconds)
 
     def _files(self) -> Iterator[Entry]:
         for path in Path(self._root).glob("*/*"):
             try:
-                about = path.stat()
+                status = path.stat()
             except FileNotFoundError:
                 continue
             if _NAME.fullmatch(path.name):
-                yield Entry(path.name, about.st_size, about.st_mtime)
+                yield Entry(path.name, status.st_size, status.st_mtime)
 
-    def tidy(self, now: float) -> None:
-        """Remove what writers that died halfway left behind."""
+    def remove_leftovers(self, now: float) -> None:
+        """Remove temporary files and folders of writers that died."""
         if not self._local:
             return
         for path in Path(self._root).glob("*/.*"):
             try:
-                if now - path.stat().st_mtime > _BROKEN_OFF_SECONDS:
+                if now - path.stat().st_mtime > _LEFTOVER_SECONDS:
                     path.unlink()
             except FileNotFoundError:
                 continue
         for folder in Path(self._root).glob(".*"):
             try:
-                # A folder does not get younger when files in it are written on.
+                # Writing to a file in a folder does not change the time of the folder.
                 newest = max(each.stat().st_mtime for each in (folder, *folder.iterdir()))
             except FileNotFoundError:
                 continue
-            if now - newest > _BROKEN_OFF_SECONDS:
+            if now - newest > _LEFTOVER_SECONDS:
                 shutil.rmtree(folder, ignore_errors=True)
 
     def _path(self, name: str) -> str:
         if not _NAME.fullmatch(name):
-            raise ValueError(f"{name!r} is not a name of the store")
+            raise ValueError(f"{name!r} is not a name of a block")
         return f"{self._root}/{name[:2]}/{name}"
 
 
 def _hash(file: IO[bytes]) -> hashlib._Hash:
     """Return the hash of the rest of a file."""
     text = hashlib.sha256()
-    for piece in iter(lambda: file.read(_PIECE), b""):
+    for piece in iter(lambda: file.read(_READ_BYTES), b""):
         text.update(piece)
     return text
 
 
-_SEPARATE: Final = uuid.uuid4().hex
-_counted = count()
+_PROCESS: Final = uuid.uuid4().hex
+_counter = count()
 
 
-def _passing_name() -> str:
-    """Return a name that no writer uses at the same time, of this machine or another."""
-    return f"{_SEPARATE}-{os.getpid()}-{next(_counted)}"  # forked processes share the first part
+def _temporary_suffix() -> str:
+    """Return a suffix that no other writer uses, on this machine or another."""
+    return f"{_PROCESS}-{os.getpid()}-{next(_counter)}"  # forked processes share the first part
 
 
 def _open_new(path: str, folder: str) -> int:
@@ -341,8 +341,8 @@ def _sync_folder(folder: str) -> None:
 
 
 @contextmanager
-def _reaching() -> Iterator[None]:
-    """Turn whatever an object store raises into one error of our own."""
+def _translated_errors() -> Iterator[None]:
+    """Translate all errors of an object store into `StoreUnavailableError`."""
     try:
         yield
     except (FileNotFoundError, StoreUnavailableError):

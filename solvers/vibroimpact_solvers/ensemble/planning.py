@@ -1,4 +1,4 @@
-"""Counts what is done how often, and cuts an ensemble into pieces."""
+"""Plans ensembles: how often each step is done, what is skipped, and the pieces of a job."""
 
 from __future__ import annotations
 
@@ -13,13 +13,22 @@ from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 
 
 def plan(problem: Problem) -> Plan:
-    """Decide how the motions are followed and what is left out: alike for all members."""
-    of_one = time_history.plan(problem.pattern)
+    """Decide how the motions are computed and what is left out: alike for all members."""
+    of_one = member_plan(problem)
     return Plan(KIND, tuple(_steps(problem, of_one)), tuple(_skips(problem, of_one)))
 
 
+def member_plan(problem: Problem) -> Plan:
+    """Decide how each member of an ensemble, or of a piece of one, is computed.
+
+    The methods are the same for all pieces of an ensemble. The windows of time depend on the
+    members of the piece alone, so that ensembles which have a piece in common share its numbers.
+    """
+    return time_history.plan(problem.pattern)
+
+
 def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Problem]:
-    """Cut an ensemble into members of about the given cost together."""
+    """Cut an ensemble into pieces of about the given cost each."""
     flops = sum(step.flops for step in plan.steps if step.stage is not Stage.SPECTRUM)
     size = sum(step.bytes for step in plan.steps if step.stage is not Stage.SPECTRUM)
     each = (flops / FLOPS_PER_SECOND + size / BYTES_PER_SECOND) / problem.size + OVERHEAD_SECONDS
@@ -35,7 +44,7 @@ def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Problem]:
 
 
 def content(problem: Problem) -> bytes:
-    """Return what tells a piece from all others: its initial states, bit for bit."""
+    """Return a digest of the piece: its initial states, bit for bit."""
     text = hashlib.sha256(f"{problem.first}:{problem.x.shape}".encode())
     for values in (problem.x, problem.v):
         text.update(values.tobytes())
@@ -51,7 +60,7 @@ def _steps(problem: Problem, of_one: Plan) -> Iterator[Step]:
             step,
             reason=f"{step.reason}; members in parallel",
             flops=step.flops * problem.size + OVERHEAD_SECONDS * FLOPS_PER_SECOND * problem.size
-            if step.stage is Stage.FLIGHT
+            if step.stage is Stage.FREE_MOTION
             else step.flops * problem.size,
             bytes=step.bytes * problem.size,
             count=problem.size,
@@ -61,7 +70,7 @@ def _steps(problem: Problem, of_one: Plan) -> Iterator[Step]:
 def _skips(problem: Problem, of_one: Plan) -> Iterator[Skip]:
     yield Skip(
         f"spectrum at {problem.size - 1} of {problem.size} members",
-        "initial states spoil later stages only",
+        "initial states invalidate later stages only",
     )
-    # Which walls one member's energy reaches says nothing about the others.
+    # The walls that the energy of one member reaches are not those of the others.
     yield from (skip for skip in of_one.skips if not skip.what.startswith("constraint "))

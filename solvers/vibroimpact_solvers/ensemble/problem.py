@@ -1,4 +1,4 @@
-"""What is asked: the motions of a structure from many initial states."""
+"""The problem: the motions of a structure from many initial states."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ KIND: Final = "ensemble"
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Motions of a structure from many initial states, and what about them.
+    """Motions of a structure from many initial states, and their outputs.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class Problem:
     ------
     ModelError
         Where something is wrong with all members; a member that starts outside of the limits
-        is a matter of its own.
+        has a status of its own in the result.
     """
 
     system: System
@@ -63,7 +63,7 @@ class Problem:
         if self.x.shape != self.v.shape or not self.size:
             message = f"{len(self.v)} velocities for {len(self.x)} displacements"
             raise ModelError(("initial", "v"), message, code="wrong_length")
-        self.pattern  # noqa: B018 (checks what all members share)
+        self.pattern  # noqa: B018 (checks the fields common to all members)
 
     @property
     def size(self) -> int:
@@ -72,7 +72,7 @@ class Problem:
 
     @cached_property
     def pattern(self) -> time_history.Problem:
-        """The first member that can be one; where there is none, the first with no limiters."""
+        """The first member inside its limits; where there is none, the first without limiters."""
         for index in range(self.size):
             try:
                 return self.member(index)

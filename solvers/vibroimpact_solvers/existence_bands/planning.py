@@ -1,8 +1,8 @@
-"""Decides how bands are found and what is left out."""
+"""Choice of the methods for existence bands, and of what is left out."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from enum import StrEnum
 
 import numpy as np
@@ -13,44 +13,46 @@ from vibroimpact_solvers.errors import ModelError, PlanError
 from vibroimpact_solvers.existence_bands.problem import KIND, OUTPUTS, Problem
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 
-_SAMPLES = 60.0  # radii looked at in a band, about
-_POINTS = 4000.0  # members looked at, about
-_MOST = 1e7  # poles at most: they are held in memory, and nobody waits for more
+_SAMPLES = 60.0  # spectral radii computed in a band, about
+_POINTS = 4000.0  # impact modes computed in a search, about
+_MOST = 1e7  # poles at most: they are kept in memory, and more take too long
 _SOFT = 1e-12  # eigenvalues down to minus this part of the largest count as zero
 
 
 class Method(StrEnum):
-    """How bands are found."""
+    """Methods for existence bands."""
 
     CERTIFIED = "branch and bound"
     SEARCH = "search"
 
 
 def plan(problem: Problem) -> Plan:
-    """Decide how the bands are found and what is left out."""
+    """Choose how the bands are computed and what is left out."""
     grows = "stability" in problem.outputs and _has_growth(problem)
     steps = tuple(_steps(problem, grows=grows))
     return Plan(KIND, steps, tuple(_skips(problem, steps, grows=grows)))
 
 
-def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Problem]:
-    """Return the problem as its only piece: bands must not be cut."""
-    return [problem]
+def mode_planner(plan: Plan) -> Callable[[modes.Problem], Plan]:
+    """Return the function that plans the impact modes of a search."""
+    step = plan.step(Stage.SPECTRUM)
+    partial = step is not None and step.method == receptance.METHOD
+    return modes.partial_modes_plan if partial else modes.plan
 
 
 def _why_not_provable(problem: Problem) -> str | None:
-    """Return why bands have to be searched for, None where they can be proved."""
+    """Return why bands have to be searched for, None if they can be proved."""
     system = problem.system
     struck = [system.constraints[index] for index in problem.active]
     if len(struck) > 1:
-        return "several limiters are struck"
+        return "there are impacts at several limiters"
     if not struck[0].symmetric:
-        return "the walls are not equally far"
+        return "the gaps are unequal"
     if system.force is not None and system.force.any():
         return "a static load acts"
     shift = _SOFT * spectrum.largest_frequency(system) ** 2
     if system.chain is None and not system.K.plus(shift, system.M).is_positive_definite():
-        return "the structure alone is unstable"
+        return "the structure without limiters is unstable"
     return None
 
 
@@ -61,9 +63,7 @@ def _steps(problem: Problem, *, grows: bool) -> Iterator[Step]:
     partial = _partial_step(problem)
     if partial is not None:
         yield partial
-        reason = (
-            "the poles are all known, the members between them by partial modes: edges by bisection"
-        )
+        reason = "impact modes between all poles by partial modes, edges by bisection"
         yield Step(Stage.BANDS, Method.SEARCH, reason, 5e6 * _POINTS, 64.0 * _POINTS)
         return
     method = spectrum.choose(system)
@@ -78,12 +78,12 @@ def _steps(problem: Problem, *, grows: bool) -> Iterator[Step]:
     if obstacle is None:
         reason = (
             "one limiter with equal gaps: the sign of the impulse between neighbouring poles, "
-            "then boxes of frequency and time over which bounds decide; no band can hide"
+            "then bounds over boxes of frequency and time; no band can be missed"
         )
         flops = poles * (3e3 + 1e2 * phase) * system.n * limits
         yield Step(Stage.BANDS, Method.CERTIFIED, reason, flops, 64.0 * poles)
     else:
-        reason = f"{obstacle}: members between all poles, edges by bisection"
+        reason = f"{obstacle}: impact modes between all poles, edges by bisection"
         flops = poles * 20.0 * system.n * (100.0 + 50.0 * phase) * limits
         yield Step(Stage.BANDS, Method.SEARCH, reason, flops, 64.0 * poles)
     if grows:
@@ -95,61 +95,60 @@ def _steps(problem: Problem, *, grows: bool) -> Iterator[Step]:
 def _check_poles(count: float) -> None:
     """Refuse ranges that begin so far below the spectrum that their poles cannot be listed.
 
-    Harmonics of every order meet natural frequencies: there are about N / 2 times the ratio of
-    the largest natural frequency and the lower end of the range.
+    Harmonics of every order coincide with natural frequencies: there are about N / 2 times the
+    ratio of the largest natural frequency to the lower end of the range.
     """
     if count > _MOST:
         message = (
             f"the range begins so far below the largest natural frequency that the impulse has "
-            f"{count:.0e} poles above it; there may be {_MOST:.0e}"
+            f"{count:.0e} poles above it; at most {_MOST:.0e} are possible"
         )
         raise ModelError(("frequency", "start"), message, code="out_of_range")
 
 
 def _partial_step(problem: Problem) -> Step | None:
-    """Return the step that finds only modes around harmonics, None where all modes pay."""
+    """Return the step for the modes near the harmonics, None if all modes cost less."""
     system = problem.system
-    members = problem.members(np.array([problem.start, problem.stop]), frozenset({"reason"}))
-    if "stability" in problem.outputs or not modes.allows_partial(members):
+    ends = problem.impact_modes_at(np.array([problem.start, problem.stop]), frozenset({"reason"}))
+    if "stability" in problem.outputs or not modes.can_use_partial_modes(ends):
         return None
     bound = spectrum.largest_frequency(system)
     odd = np.arange(1.0, bound / problem.start + 2.0, 2.0)
-    width = receptance.size(system.n, bound)
+    width = receptance.interval_width(system.n, bound)
     low, high = (odd * problem.start) ** 2, np.minimum(odd * problem.stop, bound) ** 2
-    all_cells = np.ceil(system.n / receptance.MODES)
-    cells = float(min(np.sum(np.ceil(np.maximum(high - low, 0.0) / width) + 1.0), all_cells))
-    flops = cells * modes.cell_flops(members)
+    every = np.ceil(system.n / receptance.MODES_PER_INTERVAL)
+    intervals = float(min(np.sum(np.ceil(np.maximum(high - low, 0.0) / width) + 1.0), every))
+    flops = intervals * modes.interval_flops(ends)
     method = spectrum.choose(system)
     fits = spectrum.nbytes(system, method) <= spectrum.MEMORY
     if fits and flops > 0.5 * spectrum.flops(system, method):
         return None
     reason = (
-        f"of {system.n} natural modes only those around {odd.size} harmonics, in {cells:.0f} cells "
-        "of frequency: none missed by the inertia of factors, the others by a series"
+        f"of {system.n} natural modes only those near {odd.size} harmonics, in {intervals:.0f} "
+        "intervals of frequency: their number proved by Sylvester's law of inertia, the others by "
+        "a series"
     )
-    size = 8.0 * cells * 128.0 * len(system.constraints)
-    return Step(Stage.SPECTRUM, receptance.METHOD, reason, flops, size, int(cells))
+    size, count = 8.0 * intervals * 128.0 * len(system.constraints), int(intervals)
+    expansion = receptance.ExpansionSize.of(ends.tolerance)
+    return Step(Stage.SPECTRUM, receptance.METHOD, reason, flops, size, count, expansion)
 
 
 def _has_growth(problem: Problem) -> bool:
-    """Whether deviations grow the same in whatever order simultaneous impacts come."""
-    members = problem.members(np.array([problem.start]), frozenset({"stability"}))
-    return modes.plan(members).step(Stage.STABILITY) is not None
+    """Whether stability does not depend on the order of simultaneous impacts."""
+    one = problem.impact_modes_at(np.array([problem.start]), frozenset({"stability"}))
+    return modes.plan(one).step(Stage.STABILITY) is not None
 
 
 def _skips(problem: Problem, steps: tuple[Step, ...], *, grows: bool) -> Iterator[Skip]:
-    yield Skip("shapes, energies and amplitudes", "no output needs them")
+    yield Skip("shapes, energies and amplitudes", "no output depends on them")
     if any(step.method == Method.CERTIFIED for step in steps):
         yield Skip("a grid of frequencies", "poles and bounds make the bands complete without one")
         if len(problem.system.constraints) == 1:
-            why = "with one limiter and Omega > Omega_N every member exists"
+            why = "with one limiter and Omega > Omega_N every impact mode exists"
             yield Skip("the proof above the spectrum", why)
-    idle = [i for i in range(len(problem.system.constraints)) if i not in problem.active]
-    if idle:
-        listed = ", ".join(str(i) for i in idle)
-        yield Skip(f"impulses at constraints {listed}", "not active; their limits are checked")
+    yield from modes.inactive_constraints(problem.system.constraints, problem.active)
     if "stability" in problem.outputs and not grows:
         yield Skip("stability", stability.DIRECTION_DEPENDENT)
     for name in OUTPUTS:
         if name not in problem.outputs:
-            yield Skip(name, "not asked")
+            yield Skip(name, "not requested")

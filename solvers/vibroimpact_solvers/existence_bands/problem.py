@@ -1,4 +1,4 @@
-"""What is asked: where along a family members exist."""
+"""The problem: a family of impact modes and a range of frequencies."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ OUTPUTS: Final = ("bands", "rejected", "stability")
 FINEST: Final = 1e-15
 """Smallest relative tolerance of edges that double precision allows."""
 USUAL: Final = 1e-12
-"""Relative tolerance of edges where none is asked for."""
+"""Default relative tolerance of edges."""
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Where along a family members exist.
+    """Existence of the impact modes of one family in a range of frequencies.
 
     Parameters
     ----------
@@ -33,11 +33,11 @@ class Problem:
     start, stop : float
         Range of the fundamental frequency Omega, rad per unit of time, 0 < start < stop.
     active : tuple of int
-        The constraints that are struck; empty stands for all.
+        The constraints with impacts; empty for all.
     outputs : frozenset of str
-        What is wanted, out of `OUTPUTS`.
+        The requested ones of `OUTPUTS`.
     tolerance : float, optional
-        Relative width up to which edges are narrowed down.
+        Relative width to which edges are enclosed.
     """
 
     system: System
@@ -63,15 +63,15 @@ class Problem:
         if self.tolerance is not None and not FINEST <= self.tolerance < 0.1:
             message = f"the tolerance of edges is {self.tolerance!r}, not in [{FINEST:g}, 0.1)"
             raise ModelError(("tolerance",), message, code="out_of_range")
-        # Constraints are checked as the members are.
-        self.members(np.array([self.start]), frozenset({"exists"}))
+        # Constraints are checked as for impact modes.
+        self.impact_modes_at(np.array([self.start]), frozenset({"exists"}))
 
     @property
     def resolution(self) -> float:
-        """Relative width up to which edges are narrowed down."""
+        """Relative width to which edges are enclosed."""
         return USUAL if self.tolerance is None else self.tolerance
 
-    def members(self, Omega: Floats, outputs: frozenset[str]) -> modes.Problem:
-        """Return the problem of the members at some frequencies."""
+    def impact_modes_at(self, Omega: Floats, outputs: frozenset[str]) -> modes.Problem:
+        """Return the problem of the impact modes at some frequencies."""
         omega = Omega * (2.0 / np.pi)
         return modes.Problem(self.system, omega, self.active, outputs, Omega=Omega)

@@ -1,24 +1,24 @@
-"""Ranges of frequency: bands, rejected ones, and those that stayed undecided."""
+"""Frequency ranges: existence bands, rejected ranges, and undecided ones."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
 
-from vibroimpact_solvers.existence_bands.result import Edge
+from vibroimpact_solvers.results.existence_bands import Edge
 
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """A range in which members exist.
+    """A range in which impact modes exist.
 
     Parameters
     ----------
     start, stop : float
         Edges, as Omega.
-    below, above : Edge
-        What members beyond them are.
-    error : float
+    start_reason, stop_reason : Edge
+        Why no impact modes exist beyond them.
+    edge_error : float
         Largest absolute error of the edges.
     certified : bool
         Whether existence is proved throughout.
@@ -26,15 +26,15 @@ class Band:
 
     start: float
     stop: float
-    below: Edge
-    above: Edge
-    error: float
+    start_reason: Edge
+    stop_reason: Edge
+    edge_error: float
     certified: bool
 
 
 @dataclass(frozen=True, slots=True)
 class Rejected:
-    """A range in which impulses are positive and yet members are phantoms.
+    """A range in which impulses are positive but the solutions are phantoms.
 
     Parameters
     ----------
@@ -42,11 +42,11 @@ class Rejected:
         Edges, as Omega.
     reason : Edge
     certified : bool
-        Whether that is proved throughout.
+        Whether the reason is proved throughout.
     witness : float
-        A triangle-wave time at which a limit is passed; nan where unknown.
+        A triangle-wave time at which a limit is exceeded; nan where unknown.
     constraint : int
-        The limit that is passed; -1 where unknown.
+        The limit that is exceeded; -1 where unknown.
     """
 
     start: float
@@ -58,8 +58,8 @@ class Rejected:
 
 
 @dataclass(slots=True)
-class Findings:
-    """All ranges along one family.
+class FrequencyRanges:
+    """All frequency ranges of one family.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class Findings:
     resolution : float
         Relative width below which a band or a gap could hide.
     statement : str
-        How they were found.
+        How they were computed.
     """
 
     bands: list[Band] = field(default_factory=list)

@@ -1,4 +1,4 @@
-"""Bands of any family: members between all poles, edges by bisection."""
+"""Existence bands of any family: impact modes between all poles, edges by bisection."""
 
 from __future__ import annotations
 
@@ -10,63 +10,69 @@ import numpy as np
 from vibroimpact_solvers import impact_modes as modes
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.existence_bands.problem import Problem
-from vibroimpact_solvers.existence_bands.ranges import Band, Findings, Rejected
-from vibroimpact_solvers.existence_bands.result import Edge
+from vibroimpact_solvers.existence_bands.ranges import Band, FrequencyRanges, Rejected
 from vibroimpact_solvers.impact_modes import Reason
-from vibroimpact_solvers.plan import Plan
+from vibroimpact_solvers.plan import Plan, Tick
+from vibroimpact_solvers.receptance import ExpansionSize
+from vibroimpact_solvers.results.existence_bands import Edge
 from vibroimpact_solvers.spectrum import Spectrum
 
 STATEMENT: Final = (
-    "searched: members at frequencies between all poles; a band or a gap narrower than the "
-    "resolution could hide, edges are enclosed by members"
+    "searched: impact modes at frequencies between all poles; a band or a gap narrower than the "
+    "resolution could be missed, edges are enclosed between two frequencies"
 )
 
 _BETWEEN = 16  # frequencies between neighbouring poles
-_USUAL = 2000  # frequencies at least
+_LEAST = 2000  # frequencies at least
 _MOST = 400_000  # frequencies at most
 _OUTPUTS: Final = frozenset({"reason"})
 _REJECTED: Final = (Reason.WRONG_VELOCITY, Reason.PENETRATION)
 
 
 def poles_of(problem: Problem, natural: Spectrum) -> Floats:
-    """Return the poles of impulses by all natural modes.
+    """Return the poles of the impulses from all natural modes.
 
-    Odd motions have them where Omega is an odd fraction of a natural frequency, even ones where
-    it is an even fraction.
+    The antisymmetric component has them where Omega is an odd fraction of a natural frequency,
+    the symmetric component where it is an even fraction.
     """
     roots = natural.roots[natural.roots > 0.0]
     rows = natural.along([problem.system.constraints[i] for i in problem.active])
-    heard = np.abs(rows[:, natural.roots > 0.0]).max(axis=0, initial=0.0) > 0.0
+    participating = np.abs(rows[:, natural.roots > 0.0]).max(axis=0, initial=0.0) > 0.0
     poles = [
         root / np.arange(max(1, np.ceil(root / problem.stop)), np.floor(root / problem.start) + 1.0)
-        for root in roots[heard]
+        for root in roots[participating]
     ]
     return np.concatenate([np.empty(0), *poles])
 
 
-def poles_around(problem: Problem, tick: Callable[[int, int], None] | None) -> Floats:
-    """Return the poles of an odd motion by the natural modes around its harmonics."""
-    members = problem.members(np.array([problem.start, problem.stop]), _OUTPUTS)
-    waves = modes.partial_waves(members)
-    odd = np.arange(1.0, waves.bound / problem.start + 2.0, 2.0)
-    found = [np.empty(0)]
+def poles_near_harmonics(
+    problem: Problem, expansion: ExpansionSize, tick: Tick | None = None
+) -> Floats:
+    """Return the poles of an antisymmetric family from the natural modes near its harmonics."""
+    ends = problem.impact_modes_at(np.array([problem.start, problem.stop]), _OUTPUTS)
+    response = modes.partial_modal_response(ends, expansion)
+    bound = response.bound
+    odd = np.arange(1.0, bound / problem.start + 2.0, 2.0)
+    poles = [np.empty(0)]
     for place, k in enumerate(odd):
         if tick is not None:
             tick(place, odd.size)
-        found.append(waves.natural(k * problem.start, min(k * problem.stop, waves.bound)) / k)
-    return np.concatenate(found)
+        low, high = k * problem.start, min(k * problem.stop, bound)
+        poles.append(response.natural_frequencies(low, high) / k)
+    return np.concatenate(poles)
 
 
 class SearchedBands:
-    """Finds the bands of one problem.
+    """Search for the bands of one problem.
 
     Parameters
     ----------
     problem : Problem
     poles : array
-        Frequencies Omega at which impulses pass zero, from `poles_of` or `poles_around`.
+        Frequencies Omega at which impulses pass zero, from `poles_of` or
+        `poles_near_harmonics`.
     plan : callable
-        The plan of members at some frequencies.
+        Returns the plan of the impact modes at some frequencies.
     """
 
     def __init__(
@@ -77,14 +83,14 @@ class SearchedBands:
     ) -> None:
         self.problem, self.poles, self.plan = problem, poles, plan
 
-    def find(self, tick: Callable[[int, int], None] | None) -> Findings:
-        """Return all bands that members at a grid of frequencies show."""
+    def find(self, tick: Tick | None) -> FrequencyRanges:
+        """Return the ranges between changes of the reason on a grid of frequencies."""
         grid = self._grid()
-        codes, witness = self._look(grid, tick)
+        codes, witness = self._reasons(grid, tick)
         changes = np.flatnonzero(codes[1:] != codes[:-1])
         low, high = self._bisect(grid, codes, changes)
-        found = Findings(statement=STATEMENT)
-        found.resolution = float((np.diff(grid) / grid[1:]).max())
+        ranges = FrequencyRanges(statement=STATEMENT)
+        ranges.resolution = float((np.diff(grid) / grid[1:]).max())
         starts = np.concatenate([[0], changes + 1])
         stops = np.concatenate([changes, [grid.size - 1]])
         edges = np.concatenate([[grid[0]], 0.5 * (low + high), [grid[-1]]])
@@ -96,35 +102,33 @@ class SearchedBands:
                 below = Edge.RANGE if k == 0 else Edge(int(codes[first - 1]))
                 above = Edge.RANGE if k + 1 == starts.size else Edge(int(codes[last + 1]))
                 error = float(max(errors[k], errors[k + 1])) + 4.0 * np.spacing(stop)
-                found.bands.append(Band(start, stop, below, above, error, certified=False))
+                ranges.bands.append(Band(start, stop, below, above, error, certified=False))
             elif reason in _REJECTED:
                 middle = witness[(first + last) // 2]
                 edge = Edge(int(reason))
-                found.rejected.append(
+                ranges.rejected.append(
                     Rejected(start, stop, edge, certified=False, witness=float(middle))
                 )
-        return found
+        return ranges
 
     def _grid(self) -> Floats:
-        """Return the frequencies looked at: the more the closer poles are."""
+        """Return the frequencies that are evaluated: denser where poles are dense."""
         start, stop = self.problem.start, self.problem.stop
         marks = np.unique(np.concatenate([[start, stop], self.poles]))
         between = max(2, min(_BETWEEN, _MOST // marks.size))
-        # Denser towards the poles, where everything happens.
+        # Denser towards the poles, where reasons change.
         share = 0.5 - 0.5 * np.cos(np.pi * (np.arange(between) + 0.5) / between)
         inside = marks[:-1, np.newaxis] + np.diff(marks)[:, np.newaxis] * share
-        even = np.linspace(start, stop, _USUAL)
-        return np.unique(np.concatenate([even, inside.ravel()]))
+        uniform = np.linspace(start, stop, _LEAST)
+        return np.unique(np.concatenate([uniform, inside.ravel()]))
 
-    def _look(
-        self, Omega: Floats, tick: Callable[[int, int], None] | None = None
-    ) -> tuple[Integers, Floats]:
-        """Return reason codes of members and witnesses, each (frequency,)."""
-        members = self.problem.members(Omega, _OUTPUTS)
-        found = modes.solve(members, self.plan(members), tick)
-        assert found.reason is not None
-        assert found.witness is not None
-        return found.reason, found.witness
+    def _reasons(self, Omega: Floats, tick: Tick | None = None) -> tuple[Integers, Floats]:
+        """Return reason codes and witnesses, each (frequency,)."""
+        problem = self.problem.impact_modes_at(Omega, _OUTPUTS)
+        result = modes.solve(problem, self.plan(problem), tick)
+        assert result.reason is not None
+        assert result.witness is not None
+        return result.reason, result.witness
 
     def _bisect(self, grid: Floats, codes: Integers, changes: Integers) -> tuple[Floats, Floats]:
         """Return neighbouring frequencies between which the reason changes."""
@@ -135,7 +139,7 @@ class SearchedBands:
             if not wide.any():
                 break
             below = np.zeros(low.size, dtype=np.bool_)
-            below[wide] = self._look(middle[wide])[0] == codes[changes[wide]]
+            below[wide] = self._reasons(middle[wide])[0] == codes[changes[wide]]
             low = np.where(wide & below, middle, low)
             high = np.where(wide & ~below, middle, high)
         return low, high

@@ -1,99 +1,78 @@
-"""Does what a plan lists."""
+"""Solution of existence-band problems by their plans."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import fields
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from vibroimpact_solvers import impact_modes as modes
-from vibroimpact_solvers import receptance, spectrum
-from vibroimpact_solvers.existence_bands import growth
+from vibroimpact_solvers import spectrum
+from vibroimpact_solvers.arrays import declared, nothing
 from vibroimpact_solvers.existence_bands.certified import CertifiedBands
-from vibroimpact_solvers.existence_bands.planning import Method
+from vibroimpact_solvers.existence_bands.planning import Method, mode_planner
 from vibroimpact_solvers.existence_bands.problem import Problem
-from vibroimpact_solvers.existence_bands.ranges import Band, Findings, Rejected
-from vibroimpact_solvers.existence_bands.result import Result
-from vibroimpact_solvers.existence_bands.search import SearchedBands, poles_around, poles_of
-from vibroimpact_solvers.plan import Plan, Stage
+from vibroimpact_solvers.existence_bands.ranges import FrequencyRanges
+from vibroimpact_solvers.existence_bands.search import (
+    SearchedBands,
+    poles_near_harmonics,
+    poles_of,
+)
+from vibroimpact_solvers.existence_bands.stability_ranges import stability_ranges
+from vibroimpact_solvers.plan import Plan, Stage, Tick
+from vibroimpact_solvers.receptance import ExpansionSize
+from vibroimpact_solvers.results.existence_bands import Result
 
 
-def solve(problem: Problem, plan: Plan, tick: Callable[[int, int], None] | None = None) -> Result:
-    """Find the bands as the plan says.
+def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
+    """Compute the bands as the plan says.
 
     Parameters
     ----------
     problem : Problem
     plan : Plan
-        The one that `plan(problem)` returned.
+        From `plan(problem)`.
     tick : callable, optional
         Called with (done, total); may raise `Cancelled`.
     """
-    steps = {step.stage: step for step in plan.steps}
-    method = steps[Stage.SPECTRUM].method
-    if method == receptance.METHOD:
-        poles = poles_around(problem, tick)
-        found = SearchedBands(problem, poles, modes.partial_plan).find(tick)
-    else:
-        natural = spectrum.spectrum(problem.system, spectrum.Method(method))
-        if steps[Stage.BANDS].method == Method.CERTIFIED:
-            found = CertifiedBands(problem, natural).find(tick)
-        else:
-            found = SearchedBands(problem, poles_of(problem, natural)).find(tick)
-    found.bands.sort(key=lambda band: band.start)
-    found.rejected.sort(key=lambda rejected: rejected.start)
-    found.unresolved.sort()
-    columns: dict[str, Any] = dict.fromkeys(field.name for field in fields(Result))
+    ranges = _ranges(problem, plan, tick)
+    ranges.bands.sort(key=lambda band: band.start)
+    ranges.rejected.sort(key=lambda rejected: rejected.start)
+    ranges.unresolved.sort()
+    columns: dict[str, Any] = nothing(Result)
     columns.update(
-        error_resolution=found.resolution,
-        error_statement=found.statement,
-        unresolved_start=np.array([start for start, _ in found.unresolved]),
-        unresolved_stop=np.array([stop for _, stop in found.unresolved]),
+        error_resolution=ranges.resolution,
+        error_statement=ranges.statement,
+        unresolved_start=np.array([start for start, _ in ranges.unresolved]),
+        unresolved_stop=np.array([stop for _, stop in ranges.unresolved]),
     )
     if "bands" in problem.outputs:
-        columns.update(_bands(found.bands))
+        columns.update(_columns(ranges.bands, "bands"))
     if "rejected" in problem.outputs:
-        columns.update(_rejected(found.rejected))
-    if Stage.STABILITY in steps:
-        columns.update(_stability(problem, found))
+        columns.update(_columns(ranges.rejected, "rejected"))
+    if plan.step(Stage.STABILITY):
+        stable = list(stability_ranges(problem, ranges.bands))
+        columns.update(_columns(stable, "stability"))
     return Result(**columns)
 
 
-def join(problem: Problem, plan: Plan, results: Sequence[Result]) -> Result:
-    """Return the result of the only piece."""
-    (result,) = results
-    return result
+def _ranges(problem: Problem, plan: Plan, tick: Tick | None) -> FrequencyRanges:
+    natural, bands = plan.step(Stage.SPECTRUM), plan.step(Stage.BANDS)
+    assert natural is not None
+    assert bands is not None
+    if isinstance(natural.settings, ExpansionSize):
+        poles = poles_near_harmonics(problem, natural.settings, tick)
+        return SearchedBands(problem, poles, mode_planner(plan)).find(tick)
+    modes = spectrum.spectrum(problem.system, spectrum.Method(natural.method))
+    if bands.method == Method.CERTIFIED:
+        return CertifiedBands(problem, modes).find(tick)
+    return SearchedBands(problem, poles_of(problem, modes), mode_planner(plan)).find(tick)
 
 
-def _bands(bands: Sequence[Band]) -> dict[str, Any]:
+def _columns(rows: Sequence[object], table: str) -> dict[str, Any]:
+    """Return the columns of a table; its rows have the names of the paths, ``"table/name"``."""
     return {
-        "band_start": np.array([band.start for band in bands]),
-        "band_stop": np.array([band.stop for band in bands]),
-        "band_start_reason": np.array([band.below for band in bands], dtype=np.int64),
-        "band_stop_reason": np.array([band.above for band in bands], dtype=np.int64),
-        "band_edge_error": np.array([band.error for band in bands]),
-        "band_certified": np.array([band.certified for band in bands], dtype=np.bool_),
-    }
-
-
-def _rejected(rejected: Sequence[Rejected]) -> dict[str, Any]:
-    return {
-        "rejected_start": np.array([each.start for each in rejected]),
-        "rejected_stop": np.array([each.stop for each in rejected]),
-        "rejected_reason": np.array([each.reason for each in rejected], dtype=np.int64),
-        "rejected_certified": np.array([each.certified for each in rejected], dtype=np.bool_),
-        "rejected_witness": np.array([each.witness for each in rejected]),
-        "rejected_constraint": np.array([each.constraint for each in rejected], dtype=np.int64),
-    }
-
-
-def _stability(problem: Problem, found: Findings) -> dict[str, Any]:
-    ranges = list(growth.ranges(problem, found.bands))
-    return {
-        "stability_start": np.array([each.start for each in ranges]),
-        "stability_stop": np.array([each.stop for each in ranges]),
-        "stability_stable": np.array([each.stable for each in ranges], dtype=np.bool_),
-        "stability_radius": np.array([each.radius for each in ranges]),
+        field.name: np.array([getattr(row, field.path.split("/")[1]) for row in rows], field.scalar)
+        for field in declared(Result).values()
+        if field.quantity.dims == (table,)
     }

@@ -1,20 +1,35 @@
-"""Impact modes: the periodic motions of a structure that strikes its limiters once a period.
+"""Impact modes: periodic motions of a structure that hits its limiters once a period.
 
-Every active constraint strikes its upper wall at tau = 1 and its lower one at tau = -1. Each
-frequency has one member of the family, real or phantom.
+Every active constraint hits its upper wall at tau = 1 and its lower wall at tau = -1. A family
+has one solution at each frequency, admissible or phantom.
+
+Examples
+--------
+>>> import numpy as np
+>>> from vibroimpact_solvers import impact_modes
+>>> from vibroimpact_solvers.model import Constraint
+>>> from vibroimpact_solvers.presets import oscillator
+>>> system = oscillator([Constraint.at(0, gap=1.0)], Omega0=1.0)
+>>> problem = impact_modes.Problem(system, omega=np.array([0.5, 1.0]))
+>>> result = impact_modes.solve(problem, impact_modes.plan(problem))
+>>> result.impulse[:, 0].round(6)  # p = omega^2 gamma cot(gamma), gamma = 1/omega
+array([-0.228829,  0.642093])
+>>> [impact_modes.REASONS[code] for code in result.reason]
+['negative_impulse', 'ok']
 """
 
+from vibroimpact_solvers.impact_modes.costs import interval_flops
+from vibroimpact_solvers.impact_modes.family_solver import partial_modal_response
+from vibroimpact_solvers.impact_modes.pieces import content, split
 from vibroimpact_solvers.impact_modes.planning import (
-    allows_partial,
-    cell_flops,
-    content,
-    partial_plan,
+    can_use_partial_modes,
+    inactive_constraints,
+    partial_modes_plan,
     plan,
-    split,
 )
 from vibroimpact_solvers.impact_modes.problem import KIND, OUTPUTS, Problem
-from vibroimpact_solvers.impact_modes.result import REASONS, Reason, Result
-from vibroimpact_solvers.impact_modes.solving import Tick, join, partial_waves, solve
+from vibroimpact_solvers.impact_modes.solving import join, solve
+from vibroimpact_solvers.results.impact_modes import REASONS, Reason, Result
 
 __all__ = [
     "KIND",
@@ -23,13 +38,13 @@ __all__ = [
     "Problem",
     "Reason",
     "Result",
-    "Tick",
-    "allows_partial",
-    "cell_flops",
+    "can_use_partial_modes",
     "content",
+    "inactive_constraints",
+    "interval_flops",
     "join",
-    "partial_plan",
-    "partial_waves",
+    "partial_modal_response",
+    "partial_modes_plan",
     "plan",
     "solve",
     "split",

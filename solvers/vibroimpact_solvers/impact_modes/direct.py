@@ -1,4 +1,4 @@
-"""An odd family evaluated without natural modes, see `receptance`."""
+"""An antisymmetric family evaluated without natural modes, see `receptance`."""
 
 from __future__ import annotations
 
@@ -9,15 +9,26 @@ import numpy as np
 from vibroimpact_solvers.arrays import Booleans, Floats, Integers
 from vibroimpact_solvers.impact_modes.impulses import Impulses
 from vibroimpact_solvers.impact_modes.problem import Frequencies, Problem
-from vibroimpact_solvers.receptance import ENTRYWISE, IMPULSES, Receptance, Rows, Waves
+from vibroimpact_solvers.receptance import (
+    ENTRYWISE,
+    IMPULSES,
+    Coordinates,
+    FrequencyResponse,
+    TriangleWaveResponse,
+)
 
 _EPS = float(np.finfo(np.float64).eps)
-_GRIDS = (65, 257, 1025, 8193)  # numbers of times at which a limit is looked at
+_POINTS = (
+    65,
+    257,
+    1025,
+    8193,
+)  # numbers of times at which limits are checked
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Forces:
-    """What moves the structure: impulses p at frequencies omega, (frequency, constraint)."""
+    """Impulses p at frequencies omega, shape (frequency, constraint): they define the motion."""
 
     omega: Floats
     p: Floats
@@ -28,18 +39,18 @@ class Forces:
 
 
 class DirectFamily:
-    """The members of one odd family, by direct solves and power series.
+    """One antisymmetric family, by direct solves and a power series.
 
     Parameters
     ----------
     problem : Problem
-        Its frequencies and outputs do not matter here.
+        Its frequencies and outputs are not used.
     bound : float
         Upper bound of the natural frequencies.
     factorizes : bool
-        Whether solves at single frequencies are allowed; else all is left to the series.
-    waves : Waves, optional
-        Where the harmonics come from; absent: a factorization for each.
+        Whether the structure is factorized at single frequencies; else the series alone is used.
+    frequency_response : FrequencyResponse, optional
+        Yields the harmonics; absent: a factorization for each.
     """
 
     def __init__(
@@ -48,24 +59,26 @@ class DirectFamily:
         bound: float,
         *,
         factorizes: bool = True,
-        waves: Waves | None = None,
+        frequency_response: FrequencyResponse | None = None,
     ) -> None:
         self.factorizes = factorizes
         harmonics = None if factorizes else 0
-        self.receptance = Receptance(problem.system, problem.active, bound, harmonics, waves)
-        self.limits = Rows.along(problem.system.constraints)
+        self.response = TriangleWaveResponse(
+            problem.system, problem.active, bound, harmonics, frequency_response
+        )
+        self.limits = Coordinates.along(problem.system.constraints)
         self.gaps = np.array([c.upper for c in problem.struck], dtype=np.float64)
 
     @property
     def mobility(self) -> Floats:
         """``W M^(-1) W^T``, shape (constraint, constraint)."""
-        return self.receptance.mobility
+        return self.response.mobility
 
-    def members(self, at: Frequencies, *, with_motion: bool = True) -> tuple[Impulses, Forces]:
-        """Return impulses and motion of the members at some frequencies."""
+    def solutions(self, at: Frequencies, *, with_motion: bool = True) -> tuple[Impulses, Forces]:
+        """Return impulses and motions at some frequencies."""
         omega = at.omega
-        S, energy, doubt = self.receptance.impulse_matrices(omega)
-        # Relative changes of all natural frequencies change S at most by this.
+        S, energy, S_error = self.response.impulse_matrices(omega)
+        # Bound of the change of S with the relative change of all natural frequencies.
         slope = (np.abs(energy) + np.abs(S)) / (omega**2)[:, np.newaxis, np.newaxis]
         p, error = np.zeros((omega.size, self.gaps.size)), np.full(omega.size, np.inf)
         for f in range(omega.size):
@@ -74,40 +87,41 @@ class DirectFamily:
             except np.linalg.LinAlgError:
                 continue
             p[f] = inverse @ self.gaps
-            limit = self.receptance.truncation(float(omega[f]), IMPULSES)
-            wobble = 8.0 * _EPS * slope[f] + limit.remainder * np.abs(S[f]) + doubt[f]
-            absolute = np.abs(inverse) @ (wobble @ np.abs(p[f]) + _EPS * np.abs(self.gaps))
+            remainder = self.response.truncation(float(omega[f]), IMPULSES).remainder
+            change = 8.0 * _EPS * slope[f] + remainder * np.abs(S[f]) + S_error[f]
+            absolute = np.abs(inverse) @ (change @ np.abs(p[f]) + _EPS * np.abs(self.gaps))
             error[f] = absolute.max() / np.abs(p[f]).max()
         return Impulses(p, p, error), Forces(omega, p)
 
     def displacements(self, motion: Forces, tau: Floats, dofs: Integers) -> Floats:
         """Return displacements, shape (frequency, tau, dof)."""
         omega, p = motion.omega, motion.p
-        return self.receptance.displacements(omega, p, tau, Rows(dofs), ENTRYWISE)
+        return self.response.displacements(omega, p, tau, Coordinates(dofs), ENTRYWISE)
 
     def energy(self, motion: Forces) -> Floats:
         """Return the total energies, shape (frequency,)."""
-        _, matrices, _ = self.receptance.impulse_matrices(motion.omega)
+        _, matrices, _ = self.response.impulse_matrices(motion.omega)
         work = np.einsum("fa,fab,fb->f", motion.p, matrices, motion.p)
         return np.asarray(0.5 * work / motion.omega**2)
 
     def harmonics(self, motion: Forces, orders: Integers, dofs: Integers) -> Floats:
         """Return Fourier amplitudes for odd orders, shape (frequency, order, dof)."""
-        rows = Rows(dofs)
+        rows = Coordinates(dofs)
         b = np.zeros((motion.omega.size, orders.size, dofs.size))
         for f, omega in enumerate(motion.omega):
             for k, order in enumerate(orders):
                 sign = 2.0 if order % 4 == 1 else -2.0
-                wave = self.receptance.waves.rows(0.5 * np.pi * order * omega, rows)
-                b[f, k] = sign * (wave @ motion.p[f])
+                frequency = 0.5 * np.pi * order * omega
+                response = self.response.frequency_response.displacements(frequency, rows)
+                b[f, k] = sign * (response @ motion.p[f])
         return b
 
     def check(
         self, motion: Forces, error: Floats, problem: Problem, excess: float
     ) -> tuple[Floats, Booleans]:
-        """Return a time at which a limit is passed or nan, and whether that is certain.
+        """Return a time at which a limit is exceeded or nan, and whether that is certain.
 
-        The error is the relative one of the motion, shape (frequency,).
+        `error` is the relative error of the motion, shape (frequency,).
         """
         size = motion.omega.size
         witness, certified = np.full(size, np.nan), np.zeros(size, dtype=np.bool_)
@@ -124,9 +138,9 @@ class DirectFamily:
         walls = [(c.lower, c.upper) for c in system.constraints]
         limit = np.array([min(w for w in pair if w is not None) for pair in walls])
         over = limit + excess * 2.0 * np.abs(limit)
-        curvature = self.receptance.curvature(omega, p, rows)
-        # Towards an impact the coordinate rises: the curvature alone cannot lift it higher, nor
-        # can it have come from beyond the other wall.
+        curvature = self.response.curvature(omega, p, rows)
+        # Shortly before an impact the coordinate rises towards its wall: within this time the
+        # bound of its curvature excludes both a higher value and one beyond the other wall.
         end = np.ones(limit.size)
         slope = np.maximum(self.mobility @ p / omega**2, 0.0)
         for place, index in enumerate(problem.active):
@@ -134,14 +148,14 @@ class DirectFamily:
             back = (np.sqrt(slope[place] ** 2 + 2.0 * bend * room) - slope[place]) / bend
             end[index] -= min(2.0 * slope[place] / bend, back, 1.0)
         at, force = np.array([omega]), p[np.newaxis]
-        for points in _GRIDS:
+        for points in _POINTS:
             tau = np.linspace(0.0, 1.0, points)
-            y = np.abs(self.receptance.displacements(at, force, tau, rows, IMPULSES)[0])
+            y = np.abs(self.response.displacements(at, force, tau, rows, IMPULSES)[0])
             passed = np.argwhere((y > over) & (tau[:, np.newaxis] <= end))
             if passed.size:
                 return float(tau[passed[0, 0]]), True
             reach = np.maximum(y[1:], y[:-1]) + curvature / (8.0 * (points - 1) ** 2)
-            open_cells = (reach > over) & (tau[:-1, np.newaxis] < end)
-            if not open_cells.any():
+            open_steps = (reach > over) & (tau[:-1, np.newaxis] < end)
+            if not open_steps.any():
                 return np.nan, True
         return np.nan, False

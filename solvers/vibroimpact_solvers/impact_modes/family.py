@@ -1,17 +1,18 @@
-"""Which impulses a family has and which equations they solve.
+"""The impulses of a family of impact modes and their equations.
 
 With impulses p+ at tau = 1 and p- at tau = -1 the motion is
 
     x = x_s + sum_j e_j [a_j . (p+ + p-) s(mu_j, tau) + a_j . (p+ - p-) h(mu_j, tau)]/(2 omega^2)
 
-where ``a_j = W e_j``. Every wall that is struck gives one equation. Three kinds:
+where ``a_j = W e_j``. The terms with s are antisymmetric in tau, those with h symmetric. Every wall
+with impacts gives one equation. Three kinds:
 
-- *odd*: gaps equal on both sides and no static load. p+ = p- = p, no even motion
-  (eq. 10.49-10.59, 10.87-10.89).
-- *separate*: every struck constraint has both walls. The sum and the difference of the
+- *antisymmetric*: equal gaps on both sides and no static load. p+ = p- = p, and the symmetric
+  component is zero (eq. 10.49-10.59, 10.87-10.89).
+- *separate*: every active constraint has both walls. The sum and the difference of the
   impulses solve one system each; z = (p+ + p-)/2 and z = (p+ - p-)/2.
-- *joint*: some struck constraint has one wall only. One system for the impulses that are
-  there (10.11-10.12 is its simplest case).
+- *joint*: some active constraint has one wall only. One system for the impulses at the walls
+  that exist (10.11-10.12 is its simplest case).
 """
 
 from __future__ import annotations
@@ -26,9 +27,9 @@ from vibroimpact_solvers.impact_modes.problem import Problem
 
 
 class Kind(StrEnum):
-    """See above."""
+    """Kinds of families, see the module."""
 
-    ODD = "odd"
+    ANTISYMMETRIC = "antisymmetric"
     SEPARATE = "separate"
     JOINT = "joint"
 
@@ -39,30 +40,31 @@ class Equations:
 
     Parameters
     ----------
-    odd, even : array, shape (unknown, constraint)
-        Combinations of the constraints' rows that make the rows of the odd and the even
-        motion; no rows where there is no such motion.
+    antisymmetric, symmetric : array, shape (unknown, constraint)
+        Combinations of the constraints' rows that drive the antisymmetric and the symmetric
+        component of the motion; no rows where a component is zero.
     walls : array, shape (unknown,)
-        Where the walls are, seen along the rows.
+        Right-hand side: distances of the walls.
     share : float
-        Factor of the forces.
+        Share of each wall in an impulse: 1, or 1/2 in a joint family.
     """
 
-    odd: Floats
-    even: Floats
+    antisymmetric: Floats
+    symmetric: Floats
     walls: Floats
     share: float
 
 
 @dataclass(frozen=True, slots=True)
 class Family:
-    """The kind of a family and the walls it strikes.
+    """The kind of a family and the walls with impacts.
 
     Parameters
     ----------
     kind : Kind
     upper, lower : tuple of int
-        Places among the active constraints whose upper and lower walls are struck.
+        Positions, among the active constraints, of those with impacts at the upper and the lower
+        wall.
     count : int
         Number of active constraints.
     """
@@ -74,14 +76,14 @@ class Family:
 
     @classmethod
     def of(cls, problem: Problem) -> Family:
-        """Return the family that a problem asks about."""
+        """Return the family of a problem."""
         struck = problem.struck
         upper = tuple(i for i, c in enumerate(struck) if c.upper is not None)
         lower = tuple(i for i, c in enumerate(struck) if c.lower is not None)
         if len(upper) + len(lower) < 2 * len(struck):
             kind = Kind.JOINT
         elif all(c.symmetric for c in struck) and not is_loaded(problem):
-            kind = Kind.ODD
+            kind = Kind.ANTISYMMETRIC
         else:
             kind = Kind.SEPARATE
         return cls(kind, upper, lower, len(struck))
@@ -91,23 +93,23 @@ class Family:
         upper = np.array([problem.struck[i].upper for i in self.upper], dtype=np.float64)
         lower = np.array([problem.struck[i].lower for i in self.lower], dtype=np.float64)
         one, none = np.eye(self.count), np.zeros((0, self.count))
-        if self.kind is Kind.ODD:
+        if self.kind is Kind.ANTISYMMETRIC:
             return (Equations(one, none, upper, 1.0),)
         if self.kind is Kind.SEPARATE:
             return (
                 Equations(one, none, 0.5 * (upper + lower), 1.0),
                 Equations(none, one, 0.5 * (upper - lower), 1.0),
             )
-        odd = np.concatenate([one[list(self.upper)], one[list(self.lower)]])
-        even = np.concatenate([one[list(self.upper)], -one[list(self.lower)]])
-        return (Equations(odd, even, np.concatenate([upper, lower]), 0.5),)
+        antisymmetric = np.concatenate([one[list(self.upper)], one[list(self.lower)]])
+        symmetric = np.concatenate([one[list(self.upper)], -one[list(self.lower)]])
+        return (Equations(antisymmetric, symmetric, np.concatenate([upper, lower]), 0.5),)
 
     def sides(self, unknowns: tuple[Floats, ...]) -> tuple[Floats, Floats]:
         """Return p+ and p-, each (frequency, constraint), of the solutions (frequency, unknown).
 
-        A wall that is not struck has impulse 0.
+        A wall without impacts has impulse 0.
         """
-        if self.kind is Kind.ODD:
+        if self.kind is Kind.ANTISYMMETRIC:
             return unknowns[0], unknowns[0]
         if self.kind is Kind.SEPARATE:
             total, difference = unknowns

@@ -1,4 +1,4 @@
-"""Impulses of members, and how far they can be trusted."""
+"""Impulses of impact modes and their errors."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Booleans, Floats
 
-_LARGE = 1e3  # times the usual
+_LARGE = 1e3  # times the usual magnitude
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Impulses:
-    """Impulses of the members at some frequencies.
+    """Impulses of a family at some frequencies.
 
     Parameters
     ----------
@@ -30,8 +30,8 @@ class Impulses:
     def singular(self, usual: Floats) -> Booleans:
         """Return where no impulse brings the structure to its walls.
 
-        There the impulses grow without bound until rounding decides them. Where they pass
-        through zero, at a natural frequency, they are as uncertain but small.
+        There the impulses grow without bound until they are rounding errors. Near their zeros,
+        at natural frequencies, they are as uncertain but small.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""A family evaluated by the natural modes of the structure."""
+"""A family of impact modes evaluated by the natural modes of the structure."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from vibroimpact_solvers.spectrum import Spectrum
 from vibroimpact_solvers.stability import Orbits, Side
 
 _EPS = float(np.finfo(np.float64).eps)
-_NOISE = 1e-13  # of a load, relative to what a load of that size could do to a mode
+_NOISE = 1e-13  # rounding of a modal load, relative to the sum of magnitudes of its terms
 _ROWS = 2**22  # entries of the modal matrix taken at a time
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Amplitudes:
-    """Motion of the natural modes; p+ and the arrays of `kernels.families.members`."""
+    """Motion of the natural modes: p+ and the arrays of `kernels.families`."""
 
     omega: Floats
     p: Floats
@@ -37,12 +37,12 @@ class Amplitudes:
 
 
 class ModalFamily:
-    """The members of one family, by natural modes.
+    """One family, by natural modes.
 
     Parameters
     ----------
     problem : Problem
-        Its frequencies and outputs do not matter here.
+        Its frequencies and outputs are not used.
     family : Family
     spectrum : Spectrum
         All natural modes.
@@ -54,25 +54,27 @@ class ModalFamily:
         rows = spectrum.along(problem.struck)
         load = _modal_load(problem, spectrum)
         _require_balance(spectrum.roots, rows, load)
-        # A mode with a node at every constraint is neither excited nor felt.
-        self.heard = np.flatnonzero(rows.any(axis=0) | (load != 0.0))
-        self.roots = np.ascontiguousarray(spectrum.roots[self.heard])
-        rests = np.zeros(spectrum.roots.size) if spectrum.rests is None else spectrum.rests
-        self.rests = np.ascontiguousarray(rests[self.heard])
-        self.rows = np.ascontiguousarray(rows[:, self.heard])
-        self.load = np.ascontiguousarray(load[self.heard])
+        # A mode with a node at every constraint takes no part.
+        self.participating = np.flatnonzero(rows.any(axis=0) | (load != 0.0))
+        self.roots = np.ascontiguousarray(spectrum.roots[self.participating])
+        rounding = np.zeros(spectrum.roots.size) if spectrum.rounding is None else spectrum.rounding
+        self.rounding = np.ascontiguousarray(rounding[self.participating])
+        self.rows = np.ascontiguousarray(rows[:, self.participating])
+        self.load = np.ascontiguousarray(load[self.participating])
 
     @property
     def mobility(self) -> Floats:
         """``W M^(-1) W^T``, shape (constraint, constraint)."""
         return np.asarray(self.rows @ self.rows.T)
 
-    def members(self, at: Frequencies, *, with_motion: bool = True) -> tuple[Impulses, Amplitudes]:
-        """Return impulses and motion of the members at some frequencies."""
-        return members((self,), at, with_motion=with_motion)[0]
+    def solutions(
+        self, at: Frequencies, *, with_motion: bool = True
+    ) -> tuple[Impulses, Amplitudes]:
+        """Return impulses and motions at some frequencies."""
+        return solutions((self,), at, with_motion=with_motion)[0]
 
     def impulses(self, unknowns: tuple[Floats, ...], errors: tuple[Floats, ...]) -> Impulses:
-        """Return the impulses of solutions, each (frequency, unknown), with their errors."""
+        """Return the impulses from the unknowns, each (frequency, unknown), and their errors."""
         plus, minus = self.family.sides(unknowns)
         errors_plus, errors_minus = self.family.errors(errors)
         both = np.concatenate([plus, minus], axis=1)
@@ -100,7 +102,7 @@ class ModalFamily:
         step = max(1, _ROWS // max(self.roots.size, 1))
         for start in range(0, dofs.size, step):
             some = slice(start, start + step)
-            x[:, :, some] = q @ self.spectrum.rows(dofs[some])[:, self.heard].T
+            x[:, :, some] = q @ self.spectrum.rows(dofs[some])[:, self.participating].T
         return x
 
     def energy(self, motion: Amplitudes) -> Floats:
@@ -108,15 +110,15 @@ class ModalFamily:
         return motions.energies(self.roots, self.load, motion.omega, motion.D, motion.U)
 
     def orbits(self, motion: Amplitudes, error: Floats) -> Orbits:
-        """Return the motion as far as its stability depends on it.
+        """Return what the stability of the motion depends on.
 
-        The error is the relative one of the motion, shape (frequency,).
+        `error` is the relative error of the motion, shape (frequency,).
         """
         omega, D, U = motion.omega, motion.D, motion.U
 
         def side(tau: float, struck: tuple[int, ...]) -> Side:
-            place, slope = limits.states(self.roots, self.load, omega, D, U, tau)
-            return Side(self.rows[list(struck)], place, slope * omega[:, np.newaxis])
+            position, slope = limits.states(self.roots, self.load, omega, D, U, tau)
+            return Side(self.rows[list(struck)], position, slope * omega[:, np.newaxis])
 
         return Orbits(
             self.roots,
@@ -124,15 +126,15 @@ class ModalFamily:
             omega,
             upper=side(1.0, self.family.upper),
             lower=side(-1.0, self.family.lower),
-            mirrored=self.family.kind is Kind.ODD,
-            silent=np.delete(self.spectrum.roots, self.heard),
-            drift=self._drift(),
-            spoilt=self.spectrum.norms + _EPS,
+            mirrored=self.family.kind is Kind.ANTISYMMETRIC,
+            other_roots=np.delete(self.spectrum.roots, self.participating),
+            root_error=self._root_error(),
+            row_error=self.spectrum.norms + _EPS,
             error=error,
         )
 
-    def _drift(self) -> Floats:
-        """Return the errors of the natural frequencies that are heard, roundings apart."""
+    def _root_error(self) -> Floats:
+        """Return the errors of the participating natural frequencies, rounding apart."""
         squares = np.square(self.roots)
         errors = self.spectrum.uncertainty + self.spectrum.norms * squares
         errors[self.roots == 0.0] = 0.0
@@ -143,24 +145,24 @@ class ModalFamily:
     def check(
         self, motion: Amplitudes, error: Floats, problem: Problem, excess: float
     ) -> tuple[Floats, Booleans]:
-        """Return a time at which a limit is passed or nan, and whether that is certain.
+        """Return a time at which a limit is exceeded or nan, and whether that is certain.
 
-        The error is the relative one of the motion, shape (frequency,).
+        `error` is the relative error of the motion, shape (frequency,).
         """
         constraints = problem.system.constraints
         place = {index: i for i, index in enumerate(problem.active)}
-        rows = np.ascontiguousarray(self.spectrum.along(constraints)[:, self.heard])
+        rows = np.ascontiguousarray(self.spectrum.along(constraints)[:, self.participating])
         lower = np.array([np.inf if c.lower is None else c.lower for c in constraints])
         upper = np.array([np.inf if c.upper is None else c.upper for c in constraints])
-        room = lower + upper
-        size = np.where(np.isfinite(room), room, np.maximum(_finite(lower), _finite(upper)))
+        width = lower + upper
+        size = np.where(np.isfinite(width), width, np.maximum(_finite(lower), _finite(upper)))
         size = np.where(size > 0.0, size, 1.0)
-        # In units of the largest of them no square over- or underflows.
+        # In units of the largest width no square overflows or underflows.
         unit = float(size.max())
         tolerance = excess * size / unit
         load, D, U = self.load / unit, motion.D / unit, motion.U / unit
-        struck_lower = np.array([place.get(i) in self.family.lower for i in range(room.size)])
-        struck_upper = np.array([place.get(i) in self.family.upper for i in range(room.size)])
+        struck_lower = np.array([place.get(i) in self.family.lower for i in range(width.size)])
+        struck_upper = np.array([place.get(i) in self.family.upper for i in range(width.size)])
         count = motion.omega.size
         witness, certified = np.empty(count), np.empty(count, np.bool_)
 
@@ -187,19 +189,19 @@ class ModalFamily:
         return witness, certified
 
 
-def members(
+def solutions(
     of: Sequence[ModalFamily], at: Frequencies, *, with_motion: bool = True
 ) -> list[tuple[Impulses, Amplitudes]]:
-    """Return impulses and motion for families that differ in nothing but the places of walls.
+    """Return impulses and motions of families that differ only in the positions of walls.
 
-    The responses are those of the first and are computed once.
+    The responses are computed once, for the first family.
     """
     first = of[0]
-    if first.family.kind is not Kind.ODD or first.family.count > 1:
-        found, D, U = _bordered(of, at, with_motion=with_motion)
+    if first.family.kind is not Kind.ANTISYMMETRIC or first.family.count > 1:
+        impulses, D, U = _bordered(of, at, with_motion=with_motion)
     else:
-        found, D, U = _scalar(of, at, with_motion=with_motion)
-    return [(one, Amplitudes(at.omega, one.plus, D[i], U[i])) for i, one in enumerate(found)]
+        impulses, D, U = _scalar(of, at, with_motion=with_motion)
+    return [(one, Amplitudes(at.omega, one.plus, D[i], U[i])) for i, one in enumerate(impulses)]
 
 
 def _scalar(
@@ -209,19 +211,24 @@ def _scalar(
     first = of[0]
     uncertainty, norms = first.spectrum.uncertainty, first.spectrum.norms
     S, condition = response.response_one(
-        first.roots, first.rests, first.rows[0] ** 2, at.omega, at.rests, uncertainty, norms
+        first.roots, first.rounding, first.rows[0] ** 2, at.omega, at.rounding, uncertainty, norms
     )
     gaps = [float(one.equations[0].walls[0]) for one in of]
-    found = []
+    impulses = []
     for gap in gaps:
         p = response.impulses_of(S, at.omega, gap)[:, np.newaxis]
-        found.append(Impulses(p, p, _EPS * condition))
+        impulses.append(Impulses(p, p, _EPS * condition))
     D, U = np.zeros((2, len(of), at.size, 0))
     if with_motion:
         D = response.amplitudes_one(
-            first.roots, first.rests, first.rows[0], at.omega, at.rests, np.divide.outer(gaps, S)
+            first.roots,
+            first.rounding,
+            first.rows[0],
+            at.omega,
+            at.rounding,
+            np.divide.outer(gaps, S),
         )
-    return found, D, U
+    return impulses, D, U
 
 
 def _bordered(
@@ -229,23 +236,23 @@ def _bordered(
 ) -> tuple[list[Impulses], Floats, Floats]:
     """Return impulses and the amplitudes D and U, shape (family, frequency, mode)."""
     first = of[0]
-    has_even = with_motion and first.family.kind is not Kind.ODD
+    has_symmetric = with_motion and first.family.kind is not Kind.ANTISYMMETRIC
     D = np.zeros((len(of), at.size, first.roots.size if with_motion else 0))
-    U = np.zeros((len(of), at.size, first.roots.size if has_even else 0))
+    U = np.zeros((len(of), at.size, first.roots.size if has_symmetric else 0))
     unknowns, errors = [], []
     for place, one in enumerate(first.equations):
         walls = np.array([family.equations[place].walls for family in of])
         z, error = np.empty((2, len(of), at.size, walls.shape[1]))
         none = np.zeros((len(of), at.size, 0))
-        part_D, part_U = D if one.odd.size else none, U if one.even.size else none
+        part_D, part_U = D if one.antisymmetric.size else none, U if one.symmetric.size else none
         _solve(first, one, walls, at, z, error, part_D, part_U)
         unknowns.append(z)
         errors.append(error)
-    found = []
-    for i, family in enumerate(of):
-        mine = tuple(z[i] for z in unknowns), tuple(error[i] for error in errors)
-        found.append(family.impulses(*mine))
-    return found, D, U
+    impulses = [
+        family.impulses(tuple(z[i] for z in unknowns), tuple(error[i] for error in errors))
+        for i, family in enumerate(of)
+    ]
+    return impulses, D, U
 
 
 def _solve(
@@ -258,21 +265,21 @@ def _solve(
     D: Floats,
     U: Floats,
 ) -> None:
-    """Fill in the solutions of one system of equations and the motion they cause."""
-    odd = np.ascontiguousarray(one.odd @ of.rows)
-    even = np.ascontiguousarray(one.even @ of.rows)
+    """Fill in the unknowns of one system of equations and the motion that they cause."""
+    antisymmetric = np.ascontiguousarray(one.antisymmetric @ of.rows)
+    symmetric = np.ascontiguousarray(one.symmetric @ of.rows)
 
     def piece(start: int, stop: int) -> None:
         some = slice(start, stop)
-        families.members(
+        families.solutions(
             of.roots,
-            of.rests,
-            odd,
-            even,
+            of.rounding,
+            antisymmetric,
+            symmetric,
             of.load,
             walls,
             at.omega[some],
-            at.rests[some],
+            at.rounding[some],
             one.share,
             of.spectrum.uncertainty,
             of.spectrum.norms,
@@ -290,7 +297,7 @@ def _finite(walls: Floats) -> Floats:
 
 
 def _modal_load(problem: Problem, spectrum: Spectrum) -> Floats:
-    """Return the static load of each mode, shape (mode,), with what is only rounding removed."""
+    """Return the static load of each mode, shape (mode,), with rounding errors set to zero."""
     force = problem.system.force
     if force is None or not force.any():
         return np.zeros(spectrum.roots.size)
@@ -301,9 +308,9 @@ def _modal_load(problem: Problem, spectrum: Spectrum) -> Floats:
 
 
 def _require_balance(roots: Floats, rows: Floats, load: Floats) -> None:
-    """Refuse a load on a rigid-body mode that no wall can balance."""
-    free = (roots == 0.0) & (load != 0.0)
-    held = np.abs(rows).max(axis=0, initial=0.0) > 0.0
-    if (free & ~held).any():
-        message = "it pushes a rigid-body mode that no active constraint holds"
+    """Refuse a load on a rigid-body mode that no impulse can balance."""
+    loaded = (roots == 0.0) & (load != 0.0)
+    constrained = np.abs(rows).max(axis=0, initial=0.0) > 0.0
+    if (loaded & ~constrained).any():
+        message = "it drives a rigid-body mode that no active constraint limits"
         raise ModelError(("system", "force"), message, code="unbalanced_load")

@@ -1,4 +1,4 @@
-"""What is asked: which members of which family of impact modes, and what about them."""
+"""The problem: a family of impact modes, the frequencies, and the outputs."""
 
 from __future__ import annotations
 
@@ -34,52 +34,51 @@ class Frequencies:
     Parameters
     ----------
     omega : array, shape (frequency,)
-    rests : array, shape (frequency,)
-        What rounding took from omega, relative to it.
+    rounding : array, shape (frequency,)
+        Relative rounding errors of omega, ``(exact - omega)/omega``.
     """
 
     omega: Floats
-    rests: Floats
+    rounding: Floats
 
     def __getitem__(self, chosen: Booleans) -> Frequencies:
-        """Return some of them."""
-        return Frequencies(self.omega[chosen], self.rests[chosen])
+        """Return some of the frequencies."""
+        return Frequencies(self.omega[chosen], self.rounding[chosen])
 
     @property
     def size(self) -> int:
-        """Their number."""
+        """Number of frequencies."""
         return self.omega.size
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Which members of which family, and what about them.
+    """Impact modes of one family at some frequencies.
 
     Parameters
     ----------
     system : System
-        The structure; its damping and its coefficients of restitution play no part, impact
-        modes being motions without loss.
+        The structure; damping and coefficients of restitution are ignored, as impact modes are
+        motions without energy loss.
     omega : array, shape (frequency,)
         Triangle-wave frequencies, rad per unit of time, positive; Omega = (pi/2) omega.
     active : tuple of int
-        The constraints that are struck, at every wall they have; empty stands for all.
+        The constraints with impacts, at every wall they have; empty for all.
     outputs : frozenset of str
-        What is wanted, out of `OUTPUTS`.
+        The requested ones of `OUTPUTS`.
     dofs : array of int, optional
         Degrees of freedom of shape, waveform and harmonics; None for all.
     tau : array, optional
         Triangle-wave times of the waveform, in [-1, 1].
     tolerance : float, optional
-        Relative error that impulses may have: decides how many natural modes a partial spectrum
-        keeps, and the result says which members are within it. None for what double precision
-        gives.
+        Largest relative error of the impulses: decides how many natural modes a partial spectrum
+        keeps; the result tells which solutions meet it. None for full double precision.
     Omega : array, shape (frequency,), optional
-        The fundamental frequencies where they were given instead of omega, kept to the bit.
+        The fundamental frequencies where they are given instead of omega, kept to the last bit.
     highest_harmonic : int
         Largest multiple of Omega among the harmonics.
-    rests : array, shape (frequency,), optional
-        What rounding took from omega, relative to it; absent: found from Omega.
+    rounding : array, shape (frequency,), optional
+        Relative rounding errors of omega; absent: computed from Omega.
     """
 
     system: System
@@ -91,16 +90,18 @@ class Problem:
     tolerance: float | None = None
     Omega: Floats | None = None
     highest_harmonic: int = 9
-    rests: Floats | None = None
+    rounding: Floats | None = None
 
     def __post_init__(self) -> None:
         count = len(self.system.constraints)
         dofs = np.arange(self.system.n) if self.dofs is None else self.dofs
         omega = np.ascontiguousarray(self.omega, dtype=np.float64)
         Omega = 0.5 * np.pi * omega if self.Omega is None else self.Omega
-        rests = np.zeros(omega.size) if self.rests is None else self.rests
-        if self.rests is None and self.Omega is not None:
-            rests = conversion_rests(np.ravel(np.asarray(Omega, dtype=np.float64)), np.ravel(omega))
+        rounding = np.zeros(omega.size) if self.rounding is None else self.rounding
+        if self.rounding is None and self.Omega is not None:
+            rounding = conversion_rests(
+                np.ravel(np.asarray(Omega, dtype=np.float64)), np.ravel(omega)
+            )
         tau = np.zeros(0) if self.tau is None else self.tau
         completed = {
             "active": tuple(self.active) or tuple(range(count)),
@@ -108,19 +109,19 @@ class Problem:
             "dofs": np.asarray(dofs, dtype=np.int64),
             "omega": omega,
             "Omega": np.ascontiguousarray(Omega, dtype=np.float64),
-            "rests": rests,
+            "rounding": rounding,
             "tau": np.ascontiguousarray(tau, dtype=np.float64),
         }
         for name, value in completed.items():
             object.__setattr__(self, name, value)
         self._check_frequencies()
         check_indices("active", np.array(self.active, dtype=np.int64), count)
-        check_indices("dofs", self.wanted_dofs, self.system.n)
+        check_indices("dofs", self.output_dofs, self.system.n)
         self._check_outputs()
 
     def _check_frequencies(self) -> None:
         if self.omega.ndim != 1 or self.omega.size == 0:
-            raise ModelError(("frequency",), "there is no frequency", code="empty_grid")
+            raise ModelError(("frequency",), "no frequency is given", code="empty_grid")
         if not (np.isfinite(self.omega) & (self.omega > 0)).all():
             message = "a frequency is not positive and finite"
             raise ModelError(("frequency",), message, code="frequency_not_positive")
@@ -144,7 +145,7 @@ class Problem:
             raise ModelError(("highest_harmonic",), message, code="out_of_range")
 
     @property
-    def wanted_dofs(self) -> Integers:
+    def output_dofs(self) -> Integers:
         """Degrees of freedom of shape, waveform and harmonics, shape (dof,)."""
         assert self.dofs is not None
         return self.dofs
@@ -168,13 +169,13 @@ class Problem:
 
     def slice(self, start: int, stop: int) -> Problem:
         """Return the same problem at some of its frequencies."""
-        some, found = slice(start, stop), copy.copy(self)
-        for name in ("omega", "Omega", "rests"):
-            object.__setattr__(found, name, getattr(self, name)[some])
-        return found
+        some, piece = slice(start, stop), copy.copy(self)
+        for name in ("omega", "Omega", "rounding"):
+            object.__setattr__(piece, name, getattr(self, name)[some])
+        return piece
 
     @property
     def frequencies(self) -> Frequencies:
-        """The frequencies as the solvers take them."""
-        assert self.rests is not None
-        return Frequencies(self.omega, self.rests)
+        """The frequencies with their rounding errors."""
+        assert self.rounding is not None
+        return Frequencies(self.omega, self.rounding)

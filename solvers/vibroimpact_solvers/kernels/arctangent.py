@@ -1,4 +1,4 @@
-"""The inverse tangent integral and its inverse, of which losses at walls make a clock.
+"""The inverse tangent integral and its inverse, the clock of an oscillator between lossy walls.
 
     Ti2(z) = integral of atan(s)/s from 0 to z
 
@@ -25,7 +25,7 @@ from vibroimpact_solvers.kernels.jit import kernel
 _WIDTH: Final = 0.25
 _DEGREE: Final = 12
 _MIDDLE: Final = 4.0
-"""From here on ln(z) is told from its asymptote instead of from ln(y)."""
+"""From here on the table holds ln(z) less its asymptote instead of ln(z) less ln(y)."""
 _FAR: Final = 32.0
 """Beyond it two terms of the expansion at infinity are exact to rounding."""
 
@@ -53,9 +53,9 @@ def table() -> Floats:
     y = left[:, None] + 0.5 * _WIDTH * (nodes + 1.0)
     w = np.log(y)
     for _ in range(60):
-        # Ti2(z) = Ti2(1/z) + (pi/2) ln(z), without the way from w to z and back.
-        found = inverse_tangent_integral(np.exp(-np.abs(w))) + 0.5 * np.pi * np.maximum(w, 0.0)
-        step = (found - y) / np.arctan(np.exp(w))
+        # Ti2(z) = Ti2(1/z) + (pi/2) ln(z), without rounding on the way from w to z and back.
+        value = inverse_tangent_integral(np.exp(-np.abs(w))) + 0.5 * np.pi * np.maximum(w, 0.0)
+        step = (value - y) / np.arctan(np.exp(w))
         w -= step
         if np.abs(step).max() < 1e-15 * _FAR:
             break

@@ -1,6 +1,6 @@
-"""Where along a family with one constraint members exist: proof by branch and bound.
+"""Existence bands of a family with one constraint, proved by branch and bound.
 
-With ``q = 1/omega`` the member keeps within a limit if
+With ``q = 1/omega`` the solution keeps within a limit if
 
     P(q, tau) = sum_j [alpha_j sin(theta_j) - beta_j sin(theta_j tau)] / (Omega_j cos(theta_j))
 
@@ -28,7 +28,7 @@ from vibroimpact_solvers.kernels.jit import kernel
 from vibroimpact_solvers.kernels.phases import sine_cosine
 
 UNDECIDED: Final = 0
-REAL: Final = 1
+ADMISSIBLE: Final = 1
 PHANTOM: Final = 2
 
 _EPS = 2.220446049250313e-16
@@ -38,14 +38,14 @@ _FIRST_BOX = 0.7
 _BOXES = 2**17  # boxes that may wait
 _SEGMENTS = 2**16  # segments of one sign band
 
-# Rows of what `_prepare` lays down for every mode: of its phase theta at the centre of a cell,
+# Rows that `_prepare` fills in for every mode: of its phase theta at the centre of a cell,
 _SINE, _COSINE = 0, 1
 # the smallest and largest cosine over the cell,
 _SMALLEST, _LARGEST = 2, 3
 # and, for every box, of theta tau.
 _AT_SINE, _AT_COSINE = 4, 5
 _ROWS = 6
-# What it lays down for every limit and mode that is far from its poles: coefficients of
+# Rows that it fills in for every limit and mode far from its poles: coefficients of
 # sin(theta tau) in P, of cos(theta tau) in its slope by tau, of sin(theta tau) in that by q;
 _IN_VALUE, _IN_SLOPE, _IN_DRIFT = 0, 1, 2
 # and for every limit: what does not depend on tau in P and in its slope by q, bounds of the
@@ -97,7 +97,7 @@ def _prepare(
     sums: Floats,
     near: Integers,
 ) -> int:
-    """Lay down what all boxes of a cell ``q +- half`` share; return how many modes are near.
+    """Fill in terms common to all boxes of a cell ``q +- half``; return how many modes are near.
 
     Parameters
     ----------
@@ -243,14 +243,14 @@ def _box(
         near_low += low
         near_high += high
         near_least += least
-    swinging = sums[_VALUE] - in_value - rigid_beta * tau * q
+    far_sum = sums[_VALUE] - in_value - rigid_beta * tau * q
     spread = half * (abs(slope_q) + 0.5 * half * sums[_BEND_Q]) + sums[_ROUNDING]
     across = width * (abs(slope_tau) + half * sums[_BEND_MIXED] + 0.5 * width * sums[_BEND_TAU])
     return (
         value,
-        swinging - spread + near_low,
-        swinging + spread + near_high,
-        swinging - spread - across + near_least,
+        far_sum - spread + near_low,
+        far_sum + spread + near_high,
+        far_sum - spread - across + near_least,
         rounding,
     )
 
@@ -276,12 +276,12 @@ def survey(
     resolution: float,
     budget: int,
 ) -> tuple[Floats, Integers, Floats, Integers, int]:
-    """Decide where in a range of q, in which the impulse is positive, members exist.
+    """Decide where in a range of q, in which the impulse is positive, solutions are admissible.
 
     Parameters
     ----------
     root : array, shape (mode,)
-        Natural frequencies of the modes that the struck coordinate hears, positive.
+        Natural frequencies of the modes that take part in the struck coordinate, positive.
     alpha, beta : array, shape (limit, mode)
         See above.
     rigid_alpha, rigid_beta : array, shape (limit,)
@@ -293,20 +293,20 @@ def survey(
     resolution : float
         Cells that are narrower, relative to q, are not divided again.
     budget : int
-        Boxes to be looked at before the rest is left undecided.
+        Boxes that may be evaluated before the rest is left undecided.
 
     Returns
     -------
     bounds : array, shape (segment + 1,)
         Where the segments meet.
     status : array, shape (segment,)
-        `REAL`, `PHANTOM` or `UNDECIDED`.
+        `ADMISSIBLE`, `PHANTOM` or `UNDECIDED`.
     witness : array, shape (segment,)
         A tau at which a limit is passed somewhere in a phantom segment.
     limit : array, shape (segment,)
         Which limit that is.
     spent : int
-        Boxes looked at.
+        Boxes evaluated.
     """
     ends, status = np.empty(_SEGMENTS), np.empty(_SEGMENTS, np.int64)
     witness, passed = np.empty(_SEGMENTS), np.empty(_SEGMENTS, np.int64)
@@ -328,20 +328,21 @@ def survey(
         right = start + (stop - start) * (part + 1) / parts if part + 1 < parts else stop
         kept = 0
         boxes = max(4, math.ceil(2.0 * fastest * right / _FIRST_BOX))
+        # Where they would be too many, wider ones: those that matter are divided later.
+        boxes = min(boxes, _BOXES // (2 * alpha.shape[0]))
         for a in range(alpha.shape[0]):
             for k in range(boxes):
-                if kept < _BOXES // 2:
-                    waiting[kept, 0] = -1.0 + 2.0 * k / boxes
-                    waiting[kept, 1] = -1.0 + 2.0 * (k + 1) / boxes
-                    whose[kept] = a
-                    kept += 1
+                waiting[kept, 0] = -1.0 + 2.0 * k / boxes
+                waiting[kept, 1] = -1.0 + 2.0 * (k + 1) / boxes
+                whose[kept] = a
+                kept += 1
         cells[0, 0], cells[0, 1] = left, right
         marks[0, 0], marks[0, 1] = 0, kept
         depth = 1
         while depth > 0:
             depth -= 1
             left, right = cells[depth, 0], cells[depth, 1]
-            found, hint, hinted, top, looked, settled = _decide(
+            verdict, hint, hinted, top, examined, settled = _decide(
                 root,
                 alpha,
                 beta,
@@ -358,10 +359,10 @@ def survey(
                 marks[depth, 1],
                 scratch,
             )
-            spent += looked
+            spent += examined
             middle = 0.5 * (left + right)
             narrow = right - left <= resolution * right or not left < middle < right
-            if found == UNDECIDED and not (narrow or settled or spent > budget or depth > 250):
+            if verdict == UNDECIDED and not (narrow or settled or spent > budget or depth > 250):
                 bottom = marks[depth, 1]
                 cells[depth, 0], cells[depth, 1] = middle, right
                 marks[depth, 0], marks[depth, 1] = bottom, top
@@ -370,12 +371,12 @@ def survey(
                 marks[depth, 0], marks[depth, 1] = bottom, top
                 depth += 1
                 continue
-            if count > 0 and (status[count - 1] == found or count == _SEGMENTS - 1):
-                if status[count - 1] != found:
+            if count > 0 and (status[count - 1] == verdict or count == _SEGMENTS - 1):
+                if status[count - 1] != verdict:
                     status[count - 1] = UNDECIDED
                 ends[count - 1] = right
                 continue
-            ends[count], status[count] = right, found
+            ends[count], status[count] = right, verdict
             witness[count], passed[count] = hint, hinted
             count += 1
     bounds = np.empty(count + 1)
@@ -402,18 +403,18 @@ def _decide(
     top: int,
     scratch: _Scratch,
 ) -> tuple[int, float, int, int, int, bool]:
-    """Decide one cell from the boxes that wait between bottom and top.
+    """Decide one cell from its undecided boxes, numbers bottom to top.
 
     Returns
     -------
-    found : int
+    verdict : int
     hint : float
         The tau at which P was smallest, in limit `hinted`.
     hinted : int
     top : int
-        The boxes that remain undecided wait between the old top and this one.
+        The boxes that remain undecided have the numbers from the old top to this one.
     looked : int
-        Number of boxes looked at.
+        Number of boxes evaluated.
     settled : bool
         Whether rounding, not the size of the cell, kept it undecided.
     """
@@ -440,7 +441,7 @@ def _decide(
     if high < 0.0:
         return PHANTOM, hint, hinted, top, 1, False
     clear = 1.0 - _clear(root, beta[struck], rigid_beta[struck], q, half, cell)
-    looked, end, smallest, settled = 1, top, np.inf, False
+    examined, end, smallest, settled = 1, top, np.inf, False
     best, whose_best = hint, hinted
     stack = np.empty((128, 2))
     for k in range(bottom, top):
@@ -467,15 +468,15 @@ def _decide(
                 sums[a],
                 near,
             )
-            looked += 1
+            examined += 1
             if least > 0.0:
                 continue
             if high < 0.0:
-                return PHANTOM, tau, a, top, looked, False
+                return PHANTOM, tau, a, top, examined, False
             if value < smallest:
                 smallest, best, whose_best = value, tau, a
-            # Divided across as long as that is what the box lacks; where P is negative, nothing
-            # but a narrower cell can help.
+            # Divided along tau as long as its width in tau is what keeps the box undecided; where
+            # P is negative, only a narrower cell can decide it.
             wide = value > 0.0 and low - least > 0.25 * (value - low) and width > 1e-9
             if wide and depth < 126:
                 stack[depth, 0], stack[depth, 1] = tau, high_tau
@@ -493,5 +494,5 @@ def _decide(
             else:
                 settled = True
     if end == top:
-        return REAL, best, whose_best, top, looked, False
-    return UNDECIDED, best, whose_best, end, looked, settled
+        return ADMISSIBLE, best, whose_best, top, examined, False
+    return UNDECIDED, best, whose_best, end, examined, settled

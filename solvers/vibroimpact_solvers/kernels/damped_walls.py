@@ -1,4 +1,4 @@
-"""A damped oscillator between elastic walls: its flights, and closed forms of its slow flow."""
+"""A damped oscillator between elastic walls: its impacts, and closed forms of its slow flow."""
 
 from __future__ import annotations
 
@@ -56,13 +56,13 @@ def crossing(x: float, v: float, delta: float, root: float, square: float, wall:
 
 
 @kernel
-def flights(
+def impacts(
     x: float, v: float, delta: float, root: float, square: float, wall: float,
     until: float, times: Floats, speeds: Floats,
 ) -> int:  # fmt: skip
-    """Write times and speeds of impacts, shape (impact,); return their number, v > 0 at first.
+    """Fill in times and speeds of impacts, shape (impact,); return their number, v > 0 at first.
 
-    Minus their number where impacts go on after `until`; all that is there is written.
+    Minus their number where there are more after `until`.
     """
     t = 0.0
     for n in range(times.size):

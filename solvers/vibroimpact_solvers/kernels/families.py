@@ -1,9 +1,10 @@
-"""Members of the family of impact modes: impulses and modal amplitudes at one frequency.
+"""Solutions of the impact-mode families: impulses and modal amplitudes at given frequencies.
 
-A mode with eigenvalue lambda moves, between two impacts, as ``q = q_odd + q_even`` with
+Between two impacts a mode with eigenvalue lambda has a component ``q_a`` that is antisymmetric
+in tau and a symmetric one ``q_s``, ``q = q_a + q_s``:
 
-    q_odd  = share (a_odd . z) s(mu, tau) / omega^2
-    q_even = share (a_even . z) h(mu, tau) / omega^2 + f / lambda
+    q_a = share (a_a . z) s(mu, tau) / omega^2
+    q_s = share (a_s . z) h(mu, tau) / omega^2 + f / lambda
 
 where ``mu = lambda / omega^2``, z are the impulses, a the rows of the mode at the struck
 walls, f its static load, and ``share`` is one or a half (see `impact_modes.family`). The walls
@@ -14,11 +15,11 @@ s has a pole where ``cos gamma = 0`` and h one where ``sin gamma = 0``, rigid-bo
 drown the others is therefore not summed but keeps an unknown of its own,
 ``v = omega^2 q(1) / share``, and one more equation:
 
-    odd:   a . z - gamma cot(gamma) v = 0
-    even:  a . z + gamma tan(gamma) v = f sin(gamma) / (share gamma)
+    antisymmetric:  a . z - gamma cot(gamma) v = 0
+    symmetric:      a . z + gamma tan(gamma) v = f sin(gamma) / (share gamma)
 
-(v of an even motion leaves out the sag of the load). The bordered system is symmetric and
-stays well conditioned through the pole.
+(v of a symmetric component leaves out the static displacement under the load). The bordered
+system is symmetric and stays well conditioned through the pole.
 """
 
 from __future__ import annotations
@@ -32,17 +33,17 @@ from vibroimpact_solvers.kernels.jit import fma, inline, kernel
 from vibroimpact_solvers.kernels.phases import LARGEST, sine_cosine
 from vibroimpact_solvers.kernels.sums import folded
 from vibroimpact_solvers.kernels.triangle_time import (
+    antisymmetric_response,
     cosine,
-    even_response,
-    odd_response,
     sag,
     sine,
+    symmetric_response,
 )
 
 Modes = tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats]
-"""mu, what rounding took from it, its doubt, sine and cosine of gamma, and room for responses,
+"""mu, what rounding took from it, its uncertainty, sine and cosine of gamma, then work arrays for
 
-their changes and terms of sums: an entry for each mode.
+responses, their changes and terms of sums: an entry for each mode.
 """
 
 _EPS = 2.220446049250313e-16
@@ -50,19 +51,19 @@ _EPS = 2.220446049250313e-16
 # A mode is a candidate for the border where cos or sin of its gamma is smaller ...
 _NEAR = 0.0625
 # ... and joins it where its term is this many times larger than all others together, ...
-_LOUD = 4.0
+_DOMINANT = 4.0
 # ... or so close to the pole that the term cannot be trusted to be finite.
 _AT_POLE = 1e-9
 _RIGID = 1e-200
 # Responses of modes with smaller mu are power series.
 _SOFT = 1e-3
-# Of an even motion whose mu is less certain than this, relative to it, the pole at 0 is near.
+# A symmetric component is near the pole at 0 where mu is less certain than this, relative to it.
 _UNCERTAIN = 1e-6
 
 
 @inline
 def _is_near(parity: int, mu: float, sine: float, cosine: float) -> bool:
-    """Whether the odd (0) or even (1) response may be large at this mu, and sine and cosine."""
+    """Whether the antisymmetric (0) or symmetric (1) response may be large at this mu."""
     if parity == 0:
         return bool(mu > 0.0 and abs(cosine) < _NEAR)
     return bool(abs(mu) < _NEAR or (mu > 0.0 and abs(sine) < _NEAR))
@@ -73,7 +74,7 @@ def _is_at_pole(parity: int, mu: float, sine: float, cosine: float) -> bool:
     """Whether the response of a candidate must not even be evaluated."""
     if parity == 0:
         return abs(cosine) < _AT_POLE
-    # Close to mu = 0 the response -1/mu is as good as mu is.
+    # Close to mu = 0 the response -1/mu is as accurate as mu is.
     return abs(mu) < _RIGID if abs(mu) < _NEAR else math.sqrt(mu) * abs(sine) < _AT_POLE
 
 
@@ -92,7 +93,7 @@ def _add(
     static: float,
     noise: float,
 ) -> None:
-    """Sum the response of mode j into the matrix, its wobble and the right-hand side.
+    """Add the response of mode j to the matrix, its uncertainty dS and the right-hand side.
 
     turn is the sine and the cosine of its gamma.
     """
@@ -123,7 +124,7 @@ def _add_plain(
     noise: float,
     others: Integers,
 ) -> int:
-    """Do what `_add` does for all modes that are neither near nor soft; name the others.
+    """Add the responses of all modes that are neither near their poles nor soft; list the others.
 
     `products` are those of all pairs of rows; the number of others is returned.
     """
@@ -133,9 +134,9 @@ def _add_plain(
         top, low = (sines[j], cosines[j]) if parity == 0 else (-cosines[j], sines[j])
         plain = (mu[j] > _SOFT) & (abs(low) >= _NEAR) & ((parity == 0) | (mu[j] >= _NEAR))
         over = 1.0 / (low * mu[j]) if plain else 0.0
-        found = top * math.sqrt(abs(mu[j])) * over
-        value[j] = found
-        change[j] = (1.0 + mu[j] * found * found - found) * (0.5 * low * over)
+        response = top * math.sqrt(abs(mu[j])) * over
+        value[j] = response
+        change[j] = (1.0 + mu[j] * response * response - response) * (0.5 * low * over)
     # Loops apart: of many arrays none would be known to be apart from the others.
     for j in range(mu.size):
         value[j] += change[j] * rest[j]
@@ -194,7 +195,7 @@ def _border(
         A[row, row] = -gamma * cotangent
         slope = 0.5 * (1.0 + cotangent * cotangent - cotangent / gamma)
     else:
-        ratio, _ = odd_response(mu)
+        ratio, _ = antisymmetric_response(mu)
         A[row, row] = mu * ratio
         slope = 0.5 * (1.0 + mu * ratio * ratio + ratio)
         for k in range(right.shape[1]):
@@ -267,7 +268,7 @@ def _scale(
 
     And the sines and cosines of their gamma, which mean nothing where mu is negative.
     """
-    mu, missing, doubt, sines, cosines, _, _, terms = modes
+    mu, missing, dmu, sines, cosines, _, _, terms = modes
     largest, over, inverse = 0.0, uncertainty / (omega * omega), 1.0 / omega
     for j in range(roots.size):
         gamma = roots[j] / omega
@@ -277,7 +278,7 @@ def _scale(
         lost = fma(-terms[j], omega, roots[j]) * inverse
         missing[j] = 2.0 * fma(mu[j], rests[j] - rest, abs(terms[j]) * lost)
     for j in range(roots.size):
-        doubt[j] = (_EPS + norms) * abs(mu[j]) + over
+        dmu[j] = (_EPS + norms) * abs(mu[j]) + over
         terms[j] = abs(terms[j])
     for j in range(roots.size):
         sines[j], cosines[j] = sine_cosine(terms[j], 0.0)
@@ -290,63 +291,65 @@ def _scale(
 
 @inline
 def _response(parity: int, mu: float, sine: float, cosine: float) -> tuple[float, float]:
-    """Return the odd or even response and its derivative from the sine and cosine of gamma."""
+    """Return the response and its derivative by mu from the sine and cosine of gamma."""
     if mu < _SOFT:
-        return odd_response(mu) if parity == 0 else even_response(mu)
+        return antisymmetric_response(mu) if parity == 0 else symmetric_response(mu)
     value = (sine / cosine if parity == 0 else -cosine / sine) / math.sqrt(mu)
     return value, (1.0 + mu * value * value - value) / (2.0 * mu)
 
 
 @kernel
-def _loud(
+def _select_bordered(
     modes: Modes,
-    odd: Floats,
-    even: Floats,
+    antisymmetric: Floats,
+    symmetric: Floats,
     load: Floats,
     share: float,
     noise: float,
     near: Integers,
-    loudness: Floats,
+    magnitude: Floats,
     S: Floats,
     dS: Floats,
     right: Floats,
 ) -> int:
-    """Put first the candidates that need a border; the others are summed, quiet ones first.
+    """Add the candidates that need no border, small terms first; move the others to the front.
 
-    The number of the former is returned; nz is the order of the matrix before them.
+    The number of the latter is returned; nz is the order of the matrix without borders.
     """
     mu, rest, dmu, sines, cosines, _, _, _ = modes
-    nz = max(odd.shape[0], even.shape[0])
+    nz = max(antisymmetric.shape[0], symmetric.shape[0])
     for k in range(near.size):
         j, parity = near[k] // 2, near[k] % 2
-        rows, weight = odd if parity == 0 else even, 0.0
+        rows, weight = antisymmetric if parity == 0 else symmetric, 0.0
         for i in range(nz):
             weight = max(weight, abs(rows[i, j]))
         weight *= weight
-        loudness[k] = np.inf if weight > 0.0 else 0.0
+        magnitude[k] = np.inf if weight > 0.0 else 0.0
         uncertain = parity == 1 and dmu[j] > _UNCERTAIN * abs(mu[j])
         if weight > 0.0 and not uncertain and not _is_at_pole(parity, mu[j], sines[j], cosines[j]):
             value, _ = _response(parity, mu[j], sines[j], cosines[j])
-            loudness[k] = abs(value) * weight
+            magnitude[k] = abs(value) * weight
     for k in range(1, near.size):
-        one, loud, place = near[k], loudness[k], k
-        while place > 0 and loudness[place - 1] > loud:
-            near[place], loudness[place] = near[place - 1], loudness[place - 1]
+        one, size, place = near[k], magnitude[k], k
+        while place > 0 and magnitude[place - 1] > size:
+            near[place], magnitude[place] = near[place - 1], magnitude[place - 1]
             place -= 1
-        near[place], loudness[place] = one, loud
+        near[place], magnitude[place] = one, size
     kept = 0
     for k in range(near.size):
-        if loudness[k] == 0.0:
+        if magnitude[k] == 0.0:
             continue
-        # Of modes that are all loud, as many as there are impulses drown the others and not
-        # one another: more borders would only make the system singular.
-        quiet = near.size - k > nz
-        loudest = 0.0
+        # Of dominant terms, as many as there are impulses drown the others and not one another:
+        # more borders would only make the system singular.
+        surplus = near.size - k > nz
+        largest_diagonal = 0.0
         for i in range(nz):
-            loudest = max(loudest, abs(S[i, i]))
-        if loudness[k] < np.inf and (quiet or loudness[k] <= _LOUD * loudest or loudest == 0.0):
+            largest_diagonal = max(largest_diagonal, abs(S[i, i]))
+        if magnitude[k] < np.inf and (
+            surplus or magnitude[k] <= _DOMINANT * largest_diagonal or largest_diagonal == 0.0
+        ):
             j, parity = near[k] // 2, near[k] % 2
-            rows, static = odd if parity == 0 else even, load[j] / share
+            rows, static = antisymmetric if parity == 0 else symmetric, load[j] / share
             both = sines[j], cosines[j]
             _add(S, dS, right, rows, j, parity, mu[j], rest[j], dmu[j], both, static, noise)
         else:
@@ -358,27 +361,27 @@ def _loud(
 @kernel
 def _sum(
     modes: Modes,
-    odd: Floats,
-    even: Floats,
+    antisymmetric: Floats,
+    symmetric: Floats,
     products: tuple[Floats, Floats],
     load: Floats,
     share: float,
     noise: float,
     near: Integers,
     others: Integers,
-    loudness: Floats,
+    magnitude: Floats,
     S: Floats,
     dS: Floats,
     right: Floats,
 ) -> int:
-    """Sum the responses of all modes; return how many are named in `near`, which want a border.
+    """Sum the responses of all modes; return how many need a border, which `near` lists.
 
-    A mode j is named 2 j for its odd and 2 j + 1 for its even motion.
+    The antisymmetric component of mode j has the number 2 j, the symmetric one 2 j + 1.
     """
     mu, rest, dmu, sines, cosines, _, _, _ = modes
     count = 0
     for parity in range(2):
-        rows = odd if parity == 0 else even
+        rows = antisymmetric if parity == 0 else symmetric
         if rows.shape[0] == 0:
             continue
         pairs = products[0] if parity == 0 else products[1]
@@ -394,19 +397,21 @@ def _sum(
                 _add(S, dS, right, rows, j, parity, mu[j], rest[j], dmu[j], both, static, noise)
     if count == 0:
         return 0
-    return _loud(modes, odd, even, load, share, noise, near[:count], loudness, S, dS, right)
+    return _select_bordered(
+        modes, antisymmetric, symmetric, load, share, noise, near[:count], magnitude, S, dS, right
+    )
 
 
 @kernel
 def _products(rows: Floats) -> Floats:
     """Return the products of all pairs of rows, shape (pair, mode)."""
     n = rows.shape[0]
-    found, place = np.empty((n * (n + 1) // 2, rows.shape[1])), 0
+    products, place = np.empty((n * (n + 1) // 2, rows.shape[1])), 0
     for i in range(n):
         for k in range(i, n):
-            found[place] = rows[i] * rows[k]
+            products[place] = rows[i] * rows[k]
             place += 1
-    return found
+    return products
 
 
 @kernel
@@ -420,19 +425,21 @@ def _forces(rows: Floats, z: Floats, scale: float, force: Floats) -> None:
 
 
 @kernel
-def _odd_amplitudes(modes: Modes, force: Floats, unit: Floats) -> None:
-    """Fill in D of all modes but the bordered ones, see `members`."""
+def _antisymmetric_amplitudes(modes: Modes, force: Floats, unit: Floats) -> None:
+    """Fill in D of all modes but the bordered ones, see `solutions`."""
     mu, rest, _, sines, cosines, _, _, _ = modes
     for j in range(mu.size):
         gamma = math.sqrt(abs(mu[j]))
-        swings = (mu[j] > 0.0) & (force[j] != 0.0)
+        oscillates = (mu[j] > 0.0) & (force[j] != 0.0)
         low = fma(cosines[j], gamma, -0.5 * sines[j] * rest[j])
-        unit[j] = force[j] * gamma / low if swings else force[j]
+        unit[j] = force[j] * gamma / low if oscillates else force[j]
 
 
 @kernel
-def _even_amplitudes(modes: Modes, force: Floats, load: Floats, omega: float, unit: Floats) -> None:
-    """Fill in U of all modes but the bordered ones, see `members`."""
+def _symmetric_amplitudes(
+    modes: Modes, force: Floats, load: Floats, omega: float, unit: Floats
+) -> None:
+    """Fill in U of all modes but the bordered ones, see `solutions`."""
     mu, rest, _, sines, cosines, _, _, _ = modes
     square, any_soft = omega * omega, False
     for j in range(mu.size):
@@ -444,7 +451,7 @@ def _even_amplitudes(modes: Modes, force: Floats, load: Floats, omega: float, un
         any_soft |= mu[j] < _SOFT
     for j in range(mu.size if any_soft else 0):
         if mu[j] <= -1.0:
-            value, _ = even_response(mu[j])
+            value, _ = symmetric_response(mu[j])
             unit[j] = force[j] * value
         elif mu[j] < _SOFT:
             unit[j] = load[j] / (mu[j] * square) if load[j] != 0.0 else 0.0
@@ -454,11 +461,11 @@ def _even_amplitudes(modes: Modes, force: Floats, load: Floats, omega: float, un
 
 
 @kernel
-def members(
+def solutions(
     roots: Floats,
     rests: Floats,
-    odd: Floats,
-    even: Floats,
+    antisymmetric: Floats,
+    symmetric: Floats,
     load: Floats,
     walls: Floats,
     omega: Floats,
@@ -471,9 +478,9 @@ def members(
     D: Floats,
     U: Floats,
 ) -> None:
-    """Find impulses and amplitudes, for several sets of walls at once.
+    """Compute impulses and modal amplitudes, for several sets of walls at once.
 
-    What the sets share, all but the right-hand sides, is done once for each frequency; the
+    The sets share all but the right-hand sides, which is computed once for each frequency; the
     numbers of a set do not depend on the others.
 
     Parameters
@@ -482,8 +489,8 @@ def members(
         Signed natural frequencies.
     rests : array, shape (mode,)
         What rounding took from them, relative to them.
-    odd, even : array, shape (unknown, mode)
-        Rows of the odd and the even motion; with no rows where there is no such motion.
+    antisymmetric, symmetric : array, shape (unknown, mode)
+        Rows of the two components; with no rows where there is no such component.
     load : array, shape (mode,)
         Static load of each mode.
     walls : array, shape (set, unknown)
@@ -503,19 +510,19 @@ def members(
     error : array, shape (set, frequency, unknown)
         Receives the absolute error of z that roundings in the data cause.
     D : array, shape (set, frequency, mode)
-        Receives the amplitudes of the odd motion, ``D sin(gamma tau)/gamma`` or, for
-        negative mu, ``D sinh(g tau)/(g cosh g)``; not wanted where it has no columns.
+        Receives the amplitudes of the antisymmetric component, ``D sin(gamma tau)/gamma`` or,
+        for negative mu, ``D sinh(g tau)/(g cosh g)``; left out where it has no columns.
     U : array, shape (set, frequency, mode)
-        Receives the place of the even motion at tau = 0, static one included, or, for mu
-        <= -1, U of ``U cosh(g tau)/cosh(g)``; not wanted where it has no columns.
+        Receives the symmetric component at tau = 0, static displacement included, or, for mu
+        <= -1, U of ``U cosh(g tau)/cosh(g)``; left out where it has no columns.
     """
     nz, count, room = walls.shape[1], roots.size, walls.shape[1] + 4
     mu, rest, dmu, sines = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
     cosines, value, change = np.empty(count), np.empty(count), np.empty(count)
     modes = (mu, rest, dmu, sines, cosines, value, change, np.empty(count))
     near, others = np.empty(2 * count, np.int64), np.empty(count, np.int64)
-    force, loudness, noise = np.empty(count), np.empty(2 * count), 2.0 * _EPS + norms
-    products = _products(odd), _products(even)
+    force, magnitude, noise = np.empty(count), np.empty(2 * count), 2.0 * _EPS + norms
+    products = _products(antisymmetric), _products(symmetric)
     A, dA, work, inverse = _matrix(room), _matrix(room), _matrix(room), _matrix(room)
     right, vectors = np.empty((room, walls.shape[0])), np.empty((5, room))
     for f in range(omega.size):
@@ -526,15 +533,15 @@ def members(
                 right[i, s] = walls[s, i] * (omega[f] * omega[f] / share)
         kept = _sum(
             modes,
-            odd,
-            even,
+            antisymmetric,
+            symmetric,
             products,
             load,
             share,
             noise,
             near,
             others,
-            loudness,
+            magnitude,
             A,
             dA,
             right,
@@ -550,7 +557,7 @@ def members(
         _clear(A, dA, right, nz, size)
         for k in range(kept):
             j, parity = near[k] // 2, near[k] % 2
-            column = odd[:, j] if parity == 0 else even[:, j]
+            column = antisymmetric[:, j] if parity == 0 else symmetric[:, j]
             static = load[j] / share
             _border(A, dA, right, nz + k, column, parity, mu[j], rest[j], dmu[j], static, noise)
         sound = _invert(A, size, work, inverse, vectors[0])
@@ -582,11 +589,11 @@ def members(
                     error[s, f, i] += abs(inverse[i, k]) * spread[k]
             scale = share / (omega[f] * omega[f])
             if D.shape[2] > 0:
-                _forces(odd, v, scale, force)
-                _odd_amplitudes(modes, force, D[s, f])
+                _forces(antisymmetric, v, scale, force)
+                _antisymmetric_amplitudes(modes, force, D[s, f])
             if U.shape[2] > 0:
-                _forces(even, v, scale, force)
-                _even_amplitudes(modes, force, load, omega[f], U[s, f])
+                _forces(symmetric, v, scale, force)
+                _symmetric_amplitudes(modes, force, load, omega[f], U[s, f])
             for k in range(kept):
                 j = near[k] // 2
                 place = v[nz + k] * scale
@@ -613,7 +620,7 @@ def _matrix(order: int) -> Floats:
 
 @kernel
 def _larger(matrix: Floats, order: int, room: int) -> Floats:
-    """Return room for a larger matrix with the first rows and columns of another one."""
-    found = np.empty((room, room))
-    found[:order, :order] = matrix[:order, :order]
-    return found
+    """Return a larger matrix with the first rows and columns of the given one."""
+    larger = np.empty((room, room))
+    larger[:order, :order] = matrix[:order, :order]
+    return larger

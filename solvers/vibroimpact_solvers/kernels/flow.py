@@ -13,8 +13,8 @@ A flow is the array F, shape (4 + 2 drive, pair), with rows alpha, nu, rest and 
 nu + rest is nu to more than double precision, and split = [rotations, rotations + hyperbolas,
 damped]. With w = z1 - i z2, a rotation is ``w' = (alpha + i nu) w``. Another one, with all but
 the same rate, may drive it: ``w' = (alpha + i nu) w + kappa l``, where l is the w of a load in
-resonance with a mode, or of a mode that damping makes almost equal to it. Two rows more tell of
-each such drive: first the places of w and l, then the real and the imaginary part of kappa.
+resonance with a mode, or of a mode that damping makes almost equal to it. Two more rows describe
+each such drive: first the indices of w and l, then the real and the imaginary part of kappa.
 
 States stand in arrays Z of shape (states, 2, pair), each named by its index c. Linear forms
 stand in an array of shape (4, watched, 2, pair): the watched coordinates, their velocities, the
@@ -35,12 +35,12 @@ from vibroimpact_solvers.kernels.jit import bare, fma, inline
 from vibroimpact_solvers.kernels.phases import sine_cosine
 
 _LONG = 32  # pairs from which on sums for velocities at impacts are worth exact ones
-_VERY_LONG = 256  # and those for the places that impacts are found by
+_VERY_LONG = 256  # and those for the coordinates whose passages are searched for
 
 
 @bare
 def propagators(F: Floats, split: Integers, s: float, ds: float, P: Floats) -> None:
-    """Fill in what takes states through a time s + ds: (stay, turn) of every pair.
+    """Fill in the propagators of states by a time s + ds, two numbers for every pair.
 
     Parameters
     ----------
@@ -76,9 +76,9 @@ def propagators(F: Floats, split: Integers, s: float, ds: float, P: Floats) -> N
 def take(
     F: Floats, split: Integers, P: Floats, s: float, Z: Floats, c: int, out: Floats, o: int
 ) -> None:
-    """Take the state Z[c] to out[o], through the time s that the propagators P belong to.
+    """Fill in the state Z[c], propagated by the time s that P belongs to, as out[o].
 
-    Only Z[0] is a state that pushes move; the others are deviations.
+    Only Z[0] is a state that constant loads act on; the others are deviations.
     """
     for j in range(split[0]):
         a, b = Z[c, 0, j], Z[c, 1, j]
@@ -193,10 +193,10 @@ def product(forms: Floats, kind: int, i: int, Z: Floats, c: int) -> float:
 def _added(total: float, lost: float, factor: float, value: float) -> tuple[float, float]:
     """Return total + factor value rounded, and lost with what rounding took from it."""
     high = factor * value
-    found = total + high
-    part = found - total
-    lost += (total - (found - part)) + (high - part) + fma(factor, value, -high)
-    return found, lost
+    grown = total + high
+    part = grown - total
+    lost += (total - (grown - part)) + (high - part) + fma(factor, value, -high)
+    return grown, lost
 
 
 @inline
@@ -223,8 +223,8 @@ def exact_product(forms: Floats, kind: int, i: int, Z: Floats, c: int) -> tuple[
     s2, l2 = _added(s2, l2, 1.0, s3)
     s0, l0 = _added(s0, l0, 1.0, s2)
     lost = (l0 + l1) + (l2 + l3)
-    found = s0 + lost
-    return found, lost - (found - s0)
+    total = s0 + lost
+    return total, lost - (total - s0)
 
 
 @inline
@@ -410,9 +410,9 @@ def bound(
     H : float
         Finite.
     """
-    found = _weighted(sizes, kind, i, size, split[0])
+    largest = _weighted(sizes, kind, i, size, split[0])
     for j in range(split[0], split[1]):
-        found += sizes[kind, i, j] * size[j] * math.exp(max(0.0, F[0, j] + F[1, j]) * H)
+        largest += sizes[kind, i, j] * size[j] * math.exp(max(0.0, F[0, j] + F[1, j]) * H)
     for j in range(split[1], F.shape[1]):
         rate = abs(F[0, j])
         if rate > 0.0:
@@ -421,14 +421,14 @@ def bound(
             first = abs(forms[0, i, 0, j] * Z[c, 0, j]) + H * slides
             first += abs(forms[0, i, 1, j] * Z[c, 1, j])
             growth = math.exp(max(0.0, F[0, j]) * H)
-            found += growth * rate ** (order - 1) * (rate * first + order * slides)
+            largest += growth * rate ** (order - 1) * (rate * first + order * slides)
     for row in range(4, F.shape[0], 2):
         j, k = int(F[row, 0]), int(F[row, 1])
         force = math.hypot(F[row + 1, 0], F[row + 1, 1]) * size[k]
         rate = max(math.hypot(F[0, j], F[1, j]), math.hypot(F[0, k], F[1, k]))
         longest = sizes[kind, i, j] * H + sizes[1, i, j] * order * rate ** (order - 1)
-        found += force * longest * math.exp(max(0.0, F[0, j], F[0, k]) * H)
-    return found
+        largest += force * longest * math.exp(max(0.0, F[0, j], F[0, k]) * H)
+    return largest
 
 
 @inline
@@ -436,16 +436,16 @@ def reach(
     F: Floats, split: Integers, sizes: Floats, i: int, Z: Floats, c: int, size: Floats, H: float
 ) -> float:
     """Return a bound of the magnitude of a coordinate in the next H; arguments as of `bound`."""
-    found = _weighted(sizes, 1, i, size, split[0])
+    largest = _weighted(sizes, 1, i, size, split[0])
     for j in range(split[0], split[1]):
         if sizes[1, i, j] * size[j] > 0.0:
-            found += sizes[1, i, j] * size[j] * math.exp(max(0.0, F[0, j] + F[1, j]) * H)
+            largest += sizes[1, i, j] * size[j] * math.exp(max(0.0, F[0, j] + F[1, j]) * H)
     for j in range(split[1], F.shape[1]):
         if sizes[1, i, j] > 0.0:
             moved = abs(Z[c, 0, j]) + H * abs(Z[c, 1, j]) + 0.5 * H * H * abs(F[3, j])
-            found += sizes[1, i, j] * math.exp(max(0.0, F[0, j]) * H) * moved
+            largest += sizes[1, i, j] * math.exp(max(0.0, F[0, j]) * H) * moved
     for row in range(4, F.shape[0], 2):
         j, k = int(F[row, 0]), int(F[row, 1])
         force = math.hypot(F[row + 1, 0], F[row + 1, 1]) * size[k]
-        found += sizes[1, i, j] * H * force * math.exp(max(0.0, F[0, j], F[0, k]) * H)
-    return found
+        largest += sizes[1, i, j] * H * force * math.exp(max(0.0, F[0, j], F[0, k]) * H)
+    return largest

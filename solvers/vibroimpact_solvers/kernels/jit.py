@@ -1,8 +1,8 @@
 """How kernels are compiled: without the GIL, cached on disk, IEEE arithmetic, no fast-math.
 
 Fast-math would let the compiler reorder the sums whose rounding the error statements bound.
-Where a fused multiply-add is wanted it is written: `fma`. Kernels run in parallel by threads
-(`kernels.threads`) and not by numba's own, of which not every layer survives two callers.
+Fused multiply-adds are written explicitly: `fma`. Kernels run in parallel by threads
+(`kernels.threads`) and not by numba's own, some layers of which fail with two callers.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ def bare(function: Function) -> Function:
     """Compile a function that makes no arrays, without counts of references to those it gets.
 
     Each count is an atomic operation, and they are taken wherever an array gets another name: in
-    small structures they last longer than the arithmetic. Whoever calls keeps the arrays, and
-    what is called may make none either.
+    small structures they last longer than the arithmetic. The caller must keep the arrays alive,
+    and functions that are called may make none either.
     """
     njit: Any = numba.njit  # its stubs do not know the last option
     compiled = njit(nogil=True, cache=True, error_model="numpy", _nrt=False)

@@ -1,10 +1,12 @@
-"""Proof that a member keeps within the limits between its impacts, or a time at which it does not.
+"""Certified path check: whether a solution stays within its limits between its impacts.
+
+The result is a proof that it does, or a time at which it does not (the witness).
 
 A constrained coordinate is a finite sum of sines, cosines and hyperbolic functions, so its
 second derivative has the bound ``B = sum_j |row_j| max |q_j''|``. From a time at which value,
 slope and B are known, ``y + y' h + B h^2 / 2`` stays below the limit for a step h that can be
-computed: the walk from impact to impact in such steps is the proof. A limit counts as passed
-where it is exceeded by more than a tolerance, which also bounds the steps from below.
+computed; such steps from impact to impact are the proof. A limit counts as passed where it is
+exceeded by more than a tolerance, which also bounds the steps from below.
 """
 
 from __future__ import annotations
@@ -40,28 +42,28 @@ Motion = tuple[
     Floats,
     Floats,
 ]
-"""mu, D, U, force, even and row as of `_motion`, what `_waves` makes of them, and room for it."""
+"""mu, D, U, force, symmetric and row of `_motion`; the arrays of `_waves`; two work arrays."""
 
 _STILL = 1e-200  # mu below which a mode only moves along
-_SHORTEST = 1e-12  # step of the walk
-_MOST = 20_000_000  # steps of one walk
+_SHORTEST = 1e-12  # step
+_MOST = 20_000_000  # steps of one path
 
 
 @kernel
 def _motion(
-    mu: float, D: float, U: float, force: float, even: bool, tau: float
+    mu: float, D: float, U: float, force: float, symmetric: bool, tau: float
 ) -> tuple[float, float]:
-    """Place and slope of one modal coordinate, see `families.members`; force is f/omega^2."""
+    """Return one modal coordinate and its slope, see `families.solutions`; force is f/omega^2."""
     z = mu * tau * tau
     gamma = math.sqrt(abs(mu))
     if mu >= 0.0:
         place, slope = D * tau * sine(z), D * cosine(z)
     else:
         place, slope = D * hyperbolic_sine(gamma, tau), D * hyperbolic_cosine(gamma, tau)
-    if even and mu > -1.0:
+    if symmetric and mu > -1.0:
         place += U * cosine(z) + force * tau * tau * sag(z)
         slope += (force - mu * U) * tau * sine(z)
-    elif even:
+    elif symmetric:
         place += U * hyperbolic_cosine(gamma, tau) + force / mu
         slope -= U * mu * hyperbolic_sine(gamma, tau)
     return place, slope
@@ -71,21 +73,21 @@ def _motion(
 def states(
     roots: Floats, load: Floats, omega: Floats, D: Floats, U: Floats, tau: float
 ) -> tuple[Floats, Floats]:
-    """Places and slopes by tau of the modal coordinates, each (frequency, mode)."""
-    even = U.shape[1] > 0
+    """Return the modal coordinates and their slopes by tau, each (frequency, mode)."""
+    symmetric = U.shape[1] > 0
     places, slopes = np.empty((omega.size, roots.size)), np.empty((omega.size, roots.size))
     for f in range(omega.size):
         for j in range(roots.size):
             mu = roots[j] / omega[f] * abs(roots[j] / omega[f])
-            place = U[f, j] if even else 0.0
+            place = U[f, j] if symmetric else 0.0
             force = load[j] / (omega[f] * omega[f])
-            places[f, j], slopes[f, j] = _motion(mu, D[f, j], place, force, even, tau)
+            places[f, j], slopes[f, j] = _motion(mu, D[f, j], place, force, symmetric, tau)
     return places, slopes
 
 
 @kernel
 def _reach(
-    mu: Floats, D: Floats, U: Floats, force: Floats, even: bool, row: Floats, terms: Floats
+    mu: Floats, D: Floats, U: Floats, force: Floats, symmetric: bool, row: Floats, terms: Floats
 ) -> tuple[float, float]:
     """Return a bound of the second derivative on [-1, 1], and the size of all terms."""
     for j in range(mu.size):
@@ -94,7 +96,7 @@ def _reach(
     for j in range(mu.size):
         terms[j] = abs(row[j] * D[j])
     size = folded(terms)
-    if even:
+    if symmetric:
         for j in range(mu.size):
             terms[j] = abs(row[j] * U[j])
         size += folded(terms)
@@ -113,49 +115,64 @@ def _waves(
     D: Floats,
     U: Floats,
     force: Floats,
-    even: bool,
+    symmetric: bool,
     row: Floats,
     gamma: Floats,
-    odd_part: Floats,
-    even_part: Floats,
+    sine_part: Floats,
+    cosine_part: Floats,
 ) -> tuple[float, Integers]:
-    """Fill in what a coordinate is made of: ``odd sin(gamma tau) + even cos(gamma tau)``.
+    """Fill in the harmonic terms of a coordinate: ``sum_j a_j sin(gamma_j tau) + s_j cos(...)``.
 
-    And return the constant beside it, and the modes that are not such a sum and take part with
-    nothing: those that fall or hardly swing, sag more than they swing or have unknown phases.
+    Return the constant beside them, and the modes that are left out here and need formulas of
+    their own: unstable and nearly rigid ones, those with more static displacement than
+    vibration, and those whose phases are unknown.
     """
     for j in range(mu.size):
         g = math.sqrt(abs(mu[j]))
-        swings = (mu[j] > _STILL) & (g < LARGEST) & ((force[j] == 0.0) | (mu[j] > 1.0))
-        gamma[j] = g if swings else 0.0
-        odd_part[j] = row[j] * D[j] / g if swings else 0.0
+        oscillates = (mu[j] > _STILL) & (g < LARGEST) & ((force[j] == 0.0) | (mu[j] > 1.0))
+        gamma[j] = g if oscillates else 0.0
+        sine_part[j] = row[j] * D[j] / g if oscillates else 0.0
     constant, others, count = 0.0, np.empty(mu.size, np.int64), 0
     for j in range(mu.size):
         if gamma[j] == 0.0:
             others[count] = j
             count += 1
     for j in range(mu.size):
-        even_part[j] = 0.0
-    for j in range(mu.size if even else 0):
+        cosine_part[j] = 0.0
+    for j in range(mu.size if symmetric else 0):
         if gamma[j] > 0.0:
             rest = force[j] / mu[j]
-            even_part[j] = row[j] * (U[j] - rest)
+            cosine_part[j] = row[j] * (U[j] - rest)
             constant += row[j] * rest
     return constant, others[:count]
 
 
 @kernel
-def _look(motion: Motion, tau: float) -> tuple[float, float]:
-    """Place and slope of a constrained coordinate."""
-    mu, D, U, force, even, row, gamma, odd_part, even_part, constant, others, y, slope = motion
+def _evaluate(motion: Motion, tau: float) -> tuple[float, float]:
+    """Return a constrained coordinate and its slope."""
+    (
+        mu,
+        D,
+        U,
+        force,
+        symmetric,
+        row,
+        gamma,
+        sine_part,
+        cosine_part,
+        constant,
+        others,
+        y,
+        slope,
+    ) = motion
     for j in range(gamma.size):
         s, c = sine_cosine(gamma[j] * tau, 0.0)
-        y[j] = odd_part[j] * s + even_part[j] * c
-        slope[j] = gamma[j] * (odd_part[j] * c - even_part[j] * s)
+        y[j] = sine_part[j] * s + cosine_part[j] * c
+        slope[j] = gamma[j] * (sine_part[j] * c - cosine_part[j] * s)
     total, rise = folded(y) + constant, folded(slope)
     for k in range(others.size):
         j = others[k]
-        more, faster = _motion(mu[j], D[j], U[j], force[j], even, tau)
+        more, faster = _motion(mu[j], D[j], U[j], force[j], symmetric, tau)
         total += row[j] * more
         rise += row[j] * faster
     return total, rise
@@ -163,7 +180,7 @@ def _look(motion: Motion, tau: float) -> tuple[float, float]:
 
 @kernel
 def _step(slack: float, slope: float, curvature: float) -> float:
-    """Return how far the slack lasts at least."""
+    """Return a step h for which ``slope h + curvature h^2/2`` stays below the slack."""
     if slack == np.inf:
         return np.inf
     root = math.sqrt(slope * slope + 2.0 * curvature * slack)
@@ -173,7 +190,7 @@ def _step(slack: float, slope: float, curvature: float) -> float:
 
 
 @kernel
-def _clear(slope: float, room: float, curvature: float) -> float:
+def _safe_time(slope: float, room: float, curvature: float) -> float:
     """Return for how long before an impact no limit can be passed.
 
     The coordinate rises towards its wall: the curvature alone cannot lift it over the wall
@@ -185,9 +202,9 @@ def _clear(slope: float, room: float, curvature: float) -> float:
 
 
 @kernel
-def _walk(
+def _check_path(
     motion: Motion,
-    even: bool,
+    symmetric: bool,
     bottom: float,
     top: float,
     struck_bottom: bool,
@@ -201,28 +218,28 @@ def _walk(
     And in how many steps. Both limits are moved outwards by the shift.
     """
     tau, end, sure = -1.0, 1.0, True
-    if not even:
+    if not symmetric:
         # The other half is the mirror image.
         top = min(top, -bottom)
         bottom = -top
         tau = 0.0
-    if struck_bottom and even:
-        _, slope = _look(motion, -1.0)
-        tau += _clear(slope, top - bottom, curvature)
+    if struck_bottom and symmetric:
+        _, slope = _evaluate(motion, -1.0)
+        tau += _safe_time(slope, top - bottom, curvature)
     if struck_top:
-        _, slope = _look(motion, 1.0)
-        end -= _clear(slope, top - bottom, curvature)
+        _, slope = _evaluate(motion, 1.0)
+        end -= _safe_time(slope, top - bottom, curvature)
     top, bottom = top + shift, bottom - shift
     for steps in range(_MOST):
         if tau >= end:
             return np.nan, sure, steps
-        y, slope = _look(motion, tau)
+        y, slope = _evaluate(motion, tau)
         if y - top > tolerance or bottom - y > tolerance:
             return tau, sure, steps
         up = _step(max(top - y, 0.0) + tolerance, slope, curvature)
         down = _step(max(y - bottom, 0.0) + tolerance, -slope, curvature)
         step = min(up, down)
-        # Motions so violent that the proof would have to stand still: looked at, not proved.
+        # The proof would need shorter steps: the motion is sampled, and not certified.
         sure = sure and step > _SHORTEST
         tau += max(step, _SHORTEST)
     return np.nan, False, _MOST
@@ -231,24 +248,24 @@ def _walk(
 @kernel
 def _verdict(
     motion: Motion,
-    even: bool,
+    symmetric: bool,
     bottom: float,
     top: float,
     struck_bottom: bool,
     struck_top: bool,
     curvature: float,
     tolerance: float,
-    doubt: float,
+    uncertainty: float,
 ) -> tuple[float, bool, int]:
-    """Return what `_walk` does for a coordinate that is only known up to a doubt."""
+    """Return what `_check_path` does for a coordinate with the given uncertainty."""
     shifts, steps = np.zeros(3), 0
-    if doubt >= 0.1 * tolerance:
+    if uncertainty >= 0.1 * tolerance:
         # Passed for certain, passed at all, nearly passed.
-        shifts[0], shifts[2] = doubt, -doubt
+        shifts[0], shifts[2] = uncertainty, -uncertainty
     for k in range(3):
-        tau, sure, more = _walk(
+        tau, sure, more = _check_path(
             motion,
-            even,
+            symmetric,
             bottom,
             top,
             struck_bottom,
@@ -258,7 +275,7 @@ def _verdict(
             shifts[k],
         )
         steps += more
-        if doubt < 0.1 * tolerance or (k == 0 and not np.isnan(tau)):
+        if uncertainty < 0.1 * tolerance or (k == 0 and not np.isnan(tau)):
             return tau, sure, steps
         if k == 1 and not np.isnan(tau):
             return tau, False, steps
@@ -282,18 +299,18 @@ def check(
     witness: Floats,
     certified: Booleans,
 ) -> int:
-    """Walk along all limits of all members; return in how many steps.
+    """Check all solutions against all limits; return the number of steps that this took.
 
     Parameters
     ----------
     roots, load, omega, D, U
-        As `families.members` takes and fills them in.
+        As `families.solutions` takes and fills them in.
     rows : array, shape (limit, mode)
         ``W E`` of the constrained coordinates, struck or not.
     lower, upper : array, shape (limit,)
         Their limits, infinite where there is no wall.
     struck_lower, struck_upper : array of bool, shape (limit,)
-        Whether the member touches the wall at tau = -1 and at tau = 1.
+        Whether the solution touches the wall at tau = -1 and at tau = 1.
     tolerance : array, shape (limit,)
         Excess that does not count.
     error : array, shape (frequency,)
@@ -303,9 +320,13 @@ def check(
     certified : array of bool, shape (frequency,)
         Receives whether neither rounding nor that error could have changed the outcome.
     """
-    even, steps = U.shape[1] > 0, 0
+    symmetric, steps = U.shape[1] > 0, 0
     mu, force, place = np.empty(roots.size), np.empty(roots.size), np.zeros(roots.size)
-    gamma, odd_part, even_part = np.empty(roots.size), np.empty(roots.size), np.empty(roots.size)
+    gamma, sine_part, cosine_part = (
+        np.empty(roots.size),
+        np.empty(roots.size),
+        np.empty(roots.size),
+    )
     y, slope = np.empty(roots.size), np.empty(roots.size)
     for f in range(omega.size):
         witness[f] = np.nan
@@ -313,31 +334,31 @@ def check(
         for j in range(roots.size):
             mu[j] = roots[j] / omega[f] * abs(roots[j] / omega[f])
             force[j] = load[j] / (omega[f] * omega[f])
-            if even:
+            if symmetric:
                 place[j] = U[f, j]
         for a in range(lower.size):
-            swing, row = D[f], rows[a]
-            curvature, size = _reach(mu, swing, place, force, even, row, y)
+            amplitudes, row = D[f], rows[a]
+            curvature, size = _reach(mu, amplitudes, place, force, symmetric, row, y)
             constant, others = _waves(
-                mu, swing, place, force, even, row, gamma, odd_part, even_part
+                mu, amplitudes, place, force, symmetric, row, gamma, sine_part, cosine_part
             )
             witness[f], sure, more = _verdict(
                 (
                     mu,
-                    swing,
+                    amplitudes,
                     place,
                     force,
-                    even,
+                    symmetric,
                     row,
                     gamma,
-                    odd_part,
-                    even_part,
+                    sine_part,
+                    cosine_part,
                     constant,
                     others,
                     y,
                     slope,
                 ),
-                even,
+                symmetric,
                 -lower[a],
                 upper[a],
                 struck_lower[a],

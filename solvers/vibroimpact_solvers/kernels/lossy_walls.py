@@ -13,7 +13,7 @@ from vibroimpact_solvers.kernels.jit import kernel
 from vibroimpact_solvers.kernels.phases import sine_cosine
 from vibroimpact_solvers.kernels.waves import fold
 
-_LITTLE = 1e-4  # losses and changes of the clock, relative to it, up to which series serve
+_LITTLE = 1e-4  # losses and changes of the clock, relative to it, up to which series are used
 
 
 @kernel
@@ -46,7 +46,7 @@ def slow_flow(
     second : bool
         Whether the time has its term of second order.
     shapes : bool
-        Whether displacement and velocity are wanted, to the first order in kappa.
+        Whether to fill in displacement and velocity, to the first order in kappa.
     """
     sine0 = 2.0 / (math.exp(w0) + math.exp(-w0))
     for i in range(start, stop):

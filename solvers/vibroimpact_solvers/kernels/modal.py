@@ -1,4 +1,4 @@
-"""States of structures whose modes move apart from one another, from and to displacements.
+"""Conversion between displacements and states, for structures with uncoupled modes.
 
 The same as matrix products over the modal matrix, in one call: in small structures calls would
 last longer than a motion with its impacts.
@@ -10,7 +10,7 @@ from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels.jit import bare
 
 SMALLEST, LARGEST = 1e-100, 1e100
-"""Magnitudes of numbers whose squares double precision can do with."""
+"""Range of magnitudes whose squares double precision can represent."""
 
 
 @bare
@@ -94,10 +94,10 @@ def motion_of(
     Parameters
     ----------
     scale : float
-        What turns velocities in units of the pairs into the ones wanted.
+        Factor from velocities in units of the pairs to those of v.
     shapes : array, shape (dof, mode)
     dofs : array of int
-        Those that are wanted.
+        Degrees of freedom of x and v.
     normal, place, own : array
         As of `state_of`.
     """

@@ -1,11 +1,12 @@
-"""Motions of the members of a family by their modal amplitudes, see `kernels.families`.
+"""Displacements, energies and Fourier amplitudes of impact modes from their modal amplitudes.
 
 Between two impacts a mode with natural frequency r and ``gamma = r/omega`` is at
 
     q = D sin(gamma tau)/gamma + U cos(gamma tau) + f (1 - cos(gamma tau))/lambda
 
-The sines of all modes and times are taken by one vector loop; modes that fall or hardly swing
-have formulas of their own and are put right one by one.
+with the amplitudes of `kernels.families`. The sines of all modes and times are evaluated by one
+vector loop; unstable and nearly rigid modes have formulas of their own and are computed one by
+one.
 """
 
 from __future__ import annotations
@@ -37,12 +38,12 @@ def coordinates(
     """Modal coordinates q, shape (frequency, tau, mode); D or U may have no columns."""
     modes, times = roots.size, tau.size
     q = np.empty((omega.size, times, modes))
-    odd, even = D.shape[1] > 0, U.shape[1] > 0
-    if not odd:
+    antisymmetric, symmetric = D.shape[1] > 0, U.shape[1] > 0
+    if not antisymmetric:
         q[:] = 0.0
-    if q.size == 0 or not (odd or even):
+    if q.size == 0 or not (antisymmetric or symmetric):
         return q
-    loaded = even and np.any(load != 0.0)
+    loaded = symmetric and np.any(load != 0.0)
     step = max(1, _BLOCK // (times * modes))
     gamma, turns = np.empty((step, modes)), np.empty((3, step, times, modes))
     furthest = np.max(np.abs(tau)) * np.max(np.abs(roots))
@@ -52,14 +53,14 @@ def coordinates(
         count = (last - first) * times * modes
         phase, sines = turns[0].reshape(-1)[:count], turns[1].reshape(-1)[:count]
         _phases(roots, omega[first:last], tau, gamma, turns[0])
-        if odd and not even:
+        if antisymmetric and not symmetric:
             _sines(phase, sines)
         else:
             _turns(phase, sines, turns[2].reshape(-1)[:count])
-        if odd:
-            _put_odd(gamma, D[first:last], turns[1], q[first:last])
-        if even:
-            _add_even(U[first:last], turns[2], q[first:last])
+        if antisymmetric:
+            _put_antisymmetric(gamma, D[first:last], turns[1], q[first:last])
+        if symmetric:
+            _add_symmetric(U[first:last], turns[2], q[first:last])
         if loaded:
             for i in range(count):
                 phase[i] *= 0.5
@@ -72,9 +73,11 @@ def coordinates(
                 j = k if unknown else exceptions[k]
                 if not (unknown or roots[j] < _STILL * omega[f]):
                     continue
-                swing, place = D[f, j] if odd else 0.0, U[f, j] if even else 0.0
+                amplitude, place = D[f, j] if antisymmetric else 0.0, U[f, j] if symmetric else 0.0
                 for t in range(times):
-                    q[f, t, j] = _place(roots[j], load[j], omega[f], swing, place, even, tau[t])
+                    q[f, t, j] = _place(
+                        roots[j], load[j], omega[f], amplitude, place, symmetric, tau[t]
+                    )
     return q
 
 
@@ -102,7 +105,7 @@ def _turns(phase: Floats, sines: Floats, cosines: Floats) -> None:
 
 
 @kernel
-def _put_odd(gamma: Floats, D: Floats, sines: Floats, q: Floats) -> None:
+def _put_antisymmetric(gamma: Floats, D: Floats, sines: Floats, q: Floats) -> None:
     scale = np.empty(gamma.shape[1])
     for f in range(q.shape[0]):
         for j in range(scale.size):
@@ -113,7 +116,7 @@ def _put_odd(gamma: Floats, D: Floats, sines: Floats, q: Floats) -> None:
 
 
 @kernel
-def _add_even(U: Floats, cosines: Floats, q: Floats) -> None:
+def _add_symmetric(U: Floats, cosines: Floats, q: Floats) -> None:
     for f in range(q.shape[0]):
         for t in range(q.shape[1]):
             for j in range(q.shape[2]):
@@ -135,15 +138,15 @@ def _add_sag(gamma: Floats, load: Floats, omega: Floats, halves: Floats, q: Floa
 
 @kernel
 def _place(
-    root: float, load: float, omega: float, D: float, U: float, even: bool, tau: float
+    root: float, load: float, omega: float, D: float, U: float, symmetric: bool, tau: float
 ) -> float:
-    """Modal coordinate of a mode that may fall, without vectors."""
+    """Return the coordinate of one mode, which may be unstable, at one time."""
     mu = root / omega * abs(root / omega)
     z, gamma = mu * tau * tau, math.sqrt(abs(mu))
     place = D * tau * sine(z) if mu >= 0.0 else D * hyperbolic_sine(gamma, tau)
-    if even and mu > -1.0:
+    if symmetric and mu > -1.0:
         return place + U * cosine(z) + load / (omega * omega) * tau * tau * sag(z)
-    if even:
+    if symmetric:
         return place + U * hyperbolic_cosine(gamma, tau) + load / (mu * omega * omega)
     return place
 
@@ -153,25 +156,25 @@ def energies(roots: Floats, load: Floats, omega: Floats, D: Floats, U: Floats) -
     """Total energies, taken of every mode at tau = 0, shape (frequency,)."""
     total, terms, modes = np.zeros(omega.size), np.empty(roots.size), roots.size
     stiffness = roots * np.abs(roots)
-    falling = np.flatnonzero(roots < 0.0)
+    unstable = np.flatnonzero(roots < 0.0)
     for f in range(omega.size):
         if D.shape[1] > 0:
-            swing = D[f]
+            amplitudes = D[f]
             for j in range(modes):
-                terms[j] = 0.5 * (omega[f] * swing[j]) * (omega[f] * swing[j])
-            for k in range(falling.size):
-                fade = _fade(roots[falling[k]] / omega[f])
-                terms[falling[k]] *= fade * fade
+                terms[j] = 0.5 * (omega[f] * amplitudes[j]) * (omega[f] * amplitudes[j])
+            for k in range(unstable.size):
+                factor = _inverse_cosh(roots[unstable[k]] / omega[f])
+                terms[unstable[k]] *= factor * factor
             total[f] = folded(terms)
         if U.shape[1] > 0:
             place = U[f]
             for j in range(modes):
                 terms[j] = place[j] * (0.5 * stiffness[j] * place[j] - load[j])
-            for k in range(falling.size):
-                j = falling[k]
+            for k in range(unstable.size):
+                j = unstable[k]
                 gamma = roots[j] / omega[f]
                 if gamma * gamma >= 1.0:
-                    faded = place[j] * _fade(gamma)
+                    faded = place[j] * _inverse_cosh(gamma)
                     sagging = load[j] * load[j] / stiffness[j]
                     terms[j] = 0.5 * (stiffness[j] * faded * faded - sagging)
             total[f] += folded(terms)
@@ -179,7 +182,7 @@ def energies(roots: Floats, load: Floats, omega: Floats, D: Floats, U: Floats) -
 
 
 @kernel
-def _fade(gamma: float) -> float:
+def _inverse_cosh(gamma: float) -> float:
     """Return 1/cosh(gamma), which overflows nowhere."""
     g = abs(gamma)
     return 2.0 * math.exp(-g) / (1.0 + math.exp(-2.0 * g))
@@ -199,15 +202,15 @@ def fourier(
             mu = roots[j] / omega[f] * abs(roots[j] / omega[f])
             for k in range(orders.size):
                 if orders[k] % 2 == 1 and D.shape[1] > 0:
-                    b[f, k, j] = D[f, j] * _odd_amplitude(mu, orders[k])
+                    b[f, k, j] = D[f, j] * _antisymmetric_amplitude(mu, orders[k])
                 elif orders[k] % 2 == 0 and U.shape[1] > 0:
                     force = load[j] / (omega[f] * omega[f])
-                    b[f, k, j] = _even_amplitude(mu, orders[k], U[f, j], force)
+                    b[f, k, j] = _symmetric_amplitude(mu, orders[k], U[f, j], force)
     return b
 
 
 @kernel
-def _odd_amplitude(mu: float, order: int) -> float:
+def _antisymmetric_amplitude(mu: float, order: int) -> float:
     kappa = 0.5 * math.pi * order
     if mu < 0.0:
         sign = 1.0 if order % 4 == 1 else -1.0
@@ -218,7 +221,7 @@ def _odd_amplitude(mu: float, order: int) -> float:
 
 
 @kernel
-def _even_amplitude(mu: float, order: int, place: float, force: float) -> float:
+def _symmetric_amplitude(mu: float, order: int, place: float, force: float) -> float:
     """Amplitude of ``place cos(gamma tau) + force (1 - cos(gamma tau))/mu``."""
     kappa = 0.5 * math.pi * order
     sign = 1.0 if order % 4 == 0 else -1.0

@@ -40,9 +40,9 @@ def near_remainder(bound: float, h: float) -> float:
 
 @inline
 def near_passage(d: Floats, bound: float, above: float, below: float) -> tuple[float, int]:
-    """Return what `first_passage` does, from derivatives below `LOW`; -1 where they do not tell.
+    """Return what `first_passage` does, from derivatives below `LOW`; -1 where they do not suffice.
 
-    They do where the coordinate runs straight to a wall.
+    They suffice where the coordinate runs straight to a wall.
     """
     h = _straight(d, bound, math.inf, above, below, LOW, math.inf)
     return h, (1 if d[1] > 0.0 else -1)
@@ -79,7 +79,7 @@ def first_passage(
     work: Floats,
     fine: float = math.inf,
 ) -> tuple[float, int]:
-    """Return a time before which no wall is passed, and at which wall it was found.
+    """Return a time before which no wall is passed, and the wall that may be passed then.
 
     Parameters
     ----------

@@ -95,9 +95,9 @@ def sine_cosine(x: float, rest: float) -> tuple[float, float]:
 
 @kernel
 def conversion_rests(Omega: Floats, omega: Floats) -> Floats:
-    """Return ``(2/pi Omega - omega)/omega``: what rounding took from omega, relative to it.
+    """Return the relative rounding error of omega, ``(2/pi Omega - omega)/omega``.
 
-    Where it is more than rounding, omega is what is meant and nothing was taken.
+    Where both differ by more than rounding, omega is taken as exact and the error is 0.
     """
     rests = np.empty(omega.size)
     for f in range(omega.size):

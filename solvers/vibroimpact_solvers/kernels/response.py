@@ -1,9 +1,9 @@
-"""Impulse of one constraint along its whole family, eq. 10.53, at the speed of the machine.
+"""Impulses and amplitudes of the impact modes with one constraint, eq. 10.53, at many frequencies.
 
-The response ``S = sum_j a_j^2 T(mu_j) / omega^2`` is summed for a block of frequencies at a
-time, one frequency in each lane of the vector unit. Near a pole of a mode its term outgrows
-the others and p goes through zero with it: finite, as no floating-point phase is a pole. Phases
-carry what rounding takes from them, so that close to its poles p is as good as the data are.
+The response ``S = sum_j a_j^2 T(mu_j)``, omega^2 times the receptance, is summed for a block of
+frequencies at a time, one frequency in each lane of the vector unit. Near a pole of a mode its
+term outgrows the others and p goes through zero with it: finite, as no floating-point phase is a
+pole. Phases are sums of two doubles, so that close to its poles p is as accurate as the data are.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ def amplitudes_one(
 ) -> Floats:
     """Return amplitudes of the motion that impulses at one coordinate cause.
 
-    A member of the family is ``q = D sin(gamma tau)/gamma``, eq. 10.48, with
+    A solution of the family is ``q = D sin(gamma tau)/gamma``, eq. 10.48, with
     ``D = a gap/(S cos(gamma))``. Near a pole S grows as its mode's ``1/cos(gamma)`` does, and
-    as both come of the same phase D is as good there as anywhere.
+    as both are functions of the same phase D is as accurate there as anywhere.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def amplitudes_one(
     Returns
     -------
     D : array, shape (set, frequency, mode)
-        Of modes that fall, the D of ``D sinh(g tau)/(g cosh(g))``.
+        Of unstable modes, the D of ``D sinh(g tau)/(g cosh(g))``.
     """
     D = np.empty((scale.shape[0], omega.size, roots.size))
 
@@ -148,7 +148,7 @@ def response_one(
     S, condition : array, shape (frequency,)
         ``omega^2`` times the response, and by how much relative errors of the natural
         frequencies and weights are magnified in it. Both are infinite where the response
-        vanishes, so that no impulse is of use, or the phases of the modes are unknown.
+        vanishes, so that no impulse reaches the wall, or the phases of the modes are unknown.
     """
     S, condition = np.empty((2, omega.size))
 
@@ -172,22 +172,22 @@ def response_one(
 
 @kernel
 def _sorted(roots: Floats, weight2: Floats) -> tuple[Integers, Integers, float]:
-    """Return which modes swing and which fall, and the squares of those that only move along.
+    """Return the stable and the unstable modes, and the sum of squares of the rigid-body ones.
 
-    Those are so soft that their tangent is its argument at any frequency.
+    The latter are so soft that their tangent is its argument at any frequency.
     """
-    swinging, falling = np.empty(roots.size, np.int64), np.empty(roots.size, np.int64)
-    swing, fall, mass = 0, 0, 0.0
+    stable, unstable = np.empty(roots.size, np.int64), np.empty(roots.size, np.int64)
+    stable_count, unstable_count, mass = 0, 0, 0.0
     for j in range(roots.size):
         if not np.isfinite(weight2[j] / abs(roots[j])):
             mass += weight2[j]
         elif roots[j] > 0.0:
-            swinging[swing] = j
-            swing += 1
+            stable[stable_count] = j
+            stable_count += 1
         else:
-            falling[fall] = j
-            fall += 1
-    return swinging[:swing], falling[:fall], mass
+            unstable[unstable_count] = j
+            unstable_count += 1
+    return stable[:stable_count], unstable[:unstable_count], mass
 
 
 @kernel
@@ -202,21 +202,24 @@ def _response_one(
     response: Floats,
     condition: Floats,
 ) -> None:
-    swinging, falling, rigid = _sorted(roots, weight2)
-    root, heard, growth_weight2 = roots[swinging], weight2[swinging], weight2[falling]
-    growth = -roots[falling]
-    over_root = heard / root
+    stable, unstable, rigid = _sorted(roots, weight2)
+    root, stable_weight2, growth_weight2 = roots[stable], weight2[stable], weight2[unstable]
+    growth = -roots[unstable]
+    over_root = stable_weight2 / root
     total, size, slope = np.empty(_LANES), np.empty(_LANES), np.empty(_LANES)
     q, q_rest = np.empty(_LANES), np.empty(_LANES)
     w, w_rest = np.empty(_LANES), np.empty(_LANES)
     largest = np.max(root) if root.size else 0.0
-    root_rest = root * rests[swinging]
+    root_rest = root * rests[stable]
     # Relative errors of the eigenvalues, in roundings.
-    doubt = 0.5 * (roundings - 2.0) + uncertainty / (2.0 * _EPS * root * root)
-    doubtful, doubtful_over = heard * (1.0 + doubt), over_root * doubt
-    still = np.sum(doubtful) + roundings * rigid
+    relative_error = 0.5 * (roundings - 2.0) + uncertainty / (2.0 * _EPS * root * root)
+    weight2_error, over_root_error = (
+        stable_weight2 * (1.0 + relative_error),
+        over_root * relative_error,
+    )
+    still = np.sum(weight2_error) + roundings * rigid
     large_over = over_root * roundings
-    falling_doubt = 0.5 * (roundings - 2.0) + uncertainty / (2.0 * _EPS * growth * growth)
+    unstable_error = 0.5 * (roundings - 2.0) + uncertainty / (2.0 * _EPS * growth * growth)
     for first in range(0, omega.size, _LANES):
         count = min(_LANES, omega.size - first)
         # Slices: no index into them can be negative, which loops over vectors must know.
@@ -228,13 +231,13 @@ def _response_one(
         for lane in range(_LANES):
             q[lane] = 1.0 / w[lane]
             q_rest[lane] = q[lane] * (fma(-q[lane], w[lane], 1.0) - w_rest[lane])
-        _sum_swinging(
+        _sum_stable(
             root,
             root_rest,
             over_root,
             large_over,
-            doubtful_over,
-            doubtful,
+            over_root_error,
+            weight2_error,
             q,
             q_rest,
             total,
@@ -256,7 +259,7 @@ def _response_one(
                 total[lane] += term
                 size[lane] += roundings * term
                 steep = growth_weight2[j] / math.cosh(min(g, 300.0)) ** 2
-                size[lane] += steep + (term - steep) * falling_doubt[j]
+                size[lane] += steep + (term - steep) * unstable_error[j]
         S, magnified = response[first : first + count], condition[first : first + count]
         for lane in range(count):
             known = (largest * q[lane] < LARGEST) & (total[lane] != 0.0)
@@ -265,13 +268,13 @@ def _response_one(
 
 
 @kernel
-def _sum_swinging(
+def _sum_stable(
     root: Floats,
     root_rest: Floats,
     over_root: Floats,
     large_over: Floats,
-    doubtful_over: Floats,
-    doubtful: Floats,
+    over_root_error: Floats,
+    weight2_error: Floats,
     q: Floats,
     q_rest: Floats,
     total: Floats,
@@ -293,7 +296,7 @@ def _sum_swinging(
             some[lane] = 0.0
         for j in range(first, min(first + _MODES, root.size)):
             r, e, a = root[j], root_rest[j], over_root[j]
-            large, less, b = large_over[j], doubtful_over[j], doubtful[j]
+            large, less, b = large_over[j], over_root_error[j], weight2_error[j]
             for lane in range(_LANES):
                 x = r * q[lane]
                 rest = fma(e, q[lane], fma(r, q_rest[lane], fma(r, q[lane], -x)))

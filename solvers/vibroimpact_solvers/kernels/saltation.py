@@ -1,8 +1,8 @@
-"""How small deviations from a motion travel: through free flight and through impacts.
+"""Linearised deviations from a motion, advanced through free motion and through impacts.
 
 A deviation is a column of a matrix with 2 n rows: ``scale_j dq_j`` of all modes, then
-``dq_j'``. With ``scale_j = |lambda_j|^(1/2)`` its length is the energy norm, in which the flight
-of a stable mode is a rotation.
+``dq_j'``. With ``scale_j = |lambda_j|^(1/2)`` its length is the energy norm, in which the free
+motion of a stable mode is a rotation.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ import numpy as np
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.kernels.jit import kernel
 
-# Growth of one unstable mode over one flight, as an exponent: larger ones would overflow.
+# Growth of one unstable mode between two impacts, as an exponent: larger ones would overflow.
 _LARGEST = 300.0
 
 
 @kernel
-def fly(X: Floats, roots: Floats, scale: Floats, time: float) -> None:
-    """Take deviations through a free flight, in place.
+def advance(X: Floats, roots: Floats, scale: Floats, time: float) -> None:
+    """Advance deviations through free motion, in place.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def fly(X: Floats, roots: Floats, scale: Floats, time: float) -> None:
 def strike(
     X: Floats, row: Floats, scale: Floats, curvature: float, drag: Floats, restitution: float
 ) -> None:
-    """Take deviations through one impact by its saltation matrix, in place.
+    """Multiply deviations by the saltation matrix of one impact, in place.
 
     ``S = R + (F+ - R F-) n^T / (n . F-)`` with the impact law R, the rates F before and after
     it, and n the direction of the constrained coordinate y.
@@ -63,7 +63,7 @@ def strike(
     row : array, shape (mode,)
         ``w^T e_j``.
     scale : array, shape (mode,)
-        As `fly` takes it.
+        As `advance` takes it.
     curvature : float
         Acceleration of y over its velocity, both just before the impact.
     drag : array, shape (mode,)

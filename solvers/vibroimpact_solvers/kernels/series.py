@@ -13,13 +13,13 @@ from vibroimpact_solvers.kernels.jit import fma, inline, item
 @inline
 def raised(base: float, exponent: int) -> float:
     """Return a whole power, at least the first, by repeated squaring."""
-    found = 1.0
+    factor = 1.0
     while exponent > 1:
         if exponent % 2 == 1:
-            found *= base
+            factor *= base
         base *= base
         exponent //= 2
-    return found * base
+    return factor * base
 
 
 @inline

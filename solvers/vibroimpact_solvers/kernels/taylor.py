@@ -1,4 +1,4 @@
-"""Steps of a structure with soft limiters: Taylor series of the motion, as long as they converge.
+"""Motion of a structure with soft limiters, step by step by Taylor series.
 
 The state is that of `kernels.flow`. Its coefficients follow one another,
 
@@ -11,9 +11,9 @@ its coordinate over a size, and each of its sides has its own gain.
 A step is as long as the last two coefficients allow (Jorba and Zou). Near q = 0 a high power does
 not show in few coefficients: at the end of a step, and in its middle where it could hide, forces
 are compared with the sums of their series, and the step is shortened until they agree. Where the
-two sides of a limiter have different laws a step ends where the coordinate changes sides, found so
-that no change is missed. A power that is not whole has no series at q = 0, and is left out there
-while it is too small to be felt.
+two sides of a limiter have different laws a step ends where the coordinate changes sides, located
+so that no change is missed. A power that is not whole has no series at q = 0, and is left out
+there while its effect on the state is below the error of a step.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from vibroimpact_solvers.kernels.jit import address, fma, inline, item, kernel, 
 from vibroimpact_solvers.kernels.series import power, product, raised, square, summed
 
 LARGEST: Final = 64
-"""Largest whole exponent whose series is found by products."""
+"""Largest whole exponent whose series is computed by products."""
 _EPS: Final = 2.0**-52
 _GROWTH: Final = 4.0  # of a step over the last one, at most
 _SHORTER: Final = 0.8  # steps whose forces do not agree are taken this much shorter
@@ -35,7 +35,7 @@ _SHORTEST: Final = 1e-25  # of the motion: limiters that need less are too stiff
 _FEW: Final = 8  # pairs up to which sums go pair by pair
 _LOOKS: Final = 1000  # at most, for a change of sides
 _HALVINGS: Final = 30
-_NONE, _LINKED, _GROWN = 0.0, 1.0, 2.0  # how a force's series is found: zero, products, its rate
+_NONE, _LINKED, _GROWN = 0.0, 1.0, 2.0  # series of a force: zero, by products, by its rate
 _Q, _SIDE, _GAIN, _WAY, _INVERSE, _KICK, _FORCE, _GRAIN = range(8)  # rows of what is kept of walls
 _KEPT: Final = 8
 _SERIES: Final = 4  # of a limiter beside its products: q, that of j q_j, q without q_0, the force
@@ -85,12 +85,12 @@ def _form(forms: int, C: int, n: int) -> float:
 @inline
 def _largest(weights: int, C: int, n: int) -> float:
     """Return the largest of 2 n numbers, weighted; nan where one is."""
-    found, checked = 0.0, 0.0
+    largest, checked = 0.0, 0.0
     for j in range(n):
         a, b = item(weights, j) * item(C, j), item(weights, j) * item(C, n + j)
-        found = max(found, abs(a), abs(b))
+        largest = max(largest, abs(a), abs(b))
         checked += 0.0 * a + 0.0 * b
-    return found + checked
+    return largest + checked
 
 
 @kernel
@@ -135,7 +135,7 @@ def _side_kept(u: int, count: int, s: float, side: float) -> float:
         reach *= s
         size += abs(item(u, k)) * reach * s
     q, rate, t = side * item(u, 0), side * item(u, 1), 0.0
-    found = s
+    kept = s
     if q <= size:
         slack = 4.0 * _EPS * (size + abs(q))
         for _ in range(_LOOKS):
@@ -146,13 +146,13 @@ def _side_kept(u: int, count: int, s: float, side: float) -> float:
                 t += (rate + root) / bound
             else:
                 t += 2.0 * free / (root - rate)
-            found = min(t, s)
+            kept = min(t, s)
             if not t < s:
                 break
             q, rate = side * summed(u, count, t), side * _rate(u, count, t)
             if q <= 0.0:
                 break
-    return found
+    return kept
 
 
 @kernel
@@ -163,7 +163,7 @@ def side_kept(S: Floats, s: float, side: float) -> float:
     ----------
     S : array, shape (term,)
     s : float
-        Positive; the series is looked at from 0 to s.
+        Positive; the end of the interval from 0.
     side : float
         1 or -1: that of the series from 0 on.
     """
@@ -189,7 +189,7 @@ def _begin(
     depth: int,
     terms: int,
 ) -> float:
-    """Choose how the series of forces are found; return the longest step over the last one.
+    """Choose how the series of forces are computed; return the longest step over the last one.
 
     Negative: a force is left out that is not zero.
     """
@@ -199,8 +199,10 @@ def _begin(
         q = unit * (item(levels, i) + _form(forms + 16 * n * i, C, n))
         rate = h * unit * _form(forms + 16 * n * (walls + i), C, n)
         # Where q is zero but for its rounding the side is that to which it goes.
-        grain = 8.0 * _EPS * unit * (abs(item(levels, i)) + scale * item(now, _GRAIN * walls + i))
-        above = (rate if abs(q) <= grain else q) > 0.0
+        rounding = (
+            8.0 * _EPS * unit * (abs(item(levels, i)) + scale * item(now, _GRAIN * walls + i))
+        )
+        above = (rate if abs(q) <= rounding else q) > 0.0
         gain = item(laws, (_ABOVE if above else _BELOW) * walls + i)
         strength = item(now, _KICK * walls + i) * abs(gain)
         way = _GROWN
@@ -257,7 +259,7 @@ def _pushed(
     part: float,
     terms: int,
 ) -> float:
-    """Take coefficient k of a coordinate, and return that of its force."""
+    """Store coefficient k of a coordinate, and return that of its force."""
     q, way = item(now, _Q * walls + i), item(now, _WAY * walls + i)
     put(base, k, q)
     row = 8 * (terms + _ZEROS)
@@ -272,17 +274,17 @@ def _pushed(
             put(force, k, f)
     elif way == _LINKED:
         f, last = q, base
-        found = force + row
+        stage = force + row
         for bit in range(top, -1, -1):
             f = square(last, k)
-            put(found, k, f)
-            last = found
-            found += row
+            put(stage, k, f)
+            last = stage
+            stage += row
             if (whole >> bit) & 1:
                 f = product(last, base, k)
-                put(found, k, f)
-                last = found
-                found += row
+                put(stage, k, f)
+                last = stage
+                stage += row
         f *= item(now, _GAIN * walls + i)
         put(force, k, f)
     return f
@@ -348,7 +350,7 @@ def _defect(
 
 @kernel
 def _compression(
-    laws: int, walls: int, now: int, S: int, depth: int, terms: int, s: float, found: float
+    laws: int, walls: int, now: int, S: int, depth: int, terms: int, s: float, deepest: float
 ) -> float:
     """Return the largest compression, of those before and those within a step."""
     for i in range(walls):
@@ -356,7 +358,7 @@ def _compression(
         start, turn = item(u, 0), max(abs(item(u, 0)), abs(end))
         ratio = item(laws, (_HIGH if start + end > 0.0 else _LOW) * walls + i)
         # Within one step of many it comes hardly twice as far as at both ends.
-        near = 2.0 * turn * ratio > found and start * item(u, 1) > 0.0
+        near = 2.0 * turn * ratio > deepest and start * item(u, 1) > 0.0
         if near and start * _rate(u, terms, s) < 0.0:
             # It moves away from zero and comes back: halve the time between.
             low, high = 0.0, s
@@ -367,8 +369,8 @@ def _compression(
                 else:
                     high = t
             turn = max(turn, abs(summed(u, terms, low)))
-        found = max(found, turn * ratio)
-    return found
+        deepest = max(deepest, turn * ratio)
+    return deepest
 
 
 @kernel
@@ -380,14 +382,14 @@ def follow(
     laws: Floats,
     weights: Floats,
     settings: Floats,
-    wanted: Floats,
+    output_times: Floats,
     z: Floats,
     clock: Floats,
     counts: Integers,
     samples: Floats,
     work: Floats,
 ) -> int:
-    """Follow a motion and tell why it stopped, a `Stop`.
+    """Advance a motion to its end; return why it stopped, a `Stop`.
 
     Parameters
     ----------
@@ -396,15 +398,15 @@ def follow(
     levels : array, shape (constraint,)
         The coordinates at the zero of the state.
     laws : array, shape (5, constraint)
-        What turns coordinates into q; the gains below and above zero, the force being the gain
-        times ``|q|^exponent``; what turns |q| into compressions, below and above zero.
+        Factors from coordinates to q; the gains below and above zero, the force being the gain
+        times ``|q|^exponent``; factors from |q| to compressions, below and above zero.
     weights : array, shape (pair,)
-        What the pairs count in the size of a state.
+        Weights of the pairs in the size of a state.
     settings : array, shape (4,)
         The exponent; whether it is whole and at most `LARGEST`; the order of the series, at
         least 4; the error of a step, relative to the size of the state.
-    wanted : array, shape (time,)
-        Ascending times at which the state is wanted.
+    output_times : array, shape (time,)
+        Ascending times of the samples.
     z : array, shape (2, 2, pair)
         The state, and what rounding took from it.
     clock : array, shape (6,)
@@ -545,8 +547,8 @@ def follow(
             stop = 2
             break
         deepest = _compression(a_laws, walls, now, S, depth, terms, s, deepest)
-        while counts[1] < wanted.size:
-            t = (wanted[counts[1]] - clock[0]) - clock[1]
+        while counts[1] < output_times.size:
+            t = (output_times[counts[1]] - clock[0]) - clock[1]
             if t > span:
                 break
             sample = address(samples) + 16 * n * counts[1]

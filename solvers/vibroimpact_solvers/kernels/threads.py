@@ -1,4 +1,4 @@
-"""Runs a kernel on pieces of its range at once: kernels release the GIL."""
+"""Threads that run a kernel on pieces of its range in parallel: kernels release the GIL."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def over_ranges(piece: Callable[[int, int], object], size: int, work: float) -> 
     threads = min(size, int(work / WORTH) + 1)
     if threads > 1:
         threads = min(threads, cores())
-    if threads <= 1 or getattr(_here, "kept", False):  # of which there might be none left
+    if threads <= 1 or getattr(_here, "kept", False):  # a thread of the pool must not wait for it
         piece(0, size)
         return
     bounds = [size * k // threads for k in range(threads + 1)]
@@ -47,7 +47,7 @@ def over_ranges(piece: Callable[[int, int], object], size: int, work: float) -> 
 
 
 def _pool() -> ThreadPoolExecutor:
-    """Return the threads that all callers share: to start new ones takes as long as a kernel."""
+    """Return the pool that all callers share: starting new threads takes as long as a kernel."""
     with _keeping:
         if not _kept:
             _kept.append(ThreadPoolExecutor(max(1, cores() - 1), "kernels", _note))
@@ -59,7 +59,7 @@ def _note() -> None:
 
 
 def _forget() -> None:
-    """Leave the threads of the parent process behind, which did not come along in a fork."""
+    """Drop the pool after a fork: its threads exist in the parent process only."""
     global _keeping  # it may have been held there
     _keeping = threading.Lock()
     _kept.clear()

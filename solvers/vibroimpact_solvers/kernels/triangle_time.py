@@ -1,8 +1,8 @@
-"""Functions of the triangle-wave time that all families of impact modes are made of.
+"""Elementary functions of the triangle-wave time in which impact modes are written.
 
 Modes enter by ``mu = lambda / omega**2`` with their eigenvalue lambda, so that rigid-body modes
 (0) and unstable ones (negative) need no case at the call site; gamma is ``sqrt(mu)``. In their
-terms the kernels of the odd and even motion between two impacts are
+terms the antisymmetric and symmetric responses between two impacts are
 
     s(mu, tau) = tau sine(mu tau^2) / cosine(mu),      s(mu, 1) = T(mu) = tan(gamma)/gamma
     h(mu, tau) = -cosine(mu tau^2) / (mu sine(mu)),    h(mu, 1) = G(mu) = -cot(gamma)/gamma
@@ -41,7 +41,7 @@ def sag(mu: float) -> float:
 
 
 @kernel
-def odd_response(mu: float) -> tuple[float, float]:
+def antisymmetric_response(mu: float) -> tuple[float, float]:
     """Return T(mu) = tan(gamma)/gamma (tanh for negative mu) and its derivative."""
     if abs(mu) < 1e-3:
         value = 1.0 + mu * (1 / 3 + mu * (2 / 15 + mu * (17 / 315 + mu * (62 / 2835))))
@@ -53,7 +53,7 @@ def odd_response(mu: float) -> tuple[float, float]:
 
 
 @kernel
-def even_response(mu: float) -> tuple[float, float]:
+def symmetric_response(mu: float) -> tuple[float, float]:
     """Return G(mu) = -cot(gamma)/gamma (coth for negative mu) and its derivative."""
     gamma = math.sqrt(abs(mu))
     value = (-1.0 / math.tan(gamma) if mu > 0.0 else 1.0 / math.tanh(gamma)) / gamma

@@ -6,8 +6,8 @@ With ``q = 1 - sqrt(g/2H) eps t/2`` and ``phi = -(2/eps) ln(q)`` the transformat
 
 and that of the coordinate, z = abs(s), the same without the term in eps: s is an oscillator in the
 potential g abs(s), whose losses at s = 0 are averaged over a cycle. Both lag by a fixed part of
-a flight once eps t is not small. The phase of the exact motion is known, though: with kappa =
--ln(k), T the time of rest and q = 1 - t/T,
+an interval between impacts once eps t is not small. The phase of the exact motion is known,
+though: with kappa = -ln(k), T the time of rest and q = 1 - t/T,
 
     phi = -(2/kappa) ln(q (1+k) / (2 sqrt(k)))
 
@@ -20,37 +20,22 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
-from typing import ClassVar, Final, Self
+from typing import ClassVar, Self
 
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import PlanError
+from vibroimpact_solvers.model import System
+from vibroimpact_solvers.results.slow_flow import Stage
 from vibroimpact_solvers.slow_flow import parameters
 from vibroimpact_solvers.slow_flow.limits import waves
-from vibroimpact_solvers.slow_flow.lossy_flights import MOST
-from vibroimpact_solvers.slow_flow.motion import Asked, Impacts, Motion, Stage, Variant
-
-VARIANTS: Final = MappingProxyType(
-    {
-        "exact": Variant("parabolas", "piecewise parabolas, their number from a logarithm"),
-        "nstt": Variant(
-            "time transformation", "nonsmooth transformation of time, eq. 10.144-10.149"
-        ),
-        "corrected": Variant(
-            "time transformation", "the same with the phase that is odd at every exact impact"
-        ),
-        "nsct": Variant(
-            "coordinate transformation",
-            "nonsmooth transformation of the coordinate, z = abs(s), averaged over a cycle",
-        ),
-    }
-)
+from vibroimpact_solvers.slow_flow.lossy_motion import MOST
+from vibroimpact_solvers.slow_flow.motion import Impacts, Initial, Model, Motion, Variant
 
 
 @dataclass(frozen=True)
-class BouncingBall:
+class BouncingBall(Model):
     """The ball of eq. 10.124 and 10.125, released at rest.
 
     Parameters
@@ -70,13 +55,25 @@ class BouncingBall:
     k: float
     floor: float
 
-    VARIANTS: ClassVar[Mapping[str, Variant]] = VARIANTS
+    VARIANTS: ClassVar[Mapping[str, Variant]] = {
+        "exact": Variant("parabolas", "piecewise parabolas, their number from a logarithm"),
+        "nstt": Variant(
+            "time transformation", "nonsmooth transformation of time, eq. 10.144-10.149"
+        ),
+        "corrected": Variant(
+            "time transformation", "the same with the phase that is odd at every exact impact"
+        ),
+        "nsct": Variant(
+            "coordinate transformation",
+            "nonsmooth transformation of the coordinate, z = abs(s), averaged over a cycle",
+        ),
+    }
     INITIAL: ClassVar[tuple[str, ...]] = ("x",)
 
     @classmethod
-    def of(cls, asked: Asked) -> Self:
+    def of(cls, system: System, initial: Initial, variant: str, until: float) -> Self:
         """Take the parameters from a mass without spring over a floor, and its height x."""
-        one = parameters.single(asked.system)
+        one = parameters.single(system)
         parameters.no_damping(one)
         if one.stiffness != 0.0:
             raise parameters.refuse(("system", "K"), "a ball has no spring")
@@ -90,7 +87,7 @@ class BouncingBall:
             message = "the restitution of a ball that comes to rest lies between 0 and 1"
             raise parameters.refuse((*where, "restitution"), message)
         floor = -limiter.lower
-        height = parameters.given(asked.initial, "x") - floor
+        height = parameters.given(initial, "x") - floor
         if height <= 0.0:
             raise parameters.outside("x", "the ball is released above the floor")
         return cls(-one.force / one.mass, height, limiter.restitution, floor)
@@ -105,11 +102,8 @@ class BouncingBall:
         """Time of the first fall, sqrt(2H/g); its inverse is omega0(0) of eq. 10.146."""
         return math.sqrt(2.0 * self.height / self.g)
 
-    def exists(self) -> None:
-        """There is no family."""
-
     def impulse(self, motion: Motion) -> None:
-        """Return nothing: p of eq. 10.126 is the weight times 2 and tells nothing."""
+        """Return None: p of eq. 10.126 is constant, twice the weight."""
 
     def duration(self, variant: str) -> float:
         """Return the time of rest: (1+k)/(1-k) falls, or 2/eps of them (eq. 10.149)."""
@@ -162,9 +156,9 @@ class BouncingBall:
         return Motion(stage, phi, omega=omega, x=(self.floor + z)[:, None], v=v[:, None])
 
     def _parabolas(self, t: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return omega (2 over the flight's time), phi, z and its rate; t before rest."""
+        """Return omega (2 over the time between impacts), phi, z and its rate; t before rest."""
         left = 1.0 - t / self.duration("exact")
-        # Flight n begins where left is 2 k^n / (1 + k); roundings of the logarithm are mended.
+        # Free motion n begins where left is 2 k^n / (1 + k); roundings of the logarithm are mended.
         n = np.floor(np.log(left * (1.0 + self.k) / 2.0) / math.log(self.k))
         n = np.maximum(n, 0.0)
         n -= (n > 0) & (t < self._start(n))

@@ -1,7 +1,8 @@
 """Rates of the two-oscillator system: exact eq. 10.44, their averages and the truncated 10.46.
 
 A rate ``F(tau) + G(tau) e`` has over a period of the phase the mean of F over -1 <= tau <= 1, as
-e is as often 1 as -1 at every tau. Of F only its even part counts. With D = pi^2 - 4 gamma^2:
+e is as often 1 as -1 at every tau; only the part of F symmetric in tau contributes. With
+D = pi^2 - 4 gamma^2:
 
     gamma' = zeta Omega0 (1 + sin(2 gamma)/(2 gamma)) tan(gamma)
              - (beta B/(Omega0 Delta)) 2 pi sin^2(gamma)/D

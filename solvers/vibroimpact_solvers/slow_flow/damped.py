@@ -1,7 +1,7 @@
 """A damped oscillator between elastic walls, eq. 10.13-10.21, and what follows the last impact.
 
-Every variant goes on after its last impact, gamma = pi/2, as the free motion from the state that
-it has reached: one continuous solution for both stages.
+Every variant continues after its last impact, gamma = pi/2, as the free motion from the state
+reached: one continuous solution for both stages.
 """
 
 from __future__ import annotations
@@ -10,29 +10,20 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from types import MappingProxyType
 from typing import ClassVar, Final, Self
 
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.kernels import damped_walls
+from vibroimpact_solvers.model import System
+from vibroimpact_solvers.results.slow_flow import Stage
 from vibroimpact_solvers.slow_flow import parameters
 from vibroimpact_solvers.slow_flow.damped_average import Average
+from vibroimpact_solvers.slow_flow.decaying import GRAZING, Decaying, given_gamma
 from vibroimpact_solvers.slow_flow.free import FreeMotion
-from vibroimpact_solvers.slow_flow.motion import Asked, Impacts, Motion, Stage, Variant
+from vibroimpact_solvers.slow_flow.motion import Impacts, Initial, Motion, Variant
 from vibroimpact_solvers.slow_flow.regular import Flow, integrate
-
-VARIANTS: Final = MappingProxyType(
-    {
-        "exact": Variant("flights", "damped arcs from wall to wall, impacts by Newton's method"),
-        "transformed": Variant("integration", "eq. 10.15, integrated from impact to impact", 2e6),
-        "averaged": Variant("quadrature", "eq. 10.16 without expansion, by quadrature"),
-        "truncated": Variant("closed form", "eq. 10.17 and 10.18, to the fifth power of gamma"),
-        "leading": Variant("closed form", "eq. 10.19, to the first power of gamma"),
-    }
-)
-_GRAZING: Final = 0.5 * math.pi
 
 
 def _hypergeometric(terms: int) -> Floats:
@@ -46,34 +37,24 @@ _SERIES: Final = _hypergeometric(36)
 
 
 @dataclass(frozen=True)
-class Damped:
-    """The oscillator of eq. 10.13.
+class Damped(Decaying):
+    """The oscillator of eq. 10.13."""
 
-    Parameters
-    ----------
-    mass, Omega0, zeta, Delta : float
-        Mass, natural frequency, damping ratio and distance of the walls.
-    gamma0, phi0 : float
-        Frequency ratio and phase at t = 0.
-    free : FreeMotion
-        The motion without walls.
-    """
-
-    mass: float
-    Omega0: float
-    zeta: float
-    Delta: float
-    gamma0: float
-    phi0: float
-    free: FreeMotion
-
-    VARIANTS: ClassVar[Mapping[str, Variant]] = VARIANTS
+    VARIANTS: ClassVar[Mapping[str, Variant]] = {
+        "exact": Variant(
+            "exact between impacts", "damped arcs from wall to wall, impacts by Newton's method"
+        ),
+        "transformed": Variant("integration", "eq. 10.15, integrated from impact to impact", 2e6),
+        "averaged": Variant("quadrature", "eq. 10.16 without expansion, by quadrature"),
+        "truncated": Variant("closed form", "eq. 10.17 and 10.18, to the fifth power of gamma"),
+        "leading": Variant("closed form", "eq. 10.19, to the first power of gamma"),
+    }
     INITIAL: ClassVar[tuple[str, ...]] = ("gamma", "phi")
 
     @classmethod
-    def of(cls, asked: Asked) -> Self:
+    def of(cls, system: System, initial: Initial, variant: str, until: float) -> Self:
         """Take the parameters from a damped oscillator, gamma and phi."""
-        one = parameters.single(asked.system)
+        one = parameters.single(system)
         parameters.no_load(one)
         parameters.elastic(one.limiter)
         if one.Omega == 0.0:
@@ -81,50 +62,34 @@ class Damped:
         zeta = one.damping / (2.0 * one.mass * one.Omega)
         if not 0.0 < zeta < 1.0:
             raise parameters.refuse(("system", "C"), "the damping ratio lies between 0 and 1")
-        gamma = parameters.given(asked.initial, "gamma")
-        if not 0.0 < gamma < _GRAZING:
-            raise parameters.outside("gamma", "impacts need 0 < gamma < pi/2")
-        phi = asked.initial.phi or 0.0
+        gamma = given_gamma(initial)
+        phi = initial.phi or 0.0
         Delta = parameters.distance(one.limiter)
-        free = FreeMotion.of(asked.system)
+        free = FreeMotion.of(system)
         return cls(one.mass, one.Omega, zeta, Delta, gamma, phi, free)
-
-    def exists(self) -> None:
-        """There is no family."""
-
-    def expected_impacts(self, until: float) -> float:
-        """Return about how many impacts there are, however long one waits (eq. 10.19)."""
-        return 0.25 / (self.zeta * self.gamma0) + 2.0
-
-    def impulse(self, motion: Motion) -> Floats:
-        """Return p, eq. 10.8; 0 after the last impact."""
-        assert motion.gamma is not None
-        assert motion.omega is not None
-        p = self.mass * self.Omega0 * self.Delta * motion.omega / np.tan(motion.gamma)
-        return np.where(motion.stage == Stage.FREE, 0.0, p)
 
     def duration(self, variant: str) -> float:
         """Return the time of the last impact, or of gamma = pi/2 (eq. 10.21)."""
         match variant:
             case "exact":
-                return float(self._flights[0][-1]) if self._flights[0].size else 0.0
+                return float(self._exact_impacts[0][-1]) if self._exact_impacts[0].size else 0.0
             case "transformed":
                 return self._transformed.end
             case "averaged":
                 return self._average.end
             case "truncated":
-                fourth = _GRAZING**4
+                fourth = GRAZING**4
                 growth = fourth / (fourth + 11.25) / self._r0
                 return math.log(growth) / (8.0 * self.zeta * self.Omega0)
             case _:
-                return math.log(_GRAZING / self.gamma0) / (2.0 * self.zeta * self.Omega0)
+                return self._leading_end
 
     def impacts(self, until: float) -> Impacts:
         """Return the impacts of the exact motion."""
-        times, speeds = self._flights
+        times, speeds = self._exact_impacts
         there = times <= until
         gamma = np.arctan2(self.Omega0 * self.Delta, speeds)
-        phi: Floats = 2.0 * (np.arange(float(times.size)) + self._flight0) + 1.0
+        phi: Floats = 2.0 * (np.arange(float(times.size)) + self._first_interval) + 1.0
         return Impacts(times[there], speeds[there], phi[there], gamma[there])
 
     def motion(self, variant: str, t: Floats, *, shapes: bool = True) -> Motion:
@@ -158,16 +123,16 @@ class Damped:
     def _decay(self, phi: float, later: Floats) -> tuple[Floats, Floats]:
         """Return x/Delta and v/(Omega0 Delta) after grazing at a phase."""
         x, v = _pair(np.ones(1, dtype=bool))
-        damped_walls.elastic_shapes(np.array([_GRAZING]), np.array([phi]), x, v)
-        found = self.free.at(np.array([x[0], self.Omega0 * v[0]]), later)
-        return found[:, 0], found[:, 1] / self.Omega0
+        damped_walls.elastic_shapes(np.array([GRAZING]), np.array([phi]), x, v)
+        states = self.free.at(np.array([x[0], self.Omega0 * v[0]]), later)
+        return states[:, 0], states[:, 1] / self.Omega0
 
     def _state(self, variant: str, t: Floats) -> tuple[Floats, Floats]:
         """Return gamma and phi at times up to grazing."""
         match variant:
             case "transformed":
-                found = self._transformed.at(t)
-                return found[:, 0], found[:, 1]
+                flow_states = self._transformed.at(t)
+                return flow_states[:, 0], flow_states[:, 1]
             case "averaged":
                 gamma, phi = self._average.at(t)
             case "truncated":
@@ -202,14 +167,9 @@ class Damped:
             )
 
         start = np.array([self.gamma0, self.phi0])
-        return integrate(rates, start, math.inf, by_flights=True)
+        return integrate(rates, start, math.inf, jumps_at_impacts=True)
 
     # -- exact -----------------------------------------------------------------------------
-
-    @property
-    def _flight0(self) -> int:
-        """Number of the flight at t = 0; it goes upwards where it is even."""
-        return math.floor(0.5 * (self.phi0 + 1.0))
 
     @property
     def _constants(self) -> tuple[float, float, float]:
@@ -219,17 +179,17 @@ class Damped:
     @cached_property
     def _start(self) -> tuple[float, float]:
         """Return x and v at t = 0, as if upwards."""
-        tau = self.phi0 - 2.0 * self._flight0
+        tau = self.phi0 - 2.0 * self._first_interval
         angle, scale = self.gamma0 * tau, self.Delta / math.sin(self.gamma0)
         return scale * math.sin(angle), scale * self.Omega0 * math.cos(angle)
 
     @cached_property
-    def _flights(self) -> tuple[Floats, Floats]:
+    def _exact_impacts(self) -> tuple[Floats, Floats]:
         """Return times and speeds of all impacts."""
         size = int(1.2 * self.expected_impacts(math.inf)) + 10
         while True:
             times, speeds = np.empty(size), np.empty(size)
-            count = damped_walls.flights(
+            count = damped_walls.impacts(
                 *self._start, *self._constants, self.Delta, math.inf, times, speeds
             )  # fmt: skip
             if count >= 0:
@@ -237,13 +197,13 @@ class Damped:
             size *= 2
 
     def _exact(self, t: Floats) -> Motion:
-        times, speeds = self._flights
+        times, speeds = self._exact_impacts
         n = np.searchsorted(times, t, side="right")
         starts = np.concatenate([[0.0], times])[n]
         x0 = np.concatenate([[self._start[0]], np.full(times.size, -self.Delta)])[n]
         v0 = np.concatenate([[self._start[1]], speeds])[n]
         x, v = _arcs(x0, v0, t - starts, *self._constants)
-        number = n + self._flight0
+        number = n + self._first_interval
         e = np.where(number % 2 == 0, 1.0, -1.0)
         energy = np.hypot(v, self.Omega0 * x)
         gamma = np.arcsin(np.minimum(1.0, self.Omega0 * self.Delta / energy))

@@ -27,10 +27,10 @@ def _series(function: Callable[[Floats], Floats], domain: tuple[float, float]) -
     """Return a function as a series whose last terms are rounding."""
     degree = 32
     while True:
-        found = Chebyshev.interpolate(function, degree, list(domain))
-        size = np.abs(np.asarray(found.coef, dtype=np.float64))
+        series = Chebyshev.interpolate(function, degree, list(domain))
+        size = np.abs(np.asarray(series.coef, dtype=np.float64))
         if size[-4:].max() < _ROUNDING * size.max() or degree >= _MOST:
-            return found
+            return series
         degree *= 2
 
 
@@ -58,8 +58,8 @@ class Average:
         def rate(u: Floats) -> Floats:
             """Return zeta Omega0 dt/du."""
             gamma = np.exp(u)
-            found: Floats = gamma / ((1.0 + np.sinc(2.0 * gamma / np.pi)) * np.tan(gamma))
-            return found
+            rates: Floats = gamma / ((1.0 + np.sinc(2.0 * gamma / np.pi)) * np.tan(gamma))
+            return rates
 
         time, phase = _series(rate, domain), _series(lambda u: rate(u) * np.exp(-u), domain)
         left = -time.integ(lbnd=domain[1]) / (zeta * Omega0)
@@ -80,11 +80,11 @@ def _inverse(left: Chebyshev, root: Floats, domain: tuple[float, float]) -> Floa
     low, high = np.full_like(root, domain[0]), np.full_like(root, domain[1])
     u, slope = 0.5 * (low + high), left.deriv()
     for _ in range(100):
-        found = np.sqrt(np.maximum(0.0, left(u)))
-        late = found < root
+        root_left = np.sqrt(np.maximum(0.0, left(u)))
+        late = root_left < root
         low, high = np.where(late, low, u), np.where(late, u, high)
         with np.errstate(divide="ignore", invalid="ignore"):
-            following = u - (found - root) * 2.0 * found / slope(u)
+            following = u - (root_left - root) * 2.0 * root_left / slope(u)
         inside = (following > low) & (following < high)
         following = np.where(inside, following, 0.5 * (low + high))
         if (np.abs(following - u) <= 4e-16 * np.maximum(1.0, np.abs(u))).all():

@@ -41,7 +41,10 @@ class FreeMotion:
         return cls(rates.astype(np.complex128), modes.astype(np.complex128))
 
     def at(self, state: Floats, t: Floats) -> Floats:
-        """Return (x, v) at times after a state, shape (time, 2 n)."""
-        weights: NDArray[Any] = np.linalg.solve(self.modes, state.astype(np.complex128))
-        found: Floats = ((np.exp(np.outer(t, self.rates)) * weights) @ self.modes.T).real
-        return found
+        """Return (x, v) at times after a state, shape (time, 2 n).
+
+        state has shape (2 n,), or (time, 2 n) where each time has its own.
+        """
+        weights: NDArray[Any] = np.linalg.solve(self.modes, state.T.astype(np.complex128)).T
+        states: Floats = ((np.exp(np.outer(t, self.rates)) * weights) @ self.modes.T).real
+        return states

@@ -1,4 +1,4 @@
-"""Both ends of the slow flow between lossy walls: high energy and grazing, eq. 10.117-10.123."""
+"""Limits of the slow flow between lossy walls: high energy and grazing, eq. 10.117-10.123."""
 
 from __future__ import annotations
 

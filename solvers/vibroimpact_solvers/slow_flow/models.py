@@ -1,4 +1,4 @@
-"""The table of models, each with its variants."""
+"""The table of models by name."""
 
 from __future__ import annotations
 

@@ -1,30 +1,19 @@
-"""What the models of slow flows share: their start, their motion and their impacts."""
+"""The interface of all models of slow flows: initial values, motion, impacts, and `Model`."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import ClassVar, Protocol, Self
 
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.model import System
 
 
-class Stage(IntEnum):
-    """What a motion is at at some time."""
-
-    IMPACTS = 0
-    FREE = 1
-    REST = 2
-
-
-STAGES = tuple(stage.name.lower() for stage in Stage)
-
-
 @dataclass(frozen=True, slots=True)
 class Initial:
-    """Where a motion starts, at t = 0; each model names the fields that it takes.
+    """Initial values at t = 0; each model names the fields that it takes.
 
     Parameters
     ----------
@@ -39,7 +28,7 @@ class Initial:
     energy : float
         Total energy, mass length^2 / time^2.
     root : int
-        Which root of eq. 10.10: k = root // 2, the sign + for even and - for odd ones less 1.
+        Number of the root of eq. 10.10: k = root // 2, the sign + for even numbers, - for odd ones.
     x, v : float
         Displacement and velocity of the constrained mass.
     """
@@ -74,12 +63,12 @@ class Variant:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Motion:
-    """A motion at some times; None stands for what the model has not, or was not asked.
+    """A motion at given times; None where the model has no such quantity, or it is no output.
 
     Parameters
     ----------
     stage : array, shape (time,)
-        Codes of `Stage`.
+        Codes of `results.slow_flow.Stage`.
     phi : array, shape (time,)
         Phase of the triangle wave; nan after the last impact.
     gamma, omega : array, shape (time,)
@@ -121,28 +110,8 @@ class Impacts:
     gamma: Floats | None
 
 
-class Asked(Protocol):
-    """What a model is made of."""
-
-    @property
-    def system(self) -> System:
-        """The structure."""
-
-    @property
-    def initial(self) -> Initial:
-        """The start."""
-
-    @property
-    def variant(self) -> str:
-        """The description."""
-
-    @property
-    def t(self) -> Floats:
-        """The times, shape (time,)."""
-
-
 class Model(Protocol):
-    """A system of the chapter with its parameters and its start.
+    """A system of the chapter with its parameters and initial values.
 
     Attributes
     ----------
@@ -156,17 +125,17 @@ class Model(Protocol):
     INITIAL: ClassVar[tuple[str, ...]]
 
     @classmethod
-    def of(cls, asked: Asked) -> Self:
-        """Take the parameters from a system and a start.
+    def of(cls, system: System, initial: Initial, variant: str, until: float) -> Self:
+        """Take the parameters from a system and initial values, for a variant at times to `until`.
 
         Raises
         ------
         ModelError
-            Where they are not the model's.
+            Where the system or the initial values are not those of this model.
         """
 
     def motion(self, variant: str, t: Floats, *, shapes: bool = True) -> Motion:
-        """Return the motion at some times; without displacements unless `shapes`."""
+        """Return the motion at given times; without displacements unless `shapes`."""
 
     def impulse(self, motion: Motion) -> Floats | None:
         """Return the impulse parameter p along a motion; None where the model has none."""
@@ -175,10 +144,12 @@ class Model(Protocol):
         """Return the impacts of the exact motion at times 0 to `until`."""
 
     def duration(self, variant: str) -> float:
-        """Return when the impacts end."""
+        """Return when the impacts end; never, unless a model says otherwise."""
+        return math.inf
 
     def expected_impacts(self, until: float) -> float:
         """Return about how many impacts the exact motion has."""
 
     def exists(self) -> bool | None:
-        """Whether a member of a family is a motion; None where the model has no families."""
+        """Whether the solution of a family is admissible; None where the model has no family."""
+        return None

@@ -1,32 +1,26 @@
-"""An oscillator between elastic walls, or below one, eq. 10.1-10.12: real members and phantoms."""
+"""An oscillator between elastic walls, or below one, eq. 10.1-10.12: solutions and phantoms."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
-from typing import ClassVar, Final, Self
+from typing import ClassVar, Self
 
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.model import System
+from vibroimpact_solvers.results.slow_flow import Stage
 from vibroimpact_solvers.slow_flow import parameters
 from vibroimpact_solvers.slow_flow.limits import waves
-from vibroimpact_solvers.slow_flow.motion import Asked, Impacts, Initial, Motion, Stage, Variant
-
-VARIANTS: Final = MappingProxyType(
-    {
-        "exact": Variant("reflection", "the motion from the same state, reflected at the walls"),
-        "family": Variant("closed form", "the member of the family, eq. 10.9 or 10.12"),
-    }
-)
+from vibroimpact_solvers.slow_flow.motion import Impacts, Initial, Model, Motion, Variant
 
 
 @dataclass(frozen=True)
-class Oscillator:
-    """The oscillator of eq. 10.1 with a member of its family.
+class Oscillator(Model):
+    """The oscillator of eq. 10.1 with one solution of its family.
 
     Parameters
     ----------
@@ -37,7 +31,7 @@ class Oscillator:
     both : bool
         Whether there are two walls.
     gamma, phi : float
-        Frequency ratio Omega0 / omega of the member and its phase at t = 0.
+        Frequency ratio Omega0 / omega of the solution and its phase at t = 0.
     """
 
     mass: float
@@ -47,13 +41,16 @@ class Oscillator:
     gamma: float
     phi: float
 
-    VARIANTS: ClassVar[Mapping[str, Variant]] = VARIANTS
+    VARIANTS: ClassVar[Mapping[str, Variant]] = {
+        "exact": Variant("reflection", "the motion from the same state, reflected at the walls"),
+        "family": Variant("closed form", "the solution of the family, eq. 10.9 or 10.12"),
+    }
     INITIAL: ClassVar[tuple[str, ...]] = ("gamma", "energy", "root", "phi")
 
     @classmethod
-    def of(cls, asked: Asked) -> Self:
+    def of(cls, system: System, initial: Initial, variant: str, until: float) -> Self:
         """Take the parameters from an undamped oscillator, and gamma or an energy and a root."""
-        one = parameters.single(asked.system)
+        one = parameters.single(system)
         parameters.no_load(one)
         parameters.no_damping(one)
         parameters.elastic(one.limiter)
@@ -66,14 +63,14 @@ class Oscillator:
             raise parameters.refuse(("system", "constraints", 0, "gap"), message)
         Delta = parameters.distance(limiter) if both else limiter.upper
         grazing = 0.5 * one.stiffness * Delta**2
-        gamma = _gamma(asked.initial, grazing, both)
-        model = cls(one.mass, one.Omega, Delta, both, gamma, asked.initial.phi or 0.0)
-        if asked.variant == "exact" and not model.starts_inside():
+        gamma = _gamma(initial, grazing, both)
+        model = cls(one.mass, one.Omega, Delta, both, gamma, initial.phi or 0.0)
+        if variant == "exact" and not model.starts_inside():
             raise parameters.outside("phi", "the phantom starts beyond a wall")
         return model
 
     def exists(self) -> bool:
-        """Whether the member keeps within the walls, which push it back."""
+        """Whether the solution is admissible: within the walls, which push it back."""
         if self.both:
             return 0.0 < self.gamma <= 0.5 * math.pi
         if self.Delta > 0.0:
@@ -81,15 +78,11 @@ class Oscillator:
         return 0.0 < self.gamma < 0.5 * math.pi
 
     def starts_inside(self) -> bool:
-        """Whether the member is within the walls at t = 0."""
+        """Whether the solution is within the walls at t = 0."""
         x, _ = self._start()
         return x <= self.Delta * (1.0 + math.copysign(1e-12, self.Delta)) and (
             not self.both or x >= -self.Delta * (1.0 + 1e-12)
         )
-
-    def duration(self, variant: str) -> float:
-        """Return infinity: nothing is lost."""
-        return math.inf
 
     def impulse(self, motion: Motion) -> Floats:
         """Return p, eq. 10.8 and 10.11: positive where the wall pushes back."""
@@ -99,34 +92,32 @@ class Oscillator:
 
     def expected_impacts(self, until: float) -> float:
         """Return the number of impacts, within one."""
-        real = self._real()
-        return 0.5 * real.Omega0 / real.gamma * until + 1.0
+        admissible = self._admissible()
+        return 0.5 * admissible.Omega0 / admissible.gamma * until + 1.0
 
     def impacts(self, until: float) -> Impacts:
-        """Return the impacts of the motion that starts from the state of the member."""
-        real = self._real()
-        omega = real.Omega0 / real.gamma
-        first = math.floor(0.5 * (real.phi + 1.0))
-        last = math.floor(0.5 * (real.phi + omega * until - 1.0))
+        """Return the impacts of the motion that starts from the state of the solution."""
+        admissible = self._admissible()
+        omega = admissible.Omega0 / admissible.gamma
+        first = math.floor(0.5 * (admissible.phi + 1.0))
+        last = math.floor(0.5 * (admissible.phi + omega * until - 1.0))
         phi: Floats = 2.0 * np.arange(float(first), last + 1.0) + 1.0
-        slope = 1.0 / math.tan(real.gamma) if self.both else -math.tan(real.gamma)
-        speed = np.full(phi.size, real.Omega0 * real.Delta * slope)
-        gamma = np.full(phi.size, real.gamma)
-        return Impacts((phi - real.phi) / omega, speed, phi, gamma)
+        slope = 1.0 / math.tan(admissible.gamma) if self.both else -math.tan(admissible.gamma)
+        speed = np.full(phi.size, admissible.Omega0 * admissible.Delta * slope)
+        gamma = np.full(phi.size, admissible.gamma)
+        return Impacts((phi - admissible.phi) / omega, speed, phi, gamma)
 
     def motion(self, variant: str, t: Floats, *, shapes: bool = True) -> Motion:
-        """Return the member, or the motion from its state."""
-        of = self if variant == "family" else self._real()
+        """Return the solution of the family, or the motion from its state."""
+        of = self if variant == "family" else self._admissible()
         omega = of.Omega0 / of.gamma
         phi = of.phi + omega * t
         stage = np.full(t.size, Stage.IMPACTS, dtype=np.int64)
-        gamma = np.full(t.size, of.gamma)
+        state = (stage, phi, np.full(t.size, of.gamma), np.full(t.size, omega))
         if not shapes:
-            return Motion(stage, phi, gamma, np.full(t.size, omega))
+            return Motion(*state)
         x, v = of._shape(phi)
-        return Motion(
-            stage, phi, gamma, np.full(t.size, omega), x=x[:, None], v=v[:, None]
-        )  # fmt: skip
+        return Motion(*state, x=x[:, None], v=v[:, None])
 
     def _shape(self, phi: Floats) -> tuple[Floats, Floats]:
         tau, e = waves(phi)
@@ -141,8 +132,8 @@ class Oscillator:
         x, v = self._shape(np.array([self.phi]))
         return float(x[0]), float(v[0])
 
-    def _real(self) -> Oscillator:
-        """Return the real member through the state at t = 0."""
+    def _admissible(self) -> Oscillator:
+        """Return the admissible solution through the state at t = 0."""
         x, v = self._start()
         v /= self.Omega0
         radius = math.hypot(x, v)
@@ -177,5 +168,5 @@ def _gamma(start: Initial, grazing: float, both: bool) -> float:
         )
     flat = math.sin(gamma) if both else math.cos(gamma)
     if gamma <= 0.0 or abs(flat) < 1e-15:
-        raise ModelError(("initial", "gamma"), "no member has this gamma", code="out_of_range")
+        raise ModelError(("initial", "gamma"), "no solution has this gamma", code="out_of_range")
     return gamma

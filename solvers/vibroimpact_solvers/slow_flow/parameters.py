@@ -1,4 +1,4 @@
-"""What a model takes from a structure, and the refusal of structures that are not its own."""
+"""Parameters of a model taken from a structure; structures that do not fit are refused."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Single:
 
 
 def refuse(pointer: tuple[str | int, ...], message: str) -> ModelError:
-    """Return the error of a structure that is not the one that a model is about."""
+    """Return the error of a structure that does not fit the model."""
     return ModelError(pointer, message, code="not_of_this_model")
 
 
@@ -59,11 +59,11 @@ def limiter(system: System, dof: int) -> Constraint:
     if len(system.constraints) != 1:
         message = f"the model has one limiter, the system has {len(system.constraints)}"
         raise refuse(("system", "constraints"), message)
-    found = system.constraints[0]
-    if found.coordinate != ((dof, 1.0),):
+    constraint = system.constraints[0]
+    if constraint.coordinate != ((dof, 1.0),):
         message = f"the model limits degree of freedom {dof}"
         raise refuse(("system", "constraints", 0), message)
-    return found
+    return constraint
 
 
 def distance(limiter: Constraint) -> float:
@@ -95,7 +95,7 @@ def elastic(limiter: Constraint) -> None:
 
 
 def given(initial: Initial, name: str) -> float:
-    """Return a field of the start, which must be there."""
+    """Return an initial value, which is required."""
     value: float | None = getattr(initial, name)
     if value is None:
         raise ModelError(("initial", name), f"{name} is missing", code="missing")
@@ -103,5 +103,5 @@ def given(initial: Initial, name: str) -> float:
 
 
 def outside(name: str, message: str) -> ModelError:
-    """Return the error of a start that lies outside what the model describes."""
+    """Return the error of an initial value outside the range of the model."""
     return ModelError(("initial", name), message, code="out_of_range")

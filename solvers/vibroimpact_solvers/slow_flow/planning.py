@@ -1,4 +1,4 @@
-"""Decides what is computed of a slow flow; `solving` follows and decides nothing."""
+"""Plans slow flows: the variant, the exact motion to compare it with, and what is skipped."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Final
 
 from vibroimpact_solvers.errors import PlanError
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
-from vibroimpact_solvers.slow_flow.lossy_flights import MOST
+from vibroimpact_solvers.slow_flow.lossy_motion import MOST
 from vibroimpact_solvers.slow_flow.problem import KIND, OUTPUTS, Problem
 
 _EACH: Final = 300.0  # operations for one time
@@ -37,7 +37,7 @@ def _steps(problem: Problem) -> Iterator[Step]:
     if problem.compares and problem.variant != "exact":
         exact = problem.moving.VARIANTS["exact"]
         yield Step(
-            Stage.FLIGHT,
+            Stage.FREE_MOTION,
             exact.method,
             f"the exact motion, with which {problem.variant} is compared: {exact.about}",
             _EACH * size + _IMPACT * impacts,
@@ -48,11 +48,6 @@ def _steps(problem: Problem) -> Iterator[Step]:
 def _skips(problem: Problem) -> Iterator[Skip]:
     for name in OUTPUTS:
         if name not in problem.outputs:
-            yield Skip(name, "not asked")
+            yield Skip(name, "not requested")
     if problem.compares and problem.variant == "exact":
         yield Skip("a second solution for the error", "the variant is the exact one")
-
-
-def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Problem]:
-    """Return the problem as one piece: its impacts follow from one another."""
-    return [problem]

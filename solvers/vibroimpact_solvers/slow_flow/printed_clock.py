@@ -67,5 +67,4 @@ def ratio(target: Floats) -> Floats:
         z = np.maximum(z - step, 0.1 * z)
         if (np.abs(step) <= 4e-16 * z).all():
             break
-    found: Floats = np.arctan(z)
-    return found
+    return np.asarray(np.arctan(z))

@@ -1,4 +1,4 @@
-"""What is asked: a motion with slowly changing impacts, by which description, at which times."""
+"""The problem: a motion with slowly changing impacts, by one variant of a model, at given times."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ OUTPUTS: Final = ("state", "x", "v", "impulse", "error")
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Which motion, described how, at which times.
+    """A motion by one variant of a model, at given times.
 
     Parameters
     ----------
     system : System
-        The structure with its limiter; it must be the one that the model is about.
+        The structure with its limiter; it must fit the model.
     model : str
         Out of `MODELS`.
     variant : str
         Description of the motion, out of the model's variants.
     initial : Initial
-        Where the motion starts.
+        Initial values.
     t : array, shape (time,)
         Times, not negative.
     outputs : frozenset of str
-        What is wanted, out of `OUTPUTS`.
+        Names of outputs, out of `OUTPUTS`.
     tolerance : float, optional
-        Error of displacements, relative to the largest, that the variant may have: it is compared
+        Largest error of displacements, relative to the largest of these: the variant is compared
         with the exact motion, and the result says whether it is within.
     """
 
@@ -68,7 +68,9 @@ class Problem:
             message = f"variants of {self.model} are {', '.join(variants)}"
             raise ModelError(("variant",), message, code="unknown_variant")
         self._check_initial(MODELS[self.model])
-        object.__setattr__(self, "_moving", MODELS[self.model].of(self))
+        until = float(self.t.max())
+        model = MODELS[self.model].of(self.system, self.initial, self.variant, until)
+        object.__setattr__(self, "_moving", model)
 
     def _check_initial(self, model: type[Model]) -> None:
         for field in fields(self.initial):
@@ -87,7 +89,7 @@ class Problem:
 
     @property
     def compares(self) -> bool:
-        """Whether the error of the variant is wanted, for itself or to judge it."""
+        """Whether the variant is compared with the exact motion."""
         return "error" in self.outputs or self.tolerance is not None
 
     @property

@@ -47,12 +47,12 @@ class Flow:
 
     def at(self, t: Floats) -> Floats:
         """Return the states at times before the end, shape (time, unknown)."""
-        found = np.empty((t.size, self.last.size))
+        states = np.empty((t.size, self.last.size))
         which = np.maximum(np.searchsorted(self.starts, t, side="right") - 1, 0)
         for index in np.unique(which):
             here = which == index
-            found[here] = self._piece(index, t[here])
-        return found
+            states[here] = self._piece(index, t[here])
+        return states
 
     def _piece(self, index: int, t: Floats) -> Floats:
         """Return the states at times in one piece: s by regula falsi, as t grows with s."""
@@ -69,7 +69,7 @@ class Flow:
             if (np.abs(miss) <= 2e-15 * np.maximum(1.0, t)).all():
                 break
             early = np.where(miss < 0.0, -1.0, 1.0)
-            # The Illinois rule: an end that stays twice counts half.
+            # The Illinois rule: the value of an end that is kept twice is halved.
             stays = np.where(early == side, 0.5, 1.0)
             below, above = (
                 np.where(early < 0.0, miss, stays * below),
@@ -81,7 +81,7 @@ class Flow:
         return state
 
 
-def integrate(rates: Rates, state: Floats, until: float, *, by_flights: bool) -> Flow:
+def integrate(rates: Rates, state: Floats, until: float, *, jumps_at_impacts: bool) -> Flow:
     """Integrate from a state (gamma, phi, ...) at t = 0 to gamma = pi/2 or `until`.
 
     Parameters
@@ -89,25 +89,25 @@ def integrate(rates: Rates, state: Floats, until: float, *, by_flights: bool) ->
     rates : callable
     state : array, shape (unknown,)
     until : float
-        Last time wanted.
-    by_flights : bool
-        Whether the rates jump at impacts, so that each flight is a piece of its own.
+        Last time of interest.
+    jumps_at_impacts : bool
+        Whether the rates jump at impacts, so that each interval between them is a piece of its own.
     """
     y = np.append(np.asarray(state, dtype=np.float64), 0.0)
     starts, pieces = [], []
     grazed = False
     while not grazed and y[-1] < until:
-        # The side from which an impact is seen is that of the flight that begins.
-        flight = math.floor(0.5 * (y[1] + 1.0) + 1e-9)
+        # The number of the interval that begins: at an impact, the one after it.
+        interval = math.floor(0.5 * (y[1] + 1.0) + 1e-9)
         run = scipy.integrate.solve_ivp(
-            _right(rates, flight if by_flights else None),
+            _right(rates, interval if jumps_at_impacts else None),
             (0.0, 1e6 + 1e3 * until),
             y,
             "DOP853",
             rtol=_RELATIVE,
             atol=_ABSOLUTE,
             dense_output=True,
-            events=_events(until, 2.0 * flight + 1.0 if by_flights else math.inf),
+            events=_events(until, 2.0 * interval + 1.0 if jumps_at_impacts else math.inf),
         )
         if run.status != 1:
             raise ConvergenceError(f"the slow flow cannot be integrated: {run.message}")
@@ -116,14 +116,14 @@ def integrate(rates: Rates, state: Floats, until: float, *, by_flights: bool) ->
         events = run.t_events or []
         grazed = events[0].size > 0
         y = run.y[:, -1]
-        if by_flights and events[2].size > 0:
-            y[1] = 2.0 * flight + 1.0
+        if jumps_at_impacts and events[2].size > 0:
+            y[1] = 2.0 * interval + 1.0
     return Flow(np.array(starts), pieces, float(y[-1]) if grazed else math.inf, y[:-1])
 
 
-def _right(rates: Rates, flight: int | None) -> Callable[[float, Floats], list[float]]:
+def _right(rates: Rates, interval: int | None) -> Callable[[float, Floats], list[float]]:
     def right(s: float, y: Floats) -> list[float]:
-        at = math.floor(0.5 * (y[1] + 1.0)) if flight is None else flight
+        at = math.floor(0.5 * (y[1] + 1.0)) if interval is None else interval
         e = 1.0 - 2.0 * (at % 2)
         return list(rates(e * (float(y[1]) - 2.0 * at), e, y))
 

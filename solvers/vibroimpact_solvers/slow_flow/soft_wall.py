@@ -2,7 +2,7 @@
 
 The force is that of the chapter, ``(x1 / (alpha Delta))^17`` in units of m Omega0^2 Delta. Alpha is
 chosen so that, without coupling, the soft oscillator has the period of the rigid one at its initial
-energy; as the energy is lost, the walls seem to give less.
+energy; as the energy decreases, the walls appear stiffer.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def matched(gamma0: float) -> float:
 
 
 def motion(of: Coupled, alpha: float, state: Floats, t: Floats) -> Floats:
-    """Return (x1, x2, v1, v2) at some times, shape (time, 4)."""
+    """Return (x1, x2, v1, v2) at given times, shape (time, 4)."""
     square, wall = of.Omega0**2, alpha * of.Delta
 
     def right(s: float, y: Floats) -> list[float]:
@@ -66,6 +66,6 @@ def motion(of: Coupled, alpha: float, state: Floats, t: Floats) -> Floats:
     )  # fmt: skip
     if run.status != 0:
         raise ConvergenceError(f"the soft walls cannot be integrated: {run.message}")
-    found = np.empty((t.size, 4))
-    found[order] = run.y.T
-    return found
+    states = np.empty((t.size, 4))
+    states[order] = run.y.T
+    return states

@@ -1,28 +1,26 @@
-"""Does what a plan of a slow flow lists."""
+"""Computes a slow flow as its plan says, and its differences from the exact motion."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.plan import Plan, Stage
+from vibroimpact_solvers.plan import Plan, Stage, Tick
+from vibroimpact_solvers.results.slow_flow import Result
 from vibroimpact_solvers.slow_flow.motion import Motion
 from vibroimpact_solvers.slow_flow.problem import Problem
-from vibroimpact_solvers.slow_flow.result import Result
 
-Tick = Callable[[int, int], None]
-
+_STATE: Final = ("gamma", "omega", "phi", "A", "B")
 _MEASURED: Final = (
     "measured: differences from the exact motion from the same start, at the times asked for and "
     "at its impacts"
 )
 _EXACT: Final = "the exact motion; its only errors are roundings"
 _ROUNDING: Final = 1e-12
-"""What the exact motion keeps of its displacements, relative to the largest."""
+"""Rounding of the exact displacements, relative to the largest."""
 _UNKNOWN: Final = "not asked"
 
 
@@ -51,11 +49,7 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
         "t": problem.t,
         "dof": np.arange(problem.system.n) if shapes else None,
         "stage": motion.stage,
-        "gamma": motion.gamma if state else None,
-        "omega": motion.omega if state else None,
-        "phi": motion.phi if state else None,
-        "A": motion.A if state else None,
-        "B": motion.B if state else None,
+        **{name: getattr(motion, name) if state else None for name in _STATE},
         "x": motion.x if "x" in outputs else None,
         "v": motion.v if "v" in outputs else None,
         "impulse": model.impulse(motion) if "impulse" in outputs else None,
@@ -64,19 +58,19 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
         "exists": None if exists is None else np.array(exists),
         "seconds": np.array(seconds),
     }
-    found = _errors(problem, plan, motion) if problem.compares else _no_errors()
-    within = _within(problem, motion, found["error_x"])
-    fields |= found if "error" in outputs else _no_errors()
+    errors = _errors(problem, plan, motion) if problem.compares else _no_errors()
+    within = _within(problem, motion, errors["error_x"])
+    fields |= errors if "error" in outputs else _no_errors()
     fields["within_tolerance"] = within
     if within is not None:
-        fields["error_statement"] = found["error_statement"]
+        fields["error_statement"] = errors["error_statement"]
     if tick is not None:
         tick(total, total)
     return Result(**fields)
 
 
 def _within(problem: Problem, motion: Motion, error: Floats | None) -> Any:
-    """Return whether a variant is as exact as asked, None where nothing was asked."""
+    """Return whether a variant is within the tolerance, None where there is none."""
     if problem.tolerance is None:
         return None
     assert error is not None
@@ -96,40 +90,34 @@ def _errors(problem: Problem, plan: Plan, motion: Motion) -> dict[str, Any]:
     """Return the exact impacts and the differences from the exact motion."""
     model, variant = problem.moving, problem.variant
     exact, seconds = motion, None
-    if plan.step(Stage.FLIGHT) is not None:
+    if plan.step(Stage.FREE_MOTION) is not None:
         started = time.perf_counter()
         exact = model.motion("exact", problem.t)
         seconds = np.array(time.perf_counter() - started)
     assert motion.x is not None
     assert exact.x is not None
-    found = _no_errors() | {
+    errors = _no_errors() | {
         "error_x": motion.x - exact.x,
         "seconds_exact": seconds,
         "error_statement": _EXACT if variant == "exact" else _MEASURED,
     }
     impacts = model.impacts(float(problem.t.max()))
     if impacts.time.size == 0:
-        return found
-    found |= {
+        return errors
+    errors |= {
         "impact": np.arange(1, impacts.time.size + 1),
         "impact_time": impacts.time,
         "impact_velocity": impacts.velocity,
     }
     if variant == "exact":
         zeros: Floats = np.zeros(impacts.time.size)
-        return found | {
+        return errors | {
             "error_phi": zeros,
             "error_gamma": None if impacts.gamma is None else zeros,
         }
     at = model.motion(variant, impacts.time, shapes=False)
     if at.phi is not None:
-        found["error_phi"] = at.phi - impacts.phi
+        errors["error_phi"] = at.phi - impacts.phi
     if impacts.gamma is not None and at.gamma is not None:
-        found["error_gamma"] = at.gamma - impacts.gamma
-    return found
-
-
-def join(problem: Problem, plan: Plan, results: Sequence[Result]) -> Result:
-    """Return the result of the only piece."""
-    (result,) = results
-    return result
+        errors["error_gamma"] = at.gamma - impacts.gamma
+    return errors

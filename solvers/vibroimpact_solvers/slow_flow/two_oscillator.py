@@ -4,111 +4,91 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from types import MappingProxyType
-from typing import ClassVar, Final, Self
+from typing import ClassVar, Self
 
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.model import System
+from vibroimpact_solvers.results.slow_flow import Stage
 from vibroimpact_solvers.slow_flow import parameters, soft_wall
-from vibroimpact_solvers.slow_flow.coupled_flights import CoupledFlights
+from vibroimpact_solvers.slow_flow.coupled_motion import CoupledMotion
 from vibroimpact_solvers.slow_flow.coupled_rates import Coupled
+from vibroimpact_solvers.slow_flow.decaying import Decaying, given_gamma
 from vibroimpact_solvers.slow_flow.free import FreeMotion
 from vibroimpact_solvers.slow_flow.limits import waves
-from vibroimpact_solvers.slow_flow.motion import Asked, Impacts, Motion, Stage, Variant
+from vibroimpact_solvers.slow_flow.motion import Impacts, Initial, Motion, Variant
 from vibroimpact_solvers.slow_flow.regular import Flow, integrate
 
-VARIANTS: Final = MappingProxyType(
-    {
-        "exact": Variant("flights", "linear flights by complex modes, impacts bracketed"),
+
+@dataclass(frozen=True)
+class TwoOscillator(Decaying):
+    """The system of eq. 10.41 and 10.42; displacements of both masses are shape (time, 2).
+
+    Parameters
+    ----------
+    coupled : Coupled
+        Parameters of the equations.
+    A0, B0 : float
+        Amplitudes of the second mass at t = 0 (eq. 10.43).
+    horizon : float
+        Time to which the motion is followed.
+    """
+
+    coupled: Coupled
+    A0: float
+    B0: float
+    horizon: float
+
+    VARIANTS: ClassVar[Mapping[str, Variant]] = {
+        "exact": Variant("exact between impacts", "complex modes, impacts bracketed"),
         "transformed": Variant("integration", "eq. 10.44, integrated from impact to impact", 6e6),
         "averaged": Variant("integration", "the averages of eq. 10.44 over the phase", 3e6),
         "truncated": Variant("integration", "eq. 10.46, the averages to low powers of gamma", 2e6),
         "soft_wall": Variant("integration", "walls of the force (x/(alpha Delta))^17", 6e6),
     }
-)
-_GRAZING: Final = 0.5 * math.pi
-
-
-@dataclass(frozen=True)
-class TwoOscillator:
-    """The system of eq. 10.41 and 10.42; displacements of both masses are shape (time, 2).
-
-    Parameters
-    ----------
-    mass : float
-        Of each.
-    coupled : Coupled
-        Parameters of the equations.
-    gamma0, phi0, A0, B0 : float
-        The state at t = 0 (eq. 10.43).
-    free : FreeMotion
-        The motion without walls.
-    horizon : float
-        Time to which the motion is followed.
-    """
-
-    mass: float
-    coupled: Coupled
-    gamma0: float
-    phi0: float
-    A0: float
-    B0: float
-    free: FreeMotion
-    horizon: float
-
-    VARIANTS: ClassVar[Mapping[str, Variant]] = VARIANTS
     INITIAL: ClassVar[tuple[str, ...]] = ("gamma", "phi", "A", "B")
 
     @classmethod
-    def of(cls, asked: Asked) -> Self:
+    def of(cls, system: System, initial: Initial, variant: str, until: float) -> Self:
         """Take the parameters from two equal coupled oscillators, and gamma, phi, A, B."""
-        mass, coupled = _coupled(asked)
-        start = asked.initial
-        gamma = parameters.given(start, "gamma")
-        if not 0.0 < gamma < _GRAZING:
-            raise parameters.outside("gamma", "impacts need 0 < gamma < pi/2")
+        mass, coupled = _coupled(system)
+        model = cls(
+            mass,
+            coupled.Omega0,
+            coupled.zeta,
+            coupled.Delta,
+            given_gamma(initial),
+            initial.phi or 0.0,
+            FreeMotion.of(system),
+            coupled,
+            initial.A or 0.0,
+            initial.B or 0.0,
+            1.01 * until,
+        )
         # Impacts end near the time of eq. 10.21, unless the second mass brings energy back.
-        lasting = math.log(_GRAZING / gamma) / (2.0 * coupled.zeta * coupled.Omega0)
-        horizon = max(4.0 * lasting, 1.01 * float(asked.t.max()))
-        rest = (start.phi or 0.0, start.A or 0.0, start.B or 0.0)
-        return cls(mass, coupled, gamma, *rest, FreeMotion.of(asked.system), horizon)
-
-    def exists(self) -> None:
-        """There is no family."""
-
-    def expected_impacts(self, until: float) -> float:
-        """Return about how many impacts there are, however long one waits."""
-        return 0.25 / (self.coupled.zeta * self.gamma0) + 2.0
-
-    def impulse(self, motion: Motion) -> Floats | None:
-        """Return p, eq. 10.45; 0 after the last impact, None for soft walls."""
-        if motion.gamma is None or motion.omega is None:
-            return None
-        scale = self.mass * self.coupled.Omega0 * self.coupled.Delta
-        p = scale * motion.omega / np.tan(motion.gamma)
-        return np.where(motion.stage == Stage.FREE, 0.0, p)
+        return replace(model, horizon=max(4.0 * model._leading_end, model.horizon))
 
     def duration(self, variant: str) -> float:
         """Return the time of the last impact, or of gamma = pi/2; infinity within the horizon."""
         if variant == "soft_wall":
             return math.inf
         if variant == "exact":
-            times = self._flights.times
+            times = self._exact_motion.times
             return float(times[-1]) if times.size else 0.0
         return self._flow(variant).end
 
     def impacts(self, until: float) -> Impacts:
         """Return the impacts of the exact motion."""
-        there = self._flights.times <= until
-        speeds = np.abs(self._flights.states[there, 2])
-        gamma = np.arctan2(self.coupled.Omega0 * self.coupled.Delta, speeds)
+        there = self._exact_motion.times <= until
+        speeds = np.abs(self._exact_motion.states[there, 2])
+        gamma = np.arctan2(self.Omega0 * self.Delta, speeds)
         n: Floats = np.arange(float(speeds.size))
-        phi: Floats = 2.0 * (n + self._flight0) + 1.0
-        return Impacts(self._flights.times[there], speeds, phi, gamma)
+        phi: Floats = 2.0 * (n + self._first_interval) + 1.0
+        return Impacts(self._exact_motion.times[there], speeds, phi, gamma)
 
     def motion(self, variant: str, t: Floats, *, shapes: bool = True) -> Motion:
         """Return the motion at some times."""
@@ -117,27 +97,23 @@ class TwoOscillator:
                 return self._exact(t)
             case "soft_wall":
                 alpha = soft_wall.matched(self.gamma0)
-                found = soft_wall.motion(self.coupled, alpha, self._start, t)
+                states = soft_wall.motion(self.coupled, alpha, self._start, t)
                 stage = np.full(t.size, Stage.IMPACTS, dtype=np.int64)
-                return Motion(stage, x=found[:, :2], v=found[:, 2:])
+                return Motion(stage, x=states[:, :2], v=states[:, 2:])
             case _:
                 return self._slow(variant, t)
 
     @cached_property
     def _start(self) -> Floats:
         state = np.array([[self.gamma0, self.phi0, self.A0, self.B0]])
-        found: Floats = self._physical(state)[0]
-        return found
-
-    @property
-    def _flight0(self) -> int:
-        return math.floor(0.5 * (self.phi0 + 1.0))
+        physical: Floats = self._physical(state)[0]
+        return physical
 
     def _physical(self, state: Floats) -> Floats:
         """Return (x1, x2, v1, v2) of (gamma, phi, A, B), eq. 10.43; shapes (time, 4)."""
         gamma, phi, A, B = state.T
         tau, e = waves(phi)
-        scale, Omega0 = self.coupled.Delta / np.sin(gamma), self.coupled.Omega0
+        scale, Omega0 = self.Delta / np.sin(gamma), self.Omega0
         sine, cosine = np.sin(0.5 * np.pi * tau), np.cos(0.5 * np.pi * tau)
         return np.stack(
             [
@@ -161,7 +137,7 @@ class TwoOscillator:
             }[variant]
             start = np.array([self.gamma0, self.phi0, self.A0, self.B0])
             jumps = variant == "transformed"
-            known[variant] = integrate(rates, start, self.horizon, by_flights=jumps)
+            known[variant] = integrate(rates, start, self.horizon, jumps_at_impacts=jumps)
         return known[variant]
 
     def _slow(self, variant: str, t: Floats) -> Motion:
@@ -169,47 +145,46 @@ class TwoOscillator:
         free = t >= flow.end
         state = np.empty((t.size, 4))
         state[~free] = flow.at(t[~free])
-        found = np.empty((t.size, 4))
-        found[~free] = self._physical(state[~free])
+        physical = np.empty((t.size, 4))
+        physical[~free] = self._physical(state[~free])
         if free.any():
             last = self._physical(flow.last[None, :])[0]
-            found[free] = self.free.at(last, t[free] - flow.end)
+            physical[free] = self.free.at(last, t[free] - flow.end)
         state[free] = np.nan
         gamma, phi, A, B = state.T
         stage = np.where(free, Stage.FREE, Stage.IMPACTS)
-        omega = self.coupled.Omega0 / gamma
-        return Motion(stage, phi, gamma, omega, A, B, found[:, :2], found[:, 2:])
+        omega = self.Omega0 / gamma
+        return Motion(stage, phi, gamma, omega, A, B, physical[:, :2], physical[:, 2:])
 
     # -- exact -----------------------------------------------------------------------------
 
     @cached_property
-    def _flights(self) -> CoupledFlights:
+    def _exact_motion(self) -> CoupledMotion:
         size = int(1.2 * self.expected_impacts(math.inf)) + 16
-        return CoupledFlights.of(self.coupled, self.free, self._start, self.horizon, size)
+        return CoupledMotion.of(self.coupled, self.free, self._start, self.horizon, size)
 
     def _exact(self, t: Floats) -> Motion:
-        found, n = self._flights.at(t)
-        x1, x2, v1, v2 = found.T
-        Omega0 = self.coupled.Omega0
-        number = n + self._flight0
+        physical, n = self._exact_motion.at(t)
+        x1, x2, v1, v2 = physical.T
+        Omega0 = self.Omega0
+        number = n + self._first_interval
         e = np.where(number % 2 == 0, 1.0, -1.0)
         size = np.hypot(v1, Omega0 * x1)
-        gamma = np.arcsin(np.minimum(1.0, Omega0 * self.coupled.Delta / size))
+        gamma = np.arcsin(np.minimum(1.0, Omega0 * self.Delta / size))
         tau = np.arctan2(Omega0 * x1, e * v1) / gamma
         phi = 2.0 * number + e * tau
         sine, cosine = np.sin(0.5 * np.pi * tau), np.cos(0.5 * np.pi * tau)
         A = x2 * sine + v2 / Omega0 * cosine * e
         B = x2 * cosine * e - v2 / Omega0 * sine
-        over = n == self._flights.times.size
+        over = n == self._exact_motion.times.size
         for values in (gamma, phi, A, B):
             values[over] = np.nan
         stage = np.where(over, Stage.FREE, Stage.IMPACTS)
-        return Motion(stage, phi, gamma, Omega0 / gamma, A, B, found[:, :2], found[:, 2:])
+        return Motion(stage, phi, gamma, Omega0 / gamma, A, B, physical[:, :2], physical[:, 2:])
 
 
-def _coupled(asked: Asked) -> tuple[float, Coupled]:
+def _coupled(system: System) -> tuple[float, Coupled]:
     """Return the mass and the parameters of two equal oscillators, the first damped."""
-    system = asked.system
     if system.n != 2:
         message = f"the model has 2 degrees of freedom, the system has {system.n}"
         raise parameters.refuse(("system",), message)

@@ -1,40 +1,45 @@
-"""Natural modes of a structure, by the method that its matrices allow, computed once."""
+"""Natural modes of a structure, computed once by the cheapest method its matrices allow.
+
+Examples
+--------
+>>> from vibroimpact_solvers import spectrum
+>>> from vibroimpact_solvers.presets import chain
+>>> system = chain(2, [])
+>>> spectrum.choose(system).value
+'closed form'
+>>> spectrum.spectrum(system).eigenvalues.round(12)
+array([1., 3.])
+"""
 
 from vibroimpact_solvers.spectrum.bounds import largest_frequency
 from vibroimpact_solvers.spectrum.cache import CACHE, Cache
-from vibroimpact_solvers.spectrum.inertia import Count, Counter
+from vibroimpact_solvers.spectrum.inertia import EigenvalueCount, EigenvalueCounter
 from vibroimpact_solvers.spectrum.methods import (
     MEMORY,
-    REASONS,
     Method,
     choose,
     flops,
-    is_known,
-    key,
     nbytes,
     spectrum,
     step,
 )
-from vibroimpact_solvers.spectrum.natural import Spectrum
-from vibroimpact_solvers.spectrum.window import Window, window
+from vibroimpact_solvers.spectrum.modes import Spectrum
+from vibroimpact_solvers.spectrum.slicing import SpectrumSlice, modes_between
 
 __all__ = [
     "CACHE",
     "MEMORY",
-    "REASONS",
     "Cache",
-    "Count",
-    "Counter",
+    "EigenvalueCount",
+    "EigenvalueCounter",
     "Method",
     "Spectrum",
-    "Window",
+    "SpectrumSlice",
     "choose",
     "flops",
-    "is_known",
-    "key",
     "largest_frequency",
+    "modes_between",
     "nbytes",
     "spectrum",
     "step",
-    "window",
 ]

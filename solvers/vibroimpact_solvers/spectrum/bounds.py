@@ -1,4 +1,4 @@
-"""How large natural frequencies can be, without computing them."""
+"""Upper bounds of the natural frequencies, without computing these."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix
 from vibroimpact_solvers.model import System
 
-_STEPS = 24  # of the Lanczos iteration, which is within a few percent long before
+_STEPS = 24  # of the Lanczos iteration; fewer already come within a few percent
 
 
 def largest_frequency(system: System) -> float:
@@ -25,10 +25,10 @@ def largest_frequency(system: System) -> float:
     if system.chain is not None:
         # Eq. 10.63 with j = N + 1.
         return 2.0 * math.sqrt(system.chain.stiffness / system.chain.mass)
-    found = _BOUNDS.get(system)
-    if found is None:
-        found = _BOUNDS[system] = math.sqrt(_bound(system.M, system.K))
-    return found
+    bound = _BOUNDS.get(system)
+    if bound is None:
+        bound = _BOUNDS[system] = math.sqrt(_bound(system.M, system.K))
+    return bound
 
 
 _BOUNDS: weakref.WeakKeyDictionary[System, float] = weakref.WeakKeyDictionary()
@@ -54,7 +54,7 @@ def _gershgorin(mass: Floats, K: SymmetricMatrix) -> float:
 
 
 def _lanczos(M: SymmetricMatrix, K: SymmetricMatrix) -> float:
-    """Return about the largest magnitude of an eigenvalue, from below."""
+    """Estimate the largest magnitude of an eigenvalue, from below."""
     solve = M.factorize()
     v = 1.0 + np.sin(np.arange(1.0, M.n + 1.0))
     w = M @ v
@@ -80,7 +80,7 @@ def _lanczos(M: SymmetricMatrix, K: SymmetricMatrix) -> float:
 
 
 def _proven(M: SymmetricMatrix, K: SymmetricMatrix, estimate: float) -> float:
-    """Return a multiple of the estimate that no eigenvalue passes in magnitude."""
+    """Return a multiple of the estimate that no eigenvalue exceeds in magnitude."""
     for doubling in range(60):
         bound = max(estimate, 1e-300) * (1.0 + 0.05 * 2.0**doubling)
         if all(M.plus(sign / bound, K).is_positive_definite() for sign in (-1.0, 1.0)):

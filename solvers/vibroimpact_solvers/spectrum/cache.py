@@ -1,4 +1,4 @@
-"""Results kept by the content they were computed from, bounded by the memory they hold."""
+"""Cache of computed values by a hash of their input, bounded by the memory they hold."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Final, Protocol, TypeVar, cast
 
 
 class Sized(Protocol):
-    """Anything that knows its memory."""
+    """A value that states the memory it holds."""
 
     @property
     def nbytes(self) -> int:
@@ -20,14 +20,14 @@ Value = TypeVar("Value", bound=Sized)
 
 
 class Cache:
-    """The values used last, by key; safe to use from several threads.
+    """Least-recently-used cache; safe to use from several threads.
 
     Two threads that need the same value compute it once: the second waits for the first.
 
     Parameters
     ----------
     limit : int
-        Bytes that may be held; the value used last is kept even if it alone is larger.
+        Bytes that may be held; the last value stays even if it alone is larger.
     """
 
     def __init__(self, limit: int) -> None:
@@ -80,4 +80,4 @@ class Cache:
 
 
 CACHE: Final = Cache(512 * 2**20)
-"""The one of this process."""
+"""The cache of this process."""

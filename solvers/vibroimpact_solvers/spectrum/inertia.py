@@ -1,8 +1,8 @@
-"""How many natural modes lie below a frequency, proved by Sylvester's law of inertia.
+"""Number of natural modes below a frequency, proved by Sylvester's law of inertia.
 
 ``K - lambda M`` has as many negative pivots as there are eigenvalues below lambda. Factors
-without row exchanges are those of a matrix close by: ``|E| <= c eps |L||U|``, which the factors
-themselves tell. Eigenvalues farther from lambda than that are counted right.
+without row exchanges are those of a nearby matrix: ``|E| <= c eps |L||U|``, computed from the
+factors themselves. Eigenvalues farther from lambda than that are counted correctly.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import scipy.sparse
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ConvergenceError
-from vibroimpact_solvers.matrices import Form, SymmetricMatrix, symmetric_factors
+from vibroimpact_solvers.matrices import Form, SymmetricMatrix
 from vibroimpact_solvers.model import System
 
 _EPS = float(np.finfo(np.float64).eps)
@@ -24,8 +24,8 @@ _NUDGES: Final = (0.0, 1e-13, -1e-13, 3e-11, -3e-11, 1e-9, -1e-9)
 
 
 @dataclass(frozen=True, slots=True)
-class Count:
-    """Eigenvalues below a value.
+class EigenvalueCount:
+    """Number of eigenvalues below a value.
 
     Parameters
     ----------
@@ -33,17 +33,17 @@ class Count:
         The value.
     below : int
         Their number.
-    doubt : float
-        Those closer to the value than this may be on the other side.
+    error : float
+        Eigenvalues closer to the value than this may be on the other side.
     """
 
     at: float
     below: int
-    doubt: float
+    error: float
 
 
 @dataclass(frozen=True, eq=False)
-class Counter:
+class EigenvalueCounter:
     """Counts the eigenvalues of one system.
 
     Parameters
@@ -51,7 +51,7 @@ class Counter:
     M, K : sparse array, shape (n, n)
         The matrices with the diagonal of M scaled to ones, which changes no eigenvalue.
     least : float
-        No eigenvalue of the scaled M is smaller.
+        Lower bound of the eigenvalues of the scaled M.
     """
 
     M: SymmetricMatrix
@@ -59,7 +59,7 @@ class Counter:
     least: float
 
     @classmethod
-    def of(cls, system: System) -> Counter:
+    def of(cls, system: System) -> EigenvalueCounter:
         """Return the counter of a system."""
         scale = scipy.sparse.diags_array(1.0 / np.sqrt(system.M.main_diagonal))
         M, K = (
@@ -68,7 +68,7 @@ class Counter:
         )
         return cls(M, K, 1.0 if M.form is Form.DIAGONAL else _least(M))
 
-    def count(self, value: float) -> Count:
+    def count(self, value: float) -> EigenvalueCount:
         """Return how many eigenvalues are below a value.
 
         Raises
@@ -79,12 +79,12 @@ class Counter:
         for nudge in _NUDGES:
             at = value * (1.0 + nudge)
             try:
-                factors = symmetric_factors(self.K.plus(-at, self.M))
+                factors = self.K.plus(-at, self.M).symmetric_factors()
             except scipy.linalg.LinAlgError:
                 continue
             below = int(np.count_nonzero(factors.U.diagonal() < 0.0))
-            return Count(at, below, _backward_error(factors) / self.least)
-        message = f"the natural modes below the square frequency {value:g} cannot be counted"
+            return EigenvalueCount(at, below, _backward_error(factors) / self.least)
+        message = f"the natural modes below the squared frequency {value:g} cannot be counted"
         raise ConvergenceError(message)
 
 

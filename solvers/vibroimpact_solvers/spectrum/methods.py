@@ -1,4 +1,4 @@
-"""Which method finds the natural modes of a system, what it costs, and the methods."""
+"""Methods for the natural modes of a system: their choice, their cost, and themselves."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from vibroimpact_solvers.matrices import Form, SymmetricMatrix
 from vibroimpact_solvers.model import ChainShape, System
 from vibroimpact_solvers.plan import Stage, Step
 from vibroimpact_solvers.spectrum.cache import CACHE
-from vibroimpact_solvers.spectrum.natural import Spectrum
+from vibroimpact_solvers.spectrum.modes import Spectrum
 
 MEMORY: Final = 16e9
-"""Bytes that a spectrum may take."""
+"""Largest size of a spectrum, bytes."""
 
 _EPS = float(np.finfo(np.float64).eps)
 _HALF_PI = np.longdouble("1.5707963267948966192313216916397514421")
 
 
 class Method(StrEnum):
-    """How the natural modes are found; the values are what a plan shows."""
+    """Methods for the natural modes; the values are shown in plans."""
 
     CLOSED_FORM = "closed form"
     DIAGONAL = "diagonal"
@@ -35,7 +35,7 @@ class Method(StrEnum):
     DENSE = "dense"
 
 
-REASONS: Final = {
+_REASONS: Final = {
     Method.CLOSED_FORM: "a uniform chain has its modes in closed form (eq. 10.63)",
     Method.DIAGONAL: "M and K are diagonal: the coordinates are the modes",
     Method.TRIDIAGONAL: "M is diagonal and K tridiagonal",
@@ -70,54 +70,48 @@ def flops(system: System, method: Method) -> float:
 
 
 def nbytes(system: System, method: Method) -> float:
-    """Memory that a spectrum holds."""
+    """Memory of a spectrum, bytes."""
     n = float(system.n)
     return 8.0 * n if method in {Method.CLOSED_FORM, Method.DIAGONAL} else 8.0 * n * (n + 1)
 
 
 def step(system: System, method: Method) -> Step:
-    """Return the step of a plan that finds the natural modes, at no cost where they are known."""
-    known = is_known(system, method)
+    """Return the step of a plan for the natural modes, at no cost where they are cached."""
+    known = _key(system, method) in CACHE
     return Step(
         Stage.SPECTRUM,
         method,
-        REASONS[method] + ("; already known" if known else ""),
+        _REASONS[method] + ("; already computed" if known else ""),
         0.0 if known else flops(system, method),
         nbytes(system, method),
     )
 
 
-def key(system: System, method: Method) -> bytes:
-    """Return the name of a system's spectrum: a hash of what it depends on."""
-    known = _KEYS.setdefault(system, {})
-    found = known.get(method)
-    if found is None:
+def _key(system: System, method: Method) -> bytes:
+    """Return the key of a system's spectrum: a hash of all that it depends on."""
+    keys = _KEYS.setdefault(system, {})
+    if method not in keys:
         text = hashlib.blake2b(method.encode())
         text.update(system.M.digest())
         text.update(system.K.digest())
-        found = known[method] = text.digest()
-    return found
+        keys[method] = text.digest()
+    return keys[method]
 
 
 _KEYS: weakref.WeakKeyDictionary[System, dict[Method, bytes]] = weakref.WeakKeyDictionary()
 
 
-def is_known(system: System, method: Method) -> bool:
-    """Whether the spectrum is held already."""
-    return key(system, method) in CACHE
-
-
 def spectrum(system: System, method: Method | None = None) -> Spectrum:
-    """Return all natural modes of a system, computed at most once per content.
+    """Return all natural modes of a system, from the cache where they are there.
 
     Parameters
     ----------
     system : System
     method : Method, optional
-        The one chosen for it; absent: what `choose` returns.
+        How they are computed; absent: what `choose` returns.
     """
     chosen = choose(system) if method is None else method
-    return CACHE.get(key(system, chosen), lambda: _compute(system, chosen))
+    return CACHE.get(_key(system, chosen), lambda: _compute(system, chosen))
 
 
 def _compute(system: System, method: Method) -> Spectrum:
@@ -136,11 +130,12 @@ def _compute(system: System, method: Method) -> Spectrum:
 
 
 def _full(system: System) -> tuple[float, float]:
-    """Return what roundings of a full M and K are relative to.
+    """Return the magnitudes that rounding errors are relative to for full M and K.
 
-    Those of the eigenvalues to ``|K| |M^-1|`` with the diagonal of M scaled to ones, which
-    elimination is blind to: more than the largest eigenvalue where M is close to singular.
-    Those of the modes' norms to the condition number of the scaled M.
+    Errors of the eigenvalues are relative to ``|K| |M^-1|`` with the diagonal of M scaled to
+    ones, as elimination does not depend on such a scaling: more than the largest eigenvalue
+    where M is close to singular. Errors of the norms of the modes are relative to the condition
+    number of the scaled M.
     """
     M, K = system.M.to_dense(), system.K.to_dense()
     scale = 1.0 / np.sqrt(np.diagonal(M))
@@ -158,13 +153,13 @@ def _numerical(
     """Return a spectrum whose eigenvalues are known to a few roundings of the largest."""
     n = eigenvalues.size
     scale = max(float(np.abs(eigenvalues).max()), magnitude)
-    # Below it a computed eigenvalue is noise: a rigid-body mode.
+    # A computed eigenvalue below it is rounding noise: a rigid-body mode.
     floor = max(16.0, np.sqrt(n)) * _EPS * scale
     noise = np.abs(eigenvalues) <= floor
     eigenvalues[noise] = 0.0
-    held = _frozen(np.ascontiguousarray(modes))
+    columns = _frozen(np.ascontiguousarray(modes))
     uncertainty = floor if noise.any() else 2.0 * _EPS * scale
-    return Spectrum(_roots(eigenvalues), held, n, uncertainty, norms=(1.0 + condition) * _EPS)
+    return Spectrum(_roots(eigenvalues), columns, n, uncertainty, norms=(1.0 + condition) * _EPS)
 
 
 def _roots(eigenvalues: Floats) -> Floats:
@@ -184,14 +179,14 @@ def _chain(shape: ChainShape) -> Spectrum:
     """
     size = shape.n + 1
     j = np.arange(1, shape.n + 1)
-    # Where the type is wider than double, it keeps what rounding takes from the frequencies.
+    # Extended precision, where there is any, yields the rounding errors of the frequencies.
     angle = j.astype(np.longdouble) * (_HALF_PI / size)
     omega0 = np.sqrt(np.longdouble(shape.stiffness) / np.longdouble(shape.mass))
     sines = np.concatenate([[0.0], np.sin(angle), [1.0]])
     exact = 2.0 * omega0 * sines[1:size]
     frequencies = exact.astype(np.float64)
-    rests = ((exact - frequencies) / exact).astype(np.float64)
-    # Rounded once: a rounded factor would make all modes too long or too short alike.
+    rounding = ((exact - frequencies) / exact).astype(np.float64)
+    # Rounded once: a rounded factor would scale all modes alike.
     factor = np.sqrt(2 / (size * np.longdouble(shape.mass)))
     entries = (factor * sines[::2]).astype(np.float64)
 
@@ -202,7 +197,7 @@ def _chain(shape: ChainShape) -> Spectrum:
         turns = np.minimum(turns, size - turns)
         return np.asarray(sign * entries[turns])
 
-    return Spectrum(_frozen(frequencies), rows, shape.n, rests=_frozen(rests))
+    return Spectrum(_frozen(frequencies), rows, shape.n, rounding=_frozen(rounding))
 
 
 def _diagonal(mass: Floats, stiffness: Floats) -> Spectrum:
@@ -213,9 +208,9 @@ def _diagonal(mass: Floats, stiffness: Floats) -> Spectrum:
     place[order] = np.arange(mass.size)
 
     def rows(dofs: Integers) -> Floats:
-        found = np.zeros((dofs.size, mass.size))
-        found[np.arange(dofs.size), place[dofs]] = 1.0 / np.sqrt(mass[dofs])
-        return found
+        entries = np.zeros((dofs.size, mass.size))
+        entries[np.arange(dofs.size), place[dofs]] = 1.0 / np.sqrt(mass[dofs])
+        return entries
 
     return Spectrum(_roots(eigenvalues[order]), rows, mass.size)
 
@@ -228,7 +223,7 @@ def _mass_scaled(mass: Floats, K: SymmetricMatrix, method: Method) -> tuple[Floa
         end = mass.size - k
         scaled[k, :end] = band[:end] / (root[:end] * root[k:])
     if method is Method.TRIDIAGONAL:
-        found = scipy.linalg.eigh_tridiagonal(scaled[0], scaled[1, :-1], check_finite=False)
+        pairs = scipy.linalg.eigh_tridiagonal(scaled[0], scaled[1, :-1], check_finite=False)
     else:
-        found = scipy.linalg.eig_banded(scaled, lower=True, check_finite=False)
-    return np.asarray(found[0]), np.asarray(found[1]) / root[:, np.newaxis]
+        pairs = scipy.linalg.eig_banded(scaled, lower=True, check_finite=False)
+    return np.asarray(pairs[0]), np.asarray(pairs[1]) / root[:, np.newaxis]

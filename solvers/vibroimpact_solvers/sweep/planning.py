@@ -1,4 +1,4 @@
-"""Counts what is done how often, says what need not be done, and cuts a lattice into pieces."""
+"""Plans of sweeps: how often each stage is computed, what is skipped, and the pieces of a job."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 from vibroimpact_solvers.sweep.problem import KIND, Axis, Index, Problem, Span, rank
 
 _TRIED: Final = 1000
-"""Points at which a plan is tried before the sweep is taken to have none."""
+"""Invalid points after which a sweep counts as having no plan."""
 _SHARED: Final = 0.9
-"""Part of the price of impulses that is the response, where responses are shared."""
+"""Part of the cost of impulses that is the response, where responses are shared."""
 
 
 def plan(problem: Problem) -> Plan:
-    """Decide how often each stage is done.
+    """Choose how often each stage is computed.
 
     The methods are those of the first point that has a plan. Every point is solved by the plan
-    that it would have alone, so that it does not depend on its neighbours.
+    that it has alone, so that its result does not depend on other points.
     """
     point, of_point = _first(problem)
     steps = tuple(_steps(problem, point, of_point))
-    made = math.prod(axis.values.size for axis in problem.axes if axis.stage is not None)
-    return Plan(KIND, steps, tuple(_skips(problem, of_point)), made)
+    points = math.prod(axis.values.size for axis in problem.axes if axis.stage is not None)
+    return Plan(KIND, steps, tuple(_skips(problem, of_point)), points)
 
 
 def _first(problem: Problem) -> tuple[Any, Plan]:
@@ -38,7 +38,7 @@ def _first(problem: Problem) -> tuple[Any, Plan]:
     for index in itertools.islice(problem.points(), _TRIED):
         try:
             point = problem.problem(index)
-            return point, problem.swept.solver.plan(point)
+            return point, problem.swept_kind.solver.plan(point)
         except SolverError as caught:
             error = error or caught
     if isinstance(error, ModelError):
@@ -48,25 +48,27 @@ def _first(problem: Problem) -> tuple[Any, Plan]:
 
 
 def _steps(problem: Problem, point: Any, of_point: Plan) -> Iterator[Step]:
-    swept, points = problem.swept, math.prod(problem.shape)
-    members = 1 if swept.members is None else swept.members(point)
+    swept, points = problem.swept_kind, math.prod(problem.shape)
+    frequencies = 1 if swept.response_count is None else swept.response_count(point)
     for step in of_point.steps:
-        if step.stage is Stage.IMPULSE and swept.together is not None:
+        if step.stage is Stage.IMPULSE and swept.solve_many is not None:
             responses = problem.count(Stage.RESPONSE)
             yield replace(
                 step,
                 stage=Stage.RESPONSE,
                 flops=_SHARED * step.flops * responses,
                 bytes=0.0,
-                count=responses * members,
+                count=responses * frequencies,
             )
             step = replace(
-                step, reason="walls put to the responses", flops=(1.0 - _SHARED) * step.flops
+                step,
+                reason="impulses from the responses and the walls",
+                flops=(1.0 - _SHARED) * step.flops,
             )
         count = problem.count(step.stage)
-        # What is kept of a spectrum is one at a time; results stand at every point.
+        # One spectrum is kept at a time; results are kept at every point.
         kept = 1 if step.stage is Stage.SPECTRUM else points
-        each = 1 if step.stage is Stage.SPECTRUM else members
+        each = 1 if step.stage is Stage.SPECTRUM else frequencies
         yield replace(step, flops=step.flops * count, bytes=step.bytes * kept, count=count * each)
 
 
@@ -75,24 +77,26 @@ def _skips(problem: Problem, of_point: Plan) -> Iterator[Skip]:
     for axis in problem.axes:
         if axis.stage is None:
             what = f"computing again along {axis.name}"
-            yield Skip(what, f"{axis.why}: one result stands for all {axis.values.size} values")
+            yield Skip(what, f"{axis.why}: one result holds for all {axis.values.size} values")
     stages = dict.fromkeys(step.stage for step in of_point.steps)
-    if problem.swept.together is not None and Stage.IMPULSE in stages:
+    if problem.swept_kind.solve_many is not None and Stage.IMPULSE in stages:
         stages = dict.fromkeys((Stage.RESPONSE, *stages))
     for stage in sorted(stages, key=rank):
         count = problem.count(stage)
-        idle = [a.name for a in problem.axes if rank(a.stage) > rank(stage) and a.stage is not None]
-        if idle and count < points:
+        later = [
+            a.name for a in problem.axes if rank(a.stage) > rank(stage) and a.stage is not None
+        ]
+        if later and count < points:
             what = f"{stage} at {points - count} of {points} points"
-            yield Skip(what, f"{', '.join(idle)}: later stages only")
+            yield Skip(what, f"{', '.join(later)}: invalidates later stages only")
     yield from of_point.skips
 
 
 def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Problem]:
-    """Cut a lattice along its slowest axes into pieces of about the given cost.
+    """Cut a grid along its slowest axes into pieces of about the given cost.
 
-    Cuts lie at multiples of a power of two on the lattice that all axes of one start and step
-    share, whatever the ends of this one: pieces of a longer or a shifted sweep are the same.
+    Cuts lie at multiples of a power of two on the grid that all axes of one start and step
+    share, wherever this one ends: pieces of a longer or a shifted sweep are the same.
     """
     shape = [1] * len(problem.axes)
     cuts: list[list[Span]] = [[(k, k + 1) for k in range(*span)] for span in problem.spans]
@@ -123,24 +127,24 @@ def content(piece: Problem) -> bytes:
 
 
 def spans(problem: Problem, shapes: list[Index]) -> list[tuple[Span, ...]]:
-    """Return where pieces lie that `split` returned, from their shapes in that order."""
+    """Return the ranges of the pieces of `split`, from their shapes in that order."""
     at = [start for start, _ in problem.spans]
-    found = []
+    pieces = []
     for shape in shapes:
-        found.append(tuple((a, a + size) for a, size in zip(at, shape, strict=True)))
+        pieces.append(tuple((a, a + size) for a, size in zip(at, shape, strict=True)))
         for place in reversed(problem.order):
             at[place] += shape[place]
             if at[place] < problem.spans[place][1]:
                 break
             at[place] = problem.spans[place][0]
-    return found
+    return pieces
 
 
 def _ordered(problem: Problem, cuts: list[list[Span]]) -> Iterator[tuple[Span, ...]]:
     """Yield all combinations, the slowest axis slowest."""
     back = [problem.order.index(place) for place in range(len(cuts))]
-    for found in itertools.product(*(cuts[place] for place in problem.order)):
-        yield tuple(found[place] for place in back)
+    for combination in itertools.product(*(cuts[place] for place in problem.order)):
+        yield tuple(combination[place] for place in back)
 
 
 def _cuts(axis: Axis, span: Span, places: int) -> list[Span]:
@@ -151,14 +155,14 @@ def _cuts(axis: Axis, span: Span, places: int) -> list[Span]:
 
 
 def _seconds(problem: Problem, plan: Plan, shape: list[int]) -> float:
-    """Return the planned time of a piece of a shape, whatever is known already."""
+    """Return the planned time of a piece of a shape, cached spectra included."""
     piece = problem.piece(tuple((0, size) for size in shape))
     total = 0.0
     for step in plan.steps:
         share = piece.count(step.stage) / problem.count(step.stage)
         flops = step.flops * share
         if step.stage is Stage.SPECTRUM:
-            # Workers that know a spectrum must cut alike those that do not.
+            # Workers with a cached spectrum must cut as those without it.
             flops = 14.0 * (step.bytes / 8.0) ** 1.5 * piece.count(step.stage)
         total += flops / FLOPS_PER_SECOND + step.bytes * share / BYTES_PER_SECOND
     active = (size for size, axis in zip(shape, problem.axes, strict=True) if axis.stage)

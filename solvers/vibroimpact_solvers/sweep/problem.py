@@ -1,4 +1,4 @@
-"""What is asked: a computation at every point of a lattice of values of some of its fields."""
+"""The problem of a sweep: a computation at every point of a parameter grid."""
 
 from __future__ import annotations
 
@@ -11,42 +11,42 @@ from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.plan import Stage
-from vibroimpact_solvers.sweep.stages import KINDS, Swept
+from vibroimpact_solvers.sweep.kinds import KINDS, SweptKind
 
 KIND: Final = "sweep"
 _STAGES: Final = {stage: rank for rank, stage in enumerate(Stage)}
 
 Index = tuple[int, ...]
 Span = tuple[int, int]
-"""Start and end of a range of places on an axis."""
+"""Start and end of a range of positions on an axis."""
 
 
 def rank(stage: Stage | None) -> int:
-    """Return the place of a stage in the order in which they spoil one another; None is last."""
+    """Return the position of a stage in the order of `Stage`; None is last."""
     return len(_STAGES) if stage is None else _STAGES[stage]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Axis:
-    """One axis of the lattice.
+    """One axis of the parameter grid.
 
     Parameters
     ----------
     path : str
         The field of the request that varies.
     name : str
-        Of the dimension.
-    values : array, shape (place,)
+        Name of the dimension.
+    values : array, shape (position,)
     unit, long_name : str
-        Of the values, see `vibroimpact_solvers.arrays.Quantity`.
+        Unit and name of the values, see `vibroimpact_solvers.arrays.Quantity`.
     stage : Stage or None
-        The first stage that it spoils; None: none.
+        The first stage that a change of the value invalidates; None: none.
     why : str
-        The sentence saying so, where it is none.
-    moves : tuple of str
+        The reason why, where it is None.
+    changes : tuple of str
         Coordinates of the results that change with it.
     offset : int
-        Place of the first value on the lattice that all axes of the same start and step share.
+        Position of the first value on the grid that all axes of the same start and step share.
     """
 
     path: str
@@ -56,27 +56,27 @@ class Axis:
     long_name: str = ""
     stage: Stage | None = Stage.SPECTRUM
     why: str = ""
-    moves: tuple[str, ...] = ()
+    changes: tuple[str, ...] = ()
     offset: int = 0
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A computation at every point of a lattice.
+    """A computation at every point of a parameter grid.
 
     Parameters
     ----------
     kind : str
-        Of the computation, one of `stages.KINDS`.
+        Kind of the computation, one of `kinds.KINDS`.
     axes : tuple of Axis
         Dimensions of the results, in their order.
     at : callable
-        Returns the problem of one point, given a place on each axis; raises `ModelError` where
-        there is none.
+        Returns the problem of one point, given a position on each axis; raises `ModelError` if
+        the point is invalid.
     system : System
-        The structure of the base; tells the units.
+        The structure of the base, which has the units.
     spans : tuple of (int, int), optional
-        The ranges that this piece of the lattice covers; absent: everything.
+        The ranges that this piece of the grid covers; absent: all of it.
     """
 
     kind: str
@@ -87,7 +87,7 @@ class Problem:
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
-            message = f"sweeps are made of {', '.join(KINDS)}"
+            message = f"only {', '.join(KINDS)} can be swept"
             raise ModelError(("kind",), message, code="unknown_choice")
         names = [axis.name for axis in self.axes]
         for place, name in enumerate(names):
@@ -99,56 +99,56 @@ class Problem:
             object.__setattr__(self, "spans", whole)
 
     @property
-    def swept(self) -> Swept:
-        """The row of the kind."""
+    def swept_kind(self) -> SweptKind:
+        """The entry of the kind in `KINDS`."""
         return KINDS[self.kind]
 
     @property
     def shape(self) -> Index:
-        """Number of places on each axis."""
+        """Number of positions on each axis."""
         return tuple(stop - start for start, stop in self.spans)
 
     @property
     def order(self) -> tuple[int, ...]:
-        """The axes from the slowest to the fastest: the dearest first."""
+        """The axes from the slowest to the fastest: those of the most expensive stages first."""
         places = range(len(self.axes))
         return tuple(sorted(places, key=lambda place: rank(self.axes[place].stage)))
 
     def count(self, stage: Stage) -> int:
-        """Return at how many points a stage is done."""
+        """Return the number of points at which a stage is computed."""
         size = 1
         for axis, places in zip(self.axes, self.shape, strict=True):
             if rank(axis.stage) <= rank(stage):
                 size *= places
         return size
 
-    def points(self, *, upto: Stage | None = None, above: Stage | None = None) -> Iterator[Index]:
-        """Yield places on the axes, the dearest axis slowest, from 0 in this piece.
+    def positions(self, stage: Stage) -> Callable[[Index], Index]:
+        """Return the function of the positions of a point on axes that invalidate a stage."""
+        places = [k for k, axis in enumerate(self.axes) if rank(axis.stage) <= rank(stage)]
+        return lambda index: tuple(index[place] for place in places)
 
-        Only axes that spoil a stage up to one, or above one, move; axes that spoil none rest.
+    def points(self) -> Iterator[Index]:
+        """Yield positions in this piece, the most expensive axis slowest.
+
+        They stay at 0 on axes that invalidate nothing.
         """
-        ranges = []
-        for place in self.order:
-            of = rank(self.axes[place].stage)
-            moves = of < len(_STAGES) and (
-                (upto is None or of <= rank(upto)) and (above is None or of > rank(above))
-            )
-            ranges.append(range(self.shape[place]) if moves else range(1))
+        idle = [axis.stage is None for axis in self.axes]
+        ranges = [range(1 if idle[place] else self.shape[place]) for place in self.order]
         back = [self.order.index(place) for place in range(len(self.axes))]
-        for found in itertools.product(*ranges):
-            yield tuple(found[place] for place in back)
+        for positions in itertools.product(*ranges):
+            yield tuple(positions[place] for place in back)
 
     def problem(self, index: Index) -> Any:
         """Return the problem of one point of this piece."""
         return self.at(tuple(i + start for i, (start, _) in zip(index, self.spans, strict=True)))
 
-    def called(self, index: Index) -> str:
-        """Return a point of this piece in words."""
-        found = []
+    def label(self, index: Index) -> str:
+        """Return the values of a point of this piece as text."""
+        parts = []
         for axis, place, (start, _) in zip(self.axes, index, self.spans, strict=True):
-            found.append(f"{axis.name} = {axis.values[start + place]:.15g}")
-        return ", ".join(found)
+            parts.append(f"{axis.name} = {axis.values[start + place]:.15g}")
+        return ", ".join(parts)
 
     def piece(self, spans: tuple[Span, ...]) -> Problem:
-        """Return the same over some of the lattice."""
+        """Return the sweep over a part of the grid."""
         return replace(self, spans=spans)

@@ -1,50 +1,49 @@
-"""Goes through the lattice, the dearest axis slowest, and puts the results together."""
+"""Solution of sweeps point by point, the most expensive axis slowest."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from itertools import groupby
 from typing import Any, Final
 
 from vibroimpact_solvers.arrays import Described
-from vibroimpact_solvers.errors import Cancelled, SolverError
-from vibroimpact_solvers.plan import Plan, Stage
+from vibroimpact_solvers.errors import SolverError, attempt
+from vibroimpact_solvers.plan import Plan, Stage, Tick
 from vibroimpact_solvers.sweep import result
+from vibroimpact_solvers.sweep.kinds import Outcome
 from vibroimpact_solvers.sweep.planning import spans
 from vibroimpact_solvers.sweep.problem import Index, Problem
-from vibroimpact_solvers.sweep.result import Assembly, Result
-from vibroimpact_solvers.sweep.stages import Outcome
-
-Tick = Callable[[int, int], None]
+from vibroimpact_solvers.sweep.result import Result, assembly_of, result_of
 
 _BATCH: Final = 4096
-"""Points whose problems are held at a time; more where they share their responses."""
+"""Points whose problems are held at a time; more if they share responses."""
 
 
 def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
-    """Compute every point of the lattice, each by the plan that it would have alone.
+    """Compute every point of the grid, each by the plan that it has alone.
 
     Parameters
     ----------
     problem : Problem
-        The lattice, or a piece of it.
+        The sweep, or a piece of it.
     plan : Plan
-        The one that `plan` returned for the whole.
+        From `plan`, for the whole sweep.
     tick : callable, optional
         Called with (done, total) points; may raise `Cancelled`.
     """
-    walk = _Walk(problem, tick)
-    for slow in problem.points(upto=Stage.SPECTRUM):
-        for middle in problem.points(upto=Stage.RESPONSE, above=Stage.SPECTRUM):
-            for fast in problem.points(above=Stage.RESPONSE):
-                walk.take(tuple(map(sum, zip(slow, middle, fast, strict=True))))
-            if len(walk.batch) >= _BATCH:
-                walk.solve()
-        walk.solve()
-    return walk.assembly.result()
+    batches = _Batches(problem, tick)
+    for _, same_modes in groupby(problem.points(), problem.positions(Stage.SPECTRUM)):
+        for _, same_responses in groupby(same_modes, problem.positions(Stage.RESPONSE)):
+            for index in same_responses:
+                batches.take(index)
+            if len(batches.batch) >= _BATCH:
+                batches.solve()
+        batches.solve()
+    return result_of(problem, batches.assembly)
 
 
 def join(problem: Problem, plan: Plan, results: Sequence[Described]) -> Result:
-    """Put the results of the pieces together."""
+    """Join the results of the pieces."""
     places = spans(problem, [_shape(problem, part) for part in results])
     pieces = [problem.piece(place) for place in places]
     return result.join(problem, list(zip(pieces, results, strict=True)))
@@ -54,46 +53,38 @@ def _shape(problem: Problem, part: Described) -> Index:
     return tuple(part.arrays[axis.name].size for axis in problem.axes)
 
 
-class _Walk:
-    """The points that are to be solved next, and what was found before."""
+class _Batches:
+    """The points to be solved next, and the results of those before."""
 
     def __init__(self, problem: Problem, tick: Tick | None) -> None:
-        self.assembly = Assembly(problem)
+        self.assembly = assembly_of(problem)
         self.batch: list[tuple[Index, Any]] = []
-        self._problem, self._swept, self._tick = problem, problem.swept, tick
+        self._problem, self._kind, self._tick = problem, problem.swept_kind, tick
         self._done, self._total = 0, sum(1 for _ in problem.points())
 
     def take(self, index: Index) -> None:
-        """Put a point into the batch, with its problem or the reason why there is none."""
-        try:
-            self.batch.append((index, self._problem.problem(index)))
-        except SolverError as error:
-            self.batch.append((index, error))
+        """Add a point to the batch, with its problem or the error that it has instead."""
+        self.batch.append((index, attempt(self._problem.problem, index)))
 
     def solve(self) -> None:
         """Solve the batch."""
         batch, self.batch = self.batch, []
-        self._tell()
+        self._report()
         possible = [problem for _, problem in batch if not isinstance(problem, SolverError)]
-        if self._swept.together is not None:
-            found: Iterator[Outcome] = iter(self._swept.together(possible, self._tell))
+        if self._kind.solve_many is not None:
+            outcomes: Iterator[Outcome] = iter(self._kind.solve_many(possible, self._report))
         else:
-            found = map(self._alone, possible)
+            outcomes = (attempt(self._alone, problem) for problem in possible)
         for index, problem in batch:
-            outcome = problem if isinstance(problem, SolverError) else next(found)
+            outcome = problem if isinstance(problem, SolverError) else next(outcomes)
             self.assembly.put(index, outcome)
             self._done += 1
-        self._tell()
+        self._report()
 
-    def _alone(self, problem: Any) -> Outcome:
-        solver = self._swept.solver
-        try:
-            return solver.solve(problem, solver.plan(problem), lambda *_: self._tell())
-        except Cancelled:
-            raise
-        except SolverError as error:
-            return error
+    def _alone(self, problem: Any) -> Any:
+        solver = self._kind.solver
+        return solver.solve(problem, solver.plan(problem), lambda *_: self._report())
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         if self._tick is not None:
             self._tick(self._done, self._total)

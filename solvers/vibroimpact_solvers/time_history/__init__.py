@@ -1,14 +1,37 @@
-"""Time histories: motions from an initial state, exact between impacts, no impact missed."""
+"""Time histories: motions from an initial state, exact between impacts, no impact missed.
 
-from vibroimpact_solvers.time_history.answer import TOLERANCE
+Examples
+--------
+>>> import numpy as np
+>>> from vibroimpact_solvers import time_history
+>>> from vibroimpact_solvers.model import Constraint
+>>> from vibroimpact_solvers.presets import oscillator
+>>> system = oscillator([Constraint.at(0, gap=1.0, restitution=0.5)], Omega0=1.0)
+>>> state = time_history.State(x=np.array([0.0]), v=np.array([2.0]))
+>>> problem = time_history.Problem(system, state, t_end=3.0)
+>>> result = time_history.solve(problem, time_history.plan(problem))
+>>> result.impact_time.round(6)  # the first is arcsin(1/2)
+array([0.523599, 2.237743])
+>>> result.impact_velocity.round(6)
+array([ 1.732051, -0.866025])
+"""
+
+from vibroimpact_solvers.results.time_history import Result
 from vibroimpact_solvers.time_history.limiters import Power
 from vibroimpact_solvers.time_history.loads import Harmonic
+from vibroimpact_solvers.time_history.many import Outcome, solve_many, solve_states
 from vibroimpact_solvers.time_history.planning import plan
-from vibroimpact_solvers.time_history.problem import EXACT, KIND, OUTPUTS, Member, Problem, State
-from vibroimpact_solvers.time_history.result import Result
+from vibroimpact_solvers.time_history.problem import (
+    EXACT,
+    KIND,
+    OUTPUTS,
+    ImpactMode,
+    Problem,
+    State,
+)
+from vibroimpact_solvers.time_history.result_values import TOLERANCE
 from vibroimpact_solvers.time_history.run import Tick
 from vibroimpact_solvers.time_history.solving import Prepared, prepare
-from vibroimpact_solvers.time_history.together import Outcome, from_states, together
 from vibroimpact_solvers.time_history.windows import (
     Assembly,
     Part,
@@ -26,7 +49,7 @@ __all__ = [
     "TOLERANCE",
     "Assembly",
     "Harmonic",
-    "Member",
+    "ImpactMode",
     "Outcome",
     "Part",
     "Power",
@@ -37,11 +60,11 @@ __all__ = [
     "Tick",
     "Window",
     "follow",
-    "from_states",
     "join",
     "plan",
     "prepare",
     "solve",
+    "solve_many",
+    "solve_states",
     "split",
-    "together",
 ]

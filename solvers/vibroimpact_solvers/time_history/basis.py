@@ -1,6 +1,6 @@
-"""Coordinates in which a structure moves exactly: pairs in normal form (`kernels.flow`).
+"""Normal form of the modal equations of a structure: pairs that move exactly (`kernels.flow`).
 
-A basis belongs to a structure with some constraints held at their walls (none: free flight).
+A basis belongs to a structure with the constrained DOFs in contact held fixed, or to the free one.
 Modes that damping does not couple are a pair each; those that it couples are complex modes of
 their first-order equations; loads are pairs of their own (`loads`). Everything else about the
 structure is a linear form on the pairs: displacements, velocities, contact forces.
@@ -25,12 +25,12 @@ from vibroimpact_solvers.kernels.passages import LOW, ORDER
 ILL: Final = 1e8
 """Condition number of the complex modes beyond which they are not used."""
 COLUMNS: Final = 3
-"""Deviations that are taken along where errors are estimated."""
+"""Deviations that are carried along where errors are estimated."""
 _NOISE = 16  # rows of signs that stand for rounding, half of them the others' negatives
 _FEW = 4  # pairs up to which none are added
 _LANES = 8  # numbers that a processor takes at a time: pairs are filled up to a multiple
 _CLOSE = 1e-2  # of its own size, from another rate, at which complex modes are almost equal
-_NEAR = 1e-3  # of its square, from a natural frequency, at which a load drives the mode itself
+_NEAR = 1e-3  # of its square, from a natural frequency, at which a load is in resonance
 _EPS = float(np.finfo(np.float64).eps)
 
 
@@ -57,7 +57,7 @@ class Modes:
         ``M E``, which takes displacements to modal coordinates.
     errors : array, shape (mode,)
         Absolute errors of the eigenvalues.
-    spoilt : float
+    shape_error : float
         Relative error of the shapes.
     """
 
@@ -72,7 +72,7 @@ class Modes:
     base: Floats
     weighted: Floats
     errors: Floats
-    spoilt: float
+    shape_error: float
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -132,7 +132,7 @@ class Basis:
         counts = [(kinds == 0).sum(), (kinds <= 1).sum(), self.alpha.any()]
         self.split: Integers = np.array([int(c) for c in counts], dtype=np.int64)
 
-    # -- how the pairs are found --
+    # -- construction of the pairs --
 
     def _single_pairs(self, damping: Floats, load: Floats) -> _Pairs:
         """Return the pairs of the modes that damping does not couple, in their order."""
@@ -176,7 +176,7 @@ class Basis:
         real = real[np.argsort(-sigma[real].real)]
         first = [vectors[:, upper].real]
         second = [vectors[:, upper].imag]
-        # The roots of real rates, the two farthest neighbours together.
+        # Real rates in pairs, from the slowest decay to the fastest.
         fast, slow = real[0::2], real[1::2]
         first.append(vectors[:, fast].real + vectors[:, slow].real)
         second.append(vectors[:, fast].real - vectors[:, slow].real)
@@ -206,7 +206,7 @@ class Basis:
         count, omega = self._omega.size, self._omega
         force = (self.modes.cosine + 1j * self.modes.sine) * unit**2
         self._response = np.zeros(force.shape, dtype=np.complex128)
-        self._answer = self._response
+        self._response_rate = self._response
         self._near = np.zeros((self._single.size, count), dtype=bool)
         if count:
             one, some = self._single, self._coupled
@@ -226,11 +226,11 @@ class Basis:
                 matrix = np.diag(self._eigenvalues[some] - omega[k] ** 2)
                 dynamic = matrix + 1j * omega[k] * damping[np.ix_(some, some)]
                 self._response[some, k] = np.linalg.solve(dynamic, force[some, k])
-            self._answer = 1j * omega * self._response
+            self._response_rate = 1j * omega * self._response
             slope = (-1j - self._delta[:, np.newaxis] / stretch) * half
-            self._answer[one] = np.where(self._near, slope, self._answer[one])
+            self._response_rate[one] = np.where(self._near, slope, self._response_rate[one])
         none = np.zeros(count)
-        found = [_Pairs(np.zeros(count, np.int64), none, omega, none, none)]
+        pairs = [_Pairs(np.zeros(count, np.int64), none, omega, none, none)]
         self._creep: Floats = np.zeros((self._roots.size, 0))
         slides = (self._eigenvalues[self._single] == 0.0) & (self._delta != 0.0)
         slides &= load[self._single] != 0.0
@@ -239,11 +239,11 @@ class Basis:
             modes = self._single[slides]
             self._creep[modes, 0] = load[modes] / (2.0 * self._delta[slides])
             none = np.zeros(1)
-            found.append(_Pairs(np.full(1, 2), none, none, none, none))
-        return found
+            pairs.append(_Pairs(np.full(1, 2), none, none, none, none))
+        return pairs
 
     def _driven_pairs(self) -> Floats:
-        """Return the rows that tell of drives (`kernels.flow`), shape (2 drive, pair)."""
+        """Return the rows of driven pairs (`kernels.flow`), shape (2 drive, pair)."""
         first = self._single.size
         drives = [(first + i, first + k, kappa) for i, k, kappa in self._chains]
         for mode, load in np.argwhere(self._near).tolist():
@@ -260,7 +260,7 @@ class Basis:
         for places, kappa in zip(self._drives[0::2], self._drives[1::2], strict=True):
             yield int(places[0]), int(places[1]), float(kappa[0]), float(kappa[1])
 
-    # -- what the kernels take --
+    # -- arrays for the kernels --
 
     @property
     def pairs(self) -> int:
@@ -274,18 +274,18 @@ class Basis:
 
     @cached_property
     def weights(self) -> Floats:
-        """What the pairs count in the size of a state, shape (pair,): loads by what they move."""
+        """Weights of the pairs in the size of a state, shape (pair,): loads by their response."""
         moves = np.abs(self._response).max(axis=0, initial=0.0)
         moves *= float(np.abs(self._roots).max(initial=0.0))
-        moves = np.maximum(moves, np.abs(self._answer).max(axis=0, initial=0.0))
-        found = np.zeros(self.pairs)
-        found[: self._loads.start] = 1.0
-        found[self._loads] = np.concatenate([moves, np.abs(self._creep).max(axis=0, initial=0.0)])
-        return found[self._order]
+        moves = np.maximum(moves, np.abs(self._response_rate).max(axis=0, initial=0.0))
+        weights = np.zeros(self.pairs)
+        weights[: self._loads.start] = 1.0
+        weights[self._loads] = np.concatenate([moves, np.abs(self._creep).max(axis=0, initial=0.0)])
+        return weights[self._order]
 
     @property
     def plain(self) -> bool:
-        """Whether every pair is a mode: no loads that vary, no modes that damping couples."""
+        """Whether every pair is a mode: no harmonic loads, no modes that damping couples."""
         return bool(self._loads.stop == self._single.size)
 
     @cached_property
@@ -307,18 +307,18 @@ class Basis:
     @cached_property
     def drifts(self) -> Floats:
         """Errors of the frequencies, in units of 2^-52, shape (column, pair), of random sign."""
-        found = np.zeros((COLUMNS, self.pairs))
+        drifts = np.zeros((COLUMNS, self.pairs))
         one, some = self._single, self._coupled
         unit = math.ldexp(1.0, -2 * self.exponent)
         stretch = np.where(self._stretch > 0.0, self._stretch, 1.0)
         # A rate sqrt(|lambda - delta^2|) of a damped mode carries the rounding of delta too.
         error = unit * self.modes.errors[one] / (2.0 * stretch * _EPS) + self._delta
-        found[:, : one.size] = error
+        drifts[:, : one.size] = error
         if some.size:
             largest = float(np.hypot(self.alpha, self.nu).max(initial=0.0))
-            found[:, one.size : one.size + some.size] = self.condition * largest
-        signs = np.random.default_rng(1).choice([-1.0, 1.0], found.shape)
-        return np.ascontiguousarray((signs * found)[:, self._order])
+            drifts[:, one.size : one.size + some.size] = self.condition * largest
+        signs = np.random.default_rng(1).choice([-1.0, 1.0], drifts.shape)
+        return np.ascontiguousarray((signs * drifts)[:, self._order])
 
     def bends(self, slopes: Floats, kicks: Floats) -> Floats:
         """Return errors of kicks, in units of 2^-52, shape (column, row, 2, pair).
@@ -326,13 +326,13 @@ class Basis:
         They change no velocity of the constraint itself, whose mobility is made of the same
         numbers.
         """
-        spoilt = 2.0 * (1.0 + self.modes.spoilt / _EPS)
+        shape_error = 2.0 * (1.0 + self.modes.shape_error / _EPS)
         signs = np.random.default_rng(2).choice([-1.0, 1.0], (COLUMNS, *kicks.shape))
-        found = spoilt * signs * kicks
+        bends = shape_error * signs * kicks
         own = (slopes * kicks).sum(axis=(1, 2))
-        along = (slopes * found).sum(axis=(2, 3)) / np.where(own == 0.0, 1.0, own)
-        found -= along[..., np.newaxis, np.newaxis] * kicks
-        return np.ascontiguousarray(found)
+        along = (slopes * bends).sum(axis=(2, 3)) / np.where(own == 0.0, 1.0, own)
+        bends -= along[..., np.newaxis, np.newaxis] * kicks
+        return np.ascontiguousarray(bends)
 
     @cached_property
     def longest(self) -> float:
@@ -347,8 +347,8 @@ class Basis:
     def loads(self, time: float) -> Floats:
         """Return the state of the loads at a time of the basis, shape (2, load)."""
         phase = self._omega * time
-        found = np.stack([np.cos(phase), -np.sin(phase)])
-        return np.concatenate([found, np.tile([[time], [1.0]], self._creep.shape[1])], axis=1)
+        state = np.stack([np.cos(phase), -np.sin(phase)])
+        return np.concatenate([state, np.tile([[time], [1.0]], self._creep.shape[1])], axis=1)
 
     def loads_of(self, z: Floats) -> Floats:
         """Return the state of the loads in a state, shape (2, load)."""
@@ -358,19 +358,19 @@ class Basis:
         """Return the state, shape (2, pair), of modal coordinates from the equilibrium.
 
         q and their rates, per unit of the basis' time, have shape (mode,); loads is their
-        state, absent where a deviation is meant, which does not feel them.
+        state, absent for a deviation, which does not depend on them.
         """
-        found = np.zeros((2, self.pairs))
+        state = np.zeros((2, self.pairs))
         if loads is not None:
-            found[:, self._loads] = loads
+            state[:, self._loads] = loads
             moved, moving = self._carried(loads)
             q, rate = q - moved, rate - moving
         one, some = self._single, self._coupled
-        found[0, : one.size] = q[one] * self._stretch
-        found[1, : one.size] = rate[one] + self._delta * q[one]
+        state[0, : one.size] = q[one] * self._stretch
+        state[1, : one.size] = rate[one] + self._delta * q[one]
         both = self._inverse @ np.concatenate([q[some], rate[some]])
-        found[:, one.size : one.size + some.size] = both.reshape(2, some.size)
-        return np.ascontiguousarray(found[:, self._order])
+        state[:, one.size : one.size + some.size] = both.reshape(2, some.size)
+        return np.ascontiguousarray(state[:, self._order])
 
     def coordinates(self, z: Floats) -> tuple[Floats, Floats]:
         """Return modal coordinates from the equilibrium and their rates, each (…, mode)."""
@@ -407,17 +407,17 @@ class Basis:
         return slice(start, start + self._omega.size + self._creep.shape[1])
 
     def _natural(self, z: Floats) -> Floats:
-        """Return pairs in the order in which they were found: modes, complex modes, loads."""
+        """Return pairs in their order of construction: modes, complex modes, loads."""
         natural = np.empty_like(z)
         natural[..., self._order] = z
         return natural
 
     def _carried(self, loads: Floats) -> tuple[Floats, Floats]:
-        """Return what the loads add to modal coordinates and rates; loads (…, 2, load)."""
+        """Return the response to the loads in modal coordinates and rates; loads (…, 2, load)."""
         H, count = self._response, self._omega.size
         a, b = loads[..., 0, :count], loads[..., 1, :count]
         q = a @ H.real.T + b @ H.imag.T
-        rate = a @ self._answer.real.T + b @ self._answer.imag.T
+        rate = a @ self._response_rate.real.T + b @ self._response_rate.imag.T
         q = q + loads[..., 0, count:] @ self._creep.T
         return q, rate + loads[..., 1, count:] @ self._creep.T
 
@@ -425,47 +425,47 @@ class Basis:
 
     def displacement(self, rows: Floats) -> Floats:
         """Return the form of ``rows . q``, shape (row, 2, pair), of rows (row, mode)."""
-        found = np.zeros((rows.shape[0], 2, self.pairs))
+        forms = np.zeros((rows.shape[0], 2, self.pairs))
         one, some = self._single.size, self._coupled.size
-        found[:, 0, :one] = rows[:, self._single] / self._stretch
+        forms[:, 0, :one] = rows[:, self._single] / self._stretch
         coupled = rows[:, self._coupled] @ self._T[:some]
-        found[:, :, one : one + some] = coupled.reshape(rows.shape[0], 2, some)
+        forms[:, :, one : one + some] = coupled.reshape(rows.shape[0], 2, some)
         H, count = self._response, self._omega.size
-        found[:, 0, one + some : one + some + count] = rows @ H.real
-        found[:, 1, one + some : one + some + count] = rows @ H.imag
-        found[:, 0, self._loads.start + count : self._loads.stop] = rows @ self._creep
-        return np.ascontiguousarray(found[..., self._order])
+        forms[:, 0, one + some : one + some + count] = rows @ H.real
+        forms[:, 1, one + some : one + some + count] = rows @ H.imag
+        forms[:, 0, self._loads.start + count : self._loads.stop] = rows @ self._creep
+        return np.ascontiguousarray(forms[..., self._order])
 
     def velocity(self, rows: Floats) -> Floats:
         """Return the form of ``rows . q'`` per unit of the basis' time."""
-        found = np.zeros((rows.shape[0], 2, self.pairs))
+        forms = np.zeros((rows.shape[0], 2, self.pairs))
         one, some = self._single.size, self._coupled.size
-        found[:, 0, :one] = -rows[:, self._single] * self._delta / self._stretch
-        found[:, 1, :one] = rows[:, self._single]
+        forms[:, 0, :one] = -rows[:, self._single] * self._delta / self._stretch
+        forms[:, 1, :one] = rows[:, self._single]
         coupled = rows[:, self._coupled] @ self._T[some:]
-        found[:, :, one : one + some] = coupled.reshape(rows.shape[0], 2, some)
-        H, count = self._answer, self._omega.size
-        found[:, 0, one + some : one + some + count] = rows @ H.real
-        found[:, 1, one + some : one + some + count] = rows @ H.imag
-        found[:, 1, self._loads.start + count : self._loads.stop] = rows @ self._creep
-        return np.ascontiguousarray(found[..., self._order])
+        forms[:, :, one : one + some] = coupled.reshape(rows.shape[0], 2, some)
+        H, count = self._response_rate, self._omega.size
+        forms[:, 0, one + some : one + some + count] = rows @ H.real
+        forms[:, 1, one + some : one + some + count] = rows @ H.imag
+        forms[:, 1, self._loads.start + count : self._loads.stop] = rows @ self._creep
+        return np.ascontiguousarray(forms[..., self._order])
 
-    def drive(self, cosine: Floats, sine: Floats) -> Floats:
+    def harmonic_force(self, cosine: Floats, sine: Floats) -> Floats:
         """Return the form of ``cosine cos(omega t) - sine sin(omega t)``, each (row, load)."""
-        found = np.zeros((cosine.shape[0], 2, self.pairs))
+        forms = np.zeros((cosine.shape[0], 2, self.pairs))
         start = self._single.size + self._coupled.size
-        found[:, 0, start : start + self._omega.size] = cosine
-        found[:, 1, start : start + self._omega.size] = sine
-        return np.ascontiguousarray(found[..., self._order])
+        forms[:, 0, start : start + self._omega.size] = cosine
+        forms[:, 1, start : start + self._omega.size] = sine
+        return np.ascontiguousarray(forms[..., self._order])
 
     def kick(self, rows: Floats) -> Floats:
         """Return the change of state by unit impulses along rows, shape (row, 2, pair)."""
-        found = np.zeros((rows.shape[0], 2, self.pairs))
+        kicks = np.zeros((rows.shape[0], 2, self.pairs))
         one, some = self._single.size, self._coupled.size
-        found[:, 1, :one] = rows[:, self._single]
+        kicks[:, 1, :one] = rows[:, self._single]
         coupled = rows[:, self._coupled] @ self._inverse[:, some:].T
-        found[:, :, one : one + some] = coupled.reshape(rows.shape[0], 2, some)
-        return np.ascontiguousarray(found[..., self._order])
+        kicks[:, :, one : one + some] = coupled.reshape(rows.shape[0], 2, some)
+        return np.ascontiguousarray(kicks[..., self._order])
 
     def level(self, rows: Floats) -> Floats:
         """Return ``rows . q`` at the zero of the state, shape (row,)."""
@@ -475,21 +475,21 @@ class Basis:
         """Return the rates, without pushes, of states, shape (…, 2, pair)."""
         a, b = z[..., 0, :], z[..., 1, :]
         there, back = self._turns
-        found = np.stack([self.alpha * a + there * b, self.alpha * b + back * a], axis=-2)
+        rate = np.stack([self.alpha * a + there * b, self.alpha * b + back * a], axis=-2)
         for j, k, real, imaginary in self.drives():
-            found[..., 0, j] += real * z[..., 0, k] + imaginary * z[..., 1, k]
-            found[..., 1, j] += real * z[..., 1, k] - imaginary * z[..., 0, k]
-        return found
+            rate[..., 0, j] += real * z[..., 0, k] + imaginary * z[..., 1, k]
+            rate[..., 1, j] += real * z[..., 1, k] - imaginary * z[..., 0, k]
+        return rate
 
     def rates_of(self, forms: Floats) -> Floats:
         """Return the forms of the time derivatives of forms, pushes apart."""
         a, b = forms[..., 0, :], forms[..., 1, :]
         there, back = self._turns
-        found = np.stack([self.alpha * a + back * b, self.alpha * b + there * a], axis=-2)
+        derived = np.stack([self.alpha * a + back * b, self.alpha * b + there * a], axis=-2)
         for j, k, real, imaginary in self.drives():
-            found[..., 0, k] += real * forms[..., 0, j] - imaginary * forms[..., 1, j]
-            found[..., 1, k] += imaginary * forms[..., 0, j] + real * forms[..., 1, j]
-        return found
+            derived[..., 0, k] += real * forms[..., 0, j] - imaginary * forms[..., 1, j]
+            derived[..., 1, k] += imaginary * forms[..., 0, j] + real * forms[..., 1, j]
+        return derived
 
     @property
     def _turns(self) -> tuple[Floats, Floats]:
@@ -545,7 +545,7 @@ def _chain(
     list of tuple
         Places in `upper` of the driven and of the driving mode, and kappa.
     """
-    found = []
+    chains = []
     apart = np.abs(sigma[upper, np.newaxis] - sigma[upper])
     np.fill_diagonal(apart, np.inf)
     close = apart < _CLOSE * np.abs(sigma[upper])
@@ -553,27 +553,27 @@ def _chain(
     for i in range(upper.size):
         others = np.flatnonzero(close[i])
         if others.size != 1 or others[0] < i or close[others[0]].sum() != 1:
-            continue  # of three that are almost equal the condition number must tell
+            continue  # three that are almost equal: the condition number decides
         k = int(others[0])
         middle = 0.5 * (sigma[upper[i]] + sigma[upper[k]])
         radius = apart[i, k]
 
-        def together(s: Any, middle: Any = middle, radius: Any = radius) -> bool:
+        def solve_many(s: Any, middle: Any = middle, radius: Any = radius) -> bool:
             return bool(abs(s - middle) <= radius)
 
         schur: Any = scipy.linalg.schur  # its stubs know selections of real rates only
-        T, Q, count = schur(scaled.astype(np.complex128), output="complex", sort=together)
+        T, Q, count = schur(scaled.astype(np.complex128), output="complex", sort=solve_many)
         if count != 2:
             continue
         for place, column in ((i, 0), (k, 1)):
             sigma[upper[place]] = T[column, column]
             vectors[:, upper[place]] = Q[:, column] / root
-        found.append((i, k, complex(T[0, 1])))
-    return found
+        chains.append((i, k, complex(T[0, 1])))
+    return chains
 
 
 def _padding(pairs: int) -> _Pairs:
-    """Return pairs that stay zero, which fill the loops of the kernels up."""
+    """Return pairs that stay zero, which pad the loops of the kernels to whole vectors."""
     count = -pairs % _LANES if pairs > _FEW else 0
     none = np.zeros(count)
     return _Pairs(np.zeros(count, np.int64), none, none, none, none)

@@ -1,4 +1,4 @@
-"""Histories: displacements, velocities and energies along the wanted times, filled in piecewise."""
+"""Displacements, velocities and energies at the output times, filled in as the motion goes on."""
 
 from __future__ import annotations
 
@@ -6,30 +6,30 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.time_history.problem import Problem
-from vibroimpact_solvers.time_history.structure import Scene, Structure
+from vibroimpact_solvers.time_history.structure import Configuration, Structure
 
 
 class History:
-    """The arrays along the wanted times, filled in as the motion goes on."""
+    """Arrays of displacements, velocities and energies at the output times."""
 
     def __init__(self, problem: Problem, structure: Structure) -> None:
         self.problem, self.structure = problem, structure
         times, outputs = problem.times.size, problem.outputs
-        shape = (times, problem.wanted_dofs.size)
+        shape = (times, problem.output_dofs.size)
         self.x = np.empty(shape) if "x" in outputs else None
         self.v = np.empty(shape) if "v" in outputs else None
-        dofs = problem.wanted_dofs
+        dofs = problem.output_dofs
         self._all = dofs.size == problem.system.n and bool((dofs == np.arange(dofs.size)).all())
         self.energy = np.empty(times) if "energy" in outputs else None
 
-    def take(self, scene: Scene, samples: Floats, first: int) -> None:
-        """Fill in what is wanted at some times from states, shape (time, 2, pair)."""
-        basis, modes = scene.basis, scene.basis.modes
+    def take(self, configuration: Configuration, samples: Floats, first: int) -> None:
+        """Fill in the outputs at consecutive times from states, shape (time, 2, pair)."""
+        basis, modes = configuration.basis, configuration.basis.modes
         scale, some = self.structure.scale, slice(first, first + samples.shape[0])
         q, rate = basis.coordinates(samples)
         q += basis.still
         rate *= scale
-        dofs = self.problem.wanted_dofs
+        dofs = self.problem.output_dofs
         shapes, base = modes.shapes, modes.base
         if self.energy is None and not self._all:
             shapes, base = shapes[dofs], base[dofs]
@@ -42,8 +42,8 @@ class History:
             self.v[some] = rate @ shapes.T
 
     def fill(self, x: Floats, v: Floats, some: slice) -> None:
-        """Fill in what is wanted from x and v, of all dofs where the energy is wanted."""
-        dofs = self.problem.wanted_dofs
+        """Fill in the outputs from x and v, of all degrees of freedom where energy is an output."""
+        dofs = self.problem.output_dofs
         whole = x.shape[1] == self.problem.system.n
         if self.x is not None:
             self.x[some] = x[:, dofs] if whole else x
@@ -68,7 +68,7 @@ class History:
 
 
 def conserves(problem: Problem) -> bool:
-    """Whether nothing takes energy from the motion or gives it."""
+    """Whether the motion conserves its energy."""
     system = problem.system
     lossless = system.C is None and not problem.load
     if problem.limiter is None:

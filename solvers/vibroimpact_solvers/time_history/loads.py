@@ -1,8 +1,8 @@
-"""Loads that vary in time, as pairs that move by themselves and carry the structure along.
+"""Harmonic and constant loads, as additional pairs of the state that drive the structure.
 
 A harmonic load ``F cos(omega t + phase)`` is the pair (cos, -sin)(omega t + phase), a rotation;
 the steady response of every mode is a linear form on it. A constant load on a damped rigid-body
-mode makes it creep at a constant velocity: the pair (t, 1), a parabola.
+mode makes it move at a constant velocity: the pair (t, 1), a parabola.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Harmonic:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Drive:
+class HarmonicLoads:
     """The harmonic loads of a motion, one pair for each frequency.
 
     Parameters
@@ -49,7 +49,7 @@ class Drive:
     sine: Floats
 
     @classmethod
-    def of(cls, terms: tuple[Harmonic, ...], n: int) -> Drive:
+    def of(cls, terms: tuple[Harmonic, ...], n: int) -> HarmonicLoads:
         """Collect the terms that vary, by their frequencies."""
         frequencies = np.unique([t.frequency for t in terms if t.frequency > 0.0])
         cosine, sine = np.zeros((2, n, frequencies.size))

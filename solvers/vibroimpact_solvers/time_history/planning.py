@@ -1,4 +1,4 @@
-"""Decides how a motion is followed and what is left out; `solving` follows it."""
+"""Plans time histories: which method computes the motion, at which price, and what is skipped."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from vibroimpact_solvers.time_history.problem import (
     EXACT,
     KIND,
     OUTPUTS,
-    Member,
+    ImpactMode,
     Problem,
     State,
 )
-from vibroimpact_solvers.time_history.start import member_problem
+from vibroimpact_solvers.time_history.start import impact_mode_problem
 
 _MOST = 2**20  # windows
 _FEW = 500  # degrees of freedom up to which a full K is factorized for a plan
@@ -40,17 +40,17 @@ BYTES: Final = 4.0e6
 """Planned size of what a window yields."""
 
 
-class Flight(StrEnum):
+class Method(StrEnum):
     """Methods for the motion."""
 
-    MODAL = "exact flights"
+    MODAL = "exact between impacts"
     TAYLOR = "Taylor series"
     INTEGRATED = "integrator of scipy"
-    EXTENDED = "exact flights, in extended precision where needed"
+    EXTENDED = "exact between impacts, in extended precision where needed"
 
 
 def plan(problem: Problem) -> Plan:
-    """Decide how the motion is followed and what is left out.
+    """Decide how the motion is computed and what is left out.
 
     Raises
     ------
@@ -66,13 +66,13 @@ def plan(problem: Problem) -> Plan:
 
 
 def windows(plan: Plan) -> int:
-    """Return the number of windows of time in which a plan follows the motion."""
-    step = plan.step(Stage.FLIGHT)
-    return 1 if step is None or step.method != Flight.MODAL else step.count
+    """Return the number of windows of time in which the motion is computed by a plan."""
+    step = plan.step(Stage.FREE_MOTION)
+    return 1 if step is None or step.method != Method.MODAL else step.count
 
 
 def _require_phases(problem: Problem) -> None:
-    """Refuse loads that turn so often that times in double precision do not tell their phase."""
+    """Refuse loads of so many periods that double precision does not resolve their phase."""
     for place, term in enumerate(problem.load):
         radians = term.frequency * problem.t_end
         if radians > _MOST_RADIANS:
@@ -92,7 +92,7 @@ def _require_end(problem: Problem) -> None:
 
 
 def _least_impacts(problem: Problem) -> float:
-    """Return how many impacts a motion has at least, where that is known before it is followed.
+    """Return a lower bound of the number of impacts, where it is known before the motion is.
 
     One mass that loses nothing strikes in each of its natural periods, if it swings far enough,
     and crosses the gap at its speed for ever, if nothing holds it.
@@ -129,20 +129,20 @@ def _steps(problem: Problem, far: list[int]) -> Iterator[Step]:
     method = spectrum.choose(system)
     yield spectrum.step(system, method)
     history = None
-    if isinstance(problem.initial, Member):
-        start = impact_modes.plan(member_problem(system, problem.initial))
+    if isinstance(problem.initial, ImpactMode):
+        start = impact_modes.plan(impact_mode_problem(system, problem.initial))
         yield from (step for step in start.steps if step.stage is not Stage.SPECTRUM)
     if problem.outputs & {"x", "v", "energy"}:
-        times, dofs = problem.times.size, problem.wanted_dofs.size
+        times, dofs = problem.times.size, problem.output_dofs.size
         reason = f"{dofs} of {system.n} degrees of freedom at {times} times"
         flops = times * system.n * (40.0 + 4.0 * dofs)
         history = Step(Stage.HISTORY, "modal sum", reason, flops, 16.0 * times * dofs)
-    yield _flight(problem, len(system.constraints) - len(far), history)
+    yield _motion_step(problem, len(system.constraints) - len(far), history)
     if history is not None:
         yield history
 
 
-def _flight(problem: Problem, count: int, history: Step | None) -> Step:
+def _motion_step(problem: Problem, count: int, history: Step | None) -> Step:
     """Return the step of the motion, `count` constraints being within reach.
 
     The windows of time of an exact motion go by its work and its size, those of its history
@@ -154,7 +154,7 @@ def _flight(problem: Problem, count: int, history: Step | None) -> Step:
     if problem.method != EXACT:
         reason = "asked for, to compare with; it can miss impacts"
         flops = 3e5 * (20.0 + turns) * system.n
-        return Step(Stage.FLIGHT, Flight.INTEGRATED, f"{problem.method}: {reason}", flops)
+        return Step(Stage.FREE_MOTION, Method.INTEGRATED, f"{problem.method}: {reason}", flops)
     if problem.limiter is not None:
         reason = (
             "soft limiters: series of the motion, of an order that goes with the tolerance; a run "
@@ -163,7 +163,7 @@ def _flight(problem: Problem, count: int, history: Step | None) -> Step:
         # Two runs of some ten steps in the time of the fastest mode; contacts take more.
         steps, more = 20.0 * (20.0 + turns), 1.0 + 0.3 * count
         flops = steps * more * (1e3 + 60.0 * system.n * more)
-        return Step(Stage.FLIGHT, Flight.TAYLOR, reason, flops)
+        return Step(Stage.FREE_MOTION, Method.TAYLOR, reason, flops)
     if problem.digits is not None:
         reason = (
             "in double precision first; where its predictability ends before the motion does, the "
@@ -171,7 +171,7 @@ def _flight(problem: Problem, count: int, history: Step | None) -> Step:
         )
         each = 6e5 + 6e4 * system.n * (1.0 + problem.digits / 50.0)
         flops = (20.0 + turns) * each + 5e3 * float(system.n) ** 3
-        return Step(Stage.FLIGHT, Flight.EXTENDED, reason, flops, 48.0 * turns)
+        return Step(Stage.FREE_MOTION, Method.EXTENDED, reason, flops, 48.0 * turns)
     # An expansion lasts about the time of the fastest mode; an impact takes two at least.
     expansions = 10.0 + 2.0 * (turns + _crossings(problem))
     reason = (
@@ -184,10 +184,10 @@ def _flight(problem: Problem, count: int, history: Step | None) -> Step:
     seconds = whole / FLOPS_PER_SECOND + written / BYTES_PER_SECOND
     parts = math.ceil(min(max(seconds / SECONDS, written / BYTES, 1.0), _MOST))
     if parts > 1:
-        told = f"in {parts} windows of time, each from the state at the end of the one before"
-        reason = f"{reason}; {told}"
+        cut = f"in {parts} windows of time, each from the state at the end of the one before"
+        reason = f"{reason}; {cut}"
     flops, size = _price(system, expansions, count)
-    return Step(Stage.FLIGHT, Flight.MODAL, reason, flops, size, parts)
+    return Step(Stage.FREE_MOTION, Method.MODAL, reason, flops, size, parts)
 
 
 def _price(system: System, expansions: float, count: int) -> tuple[float, float]:
@@ -238,7 +238,7 @@ _REACHES: weakref.WeakKeyDictionary[System, tuple[tuple[float, ...], float]] = (
 def _reaches(system: System) -> tuple[tuple[float, ...], float]:
     """Return the energies below which the constraints do not reach their walls; none: unknown.
 
-    And a mass that no part of the structure moves with less than.
+    And a lower bound of the mass that moves with any degree of freedom.
     """
     dense = Form.DENSE in {system.K.form, system.M.form}
     if (dense and system.n > _FEW) or not system.K.is_positive_definite():
@@ -269,16 +269,16 @@ def _skips(problem: Problem, far: list[int]) -> tuple[Skip, ...]:
 def _listed(
     outputs: frozenset[str], far: tuple[int, ...], exact: bool, gives_back: bool
 ) -> tuple[Skip, ...]:
-    """Return what is skipped, and why."""
+    """Return the skips and their reasons."""
     why = "the energy of the motion does not reach its walls"
-    found = [Skip(f"constraint {index}", why) for index in far]
+    skips = [Skip(f"constraint {index}", why) for index in far]
     if exact:
-        why = "in each flight, while the modes' amplitudes do not add up to them"
-        found.append(Skip("walls that are out of reach", why))
-        why = "one flight in closed form"
-        found.append(Skip("the search after the last possible impact", why))
+        why = "between two impacts, while the modes' amplitudes do not add up to them"
+        skips.append(Skip("walls that are out of reach", why))
+        why = "the free motion in closed form"
+        skips.append(Skip("the search after the last possible impact", why))
     if gives_back:
-        found.append(Skip("restitution", "soft limiters give back what they take"))
+        skips.append(Skip("restitution", "soft limiters give back what they take"))
     if not outputs & {"x", "v", "energy"}:
-        found.append(Skip("history", "impacts and contacts need no state between them"))
-    return (*found, *(Skip(name, "not asked") for name in OUTPUTS if name not in outputs))
+        skips.append(Skip("history", "impacts and contacts need no state between them"))
+    return (*skips, *(Skip(name, "not requested") for name in OUTPUTS if name not in outputs))

@@ -1,4 +1,4 @@
-"""What is asked: the motion of a structure from some state, with impacts at its limiters."""
+"""The problem: the motion of a structure from an initial state, with impacts at its limiters."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from vibroimpact_solvers.time_history.loads import Harmonic
 KIND: Final = "time-history"
 EXACT: Final = "exact"
 INTEGRATORS: Final = ("RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")
-"""Integrators of scipy that can be had to compare with."""
+"""Integrators of scipy, for comparison."""
 DIGITS: Final = (17, 1000)
-"""Fewest and most digits that can be asked for."""
+"""Smallest and largest number of digits."""
 MOST_DOFS: Final = 200
-"""Degrees of freedom up to which a structure is followed with more digits than doubles have."""
+"""Degrees of freedom up to which extended precision is available."""
 OUTPUTS: Final = ("x", "v", "impacts", "energy", "contacts")
 
 
@@ -35,8 +35,8 @@ class State:
 
 
 @dataclass(frozen=True, slots=True)
-class Member:
-    """The member of a family of impact modes at which a motion starts, at tau = 0.
+class ImpactMode:
+    """The impact mode on which a motion starts, at tau = 0.
 
     Parameters
     ----------
@@ -52,12 +52,12 @@ class Member:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """One motion, and what about it.
+    """One motion and its outputs.
 
     Parameters
     ----------
     system : System
-    initial : State or Member
+    initial : State or ImpactMode
     t_end : float
         Length of the motion, positive.
     t : array, shape (time,), optional
@@ -65,9 +65,9 @@ class Problem:
     dofs : array of int, optional
         Degrees of freedom of the history; None for all.
     outputs : frozenset of str
-        What is wanted, out of `OUTPUTS`.
+        Names of outputs, out of `OUTPUTS`.
     tolerance : float, optional
-        Accuracy asked for, relative to the size of the motion; None: 1e-6.
+        Required accuracy, relative to the size of the motion; None: 1e-6.
     load : tuple of Harmonic
         Harmonic loads, beside the constant one of the system.
     limiter : Power, optional
@@ -75,13 +75,13 @@ class Problem:
     method : str
         `EXACT`, or one of the `INTEGRATORS` to compare with.
     digits : int, optional
-        Decimal digits of the arithmetic where double precision cannot hold the tolerance.
+        Decimal digits of the arithmetic where double precision cannot keep the tolerance.
     estimate : bool
         Whether errors are estimated, and with them the time until which they are small.
     """
 
     system: System
-    initial: State | Member
+    initial: State | ImpactMode
     t_end: float
     t: Floats | None = None
     dofs: Integers | None = None
@@ -103,18 +103,18 @@ class Problem:
         self._check_times()
         self._check_outputs()
         if not every:
-            check_indices("dofs", self.wanted_dofs, self.system.n)
+            check_indices("dofs", self.output_dofs, self.system.n)
         self._check_load()
         self._check_limiter()
         self._check_digits()
         self.check(self.initial)
 
-    def check(self, initial: State | Member) -> None:
-        """Raise `ModelError` where this is no initial state of the motion."""
+    def check(self, initial: State | ImpactMode) -> None:
+        """Raise `ModelError` where the motion cannot start from this state."""
         if isinstance(initial, State):
             self._check_state(initial)
         else:
-            self._check_member(initial)
+            self._check_impact_mode(initial)
 
     def _check_times(self) -> None:
         if not 0.0 < self.t_end < math.inf:
@@ -171,7 +171,7 @@ class Problem:
                 message = "a soft limiter needs positive gaps"
                 pointer = ("system", "constraints", index, "gap")
                 raise ModelError(pointer, message, code="gap_not_positive")
-        if isinstance(self.initial, Member):
+        if isinstance(self.initial, ImpactMode):
             message = "impact modes are motions between rigid limiters"
             raise ModelError(("initial",), message, code="not_rigid")
 
@@ -187,7 +187,7 @@ class Problem:
             reason = "soft limiters are followed in double precision only"
         elif self.method != EXACT:
             reason = "integrators know double precision only"
-        elif isinstance(self.initial, Member):
+        elif isinstance(self.initial, ImpactMode):
             reason = "impact modes are known in double precision only: give x and v"
         elif self.system.n > MOST_DOFS:
             reason = f"{self.system.n} degrees of freedom are more than {MOST_DOFS}"
@@ -209,21 +209,21 @@ class Problem:
         rigid = self.system.constraints if self.limiter is None else ()
         for index, constraint in enumerate(rigid):
             terms = [weight * float(state.x[dof]) for dof, weight in constraint.coordinate]
-            y, grain = sum(terms), 1e-14 * sum(map(abs, terms))
+            y, rounding = sum(terms), 1e-14 * sum(map(abs, terms))
             low = -math.inf if constraint.lower is None else -constraint.lower
             high = math.inf if constraint.upper is None else constraint.upper
-            if not low - grain <= y <= high + grain:
+            if not low - rounding <= y <= high + rounding:
                 message = (
                     f"constraint {index} is at {y!r}, outside of its limits [{low!r}, {high!r}]"
                 )
                 raise ModelError(("initial", "x"), message, code="outside_limits")
 
-    def _check_member(self, member: Member) -> None:
-        if not (np.isfinite(member.Omega) and member.Omega > 0.0):
-            message = f"Omega is {member.Omega!r}, not positive"
+    def _check_impact_mode(self, mode: ImpactMode) -> None:
+        if not (np.isfinite(mode.Omega) and mode.Omega > 0.0):
+            message = f"Omega is {mode.Omega!r}, not positive"
             raise ModelError(("initial", "impact_mode", "Omega"), message, code="out_of_range")
         count = len(self.system.constraints)
-        for place, index in enumerate(member.active):
+        for place, index in enumerate(mode.active):
             if not 0 <= index < count:
                 pointer = ("initial", "impact_mode", "active", place)
                 message = f"{index} is not below {count}"
@@ -236,7 +236,7 @@ class Problem:
         return self.t
 
     @property
-    def wanted_dofs(self) -> Integers:
+    def output_dofs(self) -> Integers:
         """Degrees of freedom of the history, shape (dof,)."""
         assert self.dofs is not None
         return self.dofs

@@ -1,7 +1,6 @@
-"""The reference method: an integrator of scipy with event functions.
+"""Numerical integration by scipy with event functions, for comparison with the exact method.
 
-It can miss impacts and does so, and stalls at accumulation points; it is here to be compared
-with, as most people would write it.
+It is written as most people would write it; it can miss impacts, and stalls where they accumulate.
 """
 
 from __future__ import annotations
@@ -19,18 +18,18 @@ from vibroimpact_solvers.time_history.run import Tick
 from vibroimpact_solvers.time_history.structure import Structure
 
 _MOST: Final = 100_000
-"""Impacts after which it gives up: at an accumulation point they never end."""
+"""Impacts after which the integration is stopped: at an accumulation point they never end."""
 
 
 @dataclass
 class Reference:
-    """What an integration returned: states at the wanted times and a table of impacts."""
+    """States at the output times and a table of impacts, as integrated."""
 
     x: Floats
     v: Floats
     times: list[float] = field(default_factory=list)
     struck: list[tuple[int, int]] = field(default_factory=list)
-    blows: list[tuple[float, float]] = field(default_factory=list)
+    velocities_and_impulses: list[tuple[float, float]] = field(default_factory=list)
     evaluations: int = 0
 
 
@@ -39,7 +38,7 @@ def follow(
     law: Power | None,
     x: Floats,
     v: Floats,
-    wanted: Floats,
+    output_times: Floats,
     t_end: float,
     tolerance: float,
     method: str,
@@ -53,57 +52,57 @@ def follow(
         Where the integrator fails or impacts do not end.
     """
     system, n = structure.system, structure.system.n
-    solve, W, drive = system.M.factorize(), structure.W, structure.drive
+    solve, W, harmonic_loads = system.M.factorize(), structure.W, structure.harmonic_loads
     sizes = None if law is None else law.sizes(system)
 
     def rate(t: float, z: Floats) -> Floats:
         force = structure.force - system.K @ z[:n]
         if system.C is not None:
             force = force - system.C @ z[n:]
-        phase = drive.frequencies * t
-        force = force + drive.cosine @ np.cos(phase) - drive.sine @ np.sin(phase)
+        phase = harmonic_loads.frequencies * t
+        force = force + harmonic_loads.cosine @ np.cos(phase) - harmonic_loads.sine @ np.sin(phase)
         if law is not None and sizes is not None:
             force = force + law.forces(W @ z[:n], sizes) @ W
         return np.concatenate([z[n:], solve(force)])
 
     walls = [] if law is not None else _walls(structure)
-    found = Reference(np.empty((wanted.size, n)), np.empty((wanted.size, n)))
+    reference = Reference(np.empty((output_times.size, n)), np.empty((output_times.size, n)))
     # Its many overloads know no events that are functions with attributes.
     solve_ivp: Any = scipy.integrate.solve_ivp
     now, z, inverse = 0.0, np.concatenate([x, v]), solve(np.ascontiguousarray(W.T))
     while True:
-        later = np.flatnonzero(wanted >= now)
+        later = np.flatnonzero(output_times >= now)
         run = solve_ivp(
             rate, (now, t_end), z, method, rtol=max(tolerance, 3e-14), atol=tolerance,
             events=[event for event, _, _ in walls], dense_output=True,
         )  # fmt: skip
         if run.status < 0:
             raise ConvergenceError(f"{method}: {run.message}")
-        found.evaluations += int(run.nfev)
-        inside = later[wanted[later] <= run.t[-1]]
+        reference.evaluations += int(run.nfev)
+        inside = later[output_times[later] <= run.t[-1]]
         if inside.size:
-            states = run.sol(wanted[inside]).T
-            found.x[inside], found.v[inside] = states[:, :n], states[:, n:]
+            states = run.sol(output_times[inside]).T
+            reference.x[inside], reference.v[inside] = states[:, :n], states[:, n:]
         if run.status == 0:
-            return found
+            return reference
         which = next(i for i, times in enumerate(run.t_events) if times.size)
         now, z = float(run.t[-1]), run.y[:, -1].copy()
         _, index, side = walls[which]
         speed, mobility = float(W[index] @ z[n:]), float(W[index] @ inverse[:, index])
         impulse = -(1.0 + system.constraints[index].restitution) * speed / mobility
         z[n:] += impulse * inverse[:, index]
-        found.times.append(now)
-        found.struck.append((index, side))
-        found.blows.append((speed, abs(impulse)))
+        reference.times.append(now)
+        reference.struck.append((index, side))
+        reference.velocities_and_impulses.append((speed, abs(impulse)))
         if tick is not None:
             tick(int(1e3 * now / t_end), 1000)
-        if len(found.times) >= _MOST:
+        if len(reference.times) >= _MOST:
             raise ConvergenceError(f"{method}: more than {_MOST} impacts until t = {now!r}")
 
 
 def _walls(structure: Structure) -> list[tuple[Any, int, int]]:
-    """Return event functions, and which constraint and side they are of."""
-    found, n = [], structure.system.n
+    """Return event functions with their constraints and sides."""
+    events, n = [], structure.system.n
     for index, constraint in enumerate(structure.system.constraints):
         for side, wall in ((1, constraint.upper), (-1, constraint.lower)):
             if wall is None:
@@ -114,5 +113,5 @@ def _walls(structure: Structure) -> list[tuple[Any, int, int]]:
                 return float(row @ z[:n] - wall)
 
             event.terminal, event.direction = True, 1.0  # type: ignore[attr-defined]  # scipy's way
-            found.append((event, index, side))
-    return found
+            events.append((event, index, side))
+    return events

@@ -1,4 +1,4 @@
-"""Motions with soft limiters, by Taylor series; how well they are known two runs tell together."""
+"""Motions with soft limiters, by Taylor series; their error is the difference of two runs."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.errors import ConvergenceError
-from vibroimpact_solvers.kernels.soft_launch import launch
 from vibroimpact_solvers.kernels.taylor import LARGEST, Stop, follow, room
-from vibroimpact_solvers.time_history.launcher import MOST
+from vibroimpact_solvers.kernels.whole_soft_motion import whole_soft_motion
 from vibroimpact_solvers.time_history.limiters import Power
 from vibroimpact_solvers.time_history.run import Tick
+from vibroimpact_solvers.time_history.single_call import MOST
 from vibroimpact_solvers.time_history.structure import Structure
 
 _EPS: Final = 2.0**-52
@@ -22,18 +22,18 @@ _STEP: Final = 1e-2
 """Error of a step over the tolerance; and of a step of the finer run over one of the other."""
 _FINEST: Final = 2.0**-53
 _LEAST: Final = 1e-6
-"""How much finer steps are made at once, at most."""
+"""Smallest factor by which the error of a step is reduced at once."""
 _MOST_STEPS: Final = 1e10
 """Motions that need more of them, which take hours, are refused."""
 _WORK: Final = 4_000_000
-"""Pairs taken through a step between two looks at whether anybody still waits."""
+"""Pairs of the state times steps between two calls of the tick."""
 _FIRST: Final = 0.25
 """The first step that is tried, in units of the basis' time."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SoftRun:
-    """States at the wanted times, and how well they are known.
+    """States at the output times, and their estimated error.
 
     Parameters
     ----------
@@ -58,8 +58,8 @@ class SoftRun:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class SoftLaunch:
-    """A history at the wanted times, each (time, dof), with compression and steps of a run."""
+class SoftHistory:
+    """Displacements and velocities at the output times, each (time, dof), of one run."""
 
     x: Floats
     v: Floats
@@ -70,58 +70,58 @@ class SoftLaunch:
 def order_of(eps: float) -> int:
     """Return the order of series for some error of a step, relative to the state.
 
-    Half its logarithm makes the least work of long series (Jorba and Zou); short ones have less
-    to do besides when they are a little longer.
+    Half its logarithm makes the least work of long series (Jorba and Zou); short series are a
+    little longer, as each step has a fixed cost besides.
     """
     return math.ceil(-0.5 * math.log(eps)) + 3
 
 
 class SoftMotion:
-    """What the motions of one structure between soft limiters share.
+    """Solver for the motions of one structure with soft limiters.
 
     Parameters
     ----------
     structure : Structure
     law : Power
-    wanted : array, shape (time,)
+    output_times : array, shape (time,)
         Ascending times.
     t_end : float
     tolerance : float
         Difference of states, relative to the largest, at which steps are short enough.
     estimate : bool
-        Whether a second run tells how well the first is known.
+        Whether a second run estimates the error of the first.
     """
 
     def __init__(
         self,
         structure: Structure,
         law: Power,
-        wanted: Floats,
+        output_times: Floats,
         t_end: float,
         tolerance: float,
         estimate: bool,
     ) -> None:
-        scene, scale = structure.scene(), structure.scale
-        basis = scene.basis
-        self._times, self._end = np.append(wanted, t_end) * scale, t_end * scale
+        configuration, scale = structure.configuration(), structure.scale
+        basis = configuration.basis
+        self._times, self._end = np.append(output_times, t_end) * scale, t_end * scale
         self._tolerance, self._estimate, self._scale = tolerance, estimate, scale
         self._basis, self._own, self._weights = basis, basis.own, basis.weights
-        self._fixed = structure.level(scene), _laws(structure, law), basis.weights
-        self._exact = basis.rates, basis.split, scene.forms
+        self._fixed = structure.level(configuration), _laws(structure, law), basis.weights
+        self._exact = basis.rates, basis.split, configuration.forms
         self._whole = float(law.exponent <= LARGEST and law.exponent == int(law.exponent))
         self._exponent = float(law.exponent)
-        self._scene = scene
+        self._scene = configuration
         self._budget = float(max(100, _WORK // (basis.pairs + 20)))
         modes = basis.modes
         self._shared = None
-        if basis.plain and not estimate and wanted.size <= MOST:
+        if basis.plain and not estimate and output_times.size <= MOST:
             free = np.full((2, len(structure.system.constraints)), np.inf)
             self._shared = (
                 scale, modes.weighted, basis.normal, basis.place, structure.W, free, modes.shapes,
             )  # fmt: skip
 
     def follow(self, z: Floats, tick: Tick | None = None) -> SoftRun:
-        """Follow a motion from a state, shape (2, pair).
+        """Compute a motion from a state, shape (2, pair).
 
         Raises
         ------
@@ -135,27 +135,27 @@ class SoftMotion:
             fine = max(_STEP * rough, _FINEST)
             middle, end = 0.5 * (1.0 + begin), 0.5 * (1.0 + 0.5 * (1.0 + begin))
             other = self._run(z, rough, tick, begin, 0.5 * (begin + middle), off=True)
-            found = self._run(z, fine, tick, 0.5 * (begin + middle), end)
-            found = self._judged(found, other)
-            if found.difference <= self._tolerance or fine == _FINEST:
+            run = self._run(z, fine, tick, 0.5 * (begin + middle), end)
+            run = self._judged(run, other)
+            if run.difference <= self._tolerance or fine == _FINEST:
                 if tick is not None:
                     tick(1000, 1000)
-                return found
+                return run
             # As much finer as it was too rough, and some more.
-            finer = max(_STEP * self._tolerance / found.difference, _LEAST)
+            finer = max(_STEP * self._tolerance / run.difference, _LEAST)
             rough = max(finer * rough, 8.0 * _FINEST)
             begin = end
 
-    def launch(self, x: Floats, v: Floats, dofs: Integers) -> SoftLaunch | None:
-        """Follow a motion from displacements and velocities in one call, not estimated.
+    def single_call(self, x: Floats, v: Floats, dofs: Integers) -> SoftHistory | None:
+        """Compute a motion from displacements and velocities in one call, without estimate.
 
-        None where that was not possible: `follow` tells why, or can.
+        None where that was not possible: `follow` can do it, or raises the error.
 
         Parameters
         ----------
         x, v : array, shape (dof,)
         dofs : array of int
-            Those that are wanted.
+            Degrees of freedom of the history.
         """
         if self._shared is None or x.shape != v.shape or x.shape != self._shared[1].shape[:1]:
             return None
@@ -163,35 +163,35 @@ class SoftMotion:
         settings, clock, counts, work = self._arrays(eps)
         pairs, times = self._basis.pairs, self._times.size
         xs, vs = np.empty((times - 1, dofs.size)), np.empty((times - 1, dofs.size))
-        stop = launch(
+        stop = whole_soft_motion(
             x, v, *self._shared, dofs, *self._exact, *self._fixed, settings, self._times,
             np.zeros((2, 2, pairs)), clock, counts, np.empty((times, 2, pairs)), work, xs, vs,
         )  # fmt: skip
         if stop != Stop.END:
             return None
-        return SoftLaunch(xs, vs, float(clock[4]), int(counts[0]))
+        return SoftHistory(xs, vs, float(clock[4]), int(counts[0]))
 
     def _arrays(self, eps: float) -> tuple[Floats, Floats, Integers, Floats]:
-        """Return settings, clock, counts and room to work in of `kernels.taylor.follow`."""
+        """Return settings, clock, counts and work array for `kernels.taylor.follow`."""
         order = order_of(eps)
         settings = np.array([self._exponent, self._whole, order, eps])
         clock = np.array([0.0, 0.0, self._end, _FIRST, 0.0, self._budget])
         work = np.empty(room(self._basis.pairs, self._fixed[0].size, order))
         return settings, clock, np.zeros(3, dtype=np.int64), work
 
-    def _judged(self, found: SoftRun, other: SoftRun) -> SoftRun:
-        """Return a run with what another tells about it."""
+    def _judged(self, run: SoftRun, other: SoftRun) -> SoftRun:
+        """Return a run with its difference to another one as its estimated error."""
         weights = self._weights[np.newaxis]
         # Loads count by what they move: their series end somewhere, too.
-        apart = (np.abs(found.states - other.states) * weights).max(axis=(1, 2))
-        largest = float((np.abs(found.states) * weights).max(initial=0.0))
+        apart = (np.abs(run.states - other.states) * weights).max(axis=(1, 2))
+        largest = float((np.abs(run.states) * weights).max(initial=0.0))
         apart = apart / largest if largest > 0.0 else apart
         late = np.flatnonzero(~(apart <= self._tolerance))
         until = self._times[late[0]] if late.size else self._end
         return SoftRun(
-            found.states,
-            found.compression,
-            found.steps,
+            run.states,
+            run.compression,
+            run.steps,
             float(apart.max()),
             float(until) / self._scale,
         )
@@ -241,7 +241,7 @@ class SoftMotion:
 
 
 def _laws(structure: Structure, law: Power) -> Floats:
-    """Return what `kernels.taylor.follow` takes of the limiters, shape (5, constraint)."""
+    """Return the laws of the limiters for `kernels.taylor.follow`, shape (5, constraint)."""
     sizes = law.sizes(structure.system)
     unit = sizes.min(axis=0, initial=np.inf)
     ratios = unit / sizes

@@ -1,4 +1,4 @@
-"""Where a motion starts: a state that was given, or a member of a family of impact modes."""
+"""The state of a motion at t = 0: from displacements and velocities, or on an impact mode."""
 
 from __future__ import annotations
 
@@ -10,44 +10,46 @@ from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.impact_modes.family import Family
 from vibroimpact_solvers.impact_modes.modal import ModalFamily
 from vibroimpact_solvers.model import System
-from vibroimpact_solvers.time_history.problem import Member, Problem, State
+from vibroimpact_solvers.time_history.problem import ImpactMode, Problem, State
 from vibroimpact_solvers.time_history.structure import Structure
 
 
-def initial_state(problem: Problem, initial: State | Member, structure: Structure) -> Floats:
-    """Return the state at t = 0 in the free scene, shape (2, pair)."""
-    scene, unit = structure.scene(), 1.0 / structure.scale
-    basis = scene.basis
+def initial_state(problem: Problem, initial: State | ImpactMode, structure: Structure) -> Floats:
+    """Return the state at t = 0, without contacts, shape (2, pair)."""
+    configuration, unit = structure.configuration(), 1.0 / structure.scale
+    basis = configuration.basis
     if not isinstance(initial, State):
-        q, rate = _member(problem, initial, structure)
+        q, rate = _impact_mode_state(problem, initial, structure)
         return basis.pairs_of(q - basis.still, unit * rate, basis.loads(0.0))
     if initial is not problem.initial:
         problem.check(initial)
-    return structure.enter(scene, initial.x, unit * initial.v, basis.loads(0.0))
+    return structure.state_of(configuration, initial.x, unit * initial.v, basis.loads(0.0))
 
 
-def member_problem(system: System, member: Member) -> impact_modes.Problem:
-    """Return the problem of impact modes that a member is one point of."""
-    omega = np.array([2.0 / np.pi * member.Omega])
-    return impact_modes.Problem(system, omega, member.active, Omega=np.array([member.Omega]))
+def impact_mode_problem(system: System, mode: ImpactMode) -> impact_modes.Problem:
+    """Return the problem of impact modes whose only solution is this impact mode."""
+    omega = np.array([2.0 / np.pi * mode.Omega])
+    return impact_modes.Problem(system, omega, mode.active, Omega=np.array([mode.Omega]))
 
 
-def _member(problem: Problem, member: Member, structure: Structure) -> tuple[Floats, Floats]:
+def _impact_mode_state(
+    problem: Problem, mode: ImpactMode, structure: Structure
+) -> tuple[Floats, Floats]:
     """Return modal coordinates and velocities of an impact mode at tau = 0, each (mode,)."""
-    asked = member_problem(problem.system, member)
-    omega = asked.omega
-    found = impact_modes.solve(asked, impact_modes.plan(asked))
-    assert found.exists is not None
-    assert found.reason is not None
-    if not found.exists[0]:
-        reason = impact_modes.Reason(int(found.reason[0])).sentence
+    problem_of_mode = impact_mode_problem(problem.system, mode)
+    omega = problem_of_mode.omega
+    modes = impact_modes.solve(problem_of_mode, impact_modes.plan(problem_of_mode))
+    assert modes.exists is not None
+    assert modes.reason is not None
+    if not modes.exists[0]:
+        reason = impact_modes.Reason(int(modes.reason[0])).sentence
         pointer = ("initial", "impact_mode", "Omega")
         raise ModelError(pointer, f"no such motion exists: {reason}", code="phantom")
-    family = ModalFamily(asked, Family.of(asked), structure.natural)
-    _, motion = family.members(asked.frequencies)
+    family = ModalFamily(problem_of_mode, Family.of(problem_of_mode), structure.natural)
+    _, motion = family.solutions(problem_of_mode.frequencies)
     q, rate = np.zeros((2, structure.natural.roots.size))
     if motion.D.shape[1]:
-        rate[family.heard] = omega[0] * motion.D[0]
+        rate[family.participating] = omega[0] * motion.D[0]
     if motion.U.shape[1]:
-        q[family.heard] = motion.U[0]
+        q[family.participating] = motion.U[0]
     return q, rate

@@ -1,4 +1,4 @@
-"""A structure prepared for flights: its bases, free or held, and what is watched in them."""
+"""A structure in each of its contact configurations: its modes, and the coordinates watched."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.spectrum import Spectrum
 from vibroimpact_solvers.time_history.basis import Basis, Modes, exponent_of
-from vibroimpact_solvers.time_history.loads import Drive, Harmonic, constant
+from vibroimpact_solvers.time_history.loads import Harmonic, HarmonicLoads, constant
 
 _EPS: Final = float(np.finfo(np.float64).eps)
 Contact = tuple[int, int]
@@ -27,24 +27,24 @@ _PREPARED: weakref.WeakKeyDictionary[System, dict[_Key, Structure]] = weakref.We
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Scene:
-    """A basis with everything that is watched in it.
+class Configuration:
+    """The structure with given constraints in contact: its modal basis, and what is watched.
 
     Parameters
     ----------
     basis : Basis
     contacts : tuple
-        The constraints that are held.
-    flying : tuple of int
-        The constraints that are free, in the order in which they are watched; contact forces
-        are watched after them.
+        The constraints in contact, whose coordinates are held fixed.
+    free : tuple of int
+        The other constraints, in the order in which they are watched; contact forces are
+        watched after them.
     forms, sizes, walls, mobility, bends : array
-        As `kernels.flight.fly` takes them.
+        As `kernels.free_motion.advance` takes them.
     """
 
     basis: Basis
     contacts: tuple[Contact, ...]
-    flying: tuple[int, ...]
+    free: tuple[int, ...]
     forms: Floats
     sizes: Floats
     walls: Floats
@@ -53,13 +53,13 @@ class Scene:
 
 
 class Structure:
-    """A system and its scenes, made when they are first needed.
+    """A system and its contact configurations, prepared when they are first needed.
 
     Parameters
     ----------
     system : System
     method : Method
-        How its natural modes are found.
+        How its natural modes are computed.
     t_end : float
         Length of the motion; sets the unit of time where nothing vibrates.
     load : tuple of Harmonic
@@ -69,7 +69,7 @@ class Structure:
         self, system: System, method: spectrum.Method, t_end: float, load: tuple[Harmonic, ...] = ()
     ) -> None:
         self.system = system
-        self.drive = Drive.of(load, system.n)
+        self.harmonic_loads = HarmonicLoads.of(load, system.n)
         self.natural: Spectrum = spectrum.spectrum(system, method)
         n, count = system.n, len(system.constraints)
         self.W = system.directions(range(count))
@@ -86,11 +86,11 @@ class Structure:
         self.force = constant(load, n)
         if system.force is not None:
             self.force = self.force + system.force
-        rates = np.concatenate([self.natural.roots, self.drive.frequencies])
+        rates = np.concatenate([self.natural.roots, self.harmonic_loads.frequencies])
         self.exponent = exponent_of(rates, t_end)
         self.scale = math.ldexp(1.0, self.exponent)
-        self._scenes: dict[frozenset[Contact], Scene] = {}
-        self._modes = self._free()
+        self._configurations: dict[frozenset[Contact], Configuration] = {}
+        self._modes = self._without_contacts()
         rows = self.W @ self._modes.shapes
         self.mobility = np.asarray(rows @ rows.T)
 
@@ -102,73 +102,81 @@ class Structure:
         known = _PREPARED.setdefault(system, {})
         unit = 0.0 if load or system.K.data.any() else t_end  # that alone gives the unit of time
         key = (method, load, unit)
-        found = known.get(key)
-        if found is None:
-            found = cls(system, method, t_end, load)
+        structure = known.get(key)
+        if structure is None:
+            structure = cls(system, method, t_end, load)
             known.clear()  # they are large; loads seldom alternate
-            known[key] = found
-        return found  # another thread may have cleared it by now
+            known[key] = structure
+        return structure  # another thread may have cleared it by now
 
-    def scene(self, contacts: frozenset[Contact] = frozenset()) -> Scene:
-        """Return the scene with some constraints held."""
-        scene = self._scenes.get(contacts)
-        if scene is None:
-            held = tuple(sorted(contacts))
-            modes = self._held(held) if held else self._modes
-            scene = self._watched(Basis(modes, self.exponent), held)
-            self._scenes[contacts] = scene
-        return scene
+    def configuration(self, contacts: frozenset[Contact] = frozenset()) -> Configuration:
+        """Return the configuration with some constraints in contact."""
+        configuration = self._configurations.get(contacts)
+        if configuration is None:
+            fixed = tuple(sorted(contacts))
+            modes = self._with_contacts(fixed) if fixed else self._modes
+            configuration = self._watched(Basis(modes, self.exponent), fixed)
+            self._configurations[contacts] = configuration
+        return configuration
 
-    def place(self, scene: Scene, z: Floats, *, level: bool = True) -> tuple[Floats, Floats]:
+    def displacements(
+        self, configuration: Configuration, z: Floats, *, level: bool = True
+    ) -> tuple[Floats, Floats]:
         """Return displacements and velocities (in the basis' time) of a state, each (dof,)."""
-        basis, modes = scene.basis, scene.basis.modes
+        basis, modes = configuration.basis, configuration.basis.modes
         x, v = np.stack(basis.coordinates(z)) @ modes.shapes.T
         still = modes.base + modes.shapes @ basis.still if basis.still.any() else modes.base
         return (x + still if level else x), v
 
-    def enter(self, scene: Scene, x: Floats, v: Floats, loads: Floats | None = None) -> Floats:
+    def state_of(
+        self, configuration: Configuration, x: Floats, v: Floats, loads: Floats | None = None
+    ) -> Floats:
         """Return the state of displacements and velocities (in the basis' time).
 
         loads is their state; absent where x and v are a deviation.
         """
-        basis, modes = scene.basis, scene.basis.modes
+        basis, modes = configuration.basis, configuration.basis.modes
         place = x if loads is None else x - modes.base
         q, rate = np.stack([place, v]) @ modes.weighted  # one pass over a large matrix
         return basis.pairs_of(q if loads is None else q - basis.still, rate, loads)
 
-    def level(self, scene: Scene) -> Floats:
-        """Return the flying coordinates at the zero of the state, shape (constraint,)."""
-        rows = self.W[list(scene.flying)]
-        modes = scene.basis.modes
-        return np.asarray(scene.basis.level(rows @ modes.shapes) + rows @ modes.base)
+    def level(self, configuration: Configuration) -> Floats:
+        """Return the free coordinates at the zero of the state, shape (constraint,)."""
+        rows = self.W[list(configuration.free)]
+        modes = configuration.basis.modes
+        return np.asarray(configuration.basis.level(rows @ modes.shapes) + rows @ modes.base)
 
-    def pressing(self, scene: Scene, z: Floats) -> list[tuple[Contact, float, float]]:
-        """Return the contacts, the forces that press them and the roundings of these."""
-        first = len(scene.flying)
-        found = []
-        for k, contact in enumerate(scene.contacts, start=first):
-            form, level = scene.forms[0, k], scene.walls[0, k]
-            grain = 64.0 * _EPS * float(np.abs(form * z).sum() + abs(level))
-            found.append((contact, float((form * z).sum() + level), grain))
-        return found
+    def contact_forces(
+        self, configuration: Configuration, z: Floats
+    ) -> list[tuple[Contact, float, float]]:
+        """Return the contacts, their contact forces and the roundings of these."""
+        first = len(configuration.free)
+        forces = []
+        for k, contact in enumerate(configuration.contacts, start=first):
+            form, level = configuration.forms[0, k], configuration.walls[0, k]
+            rounding = 64.0 * _EPS * float(np.abs(form * z).sum() + abs(level))
+            forces.append((contact, float((form * z).sum() + level), rounding))
+        return forces
 
-    def push(self, scene: Scene, z: Floats, contact: Contact) -> float:
-        """Return the acceleration of a flying constraint towards a wall."""
+    def acceleration_towards(
+        self, configuration: Configuration, z: Floats, contact: Contact
+    ) -> float:
+        """Return the acceleration of a free constraint towards a wall."""
         index, side = contact
-        slope = scene.forms[1, scene.flying.index(index)]
-        return side * float((slope * scene.basis.rate(z)).sum())
+        slope = configuration.forms[1, configuration.free.index(index)]
+        return side * float((slope * configuration.basis.rate(z)).sum())
 
-    def by_mass(self, b: Floats) -> Floats:
+    def mass_solve(self, b: Floats) -> Floats:
         """Return ``M^-1 b``."""
         return np.asarray(self.system.M.factorize()(b))
 
-    def _free(self) -> Modes:
+    def _without_contacts(self) -> Modes:
         natural, system = self.natural, self.system
         shapes = natural.modes
         weighted = system.M @ shapes
-        rests = np.zeros(natural.roots.size) if natural.rests is None else natural.rests
+        rests = np.zeros(natural.roots.size) if natural.rounding is None else natural.rounding
         still = np.zeros(system.n)
-        rounded = natural.norms + (_EPS if natural.rests is None else 0.0)
+        rounded = natural.norms + (_EPS if natural.rounding is None else 0.0)
         errors = natural.uncertainty + rounded * np.abs(natural.eigenvalues)
         errors[natural.roots == 0.0] = 0.0
         return self._equations(natural.roots, rests, shapes, still, weighted, errors, natural.norms)
@@ -181,7 +189,7 @@ class Structure:
         base: Floats,
         weighted: Floats,
         errors: Floats,
-        spoilt: float,
+        shape_error: float,
     ) -> Modes:
         """Return the modal equations of some modes."""
         system = self.system
@@ -190,15 +198,15 @@ class Structure:
         # A load that is only rounding must not drive a rigid-body mode away.
         load = force @ shapes
         load[np.abs(load) <= 1e-13 * (np.abs(force) @ np.abs(shapes))] = 0.0
-        drive = self.drive
-        cosine, sine = shapes.T @ drive.cosine, shapes.T @ drive.sine
+        harmonic_loads = self.harmonic_loads
+        cosine, sine = shapes.T @ harmonic_loads.cosine, shapes.T @ harmonic_loads.sine
         return Modes(
-            roots, rests, damping, load, drive.frequencies, cosine, sine, shapes, base, weighted,
-            errors, spoilt,
+            roots, rests, damping, load, harmonic_loads.frequencies, cosine, sine, shapes, base,
+            weighted, errors, shape_error,
         )  # fmt: skip
 
-    def _held(self, contacts: tuple[Contact, ...]) -> Modes:
-        """Return the modes of the structure whose held coordinates stay at their walls."""
+    def _with_contacts(self, contacts: tuple[Contact, ...]) -> Modes:
+        """Return the modes of the structure with the constrained coordinates held fixed."""
         system = self.system
         W = self.W[[index for index, _ in contacts]]
         M, K = system.M.to_dense(), system.K.to_dense()
@@ -224,15 +232,15 @@ class Structure:
         assert wall is not None
         return side * wall
 
-    def _watched(self, basis: Basis, contacts: tuple[Contact, ...]) -> Scene:
+    def _watched(self, basis: Basis, contacts: tuple[Contact, ...]) -> Configuration:
         system, modes = self.system, basis.modes
-        held = {index for index, _ in contacts}
-        flying = tuple(i for i in range(len(system.constraints)) if i not in held)
-        W = self.W[list(flying)]
+        fixed = {index for index, _ in contacts}
+        free = tuple(i for i in range(len(system.constraints)) if i not in fixed)
+        W = self.W[list(free)]
         rows = W @ modes.shapes
         level = basis.level(rows) + W @ modes.base
         forms, slopes, kicks = basis.displacement(rows), basis.velocity(rows), basis.kick(rows)
-        limits = [system.constraints[i] for i in flying]
+        limits = [system.constraints[i] for i in free]
         lower = np.array([np.inf if c.lower is None else c.lower for c in limits]) + level
         upper = np.array([np.inf if c.upper is None else c.upper for c in limits]) - level
         sizes = np.array(
@@ -240,7 +248,7 @@ class Structure:
         ) + np.abs(level)
         restitution = np.array([c.restitution for c in limits])
         if contacts:
-            press, press_level = self._pressing(basis, contacts)
+            press, press_level = self._contact_force_forms(basis, contacts)
             forms = np.concatenate([forms, press])
             slopes = np.concatenate([slopes, basis.rates_of(press)])
             kicks = np.concatenate([kicks, np.zeros_like(press)])
@@ -249,15 +257,15 @@ class Structure:
             sizes = np.concatenate([sizes, np.abs(press_level)])
             restitution = np.concatenate([restitution, np.full(len(contacts), -1.0)])
         mobility = np.zeros((restitution.size, restitution.size))
-        mobility[: len(flying), : len(flying)] = rows @ rows.T
-        factor, rest = _quotients(rows, restitution[: len(flying)])
+        mobility[: len(free), : len(free)] = rows @ rows.T
+        factor, rest = _quotients(rows, restitution[: len(free)])
         fill = np.zeros(len(contacts))
         factor, rest = (np.concatenate([part, fill]) for part in (factor, rest))
         jumps = (slopes * basis.drift(kicks)).sum(axis=(1, 2))
-        return Scene(
+        return Configuration(
             basis,
             contacts,
-            flying,
+            free,
             np.ascontiguousarray([forms, slopes, kicks, basis.drift(kicks)]),
             basis.weight(forms),
             np.ascontiguousarray([lower, upper, restitution, sizes, factor, rest, jumps]),
@@ -265,8 +273,10 @@ class Structure:
             basis.bends(slopes, kicks),
         )
 
-    def _pressing(self, basis: Basis, contacts: tuple[Contact, ...]) -> tuple[Floats, Floats]:
-        """Return forms of the forces that press the held constraints, and their levels."""
+    def _contact_force_forms(
+        self, basis: Basis, contacts: tuple[Contact, ...]
+    ) -> tuple[Floats, Floats]:
+        """Return the forms of the contact forces, and their levels."""
         system, modes = self.system, basis.modes
         W = self.W[[index for index, _ in contacts]]
         sides = np.array([side for _, side in contacts], dtype=np.float64)
@@ -283,7 +293,9 @@ class Structure:
         if system.C is not None:
             by_v = -(system.C @ np.ascontiguousarray(onto.T)).T @ modes.shapes
             forms = forms + math.ldexp(1.0, basis.exponent) * basis.velocity(by_v)
-        forms = forms + basis.drive(onto @ self.drive.cosine, onto @ self.drive.sine)
+        forms = forms + basis.harmonic_force(
+            onto @ self.harmonic_loads.cosine, onto @ self.harmonic_loads.sine
+        )
         return forms, level
 
 

@@ -1,9 +1,9 @@
-"""Long motions window by window: what is known of a window is all that is held in memory.
+"""Long motions in windows of time, one of which is in memory at a time.
 
 The state at the end of a window is the seed of the next one, together with the deviations that
-go along with it, so that the windows are one motion and its errors those of one motion. Where
-windows end is up to the plan alone: a motion has the same numbers whether its windows are
-computed by one call or by many, and whatever was interrupted.
+are carried along, so that the windows are one motion and its errors those of one motion. The
+plan alone decides where windows end: a motion has the same numbers whether its windows are
+computed by one call or by many, with or without interruption.
 """
 
 from __future__ import annotations
@@ -12,20 +12,20 @@ import copy
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Annotated, Any, Final, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact_solvers import spectrum
-from vibroimpact_solvers.arrays import Floats, Integers, Quantity, quantities
+from vibroimpact_solvers.arrays import Floats, Integers, along, declared
 from vibroimpact_solvers.plan import Plan, Stage
+from vibroimpact_solvers.results.time_history import Result
 from vibroimpact_solvers.time_history import solving
 from vibroimpact_solvers.time_history.history import History, conserves
-from vibroimpact_solvers.time_history.planning import Flight, windows
+from vibroimpact_solvers.time_history.planning import Method, windows
 from vibroimpact_solvers.time_history.problem import Problem
-from vibroimpact_solvers.time_history.result import Result
-from vibroimpact_solvers.time_history.run import Rest, Run, Tick
+from vibroimpact_solvers.time_history.run import ContactInterval, Run, Tick
 from vibroimpact_solvers.time_history.start import initial_state
 from vibroimpact_solvers.time_history.structure import Contact, Structure
 
@@ -64,16 +64,12 @@ class Window:
         return slice(first, times.size if last else int(np.searchsorted(times, self.stop, "right")))
 
 
-def _seed(name: str, *dims: str) -> Quantity:
-    return Quantity(dims, "1", name)
-
-
 @dataclass(frozen=True, eq=False)
 class Part:
-    """What a window yields, and the seed of the next one.
+    """The result of one window, and the seed of the next one.
 
-    Contacts stand in the window in which they begin; what becomes of them later, in that in
-    which they end.
+    A contact is listed in the window in which it begins; its end and impulse, in the window in
+    which it ends.
 
     Parameters
     ----------
@@ -83,35 +79,35 @@ class Part:
         Contacts of earlier windows that end in this one, by their rows in the whole table.
     seed_state : array, shape (1 + deviation, 2, pair)
     seed_clock, seed_counts : array
-        What the compiled loop keeps.
+        Clock and counts of the compiled loop.
     seed_open : array, shape (open, 5)
-        Contacts that go on: constraint, side, row, time of rest, impulse so far.
+        Contacts that continue: constraint, side, row, time of rest, impulse so far.
     contacts : int
         Rows of the whole table of contacts until the end of the window.
     """
 
-    x: Annotated[Floats | None, _seed("displacement", "time", "dof")]
-    v: Annotated[Floats | None, _seed("velocity", "time", "dof")]
-    energy: Annotated[Floats | None, _seed("energy", "time")]
-    impact_time: Annotated[Floats | None, _seed("time", "impact")]
-    impact_constraint: Annotated[Integers | None, _seed("constraint", "impact")]
-    impact_side: Annotated[Integers | None, _seed("side", "impact")]
-    impact_velocity: Annotated[Floats | None, _seed("velocity", "impact")]
-    impact_impulse: Annotated[Floats | None, _seed("impulse", "impact")]
-    impact_condition: Annotated[Floats | None, _seed("condition", "impact")]
-    contact_start: Annotated[Floats | None, _seed("start", "contact")]
-    contact_rest: Annotated[Floats | None, _seed("rest", "contact")]
-    contact_stop: Annotated[Floats | None, _seed("stop", "contact")]
-    contact_constraint: Annotated[Integers | None, _seed("constraint", "contact")]
-    contact_side: Annotated[Integers | None, _seed("side", "contact")]
-    contact_impulse: Annotated[Floats | None, _seed("impulse", "contact")]
-    late_row: Annotated[Integers, _seed("row", "late")]
-    late_stop: Annotated[Floats, _seed("stop", "late")]
-    late_impulse: Annotated[Floats, _seed("impulse", "late")]
-    seed_state: Annotated[Floats, _seed("state", "vector", "half", "pair")]
-    seed_clock: Annotated[Floats, _seed("clock", "clock")]
-    seed_counts: Annotated[Integers, _seed("counts", "counts")]
-    seed_open: Annotated[Floats, _seed("open contacts", "open", "column")]
+    x: Floats | None
+    v: Floats | None
+    energy: Floats | None
+    impact_time: Floats | None
+    impact_constraint: Integers | None
+    impact_side: Integers | None
+    impact_velocity: Floats | None
+    impact_impulse: Floats | None
+    impact_condition: Floats | None
+    contact_start: Floats | None
+    contact_rest: Floats | None
+    contact_stop: Floats | None
+    contact_constraint: Integers | None
+    contact_side: Integers | None
+    contact_impulse: Floats | None
+    late_row: Integers
+    late_stop: Floats
+    late_impulse: Floats
+    seed_state: Floats
+    seed_clock: Floats
+    seed_counts: Integers
+    seed_open: Floats
     contacts: int
     count_impacts: int
     count_grazings: int
@@ -123,12 +119,8 @@ class Part:
     error_statement: str
 
 
-_ROWS: Final = tuple(
-    name
-    for name, meaning in quantities(Part).items()
-    if meaning.dims[0] in {"time", "impact", "contact"}
-)
-"""Arrays of the result that windows make up."""
+_ROWS: Final = tuple(n for n in along(Result, "time", "impact", "contact") if n != "t")
+"""Arrays of the result whose rows the windows contribute."""
 
 
 def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Any]:
@@ -161,11 +153,11 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     part: Part | None = None
     for index in range(count):
 
-        def tell(done: int, total: int, index: int = index) -> None:
+        def report(done: int, total: int, index: int = index) -> None:
             if tick is not None:
                 tick(1000 * index // count + done // count, 1000)
 
-        part = follow(Window(problem, index, count), plan, part, tell)
+        part = follow(Window(problem, index, count), plan, part, report)
         assembly.add(part)
     if tick is not None:
         tick(1000, 1000)
@@ -173,18 +165,18 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
 
 
 def _with_digits(problem: Problem, digits: int, plan: Plan, tick: Tick | None) -> Result:
-    """Follow a motion in double precision and, where that does not hold, with more digits."""
+    """Compute a motion in double precision and, where that does not suffice, with more digits."""
     steps = (
-        replace(step, method=Flight.MODAL) if step.stage is Stage.FLIGHT else step
+        replace(step, method=Method.MODAL) if step.stage is Stage.FREE_MOTION else step
         for step in plan.steps
     )
-    found = solving.solve(problem, replace(plan, steps=tuple(steps)), tick)
-    if found.error_predictable_until >= problem.t_end:
-        return found
+    result = solving.solve(problem, replace(plan, steps=tuple(steps)), tick)
+    if result.error_predictable_until >= problem.t_end:
+        return result
     # Its libraries load when they are needed.
     from vibroimpact_solvers.time_history import extended
 
-    return extended.solve(problem, digits, found.error_tolerance, tick)
+    return extended.solve(problem, digits, result.error_tolerance, tick)
 
 
 def follow(window: Window, plan: Plan, before: Part | None, tick: Tick | None = None) -> Part:
@@ -206,17 +198,17 @@ def follow(window: Window, plan: Plan, before: Part | None, tick: Tick | None = 
         problem.system, spectrum.Method(step.method), problem.t_end, problem.load
     )
     history = History(problem, structure)
-    wanted = problem.times if plan.step(Stage.HISTORY) else np.zeros(0)
-    run = _WindowRun(window, structure, wanted, history, before, tick)
+    output_times = problem.times if plan.step(Stage.HISTORY) else np.zeros(0)
+    run = _WindowRun(window, structure, output_times, history, before, tick)
     run.finish()
-    return run.part(solving._result(problem, run, history), before)
+    return run.part(solving.result_of(problem, run, history), before)
 
 
 def _within(problem: Problem, times: slice) -> Problem:
-    """Return a problem with some of its times, which need not be there."""
-    found = copy.copy(problem)
-    object.__setattr__(found, "t", problem.times[times])
-    return found
+    """Return the problem with the output times of one window, possibly none."""
+    within = copy.copy(problem)
+    object.__setattr__(within, "t", problem.times[times])
+    return within
 
 
 class _WindowRun(Run):
@@ -226,19 +218,19 @@ class _WindowRun(Run):
         self,
         window: Window,
         structure: Structure,
-        wanted: Floats,
+        output_times: Floats,
         history: History,
         before: Part | None,
         tick: Tick | None,
     ) -> None:
         problem, scale = window.problem, structure.scale
-        z = np.zeros((2, structure.scene().basis.pairs))
+        z = np.zeros((2, structure.configuration().basis.pairs))
         if before is None:
             z = initial_state(problem, problem.initial, structure)
         super().__init__(
             structure,
             z,
-            wanted * scale,
+            output_times * scale,
             window.stop * scale,
             history.take,
             keep="impacts" in problem.outputs,
@@ -248,19 +240,21 @@ class _WindowRun(Run):
         self._end = problem.t_end * self.scale
         self._last = window.index + 1 == window.count
         self._rows: dict[int, int] = {}
-        self._carried: dict[Contact, Rest] = {}
+        self._carried: dict[Contact, ContactInterval] = {}
         if before is not None:
             self._go_on(before)
 
     def _go_on(self, before: Part) -> None:
-        """Take the state at the end of the window before."""
+        """Continue from the state at the end of the previous window."""
         for constraint, side, row, rest, impulse in before.seed_open:
             contact: Contact = (int(constraint), int(side))
-            self.contacts[contact] = held = Rest(contact, math.nan, rest, impulse=impulse)
-            self._rows[id(held)] = int(row)
+            self.contacts[contact] = interval = ContactInterval(
+                contact, math.nan, rest, impulse=impulse
+            )
+            self._rows[id(interval)] = int(row)
         self._carried = dict(self.contacts)
-        self.scene = self.structure.scene(frozenset(self.contacts))
-        self._samples(self.scene)
+        self.configuration = self.structure.configuration(frozenset(self.contacts))
+        self._samples(self.configuration)
         self.Z = before.seed_state.copy()
         stop = float(self.clock[2])
         self.clock[:] = before.seed_clock
@@ -269,21 +263,21 @@ class _WindowRun(Run):
         self.counts[[0, 1, 4]] = 0
         self._switched = (-1.0, 0)
 
-    def _hold(self, contact: Contact, lasts: float) -> None:
-        super()._hold(contact, lasts)
+    def _begin_contact(self, contact: Contact, lasts: float) -> None:
+        super()._begin_contact(contact, lasts)
         rest = self.contacts[contact]
         rest.rest = min(self.now + lasts, self._end)  # which may lie in the next window
 
-    def part(self, found: Result, before: Part | None) -> Part:
-        """Return what the window yields."""
+    def part(self, result: Result, before: Part | None) -> Part:
+        """Return the result of the window."""
         first = 0 if before is None else before.contacts
-        places = {id(rest): first + place for place, rest in enumerate(self.rests)} | self._rows
+        places = {id(rest): first + place for place, rest in enumerate(self.intervals)} | self._rows
         going = {} if self._last else self.contacts
         late = [rest for rest in self._carried.values() if rest not in going.values()]
         scale = self.scale
-        values = {name: getattr(found, name) for name in _ROWS}
+        values = {name: getattr(result, name) for name in _ROWS}
         if values["contact_stop"] is not None and values["contact_stop"].size:
-            opened = [any(rest is other for other in going.values()) for rest in self.rests]
+            opened = [any(rest is other for other in going.values()) for rest in self.intervals]
             values["contact_stop"] = np.where(opened, math.nan, values["contact_stop"])
         return Part(
             **values,
@@ -299,12 +293,17 @@ class _WindowRun(Run):
                     for contact, rest in sorted(going.items())
                 ]
             ).reshape(-1, 5),
-            contacts=first + len(self.rests),
-            **{name: getattr(found, name) for name in _SCALARS if name != "contacts"},
+            contacts=first + len(self.intervals),
+            **{name: getattr(result, name) for name in _SCALARS},
         )
 
 
-_SCALARS: Final = tuple(field.name for field in fields(Part) if field.name not in quantities(Part))
+_SCALARS: Final = tuple(
+    name
+    for name, field in declared(Result).items()
+    if not field.array and name in {part.name for part in fields(Part)}
+)
+"""Numbers and texts of the result that windows have too."""
 
 
 class Sink(Protocol):
@@ -318,7 +317,7 @@ class Sink(Protocol):
 
 
 class Assembly:
-    """Puts windows together in their order, holding none of their arrays.
+    """Joins windows in their order, without keeping their arrays.
 
     Parameters
     ----------
@@ -328,7 +327,7 @@ class Assembly:
 
     def __init__(self, problem: Problem, sink: Sink) -> None:
         self._problem, self._sink = problem, sink
-        self._found: dict[str, Any] = {}
+        self._scalars: dict[str, Any] = {}
         self._energy = (math.nan, 0.0, 0.0)
 
     def add(self, part: Part) -> None:
@@ -348,23 +347,22 @@ class Assembly:
             first = float(part.energy[0]) if math.isnan(first) else first
             spread = max(spread, float(np.abs(part.energy - first).max()))
             self._energy = first, spread, max(size, float(np.abs(part.energy).max()))
-        found, mine = self._found, {name: getattr(part, name) for name in _SCALARS}
-        if found:
-            mine["count_impacts"] += found["count_impacts"]
-            mine["error_condition"] = max(mine["error_condition"], found["error_condition"])
+        total, scalars = self._scalars, {name: getattr(part, name) for name in _SCALARS}
+        if total:
+            scalars["count_impacts"] += total["count_impacts"]
+            scalars["error_condition"] = max(scalars["error_condition"], total["error_condition"])
             until = "error_predictable_until"
-            mine[until] = min(mine[until], found[until])
-        self._found = mine
+            scalars[until] = min(scalars[until], total[until])
+        self._scalars = scalars
 
     def plain(self) -> dict[str, Any]:
-        """Return the fields of the result that are no arrays."""
-        found = {name: value for name, value in self._found.items() if name != "contacts"}
+        """Return the fields of the result that are not arrays."""
         _, spread, size = self._energy
         drift = None
         if "energy" in self._problem.outputs and conserves(self._problem):
             drift = spread / size if size > 0.0 else 0.0
         return {
-            **found,
+            **self._scalars,
             "error_energy_drift": drift,
             "error_difference": None,
             "error_digits": None,
@@ -376,7 +374,7 @@ class Assembly:
         timed, placed = outputs & {"x", "v", "energy"}, outputs & {"x", "v"}
         return {
             "t": self._problem.times if timed else None,
-            "dof": self._problem.wanted_dofs if placed else None,
+            "dof": self._problem.output_dofs if placed else None,
         }
 
     def result(self, arrays: dict[str, Any]) -> Result:
@@ -386,7 +384,7 @@ class Assembly:
 
 
 class _Lists:
-    """Holds everything in memory."""
+    """A sink that keeps all rows in memory."""
 
     def __init__(self) -> None:
         self._pieces: dict[str, list[NDArray[Any]]] = {}
@@ -409,7 +407,7 @@ class _Lists:
 
 
 def join(problem: Problem, plan: Plan, results: Sequence[Any]) -> Result:
-    """Put the results of the pieces together."""
+    """Join the results of the pieces."""
     if len(results) == 1 and isinstance(results[0], Result):
         return results[0]
     kept = _Lists()

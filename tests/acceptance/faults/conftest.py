@@ -1,4 +1,4 @@
-"""Seeds, records and the end of all processes of the fault tests."""
+"""Fixtures of the fault tests: random moments, records of the work, clean-up of processes."""
 
 from __future__ import annotations
 
@@ -40,21 +40,21 @@ def record(tmp_path: Path) -> Record:
 @pytest.fixture
 def machine() -> Iterator[Machine]:
     """Return the clock by which limits are measured."""
-    found = Machine()
-    yield found
-    found.close()
+    clock = Machine()
+    yield clock
+    clock.close()
 
 
 @pytest.fixture
 def started(machine: Machine) -> Iterator[Callable[[Some], Some]]:
-    """Return a function that takes note of a process, which is ended after the test."""
-    all_of_them: list[Any] = []
+    """Return a function that registers a process to be ended after the test."""
+    processes: list[Any] = []
 
-    def note(process: Some) -> Some:
-        all_of_them.append(process)
+    def register(process: Some) -> Some:
+        processes.append(process)
         machine.owns(process.process.pid)
         return process
 
-    yield note
-    for process in reversed(all_of_them):
+    yield register
+    for process in reversed(processes):
         process.end()

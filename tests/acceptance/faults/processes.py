@@ -1,4 +1,4 @@
-"""Real processes that can be killed, and what is known of the work that they did."""
+"""Real processes that can be killed, and the record of the chunks that their workers computed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ import httpx2
 
 HERE = Path(__file__).parent
 SLOW = 90.0
-"""Seconds after which something that must happen counts as not happening."""
+"""Seconds that a condition may take to become true."""
 
 
 def until(condition: Callable[[], Any], what: str, seconds: float = SLOW) -> Any:
@@ -43,7 +43,7 @@ class Begun(NamedTuple):
 
 
 class Record:
-    """What the workers noted."""
+    """The notes of the workers."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -61,19 +61,19 @@ class Record:
 
     def after(self, moment: float, *but: int) -> Begun | None:
         """Return the first chunk that was begun after a moment, not by some processes."""
-        found = (b for b in self.begun() if b.time > moment and b.pid not in but)
-        return next(found, None)
+        later = (b for b in self.begun() if b.time > moment and b.pid not in but)
+        return next(later, None)
 
     def repeated(self) -> int:
         """Return how many chunks were begun more often than once, counting each repetition."""
         times = Counter((b.result, b.index) for b in self.begun())
         return sum(count - 1 for count in times.values())
 
-    def check(self, given_up: int = 0) -> None:
-        """Check that only chunks in flight were repeated: none that had been stored.
+    def check(self, unreachable: int = 0) -> None:
+        """Check that only chunks that were being computed were repeated, and none that was stored.
 
-        `given_up` is how many may be stored twice, because a worker that nobody reached went
-        on with what it had been given.
+        `unreachable` is how many may be stored twice, because a worker that could not be reached
+        went on with its calls.
         """
         stored: set[tuple[str, int]] = set()
         twice = 0
@@ -85,7 +85,7 @@ class Record:
             else:
                 assert chunk not in stored, f"{note} is computed again though it was stored"
         print("chunks begun again:", self.repeated(), "of them stored twice:", twice)
-        assert twice <= given_up
+        assert twice <= unreachable
 
 
 class Process:
@@ -129,11 +129,11 @@ class Replica(Process):
         self.note = folder / "service.json"
         self.note.unlink(missing_ok=True)
         environment = {f"VIBROIMPACT_{name.upper()}": value for name, value in settings.items()}
-        # Quick jobs take the long way through queue and workers, where more can go wrong.
+        # Quick jobs are sent through the queue and the workers, where more can go wrong.
         defaults = {
             "VIBROIMPACT_PORT": "0",
             "VIBROIMPACT_DATA": str(folder),
-            "VIBROIMPACT_SPOT_SECONDS": "0",
+            "VIBROIMPACT_ON_SUBMISSION_SECONDS": "0",
         }
         command = [sys.executable, str(HERE / "replica.py")]
         super().__init__(
@@ -146,7 +146,7 @@ class Replica(Process):
         self.http = httpx2.Client(base_url=json.loads(self.note.read_text())["url"], timeout=30)
 
     def ready(self) -> bool:
-        """Whether it says that it can take work."""
+        """Whether its readiness endpoint answers yes."""
         try:
             return bool(self.http.get("/v1/health/ready").is_success)
         except httpx2.TransportError:

@@ -1,4 +1,4 @@
-"""The service's own work, slowed down, that notes when and where chunks were begun and stored.
+"""The computations of the service, slowed down, with notes of each chunk that begins or is stored.
 
 The file is named by RECORD; each line is ``begun|stored result index pid time``.
 """
@@ -10,12 +10,12 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 
-from vibroimpact_service import tasks
+from vibroimpact_service import chunks
 from vibroimpact_service.jobs.work import Tick
 from vibroimpact_service.store import Store
 
 # Small pieces, so that a job of a few seconds has many.
-tasks.CHUNK_SECONDS = 0.01  # type: ignore[misc]
+chunks.CHUNK_SECONDS = 0.01  # type: ignore[misc]
 
 SLEEP = float(os.environ.get("RECORD_SLEEP", "0.1"))
 
@@ -29,18 +29,18 @@ def solve(
     tick: Tick | None = None,
 ) -> None:
     """Compute chunks one by one and note each as it begins."""
-    chunks = tasks.split(store_url, kind, request, result)
-    there = Store(store_url).chunks.present([chunks[index].name for index in indices])
+    pieces = chunks.split(store_url, kind, request, result)
+    there = Store(store_url).chunks.present([pieces[index].name for index in indices])
     for index in indices:
-        if chunks[index].name in there:
-            continue  # as the service's own work does
+        if pieces[index].name in there:
+            continue  # as the functions of the service do
         _note("begun", result, index)
         end = time.monotonic() + SLEEP
         while time.monotonic() < end:
             time.sleep(0.01)
             if tick is not None:
                 tick(0, 1)
-        tasks.solve(store_url, kind, request, result, [index], tick)
+        chunks.solve(store_url, kind, request, result, [index], tick)
         _note("stored", result, index)
 
 
@@ -51,4 +51,4 @@ def _note(what: str, result: str, index: int) -> None:
     os.close(handle)
 
 
-WORK = replace(tasks.WORK, solve=solve, modules=(*tasks.WORK.modules, __name__))
+WORK = replace(chunks.WORK, solve=solve, modules=(*chunks.WORK.modules, __name__))

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from vibroimpact_service import loading
-from vibroimpact_service.jobs import nursery
+from vibroimpact_service.jobs import forkserver
 from vibroimpact_service.settings import Settings
 
 
 def main() -> None:
     settings = Settings()
     if settings.scheduler is None:
-        nursery.open_nursery((*loading.NUMERICAL, "recording"))
+        forkserver.start((*loading.NUMERICAL, "recording"))
     import recording
 
     from vibroimpact_service.app import create_app

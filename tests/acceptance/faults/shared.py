@@ -1,4 +1,4 @@
-"""How much of the machine was left for the tests: others may be at work on it."""
+"""A clock that stands still while other programs use the processors."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ _EVERY = 0.2
 
 
 class Machine:
-    """A clock of the time in which the machine was ours, or idle.
+    """A clock of the time in which the processors were idle or used by the tests.
 
-    It goes by the wall where nobody else computes, and stands still where others take all
-    processors. So the limits are those of a machine of one's own, and mean the same on one
-    that is shared. What our own processes take from one another counts.
+    It agrees with the wall clock while no other program computes, and stands still while others
+    use all processors. Limits therefore mean the same on a shared machine as on a quiet one.
     """
 
     def __init__(self) -> None:
@@ -24,18 +23,18 @@ class Machine:
         self._ours = 0
         self._moments: list[tuple[float, float]] = []
         self._left = 0.0
-        self._before = self._look(), _all()
+        self._before = self._used_ticks(), _all()
         self._moments.append((time.time(), 0.0))
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
     def owns(self, process: int) -> None:
-        """Count the session of a process, and so all its descendants, as ours."""
+        """Count the session of a process, and with it all its descendants, as part of the tests."""
         self._sessions.add(process)
 
     def seconds(self, start: float, stop: float) -> float:
-        """Return how long the machine was ours or idle between two times."""
+        """Return the time of this clock between two times of the wall clock."""
         while self._moments[-1][0] < stop:
             time.sleep(_EVERY)
         return self._at(stop) - self._at(start)
@@ -56,7 +55,7 @@ class Machine:
 
     def _run(self) -> None:
         while not self._closing.wait(_EVERY):
-            ours, (busy, total) = self._look(), _all()
+            ours, (busy, total) = self._used_ticks(), _all()
             ours_before, (busy_before, total_before) = self._before
             if total == total_before:
                 continue
@@ -67,8 +66,8 @@ class Machine:
             self._moments.append((now, self._left))
             self._before = ours, (busy, total)
 
-    def _look(self) -> int:
-        """Return the ticks that our processes used, those that ended included."""
+    def _used_ticks(self) -> int:
+        """Return the processor ticks of the processes of the tests, including ended ones."""
         for stat in Path("/proc").glob("[0-9]*/stat"):
             try:
                 fields = stat.read_text().rpartition(")")[2].split()

@@ -1,4 +1,4 @@
-"""Several processes on PostgreSQL: replicas, the scheduler, the database and the network fail."""
+"""Failures of replicas, scheduler, database and network, with several processes."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def free_port() -> int:
 
 @pytest.fixture
 def elsewhere() -> Iterator[tuple[str, str]]:
-    """Return a network namespace with one wire to this one, and our address on it."""
+    """Return a network namespace with one link to this one, and our address on it."""
     name, third = f"vi{os.getpid()}", os.getpid() % 250
     ours, theirs = f"10.213.{third}.1", f"10.213.{third}.2"
     commands = (
@@ -209,5 +209,5 @@ def test_a_worker_whose_network_is_cut(
     moment = time.time()
     user.check()
     print("seconds from the cut to the end of all jobs:", round(time.time() - moment, 2))
-    # The worker goes on with what it was given, two bundles of eight chunks at most.
-    record.check(given_up=16)
+    # The worker goes on with its calls, two batches of eight chunks at most.
+    record.check(unreachable=16)

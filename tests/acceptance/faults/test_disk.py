@@ -1,4 +1,4 @@
-"""The store's disk fills up: refusals in plain words, no job lost, and all goes on afterwards."""
+"""A full disk: requests are refused with the reason, and no job is lost."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One process with everything: its workers are killed, it is killed itself."""
+"""Kills of the workers, and of the service itself, where one process holds everything."""
 
 from __future__ import annotations
 
@@ -49,9 +49,11 @@ def test_killed_service(
     moments: random.Random,
     machine: Machine,
 ) -> None:
-    # Half of them compute quick jobs as they are submitted.
-    ways = ("0", "0.02", "0", "0.02")
-    replica = started(Replica(tmp_path / "data", record, spot_seconds=ways[0]))
+    # Every other one computes quick jobs while they are submitted.
+    on_submission_seconds = ("0", "0.02", "0", "0.02")
+    replica = started(
+        Replica(tmp_path / "data", record, on_submission_seconds=on_submission_seconds[0])
+    )
     user = User([replica])
     user.submit(sweep(0.6, 80_000), *(tiny(0.7 + i / 100) for i in range(10)))
     seconds = []
@@ -61,8 +63,11 @@ def test_killed_service(
         time.sleep(moments.uniform(0.0, 0.6))
         replica.kill()
         moment = time.time()
-        way = ways[round_ + 1]
-        replica = started(Replica(tmp_path / "data", record, spot_seconds=way))
+        replica = started(
+            Replica(
+                tmp_path / "data", record, on_submission_seconds=on_submission_seconds[round_ + 1]
+            )
+        )
         user.replicas = [replica]
         again = until(lambda m=moment: record.after(m), "the jobs do not go on")
         seconds.append(machine.seconds(moment, again.time))

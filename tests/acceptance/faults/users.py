@@ -1,4 +1,4 @@
-"""What users of a service that is being killed do, and what they may expect in the end."""
+"""Users of a service whose processes are killed: they submit jobs, and check the results."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ import numpy as np
 from processes import SLOW, Replica, until
 
 from vibroimpact_schema.requests import ImpactModesRequest
-from vibroimpact_service import decode
+from vibroimpact_service.documents import decode
 from vibroimpact_solvers import impact_modes
 
-PASSING = (httpx2.TransportError, httpx2.HTTPStatusError)
-"""Answers after which a careful client asks again."""
+RETRIED = (httpx2.TransportError, httpx2.HTTPStatusError)
+"""Failures after which a client repeats its request."""
 
 
 def sweep(start: float, num: int = 40_000) -> dict[str, Any]:
@@ -33,12 +33,12 @@ def tiny(start: float) -> dict[str, Any]:
 
 
 def impulses(content: dict[str, Any]) -> np.ndarray[Any, Any]:
-    """Return what the solver itself finds, in this process."""
+    """Return the impulses that the solver computes in this process."""
     request = ImpactModesRequest.model_validate(content)
     problem = decode.impact_modes(request, decode.system(request.system))
-    found = impact_modes.solve(problem, impact_modes.plan(problem)).impulse
-    assert found is not None
-    return found
+    impulse = impact_modes.solve(problem, impact_modes.plan(problem)).impulse
+    assert impulse is not None
+    return impulse
 
 
 @dataclass
@@ -49,7 +49,7 @@ class User:
     accepted: dict[str, tuple[str, dict[str, Any]]] = field(default_factory=dict)
 
     def ask(self, method: str, path: str, **arguments: Any) -> Any:
-        """Return an answer, however often it takes to get one."""
+        """Repeat a request until it is answered, and return the answer."""
         end = time.monotonic() + SLOW
         while time.monotonic() < end:
             for replica in self.replicas:
@@ -57,7 +57,7 @@ class User:
                     answer = replica.http.request(method, path, **arguments)
                     if answer.status_code in (502, 503, 507):
                         answer.raise_for_status()
-                except PASSING as error:
+                except RETRIED as error:
                     last = error
                     time.sleep(0.1)
                 else:

@@ -9,8 +9,8 @@ import pytest
 from starlette.testclient import TestClient
 
 from vibroimpact_service.access import records
+from vibroimpact_service.access.authenticator import open_records
 from vibroimpact_service.access.caller import Allowance, Scope
-from vibroimpact_service.access.gate import open_records
 from vibroimpact_service.app import create_app
 from vibroimpact_service.settings import Settings
 

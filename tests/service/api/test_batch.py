@@ -29,7 +29,7 @@ def test_answers_are_those_of_single_requests(
         assert found["result"] == single
 
 
-def test_a_wrong_request_spoils_no_other(http: TestClient, request_body: dict[str, Any]) -> None:
+def test_a_wrong_request_affects_no_other(http: TestClient, request_body: dict[str, Any]) -> None:
     wrong = {**request_body, "color": "red"}
     large = {**request_body, "frequency": {"start": 0.5, "stop": 2.0, "num": 9_000_000}}
     impossible = {**request_body, "system": {"M": [[1, 2], [2, 1]], "K": [[1, 0], [0, 1]]}}

@@ -18,8 +18,8 @@ import xarray
 from starlette.testclient import TestClient
 
 from vibroimpact_schema.problems import Problem
-from vibroimpact_schema.results import ImpactModesResult
 from vibroimpact_service.app import create_app
+from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.settings import Settings
 from vibroimpact_solvers import impact_modes
 
@@ -46,7 +46,7 @@ def problem(answer: Any, status: int) -> Problem:
 def test_a_result_comes_with_its_name(http: TestClient, request_body: dict[str, Any]) -> None:
     first = post(http, request_body)
     assert first.status_code == 200
-    result = ImpactModesResult.model_validate_json(first.content)
+    result: Any = KINDS["impact-modes"].result.model_validate_json(first.content)
     headers = first.headers
     assert headers["content-type"] == "application/json"
     assert headers["content-location"] == f"/v1/results/{result.digest}"
@@ -363,7 +363,7 @@ def test_what_nobody_waits_for_stops_when_the_service_ends(
         asking = threading.Thread(target=lambda: answers.append(post(http, request_body)))
         asking.start()
         assert begun.wait(20)
-        app.state.evaluation.close()
+        app.state.services.evaluation.close()
         assert ended.wait(5)
         asking.join(20)
         problem(answers[0], 503)
@@ -374,6 +374,6 @@ def test_the_process_ends_beside_a_computation_that_notices_nothing() -> None:
         "import threading\n"
         "from vibroimpact_service import cli\n"
         "threading.Thread(target=threading.Event().wait).start()\n"
-        "cli._let_go()\n"
+        "cli._end_threads()\n"
     )
     assert subprocess.run([sys.executable, "-c", stuck], timeout=60, check=False).returncode == 0

@@ -101,7 +101,7 @@ def test_the_result_of_a_quick_job_that_was_lost_is_computed_again(
     job = submit(http, request_body).json()
     queue.run(job["id"])
     first = http.get(f"/v1/jobs/{job['id']}/result").json()
-    queue.rows[job["id"]] = replace(queue.rows[job["id"]], lane="quick")
+    queue.rows[job["id"]] = replace(queue.rows[job["id"]], queue="quick")
     # What a power failure can leave of a file: half of it, and nothing of what was made of it.
     (place,) = Path(queue.store.url).glob(f"results/*/{job['digest']}")
     with TestClient(create_app(settings, queue)) as later:
@@ -116,7 +116,7 @@ def test_the_result_of_a_quick_job_that_was_lost_is_computed_again(
         # Where nobody knows any more what was asked, nothing can be computed.
         job = submit(later, {**request_body, "outputs": ["impulse"]}).json()
         queue.run(job["id"])
-        queue.rows[job["id"]] = replace(queue.rows[job["id"]], lane="quick", request="ab" * 32)
+        queue.rows[job["id"]] = replace(queue.rows[job["id"]], queue="quick", request="ab" * 32)
         queue.store.results.remove(job["digest"])
         assert later.get(f"/v1/jobs/{job['id']}/result").json()["code"] == "no_result"
 
@@ -304,7 +304,7 @@ def test_a_stopping_service_ends_waits_and_streams(
     http: TestClient, request_body: dict[str, Any]
 ) -> None:
     job = submit(http, request_body).json()["id"]
-    http.app.state.drain.set()  # type: ignore[attr-defined]
+    http.app.state.services.drain.set()  # type: ignore[attr-defined]
     assert http.get(f"/v1/jobs/{job}?wait=25").json()["state"] == "queued"
     assert http.get(f"/v1/jobs/{job}/events").status_code == 200
     assert http.get("/v1/health/ready").status_code == 503

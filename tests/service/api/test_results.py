@@ -14,9 +14,9 @@ import pytest
 import zstandard
 from starlette.testclient import TestClient
 
-from vibroimpact_service import representations
-from vibroimpact_service.api import exchange
+from vibroimpact_service.api import answers
 from vibroimpact_service.app import create_app
+from vibroimpact_service.results import representations
 
 HDF5 = {"Accept": "application/x-hdf5"}
 
@@ -112,8 +112,8 @@ def test_a_large_result_is_sent_from_its_file(
     for part in settings.data.glob("store/results/*/*.h5"):
         part.unlink()
     monkeypatch.setattr(representations, "LARGE", 100)
-    monkeypatch.setattr(exchange, "_PIECE", 1000)
-    with TestClient(create_app(settings, http.app.state.evaluation.queue)) as fresh:
+    monkeypatch.setattr(answers, "_PIECE", 1000)
+    with TestClient(create_app(settings, http.app.state.services.evaluation.queue)) as fresh:
         streamed = fresh.get(address, headers=HDF5)
         assert streamed.headers["etag"] == f'"{hashlib.sha256(streamed.content).hexdigest()}"'
         with (

@@ -24,7 +24,7 @@ def test_files_are_written_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("stranger", [False, True])
-def test_only_members_can_talk(tmp_path: Path, stranger: bool) -> None:
+def test_only_processes_of_the_cluster_can_talk(tmp_path: Path, stranger: bool) -> None:
     ours = certificates.write(tmp_path / "ours", days=3)
     theirs = certificates.write(tmp_path / "theirs", days=3) if stranger else ours
     server, client = (ssl.SSLContext(p) for p in (ssl.PROTOCOL_TLS_SERVER, ssl.PROTOCOL_TLS_CLIENT))

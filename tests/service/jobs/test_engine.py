@@ -1,32 +1,111 @@
-"""The engine keeps Dask from looking all the time for what nobody asked it to look for."""
+"""Workers and the calls that they execute: values, failures, cancelling, restarts."""
 
 from __future__ import annotations
 
-import asyncio
+import os
+import queue
+import signal
+import time
+import uuid
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
-import dask
-import distributed.scheduler
 import pytest
-from distributed import Scheduler
 
-from vibroimpact_service.jobs.engine import calm
-
-
-def test_workers_tell_seldom_that_they_live() -> None:
-    assert distributed.scheduler.heartbeat_interval(2) == 5.0
-    assert distributed.scheduler.heartbeat_interval(10_000) > 5.0
+from vibroimpact_service.jobs.engine import BULK, FAST, Call, Engine
+from vibroimpact_service.jobs.work import Tick, WorkerLostError
+from vibroimpact_service.settings import Settings
 
 
-@pytest.mark.parametrize("timeout", [None, "1 hour"])
-def test_schedulers_look_for_timeouts_only_where_there_are_any(timeout: str | None) -> None:
-    names = ("idle-timeout", "no-workers-timeout")
-    settings = {f"distributed.scheduler.{name}": timeout for name in names}
+def double(value: int, _tick: Tick) -> int:
+    return 2 * value
 
-    async def looking() -> list[bool]:
-        where = {"host": "127.0.0.1", "port": 0, "dashboard_address": "127.0.0.1:0"}
-        async with Scheduler(**where) as scheduler:
-            calm(scheduler)
-            return [scheduler.periodic_callbacks[name].is_running() for name in names]
 
-    with dask.config.set(settings):
-        assert asyncio.run(looking()) == [timeout is not None] * 2
+def fail(_tick: Tick) -> None:
+    raise ValueError("no")
+
+
+def die(_tick: Tick) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def turn(folder: Path, tick: Tick) -> None:
+    """Work until the tick raises, and note when it began and when it was stopped."""
+    (folder / "begun").touch()
+    try:
+        while True:
+            time.sleep(0.01)
+            tick(0, 1)
+    finally:
+        (folder / "stopped").touch()
+
+
+def hang(folder: Path, _tick: Tick) -> None:
+    """Work without ever calling the tick."""
+    (folder / "begun").write_text(str(os.getpid()))
+    time.sleep(300.0)
+
+
+class Bench:
+    """An engine with one worker, and a short way to call it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.engine = Engine(Settings(data=folder, workers=1, grace_seconds=1.0))
+        self.engine.start()
+        wait_for(lambda: self.engine.ready)
+        self.ended: queue.SimpleQueue[Call] = queue.SimpleQueue()
+
+    def submit(self, queue_name: str, function: Any, *args: Any) -> Call:
+        return self.engine.submit(uuid.uuid4().hex, queue_name, 0, self.ended.put, function, *args)
+
+    def outcome(self, queue_name: str, function: Any, *args: Any) -> Any:
+        """Return what a call returns, or why it failed."""
+        call = self.submit(queue_name, function, *args)
+        assert self.ended.get(timeout=60) is call
+        return self.engine.error(call) or self.engine.values([call])[0]
+
+
+def wait_for(condition: Any, seconds: float = 60.0) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    bench = Bench(tmp_path_factory.mktemp("engine"))
+    yield bench
+    bench.engine.close()
+
+
+def test_values_and_errors_come_back(bench: Bench) -> None:
+    assert bench.outcome(FAST, double, 21) == 42
+    assert isinstance(bench.outcome(BULK, fail), ValueError)
+
+
+def test_a_cancelled_call_stops_at_its_next_tick(bench: Bench, tmp_path: Path) -> None:
+    """The plugin in the worker depends on the states in which Dask reports calls."""
+    call = bench.submit(BULK, turn, tmp_path)
+    wait_for((tmp_path / "begun").exists)
+    assert bench.outcome(FAST, double, 1) == 2  # the other queue is free
+    assert not (tmp_path / "stopped").exists()
+    bench.engine.cancel([call])
+    assert bench.ended.get(timeout=10) is call
+    wait_for((tmp_path / "stopped").exists, 1.0)
+
+
+def test_a_cancelled_call_that_does_not_stop_loses_its_worker(bench: Bench, tmp_path: Path) -> None:
+    call = bench.submit(BULK, hang, tmp_path)
+    wait_for((tmp_path / "begun").exists)
+    worker = int((tmp_path / "begun").read_text() or 0)
+    bench.engine.cancel([call])
+    assert bench.ended.get(timeout=10) is call
+    wait_for(lambda: not Path(f"/proc/{worker}").exists(), 10.0)
+    assert bench.outcome(BULK, double, 3) == 6
+
+
+def test_a_call_that_kills_its_worker_fails_and_the_worker_is_replaced(bench: Bench) -> None:
+    assert isinstance(bench.outcome(BULK, die), WorkerLostError)
+    assert bench.outcome(FAST, double, 4) == 8

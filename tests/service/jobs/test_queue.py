@@ -18,8 +18,8 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 import counting
 
-from vibroimpact_service.jobs.ledger import KeyReusedError, NewJob
 from vibroimpact_service.jobs.queue import DataInUseError, JobQueue
+from vibroimpact_service.jobs.records import KeyReusedError, NewJob
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 
@@ -101,7 +101,7 @@ def test_jobs_end_as_they_should(place: Place) -> None:
     async def scenario(b: Bench) -> None:
         job = await b.submit(n=1000)
         assert job.state == "queued"
-        done = await b.queue.finished("ann", job.id, 60)
+        done = await b.queue.wait("ann", job.id, 60)
         assert done is not None
         assert (done.state, done.reused) == ("succeeded", False)
         assert b.value(done) == squares(1000)
@@ -113,12 +113,12 @@ def test_jobs_end_as_they_should(place: Place) -> None:
         assert await b.queue.cancel("bob", job.id) is None
 
         wrong = await b.submit(fail="three is missing")
-        wrong = await b.queue.finished("ann", wrong.id, 30)
+        wrong = await b.queue.wait("ann", wrong.id, 30)
         assert wrong.state == "failed"
         assert wrong.error == {"code": "WrongRequestError", "detail": "three is missing"}
 
         first, second = await b.submit(n=50, sleep=0.1), await b.submit(n=50, sleep=0.1)
-        ends = [await b.queue.finished("ann", j.id, 30) for j in (first, second)]
+        ends = [await b.queue.wait("ann", j.id, 30) for j in (first, second)]
         assert [e.state for e in ends] == ["succeeded"] * 2
         assert sorted(e.reused for e in ends) == [False, True]
 
@@ -151,8 +151,8 @@ def test_a_poison_chunk_fails_its_own_job_only(place: Place) -> None:
     async def scenario(b: Bench) -> None:
         bad = await b.submit(poison=3)
         good = await b.submit(n=200, sleep=0.05)
-        bad = await b.queue.finished("ann", bad.id, 120)
-        good = await b.queue.finished("ann", good.id, 120)
+        bad = await b.queue.wait("ann", bad.id, 120)
+        good = await b.queue.wait("ann", good.id, 120)
         assert bad.state == "failed"
         assert bad.error["code"] == "WorkerLostError"
         assert good.state == "succeeded"
@@ -170,7 +170,7 @@ def test_calls_that_do_not_stop_lose_their_worker(place: Place) -> None:
         started = asyncio.get_running_loop().time()
         cancelled = await b.queue.cancel("ann", deaf.id)
         assert cancelled.state == "cancelled"
-        done = await b.queue.finished("ann", next_one.id, 60)
+        done = await b.queue.wait("ann", next_one.id, 60)
         assert done.state == "succeeded"
         assert b.value(done) == squares(20)
         assert asyncio.get_running_loop().time() - started < 60
@@ -183,11 +183,11 @@ def test_a_deadline_ends_a_job(place: Place) -> None:
         late = await b.submit(n=1000, sleep=0.2, deadline=2.0)
         assert late.deadline - late.created == pytest.approx(2.0)
         in_time = await b.submit(n=30, deadline=300.0)
-        late = await b.queue.finished("ann", late.id, 60)
+        late = await b.queue.wait("ann", late.id, 60)
         assert late.state == "failed"
         assert late.error["code"] == "DeadlineError"
         assert late.finished - late.created >= 2.0
-        in_time = await b.queue.finished("ann", in_time.id, 60)
+        in_time = await b.queue.wait("ann", in_time.id, 60)
         assert in_time.state == "succeeded"
 
     run(scenario, place)
@@ -201,7 +201,7 @@ def test_a_waiting_job_says_why_and_where(place: Place) -> None:
         waiting = [job.id for job in jobs if job.id in places]
         assert [places[job] for job in waiting] == sorted(places[job] for job in waiting)
         for job in jobs:
-            done = await b.queue.finished("ann", job.id, 60)
+            done = await b.queue.wait("ann", job.id, 60)
             assert done.state == "succeeded"
             assert b.queue.waiting_reason(done, 0) is None
 
@@ -221,7 +221,7 @@ def test_a_restart_goes_on_from_the_chunks_that_are_there(place: Place) -> None:
 
     async def resumed(b: Bench) -> None:
         (job,) = await b.queue.list("ann", None, None, None, 10)
-        done = await b.queue.finished("ann", job.id, 60)
+        done = await b.queue.wait("ann", job.id, 60)
         assert done is not None
         assert done.state == "succeeded"
         assert done.attempts == 2
@@ -231,7 +231,7 @@ def test_a_restart_goes_on_from_the_chunks_that_are_there(place: Place) -> None:
     run(resumed, place)
     computed = [int(line) for line in log.read_text().split()]
     assert set(computed) == set(range(30))
-    # At most the chunks in flight when it stopped were computed twice.
+    # At most the chunks that were running when it stopped were computed twice.
     assert len(computed) <= 30 + 8
 
 
@@ -251,11 +251,11 @@ def test_chained_chunks_are_computed_in_turn(place: Place) -> None:
         assert len({done for _, done, _ in states}) > 3
 
         bad = await b.submit(n=400, chained=True, poison=7)
-        bad = await b.queue.finished("ann", bad.id, 120)
+        bad = await b.queue.wait("ann", bad.id, 120)
         assert bad.state == "failed"
         assert bad.error["code"] == "WorkerLostError"
         good = await b.submit(n=90, chained=True)
-        good = await b.queue.finished("ann", good.id, 60)
+        good = await b.queue.wait("ann", good.id, 60)
         assert good.state == "succeeded"
 
     run(scenario, place)
@@ -269,3 +269,40 @@ def test_two_services_do_not_share_a_folder(tmp_path: Path) -> None:
             await other.start()
 
     run(scenario, Place(tmp_path, None))
+
+
+@pytest.mark.parametrize("server", ["sqlite", "postgresql"])
+def test_records_of_jobs_computed_while_they_are_submitted(
+    server: str, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    database = request.getfixturevalue("postgresql")() if server == "postgresql" else None
+    settings = Settings(data=tmp_path, database=database, workers=1)
+    store = Store(settings.store_url)
+    queue = JobQueue(settings, store, counting.WORK)
+
+    def new(key: str | None = None) -> NewJob:
+        return NewJob(
+            f"job_{uuid.uuid4().hex}", "ann", "k", "aa" * 32, "bb" * 32, 0, 0.001, False, key,
+            block=b"asked", computed=True,
+        )  # fmt: skip
+
+    async def scenario() -> None:
+        await queue.start()
+        try:
+            store.results.put("bb" * 32, b"result", durable=False)
+            job = await queue.submit(new("key"))
+            assert (job.state, job.phase, job.queue) == ("succeeded", "done", "quick")
+            assert (job.reused, job.attempts, job.done, job.total) == (False, 1, 1, 1)
+            assert job.started is not None
+            assert job.finished is not None
+            assert await queue.get("ann", job.id) == job
+            assert await queue.get("bob", job.id) is None
+            # The same key stands for the same job, whatever was computed for it meanwhile.
+            assert (await queue.submit(new("key"))).id == job.id
+            assert await queue.request("aa" * 32) == b"asked"
+            assert store.requests.get("aa" * 32) is None  # it stands in the records only
+            assert await queue.unfinished("ann", 10) == 0
+        finally:
+            await queue.close()
+
+    asyncio.run(scenario())

@@ -1,4 +1,4 @@
-"""Two replicas on one PostgreSQL: equal requests in flight are computed once."""
+"""Two replicas on one PostgreSQL: equal requests at the same time are computed once."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 import counting
 
-from vibroimpact_service.jobs.ledger import NewJob
 from vibroimpact_service.jobs.queue import JobQueue
+from vibroimpact_service.jobs.records import NewJob
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 
@@ -27,7 +27,7 @@ def test_equal_requests_are_computed_once_by_both(
 
     def queue(name: str) -> JobQueue:
         settings = Settings(
-            data=tmp_path / name, database=database, store=store.url, workers=1, driven_jobs=4
+            data=tmp_path / name, database=database, store=store.url, workers=1, running_jobs=4
         )
         return JobQueue(settings, store, counting.WORK)
 
@@ -56,7 +56,7 @@ def test_equal_requests_are_computed_once_by_both(
             others = [replicas[(i + 1) % 2] for i in range(len(submitted))]
             done = await asyncio.gather(
                 *(
-                    other.finished("ann", job.id, 120)
+                    other.wait("ann", job.id, 120)
                     for other, job in zip(others, submitted, strict=True)
                 )
             )

@@ -13,12 +13,11 @@ from typing import Any
 import pytest
 import sqlalchemy as sa
 
-from vibroimpact_service.jobs import lease, ledger
-from vibroimpact_service.jobs.database import open_database, reader
-from vibroimpact_service.jobs.ledger import NewJob
-from vibroimpact_service.jobs.records import jobs, requests
+from vibroimpact_service.jobs import claims, records
+from vibroimpact_service.jobs.record_access import RecordAccess
+from vibroimpact_service.jobs.records import NewJob
 from vibroimpact_service.jobs.retention import Retention
-from vibroimpact_service.jobs.writer import Writer
+from vibroimpact_service.jobs.tables import jobs, requests
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import ContentStore, Store
 
@@ -30,15 +29,14 @@ class Place:
     """Records and a store, with the limits of some settings."""
 
     folder: Path
-    database: Any
-    writer: Writer
+    access: RecordAccess
 
     def __post_init__(self) -> None:
         self.store = Store(str(self.folder / "store"))
 
     def clean(self, **limits: Any) -> None:
         settings = Settings(data=self.folder, **limits)
-        Retention(settings, self.store, self.writer, reader(self.database)).clean()
+        Retention(settings, self.store, self.access).clean()
 
     def job(self, result: str, *, done: bool = True, block: bytes = b"asked") -> NewJob:
         new = NewJob(
@@ -52,16 +50,15 @@ class Place:
             done,
             block=block,
         )
-        self.writer.submit(ledger.insert([new])).result()
+        self.access.write_now(records.insert, new)
         return new
 
     def age(self, days: float, table: sa.Table, column: str) -> None:
-        with self.database.begin() as connection:
+        with self.access.database.begin() as connection:
             connection.execute(table.update().values({column: time.time() - days * DAY}))
 
     def request(self) -> bytes | None:
-        with reader(self.database).connect() as connection:
-            return ledger.request(connection, "re" * 32)
+        return self.access.read_now(records.request, "re" * 32)
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])
@@ -70,11 +67,9 @@ def place(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Place]:
     if request.param == "postgresql":
         new: Callable[[], str] = request.getfixturevalue("postgresql")
         url = new()
-    database = open_database(url)
-    writer = Writer(database)
-    yield Place(tmp_path, database, writer)
-    writer.close()
-    database.dispose()
+    access = RecordAccess(url)
+    yield Place(tmp_path, access)
+    access.close()
 
 
 def put(area: ContentStore, name: str, days: float, size: int = 1000) -> str:
@@ -97,7 +92,7 @@ def test_results_go_by_age_and_size_but_pinned_and_wanted_ones_stay(place: Place
         for name, days in (("aa", 500), ("bb", 500), ("cc", 20), ("dd", 30), ("ee", 1))
     )
     put(store, "ff" * 32, 400)
-    place.writer.submit(ledger.pin("ann", pinned)).result()
+    place.access.write_now(records.pin, "ann", pinned)
     place.job(wanted, done=False)
     place.clean()
     assert names(store) == {pinned, wanted, old, older, new}
@@ -105,7 +100,7 @@ def test_results_go_by_age_and_size_but_pinned_and_wanted_ones_stay(place: Place
     assert names(store) == {pinned, wanted, old, new}
     place.clean(max_store_bytes=0)
     assert names(store) == {pinned, wanted}
-    assert place.writer.submit(ledger.unpin("ann", pinned)).result()
+    assert place.access.write_now(records.unpin, "ann", pinned)
     place.clean(max_store_bytes=0)
     assert names(store) == {wanted}
 
@@ -127,11 +122,11 @@ def test_chunks_of_jobs_under_way_stay(place: Place) -> None:
     store = place.store.chunks
     before, since = put(store, "aa" * 32, 2), put(store, "bb" * 32, 0)
     place.job("cc" * 32, done=False)
-    (job,) = place.writer.submit(lease.claim("me", "bulk", 1, 1.0)).result()
+    (job,) = place.access.write_now(claims.claim, "me", "bulk", 1, 1.0)
     place.clean(max_chunks_bytes=0)
     assert names(store) == {since}
     assert before not in names(store)
-    assert place.writer.submit(lease.succeed("me", [job.id], False)).result() == {job.id}
+    assert place.access.write_now(claims.succeed, "me", [job.id], False) == {job.id}
     place.clean(max_chunks_bytes=0)
     assert names(store) == set()
 
@@ -143,11 +138,11 @@ def test_jobs_go_by_age_and_their_requests_with_them(place: Place) -> None:
     recent = place.job("cc" * 32)
     place.age(1, requests, "created")
     place.clean()
-    with reader(place.database).connect() as connection:
+    with place.access.database.connect() as connection:
         left = set(connection.execute(sa.select(jobs.c.id)).scalars())
     assert left == {unfinished.id, recent.id}
     assert place.request() == b"asked"  # they need it
-    with place.database.begin() as connection:
+    with place.access.database.begin() as connection:
         connection.execute(jobs.delete())
     place.clean()
     assert place.request() is None
@@ -157,7 +152,7 @@ def test_a_request_that_is_asked_again_is_new_again(place: Place) -> None:
     place.job("aa" * 32)
     place.age(1, requests, "created")
     place.job("bb" * 32)
-    with place.database.begin() as connection:
+    with place.access.database.begin() as connection:
         connection.execute(jobs.delete())
     place.clean()
     assert place.request() == b"asked"

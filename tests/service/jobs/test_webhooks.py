@@ -19,10 +19,9 @@ from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 
-from vibroimpact_service.jobs import lease, ledger, webhooks
-from vibroimpact_service.jobs.database import open_database, reader
-from vibroimpact_service.jobs.ledger import NewJob
-from vibroimpact_service.jobs.writer import Writer
+from vibroimpact_service.jobs import claims, records, webhooks
+from vibroimpact_service.jobs.record_access import RecordAccess
+from vibroimpact_service.jobs.records import NewJob
 from vibroimpact_service.settings import Settings
 
 SECRET = "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw"
@@ -129,9 +128,9 @@ class Receiver:
 
 @pytest.fixture
 def receiver(tmp_path: Path) -> Iterator[Receiver]:
-    found = Receiver(tmp_path)
-    yield found
-    found.close()
+    server = Receiver(tmp_path)
+    yield server
+    server.close()
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])
@@ -149,21 +148,21 @@ def job(name: str, webhook: tuple[str, str] | None) -> NewJob:
 
 
 def test_a_message_arrives_once_the_job_ended(receiver: Receiver, url: str, tmp_path: Path) -> None:
-    database = open_database(url)
-    writer = Writer(database)
+    access = RecordAccess(url)
     settings = Settings(data=tmp_path, webhook_private=True, webhook_ca=receiver.authority)
-    hooks = webhooks.Webhooks(settings, writer, reader(database))
+    hooks = webhooks.Webhooks(settings, access)
     told = (receiver.url, SECRET)
-    writer.submit(ledger.insert([job("one", told), job("two", None), job("three", told)])).result()
+    for new in (job("one", told), job("two", None), job("three", told)):
+        access.write_now(records.insert, new)
     receiver.statuses = [500]  # the first attempt fails and is repeated
 
     async def scenario() -> None:
         sending = asyncio.create_task(hooks.loop())
         await asyncio.sleep(1.5)
         assert receiver.got == []  # no job ended yet
-        held = writer.submit(lease.claim("me", "bulk", 1, 9.0)).result()
+        held = access.write_now(claims.claim, "me", "bulk", 1, 9.0)
         assert [each.id for each in held] == ["one"]
-        writer.submit(lease.succeed("me", ["one"], False)).result()
+        access.write_now(claims.succeed, "me", ["one"], False)
         async with asyncio.timeout(30):
             while len(receiver.got) < 2:
                 await asyncio.sleep(0.05)
@@ -171,8 +170,7 @@ def test_a_message_arrives_once_the_job_ended(receiver: Receiver, url: str, tmp_
         await asyncio.gather(sending, return_exceptions=True)
 
     asyncio.run(scenario())
-    writer.close()
-    database.dispose()
+    access.close()
     (_, first), (head, body) = receiver.got
     assert first == body
     document = json.loads(body)

@@ -15,8 +15,10 @@ from typing import Any
 import fsspec
 import pytest
 
-from vibroimpact_service import digest, encode, tasks
+from vibroimpact_service import chunks as job_chunks
+from vibroimpact_service.documents import digest, requests
 from vibroimpact_service.kinds import KINDS
+from vibroimpact_service.results import encode
 from vibroimpact_service.store import Store, StoreUnavailableError
 
 NAME = "ab" * 32
@@ -45,23 +47,23 @@ class Server:
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    found = Server(tmp_path_factory.mktemp("s3") / "log")
+    server = Server(tmp_path_factory.mktemp("s3") / "log")
     given = {
-        "AWS_ENDPOINT_URL": found.url,
+        "AWS_ENDPOINT_URL": server.url,
         "AWS_ACCESS_KEY_ID": "test",
         "AWS_SECRET_ACCESS_KEY": "test",
         "AWS_DEFAULT_REGION": "us-east-1",
     }
     before = {name: os.environ.get(name) for name in given}
     os.environ.update(given)
-    yield found
+    yield server
     for name, value in before.items():
         if value is None:
             del os.environ[name]
         else:
             os.environ[name] = value
-    found.process.kill()
-    found.process.wait(10)
+    server.process.kill()
+    server.process.wait(10)
 
 
 @pytest.fixture
@@ -78,7 +80,7 @@ def test_blocks_come_back(url: str) -> None:
     store.put(NAME, b"block")
     assert other.has(NAME)
     assert other.get(NAME) == b"block"
-    assert other.sound(NAME)
+    assert other.readable(NAME)
     assert store.present([NAME, "cd" * 32]) == {NAME}
     (entry,) = store.entries()
     assert (entry.name, entry.size) == (NAME, 32 + 5)
@@ -97,7 +99,7 @@ def test_a_damaged_block_is_removed(url: str) -> None:
     content = bytearray(files.cat_file(path))
     content[-1] ^= 1
     files.pipe_file(path, bytes(content))
-    assert not store.sound(NAME)
+    assert not store.readable(NAME)
     assert not store.has(NAME)
 
 
@@ -105,14 +107,14 @@ def test_a_job_from_its_request_to_its_result(url: str, request_body: dict[str, 
     kind = KINDS["impact-modes"]
     store = Store(url)
     request = kind.request.model_validate(request_body)
-    block = tasks.request_block("ann", digest.canonical(request))
+    block = requests.stored_form("ann", digest.canonical(request))
     name = digest.content(block)
     store.requests.put(name, block)
-    chunks = tasks.split(url, kind.name, name, NAME)
-    tasks.solve(url, kind.name, name, NAME, range(len(chunks)))
+    chunks = job_chunks.split(url, kind.name, name, NAME)
+    job_chunks.solve(url, kind.name, name, NAME, range(len(chunks)))
     assert store.chunks.present([chunk.name for chunk in chunks]) == {c.name for c in chunks}
-    tasks.join(url, kind.name, name, NAME, chunks)
-    content = encode.open_bundle(store.results.get(NAME) or b"")
+    job_chunks.join(url, kind.name, name, NAME, chunks)
+    content = encode.unpack(store.results.get(NAME) or b"")
     assert content.arrays["impulse"].shape == (5, 1)
 
 

@@ -1,4 +1,4 @@
-"""Bands against members found one by one, closed forms, and scans that could find a missed one."""
+"""Bands against impact modes solved one by one, closed forms, and scans for missed bands."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from vibroimpact_solvers.existence_bands import Edge, Result
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 
 
-def found(system: System, start: float, stop: float, **more: object) -> Result:
+def solved(system: System, start: float, stop: float, **more: object) -> Result:
     problem = bands.Problem(system, start, stop, **more)
     return bands.solve(problem, bands.plan(problem))
 
 
 def exists(system: System, Omega: np.ndarray, active: tuple[int, ...] = ()) -> np.ndarray:
-    """Existence of members, each by a walk along its motion."""
+    """Existence of impact modes, each by a check of its path."""
     problem = modes.Problem(system, Omega * (2 / np.pi), active, frozenset({"exists"}), Omega=Omega)
     answer = modes.solve(problem, modes.plan(problem)).exists
     assert answer is not None
@@ -40,7 +40,7 @@ def clear_of_edges(result: Result, Omega: np.ndarray, distance: float) -> np.nda
 
 
 def scan(result: Result, system: System, Omega: np.ndarray, active: tuple[int, ...] = ()) -> None:
-    # Members count as real up to 1e-10 of the room beyond a limit: edges differ by that much.
+    # Impact modes exist up to 1e-10 of the gap beyond a limit: edges differ by that much.
     some = Omega[clear_of_edges(result, Omega, 1e-7)]
     assert some.size > 0.99 * Omega.size
     np.testing.assert_array_equal(exists(system, some, active), inside(result, some))
@@ -48,7 +48,7 @@ def scan(result: Result, system: System, Omega: np.ndarray, active: tuple[int, .
 
 def test_the_chain_of_the_figures() -> None:
     system = chain()
-    result = found(system, 0.2, 3.0)
+    result = solved(system, 0.2, 3.0)
     assert result.band_certified is not None
     assert result.band_certified.all()
     assert result.unresolved_start.size == 0
@@ -57,7 +57,7 @@ def test_the_chain_of_the_figures() -> None:
 
 
 def test_the_last_band_begins_at_the_highest_natural_frequency() -> None:
-    result = found(chain(), 1.97, 3.0)
+    result = solved(chain(), 1.97, 3.0)
     # eq. 10.63
     assert result.band_start[-1] == pytest.approx(2 * np.sin(13 * np.pi / 28), rel=4e-15)
     assert result.band_start_reason[-1] == Edge.NEGATIVE_IMPULSE
@@ -66,7 +66,7 @@ def test_the_last_band_begins_at_the_highest_natural_frequency() -> None:
 
 
 def test_bands_begin_at_natural_frequencies_or_odd_parts_of_them() -> None:
-    result = found(chain(), 0.2, 3.0)
+    result = solved(chain(), 0.2, 3.0)
     natural = 2 * np.sin(np.arange(1, 14) * np.pi / 28)
     odd = np.outer(natural, 1 / np.arange(1, 21, 2)).ravel()
     for start in result.band_start:
@@ -76,7 +76,7 @@ def test_bands_begin_at_natural_frequencies_or_odd_parts_of_them() -> None:
 def test_one_oscillator_exists_above_its_natural_frequency_only() -> None:
     # Fig. 10.2: the other branches with positive impulse are phantoms.
     system = presets.oscillator([Constraint.at(0, 1.0)], 1.0)
-    result = found(system, 0.05, 2.0)
+    result = solved(system, 0.05, 2.0)
     assert result.band_start.tolist() == [pytest.approx(1.0, rel=1e-15)]
     assert result.rejected_start.size == 9
     # At their lower ends the limit is passed by the square of the distance: below 1e-8 of it
@@ -92,7 +92,7 @@ def test_one_oscillator_exists_above_its_natural_frequency_only() -> None:
 
 def test_witnesses_are_beyond_the_limit() -> None:
     system = chain()
-    result = found(system, 0.5, 3.0)
+    result = solved(system, 0.5, 3.0)
     middle = 0.5 * (result.rejected_start + result.rejected_stop)
     problem = modes.Problem(system, middle * 2 / np.pi, outputs=frozenset({"exists"}), Omega=middle)
     assert not modes.solve(problem, modes.plan(problem)).exists.any()
@@ -104,7 +104,7 @@ def test_no_band_of_a_random_structure_is_missed(seed: int) -> None:
     rng = np.random.default_rng(seed)
     n = int(rng.integers(2, 9))
     system = random_system(seed, n, [Constraint.at(int(rng.integers(n)), 1.0)])
-    result = found(system, 0.15, 3.0)
+    result = solved(system, 0.15, 3.0)
     assert result.unresolved_start.size == 0
     scan(result, system, rng.uniform(0.15, 3.0, 1_000_000 if seed < 4 else 60_000))
 
@@ -114,8 +114,8 @@ def test_limits_that_are_not_struck_count(seed: int) -> None:
     rng = np.random.default_rng(100 + seed)
     stops = [Constraint.at(0, 1.0), Constraint((1, 2), (1.0, -1.0), 0.4, 0.9)]
     system = random_system(seed, 4, stops)
-    result = found(system, 0.2, 4.0, active=(0,))
-    free = found(random_system(seed, 4, stops[:1]), 0.2, 4.0)
+    result = solved(system, 0.2, 4.0, active=(0,))
+    free = solved(random_system(seed, 4, stops[:1]), 0.2, 4.0)
     width = np.sum(result.band_stop - result.band_start)
     assert width < np.sum(free.band_stop - free.band_start)
     scan(result, system, rng.uniform(0.2, 4.0, 30_000), (0,))
@@ -133,7 +133,7 @@ def test_limits_that_are_not_struck_count(seed: int) -> None:
 )
 def test_other_families_are_searched(stops: list[Constraint]) -> None:
     system = presets.chain(12, stops)
-    result = found(system, 0.8, 3.0)
+    result = solved(system, 0.8, 3.0)
     assert not result.band_certified.any()
     assert 0 < result.error_resolution < 2e-3
     assert result.band_start.size
@@ -147,7 +147,7 @@ def test_rigid_body_modes_take_part() -> None:
         SymmetricMatrix.dense(K),
         (Constraint.at(0, 1.0),),
     )
-    result = found(system, 0.1, 3.0)
+    result = solved(system, 0.1, 3.0)
     assert result.band_certified.all()
     scan(result, system, np.linspace(0.1, 3.0, 20_000))
 
@@ -158,7 +158,7 @@ def test_repeated_frequencies_and_modes_with_a_node_change_nothing() -> None:
     system = System(
         SymmetricMatrix.diagonal(np.ones(4)), SymmetricMatrix.dense(K), (Constraint.at(0, 1.0),)
     )
-    result = found(system, 0.3, 3.0)
+    result = solved(system, 0.3, 3.0)
     assert result.band_start.tolist() == [pytest.approx(1.0)]
 
 
@@ -181,7 +181,7 @@ def test_the_plan_says_what_is_skipped() -> None:
 
 def test_stability_splits_the_localized_band() -> None:
     # Spectral radius at 1.01, 1.05, 1.1, 1.2, 1.5, 2 Omega_N: unstable up to 1.2, stable from 1.5.
-    result = found(chain(), 1.99, 4.0, outputs=frozenset({"stability"}))
+    result = solved(chain(), 1.99, 4.0, outputs=frozenset({"stability"}))
     assert result.band_start is None
     assert result.stability_stable.tolist() == [False, True]
     Omega_N = 2 * np.sin(13 * np.pi / 28)

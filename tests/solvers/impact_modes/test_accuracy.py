@@ -41,7 +41,9 @@ def test_every_entry_of_a_localized_shape_has_its_digits(ratio: float) -> None:
     result = solve(np.array([Omega]), frozenset({"impulse", "shape"}))
     p, x = exact(Omega)
     assert float(abs(result.impulse[0, 0] / p - 1)) < 1e-14
-    error = [float(abs(found / true - 1)) for found, true in zip(result.shape[0], x, strict=True)]
+    error = [
+        float(abs(computed / true - 1)) for computed, true in zip(result.shape[0], x, strict=True)
+    ]
     kept = [e for e, true in zip(error, x, strict=True) if abs(true) > 1e-30 * GAP]
     assert len(kept) >= 7
     assert max(kept) < 1e-12

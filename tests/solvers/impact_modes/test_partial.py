@@ -16,7 +16,7 @@ from vibroimpact_solvers.impact_modes.family import Family
 from vibroimpact_solvers.impact_modes.modal import ModalFamily
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.plan import Stage
-from vibroimpact_solvers.receptance import ModalWaves, Reach, Rows
+from vibroimpact_solvers.receptance import Coordinates, ExpansionSize, PartialModalResponse
 
 GAP = 0.2
 
@@ -47,12 +47,12 @@ def problem(system: System, Omega: Any, outputs: Any = ("impulse",), **more: Any
     )
 
 
-def partial(asked: Problem) -> DirectFamily:
-    bound = spectrum.largest_frequency(asked.system)
-    directions = np.ascontiguousarray(asked.system.directions(asked.active).T)
-    reach = Reach.of(asked.tolerance)
-    waves = ModalWaves(asked.system, directions, bound, asked.wanted_dofs, reach)
-    return DirectFamily(asked, bound, waves=waves)
+def partial(case: Problem) -> DirectFamily:
+    bound = spectrum.largest_frequency(case.system)
+    directions = np.ascontiguousarray(case.system.directions(case.active).T)
+    expansion = ExpansionSize.of(case.tolerance)
+    response = PartialModalResponse(case.system, directions, bound, case.output_dofs, expansion)
+    return DirectFamily(case, bound, frequency_response=response)
 
 
 COUPLED = (Constraint.at(30, GAP), Constraint((81, 82), (1.0, -1.0), 1.5 * GAP, 1.5 * GAP))
@@ -70,40 +70,40 @@ COUPLED = (Constraint.at(30, GAP), Constraint((81, 82), (1.0, -1.0), 1.5 * GAP, 
     ids=["uneven", "repeated", "coupled", "full mass", "coupled, full mass"],
 )
 @pytest.mark.parametrize("tolerance", [None, 1e-6, 1e-3])
-def test_members_are_those_of_all_modes(system: System, tolerance: float | None) -> None:
+def test_solutions_are_those_of_all_modes(system: System, tolerance: float | None) -> None:
     bound = spectrum.largest_frequency(system)
     Omega = bound * np.array([0.0512, 0.25, 0.3117, 0.52])
-    asked = problem(system, Omega, tolerance=tolerance)
-    family = partial(asked)
-    found, motion = family.members(asked.frequencies)
+    case = problem(system, Omega, tolerance=tolerance)
+    family = partial(case)
+    computed, motion = family.solutions(case.frequencies)
     natural = spectrum.spectrum(system)
-    exact = ModalFamily(asked, Family.of(asked), natural)
-    expected, modal_motion = exact.members(asked.frequencies)
+    exact = ModalFamily(case, Family.of(case), natural)
+    expected, modal_motion = exact.solutions(case.frequencies)
     size = np.abs(expected.plus).max(axis=1)
-    off = np.abs(found.plus - expected.plus).max(axis=1) / size
-    assert (found.error < (1e-6 if tolerance is None else 10 * tolerance)).all()
-    assert (off <= found.error + expected.error).all()
+    off = np.abs(computed.plus - expected.plus).max(axis=1) / size
+    assert (computed.error < (1e-6 if tolerance is None else 10 * tolerance)).all()
+    assert (off <= computed.error + expected.error).all()
     close = 1e-9 if tolerance is None else 10 * tolerance
     np.testing.assert_allclose(
         family.energy(motion),
         exact.energy(modal_motion),
-        rtol=100 * close + 1e4 * found.error.max(),
+        rtol=100 * close + 1e4 * computed.error.max(),
     )
     dofs, tau = np.arange(0, system.n, 7), np.array([-0.3, 0.8, 1.0])
     x = family.displacements(motion, tau, dofs)
     y = exact.displacements(modal_motion, tau, dofs)
     scale = np.abs(y).max(axis=(1, 2), keepdims=True)
-    assert (np.abs(x - y) / scale).max() < 1e3 * max(found.error.max(), close)
+    assert (np.abs(x - y) / scale).max() < 1e3 * max(computed.error.max(), close)
     orders = np.array([1, 3, 5])
     b = family.harmonics(motion, orders, dofs)
     c = exact.harmonics(modal_motion, orders, dofs)
     assert (np.abs(b - c) / np.abs(c).max(axis=(1, 2), keepdims=True)).max() < 1e3 * max(
-        found.error.max(), close
+        computed.error.max(), close
     )
 
 
-def test_the_bound_of_what_is_left_out_is_kept() -> None:
-    """The error stated for short series holds, and is not far from what is left out."""
+def test_the_bound_of_the_omitted_modes_holds() -> None:
+    """The error stated for short series holds, and is not far from the real one."""
     system = membrane(12)
     bound = spectrum.largest_frequency(system)
     eigenvalues, modes = scipy.linalg.eigh(system.K.to_dense(), system.M.to_dense())
@@ -111,32 +111,34 @@ def test_the_bound_of_what_is_left_out_is_kept() -> None:
     directions = np.ascontiguousarray(system.directions((0,)).T)
     shares = []
     for terms in (1, 4, 16):
-        waves = ModalWaves(system, directions, bound, np.empty(0, dtype=int), Reach(4, terms))
+        response = PartialModalResponse(
+            system, directions, bound, np.empty(0, dtype=int), ExpansionSize(4, terms)
+        )
         for frequency in bound * np.linspace(0.1, 0.9, 11):
             z = frequency**2
-            felt = waves.response(frequency)
-            error = abs(felt.value[0, 0] - (seen**2 / (z - eigenvalues)).sum())
-            assert error <= felt.error[0, 0]
-            shares.append(error / felt.error[0, 0])
+            computed = response.receptance(frequency)
+            error = abs(computed.value[0, 0] - (seen**2 / (z - eigenvalues)).sum())
+            assert error <= computed.error[0, 0]
+            shares.append(error / computed.error[0, 0])
             slope = (seen**2 / (z - eigenvalues) ** 2).sum()
             if terms == 16:
-                np.testing.assert_allclose(felt.slope[0, 0], slope, rtol=1e-6)
+                np.testing.assert_allclose(computed.slope[0, 0], slope, rtol=1e-6)
     assert max(shares) > 0.01
 
 
 def test_modes_are_counted_by_inertia() -> None:
     system = membrane(14, full_mass=True)
     eigenvalues = scipy.linalg.eigvalsh(system.K.to_dense(), system.M.to_dense())
-    counter = spectrum.Counter.of(system)
+    counter = spectrum.EigenvalueCounter.of(system)
     for value in np.concatenate([[-1.0, 20.0], np.linspace(0.01, 12.0, 40)]):
-        found = counter.count(float(value))
-        assert found.below == np.count_nonzero(eigenvalues < found.at)
+        computed = counter.count(float(value))
+        assert computed.below == np.count_nonzero(eigenvalues < computed.at)
         # Far below the distances between neighbours.
-        assert found.doubt < 1e-6 * eigenvalues[-1] / system.n
+        assert computed.error < 1e-6 * eigenvalues[-1] / system.n
 
 
 @pytest.mark.parametrize("uneven", [True, False])
-def test_windows_hold_all_modes(uneven: bool) -> None:
+def test_slices_hold_all_modes(uneven: bool) -> None:
     """Repeated eigenvalues with all their modes."""
     system = membrane(20, uneven=uneven)
     eigenvalues = scipy.linalg.eigvalsh(system.K.to_dense(), system.M.to_dense())
@@ -145,15 +147,17 @@ def test_windows_hold_all_modes(uneven: bool) -> None:
         line = 4.0 * np.sin(np.arange(1, 21) * np.pi / 42) ** 2
         eigenvalues = np.sort(np.add.outer(line, line).ravel())
         rounding = 4.0 * np.finfo(float).eps * eigenvalues[-1]
-    counter, mass = spectrum.Counter.of(system), system.M.factorize()
+    counter, mass = spectrum.EigenvalueCounter.of(system), system.M.factorize()
     for shift, radius in ((0.5, 0.3), (4.03, 0.4), (7.0, 0.2), (7.9, 1.5)):
         low, high = counter.count(shift - radius), counter.count(shift + radius)
         solve = system.K.plus(-shift, system.M).factorize()
-        found = spectrum.window(system, low, high, shift, solve, mass)
+        computed = spectrum.modes_between(system, low, high, shift, solve, mass)
         inside = (eigenvalues > low.at) & (eigenvalues < high.at)
-        assert found.eigenvalues.size == inside.sum() > 5
-        assert (np.abs(found.eigenvalues - eigenvalues[inside]) <= found.doubt + rounding).all()
-        identity = found.modes.T @ (system.M @ found.modes)
+        assert computed.eigenvalues.size == inside.sum() > 5
+        assert (
+            np.abs(computed.eigenvalues - eigenvalues[inside]) <= computed.error + rounding
+        ).all()
+        identity = computed.modes.T @ (system.M @ computed.modes)
         np.testing.assert_allclose(identity, np.eye(inside.sum()), atol=1e-11)
 
 
@@ -167,19 +171,19 @@ def test_the_plan_takes_partial_modes_where_frequencies_are_many() -> None:
     assert "inertia" in step.reason
     few = impact_modes.plan(many.slice(0, 4))
     assert few.step(Stage.SPECTRUM) is None
-    by_cells = impact_modes.solve(many, impact_modes.plan(many))
+    by_intervals = impact_modes.solve(many, impact_modes.plan(many))
     by_solves = impact_modes.solve(many.slice(0, 4), few)
-    assert by_cells.impulse is not None
+    assert by_intervals.impulse is not None
     assert by_solves.impulse is not None
-    assert by_cells.exists is not None
+    assert by_intervals.exists is not None
     assert by_solves.exists is not None
-    error = np.maximum(by_cells.impulse_error[:4], by_solves.impulse_error)
-    assert (np.abs(by_cells.impulse[:4] / by_solves.impulse - 1.0)[:, 0] < 2 * error).all()
-    np.testing.assert_array_equal(by_cells.exists[:4], by_solves.exists)
-    assert by_cells.shape is not None
+    error = np.maximum(by_intervals.impulse_error[:4], by_solves.impulse_error)
+    assert (np.abs(by_intervals.impulse[:4] / by_solves.impulse - 1.0)[:, 0] < 2 * error).all()
+    np.testing.assert_array_equal(by_intervals.exists[:4], by_solves.exists)
+    assert by_intervals.shape is not None
     assert by_solves.shape is not None
-    np.testing.assert_allclose(by_cells.shape[:4], by_solves.shape, rtol=1e-6, atol=1e-8)
-    assert "left out" in by_cells.error_statement
+    np.testing.assert_allclose(by_intervals.shape[:4], by_solves.shape, rtol=1e-6, atol=1e-8)
+    assert "omitted" in by_intervals.error_statement
 
 
 def test_pieces_give_the_numbers_of_the_whole() -> None:
@@ -198,13 +202,17 @@ def test_pieces_give_the_numbers_of_the_whole() -> None:
 
 
 def test_a_looser_tolerance_keeps_fewer_modes() -> None:
-    assert Reach.of(1e-3).factor < Reach.of(None).factor
-    assert Reach.of(1e-3).terms < Reach.of(1e-6).terms <= Reach.of(None).terms * 2
-    assert Reach.of(1e-15).terms <= Reach.of(None).terms
+    assert ExpansionSize.of(1e-3).factor < ExpansionSize.of(None).factor
+    assert (
+        ExpansionSize.of(1e-3).terms
+        < ExpansionSize.of(1e-6).terms
+        <= ExpansionSize.of(None).terms * 2
+    )
+    assert ExpansionSize.of(1e-15).terms <= ExpansionSize.of(None).terms
 
 
 def test_rows_combine_degrees_of_freedom() -> None:
-    rows = Rows.along(COUPLED)
+    rows = Coordinates.along(COUPLED)
     vectors = np.random.default_rng(1).standard_normal((144, 3))
     np.testing.assert_allclose(rows(vectors), [vectors[30], vectors[81] - vectors[82]])
     assert rows.size == 2

@@ -1,4 +1,4 @@
-"""What must hold for all structures: invariances, superposition, limits, exact flight."""
+"""What must hold for all structures: invariances, superposition, limits, exact free motion."""
 
 from __future__ import annotations
 
@@ -146,7 +146,7 @@ def test_high_frequencies_have_their_limit(seed: int, n: int, ratio: float) -> N
 
 @settings(deadline=None)
 @given(seeds, sizes, st.floats(0.2, 4.0), st.integers(1, 2))
-def test_members_are_exact_flights(seed: int, n: int, ratio: float, count: int) -> None:
+def test_solutions_are_exact_motions(seed: int, n: int, ratio: float, count: int) -> None:
     """From just after the impacts at tau = -1 the free structure flies to those at tau = 1."""
     system, omega = case(seed, n, ratio, count)
     result = solve(system, omega)
@@ -167,7 +167,7 @@ def test_members_are_exact_flights(seed: int, n: int, ratio: float, count: int) 
 
 @settings(deadline=None, max_examples=50)
 @given(seeds, sizes, st.floats(0.3, 3.0))
-def test_the_energy_is_the_one_of_the_flight(seed: int, n: int, ratio: float) -> None:
+def test_the_energy_is_the_one_of_the_motion(seed: int, n: int, ratio: float) -> None:
     system, omega = case(seed, n, ratio)
     result = solve(system, omega)
     bound = trusted(result)

@@ -68,7 +68,7 @@ def test_the_sign_changes_once_between_poles() -> None:
     assert zero == pytest.approx(float(exact), rel=4e-16)
 
 
-def test_one_oscillator_has_members_below_its_first_pole_only() -> None:
+def test_one_oscillator_has_solutions_below_its_first_pole_only() -> None:
     # y = sin(theta tau)/sin(theta) passes its limit wherever |sin(theta)| < 1 past the pole.
     one = np.ones(1)
     none = np.zeros(1)
@@ -80,6 +80,17 @@ def test_one_oscillator_has_members_below_its_first_pole_only() -> None:
     assert bounds[-1] == 1.5 * np.pi - 1e-3
     theta = bounds[0]
     assert np.abs(np.sin(theta * witness[0])) > np.abs(np.sin(theta))
+
+
+def test_a_fast_mode_takes_no_part_of_the_period_out_of_the_proof() -> None:
+    """Its many boxes in tau are more than there is room for; the limit is passed late in tau."""
+    root, seen, none = np.array([1.0, 5e4]), np.array([[1.0, 0.0]]), np.zeros(1)
+    start = np.pi + 0.5
+    _, status, witness, _, _ = bands.survey(
+        root, seen, seen, none, none, 0, start, start + 1e-5, 1e-12, 10**7
+    )
+    assert status.tolist() == [bands.PHANTOM]
+    assert np.abs(np.sin(start * witness[0])) > np.abs(np.sin(start))
 
 
 def test_what_the_budget_does_not_reach_is_undecided() -> None:

@@ -1,4 +1,4 @@
-"""Motions of members by vector loops, against extended precision."""
+"""Motions of solutions by vector loops, against extended precision."""
 
 from __future__ import annotations
 

@@ -87,11 +87,11 @@ def test_the_first_change_of_sides_is_not_missed(terms: list[float], s: float) -
     side = 1.0 if series[0] > 0.0 else -1.0
     found = side_kept(series, s, side)
     assert 0.0 < found <= s
-    grain = 1e-14 * float(np.abs(series) @ s ** np.arange(series.size))
+    rounding = 1e-14 * float(np.abs(series) @ s ** np.arange(series.size))
     before = np.polynomial.polynomial.polyval(np.linspace(0.0, found, 2001), series)
-    assert (side * before >= -grain).all()
+    assert (side * before >= -rounding).all()
     if found < s:
-        assert abs(before[-1]) <= grain
+        assert abs(before[-1]) <= rounding
 
 
 def test_a_dip_within_a_series_is_found() -> None:

@@ -57,11 +57,11 @@ def test_one_parabola_after_the_other(solved: Solved) -> None:
     z, v = np.full(t.size, np.nan), np.full(t.size, np.nan)
     height, speed = 2.0, 0.0
     for _ in range(200):
-        flight = (speed + np.sqrt(speed**2 + 2 * g * height)) / g
-        now = (t >= start) & (t < start + flight)
+        interval = (speed + np.sqrt(speed**2 + 2 * g * height)) / g
+        now = (t >= start) & (t < start + interval)
         later = t[now] - start
         z[now], v[now] = height + speed * later - g * later**2 / 2, speed - g * later
-        start, height, speed = start + flight, 0.0, k * (g * flight - speed)
+        start, height, speed = start + interval, 0.0, k * (g * interval - speed)
     result = solved(ball(k, g, floor=-1.5), "bouncing_ball", "exact", t, x=0.5)
     assert result.x is not None
     assert result.v is not None
@@ -128,9 +128,9 @@ def test_velocity_is_the_rate_of_the_height(solved: Solved, variant: str) -> Non
     assert before.x is not None
     assert after.x is not None
     assert at.v is not None
-    flying = np.floor((before.phi + 1) / 2) == np.floor((after.phi + 1) / 2)
-    rate = (after.x - before.x)[flying] / (2 * h)
-    np.testing.assert_allclose(at.v[flying], rate, atol=1e-5)
+    same_interval = np.floor((before.phi + 1) / 2) == np.floor((after.phi + 1) / 2)
+    rate = (after.x - before.x)[same_interval] / (2 * h)
+    np.testing.assert_allclose(at.v[same_interval], rate, atol=1e-5)
 
 
 @pytest.mark.parametrize(

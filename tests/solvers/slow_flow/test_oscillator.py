@@ -1,4 +1,4 @@
-"""Elastic oscillators: members of the families, real ones and phantoms, and their reflections."""
+"""Elastic oscillators: admissible solutions and phantoms, and the reflected motion."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def below(wall: float) -> System:
     return presets.oscillator([Constraint((0,), (1.0,), None, wall)], 1.0)
 
 
-def test_real_member(solved: Solved, values: Values) -> None:
+def test_admissible_solution(solved: Solved, values: Values) -> None:
     entry = values("01")
     t = np.array([float(time) for time in entry["x"]])
     result = solved(between(), "oscillator", "family", t, energy=0.6)
@@ -57,7 +57,7 @@ def test_first_phantom(solved: Solved, values: Values) -> None:
 
 @pytest.mark.parametrize(("name", "root"), [("03", 2), ("04", 4)])
 def test_higher_phantoms(solved: Solved, values: Values, name: str, root: int) -> None:
-    """A positive impulse alone does not make a member real."""
+    """A positive impulse alone does not make a solution admissible."""
     entry = values(name)
     result = solved(between(), "oscillator", "family", [0.0], energy=0.6, root=root)
     assert result.gamma is not None
@@ -71,7 +71,7 @@ def test_one_wall(solved: Solved, values: Values, name: str, wall: float) -> Non
     entry = values(name)
     gamma = 2.0 if name == "05" else 1.0
     tau = np.array([float(time) for time in entry["X_at_tau"]])
-    t = tau * gamma  # tau = omega t on the first flight
+    t = tau * gamma  # tau = omega t until the first impact
     outputs = frozenset({"state", "x", "impulse"})
     result = solved(below(wall), "oscillator", "family", t, outputs, gamma=gamma)
     assert result.omega is not None
@@ -97,7 +97,7 @@ def test_one_wall(solved: Solved, values: Values, name: str, wall: float) -> Non
         (below(-0.5), (-np.inf, -0.5), {"gamma": 1.1, "phi": -0.3}),
     ],
 )
-def test_members_are_the_reflected_motion(
+def test_solutions_are_the_reflected_motion(
     solved: Solved, system: System, walls: tuple[float, float], initial: dict[str, float]
 ) -> None:
     end = 6.0

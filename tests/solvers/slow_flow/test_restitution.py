@@ -102,7 +102,7 @@ class TestExact:
         np.testing.assert_allclose(plastic.x[after, 0], expected, atol=1e-12)
 
     def test_state_describes_the_motion(self, solved: Solved) -> None:
-        """X = Delta sin(gamma tau)/sin(gamma) with the flight's own gamma is exact."""
+        """X = Delta sin(gamma tau)/sin(gamma) with the gamma of each interval is exact."""
         t = np.linspace(0.0, 30.0, 400)
         result = solved(lossy(), "restitution", "exact", t, **FIG)
         assert result.phi is not None
@@ -192,9 +192,9 @@ class TestSlowFlow:
             assert result.phi is not None
             x, v = result.x.reshape(3, -1), result.v.reshape(3, -1)
             phi = result.phi.reshape(3, -1)
-            flying = np.floor((phi[2] + 1) / 2) == np.floor((phi[0] + 1) / 2)
+            same_interval = np.floor((phi[2] + 1) / 2) == np.floor((phi[0] + 1) / 2)
             rate = (x[2] - x[0]) / (2 * h)
-            worst.append(np.abs(rate - v[1])[flying].max())
+            worst.append(np.abs(rate - v[1])[same_interval].max())
         assert order(SMALL, worst) == pytest.approx(2.0, abs=0.1)
 
     def test_shape_solves_its_boundary_value_problem(self) -> None:

@@ -1,4 +1,4 @@
-"""Members of families in extended precision, straight from eq. 10.47-10.59 and their relatives.
+"""Solutions of families in extended precision, straight from eq. 10.47-10.59 and their relatives.
 
 Nothing is shared with the solvers: natural modes by mpmath's own eigensolver, one linear
 system for the impulses at all walls that are struck.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import mpmath
@@ -28,8 +29,8 @@ class Modes:
 
 
 @dataclass(frozen=True)
-class Member:
-    """One member: impulses at both walls and the motion of its modes."""
+class Solution:
+    """One solution: impulses at both walls and the motion of its modes."""
 
     plus: list[Number]
     minus: list[Number]
@@ -51,18 +52,30 @@ class Member:
         return tau * change / step
 
     def _modal(self, j: int, tau: Number) -> Number:
-        mu = self.modes.eigenvalues[j] / self.omega**2
-        a = [row[j] for row in self.modes.seen]
-        total = sum(x * (p + m) for x, p, m in zip(a, self.plus, self.minus, strict=True))
-        apart = sum(x * (p - m) for x, p, m in zip(a, self.plus, self.minus, strict=True))
+        rate, sine, cosine, constant = self._terms[j]
+        if rate is None:
+            return sine * tau + cosine * tau**2 + constant
+        cos, sin = mpmath.cos_sin(rate * tau)
+        return mpmath.re(sine * sin + cosine * cos + constant)
+
+    @cached_property
+    def _terms(self) -> list[tuple[Number, Number, Number, Number]]:
+        """For each mode its rate in tau and the factors of sine and cosine, or of tau and tau^2."""
         scale = 2 * self.omega**2
-        if mu == 0:
-            return total * tau / scale + self.places[j] + apart * tau**2 / (2 * scale)
-        g = mpmath.sqrt(mu)
-        odd = mpmath.sin(g * tau) / (g * mpmath.cos(g))
-        even = -mpmath.cos(g * tau) / (g * mpmath.sin(g))
-        still = self.modes.load[j] / self.modes.eigenvalues[j]
-        return mpmath.re(total * odd / scale + apart * even / scale + still)
+        terms = []
+        for j, eigenvalue in enumerate(self.modes.eigenvalues):
+            a = [row[j] for row in self.modes.seen]
+            total = sum(x * (p + m) for x, p, m in zip(a, self.plus, self.minus, strict=True))
+            apart = sum(x * (p - m) for x, p, m in zip(a, self.plus, self.minus, strict=True))
+            mu = eigenvalue / self.omega**2
+            if mu == 0:
+                terms.append((None, total / scale, apart / (2 * scale), self.places[j]))
+                continue
+            g = mpmath.sqrt(mu)
+            cos, sin = mpmath.cos_sin(g)
+            still = self.modes.load[j] / eigenvalue
+            terms.append((g, total / (scale * g * cos), -apart / (scale * g * sin), still))
+        return terms
 
 
 def modes(system: System) -> Modes:
@@ -114,8 +127,8 @@ def omega_of(Omega: float) -> Number:
     return 2 * mpmath.mpf(float(Omega)) / mpmath.pi * (1 + mpmath.mpf(10) ** (-mpmath.mp.dps // 2))
 
 
-def member(system: System, natural: Modes, omega: Number, active: Sequence[int]) -> Member:
-    """Return the member that strikes every wall of the active constraints."""
+def solution(system: System, natural: Modes, omega: Number, active: Sequence[int]) -> Solution:
+    """Return the solution with impacts at every wall of the active constraints."""
     count = len(system.constraints)
     walls = [(a, +1) for a in active if system.constraints[a].upper is not None]
     walls += [(a, -1) for a in active if system.constraints[a].lower is not None]
@@ -142,14 +155,14 @@ def member(system: System, natural: Modes, omega: Number, active: Sequence[int])
     for place in range(len(walls), size):
         if all(A[place, k] == 0 for k in range(size)):
             A[place, place] = 1
-    found = mpmath.lu_solve(A, b)
+    unknowns = mpmath.lu_solve(A, b)
     plus, minus = [mpmath.mpf(0)] * count, [mpmath.mpf(0)] * count
     for k, (a, side) in enumerate(walls):
-        (plus if side > 0 else minus)[a] = found[k]
+        (plus if side > 0 else minus)[a] = unknowns[k]
     places = [mpmath.mpf(0)] * len(natural.eigenvalues)
     for r, j in enumerate(rigid):
-        places[j] = found[len(walls) + r]
-    return Member(plus, minus, natural, omega, places)
+        places[j] = unknowns[len(walls) + r]
+    return Solution(plus, minus, natural, omega, places)
 
 
 def _response(mu: Number, side: int, from_side: int) -> Number:

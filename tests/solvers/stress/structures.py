@@ -69,7 +69,7 @@ def check(
     proofs: bool = True,
     times: int = 81,
 ) -> Result:
-    """Solve and compare every member with extended precision.
+    """Solve and compare every solution with extended precision.
 
     The impulses must be within their stated error, whatever it is; where no digit is stated,
     nothing may be called certain. What is certified must be true.
@@ -85,7 +85,7 @@ def check(
             if result.impulse_error[f] > VAGUE:
                 assert not result.certified[f], f"certain without a digit at {value!r}"
                 continue
-            exact = extended.member(
+            exact = extended.solution(
                 system, natural, extended.omega_of(value), range(len(system.constraints))
             )
             _check_impulses(result, f, exact)
@@ -94,22 +94,22 @@ def check(
     return result
 
 
-def _check_impulses(result: Result, f: int, exact: extended.Member) -> None:
+def _check_impulses(result: Result, f: int, exact: extended.Solution) -> None:
     pairs = list(zip(result.impulse[f], exact.plus, strict=True))
     if result.impulse_lower is not None:
         pairs += zip(result.impulse_lower[f], exact.minus, strict=True)
     largest = max(abs(p) for _, p in pairs)
-    error = max(abs(mpmath.mpf(float(found)) - p) for found, p in pairs)
+    error = max(abs(mpmath.mpf(float(computed)) - p) for computed, p in pairs)
     stated = float(result.impulse_error[f])
     message = f"at Omega = {result.Omega[f]!r}: error {float(error / largest):.2e}, {stated:.2e}"
-    # What is stated is relative to the impulse found and of first order.
+    # What is stated is relative to the computed impulse and of first order.
     assert error <= stated / (1.0 - stated) * largest, message
 
 
 def _check_verdict(
-    system: System, result: Result, f: int, exact: extended.Member, times: int
+    system: System, result: Result, f: int, exact: extended.Solution, times: int
 ) -> None:
-    """Check a certified verdict against the exact member."""
+    """Check a certified verdict against the exact solution."""
     if not result.certified[f]:
         return
     reason = Reason(int(result.reason[f]))
@@ -133,7 +133,7 @@ def _check_verdict(
             assert _excess(system, exact, mpmath.mpf(float(tau))) < 1e-9, f"{at}, tau = {tau}"
 
 
-def _excess(system: System, exact: extended.Member, tau: Any) -> Any:
+def _excess(system: System, exact: extended.Solution, tau: Any) -> Any:
     """Return by how much limits are passed at one time, relative to their distance."""
     passed = []
     for a, c in enumerate(system.constraints):

@@ -26,16 +26,16 @@ def solve(system: System, start: float, stop: float, **more: Any) -> Result:
 
 
 def verdict(system: System, natural: extended.Modes, Omega: float, times: int = 161) -> float:
-    """Return the least of impulse and room of the exact member, relative; negative: phantom."""
-    exact = extended.member(system, natural, extended.omega_of(Omega), [0])
-    found = [mpmath.sign(exact.plus[0]), mpmath.sign(exact.velocity_into(0, 1))]
+    """Return the smallest relative margin of the exact solution; negative for a phantom."""
+    exact = extended.solution(system, natural, extended.omega_of(Omega), [0])
+    margins = [mpmath.sign(exact.plus[0]), mpmath.sign(exact.velocity_into(0, 1))]
     for a, constraint in enumerate(system.constraints):
         assert constraint.upper is not None
         # The struck limit is reached, not passed, at the end.
         for tau in np.linspace(0.0, 1.0 if a else 0.999, times):
             y = abs(exact.coordinate(a, mpmath.mpf(float(tau))))
-            found.append(1 - y / constraint.upper)
-    return float(min(found))
+            margins.append(1 - y / constraint.upper)
+    return float(min(margins))
 
 
 def check(
@@ -57,7 +57,7 @@ def check(
                 continue
             inside = np.array([0.02, 0.5, 0.98]) * (high - low) + low
             for Omega in inside[(inside > low + error) & (inside < high - error)]:
-                assert verdict(system, natural, Omega) > -1e-9, f"no member at {Omega!r}"
+                assert verdict(system, natural, Omega) > -1e-9, f"no solution at {Omega!r}"
         random = np.random.default_rng(5)
         for Omega in np.exp(random.uniform(np.log(start), np.log(stop), 3 * points)):
             near = any(
@@ -126,7 +126,7 @@ class TestSpectra:
 
     @pytest.mark.parametrize("n", [1000, 5000])
     def test_sign_bands_of_longer_chains(self, n: int) -> None:
-        """Above the spectrum every member exists; just below it the last band ends at a pole."""
+        """Above the spectrum every solution exists; just below it the last band ends at a pole."""
         system = presets.chain(n, [Constraint.at(n // 3, GAP)])
         top = spectrum.spectrum(system).largest_frequency
         result = solve(system, 1.00001 * top, 1.5 * top)
@@ -181,12 +181,12 @@ class TestWalls:
 
     @pytest.mark.parametrize("offset", [-1e-15, 1e-15])
     def test_a_limit_that_is_grazed_at_an_edge(self, offset: float) -> None:
-        """A limit at the very reach of one member: no wrong proof on either side."""
+        """A limit exactly at the reach of one solution: no wrong proof on either side."""
         system = springs(np.ones(4), np.ones(5), ONE)
         with mpmath.workdps(60):
             seen = springs(np.ones(4), np.ones(5), [*ONE, Constraint.at(3, 1.0)])
             natural = extended.modes(seen)
-            exact = extended.member(seen, natural, extended.omega_of(2.1), [0])
+            exact = extended.solution(seen, natural, extended.omega_of(2.1), [0])
             reach = max(abs(exact.coordinate(1, mpmath.mpf(k) / 400)) for k in range(401))
         limit = Constraint.at(3, float(reach) * (1.0 + offset))
         check(springs(np.ones(4), np.ones(5), [*ONE, limit]), 1.8, 2.6)
@@ -195,8 +195,8 @@ class TestWalls:
 
 @pytest.mark.parametrize("family", ["coupled", "asymmetric", "unilateral", "mixed", "relative"])
 @pytest.mark.parametrize("ratio", [1e-12, 1e12])
-def test_other_families_agree_with_their_members(family: str, ratio: float) -> None:
-    """What is searched is not proved, and says so; members in the middle exist."""
+def test_other_families_agree_with_their_solutions(family: str, ratio: float) -> None:
+    """What is searched is not proved, and says so; solutions in the middle exist."""
     masses = np.ones(5)
     masses[0] = ratio
     system = springs(masses, np.ones(6), FAMILIES[family])
@@ -212,7 +212,7 @@ def test_other_families_agree_with_their_members(family: str, ratio: float) -> N
         for low, high in zip(result.band_start, result.band_stop, strict=True):
             if high - low < 1e-4 * high:
                 continue
-            exact = extended.member(
+            exact = extended.solution(
                 system, natural, extended.omega_of(float(0.5 * (low + high))), every
             )
             struck = [

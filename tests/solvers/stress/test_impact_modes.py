@@ -140,16 +140,16 @@ class TestFrequencies:
         """The impulse passes zero there while the motion stays finite (eq. 10.53)."""
         system = presets.chain(13, [Constraint.at(5, GAP)])
         roots = spectrum.spectrum(system).roots
-        heard = np.abs(np.sin(6 * np.pi * np.arange(1, 14) / 14)) > 1e-9
-        Omega = roots[heard] / below
+        participating = np.abs(np.sin(6 * np.pi * np.arange(1, 14) / 14)) > 1e-9
+        Omega = roots[participating] / below
         result = solve(system, Omega, ["impulse", "shape", "energy"])
         assert (np.abs(result.impulse[:, 0]) < 1e-12 * GAP * Omega).all()
         np.testing.assert_allclose(result.shape[:, 5], GAP, rtol=1e-9)
         assert np.isfinite(result.energy).all()
         # All energy is in the mode that swings: (gap Omega_j / e_j)^2 / 2.
         natural = spectrum.spectrum(system)
-        row = natural.rows(np.array([5]))[0][heard]
-        expected = 0.5 * (GAP * roots[heard] / row) ** 2
+        row = natural.rows(np.array([5]))[0][participating]
+        expected = 0.5 * (GAP * roots[participating] / row) ** 2
         np.testing.assert_allclose(result.energy, expected, rtol=1e-9)
 
 
@@ -215,13 +215,13 @@ class TestGrazing:
     def reach(self) -> Any:
         system = springs(np.ones(5), np.ones(6), [Constraint.at(1, GAP)])
         with mpmath.workdps(60):
-            exact = extended.member(
+            exact = extended.solution(
                 system, extended.modes(system), extended.omega_of(self.Omega), [0]
             )
             seen = extended.modes(
                 springs(np.ones(5), np.ones(6), [Constraint.at(1, GAP), Constraint.at(2, 1.0)])
             )
-            both = extended.Member(
+            both = extended.Solution(
                 [exact.plus[0], mpmath.mpf(0)],
                 [exact.minus[0], mpmath.mpf(0)],
                 seen,

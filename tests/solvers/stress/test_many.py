@@ -1,4 +1,4 @@
-"""Sweeps and ensembles where numbers go wrong: what is refused at one point spoils no other."""
+"""Sweeps and ensembles where numbers go wrong: an invalid point does not affect others."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ from vibroimpact_solvers import (
     sweep,
     time_history,
 )
+from vibroimpact_solvers.errors import Status
 from vibroimpact_solvers.kernels import modal
 from vibroimpact_solvers.model import RANGE, Constraint, System
 from vibroimpact_solvers.plan import Stage
 
-OK, INVALID = sweep.Status.OK, sweep.Status.INVALID
+OK, INVALID = Status.OK, Status.INVALID
 EXTREMES = [5e-324, 1e-200, 1e-90, 1e-12, 1.0, 1e12, 1e90, 1e200]
 STATUSES = [INVALID, INVALID, OK, OK, OK, OK, OK, INVALID]
 
@@ -50,13 +51,13 @@ def chain(gap: float = GAP, stiffness: float = 1.0, mass: float = 1.0) -> System
     return springs(masses, stiffnesses, [Constraint.at(1, gap, 0.9)])
 
 
-def members(system: System, Omega: float = 2.5) -> impact_modes.Problem:
+def modes(system: System, Omega: float = 2.5) -> impact_modes.Problem:
     numbers = np.array([Omega])
     outputs = frozenset({"impulse", "exists", "reason", "stability"})
     return impact_modes.Problem(system, numbers * (2 / np.pi), Omega=numbers, outputs=outputs)
 
 
-def flight(system: System, speed: float, t_end: float = 12.0) -> time_history.Problem:
+def history(system: System, speed: float, t_end: float = 12.0) -> time_history.Problem:
     v = np.zeros(system.n)
     v[1] = speed
     state = time_history.State(np.zeros(system.n), v)
@@ -71,41 +72,41 @@ def bands(system: System) -> existence_bands.Problem:
 class TestSweeps:
     def test_gaps_of_impact_modes(self) -> None:
         """Impulses are proportional to the gap; the growth of deviations does not see it."""
-        found = swept(
-            "impact-modes", EXTREMES, lambda size: members(chain(GAP * size)), Stage.IMPULSE
+        result = swept(
+            "impact-modes", EXTREMES, lambda size: modes(chain(GAP * size)), Stage.IMPULSE
         )
-        assert found.arrays["status"].tolist() == STATUSES
-        good = found.arrays["status"] == OK
-        scaled = found.arrays["impulse"][good].ravel() / np.array(EXTREMES)[good]
+        assert result.arrays["status"].tolist() == STATUSES
+        good = result.arrays["status"] == OK
+        scaled = result.arrays["impulse"][good].ravel() / np.array(EXTREMES)[good]
         np.testing.assert_allclose(scaled, scaled[2], rtol=1e-12)
-        assert np.isnan(found.arrays["impulse"][~good]).all()
-        np.testing.assert_allclose(found.arrays["stability"][good], 1.0, atol=1e-6)
+        assert np.isnan(result.arrays["impulse"][~good]).all()
+        np.testing.assert_allclose(result.arrays["stability"][good], 1.0, atol=1e-6)
 
     @pytest.mark.parametrize("name", ["stiffness", "mass"])
     def test_ratios_of_all_kinds(self, name: str) -> None:
         """Every point is what it would be alone, next to refused ones."""
         values = [1e-12, 1.0, 1e12, 5e-324 if name == "mass" else 1e200]
         kinds: dict[str, tuple[Any, Callable[[System], Any], str]] = {
-            "impact-modes": (impact_modes, members, "impulse"),
+            "impact-modes": (impact_modes, modes, "impulse"),
             "resonances": (resonances, resonances.Problem, "natural"),
             "existence-bands": (
                 existence_bands,
                 bands,
                 "band_start",
             ),
-            "time-history": (time_history, lambda s: flight(s, 1.0, 1e-5), "impact_time"),
+            "time-history": (time_history, lambda s: history(s, 1.0, 1e-5), "impact_time"),
         }
         for kind, (solver, problem, output) in kinds.items():
-            found = swept(kind, values, lambda size, of=problem: of(chain(**{name: size})))
-            assert found.arrays["status"].tolist() == [OK, OK, OK, INVALID], kind
+            result = swept(kind, values, lambda size, of=problem: of(chain(**{name: size})))
+            assert result.arrays["status"].tolist() == [OK, OK, OK, INVALID], kind
             for place, size in enumerate(values[:3]):
                 one = problem(chain(**{name: size}))
                 alone = getattr(solver.solve(one, solver.plan(one)), output)
-                array = found.arrays[output]
+                array = result.arrays[output]
                 dim = output.partition("_")[0] if "_" in output else "resonance"
-                if f"{dim}_count" in found.arrays:
-                    first = found.arrays[f"{dim}_offset"][place]
-                    array = array[first : first + found.arrays[f"{dim}_count"][place]]
+                if f"{dim}_count" in result.arrays:
+                    first = result.arrays[f"{dim}_offset"][place]
+                    array = array[first : first + result.arrays[f"{dim}_count"][place]]
                 else:
                     array = array[place]
                 np.testing.assert_array_equal(array, alone, err_msg=kind)
@@ -129,23 +130,23 @@ class TestEnsembles:
         assert other.impact_time is not None
         np.testing.assert_allclose(other.impact_time, one.impact_time, rtol=1e-12)
 
-    def test_refused_members_spoil_no_others(self) -> None:
+    def test_refused_members_affect_no_others(self) -> None:
         """Denormal and huge speeds, and a start beyond the wall."""
         system = presets.oscillator([Constraint.at(0, 1.0, 0.9)], 1.0)
         x = np.array([0.0, 0.0, 0.0, 0.0, 1.0 + 1e-6, 0.0])[:, np.newaxis]
         v = np.array([3.0, 5e-324, 1e-150, 1e150, 1.0, 1e30])[:, np.newaxis]
         problem = ensemble.Problem(system, x, v, 4.0)
-        found = ensemble.solve(problem, ensemble.plan(problem))
+        result = ensemble.solve(problem, ensemble.plan(problem))
         expected = [OK, INVALID, INVALID, INVALID, INVALID, OK]
-        assert found.status.tolist() == expected
-        assert len(found.error_failures) == 4
+        assert result.status.tolist() == expected
+        assert len(result.error_failures) == 4
         one = problem.member(0)
         alone = time_history.solve(one, time_history.plan(one))
         assert alone.impact_time is not None
-        assert found.impact_time is not None
-        many = found.impact_time[alone.impact_time.size :]
+        assert result.impact_time is not None
+        many = result.impact_time[alone.impact_time.size :]
         np.testing.assert_array_equal(
-            found.impact_time[: alone.impact_time.size], alone.impact_time
+            result.impact_time[: alone.impact_time.size], alone.impact_time
         )
         # At 1e30 it strikes hundreds of times before it is slow; all the same right.
         with mpmath.workdps(60):
@@ -160,21 +161,21 @@ class TestEnsembles:
         assert (modal.SMALLEST, modal.LARGEST) == RANGE
 
     def test_grazing_restitution_and_rest_in_one_ensemble(self) -> None:
-        """Amplitudes 1e-15 about the wall: members are those of their own flights."""
+        """Amplitudes 1e-15 about the wall: members equal their own time histories."""
         for k in (0.0, 1.0):
             system = presets.oscillator([Constraint.at(0, 1.0, k)], 1.0)
             speeds = 1.0 + np.array([-1e-9, -1e-15, 0.0, 1e-15, 1e-9, 1.0])
             v = speeds[:, np.newaxis]
             problem = ensemble.Problem(system, 0.0 * v, v, 20.0)
-            found = ensemble.solve(problem, ensemble.plan(problem))
-            assert (found.status == OK).all()
-            assert found.count_impacts[0] == 0
-            assert found.impact_time is not None
-            assert found.impact_offset is not None
+            result = ensemble.solve(problem, ensemble.plan(problem))
+            assert (result.status == OK).all()
+            assert result.count_impacts[0] == 0
+            assert result.impact_time is not None
+            assert result.impact_offset is not None
             for i in range(speeds.size):
                 one = problem.member(i)
                 alone = time_history.solve(one, time_history.plan(one)).impact_time
                 assert alone is not None
-                first = found.impact_offset[i]
-                rows = found.impact_time[first : first + alone.size]
+                first = result.impact_offset[i]
+                rows = result.impact_time[first : first + alone.size]
                 np.testing.assert_array_equal(rows, alone)

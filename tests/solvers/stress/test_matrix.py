@@ -20,16 +20,16 @@ KINDS = (
     "time_history",
     "many",
 )
-_SAME = "- each point or member is computed as if it were alone, which is tested"
+_SAME = "- each point or member of an ensemble is computed as if it were alone, which is tested"
 _FIXED = "- structures of one or two masses, which have no such ratio"
 _SCALES = "test_scales test_time_may_be_scaled"
 _NO_TIME = "- nothing moves in time"
-_NO_LOSS = "- members are motions without loss: restitution plays no part"
+_NO_LOSS = "- impact modes have no energy loss: restitution has no effect"
 _NO_LOAD = "- the model refuses loads"
 MATRIX = {
     "mass ratios 1e±12": (
         "test_masses test_full_matrices",
-        "test_masses test_other_families_agree_with_their_members",
+        "test_masses test_other_families_agree_with_their_solutions",
         "test_masses",
         "test_masses",
         _FIXED,
@@ -84,7 +84,7 @@ MATRIX = {
     "exact poles": (
         "test_poles test_impulses_vanish_at_poles",
         "test_edges_at_poles_to_the_stated_error",
-        "- natural frequencies themselves are what is found",
+        "- natural frequencies themselves are computed",
         "test_bands_from_edge_to_edge test_multipliers_that_meet",
         _NO_LOAD,
         "test_one_mass_exactly_in_resonance test_a_chain_in_resonance_to_the_last_bit",
@@ -119,18 +119,18 @@ MATRIX = {
     ),
     "three simultaneous impacts": (
         "test_three_struck_at_once",
-        "test_other_families_agree_with_their_members",
-        "- one coordinate is held",
+        "test_other_families_agree_with_their_solutions",
+        "- one coordinate is fixed",
         "test_stiffnesses test_the_order_of_three_impacts_decides",
         "- the models have one limiter",
         "test_three_struck_in_the_same_moment test_three_apart_struck_in_the_same_moments",
         _SAME,
     ),
     "10^7 impacts": (
-        "- a member is one period",
-        "- a member is one period",
+        "- an impact mode is one period",
+        "- an impact mode is one period",
         _NO_TIME,
-        "- a member is one period",
+        "- an impact mode is one period",
         "test_half_a_million_millions_of_impacts test_impacts_without_number",
         "test_ten_million_impacts test_millions_of_millions_of_impacts",
         _SAME,
@@ -160,7 +160,7 @@ MATRIX = {
         "test_denormal_springs_are_nothing",
         "test_numbers_that_are_lost",
         "test_numbers_whose_squares_are_lost",
-        "test_refused_members_spoil_no_others test_gaps_of_impact_modes",
+        "test_refused_members_affect_no_others test_gaps_of_impact_modes",
     ),
 }
 

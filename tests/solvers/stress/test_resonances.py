@@ -28,17 +28,17 @@ def solve(system: System, odd_max: int = 1) -> Result:
 
 
 def exact(system: System) -> list[tuple[Any, Any]]:
-    """Return natural frequencies of the held structure and how much each is excited, relative."""
+    """Return natural frequencies with the coordinate fixed, and their relative excitation."""
     M, K = (mpmath.matrix(a.to_dense().tolist()) for a in (system.M, system.K))
     row = [mpmath.mpf(float(w)) for w in system.directions((0,))[0]]
-    n, held = system.n, max(range(system.n), key=lambda i: abs(row[i]))
-    free = [i for i in range(n) if i != held]
+    n, fixed = system.n, max(range(system.n), key=lambda i: abs(row[i]))
+    free = [i for i in range(n) if i != fixed]
     Z = mpmath.zeros(n, n - 1)
     for column, i in enumerate(free):
         Z[i, column] = 1
-        Z[held, column] = -row[i] / row[held]
+        Z[fixed, column] = -row[i] / row[fixed]
     moved = mpmath.zeros(n, 1)
-    moved[held] = 1 / row[held]
+    moved[fixed] = 1 / row[fixed]
     inverse = mpmath.cholesky(Z.T * M * Z) ** -1
     values, Q = mpmath.eigsy(inverse * (Z.T * K * Z) * inverse.T)
     modes = inverse.T * Q
@@ -61,14 +61,14 @@ def check(system: System) -> Result:
         for root, excited in expected:
             stated = [
                 error
-                for found, error in zip(result.natural, result.error_natural, strict=True)
-                if abs(mpmath.mpf(float(found)) / root - 1) <= error
+                for computed, error in zip(result.natural, result.error_natural, strict=True)
+                if abs(mpmath.mpf(float(computed)) / root - 1) <= error
             ]
             # What is excited by less than rounding may be left out.
             assert stated or excited < 1e-9, f"{float(root)!r} is missing ({float(excited):.1e})"
-        for found, error in zip(result.natural, result.error_natural, strict=True):
-            near = [root for root, _ in expected if abs(float(found) / root - 1) <= error]
-            assert near or error >= 1.0, f"{float(found)!r} is none"
+        for computed, error in zip(result.natural, result.error_natural, strict=True):
+            near = [root for root, _ in expected if abs(float(computed) / root - 1) <= error]
+            assert near or error >= 1.0, f"{float(computed)!r} is none"
         assert result.natural.size <= len(expected)
     return result
 
@@ -115,21 +115,21 @@ class TestSpectra:
     @pytest.mark.parametrize("name", ["closed form", "tridiagonal"])
     def test_five_thousand(self, name: str) -> None:
         """Both parts are chains between fixed ends, eq. 10.70-10.72."""
-        n, held = 5000, 1666
-        constraints = [Constraint.at(held, GAP)]
+        n, fixed = 5000, 1666
+        constraints = [Constraint.at(fixed, GAP)]
         system = presets.chain(n, constraints)
         if name == "tridiagonal":
             system = springs(np.ones(n), np.ones(n + 1), constraints)
         result = solve(system)
         assert result.part is not None
         with mpmath.workdps(30):
-            for part, m in ((0, held), (1, n - held - 1)):
-                found = np.sort(result.natural[result.part == part])
+            for part, m in ((0, fixed), (1, n - fixed - 1)):
+                computed = np.sort(result.natural[result.part == part])
                 error = result.error_natural[result.part == part].max()
-                assert found.size == m
+                assert computed.size == m
                 for j in (1, 2, m // 2, m - 1, m):
                     root = 2 * mpmath.sin(j * mpmath.pi / (2 * (m + 1)))
-                    assert abs(float(found[j - 1]) / root - 1) <= error
+                    assert abs(float(computed[j - 1]) / root - 1) <= error
 
 
 class TestWalls:

@@ -34,7 +34,7 @@ def finite(result: Result) -> None:
 def impacts(gamma: float, k: float, count: int, Omega: float = 1.0) -> tuple[list[Any], list[Any]]:
     """Return times and speeds of impacts of one mass between walls, with 40 digits.
 
-    The speed after the impact of gap 1 at gamma is Omega/tan(gamma); a flight from wall to wall
+    The speed after the impact of gap 1 at gamma is Omega/tan(gamma); the way from wall to wall
     with the speed u takes 2 arctan(Omega/u)/Omega, eq. 10.95 ff.
     """
     speed = Omega / mpmath.tan(mpmath.mpf(gamma))
@@ -106,13 +106,13 @@ class TestRestitution:
                 assert abs(after / before / mpmath.mpf(0.9) - 1) < 1e-14
 
     def test_both_ends_of_restitution(self) -> None:
-        """Without loss all flights last 2 gamma; with all of it, half a period from the wall."""
-        for k, flight in ((0.0, np.pi), (1.0, 1.0)):
+        """Without loss all intervals last 2 gamma; without rebound, half a period from the wall."""
+        for k, interval in ((0.0, np.pi), (1.0, 1.0)):
             system = presets.oscillator([Constraint.at(0, 1.0, k)], 1.0)
             found = solve(system, "restitution", "exact", [9.0], gamma=0.5).impact_time
             assert found is not None
             assert found.size > 2
-            np.testing.assert_allclose(found, 0.5 + flight * np.arange(found.size), rtol=1e-14)
+            np.testing.assert_allclose(found, 0.5 + interval * np.arange(found.size), rtol=1e-14)
             for variant in ("corrected", "second_order", "printed"):
                 with pytest.raises(ModelError, match="between 0 and 1"):
                     solve(system, "restitution", variant, [9.0], gamma=0.5)
@@ -130,7 +130,7 @@ class TestBouncingBall:
     @pytest.mark.parametrize("g", [1e-8, 9.81, 1e8])
     @pytest.mark.parametrize("k", [0.1, 0.9, 0.9999])
     def test_times_of_rest(self, height: float, g: float, k: float) -> None:
-        """The sum of all flights, sqrt(2H/g) (1 + k)/(1 - k)."""
+        """The sum of all intervals between impacts, sqrt(2H/g) (1 + k)/(1 - k)."""
         system = presets.bouncing_ball([Constraint((0,), (1.0,), 0.0, None, k)], g)
         with mpmath.workdps(40):
             fall = mpmath.sqrt(2 * mpmath.mpf(height) / mpmath.mpf(g))

@@ -22,15 +22,15 @@ def radius(system: System, natural: extended.Modes, omega: Any) -> Any:
 
     In modal coordinates, with the saltation matrix of an elastic impact at the upper wall.
     """
-    member = extended.member(system, natural, omega, [0])
+    motion = extended.solution(system, natural, omega, [0])
     count = len(natural.eigenvalues)
     row = natural.seen[0]
     mobility = sum(a * a for a in row)
     place, rate = mpmath.matrix(count, 1), mpmath.matrix(count, 1)
     for j, value in enumerate(natural.eigenvalues):
-        mu, push = value / omega**2, row[j] * member.plus[0] / omega
+        mu, push = value / omega**2, row[j] * motion.plus[0] / omega
         if value == 0:
-            place[j], rate[j] = row[j] * member.plus[0] / omega**2, push
+            place[j], rate[j] = row[j] * motion.plus[0] / omega**2, push
             continue
         g = mpmath.sqrt(mu)
         place[j] = mpmath.re(push / omega * mpmath.tan(g) / g)
@@ -54,15 +54,15 @@ def radius(system: System, natural: extended.Modes, omega: Any) -> Any:
     for i in range(2 * count):
         for j in range(count):
             S[i, j] += jump[i] * row[j] / speed
-    flight = mpmath.zeros(2 * count)
+    transition = mpmath.zeros(2 * count)
     t = 2 / omega
     for j, value in enumerate(natural.eigenvalues):
         w = mpmath.sqrt(value)
         cosine = mpmath.re(mpmath.cos(w * t))
         sine = t if value == 0 else mpmath.re(mpmath.sin(w * t) / w)
-        flight[j, j] = flight[count + j, count + j] = cosine
-        flight[j, count + j], flight[count + j, j] = sine, -value * sine
-    values = mpmath.eig(S * flight, left=False, right=False)
+        transition[j, j] = transition[count + j, count + j] = cosine
+        transition[j, count + j], transition[count + j, j] = sine, -value * sine
+    values = mpmath.eig(S * transition, left=False, right=False)
     return max(abs(value) for value in values)
 
 
@@ -72,7 +72,7 @@ def radius_of_period(system: System, natural: extended.Modes, omega: Any) -> Any
     Impacts struck together are taken one after the other, as they commute.
     """
     every = range(len(system.constraints))
-    member = extended.member(system, natural, omega, every)
+    motion = extended.solution(system, natural, omega, every)
     count = len(natural.eigenvalues)
     values = mpmath.matrix(natural.eigenvalues)
     load = mpmath.matrix(natural.load)
@@ -99,24 +99,24 @@ def radius_of_period(system: System, natural: extended.Modes, omega: Any) -> Any
         return state, X
 
     def at(tau: int, sign: int) -> Any:
-        places = [member._modal(j, mpmath.mpf(tau)) for j in range(count)]
-        rates = [mpmath.diff(lambda s, j=j: member._modal(j, s), tau) for j in range(count)]
+        places = [motion._modal(j, mpmath.mpf(tau)) for j in range(count)]
+        rates = [mpmath.diff(lambda s, j=j: motion._modal(j, s), tau) for j in range(count)]
         return mpmath.matrix([*places, *(sign * omega * rate for rate in rates)])
 
-    flight, t = mpmath.zeros(2 * count), 2 / omega
+    transition, t = mpmath.zeros(2 * count), 2 / omega
     for j in range(count):
         w = mpmath.sqrt(values[j])
-        flight[j, j] = flight[count + j, count + j] = mpmath.re(mpmath.cos(w * t))
+        transition[j, j] = transition[count + j, count + j] = mpmath.re(mpmath.cos(w * t))
         sine = t if w == 0 else mpmath.re(mpmath.sin(w * t) / w)
-        flight[j, count + j], flight[count + j, j] = sine, -values[j] * sine
-    _, X = strike(at(1, 1), flight, [c.upper for c in system.constraints])
-    _, X = strike(at(-1, -1), flight * X, [c.lower for c in system.constraints])
-    found = mpmath.eig(X, left=False, right=False)
-    return mpmath.sqrt(max(abs(value) for value in found))
+        transition[j, count + j], transition[count + j, j] = sine, -values[j] * sine
+    _, X = strike(at(1, 1), transition, [c.upper for c in system.constraints])
+    _, X = strike(at(-1, -1), transition * X, [c.lower for c in system.constraints])
+    multipliers = mpmath.eig(X, left=False, right=False)
+    return mpmath.sqrt(max(abs(value) for value in multipliers))
 
 
 def check(system: System, Omega: Any, radius: Any = radius, within: float | None = 1e-6) -> None:
-    """Compare the radii of members that exist: within their stated errors, and a bound."""
+    """Compare the radii of existing solutions: within their stated errors, and a bound."""
     result = solve(system, Omega, ["impulse", "exists", "stability"])
     assert result.stability is not None
     assert result.exists is not None
@@ -128,12 +128,12 @@ def check(system: System, Omega: Any, radius: Any = radius, within: float | None
     with mpmath.workdps(50):
         natural = extended.modes(system)
         for f in np.flatnonzero(result.exists):
-            value, found = float(result.Omega[f]), float(result.stability[f])
+            value, computed = float(result.Omega[f]), float(result.stability[f])
             exact = radius(system, natural, extended.omega_of(value))
-            error = abs(found / exact - 1)
-            assert error <= result.stability_error[f], f"at {value!r}: {found!r}"
+            error = abs(computed / exact - 1)
+            assert error <= result.stability_error[f], f"at {value!r}: {computed!r}"
             # A double multiplier splits by the root of rounding.
-            assert within is None or error < within, f"at {value!r}: {found!r}"
+            assert within is None or error < within, f"at {value!r}: {computed!r}"
 
 
 class TestRatios:
@@ -173,15 +173,15 @@ class TestSpectra:
     def test_long_chains(self, n: int) -> None:
         """Almost the same for any length, as the localized mode does not reach the ends."""
         system = presets.chain(n, [Constraint.at(n // 2, GAP)])
-        found = solve(system, [2.1, 3.0], ["stability", "exists"])
+        result = solve(system, [2.1, 3.0], ["stability", "exists"])
         other = solve(
             presets.chain(60, [Constraint.at(30, GAP)]), [2.1, 3.0], ["stability", "exists"]
         )
-        np.testing.assert_allclose(found.stability, other.stability, rtol=1e-6)
+        np.testing.assert_allclose(result.stability, other.stability, rtol=1e-6)
 
 
 class TestFamilies:
-    """Members without mirror image, and several struck at once: maps of the whole period."""
+    """Motions that are not mirrored, and simultaneous impacts: maps of the whole period."""
 
     @pytest.mark.parametrize("ratio", [1e-12, 1.0, 1e12])
     @pytest.mark.parametrize("name", ["coupled", "asymmetric", "unilateral", "relative", "three"])
@@ -207,7 +207,7 @@ class TestFamilies:
 
 class TestFrequencies:
     def test_bands_from_edge_to_edge(self) -> None:
-        """Between edges, where members graze, and poles."""
+        """Between edges, where motions graze, and poles."""
         check(springs(np.ones(3), np.ones(4), ONE), np.linspace(0.78, 2.2, 48))
 
     def test_multipliers_that_meet(self) -> None:
@@ -216,9 +216,9 @@ class TestFrequencies:
         low, high = 2.2, 4.0
         for _ in range(60):
             middle = 0.5 * (low + high)
-            found = solve(system, middle, ["stability"]).stability
-            assert found is not None
-            low, high = (middle, high) if found[0] > 1.0 + 1e-12 else (low, middle)
+            radius = solve(system, middle, ["stability"]).stability
+            assert radius is not None
+            low, high = (middle, high) if radius[0] > 1.0 + 1e-12 else (low, middle)
         check(system, high * (1.0 + np.array([-1e-6, -1e-9, -1e-12, 0.0, 1e-12, 1e-9, 1e-6])))
 
     @pytest.mark.parametrize("exponent", [1, 4, 8])
@@ -244,7 +244,7 @@ def test_the_order_of_three_impacts_decides() -> None:
 
 
 def test_five_thousand_are_refused() -> None:
-    """The map of 10,000 deviations would take gigabytes and hours for each member."""
+    """The map of 10,000 deviations would take gigabytes and hours for each motion."""
     system = presets.chain(5000, [Constraint.at(1666, GAP)])
     with pytest.raises(PlanError, match="10000 deviations"):
         solve(system, 3.0, ["stability"])

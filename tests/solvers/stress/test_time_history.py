@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from tests.solvers.stress import extended
-from tests.solvers.stress.flights import Drive
-from tests.solvers.stress.flights import Flight as ModalFlight
+from tests.solvers.stress.modal_motion import Drive, ModalMotion
 from tests.solvers.stress.structures import full, springs
-from tests.solvers.time_history.flights import Flight, Stop
+from tests.solvers.time_history.reference_motion import ReferenceMotion, Stop
 from vibroimpact_solvers import presets, spectrum, time_history
 from vibroimpact_solvers.errors import ConvergenceError, ModelError, PlanError
 from vibroimpact_solvers.model import Constraint, System
@@ -42,8 +41,8 @@ def check(system: System, x: Any, v: Any, t_end: float, steps: int = 100) -> Res
             system.directions(range(len(system.constraints))), system.constraints, strict=True
         )
     ]
-    flight = Flight(system.M.to_dense().tolist(), system.K.to_dense().tolist(), stops)
-    expected, end = flight.follow(x, v, t_end, t_end / steps)
+    motion = ReferenceMotion(system.M.to_dense().tolist(), system.K.to_dense().tolist(), stops)
+    expected, end = motion.follow(x, v, t_end, t_end / steps)
     assert result.impact_time is not None
     assert result.impact_condition is not None
     assert result.x is not None
@@ -105,7 +104,7 @@ def check_blow(
     result = solve(system, np.zeros(system.n), v, t_end, load=load)
     with mpmath.workdps(60):
         natural = natural or extended.modes(system)
-        expected = ModalFlight(natural, constraints, drive).follow(blow, t_end, step)
+        expected = ModalMotion(natural, constraints, drive).follow(blow, t_end, step)
     assert result.count_impacts == len(expected) >= least
     assert result.impact_time is not None
     assert result.impact_constraint is not None
@@ -242,8 +241,8 @@ class TestWalls:
                 first = mpmath.asin(wall)
                 assert found.impact_time is not None
                 assert abs(found.impact_time[0] - first) < 1e-13 / np.sqrt(-offset)
-                flight = 2 * first
-                count = int(mpmath.floor((20 - first) / flight)) + 1
+                interval = 2 * first
+                count = int(mpmath.floor((20 - first) / interval)) + 1
             assert found.count_impacts == count
 
     @pytest.mark.parametrize("offset", [-1e-15, 0.0, 1e-15])

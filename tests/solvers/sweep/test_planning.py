@@ -1,4 +1,4 @@
-"""Lattices are cut at places that do not depend on their ends, the dearest axis slowest."""
+"""Grids are cut at positions that do not depend on their ends, the most expensive axis slowest."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def stepped(first: int, places: int, step: float = 0.05, name: str = "k") -> swe
     return sweep.Axis(name, name, values, stage=Stage.SPECTRUM, offset=first)
 
 
-def lattice(*axes: sweep.Axis) -> sweep.Problem:
+def grid(*axes: sweep.Axis) -> sweep.Problem:
     return sweep.Problem("impact-modes", axes, at, SYSTEM)
 
 
@@ -58,7 +58,7 @@ def test_pieces_cover_every_point_once(
         sweep.Axis(f"a{i}", f"a{i}", np.arange(float(size)), stage=stage, offset=offset)
         for i, (size, stage) in enumerate(zip(sizes, stages, strict=False))
     ]
-    problem = lattice(*axes)
+    problem = grid(*axes)
     parts = pieces(problem, seconds)
     assert (covered(problem, parts) == 1).all()
     for part in parts:
@@ -67,26 +67,26 @@ def test_pieces_cover_every_point_once(
 
 
 def test_a_longer_and_a_shifted_sweep_have_the_pieces_of_this_one() -> None:
-    names = {sweep.content(piece) for piece in pieces(lattice(stepped(8, 64)))}
-    longer = {sweep.content(piece) for piece in pieces(lattice(stepped(8, 200)))}
-    shifted = {sweep.content(piece) for piece in pieces(lattice(stepped(24, 64)))}
+    names = {sweep.content(piece) for piece in pieces(grid(stepped(8, 64)))}
+    longer = {sweep.content(piece) for piece in pieces(grid(stepped(8, 200)))}
+    shifted = {sweep.content(piece) for piece in pieces(grid(stepped(24, 64)))}
     assert len(names) >= 8
     assert len(names & longer) >= len(names) - 1  # the last piece may be cut by the end
     assert len(names & shifted) >= len(names) * 48 // 64 - 2
 
 
 def test_axes_of_other_values_share_no_piece() -> None:
-    names = {sweep.content(piece) for piece in pieces(lattice(stepped(8, 64)))}
-    others = {sweep.content(piece) for piece in pieces(lattice(stepped(8, 64, step=0.06)))}
+    names = {sweep.content(piece) for piece in pieces(grid(stepped(8, 64)))}
+    others = {sweep.content(piece) for piece in pieces(grid(stepped(8, 64, step=0.06)))}
     assert names.isdisjoint(others)
-    renamed = {sweep.content(piece) for piece in pieces(lattice(stepped(8, 64, name="K")))}
+    renamed = {sweep.content(piece) for piece in pieces(grid(stepped(8, 64, name="K")))}
     assert names.isdisjoint(renamed)
 
 
-def test_the_dearest_axis_turns_slowest() -> None:
+def test_the_most_expensive_axis_varies_slowest() -> None:
     stages = {"gap": Stage.IMPULSE, "e": None, "K": Stage.SPECTRUM, "w": Stage.RESPONSE}
     axes = [sweep.Axis(n, n, np.arange(2.0), stage=stage) for n, stage in stages.items()]
-    problem = lattice(*axes)
+    problem = grid(*axes)
     assert [axes[place].name for place in problem.order] == ["K", "w", "gap", "e"]
     points = list(problem.points())
     assert points[:3] == [(0, 0, 0, 0), (1, 0, 0, 0), (0, 0, 0, 1)]
@@ -98,7 +98,7 @@ def test_the_dearest_axis_turns_slowest() -> None:
 
 def test_pieces_follow_one_another_as_their_points_do() -> None:
     slow, fast = stepped(0, 4), sweep.Axis("g", "g", np.arange(64.0), stage=Stage.IMPULSE)
-    parts = pieces(lattice(fast, slow), 2e-3)
+    parts = pieces(grid(fast, slow), 2e-3)
     assert len(parts) > 4
     starts = [(part.spans[1][0], part.spans[0][0]) for part in parts]
     assert starts == sorted(starts)
@@ -107,7 +107,7 @@ def test_pieces_follow_one_another_as_their_points_do() -> None:
 
 def test_axes_are_told_apart_by_their_names() -> None:
     with pytest.raises(ModelError) as caught:
-        lattice(stepped(0, 3), stepped(0, 3))
+        grid(stepped(0, 3), stepped(0, 3))
     assert (caught.value.pointer, caught.value.code) == (("axes", 1, "name"), "duplicate_name")
 
 
@@ -119,7 +119,7 @@ def test_there_must_be_a_row_for_the_kind() -> None:
 
 def test_a_sweep_costs_what_it_takes_to_make_its_points() -> None:
     idle = sweep.Axis("i", "i", np.arange(5.0), stage=None, why="it changes nothing")
-    plan = sweep.plan(lattice(stepped(1, 4), stepped(1, 3, name="m"), idle))
+    plan = sweep.plan(grid(stepped(1, 4), stepped(1, 3, name="m"), idle))
     assert plan.points == 12  # those that differ by the idle axis alone are one
     alone = cost.seconds(impact_modes.plan(at((0, 0, 0))))
     assert cost.seconds(plan) > 12 * cost.POINT_SECONDS

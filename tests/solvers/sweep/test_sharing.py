@@ -1,4 +1,4 @@
-"""What a stage yields is computed once for all points that do not spoil it: counted."""
+"""A stage is computed once for all points that do not invalidate it: counted."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from vibroimpact_solvers.spectrum import methods
 MOVED = ("Omega", "omega")
 
 
-class Lattice:
+class Grid:
     """Three masses between stops: stiffness, frequency and gap vary."""
 
     def __init__(
@@ -45,7 +45,7 @@ class Lattice:
     def axes(self) -> tuple[sweep.Axis, ...]:
         return (
             sweep.Axis("gap", "gap", self.gaps, stage=Stage.IMPULSE),
-            sweep.Axis("w", "w", self.frequencies, stage=Stage.RESPONSE, moves=MOVED),
+            sweep.Axis("w", "w", self.frequencies, stage=Stage.RESPONSE, changes=MOVED),
             sweep.Axis("K", "K", self.stiffnesses, stage=Stage.SPECTRUM),
         )
 
@@ -85,23 +85,23 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 
     def bordered(*args: Any) -> None:
         counts["bordered"] += args[6].size
-        members(*args)
+        solutions(*args)
 
     def scalar(*args: Any) -> Any:
         counts["scalar"] += args[3].size
         return response_one(*args)
 
-    compute, members, response_one = methods._compute, families.members, response.response_one
+    compute, solutions, response_one = methods._compute, families.solutions, response.response_one
     monkeypatch.setattr(methods, "CACHE", spectrum.Cache(2**30))
     monkeypatch.setattr(methods, "_compute", spectra)
-    monkeypatch.setattr(modal.families, "members", bordered)
+    monkeypatch.setattr(modal.families, "solutions", bordered)
     monkeypatch.setattr(modal.response, "response_one", scalar)
     return counts
 
 
 class TestTenStiffnesses400FrequenciesFiftyGaps:
     def solve(self, constraints: int, outputs: frozenset[str]) -> tuple[sweep.Result, Plan]:
-        problem = Lattice(constraints, outputs).problem_with_grid()
+        problem = Grid(constraints, outputs).problem_with_grid()
         plan = sweep.plan(problem)
         return sweep.solve(problem, plan), plan
 
@@ -130,19 +130,19 @@ class TestTenStiffnesses400FrequenciesFiftyGaps:
 
 
 def test_frequencies_may_be_an_axis_of_their_own(counted: Counter[str]) -> None:
-    lattice = Lattice(2, frozenset({"impulse"}), places=(5, 40, 10))
-    problem = lattice.problem()
+    grid = Grid(2, frozenset({"impulse"}), places=(5, 40, 10))
+    problem = grid.problem()
     plan = sweep.plan(problem)
     result = sweep.solve(problem, plan)
     assert counted == {"spectrum": 10, "bordered": 400}
     assert [step.count for step in plan.steps] == [10, 400, 2000]
     assert result.meanings["Omega"].dims == ("w", "frequency")
-    np.testing.assert_array_equal(result.arrays["Omega"][:, 0], lattice.frequencies)
+    np.testing.assert_array_equal(result.arrays["Omega"][:, 0], grid.frequencies)
 
 
 def test_every_point_has_the_numbers_that_it_has_alone() -> None:
     outputs = frozenset({"impulse", "exists", "reason", "shape", "energy", "harmonics"})
-    problem = Lattice(2, outputs, places=(3, 7, 2)).problem()
+    problem = Grid(2, outputs, places=(3, 7, 2)).problem()
     result = sweep.solve(problem, sweep.plan(problem))
     for index in np.ndindex(3, 7, 2):
         point = problem.at(index)
@@ -152,7 +152,7 @@ def test_every_point_has_the_numbers_that_it_has_alone() -> None:
 
 
 def test_the_plan_says_what_is_shared() -> None:
-    problem = Lattice(2, frozenset({"impulse"}), places=(5, 40, 10)).problem()
+    problem = Grid(2, frozenset({"impulse"}), places=(5, 40, 10)).problem()
     skips = {skip.what: skip.why for skip in sweep.plan(problem).skips}
-    assert skips["spectrum at 1990 of 2000 points"] == "gap, w: later stages only"
-    assert skips["response at 1600 of 2000 points"] == "gap: later stages only"
+    assert skips["spectrum at 1990 of 2000 points"] == "gap, w: invalidates later stages only"
+    assert skips["response at 1600 of 2000 points"] == "gap: invalidates later stages only"

@@ -12,10 +12,10 @@ import pytest
 
 from vibroimpact_solvers import sweep
 from vibroimpact_solvers.arrays import Booleans, Floats, Integers, Quantity
-from vibroimpact_solvers.errors import Cancelled, ConvergenceError, ModelError
+from vibroimpact_solvers.errors import STATUSES, Cancelled, ConvergenceError, ModelError
 from vibroimpact_solvers.model import SymmetricMatrix, System
 from vibroimpact_solvers.plan import Plan, Stage, Step
-from vibroimpact_solvers.sweep.stages import KINDS, Rule, Swept
+from vibroimpact_solvers.sweep.kinds import KINDS, Rule, SweptKind
 
 ONE = SymmetricMatrix.diagonal([1.0])
 SYSTEM = System(ONE, ONE, ())
@@ -35,8 +35,10 @@ class Result:
     impact_side: Annotated[
         Integers, Quantity(("impact",), "1", "wall", path="impacts/side", flags=("floor", "roof"))
     ]
-    count_impacts: int
-    error_statement: str = "exact"
+    count_impacts: Annotated[int, Quantity((), "1", "number of impacts", path="count/impacts")]
+    error_statement: Annotated[str, Quantity((), "1", "statement", path="error/statement")] = (
+        "exact"
+    )
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,7 @@ class Bounces(ModuleType):
         self.solved: list[Problem] = []
 
     def plan(self, problem: Problem) -> Plan:
-        return Plan("bounces", (Step(Stage.FLIGHT, "exact", "it flies", 1e6, 100.0),))
+        return Plan("bounces", (Step(Stage.FREE_MOTION, "exact", "it flies", 1e6, 100.0),))
 
     def solve(self, problem: Problem, plan: Plan, tick: Callable[[int, int], None]) -> Result:
         tick(0, 1)
@@ -85,11 +87,11 @@ COLOURS = np.array([1.0, 2.0, 3.0])
 def solver(monkeypatch: pytest.MonkeyPatch) -> Bounces:
     solver = Bounces()
     rules = (
-        Rule("height", Stage.FLIGHT),
-        Rule("end", Stage.WAVEFORM, moves=("t",)),
+        Rule("height", Stage.FREE_MOTION),
+        Rule("end", Stage.WAVEFORM, changes=("t",)),
         Rule("colour", None, "colours do not bounce"),
     )
-    row = Swept(solver, rules, ragged=frozenset({"impact"}))
+    row = SweptKind(solver, rules, ragged=frozenset({"impact"}))
     monkeypatch.setattr(sweep.problem, "KINDS", {**KINDS, "bounces": row})
     return solver
 
@@ -102,9 +104,9 @@ def problem() -> sweep.Problem:
         return Problem(height, end, colour)
 
     axes = (
-        sweep.Axis("height", "height", HEIGHTS, "length", stage=Stage.FLIGHT),
+        sweep.Axis("height", "height", HEIGHTS, "length", stage=Stage.FREE_MOTION),
         sweep.Axis("colour", "colour", COLOURS, stage=None, why="colours do not bounce"),
-        sweep.Axis("end", "end", ENDS, "time", stage=Stage.WAVEFORM, moves=("t",)),
+        sweep.Axis("end", "end", ENDS, "time", stage=Stage.WAVEFORM, changes=("t",)),
     )
     return sweep.Problem("bounces", axes, at, SYSTEM)
 
@@ -134,14 +136,14 @@ def test_rows_of_tables_stand_one_after_the_other_in_the_order_of_points(solver:
     np.testing.assert_array_equal(flat, np.cumsum(counts.ravel()) - counts.ravel())
 
 
-def test_an_axis_that_spoils_nothing_is_computed_once_and_spread(solver: Bounces) -> None:
+def test_an_axis_that_invalidates_nothing_is_computed_once_and_spread(solver: Bounces) -> None:
     result = solved()
     assert len(solver.solved) == 8  # 4 heights that are possible, 2 ends
     assert {p.colour for p in solver.solved} == {1.0}
     assert result.arrays["x"].shape == (5, 3, 2, 3)
     np.testing.assert_array_equal(result.arrays["x"][0, 0], result.arrays["x"][0, 2])
     skips = {skip.what: skip.why for skip in sweep.plan(problem()).skips}
-    expected = "colours do not bounce: one result stands for all 3 values"
+    expected = "colours do not bounce: one result holds for all 3 values"
     assert skips["computing again along colour"] == expected
 
 
@@ -161,7 +163,7 @@ def test_scalars_stand_at_every_point(solver: Bounces) -> None:
 
 def test_points_without_a_result_say_why(solver: Bounces) -> None:
     result = solved()
-    status = np.array(sweep.STATUSES)[result.arrays["status"]]
+    status = np.array(STATUSES)[result.arrays["status"]]
     assert (status[2] == "no_convergence").all()
     assert (status[4] == "invalid").all()
     assert (status[[0, 1, 3]] == "ok").all()
@@ -194,7 +196,7 @@ def test_results_of_other_sizes_are_refused(solver: Bounces) -> None:
     def at(index: tuple[int, ...]) -> Problem:
         return Problem(1.0, 1.0 + index[0], 1.0)
 
-    axis = sweep.Axis("end", "end", ENDS, stage=Stage.WAVEFORM)  # does not say that t moves
+    axis = sweep.Axis("end", "end", ENDS, stage=Stage.WAVEFORM)  # does not say that t changes
     whole = sweep.Problem("bounces", (axis,), at, SYSTEM)
     with pytest.raises(ModelError) as caught:
         sweep.solve(whole, sweep.plan(whole))

@@ -13,7 +13,7 @@ from vibroimpact_solvers import presets
 from vibroimpact_solvers import time_history as th
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ConvergenceError, ModelError
-from vibroimpact_solvers.kernels.flight import Stop, impulses
+from vibroimpact_solvers.kernels.free_motion import Stop, impulses
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.plan import Stage
 from vibroimpact_solvers.time_history import run
@@ -77,16 +77,16 @@ def test_chatter_of_a_driven_oscillator_ends_where_its_series_does() -> None:
     assert result.contact_rest.size >= 3
     for start, rest in zip(result.contact_start, result.contact_rest, strict=True):
         times = result.impact_time[result.impact_time <= start][-4:]
-        flights = np.diff(times)
-        np.testing.assert_allclose(flights[1:] / flights[:-1], 0.6, rtol=1e-5)
-        np.testing.assert_allclose(rest - start, flights[-1] * 0.6 / 0.4, rtol=1e-5)
+        intervals = np.diff(times)
+        np.testing.assert_allclose(intervals[1:] / intervals[:-1], 0.6, rtol=1e-5)
+        np.testing.assert_allclose(rest - start, intervals[-1] * 0.6 / 0.4, rtol=1e-5)
         assert rest - start < 1e-6
 
 
 def test_two_masses_at_rest_on_their_walls_against_integration() -> None:
     """Contacts of a structure with C, released one after the other; compared with solve_ivp.
 
-    The reference integrates the held equations piecewise between the events that the result
+    The reference integrates the constrained equations piecewise between the events that the result
     names, so that it checks the motion in the contacts and their forces at release.
     """
     M, K = np.eye(2), np.array([[2.0, -1.0], [-1.0, 2.0]])
@@ -112,14 +112,14 @@ def test_two_masses_at_rest_on_their_walls_against_integration() -> None:
     for start, stop in itertools.pairwise(events):
         middle = 0.5 * (start + stop)
         rests = (result.contact_rest <= middle) & (middle <= result.contact_stop)
-        held = np.zeros(2, dtype=bool)
-        held[result.contact_constraint[rests]] = True
+        at_rest = np.zeros(2, dtype=bool)
+        at_rest[result.contact_constraint[rests]] = True
 
-        def rate(t: float, z: Floats, held: Floats = held) -> Floats:
+        def rate(t: float, z: Floats, at_rest: Floats = at_rest) -> Floats:
             a = force(t) - K @ z[:2] - C @ z[2:]
-            return np.concatenate([z[2:], np.where(held, 0.0, a)])
+            return np.concatenate([z[2:], np.where(at_rest, 0.0, a)])
 
-        state[2:][held] = 0.0
+        state[2:][at_rest] = 0.0
         for c in result.impact_constraint[np.abs(result.impact_time - start) == 0.0]:  # type: ignore[index]
             state[2 + c] = 0.0
         inside = (result.t >= start) & (result.t < stop)
@@ -262,21 +262,21 @@ def test_a_motion_that_hides_its_walls_is_refused() -> None:
     """A load that presses against a gap far below rounding, where time would not advance."""
     chain = presets.chain(13, [Constraint((5,), (1.0,), 1e-50, 1e-50)])
     load = (th.Harmonic(0, 0.01, 0.7, 0.5),)
-    problem = th.Problem(chain, th.Member(3.0, (0,)), 10.0, load=load, tolerance=1e-8)
+    problem = th.Problem(chain, th.ImpactMode(3.0, (0,)), 10.0, load=load, tolerance=1e-8)
     with pytest.raises(ConvergenceError, match="knows the coordinate to"):
         th.solve(problem, th.plan(problem))
 
 
-def test_the_member_that_a_motion_starts_as_is_paid_for() -> None:
+def test_the_impact_mode_that_a_motion_starts_on_is_paid_for() -> None:
     chain = presets.chain(13, [Constraint((5,), (1.0,), 0.2, 0.2)])
 
     def price(Omega: float) -> float:
-        problem = th.Problem(chain, th.Member(Omega, (0,)), 10.0)
+        problem = th.Problem(chain, th.ImpactMode(Omega, (0,)), 10.0)
         step = th.plan(problem).step(Stage.EXISTENCE)
         assert step is not None
         return step.flops
 
-    # The walk along a motion is as long as its period.
+    # The path check of a motion is as long as its period.
     assert price(1e-6) == pytest.approx(1e3 * price(1e-3), rel=0.05)
 
 
@@ -289,6 +289,6 @@ def test_a_search_that_does_not_get_on_is_given_up(monkeypatch: pytest.MonkeyPat
         t=np.linspace(0.0, 50.0, 201),
         outputs=frozenset({"x"}),
     )
-    monkeypatch.setattr(run, "fly", lambda *_: Stop.PAUSE)
-    with pytest.raises(ConvergenceError, match=r"goes on grazing at t = 0\.0"):
+    monkeypatch.setattr(run, "advance", lambda *_: Stop.PAUSE)
+    with pytest.raises(ConvergenceError, match=r"keeps grazing at t = 0\.0"):
         th.solve(problem, th.plan(problem))

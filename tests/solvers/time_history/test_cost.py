@@ -47,7 +47,7 @@ def test_expansions_grow_with_impacts_and_not_with_masses() -> None:
 
 
 def test_a_hundred_impacts_of_an_oscillator() -> None:
-    """Case A: walls +-1, k = 0.95, v = 5: a flight at speed u lasts 2 arctan(1/u)."""
+    """Case A: walls +-1, k = 0.95, v = 5: from wall to wall at speed u takes 2 arctan(1/u)."""
     with mp.workdps(30):
         k, speed = mp.mpf("0.95"), mp.sqrt(24)
         t, times = mp.asin(mp.mpf(1) / 5), []
@@ -64,9 +64,9 @@ def test_a_hundred_impacts_of_an_oscillator() -> None:
 
 
 def test_a_million_impacts_of_an_oscillator() -> None:
-    """Flights of 2 arcsin(1/5): the time after 10^6 of them is known to two units in the last.
+    """Intervals of 2 arcsin(1/5): the time after 10^6 of them is known to two units in the last.
 
-    Phases add up to 10^6 flights with an error of a few roundings of one flight each.
+    Phases add up to 10^6 intervals with an error of a few roundings of one interval each.
     """
     count = 10**6
     with mp.workdps(40):

@@ -1,4 +1,4 @@
-"""Estimated errors against true ones, from flights in extended precision of random scenes."""
+"""Estimated errors against true ones, from random motions in extended precision."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from tests.solvers.time_history.test_flights import flight
+from tests.solvers.time_history.test_free_motion import reference_motion
 from vibroimpact_solvers import presets
 from vibroimpact_solvers import time_history as th
 from vibroimpact_solvers.arrays import Floats
@@ -63,7 +63,7 @@ def errors(seed: int) -> tuple[float, float] | None:
     if result.contact_rest.size:
         return None  # the reference knows no contacts
     terms = [(np.eye(system.n)[t.dof] * t.amplitude, t.frequency, t.phase) for t in load]
-    impacts, final = flight(system, terms).follow(x.tolist(), v.tolist(), t_end, 0.02)
+    impacts, final = reference_motion(system, terms).follow(x.tolist(), v.tolist(), t_end, 0.02)
     assert len(impacts) == result.count_impacts
     pairs = zip([*result.x[0].tolist(), *result.v[0].tolist()], list(final), strict=True)
     off = np.array([float(mp.mpf(a) - b) for a, b in pairs])
@@ -74,7 +74,7 @@ def errors(seed: int) -> tuple[float, float] | None:
 
 
 def test_errors_stay_below_their_estimates_and_not_far() -> None:
-    """Of 103 scenes with longer motions the ratio was 1.9 at least and 25 in the median."""
+    """Of 103 random longer motions the ratio was 1.9 at least and 25 in the median."""
     found = [pair for pair in map(errors, range(24)) if pair is not None]
     estimated, true = np.array(found).T
     assert len(found) > 18
@@ -134,7 +134,7 @@ def test_without_an_estimate_the_motion_is_the_same() -> None:
 
 @pytest.mark.parametrize("damped", [False, True])
 def test_one_prepared_motion_serves_many_states(damped: bool) -> None:
-    """As solved one by one: launched in one call, and with modes that damping couples."""
+    """As solved one by one: in a single call, and with modes that damping couples."""
     C = SymmetricMatrix.dense(np.diag([0.1, 0.0, 0.02, 0.0])) if damped else None
     chain = presets.chain(4, [Constraint.at(1, 0.2, 0.5)])
     system = System(chain.M, chain.K, chain.constraints, C=C)
@@ -151,7 +151,7 @@ def test_one_prepared_motion_serves_many_states(damped: bool) -> None:
         np.testing.assert_array_equal(found.x, expected.x)
         np.testing.assert_array_equal(found.v, expected.v)
         np.testing.assert_array_equal(found.contact_rest, expected.contact_rest)
-        # Flown to the same state by matrix products, as long histories are.
+        # The same state by matrix products, as in long histories.
         longer = th.Problem(system, state, 12.0, t=np.linspace(2.0, 12.0, 11), outputs=outputs)
         history = th.solve(longer, th.plan(longer))
         assert history.x is not None

@@ -13,16 +13,16 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from tests.solvers.time_history.flights import Flight as Reference
-from tests.solvers.time_history.flights import Stop
+from tests.solvers.time_history.reference_motion import ReferenceMotion as Reference
+from tests.solvers.time_history.reference_motion import Stop
 from vibroimpact_solvers import presets
 from vibroimpact_solvers import time_history as th
 from vibroimpact_solvers.errors import ConvergenceError, ModelError, PlanError
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.plan import Plan, Stage
 from vibroimpact_solvers.time_history import extended, solving
-from vibroimpact_solvers.time_history.extended import precision, scene
-from vibroimpact_solvers.time_history.extended.flight import leaving_step, safe_step
+from vibroimpact_solvers.time_history.extended import configuration, precision
+from vibroimpact_solvers.time_history.extended.free_motion import leaving_step, safe_step
 from vibroimpact_solvers.time_history.extended.motion import Motion, _impulses
 from vibroimpact_solvers.time_history.extended.solving import motion
 
@@ -99,7 +99,7 @@ def test_digits_are_used_where_doubles_do_not_hold() -> None:
     assert found.error_predictable_until == 20.0
     long = chaotic(150.0, digits=40)
     plan = th.plan(long)
-    step = plan.step(Stage.FLIGHT)
+    step = plan.step(Stage.FREE_MOTION)
     assert step is not None
     assert "again with 40 decimal digits" in step.reason
     found = th.solve(long, plan)
@@ -108,8 +108,8 @@ def test_digits_are_used_where_doubles_do_not_hold() -> None:
     assert found.error_condition * 2.0**-52 < 1e-12
     assert "40 decimal digits" in found.error_statement
     few = chaotic(150.0, digits=17, tolerance=1e-13)
-    held = th.solve(few, th.plan(few)).error_predictable_until
-    assert solving.solve(few, plan_of_doubles(few)).error_predictable_until < held < 150.0
+    predictable = th.solve(few, th.plan(few)).error_predictable_until
+    assert solving.solve(few, plan_of_doubles(few)).error_predictable_until < predictable < 150.0
 
 
 def plan_of_doubles(asked: th.Problem) -> Plan:
@@ -155,8 +155,8 @@ def test_doubles_agree_within_their_error(name: str) -> None:
         np.testing.assert_allclose(theirs, ours, rtol=0.0, atol=4.0 * bound, err_msg=field)
 
 
-def test_an_independent_flight_in_extended_precision_agrees_to_thirty_digits() -> None:
-    """`flights` scans and bisects in mpmath with eigenvalues of the first-order equations."""
+def test_an_independent_motion_in_extended_precision_agrees_to_thirty_digits() -> None:
+    """`reference_motion` scans and bisects in mpmath with first-order eigenvalues."""
     system = presets.chain(
         3, [Constraint.at(0, 0.15, 0.8), Constraint((1, 2), (1.0, -1.0), 0.2, 0.3)]
     )
@@ -179,7 +179,7 @@ def test_a_ball_comes_to_rest_where_its_series_ends(digits: int) -> None:
     """t = (1 + k)/(1 - k) sqrt(2 h/g), with k and g as the doubles that were given."""
     ball = presets.bouncing_ball([Constraint((0,), (1.0,), 0.0, None, 0.5)])
     run = followed(problem(ball, [1.0], [0.0], 3.0), digits)
-    (rest,) = run.rests
+    (rest,) = run.intervals
     with precision.working(2 * digits):
         g = flint.arb(9.81)
         exact = 3 * (2 / g).sqrt()
@@ -304,7 +304,7 @@ def test_what_cannot_be_is_refused_with_a_reason() -> None:
         ({"digits": 1001}, "out_of_range"),
         ({"digits": 30, "limiter": th.Power(17.0, 1.0)}, "not_possible"),
         ({"digits": 30, "method": "RK45"}, "not_possible"),
-        ({"digits": 30, "initial": th.Member(1.3)}, "not_possible"),
+        ({"digits": 30, "initial": th.ImpactMode(1.3)}, "not_possible"),
     ],
 )
 def test_wrong_digits_are_refused(other: dict[str, object], code: str) -> None:
@@ -330,4 +330,4 @@ def test_two_threads_may_ask_for_different_digits() -> None:
         thread.join()
     for digits, one in alone.items():
         assert [i.time for i in one.impacts] == [i.time for i in found[digits].impacts]
-    assert scene.Body(asked.system, (), 20).digits == 20
+    assert configuration.Body(asked.system, (), 20).digits == 20

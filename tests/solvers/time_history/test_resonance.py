@@ -6,7 +6,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from tests.solvers.time_history.test_flights import compare
+from tests.solvers.time_history.test_free_motion import compare
 from vibroimpact_solvers import presets, spectrum
 from vibroimpact_solvers import time_history as th
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System

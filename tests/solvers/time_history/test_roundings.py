@@ -23,7 +23,7 @@ def exact(value: mp.mpf, part: float) -> mp.mpf:
 def test_frequencies_keep_what_rounding_takes_from_them() -> None:
     system = presets.chain(13, [Constraint.at(5, GAP)])
     structure = Structure.of(system, spectrum.Method.CLOSED_FORM, 1.0)
-    basis = structure.scene().basis
+    basis = structure.configuration().basis
     nu, rest = basis.rates[1, basis.place], basis.rates[2, basis.place]
     with mp.workdps(40):
         for j in range(13):
@@ -54,7 +54,7 @@ def test_elastic_impacts_take_no_energy(n: int, dof: int, factor: float, periods
     """
     system = presets.chain(n, [Constraint.at(dof, GAP)])
     Omega = factor * spectrum.spectrum(system).largest_frequency
-    problem = th.Problem(system, th.Member(Omega), periods * 2.0 * np.pi / Omega)
+    problem = th.Problem(system, th.ImpactMode(Omega), periods * 2.0 * np.pi / Omega)
     result = th.solve(problem, th.plan(problem))
     assert result.impact_velocity is not None
     assert result.impact_time is not None

@@ -85,7 +85,7 @@ def test_soft_limiters_of_a_damped_driven_chain_against_an_integrator() -> None:
     assert ours.error_energy_drift is None
 
 
-def test_the_integrator_and_the_exact_flight_agree_where_nothing_is_missed() -> None:
+def test_the_integrator_and_the_exact_motion_agree_where_nothing_is_missed() -> None:
     system = presets.two_mass([Constraint.at(0, 0.5, 0.9)], 1.0, 0.4, 0.02)
     common = {
         "system": system,
@@ -145,7 +145,7 @@ def test_limiters_that_are_too_stiff_to_be_followed_are_refused(x: float) -> Non
         th.solve(problem, th.plan(problem))
 
 
-def random_scene(seed: int, exponent: float) -> dict[str, Any]:
+def random_case(seed: int, exponent: float) -> dict[str, Any]:
     """Return a random structure, damped and driven in many ways, with limiters of all kinds."""
     random = np.random.default_rng(seed)
     n = int(random.integers(1, 6))
@@ -183,23 +183,23 @@ EXPONENTS = st.sampled_from([1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 7.0, 8.0, 17.0, 17.3,
 @given(st.integers(0, 10**6), EXPONENTS)
 def test_random_scenes_against_an_integrator(seed: int, exponent: float) -> None:
     """All laws, whole and not, even and uneven; steps of DOP853 short enough for their kinks."""
-    scene = random_scene(seed, exponent)
-    ours, theirs = solve(th.Problem(**scene, tolerance=1e-11)), independent(scene)
+    case = random_case(seed, exponent)
+    ours, theirs = solve(th.Problem(**case, tolerance=1e-11)), independent(case)
     apart = np.abs(states(ours) - theirs).max() / np.abs(theirs).max()
     assert ours.error_difference is not None
     assert apart <= 1e-8 + 2.0 * ours.error_difference
 
 
-def independent(scene: dict[str, Any]) -> np.ndarray:
+def independent(case: dict[str, Any]) -> np.ndarray:
     """Return states by scipy from matrices, in steps that see every limiter."""
-    system, law, start = scene["system"], scene["limiter"], scene["initial"]
+    system, law, start = case["system"], case["limiter"], case["initial"]
     n, W, sizes = system.n, system.directions(range(len(system.constraints))), law.sizes(system)
     M, K = system.M.to_dense(), system.K.to_dense()
     C = np.zeros((n, n)) if system.C is None else system.C.to_dense()
 
     def rate(t: float, z: np.ndarray) -> np.ndarray:
         force = -(K @ z[:n]) - C @ z[n:]
-        for one in scene["load"]:
+        for one in case["load"]:
             force[one.dof] += one.amplitude * math.cos(one.frequency * t + one.phase)
         for row, lower, upper in zip(W, *sizes, strict=True):
             y = float(row @ z[:n])
@@ -208,8 +208,8 @@ def independent(scene: dict[str, Any]) -> np.ndarray:
         return np.concatenate([z[n:], np.linalg.solve(M, force)])
 
     found: Any = scipy.integrate.solve_ivp(
-        rate, (0.0, scene["t_end"]), np.concatenate([start.x, start.v]), "DOP853",
-        t_eval=scene["t"], rtol=3e-14, atol=1e-14, max_step=0.01,
+        rate, (0.0, case["t_end"]), np.concatenate([start.x, start.v]), "DOP853",
+        t_eval=case["t"], rtol=3e-14, atol=1e-14, max_step=0.01,
     )  # fmt: skip
     return np.asarray(found.y.T)
 
@@ -224,9 +224,9 @@ def test_stated_errors_hold() -> None:
     for _ in range(400):
         exponent = rng.choice([1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 7.0, 8.0, 17.0, 17.3, 64.0, 80.0])
         tolerance = rng.choice([1e-1, 1e-3, 1e-6, 1e-9])
-        scene = random_scene(int(rng.integers(10**6)), float(exponent))
-        found = solve(th.Problem(**scene, tolerance=float(tolerance)))
-        best = solve(th.Problem(**scene, tolerance=1e-15))
+        case = random_case(int(rng.integers(10**6)), float(exponent))
+        found = solve(th.Problem(**case, tolerance=float(tolerance)))
+        best = solve(th.Problem(**case, tolerance=1e-15))
         error = np.abs(states(found) - states(best)).max() / np.abs(states(best)).max()
         assert found.error_difference is not None
         assert best.error_difference is not None
@@ -329,7 +329,7 @@ def test_what_cannot_be_known_is_told() -> None:
 
 @pytest.mark.parametrize("tolerance", [0.3, 1e-2])
 def test_no_contact_is_missed_by_series_that_do_not_see_it(tolerance: float) -> None:
-    """From the middle of a free flight no coefficient of a short series shows the limiters."""
+    """Midway between two contacts no coefficient of a short series shows the limiters."""
     system = presets.oscillator([Constraint.at(0, 1.0)], 0.01)
     found = solve(
         th.Problem(

@@ -49,7 +49,7 @@ def test_windows_are_one_motion(count: int, monkeypatch: pytest.MonkeyPatch) -> 
     problem = sticky()
     plan, windows = in_windows(monkeypatch, problem, count)
     assert count <= len(windows) <= count + 1
-    step = plan.step(Stage.FLIGHT)
+    step = plan.step(Stage.FREE_MOTION)
     assert step is not None
     assert f"in {len(windows)} windows" in step.reason
     found, whole = th.solve(problem, plan), solving.solve(problem, plan)
@@ -58,7 +58,7 @@ def test_windows_are_one_motion(count: int, monkeypatch: pytest.MonkeyPatch) -> 
     for field in fields(th.Result):
         expected, value = getattr(whole, field.name), getattr(found, field.name)
         if field.name in {"impact_condition", "error_condition"}:
-            # An estimate: what a flight adds is drawn, and every cut of a flight adds as much.
+            # An estimate: the rounding of a free motion is random, and every cut of one adds to it.
             ratio = np.asarray(value / expected)
             assert (ratio > 0.1).all(), field.name
             assert (ratio < (10.0 if count < whole.count_impacts else 100.0)).all(), field.name

@@ -1,4 +1,4 @@
-"""Motions with as many digits as are asked for, where double precision cannot hold them."""
+"""Motions in extended precision, with any number of decimal digits."""
 
 from vibroimpact_solvers.time_history.extended.solving import solve
 

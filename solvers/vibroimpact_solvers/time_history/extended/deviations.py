@@ -1,4 +1,4 @@
-"""How errors grow along a motion in extended precision: deviations in doubles beside it."""
+"""Growth of errors along a motion in extended precision: linearised deviations, in doubles."""
 
 from __future__ import annotations
 
@@ -7,31 +7,31 @@ from typing import Final
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.time_history.extended.scene import Scene
+from vibroimpact_solvers.time_history.extended.configuration import Configuration
 
 _COLUMNS: Final = 4
 _SURE: Final = 16.0
-"""Errors of real motions, in which roundings repeat, over those of independent ones."""
+"""Factor on the estimate: roundings of a motion repeat, those of the samples are independent."""
 
 
 class Deviations:
-    """Vectors that go along with the linearised motion, in units of the relative rounding.
+    """Deviations that obey the linearised motion, in units of the relative rounding.
 
     Parameters
     ----------
-    scene : Scene
+    configuration : Configuration
     q, rate : array, shape (mode,)
         State at the beginning.
     """
 
-    def __init__(self, scene: Scene, q: Floats, rate: Floats) -> None:
-        self._scene, self._random = scene, np.random.default_rng(0)
+    def __init__(self, configuration: Configuration, q: Floats, rate: Floats) -> None:
+        self._scene, self._random = configuration, np.random.default_rng(0)
         self._size = self._norm(q, rate)
         self._d = np.zeros((2, _COLUMNS, q.size))
         self._disturb(q, rate, 0.0)
 
-    def fly(self, q: Floats, rate: Floats, s: float) -> None:
-        """Go along a flight of length s that ends in a state."""
+    def advance(self, q: Floats, rate: Floats, s: float) -> None:
+        """Advance through a free motion of duration s that ends in a state."""
         one, two = self._scene.rates.T
         a, b = self._d
         apart = np.where(one == two, 1.0, one - two)
@@ -47,8 +47,8 @@ class Deviations:
         self._disturb(q, rate, s)
 
     def strike(self, row: Floats, before: Floats, after: Floats, factor: float,
-               falls: Floats, rises: Floats) -> None:  # fmt: skip
-        """Go through an impact by its saltation matrix.
+               acceleration_before: Floats, acceleration_after: Floats) -> None:  # fmt: skip
+        """Multiply by the saltation matrix of an impact.
 
         Parameters
         ----------
@@ -74,14 +74,14 @@ class Deviations:
         self._d = np.stack(
             [
                 a + np.multiply.outer(late, after - before),
-                law(b) + np.multiply.outer(late, rises - law(falls)),
+                law(b) + np.multiply.outer(late, acceleration_after - law(acceleration_before)),
             ]
         )
 
-    def enter(self, scene: Scene, inertia: Floats) -> None:
-        """Go on in another scene; inertia is M, shape (dof, dof)."""
-        turn = scene.shapes.T @ inertia @ self._scene.shapes
-        self._d, self._scene = self._d @ turn.T, scene
+    def transform(self, configuration: Configuration, inertia: Floats) -> None:
+        """Transform to the modes of another configuration; inertia is M, shape (dof, dof)."""
+        turn = configuration.shapes.T @ inertia @ self._scene.shapes
+        self._d, self._scene = self._d @ turn.T, configuration
 
     @property
     def condition(self) -> float:

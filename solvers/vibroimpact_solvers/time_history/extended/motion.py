@@ -12,8 +12,14 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ConvergenceError, PlanError
+from vibroimpact_solvers.time_history.extended.configuration import (
+    Body,
+    Configuration,
+    Contact,
+    as_doubles,
+)
 from vibroimpact_solvers.time_history.extended.deviations import Deviations
-from vibroimpact_solvers.time_history.extended.flight import MEANT, Flight, Search, Watch
+from vibroimpact_solvers.time_history.extended.free_motion import MEANT, FreeMotion, Search, Watch
 from vibroimpact_solvers.time_history.extended.precision import (
     GUARD,
     Real,
@@ -24,13 +30,12 @@ from vibroimpact_solvers.time_history.extended.precision import (
     rows_of,
     times,
 )
-from vibroimpact_solvers.time_history.extended.scene import Body, Contact, Scene, as_doubles
 from vibroimpact_solvers.time_history.run import Tick
 
-MOST_TOGETHER: Final = 8
-"""Constraints that may strike at one instant."""
+MOST_SIMULTANEOUS: Final = 8
+"""Largest number of simultaneous impacts."""
 _SWITCHES: Final = 50
-_CROWD: Final = 40  # impacts within a millionth of the time of the fastest mode
+_ACCUMULATED: Final = 40  # impacts within a millionth of the time of the fastest mode
 
 
 @dataclass(slots=True)
@@ -46,7 +51,7 @@ class Impact:
 
 
 @dataclass(slots=True)
-class Rest:
+class ContactInterval:
     """A contact."""
 
     contact: Contact
@@ -57,7 +62,7 @@ class Rest:
 
 
 class Motion:
-    """A motion from its initial state on.
+    """A motion in extended precision.
 
     Parameters
     ----------
@@ -65,33 +70,39 @@ class Motion:
     x, v : list of arb, shape (dof,)
         Initial state.
     t_end : float
-    wanted : array, shape (time,)
+    output_times : array, shape (time,)
         Times at which states are kept.
     tick : callable, optional
     """
 
     def __init__(
-        self, body: Body, x: Row, v: Row, t_end: float, wanted: Floats, tick: Tick | None = None
+        self,
+        body: Body,
+        x: Row,
+        v: Row,
+        t_end: float,
+        output_times: Floats,
+        tick: Tick | None = None,
     ) -> None:
         self.body, self._tick = body, tick
-        self._end, self._wanted = flint.arb(t_end), wanted
+        self._end, self._output_times = flint.arb(t_end), output_times
         self.now: Real = flint.arb(0)
-        self.scene = body.scene()
-        self.q, self.rate = self.scene.enter(x, v)
-        self.samples: list[tuple[Scene, Row, Row]] = []
+        self.configuration = body.configuration()
+        self.q, self.rate = self.configuration.state_of(x, v)
+        self.samples: list[tuple[Configuration, Row, Row]] = []
         self.impacts: list[Impact] = []
-        self.rests: list[Rest] = []
-        self._held: dict[Contact, Rest] = {}
+        self.intervals: list[ContactInterval] = []
+        self._contacts: dict[Contact, ContactInterval] = {}
         self._leaving: frozenset[int] = frozenset()
         self._inertia = body.system.M.to_dense()
         self._restitution = [flint.arb(c.restitution) for c in body.system.constraints]
-        self.deviations = Deviations(self.scene, *self._doubles())
+        self.deviations = Deviations(self.configuration, *self._doubles())
         self.unit = 10.0 ** -(body.digits + MEANT)
         self.grazings = self.expansions = 0
-        largest = float(np.abs(self.scene.rates).max(initial=0.0))
+        largest = float(np.abs(self.configuration.rates).max(initial=0.0))
         fastest = 1.0 / largest if largest > 0.0 else t_end
         self._chatter = flint.arb(fastest) * flint.arb(10) ** (-(body.digits // 2) - 1)
-        self._crowd = flint.arb(1e-6 * fastest)
+        self._accumulation_time = flint.arb(1e-6 * fastest)
         self._switched: tuple[float, int] = (-1.0, 0)
 
     def finish(self) -> None:
@@ -99,70 +110,70 @@ class Motion:
         while True:
             if self._tick is not None:
                 self._tick(int(1000 * float(self.now) / float(self._end)), 1000)
-            flight = Flight(self.scene, self.q, self.rate, self.now)
+            free_motion = FreeMotion(self.configuration, self.q, self.rate, self.now)
             watches = self._watches()
-            search = Search(flight, watches, self.body.digits)
+            search = Search(free_motion, watches, self.body.digits)
             leaving = frozenset(i for i, w in enumerate(watches) if w.constraint in self._leaving)
             s, which = search.first(self._end - self.now, leaving)
             self.expansions += search.expansions
-            self._sample(flight, s, last=which is None)
-            self._advance(flight, s, last=which is None)
+            self._sample(free_motion, s, last=which is None)
+            self._advance(free_motion, s, last=which is None)
             if which is None:
                 break
             watch = watches[which]
             if watch.constraint < 0:
-                self._release(self.scene.contacts[-1 - watch.constraint])
+                self._release(self.configuration.contacts[-1 - watch.constraint])
             else:
-                self._strike(search, s, which)
-        for rest in self._held.values():
+                self._impact(search, s, which)
+        for rest in self._contacts.values():
             rest.stop = self._end
         if self._tick is not None:
             self._tick(1000, 1000)
 
     def state(self) -> tuple[Row, Row]:
         """Return displacements and velocities now."""
-        return self.scene.place(self.q, self.rate, range(self.body.system.n))
+        return self.configuration.displacements(self.q, self.rate, range(self.body.system.n))
 
-    # -- flights --
+    # -- free motion --
 
     def _watches(self) -> list[Watch]:
-        found = []
-        held = {index for index, _ in self._held}
+        watches = []
+        in_contact = {index for index, _ in self._contacts}
         for index, constraint in enumerate(self.body.system.constraints):
-            if index in held:
+            if index in in_contact:
                 continue
-            form = self.scene.coordinate(index)
+            form = self.configuration.coordinate(index)
             for side, wall in ((1, constraint.upper), (-1, constraint.lower)):
                 if wall is not None:
-                    found.append(Watch(form, side, flint.arb(wall), index))
-        for place, form in enumerate(self.scene.pulling()):
-            found.append(Watch(form, 1, flint.arb(0), -1 - place))
-        return found
+                    watches.append(Watch(form, side, flint.arb(wall), index))
+        for place, form in enumerate(self.configuration.tensile_forces()):
+            watches.append(Watch(form, 1, flint.arb(0), -1 - place))
+        return watches
 
-    def _sample(self, flight: Flight, s: Real, *, last: bool) -> None:
+    def _sample(self, free_motion: FreeMotion, s: Real, *, last: bool) -> None:
         stop = self.now + s
-        while len(self.samples) < self._wanted.size:
-            time = flint.arb(float(self._wanted[len(self.samples)]))
+        while len(self.samples) < self._output_times.size:
+            time = flint.arb(float(self._output_times[len(self.samples)]))
             if not last and not time <= stop:
                 break
-            q, rate = flight.state(time - self.now)
-            self.samples.append((self.scene, q, rate))
+            q, rate = free_motion.state(time - self.now)
+            self.samples.append((self.configuration, q, rate))
 
-    def _advance(self, flight: Flight, s: Real, *, last: bool) -> None:
-        if self._held:
-            self._press(flight, s)
-        self.q, self.rate = flight.state(s)
+    def _advance(self, free_motion: FreeMotion, s: Real, *, last: bool) -> None:
+        if self._contacts:
+            self._add_contact_impulses(free_motion, s)
+        self.q, self.rate = free_motion.state(s)
         self.now = self._end if last else middle(self.now + s)
-        self.deviations.fly(*self._doubles(), float(s))
+        self.deviations.advance(*self._doubles(), float(s))
         self._leaving = frozenset()
 
-    def _press(self, flight: Flight, s: Real) -> None:
-        """Add the integrals of the forces of contacts, from their rest on."""
-        forms = self.scene.pulling()
-        for form, contact in zip(forms, self.scene.contacts, strict=True):
-            rest = self._held[contact]
+    def _add_contact_impulses(self, free_motion: FreeMotion, s: Real) -> None:
+        """Add the impulses of the walls on the coordinates at rest, from their rest on."""
+        forms = self.configuration.tensile_forces()
+        for form, contact in zip(forms, self.configuration.contacts, strict=True):
+            rest = self._contacts[contact]
             early = min(max(rest.rest - self.now, flint.arb(0)), s)
-            search = Search(flight, [Watch(form, 1, flint.arb(0), -1)], self.body.digits)
+            search = Search(free_motion, [Watch(form, 1, flint.arb(0), -1)], self.body.digits)
             rest.impulse = middle(rest.impulse - search.integral(0, early, s))
 
     def _doubles(self) -> tuple[Floats, Floats]:
@@ -170,8 +181,8 @@ class Motion:
 
     # -- impacts --
 
-    def _strike(self, search: Search, s: Real, which: int) -> None:
-        """Let all constraints that are at their walls strike."""
+    def _impact(self, search: Search, s: Real, which: int) -> None:
+        """Apply the impacts of all constraints that are at their walls."""
         who = search.watches[which]
         near = flint.arb(10) ** (-self.body.digits)
         struck = [(who.constraint, who.sign)]
@@ -183,21 +194,21 @@ class Motion:
         self._require_progress()
         x, v = self.state()
         fresh = len(struck)
-        struck += self.scene.contacts
-        if len(struck) > MOST_TOGETHER:
-            raise PlanError(f"more than {MOST_TOGETHER} constraints strike at one instant")
+        struck += self.configuration.contacts
+        if len(struck) > MOST_SIMULTANEOUS:
+            raise PlanError(f"more than {MOST_SIMULTANEOUS} constraints strike at one instant")
         speeds = [side * dot(self.body.W[index], v) for index, side in struck]
         speeds[fresh:] = [flint.arb(0)] * (len(struck) - fresh)
         if self._grazes(search, s, which, speeds):
             return
         rows = [[side * value for value in self.body.W[index]] for index, side in struck]
-        kicks = rows_of(self.body.M.solve(matrix(rows).transpose()).transpose())
-        G = [times(rows, kick) for kick in kicks]
+        velocity_changes = rows_of(self.body.M.solve(matrix(rows).transpose()).transpose())
+        G = [times(rows, change) for change in velocity_changes]
         k = [self._restitution[index] for index, _ in struck]
         given = _impulses(G, speeds, k)
         after = list(v)
-        for P, kick in zip(given, kicks, strict=True):
-            after = [middle(a - P * b) for a, b in zip(after, kick, strict=True)]
+        for P, change in zip(given, velocity_changes, strict=True):
+            after = [middle(a - P * b) for a, b in zip(after, change, strict=True)]
         self._saltate(struck, speeds, given, after)
         for (index, side), P, speed in zip(struck, given, speeds, strict=True):
             if P > 0:
@@ -211,9 +222,9 @@ class Motion:
         self._part(struck, fresh, left, x, after)
 
     def _require_progress(self) -> None:
-        """Raise where impacts crowd that are no chatter of one lossy constraint, which ends."""
-        last = self.impacts[-_CROWD:]
-        if len(last) < _CROWD or self.now - last[0].time > self._crowd:
+        """Raise where impacts accumulate, unless it is chatter of one lossy constraint."""
+        last = self.impacts[-_ACCUMULATED:]
+        if len(last) < _ACCUMULATED or self.now - last[0].time > self._accumulation_time:
             return
         struck = {impact.constraint for impact in last}
         if len(struck) > 1 or self.body.system.constraints[last[0].constraint].restitution == 1.0:
@@ -232,68 +243,73 @@ class Motion:
         return True
 
     def _part(self, struck: list[Contact], fresh: int, left: list[Real], x: Row, v: Row) -> None:
-        """Let constraints leave their walls, or come to rest there."""
-        grain = flint.arb(10) ** (-self.body.digits) * max(
+        """Decide which constraints leave their walls and which come to rest there."""
+        rounding = flint.arb(10) ** (-self.body.digits) * max(
             (abs(value) for value in v), default=flint.arb(0)
         )
         for contact, speed in list(zip(struck, left, strict=True))[fresh:]:
-            if speed > grain:
-                self._let_go(contact)
-        scene = self.body.scene(frozenset(self._held))
-        q, rate = scene.enter(x, v)
+            if speed > rounding:
+                self._end_contact(contact)
+        configuration = self.body.configuration(frozenset(self._contacts))
+        q, rate = configuration.state_of(x, v)
         loads = [flint.acb(0, omega * self.now).exp() for omega in self.body.loads]
-        falls = scene.place(q, scene.accelerations(q, rate, loads), range(self.body.system.n))[1]
+        accelerations = configuration.displacements(
+            q, configuration.accelerations(q, rate, loads), range(self.body.system.n)
+        )[1]
         leaving = set()
         for contact, speed in list(zip(struck, left, strict=True))[:fresh]:
             index, side = contact
-            push = side * dot(self.body.W[index], falls)
+            push = side * dot(self.body.W[index], accelerations)
             k = self._restitution[index]
-            speed = speed if speed > grain or (speed > 0 and k > 0) else flint.arb(0)
-            lasts = flint.arb(0)
+            speed = speed if speed > rounding or (speed > 0 and k > 0) else flint.arb(0)
+            duration = flint.arb(0)
             if speed > 0:
-                lasts = 2 * speed / (push * (1 - k)) if k < 1 and push > 0 else flint.arb("inf")
-            if push >= 0 and lasts <= self._chatter:
-                rest = min(middle(self.now + lasts), self._end)
-                self._held[contact] = held = Rest(contact, self.now, rest, self._end, flint.arb(0))
-                self.rests.append(held)
+                duration = 2 * speed / (push * (1 - k)) if k < 1 and push > 0 else flint.arb("inf")
+            if push >= 0 and duration <= self._chatter:
+                rest = min(middle(self.now + duration), self._end)
+                self._contacts[contact] = interval = ContactInterval(
+                    contact, self.now, rest, self._end, flint.arb(0)
+                )
+                self.intervals.append(interval)
             else:
                 leaving.add(index)
-        self._settle(x, v, frozenset(leaving))
+        self._resolve_contacts(x, v, frozenset(leaving))
 
     # -- contacts --
 
     def _release(self, contact: Contact) -> None:
         x, v = self.state()
-        self._let_go(contact)
-        self._settle(x, v, frozenset({contact[0]}))
+        self._end_contact(contact)
+        self._resolve_contacts(x, v, frozenset({contact[0]}))
 
-    def _let_go(self, contact: Contact) -> None:
-        self._held.pop(contact).stop = self.now
+    def _end_contact(self, contact: Contact) -> None:
+        self._contacts.pop(contact).stop = self.now
 
-    def _settle(self, x: Row, v: Row, leaving: frozenset[int]) -> None:
-        """Go on with the contacts there are, but for those that would have to be pulled."""
+    def _resolve_contacts(self, x: Row, v: Row, leaving: frozenset[int]) -> None:
+        """Continue with the present contacts except those whose force would have to be tensile."""
         while True:
-            scene = self.body.scene(frozenset(self._held))
-            q, rate = scene.enter(x, v)
-            flight = Flight(scene, q, rate, self.now)
+            configuration = self.body.configuration(frozenset(self._contacts))
+            q, rate = configuration.state_of(x, v)
+            free_motion = FreeMotion(configuration, q, rate, self.now)
             watches = [
-                Watch(form, 1, flint.arb(0), -1 - k) for k, form in enumerate(scene.pulling())
+                Watch(form, 1, flint.arb(0), -1 - k)
+                for k, form in enumerate(configuration.tensile_forces())
             ]
-            search = Search(flight, watches, self.body.digits)
+            search = Search(free_motion, watches, self.body.digits)
             zero = flint.arb(0)
             pulled = [
                 contact
-                for i, contact in enumerate(scene.contacts)
+                for i, contact in enumerate(configuration.contacts)
                 if search.room(i, zero) < -search.tiny[i]
             ]
             if not pulled:
                 break
-            self._let_go(pulled[0])
+            self._end_contact(pulled[0])
             leaving |= {pulled[0][0]}
-        if scene is not self.scene:
-            self.deviations.enter(scene, self._inertia)
+        if configuration is not self.configuration:
+            self.deviations.transform(configuration, self._inertia)
             self._count()
-        self.scene, self.q, self.rate, self._leaving = scene, q, rate, leaving
+        self.configuration, self.q, self.rate, self._leaving = configuration, q, rate, leaving
 
     def _count(self) -> None:
         now = float(self.now)
@@ -306,28 +322,30 @@ class Motion:
     def _saltate(
         self, struck: list[Contact], speeds: Sequence[Real], given: Sequence[Real], after: Row
     ) -> None:
-        """Take the deviations through the impact, constraint by constraint."""
-        scene = self.scene
+        """Apply the saltation matrices of the impact to the deviations, one by one."""
+        configuration = self.configuration
         loads = [flint.acb(0, omega * self.now).exp() for omega in self.body.loads]
-        falls = as_doubles(scene.accelerations(self.q, self.rate, loads))
+        acceleration_before = as_doubles(configuration.accelerations(self.q, self.rate, loads))
         before = as_doubles(self.rate)
-        whole = scene.shapes.T @ self._inertia @ as_doubles(after)
-        rises = as_doubles(
-            scene.accelerations(self.q, [flint.arb(float(value)) for value in whole], loads)
+        whole = configuration.shapes.T @ self._inertia @ as_doubles(after)
+        acceleration_after = as_doubles(
+            configuration.accelerations(self.q, [flint.arb(float(value)) for value in whole], loads)
         )
         hits = [c for c, P, u in zip(struck, given, speeds, strict=True) if P > 0 and u > 0]
         for index, _ in hits:
-            row = scene.shapes.T @ self.body.system.directions([index])[0]
+            row = configuration.shapes.T @ self.body.system.directions([index])[0]
             square = float(row @ row)
             if square <= 0.0:
                 continue
             factor = (1.0 + self.body.system.constraints[index].restitution) / square
             single = before - factor * (row @ before) * row if len(hits) > 1 else whole
-            self.deviations.strike(row, before, single, factor, falls, rises)
+            self.deviations.strike(
+                row, before, single, factor, acceleration_before, acceleration_after
+            )
 
 
 def _impulses(G: list[Row], speeds: list[Real], restitution: list[Real]) -> Row:
-    """Return the impulses of a linear complementarity problem; see `kernels.flight.impulses`.
+    """Return the impulses of a linear complementarity problem; see `kernels.free_motion.impulses`.
 
     Of all sets of walls that give an impulse, the one is taken for which no impulse is negative
     and no coordinate goes on into its wall: with positive definite G there is just one.
@@ -341,8 +359,8 @@ def _impulses(G: list[Row], speeds: list[Real], restitution: list[Real]) -> Row:
             P = [flint.arb(0)] * m
             if active:
                 small = matrix([[G[a][b] for b in active] for a in active])
-                found = small.solve(matrix([[-q[a]] for a in active]))
-                for a, (value,) in zip(active, rows_of(found), strict=True):
+                solution = small.solve(matrix([[-q[a]] for a in active]))
+                for a, (value,) in zip(active, rows_of(solution), strict=True):
                     P[a] = value
             w = [value + dot(row, P) for value, row in zip(q, G, strict=True)]
             if all(P[a] >= 0 for a in active) and all(middle(value) >= -tiny for value in w):

@@ -1,7 +1,7 @@
 """Extended precision: real and complex numbers of any number of digits, and eigenvalues.
 
-Numbers are those of FLINT, balls that contain what they stand for: a number and a bound of its
-rounding. Its precision is one of the process, so that one computation goes on at a time.
+Numbers are balls of FLINT: a number and a bound of its rounding. Their precision is a setting of
+the process, so that one computation runs at a time.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ Row = list[Any]
 Rows = list[list[Any]]
 
 GUARD: Final = 12
-"""Digits that are computed beyond those that are asked for."""
+"""Guard digits of the arithmetic."""
 _ONE_AT_A_TIME = threading.Lock()
 
 
 @contextmanager
 def working(digits: int) -> Iterator[None]:
-    """Compute with so many digits, and those to guard them."""
+    """Set the precision to a number of digits and the guard digits."""
     with _ONE_AT_A_TIME:
         before = flint.ctx.dps
         flint.ctx.dps = digits + GUARD
@@ -50,7 +50,7 @@ def middle(value: Real) -> Real:
     """Return a number without the bound of its rounding.
 
     Bounds that are carried from impact to impact would grow as if every rounding was the worst
-    possible, and say nothing soon; how errors grow is followed otherwise (`deviations`).
+    possible, and be useless soon; the growth of errors is estimated otherwise (`deviations`).
     """
     return value.mid()
 
@@ -90,18 +90,18 @@ def without_bounds(values: Any) -> Any:
 
 def doubles(rows: Sequence[Sequence[Any]]) -> Floats:
     """Return the doubles nearest to numbers, shape (row, column)."""
-    found = [[float(middle(value)) for value in row] for row in rows]
-    return np.array(found, dtype=np.float64).reshape(len(rows), len(rows[0]) if rows else 0)
+    values = [[float(middle(value)) for value in row] for row in rows]
+    return np.array(values, dtype=np.float64).reshape(len(rows), len(rows[0]) if rows else 0)
 
 
 def lower(M: Any) -> Rows:
     """Return the Cholesky factor L of a positive definite matrix, M = L L^T."""
-    n, found = M.nrows(), M.tolist()
+    n, entries = M.nrows(), M.tolist()
     L: Rows = [[flint.arb(0)] * n for _ in range(n)]
     for j in range(n):
-        L[j][j] = middle((found[j][j] - dot(L[j][:j], L[j][:j])).sqrt())
+        L[j][j] = middle((entries[j][j] - dot(L[j][:j], L[j][:j])).sqrt())
         for i in range(j + 1, n):
-            L[i][j] = middle((found[i][j] - dot(L[i][:j], L[j][:j])) / L[j][j])
+            L[i][j] = middle((entries[i][j] - dot(L[i][:j], L[j][:j])) / L[j][j])
     return L
 
 

@@ -1,4 +1,4 @@
-"""From a problem to a motion with all digits, and from that to its result."""
+"""Computes a motion in extended precision, and rounds it to a result in doubles."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Any, Final
 import flint
 import numpy as np
 
-from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.arrays import Floats, nothing
+from vibroimpact_solvers.results.time_history import Result
+from vibroimpact_solvers.time_history.extended.configuration import Body
 from vibroimpact_solvers.time_history.extended.motion import Motion
 from vibroimpact_solvers.time_history.extended.precision import Real, Row, middle, real, working
-from vibroimpact_solvers.time_history.extended.scene import Body
 from vibroimpact_solvers.time_history.history import conserves
 from vibroimpact_solvers.time_history.problem import Problem, State
-from vibroimpact_solvers.time_history.result import Result, empty
 from vibroimpact_solvers.time_history.run import Tick
 
 _EPS: Final = 2.0**-52
@@ -26,25 +26,25 @@ _STATEMENT: Final = (
 
 
 def motion(problem: Problem, digits: int, tick: Tick | None = None) -> Motion:
-    """Follow a motion to its end; to be called while `precision.working` with these digits."""
+    """Compute a motion to its end; to be called within `precision.working` of these digits."""
     assert isinstance(problem.initial, State)
     body = Body(problem.system, problem.load, digits)
     x, v = ([real(value) for value in part] for part in (problem.initial.x, problem.initial.v))
-    wanted = problem.times if problem.outputs & {"x", "v", "energy"} else np.zeros(0)
-    found = Motion(body, x, v, problem.t_end, wanted, tick)
-    found.finish()
-    return found
+    output_times = problem.times if problem.outputs & {"x", "v", "energy"} else np.zeros(0)
+    run = Motion(body, x, v, problem.t_end, output_times, tick)
+    run.finish()
+    return run
 
 
 def solve(problem: Problem, digits: int, tolerance: float, tick: Tick | None = None) -> Result:
-    """Follow a motion with so many decimal digits.
+    """Compute a motion with the given number of decimal digits.
 
     Parameters
     ----------
     problem : Problem
     digits : int
     tolerance : float
-        Relative to the state; says until when the digits hold it.
+        Relative to the state; decides until when the motion is predictable.
     tick : callable, optional
         Called with (done, total) thousandths of the motion; may raise `Cancelled`.
 
@@ -55,15 +55,15 @@ def solve(problem: Problem, digits: int, tolerance: float, tick: Tick | None = N
     """
     with working(digits):
         run = motion(problem, digits, tick)
-        found = empty() | _history(problem, run)
+        values = nothing(Result) | _history(problem, run)
         if "impacts" in problem.outputs:
-            found.update(_impacts(run))
+            values.update(_impacts(run))
         if "contacts" in problem.outputs:
-            found.update(_contacts(run))
+            values.update(_contacts(run))
     lost = [i.time for i in run.impacts if not i.condition <= tolerance]
     last = run.deviations.condition * run.unit
     largest = max([last, *(impact.condition for impact in run.impacts)])
-    found.update(
+    values.update(
         count_impacts=len(run.impacts),
         count_grazings=run.grazings,
         count_expansions=run.expansions,
@@ -74,36 +74,39 @@ def solve(problem: Problem, digits: int, tolerance: float, tick: Tick | None = N
         error_statement=_STATEMENT.format(digits=digits),
         error_digits=digits,
     )
-    return Result(**found)
+    return Result(**values)
 
 
 def _history(problem: Problem, run: Motion) -> dict[str, Any]:
-    outputs, found = problem.outputs, dict[str, Any]()
+    outputs, values = problem.outputs, dict[str, Any]()
     if not outputs & {"x", "v", "energy"}:
-        return found
-    found["t"] = problem.times
+        return values
+    values["t"] = problem.times
     if outputs & {"x", "v"}:
-        found["dof"] = dofs = problem.wanted_dofs
-        places = [scene.place(q, rate, dofs.tolist()) for scene, q, rate in run.samples]
+        values["dof"] = dofs = problem.output_dofs
+        places = [
+            configuration.displacements(q, rate, dofs.tolist())
+            for configuration, q, rate in run.samples
+        ]
         shape = (len(places), dofs.size)
         for name, part in (("x", 0), ("v", 1)):
             if name in outputs:
-                found[name] = np.array([_floats(p[part]) for p in places]).reshape(shape)
+                values[name] = np.array([_floats(p[part]) for p in places]).reshape(shape)
     if "energy" in outputs:
         energies = [_energy(run, place) for place in range(len(run.samples))]
-        found["energy"] = np.array(_floats(energies))
+        values["energy"] = np.array(_floats(energies))
         if conserves(problem) and energies:
             size = max(abs(energy) for energy in energies)
             drift = max(abs(energy - energies[0]) for energy in energies)
-            found["error_energy_drift"] = float(middle(drift / size)) if size > 0 else 0.0
-    return found
+            values["error_energy_drift"] = float(middle(drift / size)) if size > 0 else 0.0
+    return values
 
 
 def _energy(run: Motion, place: int) -> Real:
     """Return kinetic and elastic energy and that of the constant load."""
-    scene, q, rate = run.samples[place]
+    configuration, q, rate = run.samples[place]
     body = run.body
-    x, v = scene.place(q, rate, range(body.system.n))
+    x, v = configuration.displacements(q, rate, range(body.system.n))
     columns = [flint.arb_mat([[value] for value in values]) for values in (x, v)]
     kinetic = (columns[1].transpose() * body.M * columns[1])[0, 0] / 2
     elastic = (columns[0].transpose() * body.K * columns[0])[0, 0] / 2
@@ -124,14 +127,14 @@ def _impacts(run: Motion) -> dict[str, Any]:
 
 
 def _contacts(run: Motion) -> dict[str, Any]:
-    rests = run.rests
+    intervals = run.intervals
     return {
-        "contact_start": _column([r.start for r in rests]),
-        "contact_rest": _column([r.rest for r in rests]),
-        "contact_stop": _column([r.stop for r in rests]),
-        "contact_constraint": np.array([r.contact[0] for r in rests], dtype=np.int64),
-        "contact_side": np.array([r.contact[1] for r in rests], dtype=np.int64),
-        "contact_impulse": _column([r.impulse for r in rests]),
+        "contact_start": _column([r.start for r in intervals]),
+        "contact_rest": _column([r.rest for r in intervals]),
+        "contact_stop": _column([r.stop for r in intervals]),
+        "contact_constraint": np.array([r.contact[0] for r in intervals], dtype=np.int64),
+        "contact_side": np.array([r.contact[1] for r in intervals], dtype=np.int64),
+        "contact_impulse": _column([r.impulse for r in intervals]),
     }
 
 
@@ -140,6 +143,6 @@ def _column(values: Row) -> Floats:
 
 
 def _floats(values: Row) -> list[float]:
-    found = [float(middle(value)) for value in values]
-    assert all(map(math.isfinite, found))
-    return found
+    doubles = [float(middle(value)) for value in values]
+    assert all(map(math.isfinite, doubles))
+    return doubles

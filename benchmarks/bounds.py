@@ -1,0 +1,384 @@
+"""Time of the kernels that matter over the least that the hardware allows.
+
+The lower bound of a kernel is the time of the functions that it cannot do without, as many of
+them, by the fastest vector loop there is on this machine: numpy's, which is Intel's vector library
+where there are vectors of 512 bits and one call after the other elsewhere, or the polynomials of
+`kernels.phases` alone in a loop, whichever takes less in the same run. Where the result of the
+kernel holds a number for each, the loops write as many; elsewhere theirs stay in the nearest
+cache. Where steps wait for one another, the loops take the modes of one step at a time.
+
+Eight kernels: those that requests spend their time in. Impulses, motions and the path check are
+what impact modes and sweeps are made of; the search for boxes is what existence bands, impacts
+what time histories, Taylor series what soft limiters, and the closed form with Newton's method
+what slow flows are made of. The others are watched by the guard alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Final
+
+import numpy as np
+
+from benchmarks import hot
+from benchmarks.cases import chain, grid
+from benchmarks.harness import Work, measure
+from benchmarks.peers import ours
+from benchmarks.peers.cases import from_mode
+from benchmarks.tables import Goal, Table
+from vibroimpact_solvers import spectrum
+from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.impact_modes import Problem
+from vibroimpact_solvers.impact_modes.family import Family
+from vibroimpact_solvers.impact_modes.modal import ModalFamily
+from vibroimpact_solvers.kernels import response
+from vibroimpact_solvers.kernels.jit import fma, kernel
+from vibroimpact_solvers.kernels.phases import sine_cosine, tangent
+
+_WITHIN: Final = 3.0
+_POINTS: Final = 512
+_IMPACT: Final = 4  # three evaluations and one advance
+_NUMBERS: Final = 1024  # that a lower bound is measured with
+_REPEATS: Final = 20
+
+
+@kernel
+def _own_tangents(x: Floats, out: Floats, other: Floats, repeats: int) -> None:
+    for _ in range(repeats):
+        for i in range(x.size):
+            out[i] = tangent(x[i], 0.0)
+
+
+@kernel
+def _own_turns(x: Floats, out: Floats, other: Floats, repeats: int) -> None:
+    for _ in range(repeats):
+        for i in range(x.size):
+            out[i], other[i] = sine_cosine(x[i], 0.0)
+
+
+@kernel
+def _own_quotients(x: Floats, out: Floats, other: Floats, repeats: int) -> None:
+    for _ in range(repeats):
+        for i in range(x.size):
+            sine, cosine = sine_cosine(x[i], 0.0)
+            out[i] = sine / cosine
+
+
+@kernel
+def _own_arctangents(x: Floats, out: Floats, other: Floats, repeats: int) -> None:
+    for _ in range(repeats):
+        for i in range(x.size):
+            out[i] = math.atan(math.exp(-x[i]))
+        for i in range(x.size):
+            out[i], other[i] = sine_cosine(x[i] * out[i], 0.0)
+
+
+@kernel
+def _own_sums(x: Floats, out: Floats, other: Floats, repeats: int) -> None:
+    for _ in range(repeats):
+        for i in range(x.size):
+            out[i] = fma(0.9, out[i], x[i])
+
+
+def _turns(x: Floats, out: Floats, other: Floats) -> None:
+    np.sin(x, out=out)
+    np.cos(x, out=other)
+
+
+def _quotients(x: Floats, out: Floats, other: Floats) -> None:
+    _turns(x, out, other)
+    np.divide(out, other, out=out)
+
+
+def _arctangents(x: Floats, out: Floats, other: Floats) -> None:
+    np.arctan(np.exp(-x), out=out)
+    np.multiply(x, out, out=out)
+    _turns(out, other, out)
+
+
+def _sums(x: Floats, out: Floats, other: Floats) -> None:
+    np.add(np.multiply(0.9, out, out=out), x, out=out)
+
+
+@dataclass(frozen=True, slots=True)
+class Functions:
+    """Functions that a kernel cannot do without.
+
+    Parameters
+    ----------
+    name : str
+    library : callable
+        numpy's loop: takes numbers and room for two results.
+    own : callable
+        The same as many times over as its last argument says.
+    """
+
+    name: str
+    library: Callable[[Floats, Floats, Floats], object]
+    own: Callable[[Floats, Floats, Floats, int], object]
+
+    def works(self, numbers: int, repeats: int) -> dict[str, Any]:
+        """Return both, over the same numbers."""
+        x = np.linspace(0.1, 30.0, numbers)
+        out, other = np.empty((2, numbers))
+
+        def library() -> None:
+            for _ in range(repeats):
+                self.library(x, out, other)
+
+        return {"library": library, "own": partial(self.own, x, out, other, repeats)}
+
+
+_TANGENT: Final = Functions(
+    "a tangent, with its division", lambda x, out, _: np.tan(x, out=out), _own_tangents
+)
+_TURN: Final = Functions("a sine and a cosine", _turns, _own_turns)
+_QUOTIENT: Final = Functions("a sine, a cosine and a division", _quotients, _own_quotients)
+_ARCTANGENT: Final = Functions(
+    "an exponential, an inverse tangent, a sine and a cosine", _arctangents, _own_arctangents
+)
+_SUM: Final = Functions("a multiplication and addition", _sums, _own_sums)
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A kernel, and what it is compared with.
+
+    Parameters
+    ----------
+    name : str
+    n : int
+        Masses.
+    work : callable
+    functions : Functions
+    count : float
+        How often they are needed.
+    each : str
+        For each of what.
+    why : str
+        What there is beside the lower bound.
+    kept : bool
+        Whether the result holds a number for each.
+    together : int
+        How many are known at a time: the modes of one step, where steps wait for one another.
+    """
+
+    name: str
+    n: int
+    work: Work
+    functions: Functions
+    count: float
+    each: str
+    why: str
+    kept: bool = False
+    together: int = _NUMBERS
+
+    def row(self) -> tuple[Any, ...]:
+        """Return its row of the table."""
+        numbers = int(self.count) if self.kept else self.together
+        repeats = max(1, _REPEATS * _NUMBERS // numbers)
+        timings = measure(rounds=5, work=self.work, **self.functions.works(numbers, repeats))
+        time = 1e9 / self.count * timings["work"].processor
+        least = min(timings["library"].processor, timings["own"].processor)
+        bound = 1e9 / (repeats * numbers) * least
+        what = f"{self.functions.name} for each {self.each}"
+        return self.name, self.n, time, bound, time / bound, _WITHIN, what
+
+
+def _family(n: int, constraints: int = 1) -> tuple[ModalFamily, Problem]:
+    system, Omega = chain(n, constraints), grid(0.2, 3.0, _POINTS)
+    omega = Omega * (2.0 / np.pi)
+    problem = Problem(system, omega, outputs=frozenset({"impulse"}), Omega=Omega)
+    return ModalFamily(problem, Family.of(problem), spectrum.spectrum(system)), problem
+
+
+def _families(n: int) -> Iterator[Case]:
+    """Yield what impact modes are made of."""
+    family, problem = _family(n)
+    at, modes = problem.frequencies, family.roots.size * _POINTS
+    yield Case(
+        "impulse of one constraint",
+        n,
+        partial(
+            response.response_one,
+            family.roots,
+            family.rounding,
+            family.rows[0] ** 2,
+            at.omega,
+            at.rounding,
+        ),
+        _TANGENT,
+        modes,
+        "mode",
+        "every tangent comes with the rest of its phase and takes part in three sums, its own "
+        "and two of the error",
+    )
+    yield Case(
+        "motion of one constraint",
+        n,
+        partial(family.solutions, at),
+        _QUOTIENT,
+        modes,
+        "mode",
+        "the response is summed with its error before the motion, whose cosines are taken "
+        "anew; memory of the result is new in every call",
+        kept=True,
+    )
+    several, problem = _family(n, 2)
+    yield Case(
+        "motion of two constraints",
+        n,
+        partial(several.solutions, problem.frequencies),
+        _QUOTIENT,
+        several.roots.size * _POINTS,
+        "mode",
+        "of 100 modes the loop of sines takes a sixth, responses and six sums (three of the "
+        "matrix, three of its error) three tenths, the search for modes near their poles, one by "
+        "one, a quarter, and the system with its inverse, its error and the motion a quarter; of "
+        "13 modes nine tenths are what a frequency costs with however few of them",
+        kept=True,
+    )
+
+
+def _path_check(n: int) -> Case:
+    check = hot.path_check(n)
+    modes = check.arguments[0].size
+    return Case(
+        "certified path check",
+        n,
+        check,
+        _TURN,
+        check() * modes,
+        "mode and step",
+        "paths have few steps, and before the first one there are a root and a division for each "
+        "mode, and the sums that bound curvature and error",
+        together=modes,
+    )
+
+
+def _bands(n: int) -> Case:
+    survey = hot.survey(n)
+    *_, boxes = survey()
+    modes = survey.arguments[0].size
+    return Case(
+        "existence bands",
+        n,
+        survey,
+        _TURN,
+        boxes * modes,
+        "mode and box",
+        "three sums for each box, one number after the other; modes near their poles are bounded "
+        "one by one; and every cell lays down coefficients and bounds of all modes before its "
+        "first box; with 13 modes a search of 800 boxes takes 0.17 ms, and several times as long "
+        "where the system clears memory for 131072 boxes that may wait in every call",
+        together=modes,
+    )
+
+
+def _series() -> Case:
+    """Return a motion between soft limiters, by Taylor series."""
+    follow = hot.HOT["soft limiters"]()
+    _, arguments = follow.result()
+    F, _, _, levels, _, _, settings, _, _, _, counts, *_ = arguments
+    terms = int(settings[2]) + 1
+    products = math.floor(math.log2(settings[0])) + int(settings[0]).bit_count() - 1
+    each = products * terms * (terms + 1) / 2 * levels.size + 4 * terms * F.shape[1]
+    return Case(
+        "soft limiters",
+        F.shape[1],
+        follow,
+        _SUM,
+        float(counts[0]) * each,
+        "product of coefficients in a step",
+        "coefficients follow one another: each sum has few terms, which wait for the last one; "
+        "besides, forces are checked at the end of each step, and the state is laid down",
+    )
+
+
+def _slow_flow() -> Case:
+    """Return a closed form, without what the interpreter does around it."""
+    lossy = hot.HOT["slow flow, closed form"]()
+    return Case(
+        "slow flow, restitution, corrected",
+        1,
+        lossy,
+        _ARCTANGENT,
+        lossy.arguments[0].size,
+        "time",
+        "Newton's method takes the inverse of the inverse tangent integral, an exponential, an "
+        "inverse tangent and hyperbolic functions anew in each of two or three steps, one time "
+        "after the other",
+    )
+
+
+_IMPACTS: Final = {
+    1: "an inverse tangent, a root, divisions and a row of the table, one after the other, where "
+    "the sines of the lower bound go side by side",
+    13: "the bound below which no wall is reached, an expansion of degree twelve and its first "
+    "passage take most of an impact, and all are one number after the other",
+    100: "sums of twelve derivatives over all modes keep their order, so that no vectors take "
+    "part, and the products of the exact map are taken in two parts",
+    1000: "the same as with 100, and the matrix of modes, 8 MB, is read at the start and the end",
+}
+
+
+def _impacts() -> Iterator[Case]:
+    """Yield impacts of prepared time histories: three evaluations, one advance."""
+    for n, dof, periods in ((1, 0, 500), (13, 5, 500), (100, 49, 250), (1000, 499, 200)):
+        top = spectrum.spectrum(chain(n)).largest_frequency
+        scene = from_mode(n, dof, 1.5 * 2.0 / np.pi * top, periods)
+        motion = ours.prepared(scene, estimate=False)
+        count = _IMPACT * n * len(motion().times)
+        yield Case(
+            "one impact of a time history",
+            n,
+            motion,
+            _TURN,
+            count,
+            "mode, four times an impact",
+            _IMPACTS[n],
+            together=n,
+        )
+
+
+def _cases() -> Iterator[Case]:
+    for n in (13, 100, 1000):
+        yield from _families(n)
+    for n in (13, 100):
+        yield _path_check(n)
+        yield _bands(n)
+    yield from _impacts()
+    yield _series()
+    yield _slow_flow()
+
+
+def bounds() -> Table:
+    """Time eight kernels, and the functions that they cannot do without."""
+    rows: list[tuple[Any, ...]] = []
+    reasons: dict[str, str] = {}
+    for case in _cases():
+        rows.append(case.row())
+        reasons[f"{case.name}, N {case.n}"] = case.why
+    return Table(
+        "Time over the lower bound of the hardware",
+        (
+            "kernel",
+            "N",
+            "time [ns]",
+            "lower bound [ns]",
+            "time over lower bound",
+            "goal",
+            "the lower bound is",
+        ),
+        rows,
+        "Time of the processor, one core, for each of what the lower bound is for. The bound is "
+        "the faster of numpy's loop and of the polynomials alone; where the result holds a number "
+        "for each, it writes as many. Divisions belong to it where no mode can do without: of "
+        "the tangent, of the motion's amplitude. Impacts are those of a prepared motion without "
+        "errors.",
+        Goal("time over lower bound", "goal"),
+        reasons=reasons,
+    )

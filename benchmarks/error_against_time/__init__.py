@@ -1,0 +1,1 @@
+"""Run time and error of every method."""

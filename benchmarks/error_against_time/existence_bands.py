@@ -1,0 +1,85 @@
+"""Existence bands: certified ones against scans, and what scans miss."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any, Final
+
+import numpy as np
+
+from benchmarks.cases import chain, grid, random_structure
+from benchmarks.harness import measure
+from benchmarks.tables import Goal, Plot, Table
+from vibroimpact_solvers import existence_bands, impact_modes
+from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.existence_bands import Problem, Result
+from vibroimpact_solvers.model import System
+
+_RANGE: Final = (0.2, 3.0)
+
+
+def bands(system: System) -> Result:
+    """Plan and solve, as the service does."""
+    problem = Problem(system, *_RANGE, outputs=frozenset({"bands"}))
+    return existence_bands.solve(problem, existence_bands.plan(problem))
+
+
+def scan(system: System, points: int) -> tuple[Floats, Floats]:
+    """Return the bands that a uniform grid of frequencies shows."""
+    Omega = grid(*_RANGE, points)
+    problem = impact_modes.Problem(
+        system, Omega * (2.0 / np.pi), outputs=frozenset({"exists"}), Omega=Omega
+    )
+    exists = impact_modes.solve(problem, impact_modes.plan(problem)).exists
+    assert exists is not None
+    change = np.diff(np.concatenate([[False], exists, [False]]).astype(np.int8))
+    return Omega[np.flatnonzero(change == 1)], Omega[np.flatnonzero(change == -1) - 1]
+
+
+def bands_by_scans() -> Table:
+    """Find the same bands by looking at impact modes on uniform grids.
+
+    A band is missed where none of its frequencies is looked at, or joined to its neighbour.
+    The error is that of the edges that are found.
+    """
+    rows: list[tuple[Any, ...]] = []
+    for title, system, goal in (
+        ("chain, N=13", chain(13), 0.05),
+        ("full M and K, N=50", random_structure(50, 3), 1.0),
+    ):
+        certified = bands(system)
+        assert certified.band_start is not None
+        assert certified.band_stop is not None
+        assert certified.band_edge_error is not None
+        timed = measure(rounds=3, bands=partial(bands, system))["bands"].processor
+        error = float(certified.band_edge_error.max())
+        rows.append((title, "certified", None, timed, 0, max(error, 1e-16), goal))
+        for points in (10**2, 10**3, 10**4, 10**5):
+            start, stop = scan(system, points)
+            each = measure(rounds=1, scan=partial(scan, system, points))["scan"].processor
+            middles = 0.5 * (start + stop)
+            hit = {int(k) for k in np.searchsorted(certified.band_start, middles, "right")}
+            missed = certified.band_start.size - len(hit)
+            edges = np.concatenate([start, stop])
+            true = np.sort(np.concatenate([certified.band_start, certified.band_stop]))
+            error = float(np.abs(edges[:, np.newaxis] - true).min(axis=1).max(initial=0.0))
+            rows.append((title, "scan", points, each, missed, error, None))
+    return Table(
+        "Bands by scans",
+        (
+            "structure",
+            "method",
+            "points",
+            "processor [s]",
+            "bands missed",
+            "error of edges",
+            "goal [s]",
+        ),
+        rows,
+        "The scans use the solvers' own certified check of existence at every point.",
+        Goal("processor [s]", "goal [s]"),
+        plots=(
+            Plot("processor [s]", "error of edges", "method", "structure", ours="certified"),
+            Plot("processor [s]", "bands missed", "method", "structure", "x", ours="certified"),
+        ),
+    )

@@ -1,0 +1,187 @@
+"""Impact modes: run time against error, localized shapes, and the plain sum in numpy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import mpmath
+import numpy as np
+
+from benchmarks.cases import GAP, chain, grid, solve, struck
+from benchmarks.harness import measure, ratio
+from benchmarks.tables import Goal, Plot, Table
+from vibroimpact_solvers import spectrum
+from vibroimpact_solvers.arrays import Floats
+
+_POINTS = {13: 20_000, 100: 10_000, 1000: 2000}
+_MICRO = 1e6
+
+
+def _numbers(n: int) -> tuple[Floats, Floats]:
+    """Return natural frequencies and squared weights of the modes that the constraint excites."""
+    system = chain(n)
+    natural = spectrum.spectrum(system)
+    weights = natural.along(system.constraints)[0] ** 2
+    excited = weights > 0.0
+    return natural.roots[excited], weights[excited]
+
+
+def plain(roots: Floats, weights: Floats, omega: Floats) -> Floats:
+    """Eq. 10.53 as one would write it with numpy, all frequencies at once."""
+    gamma = roots / omega[:, np.newaxis]
+    return np.asarray(GAP * omega**2 / np.sum(weights * np.tan(gamma) / gamma, axis=1))
+
+
+def plain_one_by_one(roots: Floats, weights: Floats, omega: Floats) -> Floats:
+    """Eq. 10.53 as one would write it with numpy, for one frequency after the other."""
+    p = np.empty(omega.size)
+    for f, w in enumerate(omega):
+        gamma = roots / w
+        p[f] = GAP * w**2 / np.sum(weights * np.tan(gamma) / gamma)
+    return p
+
+
+def against_numpy() -> Table:
+    """Compare the same impulses by numpy, side by side in one run."""
+    rows = []
+    for n, points in _POINTS.items():
+        system, (roots, weights) = chain(n), _numbers(n)
+        Omega = grid(0.2, 3.0, points)
+        omega = Omega * (2.0 / np.pi)
+        timings = measure(
+            ours=partial(solve, system, Omega),
+            plain=partial(plain, roots, weights, omega),
+            single=partial(plain_one_by_one, roots, weights, omega),
+        )
+        goal = 5.0 if n == 100 else None
+        for name, title in (("plain", "whole arrays"), ("single", "one by one")):
+            times = ratio(timings[name], timings["ours"])
+            each = timings[name].processor / Omega.size * _MICRO
+            rows.append(
+                (n, title, each, timings["ours"].processor / Omega.size * _MICRO, times, goal)
+            )
+    return Table(
+        "Against the plain sum in numpy",
+        ("N", "numpy", "numpy [µs]", "Vibroimpact [µs]", "times faster", "goal"),
+        rows,
+        "Per frequency. Both get the natural modes for nothing; ours states its error besides.",
+        Goal("times faster", "goal", at_least=True),
+    )
+
+
+def _zones(roots: Floats) -> dict[str, Floats]:
+    """Return frequencies at which errors are of different kinds."""
+    random = np.random.default_rng(3)
+    return {
+        "among the natural frequencies": random.uniform(0.2, 3.0, 60),
+        "1e-9 beside a natural frequency": np.repeat(roots, 5) * (1.0 + 1e-9),
+        "far below": random.uniform(1e-4, 1e-3, 60),
+    }
+
+
+def impulses() -> Table:
+    """Run time against error for impulses of the chain of 13 masses.
+
+    The reference is eq. 10.53 with 60 digits, from the same double-precision Omega. The
+    chain is exact: its natural frequencies are known to any number of digits.
+    """
+    rows: list[tuple[Any, ...]] = []
+    system, n = chain(13), 13
+    roots, weights = _numbers(n)
+    methods: dict[str, Callable[[Floats], Any]] = {
+        "plain sum, numpy": lambda Omega: plain(roots, weights, Omega * (2.0 / np.pi)),
+        "Vibroimpact": lambda Omega: np.ravel(np.asarray(solve(system, Omega).impulse)),
+        "mpmath, 15 digits": lambda Omega: extended(n, Omega, 15),
+        "mpmath, 30 digits": lambda Omega: extended(n, Omega, 30),
+    }
+    for zone, Omega in _zones(roots).items():
+        exact = extended(n, Omega, 60)
+        many = np.tile(Omega, 200)
+        for name, method in methods.items():
+            slow = name.startswith("mpmath")
+            error = _relative(method(Omega), exact)
+            timed = measure(rounds=3, method=partial(method, Omega if slow else many))["method"]
+            each = timed.processor / (Omega.size if slow else many.size) * _MICRO
+            rows.append((zone, name, each, float(np.median(error)), float(error.max())))
+    return Table(
+        "Run time against error: impulses, chain of 13 masses",
+        ("Ω", "method", "time [µs]", "median error", "largest error"),
+        rows,
+        "Time of the processor per frequency; errors are relative.",
+        plots=(Plot("time [µs]", "largest error", by="method", panel="Ω"),),
+    )
+
+
+def extended(n: int, Omega: Floats, digits: int) -> list[Any]:
+    """Return the impulses of the chain by eq. 10.53 and 10.63 with so many digits."""
+    with mpmath.workdps(digits):
+        place, size = struck(n) + 1, mpmath.mpf(n + 1)
+        modes = [
+            (2 * mpmath.sin(j * mpmath.pi / (2 * size)), mpmath.sin(place * j * mpmath.pi / size))
+            for j in range(1, n + 1)
+        ]
+        impulses = []
+        for value in Omega:
+            omega = 2 * mpmath.mpf(float(value)) / mpmath.pi
+            total = mpmath.mpf(0)
+            for root, entry in modes:
+                gamma = root / omega
+                total += 2 / size * entry**2 * mpmath.tan(gamma) / gamma
+            impulses.append(mpmath.mpf(GAP) * omega**2 / total)
+        return impulses
+
+
+def _relative(values: Any, exact: list[Any]) -> Floats:
+    with mpmath.workdps(60):
+        errors = [
+            float(abs(mpmath.mpf(a) - b) / abs(b)) for a, b in zip(values, exact, strict=True)
+        ]
+    # A result may agree to the last bit; a logarithmic plot wants a number.
+    return np.maximum(np.array(errors, dtype=np.float64), 1e-18)
+
+
+def localized_shapes() -> Table:
+    """Displacements of localized modes entry by entry, the smallest 1e-18 of the largest.
+
+    Against a solution of the boundary value problem by mpmath with 60 digits.
+    """
+    rows: list[tuple[Any, ...]] = []
+    system, n = chain(13), 13
+    natural = spectrum.spectrum(system)
+    E, place = natural.modes, struck(n)
+    for multiple in (0.7, 1.01, 1.5, 5.0, 25.0):
+        Omega = np.array([multiple * natural.largest_frequency])
+        exact = _extended_shape(n, float(Omega[0]))
+        gamma = natural.roots / (Omega * (2.0 / np.pi))
+        x = (E * E[place] * np.tan(gamma) / gamma).sum(axis=1)
+        plain_error = _relative(x * GAP / x[place], exact)
+        shape = solve(system, Omega, frozenset({"shape"})).shape
+        assert shape is not None
+        error = _relative(shape[0], exact)
+        smallest = float(min(abs(x) for x in exact) / GAP)
+        rows.append(("Vibroimpact", multiple, smallest, float(error.max()), 1e-12))
+        rows.append(("plain sum, numpy", multiple, smallest, float(plain_error.max()), None))
+    rows.sort(key=lambda row: row[0])
+    return Table(
+        "Entries of localized shapes",
+        ("method", "Ω/Ω_N", "smallest entry", "error", "goal"),
+        rows,
+        "Largest relative error of any of the 13 displacements.",
+        Goal("error", "goal"),
+        (Plot("smallest entry", "error", by="method"),),
+    )
+
+
+def _extended_shape(n: int, Omega: float) -> list[Any]:
+    with mpmath.workdps(60):
+        size, place = mpmath.mpf(n + 1), struck(n) + 1
+        omega = 2 * mpmath.mpf(Omega) / mpmath.pi
+        x = [mpmath.mpf(0)] * n
+        for j in range(1, n + 1):
+            gamma = 2 * mpmath.sin(j * mpmath.pi / (2 * size)) / omega
+            weight = mpmath.sin(place * j * mpmath.pi / size) * mpmath.tan(gamma) / gamma
+            for i in range(n):
+                x[i] += mpmath.sin((i + 1) * j * mpmath.pi / size) * weight
+        return [mpmath.mpf(GAP) * value / x[place - 1] for value in x]

@@ -1,1 +1,0 @@
-"""Motions with impacts that several integrators follow: cases, references, and the integrators."""

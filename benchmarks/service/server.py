@@ -1,0 +1,278 @@
+"""A service in processes of its own, for the benchmarks that ask it."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from benchmarks.service.requests import COMPUTE
+
+STARTING: Final = 120.0
+"""Seconds until it must be ready."""
+PATIENCE: Final = 120.0
+"""Seconds that an answer may take."""
+_STOPPING: Final = 30.0
+_MEBI: Final = 1024.0  # kibibytes
+
+
+class Answer(NamedTuple):
+    """What the service answered."""
+
+    status: int
+    headers: Mapping[str, str]
+    body: bytes
+
+    @property
+    def document(self) -> Any:
+        """What JSON says."""
+        return json.loads(self.body)
+
+
+class Server:
+    """A service and one connection for each thread to it.
+
+    Parameters
+    ----------
+    data : Path
+        Its folder.
+    workers : int
+    environment : mapping, optional
+        What it sees beside the environment of this process.
+    checkout : Path, optional
+        Another checkout of the project whose service is started.
+    python : Path, optional
+        The interpreter; without it that of this process, or of the other checkout's ``.venv``.
+    """
+
+    def __init__(
+        self,
+        data: Path,
+        workers: int = 1,
+        environment: Mapping[str, str] | None = None,
+        checkout: Path | None = None,
+        python: Path | None = None,
+    ) -> None:
+        if python is None:
+            python = Path(sys.executable) if checkout is None else checkout / ".venv/bin/python"
+        self.data = data
+        data.mkdir(parents=True, exist_ok=True)
+        own = {"OMP_NUM_THREADS": "1", "VIBROIMPACT_WORKERS": str(workers)}
+        with (data / "log").open("wb") as log:
+            self.process = subprocess.Popen(
+                [str(python), "-m", "vibroimpact_service", "--port", "0", "--data", str(data)],
+                cwd=checkout,
+                env={**os.environ, **own, **(environment or {})},
+                stdout=log,
+                stderr=log,
+                start_new_session=True,
+            )
+        self._local = threading.local()
+        try:
+            self._wait()
+        except BaseException:
+            self.stop()
+            raise
+
+    def _wait(self) -> None:
+        end = time.monotonic() + STARTING
+        note = self.data / "service.json"
+        while True:
+            if self.process.poll() is not None or time.monotonic() > end:
+                raise RuntimeError(f"no service: {(self.data / 'log').read_text()[-2000:]}")
+            if note.exists():
+                self.url = str(json.loads(note.read_text())["url"])
+                if self.ask("GET", "/v1/health/ready").status == 200:
+                    return
+            time.sleep(0.05)
+
+    def connection(self) -> http.client.HTTPConnection:
+        """Return the connection of this thread."""
+        connection: http.client.HTTPConnection | None = getattr(self._local, "connection", None)
+        if connection is None:
+            address = self.url.removeprefix("http://")
+            connection = http.client.HTTPConnection(address, timeout=PATIENCE)
+            self._local.connection = connection
+        return connection
+
+    def ask(
+        self, method: str, path: str, content: Any = None, headers: Mapping[str, str] | None = None
+    ) -> Answer:
+        """Return an answer."""
+        body = None if content is None else json.dumps(content).encode()
+        fields = {"Content-Type": "application/json", **(headers or {})}
+        connection = self.connection()
+        try:
+            connection.request(method, path, body, fields)
+            answer = connection.getresponse()
+        except (http.client.RemoteDisconnected, BrokenPipeError, ConnectionResetError):
+            # It was idle for too long.
+            connection.close()
+            connection.request(method, path, body, fields)
+            answer = connection.getresponse()
+        received = {name.lower(): value for name, value in answer.getheaders()}
+        return Answer(answer.status, received, answer.read())
+
+    def answered(self, method: str, path: str, content: Any = None, status: int = 200) -> Answer:
+        """Return an answer that must have a status."""
+        answer = self.ask(method, path, content)
+        if answer.status != status:
+            raise RuntimeError(f"{path}: {answer.status} {answer.body[:500]!r}")
+        return answer
+
+    def stored(self, content: Any) -> Answer:
+        """Return an answer for impact modes whose result is stored.
+
+        Where kernels must be compiled first, the first one becomes a job.
+        """
+        while (answer := self.ask("POST", COMPUTE, content)).status == 202:
+            self.done(answer.document["id"])
+        if answer.status != 200:
+            raise RuntimeError(answer.body[:500])
+        return answer
+
+    def job(self, content: Any) -> str:
+        """Submit a job for impact modes and return its id."""
+        job = {"kind": "impact-modes", "request": content}
+        return str(self.answered("POST", "/v1/jobs", job, 201).document["id"])
+
+    def done(self, job: str) -> None:
+        """Wait for a job."""
+        while not (document := self.ask("GET", f"/v1/jobs/{job}?wait=20").document)["final"]:
+            continue
+        if document["state"] != "succeeded":
+            raise RuntimeError(document)
+
+    def processes(self) -> list[int]:
+        """Return the ids of all its processes."""
+        return session(self.process.pid)
+
+    def memory(self) -> float:
+        """Return mebibytes of the process that serves."""
+        return status(self.process.pid, "VmRSS")
+
+    def memory_of_all(self) -> float:
+        """Return mebibytes of all processes, pages that several share divided among them."""
+        total = 0
+        for process in self.processes():
+            try:
+                lines = Path(f"/proc/{process}/smaps_rollup").read_text().splitlines()
+            except OSError:
+                continue
+            total += sum(int(line.split()[1]) for line in lines if line.startswith("Pss:"))
+        return total / _MEBI
+
+    def processor(self) -> float:
+        """Return the seconds of processor time that the serving process has spent."""
+        return seconds([self.process.pid])
+
+    def stop(self) -> None:
+        """Stop it, and leave no process of it behind."""
+        connection = getattr(self._local, "connection", None)
+        if connection is not None:
+            connection.close()
+        with suppress(ProcessLookupError):
+            self.process.terminate()
+        try:
+            self.process.wait(_STOPPING)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        finally:
+            end = time.monotonic() + 5.0
+            while (left := self.processes()) and time.monotonic() < end:
+                time.sleep(0.05)
+            for process in left:
+                with suppress(ProcessLookupError):
+                    os.kill(process, signal.SIGKILL)
+
+
+class Bare:
+    """A process of `benchmarks.service.bare`: it only answers, or has idle workers of Dask.
+
+    Parameters
+    ----------
+    kind : str
+    size : int
+        Bytes of an answer, or the number of workers.
+    """
+
+    def __init__(self, kind: str, size: int) -> None:
+        command = [sys.executable, "-m", "benchmarks.service.bare", kind, str(size)]
+        self._process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, text=True, start_new_session=True
+        )
+
+    def __enter__(self) -> Bare:
+        assert self._process.stdout is not None
+        self.url = self._process.stdout.readline().strip()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.terminate()
+        self._process.communicate()
+
+    def processor(self) -> float:
+        """Return the seconds of processor time that it and its workers have spent."""
+        return seconds(session(self._process.pid))
+
+
+@contextmanager
+def running(workers: int = 1, environment: Mapping[str, str] | None = None) -> Iterator[Server]:
+    """Give a service on an empty folder."""
+    with tempfile.TemporaryDirectory() as folder:
+        server = Server(Path(folder) / "data", workers, environment)
+        try:
+            yield server
+        finally:
+            server.stop()
+
+
+def session(leader: int) -> list[int]:
+    """Return the ids of the processes of a session that have not ended."""
+    return [
+        process
+        for process, fields in _stats()
+        if int(fields[3]) == leader and fields[0] not in "ZX"
+    ]
+
+
+def children(process: int) -> list[int]:
+    """Return the ids of all processes below one."""
+    below = [child for child, fields in _stats() if int(fields[1]) == process]
+    return below + [each for child in below for each in children(child)]
+
+
+def _stats() -> Iterator[tuple[int, list[str]]]:
+    """Yield processes and their fields of ``/proc/*/stat`` from the state on."""
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            yield int(stat.parent.name), stat.read_text().rpartition(")")[2].split()
+
+
+def status(process: int, field: str) -> float:
+    """Return mebibytes that ``/proc/*/status`` tells of a process."""
+    words = Path(f"/proc/{process}/status").read_text().split(f"{field}:")[1].split()
+    return int(words[0]) / _MEBI
+
+
+def seconds(processes: list[int]) -> float:
+    """Return the processor time that some processes have spent."""
+    ticks = 0
+    for process in processes:
+        try:
+            fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        ticks += int(fields[11]) + int(fields[12])
+    return ticks / os.sysconf("SC_CLK_TCK")

@@ -1,0 +1,271 @@
+"""The kinds of computation as methods, shared by the waiting and the asynchronous client."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import Any, Generic, TypeVar
+
+from vibroimpact import requests
+from vibroimpact.sweeps import sweep_request
+from vibroimpact.systems import Document
+
+Answer = TypeVar("Answer")
+
+
+class Computations(ABC, Generic[Answer]):
+    """One method for each kind of computation; an answer is a result, or an awaitable one."""
+
+    @abstractmethod
+    def compute(self, kind: str, request: Mapping[str, Any], *, progress: bool = False) -> Answer:
+        """Compute a request of any kind; where the service queues it, wait for the job."""
+
+    def impact_modes(
+        self,
+        system: Document,
+        frequency: Any,
+        *,
+        unit: str = "Omega",
+        outputs: Sequence[str] = ("impulse", "exists", "reason"),
+        active: Sequence[int] | None = None,
+        dofs: Sequence[int] | None = None,
+        tau: Any = None,
+    ) -> Answer:
+        """Compute impact modes, eq. 10.49-10.59 and 10.87-10.89.
+
+        Parameters
+        ----------
+        system : dict
+            The structure, from `system`, `chain` or another function of `vibroimpact.systems`.
+        frequency : array, (start, stop, num) or dict
+            Fundamental angular frequencies Omega, or frequencies omega of the triangle wave with
+            ``unit="omega"``.
+        outputs : sequence of str
+            Quantities to compute: impulse, exists, reason, shape, waveform, energy, stability,
+            harmonics.
+        active : sequence of int, optional
+            Indices of the constraints that are struck; default: all.
+        dofs : sequence of int, optional
+            Degrees of freedom of shape and waveform; default: all.
+        tau : array, optional
+            Triangle-wave times of the waveform.
+        """
+        request = requests.impact_modes_request(
+            system, frequency, unit=unit, outputs=outputs, active=active, dofs=dofs, tau=tau
+        )
+        return self.compute("impact-modes", request)
+
+    def existence_bands(
+        self,
+        system: Document,
+        start: float,
+        stop: float,
+        *,
+        unit: str = "Omega",
+        outputs: Sequence[str] = ("bands", "rejected"),
+        active: Sequence[int] | None = None,
+        tolerance: float | None = None,
+    ) -> Answer:
+        """Find the frequency bands in which impact modes are admissible.
+
+        Parameters
+        ----------
+        system : dict
+            The structure, from `system`, `chain` or another function of `vibroimpact.systems`.
+        start, stop : float
+            Ends of the frequency range: Omega, or omega with ``unit="omega"``.
+        outputs : sequence of str
+            Tables to compute: bands, rejected, stability.
+        active : sequence of int, optional
+            Indices of the constraints that are struck; default: all.
+        tolerance : float, optional
+            Relative width to which band edges are located.
+        """
+        request = requests.existence_bands_request(
+            system, start, stop, unit=unit, outputs=outputs, active=active, tolerance=tolerance
+        )
+        return self.compute("existence-bands", request)
+
+    def resonances(self, system: Document, constraint: int = 0, odd_max: int = 9) -> Answer:
+        """Find the internal resonances of a structure, eq. 10.70-10.76.
+
+        These are the natural frequencies of the structure with the constrained coordinate held
+        fixed, divided by odd numbers.
+
+        Parameters
+        ----------
+        system : dict
+            The structure, from `system`, `chain` or another function of `vibroimpact.systems`.
+        constraint : int
+            Index of the constraint whose coordinate is held fixed.
+        odd_max : int
+            Highest odd harmonic.
+        """
+        return self.compute("resonances", requests.resonances_request(system, constraint, odd_max))
+
+    def time_history(
+        self,
+        system: Document,
+        initial: Any,
+        t_end: float,
+        *,
+        t: Any = None,
+        outputs: Sequence[str] | None = None,
+        dofs: Sequence[int] | None = None,
+        load: Sequence[Mapping[str, Any]] | None = None,
+        limiter: Mapping[str, Any] | None = None,
+        method: str = "exact",
+        tolerance: float | None = None,
+        digits: int | None = None,
+    ) -> Answer:
+        """Compute the motion from an initial state, with its impacts.
+
+        Parameters
+        ----------
+        system : dict
+            The structure, from `system`, `chain` or another function of `vibroimpact.systems`.
+        initial : (x, v) or float or dict
+            Displacements and velocities at t = 0; or the frequency Omega of an impact mode, on
+            which the motion starts; or the document itself.
+        t_end : float
+            Duration of the motion.
+        t : int or array, optional
+            Output times, or the number of equally spaced ones.
+        outputs : sequence of str, optional
+            Quantities to compute: x, v, impacts, energy, contacts; default: impacts and contacts
+            and, where `t` is given, x, v and energy.
+        dofs : sequence of int, optional
+            Degrees of freedom of x and v; default: all.
+        load : sequence of dict, optional
+            Harmonic loads, from `harmonic`.
+        limiter : dict, optional
+            The force law of soft limiters, from `soft`; default: rigid limiters.
+        method : str
+            "exact", or an integrator of scipy for comparison: RK45, DOP853, Radau, LSODA, …
+        tolerance : float, optional
+            Required accuracy, relative to the size of the motion; the result states until when
+            double precision can meet it.
+        digits : int, optional
+            Decimal digits to compute with where double precision cannot meet the tolerance.
+        """
+        request = requests.time_history_request(
+            system,
+            initial,
+            t_end,
+            t=t,
+            outputs=outputs,
+            dofs=dofs,
+            load=load,
+            limiter=limiter,
+            method=method,
+            tolerance=tolerance,
+            digits=digits,
+        )
+        return self.compute("time-history", request)
+
+    def ensemble(
+        self,
+        system: Document,
+        x: Any,
+        v: Any,
+        t_end: float,
+        *,
+        t: Any = None,
+        outputs: Sequence[str] | None = None,
+        dofs: Sequence[int] | None = None,
+        load: Sequence[Mapping[str, Any]] | None = None,
+        limiter: Mapping[str, Any] | None = None,
+        method: str = "exact",
+        tolerance: float | None = None,
+    ) -> Answer:
+        """Compute the motions from many initial states.
+
+        `Result.each` returns the impacts of every member, ``result.plot()`` draws the basins.
+
+        Parameters
+        ----------
+        system : dict
+            The structure, from `system`, `chain` or another function of `vibroimpact.systems`.
+        x, v : array, shape (member, dof)
+            Displacements and velocities at t = 0.
+        t_end : float
+            Duration of the motions.
+        t, outputs, dofs, load, limiter, method, tolerance
+            As for `time_history`; they hold for all members.
+        """
+        request = requests.ensemble_request(
+            system,
+            x,
+            v,
+            t_end,
+            t=t,
+            outputs=outputs,
+            dofs=dofs,
+            load=load,
+            limiter=limiter,
+            method=method,
+            tolerance=tolerance,
+        )
+        return self.compute("ensemble", request)
+
+    def slow_flow(
+        self,
+        system: Document,
+        model: str,
+        variant: str,
+        initial: Mapping[str, float],
+        t: Any,
+        *,
+        outputs: Sequence[str] = ("state", "x", "v", "error"),
+    ) -> Answer:
+        """Compute a motion with slowly varying impacts, and the error of the description used.
+
+        Parameters
+        ----------
+        system : dict
+            The system of the model, from `oscillator`, `two_mass` or `bouncing_ball`.
+        model : str
+            ``damped`` (eq. 10.13-10.21), ``two_oscillator`` (10.41-10.46), ``restitution``
+            (10.90-10.123), ``bouncing_ball`` (10.124-10.149) or ``oscillator`` (10.1-10.12).
+        variant : str
+            Description of the motion, such as ``exact``, ``averaged`` or ``corrected``.
+        initial : mapping
+            Initial conditions, such as ``{"gamma": 0.2}`` or ``{"omega": 5}``.
+        t : array, (start, stop, num) or dict
+            Output times.
+        outputs : sequence of str
+            Quantities to compute: state, x, v, impulse, error.
+        """
+        request = requests.slow_flow_request(system, model, variant, initial, t, outputs=outputs)
+        return self.compute("slow-flow", request)
+
+    def sweep(
+        self,
+        kind: str,
+        base: Mapping[str, Any],
+        axes: Mapping[str, Any],
+        outputs: Sequence[str] | None = None,
+        *,
+        progress: bool = False,
+    ) -> Answer:
+        """Compute a request at every point of a parameter grid.
+
+        Whatever does not depend on an axis is computed once for all its values.
+
+        Parameters
+        ----------
+        kind : str
+            Kind of computation, such as ``"impact-modes"``.
+        base : dict
+            A request of that kind, for example from `impact_modes_request`.
+        axes : mapping
+            Path of a number in the base -> its values: an array, (start, stop, num), or a
+            dictionary with start, stop and step. The axes are the first dimensions of the
+            results, in this order.
+        outputs : sequence of str, optional
+            Quantities to compute; default: the outputs of the base.
+        progress : bool
+            Show a progress bar while a job runs.
+        """
+        request = sweep_request(kind, base, axes, outputs)
+        return self.compute("sweep", request, progress=progress)

@@ -1,0 +1,114 @@
+"""Answering with documents and results: representation, conditions, ranges."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from collections.abc import AsyncIterator, Mapping
+from pathlib import Path
+from typing import Final
+
+from pydantic import BaseModel
+from starlette.requests import Request
+from starlette.responses import Response, StreamingResponse
+
+from vibroimpact_service import problems
+from vibroimpact_service.api.services import services
+from vibroimpact_service.problems import ProblemError
+from vibroimpact_service.results import negotiate
+from vibroimpact_service.results.negotiate import UnsatisfiableRangeError
+from vibroimpact_service.results.representations import SUFFIXES, Representation
+from vibroimpact_service.store import HEAD
+
+IMMUTABLE: Final = "private, max-age=31536000, immutable"
+_PIECE: Final = 2**19
+"""Bytes of a file that are read at a time."""
+
+
+def document(
+    content: BaseModel, status: int = 200, headers: Mapping[str, str] | None = None
+) -> Response:
+    """Answer with a document."""
+    return Response(
+        content.model_dump_json(), status, headers=dict(headers or {}), media_type=negotiate.JSON
+    )
+
+
+async def result(
+    request: Request, name: str, stored: Representation, headers: Mapping[str, str] | None = None
+) -> Response:
+    """Answer with a stored result: all of it, a range, or 304 where the caller has it.
+
+    Raises
+    ------
+    ProblemError
+        416 where the range lies beyond the end.
+    """
+    sent = request.headers
+    # Ranges count the bytes of the file, not of a coding that could be another one next time.
+    wanted = sent.get("range") if request.scope["method"] == "GET" else None
+    if wanted is None:
+        coding = negotiate.coding(sent.get("accept-encoding"))
+        if coding is not None:
+            stored = await services(request).evaluation.results.coded(name, stored, coding)
+    fields = {
+        "ETag": stored.etag,
+        "Vary": "Accept, Accept-Encoding",
+        "Cache-Control": IMMUTABLE,
+        "Content-Location": f"/v1/results/{name}",
+        **(headers or {}),
+    }
+    if is_known(request, stored.etag):
+        return Response(status_code=304, headers=fields)
+    fields |= {
+        "Repr-Digest": negotiate.repr_digest(stored.sha256),
+        "Accept-Ranges": "bytes",
+    }
+    if stored.coding is not None:
+        fields["Content-Encoding"] = stored.coding
+    if stored.media_type == negotiate.HDF5:
+        file_name = f"{name[:16]}.{SUFFIXES[stored.media_type]}"
+        fields["Content-Disposition"] = f'attachment; filename="{file_name}"'
+    part = None if wanted is None else _part(wanted, sent.get("if-range"), stored)
+    first, stop = part or (0, stored.size)
+    if part is not None:
+        fields["Content-Range"] = f"bytes {first}-{stop - 1}/{stored.size}"
+    status, media_type = 206 if part else 200, stored.media_type
+    if stored.file is None:
+        data = stored.data[first:stop] if part else stored.data
+        return Response(data, status, fields, media_type)
+    fields["Content-Length"] = str(stop - first)
+    if request.state.head:
+        return Response(None, status, fields, media_type)
+    pieces = _pieces(stored.file, HEAD + first, HEAD + stop)
+    return StreamingResponse(pieces, status, fields, media_type)
+
+
+def is_known(request: Request, etag: str) -> bool:
+    """Whether If-None-Match names an entity tag: the caller has that representation."""
+    condition = request.headers.get("if-none-match")
+    return condition is not None and negotiate.names(condition, etag)
+
+
+def _part(wanted: str, condition: str | None, stored: Representation) -> tuple[int, int] | None:
+    """Return the range of bytes to answer with, or None for all (RFC 9110, 13.1.5, 14.2)."""
+    if condition is not None and condition.strip() != stored.etag:
+        return None
+    try:
+        return negotiate.byte_range(wanted, stored.size)
+    except UnsatisfiableRangeError:
+        headers = {"Content-Range": f"bytes */{stored.size}"}
+        detail = f"The result has {stored.size} bytes."
+        raise ProblemError(problems.RANGE_NOT_SATISFIABLE, detail, headers=headers) from None
+
+
+async def _pieces(path: Path, start: int, stop: int) -> AsyncIterator[bytes]:
+    """Yield the bytes of a file from start to stop."""
+    with path.open("rb", buffering=0) as file:
+        while start < stop:
+            size = min(_PIECE, stop - start)
+            piece = await asyncio.to_thread(os.pread, file.fileno(), size, start)
+            if not piece:
+                return  # it was cut; the missing length tells the caller
+            start += len(piece)
+            yield piece

@@ -1,0 +1,99 @@
+"""Authentication as a dependency that each route declares, with the scope that it needs."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from fastapi import Security
+from fastapi.openapi.models import HTTPBearer
+from fastapi.security.base import SecurityBase
+from starlette.requests import Request
+
+from vibroimpact_service import problems
+from vibroimpact_service.access.caller import LOCAL, Caller, Scope
+from vibroimpact_service.api.openapi import failures
+from vibroimpact_service.api.services import services
+from vibroimpact_service.evaluate import Admission
+from vibroimpact_service.problems import ProblemError
+from vibroimpact_solvers.plan import Plan
+
+FAILURES: Final = failures(401, 403, 421, 429)
+"""Problems of every route that needs a key."""
+
+
+class Authentication(SecurityBase):
+    """Recognises the caller, checks the scope and counts the request.
+
+    Parameters
+    ----------
+    scope : Scope
+        What the key or token must permit.
+    """
+
+    def __init__(self, scope: Scope) -> None:
+        self.scope = scope
+        self.scheme_name = "key"
+        self.model = HTTPBearer(
+            description="An API key (vik_…) or a token of the OpenID Connect issuer that the "
+            "service trusts. A service on a loopback address without keys needs none."
+        )
+
+    async def __call__(self, request: Request) -> Caller:
+        """Return the caller.
+
+        Raises
+        ------
+        ProblemError
+            401, 403 or 429.
+        """
+        parts, state = services(request), request.state
+        if not parts.authenticator.keys_required:
+            state.caller = LOCAL
+            return LOCAL
+        try:
+            caller = await parts.authenticator.caller(request.headers.get("authorization"))
+        except ProblemError as error:
+            if error.type is problems.UNAUTHENTICATED:
+                await parts.budget.failed(request.client.host if request.client else "")
+            raise
+        state.caller = caller
+        state.more_headers |= await parts.budget.count(caller)
+        if self.scope not in caller.scopes:
+            detail = f"This needs a key with the scope {self.scope.value}."
+            raise ProblemError(problems.FORBIDDEN, detail)
+        return caller
+
+
+def _requires(scope: Scope) -> Any:
+    return Security(Authentication(scope), scopes=[scope.value])
+
+
+READ: Final = _requires(Scope.READ)
+SUBMIT: Final = _requires(Scope.SUBMIT)
+METRICS: Final = _requires(Scope.METRICS)
+ADMIN: Final = _requires(Scope.ADMIN)
+
+
+def caller(request: Request) -> Caller:
+    """Return the caller of a request whose route requires a scope."""
+    known: Caller = request.state.caller
+    return known
+
+
+def owner(request: Request) -> str:
+    """Return the owner of the jobs, results and systems that a request may use."""
+    return caller(request).owner
+
+
+def admission(request: Request) -> Admission:
+    """Return what charges a computation to the caller of a request."""
+    parts = services(request)
+
+    async def charge(plan: Plan, seconds: float) -> None:
+        left = await parts.budget.spend(caller(request), plan, seconds)
+        more: dict[str, str] = request.state.more_headers
+        for name, value in left.items():
+            more[name] = f"{more[name]}, {value}" if name in more else value
+
+    free = parts.budget.free(caller(request), parts.settings.inline_seconds)
+    return Admission(charge, free)

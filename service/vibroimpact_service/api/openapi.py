@@ -1,0 +1,186 @@
+"""What the routes' OpenAPI declarations share, and the document that FastAPI generates of them.
+
+Each route declares its own parameters, answers and examples at its decorator.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from fastapi import FastAPI
+from pydantic import BaseModel, TypeAdapter
+from pydantic.json_schema import models_json_schema
+
+from vibroimpact_schema import examples
+from vibroimpact_schema.jobs import ShareRequest
+from vibroimpact_schema.keys import KeyRequest
+from vibroimpact_schema.problems import Problem
+from vibroimpact_schema.requests import BatchRequest, JobRequest
+from vibroimpact_schema.systems import System
+from vibroimpact_service import problems
+from vibroimpact_service.kinds import KINDS
+from vibroimpact_service.problems import ProblemError
+from vibroimpact_service.results import negotiate
+
+Declaration = dict[str, Any]
+
+BINARY: Final = {"type": "string", "format": "binary"}
+_REF: Final = "#/components/schemas/{model}"
+
+
+def header(description: str) -> Declaration:
+    """Return the declaration of a response header."""
+    return {"description": description, "schema": {"type": "string"}}
+
+
+def request_header(name: str, description: str, **schema: Any) -> Declaration:
+    """Return the declaration of an optional request header that the handler reads itself."""
+    about = {"required": False, "description": description}
+    return {"name": name, "in": "header", **about, "schema": {"type": "string", **schema}}
+
+
+_RATES: Final = {
+    "RateLimit": header("What is left of the rates and quotas of the key (RFC 9331 draft)."),
+    "RateLimit-Policy": header("The rates and quotas of the key."),
+}
+IF_NONE_MATCH: Final = request_header("If-None-Match", "Entity tags that the client holds.")
+IDEMPOTENCY_KEY: Final = request_header(
+    "Idempotency-Key",
+    "Repeating the request with the same key answers with the same job.",
+    pattern="^[!-~]{1,255}$",
+)
+
+
+def answer(
+    description: str,
+    model: Any = None,
+    *,
+    headers: Mapping[str, Declaration] | None = None,
+    links: Mapping[str, Mapping[str, str]] | None = None,
+    content: Mapping[str, Declaration] | None = None,
+    rated: bool = True,
+) -> Declaration:
+    """Return the declaration of a successful answer.
+
+    Parameters
+    ----------
+    description : str
+    model : type, optional
+        Document of the JSON body.
+    headers : mapping, optional
+        Response headers by name.
+    links : mapping, optional
+        Operations that can follow, each with where its path parameters come from.
+    content : mapping, optional
+        Further media types.
+    rated : bool
+        Whether the answer carries the rate-limit headers: those of routes that need a key do.
+    """
+    declared: Declaration = {"description": description}
+    declared["headers"] = {**(headers or {}), **(_RATES if rated else {})}
+    if model is not None:
+        declared["model"] = model
+    if content:
+        declared["content"] = dict(content)
+    if links:
+        declared["links"] = {
+            operation: {"operationId": operation, "parameters": dict(parameters)}
+            for operation, parameters in links.items()
+        }
+    return declared
+
+
+def not_modified(description: str = "The client holds it: If-None-Match names it.") -> Declaration:
+    """Return the declaration of an answer 304."""
+    return answer(description)
+
+
+def failures(*statuses: int) -> dict[int | str, Declaration]:
+    """Return the declarations of answers by problem documents."""
+    declared: dict[int | str, Declaration] = {}
+    for status in statuses:
+        kind = problems.of_status(status)
+        example = ProblemError(kind, kind.about).document("6f1c0d").model_dump(mode="json")
+        schema = {"$ref": _REF.format(model=Problem.__name__)}
+        content = {problems.MEDIA_TYPE: {"schema": schema, "example": example}}
+        declared[status] = {"description": f"{kind.title}.", "content": content}
+    return declared
+
+
+BODY_FAILURES: Final = failures(400, 408, 413, 415, 422, 500, 503)
+"""Problems of routes that read a body."""
+READ_FAILURES: Final = failures(400, 404, 422, 500, 503)
+"""Problems of routes that look something up."""
+
+
+def json_body(
+    model: str, shown: Mapping[str, Any], others: Mapping[str, Declaration] | None = None
+) -> Declaration:
+    """Return the declaration of a JSON request body that the handler reads itself.
+
+    Parameters
+    ----------
+    model : str
+        Name of its schema, one of `_request_schemas`.
+    shown : mapping
+        Examples by name: {"summary", "value"}.
+    others : mapping, optional
+        Further media types.
+    """
+    json = {"schema": {"$ref": _REF.format(model=model)}, "examples": dict(shown)}
+    return {"required": True, "content": {negotiate.JSON: json, **(others or {})}}
+
+
+def document(app: FastAPI) -> dict[str, Any]:
+    """Return the OpenAPI document of an application.
+
+    FastAPI generates it; what it cannot know is added: the schemas of the bodies that handlers
+    read themselves, the examples of ``openapi/examples``, and that a service without keys
+    answers without one. Optional parameters lose the type null, which no address can hold.
+    """
+    if app.openapi_schema is None:
+        generated = app.openapi()
+        schemas = generated["components"]["schemas"] | _request_schemas()
+        generated["components"]["schemas"] = dict(sorted(schemas.items()))
+        for operations in generated["paths"].values():
+            for operation in operations.values():
+                operation["responses"] = dict(sorted(operation["responses"].items()))
+                for parameter in operation.get("parameters", ()):
+                    _drop_null(parameter["schema"])
+                for status, example in examples.answers(operation["operationId"]).items():
+                    content = operation["responses"][status]["content"]
+                    for media_type in content.keys() - {negotiate.HDF5}:
+                        content[media_type]["example"] = example
+                if "security" in operation:
+                    operation["security"].append({})
+    return app.openapi()
+
+
+def _drop_null(schema: dict[str, Any]) -> None:
+    for choice in schema.pop("anyOf", ()):
+        if choice != {"type": "null"}:
+            schema.update(choice)
+
+
+def _request_schemas() -> dict[str, Any]:
+    requests: list[type[BaseModel]] = [kind.request for kind in KINDS.values()]
+    models: list[type[BaseModel]] = [
+        *requests,
+        BatchRequest,
+        JobRequest,
+        KeyRequest,
+        ShareRequest,
+        Problem,
+    ]
+    _, generated = models_json_schema([(m, "validation") for m in models], ref_template=_REF)
+    schemas: dict[str, Any] = generated["$defs"]
+    system = TypeAdapter[Any](System).json_schema(ref_template=_REF)
+    schemas |= system.pop("$defs")
+    schemas["System"] = {"title": "System", **system}
+    choices = [{"$ref": _REF.format(model=model.__name__)} for model in requests]
+    schemas["JobRequest"]["properties"]["request"] |= {"anyOf": choices}
+    schemas["BatchRequest"]["properties"]["requests"]["items"] = {"anyOf": choices}
+    for envelope in ("JobRequest", "BatchRequest"):
+        schemas[envelope]["properties"]["kind"] |= {"enum": list(KINDS)}
+    return schemas

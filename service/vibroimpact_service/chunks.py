@@ -1,0 +1,228 @@
+"""Jobs in pieces: what workers do to cut a computation, compute its chunks and join them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any, Final, NamedTuple
+
+import orjson
+import structlog
+
+from vibroimpact_service import execute, loading, problems
+from vibroimpact_service.documents import digest, parse, planning
+from vibroimpact_service.documents.planning import Planned
+from vibroimpact_service.jobs.work import (
+    Chunk,
+    ChunkMissingError,
+    DeadlineError,
+    Tick,
+    Work,
+    WorkerLostError,
+)
+from vibroimpact_service.kinds import KINDS
+from vibroimpact_service.problems import ProblemError
+from vibroimpact_service.results.rows import RowFiles
+from vibroimpact_service.store import Store
+
+log = structlog.get_logger("vibroimpact.chunks")
+
+CHUNK_SECONDS: Final = 0.2
+"""Planned work of one chunk; part of the names of chunks, so the same in all processes."""
+
+
+class Pieces(NamedTuple):
+    """A job's request as a process needs it for any of its chunks.
+
+    Parameters
+    ----------
+    planned : Planned
+    canonical : bytes
+        Canonical form of the request.
+    pieces : list
+        Problems, from `split` of the kind's solver.
+    names : list of str
+        Names of the chunks, one for each piece.
+    chained : bool
+        Whether each piece needs the one before.
+    """
+
+    planned: Planned
+    canonical: bytes
+    pieces: list[Any]
+    names: list[str]
+    chained: bool
+
+
+@lru_cache(maxsize=4)
+def _pieces(store_url: str, kind: str, request: str, seconds_each: float) -> Pieces:
+    # Decoded and planned once per process, however many chunks of the job it computes.
+    store = Store(store_url)
+    data = store.requests.get(request)
+    if data is None:
+        raise FileNotFoundError("the request of the job is gone")
+    owner, _, canonical = data.rpartition(b"\n")
+    document = parse.document(KINDS[kind].request, orjson.loads(canonical))
+    planned = planning.plan(store, KINDS[kind], document)
+    solver = planned.kind.solver
+    pieces = solver.split(planned.problem, planned.plan, seconds_each)
+    names = _names(owner, planned, document, pieces)
+    return Pieces(planned, canonical, pieces, names, len(pieces) > 1 and hasattr(solver, "follow"))
+
+
+def _names(owner: bytes, planned: Planned, request: Any, pieces: list[Any]) -> list[str]:
+    """Return the names of chunks: by content, so that other requests find what they share.
+
+    Everything that the numbers of a piece depend on goes into its name: the request apart from
+    the axis that is cut, the methods that the plan of the whole chose, and the piece's own
+    points, bit for bit. The owner does too: a hit would reveal somebody else's request.
+    """
+    kind = planned.kind
+    methods = [(step.stage.value, str(step.method)) for step in planned.plan.steps]
+    rest = request.model_dump(exclude_none=True, exclude={kind.axis} if kind.axis else None)
+    common = digest.dumps({"request": rest, "methods": methods})
+    name = digest.name(owner.decode(), kind.name, digest.solver_name(), common)
+    if kind.axis is None:
+        contents = [f":{CHUNK_SECONDS}:{i}:{len(pieces)}".encode() for i in range(len(pieces))]
+    else:
+        contents = [kind.solver.content(piece) for piece in pieces]
+    return [digest.content(name.encode() + content) for content in contents]
+
+
+def split(store_url: str, kind: str, request: str, result: str) -> Sequence[Chunk]:
+    """Return the chunks of a job."""
+    job = _pieces(store_url, kind, request, CHUNK_SECONDS)
+    each = job.planned.seconds / max(1, len(job.names))
+    lasting = job.planned.kind.axis is not None
+    return [Chunk(name, each, lasting, job.chained) for name in job.names]
+
+
+def solve(
+    store_url: str,
+    kind: str,
+    request: str,
+    result: str,
+    indices: Sequence[int],
+    tick: Tick | None = None,
+) -> None:
+    """Compute some chunks of a job and store each."""
+    job = _pieces(store_url, kind, request, CHUNK_SECONDS)
+    store, solver = Store(store_url), job.planned.kind.solver
+    if job.chained:
+        _solve_chained(store, job, indices, tick)
+        return
+    for index in indices:
+        if store.chunks.has(job.names[index]):
+            continue  # the call is repeated because its worker died halfway
+        # By the plan of the whole: one of the piece alone could take another method for it.
+        _put(store, job.names[index], solver.solve(job.pieces[index], job.planned.plan, tick))
+
+
+def _solve_chained(store: Store, job: Pieces, indices: Sequence[int], tick: Tick | None) -> None:
+    """Compute some pieces that need one another, and those before that are not there."""
+    solver: Any = job.planned.kind.solver
+    last, before = -1, None
+    for index in indices:
+        if store.chunks.has(job.names[index]):
+            continue
+        # What was computed last is at hand; else the latest that is stored is the seed.
+        if last != index - 1:
+            last, before = _latest(store, job, index)
+        while last < index:
+            before = solver.follow(job.pieces[last + 1], job.planned.plan, before, tick)
+            last += 1
+            _put(store, job.names[last], before)
+
+
+def _latest(store: Store, job: Pieces, index: int) -> tuple[int, Any]:
+    """Return the index of the last stored piece before another, and the piece; -1, None if none."""
+    for place in range(index - 1, -1, -1):
+        try:
+            solver: Any = job.planned.kind.solver
+            return place, _get(store, job.names[place], solver.Part)
+        except ChunkMissingError:
+            continue
+    return -1, None
+
+
+def join(store_url: str, kind: str, request: str, result: str, chunks: Sequence[Chunk]) -> None:
+    """Join the chunks of a job and store its result."""
+    from vibroimpact_service.results import encode
+
+    job = _pieces(store_url, kind, request, CHUNK_SECONDS)
+    store, solver = Store(store_url), job.planned.kind.solver
+    if job.chained:
+        _join_in_files(store, job, result, chunks)
+        return
+    parts = [_get(store, chunk.name, solver.Result) for chunk in chunks]
+    whole = solver.join(job.planned.problem, job.planned.plan, parts)
+    head = execute.head(job.planned, result, job.canonical)
+    execute.put(store, encode.describe(whole, head))
+
+
+def _join_in_files(store: Store, job: Pieces, result: str, chunks: Sequence[Chunk]) -> None:
+    """Join pieces that are parts of one result, without the result in memory, and store it."""
+    from vibroimpact_service.results import encode
+
+    solver: Any = job.planned.kind.solver
+    with store.results.workspace() as folder:
+        with RowFiles(folder) as rows:
+            assembly = solver.Assembly(job.planned.problem, rows)
+            for chunk in chunks:
+                assembly.add(_get(store, chunk.name, solver.Part))
+            for name, values in assembly.labels().items():
+                if values is not None:
+                    rows.append(name, values)
+        head = execute.head(job.planned, result, job.canonical)
+        whole = folder / "whole"
+        encode.pack_rows(solver.Result, rows, assembly.plain(), head, whole)
+        if not store.results.has(result):
+            store.results.put_file(result, whole)
+
+
+def _put(store: Store, name: str, part: Any) -> None:
+    from vibroimpact_service.results import encode
+
+    store.chunks.put(name, encode.pack(encode.describe(part, {})))
+
+
+def _get(store: Store, name: str, part: type[Any]) -> Any:
+    from vibroimpact_service.results import encode
+
+    data = store.chunks.get(name)
+    if data is None:
+        raise ChunkMissingError(name)
+    return encode.to_result(encode.unpack(data), part)
+
+
+def explain(error: BaseException) -> dict[str, Any]:
+    """Return the problem document of a job that failed."""
+    fault = problems.of(error)
+    if isinstance(error, WorkerLostError):
+        fault = ProblemError(problems.WORKER_LOST, problems.WORKER_LOST.about)
+    elif isinstance(error, DeadlineError):
+        fault = ProblemError(problems.DEADLINE, problems.DEADLINE.about)
+    elif fault.type is problems.INTERNAL:
+        log.error("computation failed", exc_info=error)
+    document: dict[str, Any] = fault.document("job").model_dump(mode="json")
+    return document
+
+
+def prepare() -> None:
+    """Load the numerical libraries before the first job needs them."""
+    from vibroimpact_service import logs
+    from vibroimpact_service.documents import decode
+    from vibroimpact_service.results import encode
+
+    logs.to_stderr()
+    log.debug("prepared", modules=[decode.__name__, encode.__name__])
+
+
+WORK: Final = Work(
+    split=split,
+    solve=solve,
+    join=join,
+    explain=explain,
+    prepare=prepare,
+    modules=loading.NUMERICAL,
+)

@@ -1,0 +1,280 @@
+"""Documents to the solvers' systems and problems; the only module that knows both.
+
+The function that a kind names as its decoder takes a request and its system and returns the
+problem. The sizes in the documents were compared with the limits before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from vibroimpact_schema import grids, motions, requests, sweeps, systems
+from vibroimpact_service.documents import digest, sweep_axes
+from vibroimpact_service.kinds import KINDS
+from vibroimpact_solvers import ensemble as ensembles
+from vibroimpact_solvers import existence_bands as bands
+from vibroimpact_solvers import impact_modes as modes
+from vibroimpact_solvers import presets
+from vibroimpact_solvers import resonances as held
+from vibroimpact_solvers import slow_flow as flows
+from vibroimpact_solvers import sweep as swept
+from vibroimpact_solvers import time_history as histories
+from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System, Units
+
+
+def system(document: systems.AnySystem) -> System:
+    """Return the system of a document.
+
+    Raises
+    ------
+    ModelError
+        With the pointer inside the document.
+    """
+    try:
+        return _known_system(_Named(document))
+    except OverflowError:
+        message = "its numbers are too large for double precision"
+        raise ModelError((), message, code="overflow") from None
+
+
+def constraints(document: systems.AnySystem) -> list[Constraint]:
+    """Return the limiters of a system's document."""
+    return [_constraint(i, c) for i, c in enumerate(document.constraints)]
+
+
+class _Named:
+    """A document that is equal to those of the same content, as keys of a cache must be."""
+
+    __slots__ = ("document", "name")
+
+    def __init__(self, document: systems.AnySystem) -> None:
+        self.document = document
+        self.name = digest.content(digest.canonical(document))
+
+    def __hash__(self) -> int:
+        return hash(self.name)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Named) and other.name == self.name
+
+
+@lru_cache(maxsize=8)
+def _known_system(named: _Named) -> System:
+    # The checks of a large system, and the spectrum that it keeps, are paid for once.
+    document = named.document
+    limiters = constraints(document)
+    units = None
+    if document.units is not None:
+        units = Units(document.units.length, document.units.mass, document.units.time)
+    match document:
+        case systems.Chain():
+            return presets.chain(
+                document.n, limiters, document.mass, document.stiffness, units=units
+            )
+        case systems.Oscillator():
+            return presets.oscillator(limiters, document.Omega0, document.zeta, units=units)
+        case systems.TwoMass():
+            return presets.two_mass(
+                limiters, document.Omega0, document.coupling, document.zeta, units=units
+            )
+        case systems.DoublePendulum():
+            return presets.double_pendulum(limiters, document.mu, units=units)
+        case systems.BouncingBall():
+            return presets.bouncing_ball(limiters, document.g, units=units)
+        case systems.MatrixSystem():
+            return _matrix_system(document, limiters, units)
+
+
+def _matrix_system(
+    document: systems.MatrixSystem, constraints: list[Constraint], units: Units | None
+) -> System:
+    return System(
+        _matrix("M", document.M),
+        _matrix("K", document.K),
+        tuple(constraints),
+        C=None if document.C is None else _matrix("C", document.C),
+        force=None if document.force is None else np.array(document.force),
+        units=units,
+    )
+
+
+def _matrix(name: str, document: Any) -> SymmetricMatrix:
+    try:
+        match document:
+            case systems.DiagonalMatrix():
+                return SymmetricMatrix.diagonal(document.diagonal)
+            case systems.BandedMatrix():
+                return _banded(document)
+            case systems.CoordinateMatrix():
+                return SymmetricMatrix.sparse(
+                    document.shape, document.row, document.col, document.data
+                )
+            case systems.ScalarMatrix():
+                return SymmetricMatrix.diagonal(np.full(document.n, document.scalar))
+            case _:
+                return SymmetricMatrix.dense(document)
+    except ModelError as error:
+        raise error.under(name) from None
+
+
+def _banded(document: systems.BandedMatrix) -> SymmetricMatrix:
+    try:
+        return SymmetricMatrix.bands({int(k): np.array(v) for k, v in document.bands.items()})
+    except ModelError as error:
+        raise error.under("bands") from None
+
+
+def _constraint(index: int, document: systems.Constraint) -> Constraint:
+    gap = document.gap
+    lower, upper = (gap.lower, gap.upper) if isinstance(gap, systems.Limits) else (gap, gap)
+    direction = document.direction
+    if direction is None:
+        assert document.dof is not None
+        dofs, weights = [document.dof], [1.0]
+    else:
+        dofs, weights = direction.dofs, direction.weights
+    try:
+        return Constraint(tuple(dofs), tuple(weights), lower, upper, document.restitution)
+    except ModelError as error:
+        raise error.under("constraints", index) from None
+
+
+def frequencies(grid: Any) -> tuple[Floats, Floats]:
+    """Return (Omega, omega) of a grid, each shape (frequency,); the one given, to the bit."""
+    match grid:
+        case grids.FrequencyValues():
+            given = np.array(grid.values)
+        case grids.FrequencyPoints():
+            given = np.linspace(grid.start, grid.stop, grid.num)
+        case grids.FrequencySteps():
+            exact = sweep_axes.decimal_steps(grid.start, grid.step, grid.count)
+            given = grid.start + grid.step * np.arange(grid.count) if exact is None else exact
+            # The last step may pass the end by rounding.
+            given[-1] = min(given[-1], grid.stop)
+    if grid.unit == "Omega":
+        return given, given * (2.0 / np.pi)
+    return given * (np.pi / 2.0), given
+
+
+def impact_modes(request: requests.ImpactModesRequest, of: System) -> modes.Problem:
+    """Return the problem of impact modes."""
+    Omega, omega = frequencies(request.frequency)
+    return modes.Problem(
+        of,
+        omega,
+        tuple(request.active or ()),
+        frozenset(request.outputs),
+        _indices(request.dofs),
+        None if request.tau is None else np.array(request.tau),
+        request.tolerance,
+        # The one that was given: the other is rounded.
+        Omega=Omega if request.frequency.unit == "Omega" else None,
+    )
+
+
+def existence_bands(request: requests.ExistenceBandsRequest, of: System) -> bands.Problem:
+    """Return the problem of existence bands."""
+    grid = request.frequency
+    factor = 1.0 if grid.unit == "Omega" else 0.5 * np.pi
+    return bands.Problem(
+        of,
+        grid.start * factor,
+        grid.stop * factor,
+        tuple(request.active or ()),
+        frozenset(request.outputs),
+        request.tolerance,
+    )
+
+
+def resonances(request: requests.ResonancesRequest, of: System) -> held.Problem:
+    """Return the problem of internal resonances."""
+    return held.Problem(
+        of, request.constraint, request.odd_max, frozenset(request.outputs), request.tolerance
+    )
+
+
+def time_history(request: requests.TimeHistoryRequest, of: System) -> histories.Problem:
+    """Return the problem of a time history."""
+    initial: histories.State | histories.ImpactMode
+    match request.initial:
+        case motions.InitialState(x=x, v=v):
+            initial = histories.State(np.array(x), np.array(v))
+        case motions.InitialMode(impact_mode=mode):
+            initial = histories.ImpactMode(mode.Omega, tuple(mode.active or ()))
+    return histories.Problem(of, initial, digits=request.digits, **_motion(request))
+
+
+def ensemble(request: requests.EnsembleRequest, of: System) -> ensembles.Problem:
+    """Return the problem of an ensemble."""
+    x, v = np.array(request.initial.x), np.array(request.initial.v)
+    return ensembles.Problem(of, x, v, **_motion(request))
+
+
+def _motion(request: requests.MotionRequest) -> dict[str, Any]:
+    """Return what motions have in common, whatever they start from."""
+    return {
+        "t_end": request.t_end,
+        "t": times(request.t, request.t_end),
+        "dofs": _indices(request.dofs),
+        "outputs": frozenset(request.outputs),
+        "tolerance": request.tolerance,
+        "load": tuple(
+            histories.Harmonic(term.dof, term.amplitude, term.frequency, term.phase)
+            for term in request.load or ()
+        ),
+        "limiter": _limiter(request.limiter),
+        "method": request.method,
+    }
+
+
+def _limiter(of: Any) -> histories.Power | None:
+    if isinstance(of, motions.PowerLimiter):
+        return histories.Power(of.exponent, of.stiffness, of.scale)
+    return None
+
+
+def times(of: Any, t_end: float) -> Floats | None:
+    """Return the times of a history, shape (time,)."""
+    if of is None:
+        return None
+    if isinstance(of, motions.EqualTimes):
+        return np.linspace(0.0, t_end, of.num)
+    return np.array(of)
+
+
+def time_grid(grid: Any) -> Floats:
+    """Return the times of a grid, shape (time,)."""
+    if isinstance(grid, grids.TimeValues):
+        return np.array(grid.values)
+    return np.linspace(grid.start, grid.stop, grid.num)
+
+
+def slow_flow(request: requests.SlowFlowRequest, of: System) -> flows.Problem:
+    """Return the problem of a slow flow."""
+    return flows.Problem(
+        of,
+        request.model,
+        request.variant,
+        flows.Initial(**request.initial.model_dump()),
+        time_grid(request.t),
+        frozenset(request.outputs),
+        request.tolerance,
+    )
+
+
+def _indices(given: Sequence[int] | None) -> np.ndarray[Any, np.dtype[np.int64]] | None:
+    return None if given is None else np.array(given, dtype=np.int64)
+
+
+def sweep(request: sweeps.SweepRequest, of: System) -> swept.Problem:
+    """Return the problem of a sweep, whose points have structures of their own."""
+    kind = request.root.kind
+    problem: Callable[[Any, System], Any] = globals()[KINDS[kind].decoder]
+    by = sweep_axes.Decoders(problem, system, constraints)
+    return sweep_axes.problem(kind, request.base, request.root.axes, of, by)

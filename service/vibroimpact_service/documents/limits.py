@@ -1,0 +1,99 @@
+"""Limits on sizes, checked on the documents before anything of that size is allocated."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from vibroimpact_schema import systems
+from vibroimpact_schema.sweeps import SweepRequest
+from vibroimpact_service import problems
+from vibroimpact_service.problems import ProblemError
+from vibroimpact_service.settings import Settings
+from vibroimpact_solvers.plan import Plan, Stage
+
+
+def dofs(system: systems.AnySystem) -> int:
+    """Return the number of degrees of freedom of a system's document."""
+    match system:
+        case systems.MatrixSystem():
+            matrices = [m for m in (system.M, system.K, system.C) if m is not None]
+            return max(_rows(matrix) for matrix in matrices)
+        case systems.Chain():
+            return system.n
+        case systems.TwoMass() | systems.DoublePendulum():
+            return 2
+        case systems.Oscillator() | systems.BouncingBall():
+            return 1
+
+
+def _rows(matrix: Any) -> int:
+    match matrix:
+        case systems.DiagonalMatrix():
+            return len(matrix.diagonal)
+        case systems.BandedMatrix():
+            return max(len(v) + int(k) for k, v in matrix.bands.items())
+        case systems.CoordinateMatrix():
+            return max(matrix.shape)
+        case systems.ScalarMatrix():
+            return matrix.n
+        case _:
+            return max(len(matrix), *(len(row) for row in matrix))
+
+
+def check(request: Any, settings: Settings) -> None:
+    """Refuse a request that is larger than the service accepts.
+
+    Raises
+    ------
+    ProblemError
+        413 with the field that is too large.
+    """
+    where = ""
+    if isinstance(request, SweepRequest):
+        _check_parameter_grid(request, settings)
+        request, where = request.base, "/base"
+    check_system(request.system, settings, f"{where}/system")
+    for name, points in (("frequency", "frequencies"), ("t", "times")):
+        count = _points(getattr(request, name, None))
+        if count > settings.max_points:
+            message = f"{count} {points} are more than {settings.max_points}"
+            raise problems.too_large(f"{where}/{name}", "too_many_points", message)
+
+
+def _points(grid: Any) -> int:
+    """Return the number of points of a grid; 0 for an interval, as of existence bands."""
+    if isinstance(grid, list):
+        return len(grid)
+    return int(getattr(grid, "count", getattr(grid, "num", 0)))
+
+
+def _check_parameter_grid(request: SweepRequest, settings: Settings) -> None:
+    counts = [axis.count for axis in request.root.axes]
+    points = math.prod(counts)
+    if points > settings.max_sweep_points:
+        product = " x ".join(str(count) for count in counts)
+        message = f"{product} = {points} points are more than {settings.max_sweep_points}"
+        raise problems.too_large("/axes", "too_many_points", message)
+
+
+def check_plan(plan: Plan, settings: Settings) -> None:
+    """Refuse a computation without end, or whose result is larger than the service keeps."""
+    if not math.isfinite(plan.flops):
+        raise ProblemError(problems.TOO_COSTLY, "The estimated number of operations is not finite.")
+    size = sum(step.bytes for step in plan.steps if step.stage is not Stage.SPECTRUM)
+    if size > settings.max_result_bytes:
+        message = f"about {size:.3g} bytes of results are more than {settings.max_result_bytes}"
+        raise problems.too_large("/outputs", "result_too_large", message)
+
+
+def check_system(system: systems.AnySystem, settings: Settings, where: str = "") -> None:
+    """Refuse a system with more degrees of freedom than the service accepts."""
+    check_dofs(dofs(system), settings, where)
+
+
+def check_dofs(n: int, settings: Settings, where: str = "") -> None:
+    """Refuse a number of degrees of freedom that the service does not accept."""
+    if n > settings.max_dofs:
+        message = f"{n} degrees of freedom are more than {settings.max_dofs}"
+        raise problems.too_large(where, "too_many_dofs", message)

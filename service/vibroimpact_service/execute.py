@@ -1,0 +1,134 @@
+"""One computation: planned, solved, encoded and stored; chunks and batches use its parts."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+from vibroimpact_service.documents import digest, planning
+from vibroimpact_service.documents.planning import Planned
+from vibroimpact_service.documents.requests import Request
+from vibroimpact_service.jobs.work import Tick
+from vibroimpact_service.results import representations
+from vibroimpact_service.results.representations import Representation
+from vibroimpact_service.settings import Settings
+from vibroimpact_service.store import Store
+
+if TYPE_CHECKING:
+    from vibroimpact_service.results.encode import Content
+
+
+@dataclass(frozen=True, slots=True)
+class Computed:
+    """What became of a computation.
+
+    Parameters
+    ----------
+    digest : str
+        Of the result.
+    planned : Planned
+    seconds : dict
+        Stage (``plan``, ``solve``, ``encode``) -> time that it took.
+    fresh : bool
+        Whether it was computed; else the result was stored already.
+    representation : Representation, optional
+        The result; None where it is not wanted, large, or not fresh.
+    """
+
+    digest: str
+    planned: Planned
+    seconds: dict[str, float]
+    fresh: bool = False
+    representation: Representation | None = None
+
+
+def now(
+    store: Store,
+    settings: Settings,
+    request: Request,
+    planned: Planned | None,
+    tick: Tick,
+    media_type: str | None = None,
+) -> Computed | Planned:
+    """Compute a result in this thread and store it; only plan it where that would take long.
+
+    Parameters
+    ----------
+    store : Store
+    settings : Settings
+    request : Request
+    planned : Planned, optional
+        Absent: planned here.
+    tick : Tick
+    media_type : str, optional
+        Of the representation; absent: it is not wanted.
+    """
+    began = time.perf_counter()
+    if planned is None:
+        planned = planning.plan(store, request.kind, request.document, settings)
+        if planned.seconds > settings.inline_seconds:
+            return planned
+    elif store.results.has(request.digest):  # an equal request came first
+        return Computed(request.digest, planned, {"plan": 0.0, "solve": 0.0, "encode": 0.0})
+    ready = time.perf_counter()
+    content = compute(planned, request.digest, request.canonical, tick)
+    solved = time.perf_counter()
+    representation = None
+    if media_type is not None and content.nbytes <= representations.LARGE:
+        representation = representations.of_content(content, media_type)
+    put(store, content, durable=False)
+    seconds = {
+        "plan": ready - began, "solve": solved - ready, "encode": time.perf_counter() - solved
+    }  # fmt: skip
+    return Computed(request.digest, planned, seconds, True, representation)
+
+
+def compute(planned: Planned, name: str, canonical: bytes, tick: Tick | None = None) -> Content:
+    """Compute a result in one go.
+
+    Parameters
+    ----------
+    planned : Planned
+    name : str
+        Digest of the result.
+    canonical : bytes
+        Canonical form of the request.
+    tick : Tick, optional
+    """
+    from vibroimpact_service.results import encode
+
+    result = planned.kind.solver.solve(planned.problem, planned.plan, tick)
+    return encode.describe(result, head(planned, name, canonical))
+
+
+def head(planned: Planned, name: str, canonical: bytes) -> dict[str, Any]:
+    """Return what surrounds the numbers of a result; parameters as of `compute`."""
+    units = planned.problem.system.units
+    return {
+        "kind": planned.kind.name,
+        "digest": name,
+        "request": canonical.decode(),
+        "plan": planning.steps(planned.plan),
+        "provenance": {"created": _now(), "solver_version": digest.SOLVER_VERSION},
+        "units": None
+        if units is None
+        else {"length": units.length, "mass": units.mass, "time": units.time},
+    }
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
+
+
+def put(store: Store, content: Content, *, durable: bool = True) -> None:
+    """Store a result, unless it is there: later requests get the bytes of the first one.
+
+    With `durable` false a power failure may take it away again; it is computed again then.
+    """
+    from vibroimpact_service.results import encode
+
+    name = content.head["digest"]
+    if not store.results.has(name):
+        store.results.put(name, encode.pack(content), durable=durable)

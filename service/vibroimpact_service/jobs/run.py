@@ -1,0 +1,241 @@
+"""What all runs of claimed jobs have in common: stopping, calls of workers, durable records."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, TypeVar
+
+import structlog
+
+from vibroimpact_service.jobs import claims, worker_calls
+from vibroimpact_service.jobs.database import RecordsUnavailableError
+from vibroimpact_service.jobs.engine import BULK, Call, Engine, EngineUnavailableError
+from vibroimpact_service.jobs.fair_share import FairShare
+from vibroimpact_service.jobs.record_access import RecordAccess
+from vibroimpact_service.jobs.tables import JobRow
+from vibroimpact_service.jobs.work import Work, WorkerLostError
+from vibroimpact_service.store import Store, StoreFullError
+
+Value = TypeVar("Value")
+
+log = structlog.get_logger("vibroimpact.jobs")
+
+_STOP_SECONDS: Final = 0.25  # how soon a run notices that it must stop while no call ends
+_RETRY_SECONDS: Final = 0.5
+_MAX_DELAY: Final = 15.0
+_ATTEMPTS_ALONE: Final = 2
+
+
+class ClaimLostError(RuntimeError):
+    """The job was ended, or its claim expired and another process has it now."""
+
+
+class ClosingError(RuntimeError):
+    """The process stops; another one continues the job."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunContext:
+    """What all runs of a process share.
+
+    Parameters
+    ----------
+    claim_owner : str
+        Name of the process in the claims.
+    records : RecordAccess
+    engine : Engine
+    fair_share : FairShare
+    store : Store
+    work : Work
+    notify : callable
+        ``(jobs) -> None``: announces that these jobs changed.
+    ensure_request : callable
+        ``(request) -> None``: stores a request, for the workers, where it is only in the records.
+    """
+
+    claim_owner: str
+    records: RecordAccess
+    engine: Engine
+    fair_share: FairShare
+    store: Store
+    work: Work
+    notify: Callable[[Collection[str]], None]
+    ensure_request: Callable[[str], None]
+
+
+class Run:
+    """The run of claimed jobs, in a thread of its own, from their claim to their end.
+
+    Subclasses compute the jobs in `_run`.
+
+    Parameters
+    ----------
+    claimed : sequence of JobRow
+    context : RunContext
+    """
+
+    def __init__(self, claimed: Sequence[JobRow], context: RunContext) -> None:
+        self.jobs = {job.id: job for job in claimed}
+        self.context = context
+        self._held = set(self.jobs)
+        self._claims_lost = threading.Event()
+        self._closing = threading.Event()
+        self._ended: queue.SimpleQueue[Call | None] = queue.SimpleQueue()
+        self._calls = 0
+
+    def claim_lost(self, job: str) -> None:
+        """Take note that the claim of a job is lost; the run stops once all are."""
+        self._held.discard(job)
+        if not self._held:
+            self._claims_lost.set()
+            self.wake()
+
+    def close(self) -> None:
+        """Stop the run, because the process stops."""
+        self._closing.set()
+        self.wake()
+
+    def wake(self) -> None:
+        """End the wait for a call, so that the run sees what changed."""
+        self._ended.put(None)
+
+    def run(self) -> None:
+        """Bring the jobs to their end, or put them back into the queue."""
+        try:
+            self._run()
+        except ClaimLostError:
+            log.info("claim lost", jobs=list(self.jobs))
+        except (ClosingError, EngineUnavailableError):
+            self._finally(lambda: self.put_back(self.jobs))
+        except worker_calls.TRANSIENT_ERRORS as error:
+            note = str(error.strerror or error)
+            log.warning("jobs delayed", jobs=list(self.jobs), reason=note)
+            self._finally(lambda: self.put_back(self.jobs, note))
+        except Exception as error:
+            log.info("job failed", jobs=list(self.jobs), error=type(error).__name__)
+            problem = self.context.work.explain(error)
+            self._finally(lambda: self.fail(self.jobs, problem))
+
+    def _run(self) -> None:
+        raise NotImplementedError
+
+    def _finally(self, record: Callable[[], None]) -> None:
+        try:
+            record()
+        except (ClaimLostError, ClosingError):
+            log.info("jobs left until their claims expire", jobs=list(self.jobs))
+
+    def check(self) -> None:
+        """Raise where the run must stop."""
+        if self._claims_lost.is_set():
+            raise ClaimLostError
+        if self._closing.is_set():
+            raise ClosingError
+
+    def arguments(self, job: JobRow) -> worker_calls.JobArguments:
+        """Return the arguments of a job for the functions of `Work`."""
+        return self.context.store.url, job.kind, job.request, job.result
+
+    def submit(
+        self, queue_name: str, priority: int, function: Callable[..., Any], *args: Any
+    ) -> Call:
+        """Send a call to the workers; `ended_calls` returns it when it has ended."""
+        self._calls += 1
+        first = next(iter(self.jobs.values()))
+        # A key of an earlier attempt must not come back: Dask would take the call that was
+        # cancelled for this one.
+        key = f"{first.id}-{first.attempts}-{self._calls}"
+        engine, work = self.context.engine, self.context.work
+        return engine.submit(key, queue_name, priority, self._ended.put, function, work, *args)
+
+    def ended_calls(self) -> list[Call]:
+        """Wait for a call to end, for a short time, and return those that have."""
+        ended: list[Call | None] = []
+        try:
+            ended.append(self._ended.get(timeout=_STOP_SECONDS))
+            while True:
+                ended.append(self._ended.get_nowait())
+        except queue.Empty:
+            return [call for call in ended if call is not None]
+
+    def outcome(self, call: Call) -> BaseException | None:
+        """Wait until a call has ended; return why it failed, or None."""
+        try:
+            while call not in self.ended_calls():
+                self.check()
+        except BaseException:
+            self.context.engine.cancel([call])
+            raise
+        return self.context.engine.error(call)
+
+    def repeat_alone(
+        self, function: Callable[..., Any], *args: Any
+    ) -> tuple[Call, BaseException | None]:
+        """Repeat a call that was on a worker that died, with no other such call beside it.
+
+        Dask blames all calls that a dead worker held. Alone, only the guilty call fails again;
+        twice, because a call beside it that was not suspected so far can be the guilty one.
+        """
+        isolation = self.context.engine.isolation
+        while not isolation.acquire(timeout=_STOP_SECONDS):
+            self.check()
+        try:
+            for _ in range(_ATTEMPTS_ALONE):
+                call = self.submit(BULK, 0, function, *args)
+                error = self.outcome(call)
+                if not isinstance(error, WorkerLostError):
+                    break
+        finally:
+            isolation.release()
+        return call, error
+
+    def write(self, operation: Callable[..., set[str]], *args: Any) -> set[str]:
+        """Perform an operation of `claims`, however long the records are unavailable.
+
+        Meanwhile the claim may expire and another replica may take the job over. The operation
+        is fenced and then changes nothing.
+
+        Returns
+        -------
+        set of str
+            The jobs that it changed.
+        """
+        claim_owner, write = self.context.claim_owner, self.context.records.write_now
+        changed = self._until_available(lambda: write(operation, claim_owner, *args))
+        self.context.notify(changed)
+        return changed
+
+    def ensure_request(self, job: JobRow) -> None:
+        """Store the request of a job for the workers, however long the records are unavailable."""
+        self._until_available(lambda: self.context.ensure_request(job.request))
+
+    def _until_available(self, action: Callable[[], Value]) -> Value:
+        while True:
+            try:
+                return action()
+            except (RecordsUnavailableError, StoreFullError):
+                self.check()
+                time.sleep(_RETRY_SECONDS)
+
+    def succeed(self, jobs: Collection[str], *, reused: bool) -> None:
+        """Record that jobs succeeded."""
+        self._log_lost(jobs, self.write(claims.succeed, jobs, reused))
+
+    def fail(self, jobs: Collection[str], problem: dict[str, Any]) -> None:
+        """Record that jobs failed."""
+        for job in jobs:
+            self._log_lost([job], self.write(claims.fail, job, problem))
+
+    def _log_lost(self, jobs: Collection[str], ended: set[str]) -> None:
+        if not ended.issuperset(jobs):
+            log.info("claim lost", jobs=sorted(set(jobs) - ended))
+
+    def put_back(self, jobs: Collection[str], note: str | None = None) -> None:
+        """Queue jobs again; after a growing delay where there is a note why."""
+        attempts = max(self.jobs[job].attempts for job in jobs)
+        delay = 0.0 if note is None else min(_MAX_DELAY, 0.5 * 2.0 ** min(attempts, 10))
+        self.write(claims.put_back, jobs, delay, note)

@@ -1,0 +1,53 @@
+"""The run of several quick jobs by one call, which shares the cost of a call among them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from vibroimpact_service.jobs import worker_calls
+from vibroimpact_service.jobs.engine import FAST, EngineUnavailableError
+from vibroimpact_service.jobs.run import Run
+from vibroimpact_service.jobs.tables import JobRow
+from vibroimpact_service.jobs.work import WorkerLostError
+
+
+class QuickRun(Run):
+    """The run of several quick jobs; see the module."""
+
+    def _run(self) -> None:
+        store = self.context.store.results
+        stored = [job for job in self.jobs.values() if store.readable(job.result)]
+        if stored:
+            self.succeed([job.id for job in stored], reused=True)
+        missing = [job for job in self.jobs.values() if job not in stored]
+        if not missing:
+            return
+        for job in missing:
+            self.ensure_request(job)
+        arguments = [self.arguments(job) for job in missing]
+        call = self.submit(FAST, 0, worker_calls.complete, arguments)
+        error = self.outcome(call)
+        if not isinstance(error, WorkerLostError):
+            self._record(missing, error)
+            return
+        for job in missing:  # only the one that killed the worker fails
+            _, error = self.repeat_alone(worker_calls.complete, [self.arguments(job)])
+            self._record([job], error)
+
+    def _record(self, jobs: list[JobRow], error: BaseException | None) -> None:
+        """Record how the jobs of a call ended."""
+        failed: dict[int, dict[str, Any]] = {}
+        delayed: dict[int, str] = {}
+        if isinstance(error, worker_calls.PartlyDoneError):
+            failed, delayed = error.failed, error.delayed
+        elif error is not None:
+            if isinstance(error, (EngineUnavailableError, *worker_calls.TRANSIENT_ERRORS)):
+                raise error
+            failed = dict.fromkeys(range(len(jobs)), self.context.work.explain(error))
+        succeeded = [j.id for i, j in enumerate(jobs) if i not in failed and i not in delayed]
+        if succeeded:
+            self.succeed(succeeded, reused=False)
+        for i, problem in failed.items():
+            self.fail([jobs[i].id], problem)
+        for i, note in delayed.items():
+            self.put_back([jobs[i].id], note)

@@ -1,0 +1,85 @@
+"""Functions that run in worker processes: split a job, compute chunks, join, complete jobs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from vibroimpact_service.jobs.work import Chunk, StoppedError, Tick, Work
+from vibroimpact_service.store import Store, StoreFullError, StoreUnavailableError
+
+JobArguments = tuple[str, str, str, str]
+"""Store URL, kind, request and result: the first arguments of all functions of `Work`."""
+
+TRANSIENT_ERRORS = (StoreFullError, StoreUnavailableError)
+"""Errors that are not the job's fault: it is tried again later."""
+
+
+class PartlyDoneError(Exception):
+    """Some of several jobs did not succeed.
+
+    Parameters
+    ----------
+    failed : dict
+        Position -> problem document.
+    delayed : dict
+        Position -> why it must be tried again later.
+    """
+
+    def __init__(self, failed: dict[int, dict[str, Any]], delayed: dict[int, str]) -> None:
+        super().__init__(failed, delayed)
+        self.failed, self.delayed = failed, delayed
+
+
+def split(work: Work, job: JobArguments, _tick: Tick) -> tuple[list[Chunk], list[int]]:
+    """Return the chunks of a job, and the indices of those that are not stored yet."""
+    chunks = list(work.split(*job))
+    store = Store(job[0]).chunks
+    stored = store.present([chunk.name for chunk in chunks])
+    for name in stored:
+        store.touch(name)  # retention removes the chunks that were not used for longest
+    return chunks, [i for i, chunk in enumerate(chunks) if chunk.name not in stored]
+
+
+def compute(work: Work, job: JobArguments, indices: Sequence[int], tick: Tick) -> float:
+    """Compute some chunks; return the seconds it took."""
+    started = time.perf_counter()
+    work.solve(*job, indices, tick)
+    return time.perf_counter() - started
+
+
+def join(work: Work, job: JobArguments, chunks: Sequence[Chunk], _tick: Tick) -> None:
+    """Assemble the result of a job; remove the chunks that no other job can use."""
+    work.join(*job, chunks)
+    store = Store(job[0])
+    for chunk in chunks:
+        if not chunk.lasting:
+            store.chunks.remove(chunk.name)
+
+
+def complete(work: Work, jobs: Sequence[JobArguments], tick: Tick) -> None:
+    """Compute several jobs, each from splitting to joining.
+
+    Raises
+    ------
+    PartlyDoneError
+        Where not all of them succeeded. An exception travels with the message that the call
+        ended, while a returned value would have to be fetched.
+    """
+    failed: dict[int, dict[str, Any]] = {}
+    delayed: dict[int, str] = {}
+    for position, job in enumerate(jobs):
+        try:
+            chunks, missing = split(work, job, tick)
+            if missing:
+                work.solve(*job, missing, tick)
+            join(work, job, chunks, tick)
+        except StoppedError:
+            raise
+        except TRANSIENT_ERRORS as error:
+            delayed[position] = str(error.strerror or error)
+        except Exception as error:
+            failed[position] = work.explain(error)
+    if failed or delayed:
+        raise PartlyDoneError(failed, delayed)

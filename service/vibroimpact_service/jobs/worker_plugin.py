@@ -1,0 +1,57 @@
+"""What runs in a worker process beside its calls: loading of modules, stopping of calls."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any, Final
+
+from distributed import WorkerPlugin
+
+from vibroimpact_service.jobs.work import StopSignal
+
+_assigned: Final[set[str]] = set()
+"""Keys of the calls that the scheduler wants this process to execute now."""
+_running: Final[set[str]] = set()
+"""Keys of the calls that threads of this process execute."""
+
+
+class ServicePlugin(WorkerPlugin):  # type: ignore[misc]
+    """Prepares each worker, and takes note when the scheduler cancels a call that it executes.
+
+    Parameters
+    ----------
+    prepare : callable
+        Called once in every worker as it starts, in a thread of its own.
+    """
+
+    name = "vibroimpact"
+    idempotent = True  # services that share a scheduler register it once
+
+    def __init__(self, prepare: Callable[[], None]) -> None:
+        self._prepare = prepare
+
+    def setup(self, worker: Any) -> None:
+        """Begin to prepare the worker."""
+        threading.Thread(target=self._prepare, name="prepare", daemon=True).start()
+
+    def transition(self, key: Any, start: str, finish: str, **_: Any) -> None:
+        """Take note of a new state of a call."""
+        if finish == "executing":
+            _assigned.add(key)
+        elif start == "executing":
+            _assigned.discard(key)
+
+
+def execute(function: Callable[..., Any], key: str, *args: Any) -> Any:
+    """Call a function in a worker, with a `StopSignal` for a cancelled call as last argument."""
+    _running.add(key)
+    try:
+        return function(*args, StopSignal(cancelled=lambda: key not in _assigned))
+    finally:
+        _running.discard(key)
+
+
+def running_calls() -> list[str]:
+    """Return the keys of the calls that threads of this worker execute, cancelled ones included."""
+    return list(_running)

@@ -1,0 +1,108 @@
+"""The documents of results, made from the declared fields of the solvers' result classes."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, Final, Literal
+
+from pydantic import BaseModel, Field, create_model
+
+from vibroimpact_schema.results import Result
+from vibroimpact_schema.values import Document, Index
+from vibroimpact_solvers.arrays import Field as Declared
+from vibroimpact_solvers.arrays import Group, Quantity, declared
+
+
+def document(kind: str, result: type[Any]) -> type[Result]:
+    """Return the document of a kind's results, such as ImpactModesResult.
+
+    Parameters
+    ----------
+    kind : str
+    result : type
+        The solver's class, with its fields declared (`vibroimpact_solvers.arrays`).
+    """
+    groups: dict[str, list[Declared]] = {}
+    for field in declared(result).values():
+        group, _, _ = field.path.rpartition("/")
+        groups.setdefault(group or field.path, []).append(field)
+    entries: dict[str, Any] = {"kind": (Literal[kind], ...)}
+    for name, fields in groups.items():
+        if name in result.GROUPS:
+            entries[name] = _group(result.GROUPS[name], tuple(fields))
+        else:
+            (field,) = fields
+            entries[name] = _entry(field, field.optional)
+    title = "".join(word.capitalize() for word in kind.split("-")) + "Result"
+    return create_model(
+        title, __base__=Result, __doc__=result.__doc__, __module__=__name__, **entries
+    )
+
+
+def _group(group: Group, fields: tuple[Declared, ...]) -> tuple[Any, Any]:
+    """Return type and default of a group: a document, or a list of documents.
+
+    Where none of its fields is always there, it is absent as a whole.
+    """
+    optional = all(field.optional for field in fields)
+    inner: Any = _group_document(group, fields, optional)
+    if fields[0].quantity.record:
+        inner = list[inner]
+    return (inner | None, None) if optional else (inner, ...)
+
+
+@cache  # kinds that have the same group share its document
+def _group_document(group: Group, fields: tuple[Declared, ...], whole: bool) -> type[BaseModel]:
+    entries: dict[str, Any] = {
+        field.path.rpartition("/")[2]: _entry(field, field.optional and not whole)
+        for field in fields
+    }
+    return create_model(
+        group.name, __base__=Document, __doc__=group.about, __module__=__name__, **entries
+    )
+
+
+def _entry(field: Declared, optional: bool) -> tuple[Any, Any]:
+    """Return type and description of a field of a document."""
+    kind: Any = _element(field)
+    for _ in field.quantity.dims[field.quantity.record :]:
+        kind = list[kind]
+    text = description(field.quantity)
+    if optional:
+        return kind | None, Field(None, description=text)
+    return kind, Field(description=text)
+
+
+def _element(field: Declared) -> Any:
+    quantity, kind = field.quantity, field.scalar
+    if quantity.flags and kind is int:
+        kind = Literal[quantity.flags]
+    elif quantity.integers:
+        kind = Literal[quantity.integers]
+    elif kind is int and quantity.integers is None:
+        kind = Index
+    return kind | None if quantity.missing else kind
+
+
+def description(quantity: Quantity) -> str:
+    """Return a sentence about a field: name, dimensions, unit, and what else is to be known."""
+    dims = f" [{', '.join(quantity.dims)}]" if quantity.dims and not quantity.record else ""
+    text = quantity.long_name[0].upper() + quantity.long_name[1:] + dims
+    if unit := formula(quantity.unit):
+        text += f", {unit}"
+    notes = [quantity.note, f"null: {quantity.missing}" if quantity.missing else ""]
+    return "; ".join([text, *filter(None, notes)]) + "."
+
+
+_POWERS: Final = str.maketrans({"-": "", "1": "", "2": "²", "3": "³", "4": "⁴"})
+
+
+def formula(unit: str) -> str:
+    """Return a unit such as "mass length2 time-2" as it is written: mass length² / time²."""
+    above: list[str] = []
+    below: list[str] = []
+    for factor in unit.split():
+        (below if "-" in factor else above).append(factor.translate(_POWERS))
+    if not below:
+        return " ".join(above)
+    return f"{' '.join(above) or '1'}{' / ' if above else '/'}{' '.join(below)}"

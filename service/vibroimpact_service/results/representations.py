@@ -1,0 +1,174 @@
+"""Results as the bytes that are sent, the most recent of them in memory."""
+
+from __future__ import annotations
+
+import contextlib
+import gzip
+import multiprocessing
+import tempfile
+from collections import OrderedDict
+from collections.abc import Mapping
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import zstandard
+
+from vibroimpact_service import problems
+from vibroimpact_service.documents import digest
+from vibroimpact_service.problems import ProblemError
+from vibroimpact_service.results import negotiate
+from vibroimpact_service.results.container import DamagedContainerError
+from vibroimpact_service.store import HEAD, Store, StoreFullError
+
+if TYPE_CHECKING:
+    from vibroimpact_service.results.encode import Content
+
+SUFFIXES: Final[Mapping[str, str]] = {negotiate.JSON: "json", negotiate.HDF5: "h5"}
+
+LARGE: Final = 32 * 2**20
+"""Size in bytes above which a result is sent from its file, never read as a whole."""
+_SMALLEST_CODED: Final = 4096
+
+
+@dataclass(frozen=True, slots=True)
+class Representation:
+    """A result in one media type, and the SHA-256 of its bytes in hexadecimal.
+
+    Parameters
+    ----------
+    media_type : str
+    data : bytes
+        Empty if they are in a file.
+    sha256 : str
+    coding : str, optional
+        Content coding of `data`.
+    file : Path, optional
+        File of the bytes, which follow a head of `HEAD` bytes.
+    """
+
+    media_type: str
+    data: bytes
+    sha256: str
+    coding: str | None = None
+    file: Path | None = None
+
+    @property
+    def etag(self) -> str:
+        """The strong entity tag."""
+        return negotiate.entity_tag(self.sha256)
+
+    @property
+    def size(self) -> int:
+        """Number of bytes."""
+        return len(self.data) if self.file is None else self.file.stat().st_size - HEAD
+
+    def coded(self, coding: str | None) -> Representation:
+        """Return it in a content coding, unless it is small, or HDF5, which is compressed."""
+        small = self.file is not None or len(self.data) < _SMALLEST_CODED
+        if coding is None or small or self.media_type == negotiate.HDF5:
+            return self
+        # The fastest levels: digits of numbers hardly get shorter by more effort.
+        if coding == "zstd":
+            data = zstandard.ZstdCompressor(level=1).compress(self.data)
+        else:
+            data = gzip.compress(self.data, compresslevel=1, mtime=0)
+        return Representation(self.media_type, data, digest.content(data), coding)
+
+
+def load(store: Store, name: str, media_type: str) -> Representation | None:
+    """Return a stored result in a media type, encoding it the first time; None if unknown."""
+    from vibroimpact_service.results import encode
+
+    part = f"{name}.{SUFFIXES[media_type]}"
+    if store.results.local and _large(store, name):
+        return _load_file(store, name, part, media_type)
+    data = store.results.get(part)
+    if data is not None:
+        return Representation(media_type, data, digest.content(data))
+    stored = store.results.get(name)
+    if stored is None:
+        return None
+    try:
+        content = encode.unpack(stored)
+    except DamagedContainerError:
+        store.results.remove(name)
+        return None
+    made = of_content(content, media_type)
+    # It can be made again from the stored result at any time: a full store is no error.
+    with contextlib.suppress(StoreFullError):
+        store.results.put(part, made.data, durable=False)
+    return made
+
+
+def of_content(content: Content, media_type: str) -> Representation:
+    """Return the content of a result in a media type."""
+    if media_type == negotiate.JSON:
+        from vibroimpact_service.results import encode
+
+        data = encode.to_json(content)
+    else:
+        from vibroimpact_service.results import hdf5
+
+        data = hdf5.to_hdf5(content)
+    return Representation(media_type, data, digest.content(data))
+
+
+def _large(store: Store, name: str) -> bool:
+    return (store.results.size(name) or 0) > LARGE
+
+
+def _load_file(store: Store, name: str, part: str, media_type: str) -> Representation | None:
+    from vibroimpact_service.results import hdf5
+
+    if media_type == negotiate.JSON:
+        detail = f"The result is larger than {LARGE} bytes: ask for {negotiate.HDF5}."
+        raise ProblemError(problems.NOT_ACCEPTABLE, detail)
+    path = store.results.file(part)
+    if path is None:
+        stored = store.results.file(name)
+        if stored is None:
+            return None
+        with tempfile.TemporaryDirectory(dir=stored.parent, prefix=".") as folder:
+            converted = Path(folder) / "result.h5"
+            # In a process of its own: HDF5 holds the interpreter's lock while it compresses,
+            # and no other request would be answered.
+            with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
+                process.submit(hdf5.convert, stored, HEAD, converted).result()
+            store.results.put_file(part, converted)
+        path = store.results.file(part)
+        if path is None:
+            return None
+    with path.open("rb") as file:
+        sha256 = file.read(HEAD).hex()
+    return Representation(media_type, b"", sha256, file=path)
+
+
+class RecentRepresentations:
+    """The most recent representations, up to a number of bytes."""
+
+    def __init__(self, max_bytes: int) -> None:
+        self._max_bytes, self._bytes = max_bytes, 0
+        self._items: OrderedDict[tuple[str, str, str | None], Representation] = OrderedDict()
+
+    def get(self, name: str, media_type: str, coding: str | None = None) -> Representation | None:
+        """Return a representation, or None if it is not in memory."""
+        key = (name, media_type, coding)
+        if key in self._items:
+            self._items.move_to_end(key)
+        return self._items.get(key)
+
+    def put(self, name: str, item: Representation, coding: str | None = None) -> None:
+        """Keep a representation as the answer to requests that accept a coding.
+
+        A large one would displace too many others and is not kept.
+        """
+        key = (name, item.media_type, coding)
+        if item.file is not None or len(item.data) > self._max_bytes // 8 or key in self._items:
+            return
+        self._items[key] = item
+        self._bytes += len(item.data)
+        while self._bytes > self._max_bytes:
+            _, dropped = self._items.popitem(last=False)
+            self._bytes -= len(dropped.data)

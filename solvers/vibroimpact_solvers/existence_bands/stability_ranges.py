@@ -1,0 +1,77 @@
+"""Ranges of stability inside existence bands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from vibroimpact_solvers import impact_modes as modes
+from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.existence_bands.problem import Problem
+from vibroimpact_solvers.existence_bands.ranges import Band
+
+STABLE: Final = 1e-6
+"""A motion counts as stable if deviations grow by no more than this per half period: multipliers
+that meet on the unit circle have errors of the square root of rounding."""
+
+_POINTS = 33  # in each band
+_STEPS = 24  # bisections where stability changes
+
+
+@dataclass(frozen=True, slots=True)
+class StabilityRange:
+    """A range in which all evaluated impact modes are stable, or all are unstable.
+
+    Parameters
+    ----------
+    start, stop : float
+        Edges, as Omega.
+    stable : bool
+    radius : float
+        Largest spectral radius of their half-period maps.
+    """
+
+    start: float
+    stop: float
+    stable: bool
+    radius: float
+
+
+def stability_ranges(problem: Problem, bands: Sequence[Band]) -> Iterator[StabilityRange]:
+    """Yield ranges of stability inside the bands, ascending."""
+    for band in bands:
+        yield from _inside(problem, band)
+
+
+def _inside(problem: Problem, band: Band) -> Iterator[StabilityRange]:
+    # Impact modes at the edges graze: denser towards them, but not on them.
+    share = 0.5 - 0.5 * np.cos(np.pi * (np.arange(_POINTS) + 0.5) / _POINTS)
+    Omega = band.start + (band.stop - band.start) * share
+    radius = _radii(problem, Omega)
+    known = ~np.isnan(radius)
+    Omega, radius = Omega[known], radius[known]
+    if not Omega.size:
+        return
+    stable = radius <= 1.0 + STABLE
+    changes = np.flatnonzero(stable[1:] != stable[:-1])
+    low, high = Omega[changes].copy(), Omega[changes + 1].copy()
+    for _ in range(_STEPS if changes.size else 0):
+        middle = 0.5 * (low + high)
+        below = (_radii(problem, middle) <= 1.0 + STABLE) == stable[changes]
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    edges = np.concatenate([[band.start], 0.5 * (low + high), [band.stop]])
+    firsts = np.concatenate([[0], changes + 1, [Omega.size]])
+    for k in range(firsts.size - 1):
+        some = slice(firsts[k], firsts[k + 1])
+        largest = float(radius[some].max())
+        yield StabilityRange(float(edges[k]), float(edges[k + 1]), bool(stable[firsts[k]]), largest)
+
+
+def _radii(problem: Problem, Omega: Floats) -> Floats:
+    solutions = problem.impact_modes_at(Omega, frozenset({"stability"}))
+    radii = modes.solve(solutions, modes.plan(solutions)).stability
+    assert radii is not None
+    return radii

@@ -1,0 +1,90 @@
+"""Estimated floating-point operations of the methods for impact modes without all natural modes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from vibroimpact_solvers import receptance, spectrum
+from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.impact_modes.problem import Problem
+from vibroimpact_solvers.matrices import Form
+from vibroimpact_solvers.model import System
+
+SMALL = 256
+"""Degrees of freedom up to which a full matrix is factorized at single frequencies."""
+
+
+def can_factorize(system: System) -> bool:
+    """Whether factorizations at single frequencies are cheap."""
+    return system.n <= SMALL or Form.DENSE not in {system.M.form, system.K.form}
+
+
+def interval_flops(problem: Problem) -> float:
+    """Return the operations for the modes about one interval and the series of the others."""
+    system, expansion = problem.system, receptance.ExpansionSize.of(problem.tolerance)
+    kept = receptance.MODES_PER_INTERVAL * expansion.factor
+    solves = 2.5 * kept + expansion.terms * len(problem.active)
+    flops = 3.0 * factor_flops(system) + solves * _solve_flops(system)
+    return flops + 8.0 * system.n * kept**2
+
+
+def products_flops(problem: Problem) -> float:
+    """Return the operations of the products with M and K in the power series."""
+    system = problem.system
+    return 100.0 * 2.0 * (system.K.entries + system.M.entries) * len(problem.active)
+
+
+def factorized_flops(problem: Problem) -> float:
+    """Return the operations of a factorization for each harmonic of each frequency."""
+    return harmonic_count(problem) * factor_flops(problem.system)
+
+
+def harmonic_count(problem: Problem) -> float:
+    """Return the number of harmonics of all frequencies at which the structure is solved."""
+    orders = _orders(problem).size if "harmonics" in problem.outputs else 0
+    return float(_harmonics(problem).sum()) + orders * problem.omega.size
+
+
+def harmonic_frequencies(problem: Problem) -> Floats:
+    """Return the frequencies of all these harmonics."""
+    counts = _harmonics(problem).astype(np.int64)
+    first = np.cumsum(counts) - counts
+    odd = 2.0 * (np.arange(counts.sum()) - np.repeat(first, counts)) + 1.0
+    frequencies = np.repeat(problem.fundamental, counts) * odd
+    if "harmonics" in problem.outputs:
+        requested = np.outer(problem.fundamental, _orders(problem)).ravel()
+        return np.concatenate([frequencies, requested])
+    return frequencies
+
+
+def _harmonics(problem: Problem) -> Floats:
+    """Return the number of harmonics that each frequency needs for its impulses."""
+    bound = spectrum.largest_frequency(problem.system)
+    return receptance.truncations(bound, problem.fundamental, receptance.IMPULSES)[0]
+
+
+def _orders(problem: Problem) -> Floats:
+    return np.arange(1.0, problem.highest_harmonic + 1.0, 2.0)
+
+
+def _solve_flops(system: System) -> float:
+    """Return the operations of one solve with given factors."""
+    width = max(system.M.width, system.K.width)
+    if Form.SPARSE in {system.M.form, system.K.form}:
+        return 200.0 * system.n
+    if Form.DENSE in {system.M.form, system.K.form}:
+        return 2.0 * float(system.n) ** 2
+    return 8.0 * system.n * (width + 2)
+
+
+def factor_flops(system: System) -> float:
+    """Return the operations of one factorization at a frequency and one solve."""
+    width = max(system.M.width, system.K.width)
+    if Form.SPARSE in {system.M.form, system.K.form}:
+        # Nested dissection of a planar mesh; three-dimensional ones cost more.
+        return 20.0 * math.pow(system.n, 1.5)
+    if Form.DENSE in {system.M.form, system.K.form}:
+        return float(system.n) ** 3
+    return 4.0 * system.n * (width + 1) ** 2 + 50.0 * system.n

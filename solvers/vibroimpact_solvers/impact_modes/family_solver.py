@@ -1,0 +1,258 @@
+"""Solutions of one family at some frequencies: impulses, existence, and what else a plan lists."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from vibroimpact_solvers import spectrum, stability
+from vibroimpact_solvers.arrays import Booleans, Floats, Integers, nothing
+from vibroimpact_solvers.impact_modes.direct import DirectFamily
+from vibroimpact_solvers.impact_modes.family import Family, Kind
+from vibroimpact_solvers.impact_modes.impulses import Impulses
+from vibroimpact_solvers.impact_modes.modal import ModalFamily
+from vibroimpact_solvers.impact_modes.modal_with_series import ModalWithSeriesFamily
+from vibroimpact_solvers.impact_modes.planning import PathCheck, SeriesRange, has_all_modes
+from vibroimpact_solvers.impact_modes.problem import Problem
+from vibroimpact_solvers.plan import Plan, Stage
+from vibroimpact_solvers.receptance import ExpansionSize, PartialModalResponse
+from vibroimpact_solvers.results.impact_modes import Reason, Result
+from vibroimpact_solvers.spectrum import Spectrum
+
+PENETRATION_TOLERANCE: Final = 1e-10
+"""A limit counts as exceeded from this part of the distance between the walls on."""
+
+_EPS = float(np.finfo(np.float64).eps)
+_ONE = np.ones(1)
+_BLOCK = 2**21  # numbers in a block of frequencies
+_SINGULAR = 1e32  # stands for an infinite condition number
+_CERTAIN = 1e-6  # relative error of the impulses up to which their signs count as proved
+_STATEMENT = (
+    "estimate: effect of rounding in the natural frequencies, the modes and the walls, to first "
+    "order, relative to the largest impulse of the solution"
+)
+_RADII = (
+    "; of stability: bounds of the effect of rounding and of errors of natural frequencies and "
+    "motion on the half-period map, to first order in its multipliers"
+)
+_DIRECT = (
+    "estimate: effect of rounding in the natural frequencies, to first order, and the bound of "
+    "the truncated series, relative to the largest impulse of the solution"
+)
+_PARTIAL = (
+    "estimate: effect of rounding in the natural frequencies, to first order, and the bounds of "
+    "the truncated series, including that of the omitted natural modes, relative to the largest "
+    "impulse of the solution"
+)
+
+
+FamilyEvaluator = ModalFamily | DirectFamily
+"""Evaluates impulses and motions of a family; both classes have the same methods."""
+
+
+def _evaluator(
+    problem: Problem, plan: Plan, family: Family, natural: Spectrum | None
+) -> tuple[FamilyEvaluator, float]:
+    """Return the evaluator that the plan names, and the largest natural frequency or a bound."""
+    step = plan.step(Stage.SPECTRUM)
+    if step is None or not has_all_modes(plan):
+        bound = spectrum.largest_frequency(problem.system)
+        expansion = None if step is None else step.settings
+        response = None
+        if isinstance(expansion, ExpansionSize):
+            response = partial_modal_response(problem, expansion)
+        return DirectFamily(problem, bound, frequency_response=response), bound
+    if natural is None:
+        natural = spectrum.spectrum(problem.system, spectrum.Method(step.method))
+    largest = natural.largest_frequency
+    stages = (plan.step(s) for s in (Stage.SHAPE, Stage.WAVEFORM, Stage.HARMONICS))
+    series = next((s.settings for s in stages if s is not None), None)
+    if isinstance(series, SeriesRange):
+        return ModalWithSeriesFamily(problem, family, natural, series), largest
+    return ModalFamily(problem, family, natural), largest
+
+
+def partial_modal_response(problem: Problem, expansion: ExpansionSize) -> PartialModalResponse:
+    """Return the frequency response of a problem by the natural modes near each frequency."""
+    system = problem.system
+    displaced = problem.outputs & {"shape", "waveform", "harmonics"}
+    dofs = problem.output_dofs if displaced else np.empty(0, dtype=np.int64)
+    directions = np.ascontiguousarray(system.directions(problem.active).T)
+    bound = spectrum.largest_frequency(system)
+    return PartialModalResponse(system, directions, bound, dofs, expansion)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PathMotions:
+    """Frequencies at which the path is checked, and the motions there."""
+
+    where: Booleans
+    motion: Any = None
+
+
+class FamilySolver:
+    """One family, ready to be solved at frequencies as a plan says.
+
+    Parameters
+    ----------
+    problem : Problem
+    plan : Plan
+    natural : Spectrum, optional
+        The natural modes, if they are known.
+    """
+
+    def __init__(self, problem: Problem, plan: Plan, natural: Spectrum | None = None) -> None:
+        self.plan, self.family = plan, Family.of(problem)
+        self.evaluator, self._largest = _evaluator(problem, plan, self.family, natural)
+        self._orders = np.arange(0, problem.highest_harmonic + 1)
+        if self.family.kind is Kind.ANTISYMMETRIC:
+            self._orders = self._orders[1::2]
+        stages = (Stage.SHAPE, Stage.WAVEFORM, Stage.ENERGY, Stage.HARMONICS, Stage.STABILITY)
+        self.needs_motion = any(plan.step(stage) is not None for stage in stages)
+        existence = plan.step(Stage.EXISTENCE)
+        check = None if existence is None else existence.settings
+        self._check_below = np.inf
+        if isinstance(check, PathCheck) and not check.above_spectrum:
+            self._check_below = self._largest * (1.0 + 1e-12)
+
+    def block(self, problem: Problem) -> int:
+        """Return the number of frequencies solved at a time, by the memory that they take."""
+        outputs = problem.output_dofs.size * (1 + problem.times.size + self._orders.size)
+        each = problem.system.n * (4 + problem.times.size) + outputs if self.needs_motion else 64
+        return max(1, min(_BLOCK // each, 2**15))
+
+    def result(
+        self,
+        problem: Problem,
+        impulses: Impulses,
+        motion: Any,
+        reason: Integers,
+        paths: PathMotions,
+    ) -> Result:
+        """Return the solutions at the frequencies of the problem."""
+        outputs, dofs = problem.outputs, problem.output_dofs
+        values = nothing(Result)
+        values.update(
+            Omega=problem.fundamental,
+            omega=problem.omega,
+            constraint=np.array(problem.active, dtype=np.int64),
+            impulse_error=np.minimum(impulses.error, 1.0),
+            condition=np.minimum(impulses.error / _EPS, _SINGULAR),
+            error_statement=self._statement(),
+        )
+        if problem.tolerance is not None:
+            values["within_tolerance"] = impulses.error <= problem.tolerance
+        if "impulse" in outputs:
+            both_equal = self.family.kind is Kind.ANTISYMMETRIC
+            values["impulse"] = impulses.plus
+            values["impulse_lower"] = None if both_equal else impulses.minus
+        if self.plan.step(Stage.EXISTENCE):
+            values.update(self._existence(problem, impulses, motion, reason, paths))
+        if self.plan.step(Stage.SHAPE):
+            values["shape"] = self.evaluator.displacements(motion, _ONE, dofs)[:, 0]
+        if self.plan.step(Stage.WAVEFORM):
+            values["waveform"] = self.evaluator.displacements(motion, problem.times, dofs)
+            values["tau"] = problem.times
+        if self.plan.step(Stage.HARMONICS):
+            values["harmonics"] = self.evaluator.harmonics(motion, self._orders, dofs)
+            values["harmonic"] = self._orders
+        if outputs & {"shape", "waveform", "harmonics"}:
+            values["dof"] = dofs
+        if self.plan.step(Stage.ENERGY):
+            values["energy"] = self.evaluator.energy(motion)
+        return Result(**values)
+
+    def _statement(self) -> str:
+        if has_all_modes(self.plan):
+            return _STATEMENT + (_RADII if self.plan.step(Stage.STABILITY) else "")
+        return _PARTIAL if self.plan.step(Stage.SPECTRUM) else _DIRECT
+
+    def needs_path_check(self, problem: Problem, reason: Integers) -> Booleans:
+        """Return where only a check of the path can tell whether the solution exists."""
+        return np.asarray((reason == Reason.OK) & (problem.fundamental <= self._check_below))
+
+    def _existence(
+        self,
+        problem: Problem,
+        impulses: Impulses,
+        motion: Any,
+        reason: Integers,
+        paths: PathMotions,
+    ) -> dict[str, Any]:
+        """Complete the reasons; return the outputs that depend on existence."""
+        outputs, values = problem.outputs, dict[str, Any]()
+        certified, witness = self._checked(problem, impulses, reason, paths)
+        exists = reason == Reason.OK
+        if outputs & {"exists", "reason"}:
+            values.update(certified=certified, witness=witness)
+        if "exists" in outputs:
+            values["exists"] = exists
+        if "reason" in outputs:
+            values["reason"] = reason
+        if "stability" in outputs:
+            radii, errors = self._growth(exists, motion, np.minimum(impulses.error, 1.0))
+            values.update(stability=radii, stability_error=errors)
+        return values
+
+    def _checked(
+        self, problem: Problem, impulses: Impulses, reason: Integers, paths: PathMotions
+    ) -> tuple[Booleans, Floats]:
+        """Complete the reasons; return whether they are certain, and witnesses (frequency,)."""
+        witness = np.full(reason.size, np.nan)
+        certified = self._certain(impulses, reason)
+        where = paths.where
+        if where.any():
+            error = np.minimum(impulses.error[where], 1.0)
+            witness[where], sure = self.evaluator.check(
+                paths.motion, error, problem, PENETRATION_TOLERANCE
+            )
+            certified[where] &= sure
+            reason[~np.isnan(witness)] = Reason.PENETRATION
+        return certified, witness
+
+    def _certain(self, impulses: Impulses, reason: Integers) -> Booleans:
+        """Return whether errors of the impulses leave the reasons unchanged, (frequency,)."""
+        largest = np.maximum(np.abs(impulses.plus), np.abs(impulses.minus)).max(axis=1)
+        error = (np.minimum(impulses.error, 1.0) * largest)[:, np.newaxis]
+        pulls, leaves = np.zeros((2, reason.size), dtype=np.bool_)
+        firm = np.ones(reason.size, dtype=np.bool_)
+        mobility = self.evaluator.mobility
+        sums = np.abs(mobility).sum(axis=0)
+        for p, struck in ((impulses.plus, self.family.upper), (impulses.minus, self.family.lower)):
+            walls = list(struck)
+            pulls |= (p[:, walls] <= -error).any(axis=1)
+            towards, velocity_error = (p @ mobility)[:, walls], error * sums[walls]
+            leaves |= (towards <= -velocity_error).any(axis=1)
+            firm &= (p[:, walls] > error).all(axis=1) & (towards > velocity_error).all(axis=1)
+        decided = np.where(reason == Reason.WRONG_VELOCITY, leaves, firm)
+        decided = np.where(reason == Reason.NEGATIVE_IMPULSE, pulls, decided)
+        return np.asarray((impulses.error < _CERTAIN) & decided)
+
+    def _growth(self, exists: Booleans, motion: Any, error: Floats) -> tuple[Floats, Floats]:
+        """Return spectral radii of the half-period maps and errors, nan without a motion."""
+        radii, errors = np.full((2, exists.size), np.nan)
+        if exists.any() and self.plan.step(Stage.STABILITY):
+            # Every plan with stability has all natural modes.
+            assert isinstance(self.evaluator, ModalFamily)
+            orbits = self.evaluator.orbits(motion.at(exists), error[exists])
+            radii[exists], errors[exists] = stability.growth(orbits)
+        return radii, errors
+
+    def reasons(self, problem: Problem, impulses: Impulses) -> Integers:
+        """Return the reason codes that follow from impulses and pre-impact velocities."""
+        mobility = self.evaluator.mobility
+        codes = np.zeros(impulses.error.size, dtype=np.int64)
+        for p, struck in ((impulses.plus, self.family.upper), (impulses.minus, self.family.lower)):
+            towards = p @ mobility
+            wrong = ~(towards[:, struck] > 0.0).all(axis=1)
+            codes[wrong & (codes == Reason.OK)] = Reason.WRONG_VELOCITY
+        for p, struck in ((impulses.plus, self.family.upper), (impulses.minus, self.family.lower)):
+            codes[~(p[:, struck] > 0.0).all(axis=1)] = Reason.NEGATIVE_IMPULSE
+        gap = max(abs(w) for c in problem.struck for w in (c.lower, c.upper) if w is not None)
+        fastest = np.maximum(1.0, self._largest / problem.omega)
+        load = 0.0 if problem.system.force is None else float(np.abs(problem.system.force).max())
+        usual = gap * problem.omega**2 * fastest / mobility.diagonal().min() + load
+        codes[impulses.singular(usual)] = Reason.SINGULAR
+        return codes

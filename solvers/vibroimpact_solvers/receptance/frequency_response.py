@@ -1,0 +1,85 @@
+"""Frequency response ``(frequency^2 M - K)^(-1) W^T`` to harmonic forces at the constraints."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+
+from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.errors import ConvergenceError
+from vibroimpact_solvers.model import System
+from vibroimpact_solvers.receptance.coordinates import Coordinates
+
+_KEPT = 2**22  # numbers in the responses that are kept
+_EPS = float(np.finfo(np.float64).eps)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ConstraintReceptance:
+    """Receptance between the constraints, each array (constraint, constraint).
+
+    Parameters
+    ----------
+    value : array
+        ``R(z) = W (z M - K)^(-1) W^T`` with ``z = frequency^2``.
+    slope : array
+        ``-dR/dz = W (z M - K)^(-1) M (z M - K)^(-1) W^T``.
+    error : array
+        Bound of the error of R, rounding of single terms apart.
+    """
+
+    value: Floats
+    slope: Floats
+    error: Floats
+
+
+class DirectFrequencyResponse:
+    """Frequency response by one factorization at each frequency.
+
+    Parameters
+    ----------
+    system : System
+    directions : array, shape (dof, constraint)
+        ``W^T``.
+    bound : float
+        Upper bound of the natural frequencies; the rounding of the factors is relative to its
+        square.
+    """
+
+    def __init__(self, system: System, directions: Floats, bound: float) -> None:
+        self.system, self.directions, self.bound = system, directions, bound
+        self._kept: OrderedDict[float, Floats] = OrderedDict()
+
+    def displacements(self, frequency: float, at: Coordinates) -> Floats:
+        """Return the response of some coordinates, shape (coordinate, constraint)."""
+        return at(self._response(frequency))
+
+    def receptance(self, frequency: float) -> ConstraintReceptance:
+        """Return the receptance between the constraints."""
+        response = self._response(frequency)
+        slope = response.T @ (self.system.M @ response)
+        error = 2.0 * _EPS * self.bound**2 * np.abs(slope)
+        return ConstraintReceptance(self.directions.T @ response, slope, error)
+
+    def _response(self, frequency: float) -> Floats:
+        if frequency not in self._kept:
+            # Impulses, energy and limits of one solution need the same responses.
+            if len(self._kept) * self.directions.size > _KEPT:
+                self._kept.popitem(last=False)
+            self._kept[frequency] = self._factorized(frequency)
+        return self._kept[frequency]
+
+    def _factorized(self, frequency: float) -> Floats:
+        K, M = self.system.K, self.system.M
+        for nudge in (0.0, 4e-16, -4e-16, 1e-15, -1e-15):
+            stiffness = M.plus(-1.0 / (frequency * (1.0 + nudge)) ** 2, K)
+            try:
+                return stiffness.factorize()(self.directions) / frequency**2
+            except scipy.linalg.LinAlgError:
+                # At a natural frequency to the last bit: take its neighbour instead.
+                continue
+        message = "the structure is resonant at neighbouring frequencies to the last bit"
+        raise ConvergenceError(message)

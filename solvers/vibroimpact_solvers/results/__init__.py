@@ -1,0 +1,1 @@
+"""Result classes of all computations: each field declared once, free of kernels to import."""

@@ -1,0 +1,145 @@
+"""Existence bands: bands, rejected ranges, stability and what could not be decided."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Annotated, Any, ClassVar, Final
+
+from vibroimpact_solvers.arrays import Booleans, Floats, Group, Integers, Quantity
+from vibroimpact_solvers.results.impact_modes import Reason
+from vibroimpact_solvers.results.shared import Statement
+
+
+class Edge(IntEnum):
+    """Why a band ends: the reason of the phantoms beyond its edge, or the end of the range."""
+
+    RANGE = 0
+    NEGATIVE_IMPULSE = Reason.NEGATIVE_IMPULSE
+    WRONG_VELOCITY = Reason.WRONG_VELOCITY
+    PENETRATION = Reason.PENETRATION
+    SINGULAR = Reason.SINGULAR
+
+
+EDGES: Final = tuple(edge.name.lower() for edge in Edge)
+_NO_YES: Final = ("no", "yes")
+
+
+def _column(path: str, unit: str, long_name: str, **rest: Any) -> Quantity:
+    """Return the declaration of a column of a table, such as ``"bands/start"``."""
+    return Quantity((path.partition("/")[0],), unit, long_name, path=path, record=True, **rest)
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """Bands of existence, ascending in Omega; outputs that were not requested are absent."""
+
+    GROUPS: ClassVar[Mapping[str, Group]] = {
+        "bands": Group("Band", "A range of frequency in which solutions are admissible."),
+        "rejected": Group(
+            "RejectedRange",
+            "A range whose solutions are phantoms though all impulses are positive.",
+        ),
+        "stability": Group(
+            "StabilityRange", "A range inside a band, of stable or of unstable solutions."
+        ),
+        "unresolved": Group("UnresolvedRange", "A range that could not be decided; there are few."),
+        "error": Group("BandError", "Errors of the bands."),
+    }
+
+    band_start: Annotated[
+        Floats | None,
+        _column("bands/start", "time-1", "lower edge of a band, Omega", error="bands/edge_error"),
+    ]
+    band_stop: Annotated[
+        Floats | None,
+        _column("bands/stop", "time-1", "upper edge of a band, Omega", error="bands/edge_error"),
+    ]
+    band_start_reason: Annotated[
+        Integers | None,
+        _column(
+            "bands/start_reason",
+            "1",
+            "why solutions below are phantoms, or range at the end of the requested range",
+            flags=EDGES,
+        ),
+    ]
+    band_stop_reason: Annotated[
+        Integers | None,
+        _column("bands/stop_reason", "1", "the same of solutions above", flags=EDGES),
+    ]
+    band_edge_error: Annotated[
+        Floats | None,
+        _column("bands/edge_error", "time-1", "largest absolute error of the edges"),
+    ]
+    band_certified: Annotated[
+        Booleans | None,
+        _column("bands/certified", "1", "whether existence is proved throughout", flags=_NO_YES),
+    ]
+    rejected_start: Annotated[
+        Floats | None, _column("rejected/start", "time-1", "lower edge of a rejected range, Omega")
+    ]
+    rejected_stop: Annotated[
+        Floats | None, _column("rejected/stop", "time-1", "upper edge of a rejected range, Omega")
+    ]
+    rejected_reason: Annotated[
+        Integers | None,
+        _column("rejected/reason", "1", "why its solutions are phantoms", flags=EDGES),
+    ]
+    rejected_certified: Annotated[
+        Booleans | None,
+        _column("rejected/certified", "1", "whether that is proved throughout", flags=_NO_YES),
+    ]
+    rejected_witness: Annotated[
+        Floats | None,
+        _column(
+            "rejected/witness",
+            "1",
+            "triangle-wave time at which a limit is passed, somewhere in the range",
+            missing="unknown",
+        ),
+    ]
+    rejected_constraint: Annotated[
+        Integers | None,
+        _column(
+            "rejected/constraint",
+            "1",
+            "constraint whose limit is passed, -1 where unknown",
+            integers=(),
+        ),
+    ]
+    stability_start: Annotated[
+        Floats | None, _column("stability/start", "time-1", "lower edge of a range, Omega")
+    ]
+    stability_stop: Annotated[
+        Floats | None, _column("stability/stop", "time-1", "upper edge of a range, Omega")
+    ]
+    stability_stable: Annotated[
+        Booleans | None,
+        _column("stability/stable", "1", "whether its solutions are stable", flags=_NO_YES),
+    ]
+    stability_radius: Annotated[
+        Floats | None,
+        _column(
+            "stability/radius",
+            "1",
+            "largest spectral radius of the half-period map at the frequencies examined",
+        ),
+    ]
+    unresolved_start: Annotated[
+        Floats, _column("unresolved/start", "time-1", "lower edge of an undecided range, Omega")
+    ]
+    unresolved_stop: Annotated[
+        Floats, _column("unresolved/stop", "time-1", "upper edge of an undecided range, Omega")
+    ]
+    error_resolution: Annotated[
+        float,
+        Quantity(
+            (),
+            "1",
+            "relative width below which a band or a gap between bands could be missed",
+            path="error/resolution",
+        ),
+    ]
+    error_statement: Statement

@@ -1,0 +1,20 @@
+"""Fields that the results of several kinds have."""
+
+from __future__ import annotations
+
+from typing import Annotated, Final
+
+from vibroimpact_solvers.arrays import Integers, Quantity
+
+TIME: Final = Quantity(("time",), "time", "time", True)
+X: Final = Quantity(("time", "dof"), "length", "displacement")
+V: Final = Quantity(("time", "dof"), "length time-1", "velocity")
+EXISTS: Final = ("phantom", "real")
+"""In files, whether a solution is admissible."""
+WITHIN: Final = ("beyond", "within")
+"""In files, whether an error is within the tolerance."""
+
+Dofs = Annotated[Integers | None, Quantity(("dof",), "1", "index of the degree of freedom", True)]
+Statement = Annotated[
+    str, Quantity((), "1", "how the errors were obtained", path="error/statement")
+]

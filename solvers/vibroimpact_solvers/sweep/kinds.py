@@ -1,0 +1,227 @@
+"""The kinds of computation that can be swept, and the stage that each field invalidates.
+
+To let a kind be swept:
+
+1. Add a row to `KINDS`: its solver module and rules for the fields of its request. The first
+   rule whose pattern matches a path applies. A field without a rule invalidates all stages,
+   which is always correct and never fast.
+2. Name in the row the dimensions whose length differs from point to point (``ragged``), and
+   outputs that are absent where they equal another one (``absent``).
+3. Add its document to `vibroimpact_schema.sweeps` and an example.
+4. If problems with the same natural modes can share work, give ``solve_many``
+   (see `vibroimpact_solvers.impact_modes.shared_responses`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import ModuleType
+from typing import Any, Final
+
+from vibroimpact_solvers import existence_bands, impact_modes, resonances, slow_flow, time_history
+from vibroimpact_solvers.errors import SolverError
+from vibroimpact_solvers.impact_modes.shared_responses import response_count, solve_many
+from vibroimpact_solvers.plan import Stage
+
+Path = Sequence[str | int]
+Outcome = Any | SolverError
+"""A result, or the error instead of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """The stage that the fields of a pattern invalidate.
+
+    Parameters
+    ----------
+    pattern : str
+        Path with dots; ``*`` stands for any one part and a last ``**`` for any rest.
+    stage : Stage or None
+        The first stage that must be computed again; None: the results do not depend on the field.
+    why : str
+        The reason in a plan, where it is None.
+    changes : tuple of str
+        Coordinates of the results that change with it.
+    unless : mapping
+        Outputs with which the field invalidates another stage.
+    """
+
+    pattern: str
+    stage: Stage | None
+    why: str = ""
+    changes: tuple[str, ...] = ()
+    unless: Mapping[str, Stage] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class SweptKind:
+    """A kind of computation that can be swept.
+
+    Parameters
+    ----------
+    solver : module
+        Has ``plan``, ``solve`` and ``Result``.
+    rules : tuple of Rule
+        Stages that fields invalidate; the first match applies.
+    ragged : frozenset of str
+        Dimensions whose length differs from point to point.
+    absent : mapping
+        Output -> the output that it equals where it is absent.
+    response_count : callable, optional
+        Returns the number of responses of a problem; absent: one.
+    solve_many : callable, optional
+        Solves problems with the same natural modes and returns an outcome for each in order,
+        equal to the last bit to that of ``solve``; calls its second argument while it runs, which
+        may raise to stop it. Absent: one after the other.
+    """
+
+    solver: ModuleType
+    rules: tuple[Rule, ...]
+    ragged: frozenset[str] = frozenset()
+    absent: Mapping[str, str] = field(default_factory=dict)
+    response_count: Callable[[Any], int] | None = None
+    solve_many: Callable[[Sequence[Any], Callable[[], None]], Iterable[Outcome]] | None = None
+
+
+_LOSSLESS: Final = "impact modes are motions without energy loss"
+_FIXED: Final = "the coordinate is fixed, wherever its walls are"
+_STABILITY: Final = {"stability": Stage.STABILITY}
+_STRUCTURE: Final = (
+    Rule("system.constraints.*.restitution", None, _LOSSLESS, unless=_STABILITY),
+    Rule("system.constraints.**", Stage.RESPONSE),
+    Rule("system.force.*", Stage.RESPONSE),
+    Rule("system.g", Stage.RESPONSE),
+    Rule("system.C.**", None, _LOSSLESS, unless=_STABILITY),
+    Rule("system.zeta", None, _LOSSLESS, unless=_STABILITY),
+)
+"""Rules that impact modes and existence bands share."""
+_EVERYTHING: Final = Rule("**", Stage.SPECTRUM)
+
+KINDS: Final[Mapping[str, SweptKind]] = {
+    "impact-modes": SweptKind(
+        impact_modes,
+        (
+            Rule("frequency.**", Stage.RESPONSE, changes=("Omega", "omega")),
+            Rule("system.constraints.*.gap.**", Stage.IMPULSE),
+            *_STRUCTURE,
+            Rule("active.*", Stage.RESPONSE, changes=("constraint",)),
+            Rule("tau.*", Stage.WAVEFORM, changes=("tau",)),
+            Rule("dofs.*", Stage.SHAPE, changes=("dof",)),
+            Rule("tolerance", Stage.IMPULSE),
+        ),
+        absent={"impulse_lower": "impulse"},
+        response_count=response_count,
+        solve_many=solve_many,
+    ),
+    "existence-bands": SweptKind(
+        existence_bands,
+        (
+            Rule("frequency.**", Stage.EXISTENCE),
+            *_STRUCTURE,
+            Rule("active.*", Stage.RESPONSE),
+            Rule("tolerance", Stage.EXISTENCE),
+        ),
+        ragged=frozenset({"bands", "rejected", "stability", "unresolved"}),
+    ),
+    "resonances": SweptKind(
+        resonances,
+        (
+            Rule("system.constraints.*.restitution", None, _FIXED),
+            Rule("system.constraints.*.gap.**", None, _FIXED),
+        ),
+        ragged=frozenset({"resonance"}),
+    ),
+    "time-history": SweptKind(
+        time_history,
+        (
+            Rule("system.constraints.**", Stage.FREE_MOTION),
+            Rule("initial.**", Stage.FREE_MOTION),
+            Rule("load.**", Stage.FREE_MOTION),
+            Rule("t_end", Stage.FREE_MOTION, changes=("t",)),
+            Rule("t.*", Stage.FREE_MOTION, changes=("t",)),
+            Rule("dofs.*", Stage.FREE_MOTION, changes=("dof",)),
+            Rule("tolerance", Stage.FREE_MOTION),
+        ),
+        ragged=frozenset({"impact", "contact"}),
+        solve_many=time_history.solve_many,
+    ),
+    "slow-flow": SweptKind(
+        slow_flow,
+        (
+            Rule("t.**", Stage.SLOW_FLOW, changes=("t",)),
+            Rule("**", Stage.SLOW_FLOW),
+        ),
+        ragged=frozenset({"impact"}),
+    ),
+}
+
+
+def rule(kind: str, path: Path) -> Rule:
+    """Return the rule for a field of a kind's request."""
+    return next((r for r in KINDS[kind].rules if _matches(r.pattern, path)), _EVERYTHING)
+
+
+_LENGTH, _MASS, _STIFFNESS = "length", "mass", "mass time-2"
+_FORCE, _FREQUENCY = "mass length time-2", "time-1"
+
+_FIELDS: Final = (
+    ("system.constraints.*.gap", _LENGTH, "gap"),
+    ("system.constraints.*.gap.lower", _LENGTH, "distance to the lower wall"),
+    ("system.constraints.*.gap.upper", _LENGTH, "distance to the upper wall"),
+    ("system.constraints.*.restitution", "1", "coefficient of restitution"),
+    ("system.constraints.*.dof", "1", "constrained degree of freedom"),
+    ("system.constraints.*.direction.weights.*", "1", "weight in the constrained coordinate"),
+    ("system.M.**", _MASS, "mass"),
+    ("system.K.**", _STIFFNESS, "stiffness"),
+    ("system.C.**", "mass time-1", "damping"),
+    ("system.force.*", _FORCE, "static load"),
+    ("system.mass", _MASS, "mass"),
+    ("system.stiffness", _STIFFNESS, "stiffness"),
+    ("system.Omega0", _FREQUENCY, "natural angular frequency"),
+    ("system.zeta", "1", "damping ratio"),
+    ("system.coupling", "1", "coupling"),
+    ("system.mu", "1", "square root of the mass ratio"),
+    ("system.g", "length time-2", "acceleration of gravity"),
+    ("frequency.num", "1", "number of frequencies"),
+    ("frequency.**", _FREQUENCY, "frequency"),
+    ("initial.x.*", _LENGTH, "initial displacement"),
+    ("initial.v.*", "length time-1", "initial velocity"),
+    ("initial.impact_mode.Omega", _FREQUENCY, "frequency of the impact mode"),
+    ("load.*.amplitude", _FORCE, "amplitude of the load"),
+    ("load.*.frequency", _FREQUENCY, "frequency of the load"),
+    ("load.*.phase", "1", "phase of the load"),
+    ("initial.omega", _FREQUENCY, "initial triangle-wave frequency"),
+    ("initial.gamma", "1", "initial frequency ratio"),
+    ("initial.phi", "1", "initial phase"),
+    ("initial.A", _LENGTH, "initial sine amplitude"),
+    ("initial.B", _LENGTH, "initial cosine amplitude"),
+    ("initial.energy", "mass length2 time-2", "initial energy"),
+    ("initial.x", _LENGTH, "initial displacement"),
+    ("initial.v", "length time-1", "initial velocity"),
+    ("t_end", "time", "length of the motion"),
+    ("t.**", "time", "time"),
+    ("tau.*", "1", "triangle-wave time"),
+)
+
+
+def meaning(path: Path) -> tuple[str, str]:
+    """Return the unit and the name of the quantity in a field.
+
+    A field that is not in the table is a pure number named by its path.
+    """
+    for pattern, unit, name in _FIELDS:
+        if _matches(pattern, path):
+            return unit, name
+    return "1", ".".join(str(part) for part in path)
+
+
+def _matches(pattern: str, path: Path) -> bool:
+    parts = pattern.split(".")
+    if parts[-1] == "**":
+        parts = parts[:-1]
+        if len(path) < len(parts):
+            return False
+    elif len(parts) != len(path):
+        return False
+    return all(p in ("*", str(q)) for p, q in zip(parts, path, strict=False))

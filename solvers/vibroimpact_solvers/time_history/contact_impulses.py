@@ -1,0 +1,92 @@
+"""Impulses of walls on coordinates that rest at them: integrals of contact forces over time."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.time_history.structure import Configuration
+
+_FAR: Final = 20.0
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
+_NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
+
+
+def impulses(configuration: Configuration, z: Floats, span: float) -> Floats:
+    """Return the integrals of the forces of all contacts from a state on.
+
+    Parameters
+    ----------
+    configuration : Configuration
+    z : array, shape (2, pair)
+        The state at the beginning.
+    span : float
+        Duration, in units of the basis.
+
+    Returns
+    -------
+    array, shape (contact,)
+        In units of force and of the basis' time, in the order of the configuration's contacts.
+    """
+    first = len(configuration.free)
+    integral = _integral(configuration, z, span)
+    forms, levels = configuration.forms[0, first:], configuration.walls[0, first:]
+    return np.asarray((forms * integral).sum(axis=(1, 2)) + levels * span)
+
+
+def _integral(configuration: Configuration, z: Floats, span: float) -> Floats:
+    """Return the integral of a state over the free motion that follows it, shape (2, pair).
+
+    Written with ``(exp(x) - 1)/x``, so that nothing cancels in short contacts.
+    """
+    basis = configuration.basis
+    turning, apart = int(basis.split[0]), int(basis.split[1])
+    alpha, nu, a, b = basis.alpha, basis.nu, z[0], z[1]
+    integral = np.empty_like(z)
+    some = slice(0, turning)
+    # (a - ib)' = (alpha + i nu)(a - ib)
+    turned = (a[some] - 1j * b[some]) * _mean(span * (alpha[some] + 1j * nu[some]))
+    integral[0, some], integral[1, some] = span * turned.real, -span * turned.imag
+    for j, k, real, imaginary in basis.drives():
+        # w' = sigma w + kappa l with l' = i omega l: a divided difference of means.
+        kappa, load = complex(real, imaginary), complex(a[k], -b[k])
+        sigma, other = complex(alpha[j], nu[j]), complex(alpha[k], nu[k])
+        added = kappa * load * span**2 * _difference(span * sigma, span * other)
+        integral[0, j] += added.real
+        integral[1, j] -= added.imag
+    some = slice(turning, apart)
+    plus = (a[some] + b[some]) * _mean(span * (alpha[some] + nu[some]))
+    minus = (a[some] - b[some]) * _mean(span * (alpha[some] - nu[some]))
+    integral[0, some], integral[1, some] = 0.5 * span * (plus + minus), 0.5 * span * (plus - minus)
+    some = slice(apart, basis.pairs)
+    rate, push = span * alpha[some], basis.push[some]
+    # a' = alpha a + b, b' = alpha b + push; a push has no alpha.
+    integral[1, some] = span * b[some] * _mean(rate) + 0.5 * span**2 * push
+    integral[0, some] = span * a[some] * _mean(rate) + span**2 * b[some] * _first_moment(rate)
+    integral[0, some] += span**3 * push / 6.0
+    return integral
+
+
+def _mean(x: Floats) -> Floats:
+    """Return the mean of exp(x u) over 0 <= u <= 1."""
+    small = x == 0.0
+    return np.asarray(np.where(small, 1.0, np.expm1(x) / np.where(small, 1.0, x)))
+
+
+def _first_moment(x: Any) -> Any:
+    """Return the integral of u exp(x u) over 0 <= u <= 1, the derivative of `_mean`."""
+    x = np.asarray(x)
+    near = np.where(np.abs(x) < _FAR, x, 0.0)
+    series = np.exp(near[..., np.newaxis] * _NODES) @ (_WEIGHTS * _NODES)
+    far = np.where(np.abs(x) < _FAR, _FAR, x)
+    return np.where(np.abs(x) < _FAR, series, (np.exp(far) * (far - 1.0) + 1.0) / far**2)
+
+
+def _difference(x: complex, y: complex) -> complex:
+    """Return the divided difference of `_mean` at two places, however near."""
+    if abs(x - y) > 1.0:
+        ends = _mean(np.array([x, y]))
+        return complex((ends[1] - ends[0]) / (y - x))
+    return complex(_WEIGHTS @ _first_moment(x + (y - x) * _NODES))

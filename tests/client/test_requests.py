@@ -1,0 +1,88 @@
+"""Request builders: both clients send what they return, and the schema accepts it."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import BaseModel
+
+import vibroimpact as vi
+from vibroimpact import client, plots
+from vibroimpact.computations import Computations
+from vibroimpact_schema.requests import (
+    ExistenceBandsRequest,
+    ImpactModesRequest,
+    ResonancesRequest,
+    SlowFlowRequest,
+)
+
+CHAIN = vi.chain(3, [vi.constraint(0, 0.1)])
+STATES = np.zeros((2, 3)), np.ones((2, 3))
+START = {"gamma": 0.2}
+
+
+class Recorder(Computations[tuple[str, Mapping[str, Any]]]):
+    """Returns the kind and the request instead of a result."""
+
+    def compute(
+        self, kind: str, request: Mapping[str, Any], *, progress: bool = False
+    ) -> tuple[str, Mapping[str, Any]]:
+        return kind, request
+
+
+@pytest.mark.parametrize(
+    ("method", "build", "arguments", "options"),
+    [
+        ("impact_modes", vi.impact_modes_request, (CHAIN, (1, 2, 5)), {"active": [0], "tau": 0.5}),
+        ("existence_bands", vi.existence_bands_request, (CHAIN, 1, 2), {"tolerance": 1e-9}),
+        ("resonances", vi.resonances_request, (CHAIN, 0), {"odd_max": 5}),
+        ("time_history", vi.time_history_request, (CHAIN, 2.0, 10), {"t": 7, "digits": 30}),
+        ("ensemble", vi.ensemble_request, (CHAIN, *STATES, 10.0), {"dofs": [1]}),
+        ("slow_flow", vi.slow_flow_request, (CHAIN, "damped", "exact", START, [1.0]), {}),
+    ],
+)
+def test_the_method_sends_what_the_builder_returns(
+    method: str, build: Callable[..., Any], arguments: tuple[Any, ...], options: dict[str, Any]
+) -> None:
+    kind, request = getattr(Recorder(), method)(*arguments, **options)
+    assert kind == method.replace("_", "-")
+    assert request == build(*arguments, **options)
+    if method != "ensemble":
+        given, built = (inspect.signature(f) for f in (getattr(Computations, method), build))
+        assert list(given.parameters)[1:] == list(built.parameters)
+        assert [p.default for p in given.parameters.values()][1:] == [
+            p.default for p in built.parameters.values()
+        ]
+
+
+@pytest.mark.parametrize(
+    ("model", "request_body"),
+    [
+        (ExistenceBandsRequest, vi.existence_bands_request(CHAIN, 1, 2, active=[0])),
+        (ImpactModesRequest, vi.impact_modes_request(CHAIN, [1.0])),
+        (ResonancesRequest, vi.resonances_request(CHAIN)),
+        (SlowFlowRequest, vi.slow_flow_request(CHAIN, "damped", "exact", START, (0, 1, 2))),
+    ],
+)
+def test_the_schema_accepts_requests(model: type[BaseModel], request_body: dict[str, Any]) -> None:
+    model.model_validate(request_body)
+
+
+def test_both_clients_share_the_methods() -> None:
+    for kind in ("impact_modes", "existence_bands", "resonances", "time_history", "sweep"):
+        assert getattr(vi.Client, kind) is getattr(vi.AsyncClient, kind)
+    assert inspect.iscoroutinefunction(vi.AsyncClient.compute)
+
+
+def test_former_addresses_warn() -> None:
+    with pytest.warns(DeprecationWarning, match="import it from vibroimpact"):
+        assert client.slow_flow_request is vi.slow_flow_request  # type: ignore[attr-defined]
+    with pytest.warns(DeprecationWarning, match="ADMISSIBLE"):
+        assert plots.REAL == plots.ADMISSIBLE  # type: ignore[attr-defined]
+    for module, name in ((client, "nothing"), (client, "odd_request"), (plots, "nothing")):
+        with pytest.raises(AttributeError, match=name):
+            getattr(module, name)

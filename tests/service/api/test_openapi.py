@@ -1,0 +1,278 @@
+"""The contract: complete, consistent, with examples that work, and the committed one is it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import jsonschema_rs
+import numpy as np
+import pytest
+from starlette.testclient import TestClient
+
+from vibroimpact_schema import examples
+from vibroimpact_service import cli
+from vibroimpact_service.access import records
+from vibroimpact_service.access.authenticator import open_records
+from vibroimpact_service.access.caller import Scope
+from vibroimpact_service.api import openapi
+from vibroimpact_service.app import create_app
+from vibroimpact_service.kinds import KINDS, Kind
+from vibroimpact_service.settings import Settings
+
+ROOT = Path(__file__).parents[3]
+DOCUMENT = openapi.document(create_app(Settings(data=Path("unused"))))
+OPERATIONS = [
+    (method, path, operation)
+    for path, methods in DOCUMENT["paths"].items()
+    for method, operation in methods.items()
+]
+
+
+def test_the_committed_contract_is_the_one_that_is_spoken() -> None:
+    assert (ROOT / "openapi" / "openapi.json").read_text() == cli.contract_text(), (
+        "write it anew: python -m vibroimpact_service.cli openapi"
+    )
+
+
+def lost(old: Any, new: Any, where: str = "") -> list[str]:
+    """Return the places where a document says less than, or other than, an older one."""
+    if isinstance(old, dict) and isinstance(new, dict):
+        return [
+            place
+            for name, value in old.items()
+            for place in (
+                lost(value, new[name], f"{where}/{name}") if name in new else [f"{where}/{name}"]
+            )
+        ]
+    if isinstance(old, list) and isinstance(new, list):
+        if where.endswith("/parameters"):
+            by_name = [{f"{p['in']} {p['name']}": p for p in each} for each in (old, new)]
+            return lost(*by_name, where)
+        if where.endswith(("/enum", "/required")):
+            return [f"{where}/{value}" for value in old if value not in new]
+        if where.endswith(("/anyOf", "/oneOf")):
+            return [f"{where}/{i}" for i, form in enumerate(old) if all(lost(form, n) for n in new)]
+        if len(old) == len(new):
+            pairs = enumerate(zip(old, new, strict=True))
+            return [place for i, pair in pairs for place in lost(*pair, f"{where}/{i}")]
+    return [] if old == new else [where]
+
+
+def test_nothing_of_version_0_1_0_is_lost() -> None:
+    """Its paths, methods, parameters, fields, values, media types, statuses and headers are there.
+
+    The file is that version's document without descriptions, summaries and examples.
+    """
+    old = json.loads(Path(__file__).with_name("openapi-0.1.0.json").read_text())
+    del old["info"]["version"]
+    assert lost(old, DOCUMENT) == []
+
+
+def test_a_loss_would_be_noticed() -> None:
+    old = {
+        "parameters": [{"in": "query", "name": "a", "schema": {"enum": [1, 2]}}],
+        "responses": {"200": {"headers": {"ETag": {}}, "content": {"text/plain": {}}}},
+    }
+    more = {
+        "parameters": [
+            {"in": "path", "name": "b"},
+            {"in": "query", "name": "a", "schema": {"enum": [1, 2, 3]}},
+        ],
+        "responses": {**old["responses"], "404": {}},  # type: ignore[dict-item]
+    }
+    assert lost(old, more) == []
+    assert lost(more, old) == [
+        "/parameters/path b",
+        "/parameters/query a/schema/enum/3",
+        "/responses/404",
+    ]
+    other = {**old, "responses": {"200": {"headers": {}, "content": {"text/html": {}}}}}
+    assert lost(old, other) == [
+        "/responses/200/headers/ETag",
+        "/responses/200/content/text/plain",
+    ]
+
+
+def test_every_route_is_in_the_contract(http: TestClient) -> None:
+    for kind in KINDS:
+        assert f"/v1/compute/{kind}" in DOCUMENT["paths"]
+        assert f"/v1/plan/{kind}" in DOCUMENT["paths"]
+    listed = {path for _, path, _ in OPERATIONS}
+    routes = {route.path for route in http.app.routes}  # type: ignore[attr-defined]
+    assert {path for path in routes if path.startswith(("/v1", "/metrics"))} == listed
+    assert len(listed) > 10
+
+
+def test_operations_have_names_fit_for_code(  # a client generator makes functions of them
+) -> None:
+    names = [operation["operationId"] for _, _, operation in OPERATIONS]
+    assert len(set(names)) == len(names)
+    assert all(name.isidentifier() for name in names)
+
+
+@pytest.mark.parametrize(("method", "path", "operation"), OPERATIONS)
+def test_operations_say_what_goes_wrong(method: str, path: str, operation: dict[str, Any]) -> None:
+    assert operation["summary"]
+    assert operation["description"]
+    failures = {s: a for s, a in operation["responses"].items() if s >= "400"}
+    assert "500" in failures
+    for answer in failures.values():
+        reference = answer["content"]["application/problem+json"]["schema"]["$ref"]
+        assert reference == "#/components/schemas/Problem"
+    if method == "post":
+        assert {"400", "413", "415", "422"} <= set(failures)
+
+
+def references(node: Any) -> set[str]:
+    if isinstance(node, dict):
+        own = {node["$ref"]} if isinstance(node.get("$ref"), str) else set()
+        return own.union(*(references(value) for value in node.values()))
+    if isinstance(node, list):
+        return set().union(*(references(value) for value in node))
+    return set()
+
+
+def test_references_lead_somewhere_and_nothing_is_left_over() -> None:
+    prefix = "#/components/schemas/"
+    wanted = {reference.removeprefix(prefix) for reference in references(DOCUMENT)}
+    assert wanted == set(DOCUMENT["components"]["schemas"])
+
+
+def test_numbers_are_described_with_shapes_and_units() -> None:
+    result = DOCUMENT["components"]["schemas"]["ImpactModesResult"]["properties"]
+    assert "[frequency, constraint]" in result["impulse"]["description"]
+    assert "mass length / time²" in result["impulse"]["description"]
+
+
+EXAMPLES = [
+    (method, path, name, example["value"])
+    for method, path, operation in OPERATIONS
+    for name, example in operation.get("requestBody", {})
+    .get("content", {})
+    .get("application/json", {})
+    .get("examples", {})
+    .items()
+]
+
+
+@pytest.mark.parametrize(("method", "path", "name", "value"), EXAMPLES)
+def test_examples_work(
+    settings: Settings, queue: Any, method: str, path: str, name: str, value: dict[str, Any]
+) -> None:
+    engine = open_records(settings)
+    with engine.begin() as connection:
+        key, _ = records.create(connection, "test", records.NewKey("ann", "", frozenset(Scope)))
+    engine.dispose()
+    with TestClient(create_app(settings, queue)) as http:
+        headers = {"Authorization": f"Bearer {key}"}
+        if "{job}" in path:
+            request = examples.requests("impact-modes")["chain"]["request"]
+            body = {"kind": "impact-modes", "request": request}
+            path = path.format(job=http.post("/v1/jobs", json=body, headers=headers).json()["id"])
+        answer = http.request(method, path, json=value, headers=headers)
+    assert answer.is_success, (name, answer.text)
+
+
+def test_every_request_has_an_example() -> None:
+    shown = {(method, path) for method, path, _, _ in EXAMPLES}
+    assert shown == {(method, path) for method, path, it in OPERATIONS if "requestBody" in it}
+    assert {path for method, path in shown if method == "post"} == {
+        path for method, path, _ in OPERATIONS if method == "post"
+    }
+
+
+ANSWERS = [
+    (operation["operationId"], status, media_type, content)
+    for _, _, operation in OPERATIONS
+    for status, answer in operation["responses"].items()
+    for media_type, content in answer.get("content", {}).items()
+]
+BINARY = ("application/x-hdf5",)
+
+
+@pytest.mark.parametrize(("operation", "status", "media_type", "content"), ANSWERS)
+def test_every_answer_has_an_example_that_fits(
+    operation: str, status: str, media_type: str, content: dict[str, Any]
+) -> None:
+    if media_type in BINARY or status == "206":
+        assert "example" not in content
+        return
+    if media_type in ("text/event-stream", "text/plain"):
+        assert isinstance(content["example"], str)
+        return
+    schema = {**content["schema"], "components": DOCUMENT["components"]}
+    jsonschema_rs.Draft202012Validator(schema).validate(content["example"])
+
+
+def close(now: Any, shown: Any) -> bool:
+    """Whether two documents are alike, numbers up to what another processor may round."""
+    if isinstance(shown, dict) and isinstance(now, dict):
+        return set(now) == set(shown) and all(close(now[name], shown[name]) for name in shown)
+    if isinstance(shown, list) and isinstance(now, list):
+        return len(now) == len(shown) and all(map(close, now, shown))
+    if isinstance(shown, float) and isinstance(now, float):
+        return bool(np.isclose(now, shown, rtol=1e-9, atol=1e-12))
+    return bool(now == shown)
+
+
+def told(document: dict[str, Any]) -> dict[str, Any]:
+    """Return a result without when, by which version and at what price it was computed."""
+    apart = ("digest", "plan", "provenance", "error")
+    return {name: value for name, value in document.items() if name not in apart}
+
+
+@pytest.mark.parametrize("kind", KINDS.values(), ids=list(KINDS))
+def test_examples_of_answers_are_what_is_answered_now(
+    settings: Settings, queue: Any, request_body: dict[str, Any], kind: Kind
+) -> None:
+    shown = examples.answers(f"compute_{kind.decoder}")["200"]
+    requests = [example["request"] for example in examples.requests(kind.name).values()]
+    if kind.name == "impact-modes":
+        frequency = {"values": shown["frequency"]["Omega"]}
+        requests = [{**request_body, "frequency": frequency}]
+    patient = settings.model_copy(update={"inline_seconds": 1000.0})
+    with TestClient(create_app(patient, queue)) as http:
+        now = [http.post(f"/v1/compute/{kind.name}", json=each).json() for each in requests]
+    assert all(set(each) >= {"kind", "digest", "plan", "provenance"} for each in now)
+    assert any(close(told(each), told(shown)) for each in now)
+
+
+def test_the_example_of_a_batch_is_what_is_answered_now(http: TestClient) -> None:
+    ((_, path, _, asked),) = [each for each in EXAMPLES if each[1] == "/v1/batch"]
+    shown = examples.answers("compute_batch")["200"]["answers"]
+    now = http.post(path, json=asked).json()["answers"]
+    assert close([told(each["result"]) for each in now], [told(each["result"]) for each in shown])
+
+
+def test_links_lead_to_operations_and_fill_their_parameters() -> None:
+    operations = {operation["operationId"]: operation for _, _, operation in OPERATIONS}
+    for operation in operations.values():
+        for answer in operation["responses"].values():
+            for link in answer.get("links", {}).values():
+                target = operations[link["operationId"]]
+                needed = {p["name"] for p in target["parameters"] if p["in"] == "path"}
+                assert set(link["parameters"]) == needed
+
+
+def test_operations_have_distinct_plain_names() -> None:
+    names = [operation["operationId"] for _, _, operation in OPERATIONS]
+    assert len(set(names)) == len(names)
+    assert all(name.isidentifier() for name in names)
+
+
+def test_values_have_names_that_generators_can_tell_apart() -> None:
+    """Some name values of an enumeration in capitals; Omega and omega must not become one."""
+
+    def enumerations(node: Any) -> list[dict[str, Any]]:
+        parts = node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
+        found = [one for part in parts for one in enumerations(part)]
+        return [node, *found] if isinstance(node, dict) and "enum" in node else found
+
+    everything = enumerations(DOCUMENT["components"]["schemas"])
+    assert len(everything) > 10
+    for found in everything:
+        if isinstance(found["enum"], list):
+            names = found.get("x-enum-varnames", [str(value).upper() for value in found["enum"]])
+            assert len(set(names)) == len(found["enum"]), found

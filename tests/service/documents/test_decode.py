@@ -1,0 +1,210 @@
+"""Documents become the solvers' problems, exactly and with faults under their own pointers."""
+
+from __future__ import annotations
+
+import math
+from decimal import Decimal
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import TypeAdapter
+
+from vibroimpact_schema import grids, requests, systems
+from vibroimpact_service.documents import decode
+from vibroimpact_solvers import presets
+from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.model import Constraint, System
+
+SYSTEM: TypeAdapter[Any] = TypeAdapter(systems.System)
+GRID: TypeAdapter[Any] = TypeAdapter(grids.FrequencyGrid)
+STOP = {"dof": 0, "gap": 0.2}
+
+
+def system(**document: Any) -> System:
+    return decode.system(SYSTEM.validate_python({"constraints": [STOP], **document}))
+
+
+def matrices(of: System) -> tuple[np.ndarray, np.ndarray]:
+    return of.M.to_dense(), of.K.to_dense()
+
+
+def test_every_form_of_a_matrix_means_the_same() -> None:
+    expected = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.0]])
+    entries = [(i, j) for i in range(3) for j in range(3) if expected[i, j]]
+    forms = [
+        expected.tolist(),
+        {"bands": {"0": [2, 2, 2], "1": [-1, -1]}},
+        {
+            "shape": [3, 3],
+            "row": [i for i, _ in entries],
+            "col": [j for _, j in entries],
+            "data": [expected[e] for e in entries],
+        },
+    ]
+    for form in forms:
+        M, K = matrices(system(M={"scalar": 2.0, "n": 3}, K=form))
+        np.testing.assert_array_equal(K, expected)
+        np.testing.assert_array_equal(M, 2.0 * np.eye(3))
+    _, K = matrices(system(M={"scalar": 1, "n": 2}, K={"diagonal": [3, 4]}))
+    np.testing.assert_array_equal(K, np.diag([3.0, 4.0]))
+
+
+@pytest.mark.parametrize(
+    ("document", "expected"),
+    [
+        (
+            {"preset": "chain", "n": 4, "mass": 2, "stiffness": 3},
+            presets.chain(4, [], 2.0, 3.0),
+        ),
+        (
+            {"preset": "oscillator", "Omega0": 1.5, "zeta": 0.1},
+            presets.oscillator([], 1.5, 0.1),
+        ),
+        (
+            {"preset": "two_mass", "Omega0": 2, "coupling": 0.5, "zeta": 0.1},
+            presets.two_mass([], 2.0, 0.5, 0.1),
+        ),
+        ({"preset": "double_pendulum", "mu": 2}, presets.double_pendulum([], 2.0)),
+        ({"preset": "bouncing_ball", "g": 9.81}, presets.bouncing_ball([], 9.81)),
+    ],
+)
+def test_presets(document: dict[str, Any], expected: System) -> None:
+    found = system(**document)
+    for one, other in zip(matrices(found), matrices(expected), strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert (found.C is None) == (expected.C is None)
+    if found.C is not None and expected.C is not None:
+        np.testing.assert_array_equal(found.C.to_dense(), expected.C.to_dense())
+    assert (found.force is None) == (expected.force is None)
+
+
+def test_constraints() -> None:
+    found = system(
+        preset="chain",
+        n=5,
+        constraints=[
+            {"dof": 3, "gap": 0.5, "restitution": 0.8},
+            {"direction": {"dofs": [3, 4], "weights": [1, -1]}, "gap": {"upper": 0.1}},
+            {"dof": 1, "gap": {"lower": 0.3, "upper": -0.1}},
+        ],
+    ).constraints
+    assert found == (
+        Constraint((3,), (1.0,), 0.5, 0.5, 0.8),
+        Constraint((3, 4), (1.0, -1.0), None, 0.1, 1.0),
+        Constraint((1,), (1.0,), 0.3, -0.1, 1.0),
+    )
+
+
+@pytest.mark.parametrize(
+    ("document", "pointer"),
+    [
+        ({"preset": "oscillator", "Omega0": 1e300}, ()),
+        ({"preset": "two_mass", "Omega0": 1e300}, ()),
+        ({"M": [[1, 0], [0, 1]], "K": [[1, 2], [3, 1]]}, ("K",)),
+        ({"M": [[1, 0], [0, 1]], "K": [[1, 2, 3], [2, 1, 3]]}, ("K",)),
+        ({"M": [[1, 0], [0, 1]], "K": [[1, 2], [2]]}, ("K",)),
+        ({"M": [[1, 2], [2, 1]], "K": [[1, 0], [0, 1]]}, ("M",)),
+        ({"M": {"scalar": 1, "n": 2}, "K": {"scalar": 1, "n": 3}}, ("K",)),
+        ({"M": {"scalar": 1, "n": 2}, "K": {"bands": {"1": [1]}}}, ("K", "bands")),
+        ({"M": {"scalar": 1, "n": 2}, "K": {"bands": {"0": [1, 1], "1": []}}}, ("K", "bands", "1")),
+        (
+            {
+                "M": {"scalar": 1, "n": 2},
+                "K": {"shape": [2, 2], "row": [2], "col": [0], "data": [1]},
+            },
+            ("K", "row"),
+        ),
+        (
+            {
+                "M": {"scalar": 1, "n": 1},
+                "K": {"scalar": 1, "n": 1},
+                "C": {"diagonal": [1, 2]},
+            },
+            ("C",),
+        ),
+        ({"M": [[1]], "K": [[1]], "force": [1, 2]}, ("force",)),
+        (
+            {"preset": "chain", "n": 3, "constraints": [STOP, {"dof": 3, "gap": 1}]},
+            ("constraints", 1, "dof"),
+        ),
+        ({"preset": "chain", "n": 3, "constraints": [STOP, STOP]}, ("constraints", 1)),
+        (
+            {
+                "preset": "chain",
+                "n": 3,
+                "constraints": [STOP, {"dof": 1, "gap": {"lower": 1, "upper": -1}}],
+            },
+            ("constraints", 1, "gap"),
+        ),
+    ],
+)
+def test_faults_of_the_model_point_into_the_document(
+    document: dict[str, Any], pointer: tuple[str | int, ...]
+) -> None:
+    with pytest.raises(ModelError) as caught:
+        system(**document)
+    assert caught.value.pointer == pointer
+
+
+def test_equal_documents_share_one_system() -> None:
+    chain = {"preset": "chain", "n": 7}
+    assert system(**chain) is system(**chain)
+    assert system(**chain) is not system(**chain, mass=2)
+
+
+def test_given_frequencies_are_kept_to_the_bit() -> None:
+    values = [0.1, math.pi / 3, 1.0954804955123456]
+    Omega, omega = decode.frequencies(GRID.validate_python({"values": values}))
+    assert Omega.tolist() == values
+    np.testing.assert_allclose(omega, Omega * 2 / np.pi, rtol=1e-15)
+    Omega, omega = decode.frequencies(GRID.validate_python({"values": values, "unit": "omega"}))
+    assert omega.tolist() == values
+    np.testing.assert_allclose(Omega, omega * np.pi / 2, rtol=1e-15)
+
+
+def test_grids_meet_their_ends() -> None:
+    Omega, _ = decode.frequencies(GRID.validate_python({"start": 0.6, "stop": 2.4, "num": 7}))
+    assert (Omega[0], Omega[-1], Omega.size) == (0.6, 2.4, 7)
+    Omega, _ = decode.frequencies(GRID.validate_python({"start": 1.0, "stop": 2.0, "step": 0.1}))
+    assert (Omega[0], Omega[-1], Omega.size) == (1.0, 2.0, 11)
+    Omega, _ = decode.frequencies(GRID.validate_python({"start": 1.0, "stop": 1.95, "step": 0.1}))
+    assert Omega.size == 10
+    assert Omega[-1] == 1.9
+
+
+@pytest.mark.parametrize(
+    ("start", "step", "count"),
+    [("0.6", "0.1", 30), ("1e-7", "3e-9", 1000), ("12345.5", "0.0001", 5000), ("2", "1", 9)],
+)
+def test_steps_are_the_decimals_that_are_meant(start: str, step: str, count: int) -> None:
+    exact = [float(Decimal(start) + i * Decimal(step)) for i in range(count)]
+    stop = float(Decimal(start) + (count - 1) * Decimal(step))
+    grid = {"start": float(start), "stop": stop, "step": float(step)}
+    Omega, _ = decode.frequencies(GRID.validate_python(grid))
+    assert Omega.tolist() == exact
+
+
+def test_steps_of_many_digits_are_taken_as_they_are() -> None:
+    grid = {"start": 1 / 3, "stop": 1.0, "step": 1 / 7}
+    Omega, _ = decode.frequencies(GRID.validate_python(grid))
+    np.testing.assert_allclose(Omega, 1 / 3 + np.arange(5) / 7, rtol=1e-15)
+
+
+def test_impact_modes() -> None:
+    document = {
+        "system": {"preset": "chain", "n": 5, "constraints": [STOP, {"dof": 3, "gap": 0.1}]},
+        "frequency": {"values": [2.5]},
+        "active": [1],
+        "dofs": [4, 0],
+        "tau": [0, 1],
+        "outputs": ["shape", "waveform"],
+        "tolerance": 1e-9,
+    }
+    request = requests.ImpactModesRequest.model_validate(document)
+    problem = decode.impact_modes(request, decode.system(request.system))
+    assert problem.active == (1,)
+    assert problem.outputs == {"shape", "waveform"}
+    assert problem.output_dofs.tolist() == [4, 0]
+    assert problem.times.tolist() == [0, 1]
+    assert problem.tolerance == 1e-9

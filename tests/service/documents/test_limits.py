@@ -1,0 +1,112 @@
+"""Claims are judged by what documents say, before anything of that size exists."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from starlette.testclient import TestClient
+
+from vibroimpact_schema.requests import ImpactModesRequest
+from vibroimpact_schema.sweeps import SweepRequest
+from vibroimpact_service import problems
+from vibroimpact_service.documents import limits
+from vibroimpact_service.problems import ProblemError
+from vibroimpact_service.settings import Settings
+from vibroimpact_solvers.plan import Plan, Stage, Step
+
+SETTINGS = Settings(data=Path("nowhere"), max_dofs=100, max_points=1000, max_result_bytes=2**20)
+CHAIN = {"preset": "chain", "n": 3, "constraints": [{"dof": 0, "gap": 0.2}]}
+GRID = {"values": [1.0]}
+
+
+def check(system: dict[str, Any], frequency: dict[str, Any]) -> None:
+    content = {"system": {"constraints": [], **system}, "frequency": frequency}
+    limits.check(ImpactModesRequest.model_validate(content), SETTINGS)
+
+
+@pytest.mark.parametrize(
+    "system",
+    [
+        {"preset": "chain", "n": 101},
+        {"preset": "chain", "n": 10**15},
+        {"M": {"scalar": 1, "n": 10**15}, "K": {"scalar": 1, "n": 1}},
+        {"M": {"scalar": 1, "n": 1}, "K": {"diagonal": [1] * 101}},
+        {"M": {"scalar": 1, "n": 1}, "K": {"bands": {"0": [1], "999999999": []}}},
+        {"M": {"scalar": 1, "n": 1}, "K": {"bands": {"0": [1] * 101}}},
+        {
+            "M": {"scalar": 1, "n": 1},
+            "K": {"shape": [1, 10**15], "row": [], "col": [], "data": []},
+        },
+        {"M": {"scalar": 1, "n": 1}, "K": [[1.0] * 101]},
+        {"M": {"scalar": 1, "n": 1}, "K": [[1.0]] * 101},
+        {"M": {"scalar": 1, "n": 1}, "K": [[1.0]], "C": {"scalar": 0, "n": 101}},
+    ],
+)
+def test_too_many_degrees_of_freedom(system: dict[str, Any]) -> None:
+    with pytest.raises(ProblemError) as caught:
+        check(system, GRID)
+    assert caught.value.type is problems.TOO_LARGE
+    assert caught.value.errors[0].pointer == "/system"
+
+
+@pytest.mark.parametrize(
+    "frequency",
+    [
+        {"start": 1, "stop": 2, "num": 1001},
+        {"start": 1, "stop": 2, "num": 10**15},
+        {"start": 1, "stop": 2, "step": 1e-300},
+        {"values": [1.0] * 1001},
+    ],
+)
+def test_too_many_points(frequency: dict[str, Any]) -> None:
+    with pytest.raises(ProblemError) as caught:
+        check(CHAIN, frequency)
+    assert caught.value.errors[0].pointer == "/frequency"
+
+
+def test_what_is_at_the_limits_passes() -> None:
+    check({**CHAIN, "n": 100}, {"start": 1, "stop": 2, "num": 1000})
+
+
+def test_results_are_bounded_and_spectra_are_not_results() -> None:
+    large = Step(Stage.SPECTRUM, "dense", "", bytes=2.0**30)
+    limits.check_plan(Plan("kind", (large, Step(Stage.SHAPE, "sum", "", bytes=2.0**20))), SETTINGS)
+    with pytest.raises(ProblemError) as caught:
+        limits.check_plan(Plan("kind", (Step(Stage.SHAPE, "sum", "", bytes=2.0**21),)), SETTINGS)
+    assert caught.value.type is problems.TOO_LARGE
+
+
+def sweep(axes: list[dict[str, Any]], frequency: dict[str, Any] = GRID) -> SweepRequest:
+    base = {"system": CHAIN, "frequency": frequency}
+    return SweepRequest.model_validate({"kind": "impact-modes", "base": base, "axes": axes})
+
+
+def test_parameter_grids_are_bounded_with_their_numbers() -> None:
+    axes = [
+        {"path": "system.stiffness", "start": 1, "stop": 2, "num": 100},
+        {"path": "system.mass", "start": 1, "stop": 2, "num": 101},
+    ]
+    settings = SETTINGS.model_copy(update={"max_sweep_points": 10_000})
+    limits.check(sweep([axes[0], {**axes[1], "num": 100}]), settings)
+    with pytest.raises(ProblemError) as caught:
+        limits.check(sweep(axes), settings)
+    assert caught.value.type is problems.TOO_LARGE
+    assert caught.value.errors[0].pointer == "/axes"
+    assert "100 x 101 = 10100 points are more than 10000" in caught.value.errors[0].message
+
+
+def test_the_base_of_a_sweep_is_bounded_too() -> None:
+    axis = {"path": "system.stiffness", "values": [1.0]}
+    with pytest.raises(ProblemError) as caught:
+        limits.check(sweep([axis], {"start": 1, "stop": 2, "num": 1001}), SETTINGS)
+    assert caught.value.errors[0].pointer == "/base/frequency"
+
+
+def test_a_plan_without_end_is_refused(http: TestClient, request_body: dict[str, Any]) -> None:
+    request_body["frequency"] = {"start": 5e-324, "stop": 1.0, "step": 0.1}
+    for path in ("/v1/plan/impact-modes", "/v1/compute/impact-modes"):
+        answer = http.post(path, json=request_body)
+        assert answer.status_code == 422
+        assert answer.json()["errors"][0]["pointer"] == "/frequency"

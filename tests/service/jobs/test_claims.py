@@ -1,0 +1,66 @@
+"""Queries for claimable and overdue jobs, which write nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import sqlalchemy as sa
+
+from vibroimpact_service.jobs import claims
+from vibroimpact_service.jobs.database import open_database, reader
+from vibroimpact_service.jobs.records import NewJob, insert
+from vibroimpact_service.jobs.tables import jobs
+
+
+def _engine(folder: Path) -> sa.Engine:
+    return open_database(f"sqlite:///{folder / 'jobs.sqlite'}")
+
+
+def _submitted(engine: sa.Engine, **more: float) -> str:
+    new = NewJob("job_" + "1" * 32, "ann", "busy", "a" * 64, "b" * 64, 0, 5.0, False, **more)
+    with engine.begin() as connection:
+        return insert(connection, new).id
+
+
+def _claimable_and_overdue(engine: sa.Engine) -> tuple[bool, bool]:
+    with reader(engine).connect() as connection:
+        return claims.claimable(connection), claims.overdue(connection)
+
+
+def test_nothing_is_found_where_there_is_nothing(tmp_path: Path) -> None:
+    assert _claimable_and_overdue(_engine(tmp_path)) == (False, False)
+
+
+def test_a_queued_job_is_found_until_it_is_claimed_and_when_its_claim_expired(
+    tmp_path: Path,
+) -> None:
+    engine = _engine(tmp_path)
+    _submitted(engine)
+    assert _claimable_and_overdue(engine) == (True, False)
+    with engine.begin() as connection:
+        assert claims.claim(connection, "me", "bulk", 1, 1.0)
+    assert _claimable_and_overdue(engine) == (False, False)
+    with engine.begin() as connection:
+        connection.execute(jobs.update().values(claim_until=1.0))
+    assert _claimable_and_overdue(engine) == (True, False)
+
+
+def test_a_job_that_is_to_be_tried_later_is_not_found_before(tmp_path: Path) -> None:
+    engine = _engine(tmp_path)
+    job = _submitted(engine)
+    with engine.begin() as connection:
+        claims.claim(connection, "me", "bulk", 1, 1.0)
+        claims.put_back(connection, "me", [job], 1000.0)
+    assert _claimable_and_overdue(engine) == (False, False)
+    with engine.begin() as connection:
+        connection.execute(jobs.update().values(retry_at=1.0))
+    assert _claimable_and_overdue(engine) == (True, False)
+
+
+def test_a_passed_deadline_is_found(tmp_path: Path) -> None:
+    engine = _engine(tmp_path)
+    _submitted(engine, deadline=1000.0)
+    assert _claimable_and_overdue(engine)[1] is False
+    with engine.begin() as connection:
+        connection.execute(jobs.update().values(deadline=1.0))
+    assert _claimable_and_overdue(engine)[1] is True

@@ -1,0 +1,110 @@
+"""Headers, read and written, by the examples and rules of their standards."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+
+import pytest
+
+from vibroimpact_service.results import negotiate
+from vibroimpact_service.results.negotiate import HDF5, JSON, Preference, UnsatisfiableRangeError
+
+
+@pytest.mark.parametrize(
+    ("accept", "wanted"),
+    [
+        (None, JSON),
+        ("", JSON),
+        ("*/*", JSON),
+        ("application/*", JSON),
+        ("application/json", JSON),
+        ("Application/X-HDF5", HDF5),
+        ("application/json;q=0.5, application/x-hdf5", HDF5),
+        ("application/json;q=0, */*", HDF5),
+        ("application/x-hdf5;q=0.2, */*;q=0.1", HDF5),
+        ("text/html, application/json;q=0.1", JSON),
+        ("application/json; charset=utf-8", JSON),
+        ("text/html", None),
+        ("application/json;q=0", None),
+        ("application/json;q=nan", None),
+        ("application/problem+json", None),
+        (";;,,", None),
+    ],
+)
+def test_accept(accept: str | None, wanted: str | None) -> None:
+    assert negotiate.representation(accept) == wanted
+
+
+@pytest.mark.parametrize(
+    ("headers", "expected"),
+    [
+        ([], Preference()),
+        (["respond-async"], Preference(True)),
+        (["Respond-Async, wait=10"], Preference(True, 10)),
+        (["respond-async", "wait=5"], Preference(True, 5)),
+        (['wait="7"'], Preference(False, 7)),
+        (["wait=3; foo=1"], Preference(False, 3)),
+        (["wait=0"], Preference(False, 0)),
+        (["wait=1, wait=9"], Preference(False, 1)),
+        (["wait=3600"], Preference(False, negotiate.LONGEST_PREFER_WAIT)),
+        (["wait=-1, return=minimal"], Preference()),
+        (["wait=nan"], Preference()),
+        (["wait=1e9"], Preference()),
+    ],
+)
+def test_prefer(headers: list[str], expected: Preference) -> None:
+    assert negotiate.preference(headers) == expected
+
+
+def test_preference_applied_names_what_was_obeyed() -> None:
+    assert negotiate.preference(["wait=3600, respond-async"]).applied() == "respond-async, wait=20"
+    assert Preference().applied() == ""
+
+
+def test_entity_tags() -> None:
+    tag = negotiate.entity_tag("ab")
+    assert tag == '"ab"'
+    for condition in ('"ab"', 'W/"ab"', '"x", "ab"', "*", ' "ab" '):
+        assert negotiate.names(condition, tag)
+    for condition in ('"a"', "ab", ""):
+        assert not negotiate.names(condition, tag)
+
+
+@pytest.mark.parametrize(
+    ("header", "expected"),
+    [
+        (None, None),
+        ("bytes=0-0", (0, 1)),
+        ("bytes=2-5", (2, 6)),
+        ("bytes=7-", (7, 10)),
+        ("bytes=-3", (7, 10)),
+        ("bytes=-30", (0, 10)),
+        ("bytes=5-50", (5, 10)),
+        ("bytes=5-2", None),
+        ("bytes=0-1,4-5", None),
+        ("bytes=-", None),
+        ("items=0-1", None),
+        ("bytes=" + "9" * 30 + "-", None),
+    ],
+)
+def test_ranges_of_ten_bytes(header: str | None, expected: tuple[int, int] | None) -> None:
+    assert negotiate.byte_range(header, 10) == expected
+
+
+@pytest.mark.parametrize("header", ["bytes=10-", "bytes=99-100", "bytes=-0"])
+def test_ranges_beyond_the_end(header: str) -> None:
+    with pytest.raises(UnsatisfiableRangeError):
+        negotiate.byte_range(header, 10)
+
+
+def test_repr_digest() -> None:
+    sha256 = hashlib.sha256(b"data")
+    expected = base64.b64encode(sha256.digest()).decode()
+    assert negotiate.repr_digest(sha256.hexdigest()) == f"sha-256=:{expected}:"
+
+
+def test_server_timing_is_in_milliseconds() -> None:
+    assert negotiate.server_timing({"plan": 0.0015, "solve": 2}) == (
+        "plan;dur=1.500, solve;dur=2000.000"
+    )

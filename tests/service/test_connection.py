@@ -1,0 +1,177 @@
+"""Connections of slow, endless and odd peers, over real sockets."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Callable, Coroutine
+from typing import Any
+
+import pytest
+import uvicorn
+
+from vibroimpact_service.app import create_app
+from vibroimpact_service.connection import connection
+from vibroimpact_service.settings import Settings
+
+Talk = Callable[[int], Coroutine[Any, Any, None]]
+GET = b"GET /v1/health/live HTTP/1.1\r\nHost: localhost\r\n"
+
+
+@pytest.fixture
+def serve(settings: Settings, queue: Any) -> Callable[..., None]:
+    """Return the function that serves while somebody talks to a port."""
+
+    def run(talk: Talk, **limits: Any) -> None:
+        chosen = settings.model_copy(update={"hosts": ("localhost",), **limits})
+
+        async def both() -> None:
+            app, bounded = create_app(chosen, queue), connection(chosen)
+            config = uvicorn.Config(app, port=0, http=bounded, log_config=None, ws="none")
+            server = uvicorn.Server(config)
+            serving = asyncio.create_task(server.serve())
+            while not server.started:
+                await asyncio.sleep(0.01)
+            try:
+                await asyncio.wait_for(talk(server.servers[0].sockets[0].getsockname()[1]), 20)
+            finally:
+                server.should_exit = True
+                await serving
+
+        asyncio.run(both())
+
+    return run
+
+
+async def said(reader: asyncio.StreamReader) -> tuple[int, dict[str, Any]]:
+    """Return status and problem of an answer that ends with the connection."""
+    text = await reader.read()
+    head, _, body = text.partition(b"\r\n\r\n")
+    assert b"application/problem+json" in head, text
+    return int(head.split()[1]), json.loads(body)
+
+
+def test_a_header_that_does_not_end_in_time(serve: Any) -> None:
+    async def talk(port: int) -> None:
+        for opening in (b"", b"GET /a", GET + b"A: "):
+            reader, writer = await asyncio.open_connection("127.0.0.1", port)
+            writer.write(opening)
+            for _ in range(3):
+                await asyncio.sleep(0.1)
+                writer.write(b"a" if opening else b"")
+            status, problem = await said(reader)
+            assert (status, problem["code"]) == (408, "timeout")
+            writer.close()
+
+    serve(talk, header_seconds=0.4)
+
+
+def test_a_second_header_on_the_same_connection_is_timed_too(serve: Any) -> None:
+    async def talk(port: int) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(GET + b"\r\n")
+        await reader.readuntil(b"}}")
+        writer.write(b"GET /v1/he")
+        status, _ = await said(reader)
+        assert status == 408
+        writer.close()
+
+    serve(talk, header_seconds=0.4)
+
+
+@pytest.mark.parametrize("pieces", [1, 50])
+def test_a_header_that_is_too_long(serve: Any, pieces: int) -> None:
+    async def talk(port: int) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        text = GET + b"".join(b"A%d: %s\r\n" % (i, b"x" * 100) for i in range(100)) + b"\r\n"
+        size = len(text) // pieces + 1
+        for start in range(0, len(text), size):
+            writer.write(text[start : start + size])
+            await asyncio.sleep(0.005)
+        status, problem = await said(reader)
+        assert (status, problem["code"]) == (431, "header_too_large")
+        writer.close()
+
+    serve(talk, max_header_bytes=4096)
+
+
+def test_a_long_body_is_no_long_header(serve: Any) -> None:
+    async def talk(port: int) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        body = b" " * 100_000 + b"{}"
+        writer.write(
+            b"POST /v1/systems HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
+            b"Connection: close\r\nContent-Length: %d\r\n\r\n%s" % (len(body), body)
+        )
+        status, _ = await said(reader)
+        assert status == 422
+        writer.close()
+
+    serve(talk, max_header_bytes=4096)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        b"hello\r\n\r\n", b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03", b"GET\r\n\r\n",
+        b"GET / HTTP/1.1\r\nHost: localhost\r\nContent-Length: -1\r\n\r\n",
+        b"POST / HTTP/1.1\r\nContent-Length: 5\r\nTransfer-Encoding: chunked\r\n\r\n",
+        b"GET / HTTP/1.1\r\nHost : localhost\r\n\r\n", b"GET / HTTP/9.9\r\n\r\n",
+        b"GET / HTTP/1.1\r\nA: \x00\r\n\r\n",
+    ],
+)  # fmt: skip
+def test_what_is_not_http(serve: Any, text: bytes) -> None:
+    async def talk(port: int) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(text)
+        status, problem = await said(reader)
+        assert (status, problem["code"]) == (400, "bad_request")
+        writer.close()
+
+    serve(talk)
+
+
+def test_a_body_that_does_not_come(serve: Any) -> None:
+    async def talk(port: int) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(
+            b"POST /v1/systems HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
+            b'Content-Length: 100\r\n\r\n{"pre'
+        )
+        status, problem = await said(reader)
+        assert (status, problem["code"]) == (408, "timeout")
+        writer.close()
+
+    serve(talk, body_seconds=0.3)
+
+
+def test_a_peer_that_does_not_read_is_dropped(serve: Any) -> None:
+    async def talk(port: int) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port, limit=1024)
+        for _ in range(400):  # some 70 kB each
+            writer.write(b"GET /openapi.json HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        await asyncio.sleep(2.0)
+        with pytest.raises((ConnectionError, asyncio.IncompleteReadError)):
+            await reader.readexactly(2**30)
+        writer.transport.abort()
+        await asyncio.sleep(0.1)
+
+    serve(talk, body_seconds=0.5)
+
+
+def test_too_many_connections(serve: Any) -> None:
+    async def talk(port: int) -> None:
+        held = [await asyncio.open_connection("127.0.0.1", port) for _ in range(3)]
+        await asyncio.sleep(0.1)
+        reader, last = await asyncio.open_connection("127.0.0.1", port)
+        status, problem = await said(reader)
+        assert (status, problem["retryable"]) == (503, True)
+        for _, writer in [*held, (reader, last)]:
+            writer.close()
+        await asyncio.sleep(0.1)
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(GET + b"\r\n")
+        assert b"200" in await reader.readline()
+        writer.close()
+
+    serve(talk, max_connections=3)

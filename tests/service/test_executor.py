@@ -1,0 +1,189 @@
+"""Threads that compute: each result once, in time, or by the workers after all."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from vibroimpact_service.executor import Executor
+from vibroimpact_service.jobs.work import StoppedError, StopSignal, Tick
+from vibroimpact_service.settings import Settings
+from vibroimpact_service.store import StoreFullError
+
+
+def run(scenario: Any) -> Any:
+    async def bounded() -> Any:
+        async with asyncio.timeout(60):
+            return await scenario
+
+    return asyncio.run(bounded())
+
+
+def nothing(_: object) -> None:
+    """Do nothing with what was computed."""
+
+
+@pytest.fixture
+def make() -> Iterator[Callable[..., Executor]]:
+    made: list[Executor] = []
+
+    def executor(threads: int, on_submission_seconds: float = 0.02, **more: Any) -> Executor:
+        values = {"inline_threads": threads, "on_submission_seconds": on_submission_seconds, **more}
+        made.append(Executor(Settings(data=Path("unused"), **values)))
+        return made[-1]
+
+    yield executor
+    for each in made:
+        each.close()
+
+
+def test_equal_jobs_are_computed_once_while_they_are_submitted(
+    make: Callable[..., Executor],
+) -> None:
+    executor, calls, gate = make(2), [], threading.Event()
+    noted: list[object] = []
+
+    def compute(_tick: Tick) -> int:
+        calls.append(1)
+        gate.wait(10)
+        return 7
+
+    async def scenario() -> list[bool | None]:
+        waiting = [
+            asyncio.ensure_future(executor.on_submission("r", compute, noted.append))
+            for _ in range(50)
+        ]
+        await asyncio.sleep(0.01)
+        assert executor.running("r")
+        gate.set()
+        return await asyncio.gather(*waiting)
+
+    assert run(scenario()) == [False] + [True] * 49
+    assert len(calls) == 1
+    assert noted == [7]
+
+
+def test_what_takes_longer_is_given_up_and_holds_its_thread_until_it_stopped(
+    make: Callable[..., Executor],
+) -> None:
+    executor, ended = make(1), threading.Event()
+
+    def compute(tick: Tick) -> None:
+        try:
+            while True:
+                time.sleep(0.005)
+                tick(0, 1)
+        except StoppedError:
+            ended.set()
+            raise
+
+    async def scenario() -> None:
+        assert await executor.on_submission("r", compute, nothing) is None
+        await asyncio.to_thread(ended.wait, 10)
+        while executor.running("r"):
+            await asyncio.sleep(0.01)
+
+    run(scenario())
+    assert ended.is_set()
+
+
+def test_a_late_job_does_not_stop_a_computation_that_others_wait_for(
+    make: Callable[..., Executor],
+) -> None:
+    executor, gate = make(1), threading.Event()
+
+    def compute(tick: Tick) -> str:
+        while not gate.wait(0.005):
+            tick(0, 1)
+        return "done"
+
+    async def scenario() -> tuple[str, bool]:
+        job = asyncio.ensure_future(executor.on_submission("r", compute, nothing))
+        await asyncio.sleep(0.01)
+        inline = asyncio.ensure_future(executor.once("r", compute, nothing))
+        assert await job is None
+        gate.set()
+        return await inline
+
+    assert run(scenario()) == ("done", True)
+
+
+def test_what_overruns_is_stopped_for_all_who_wait(make: Callable[..., Executor]) -> None:
+    executor = make(1, inline_overrun_seconds=0.05)
+
+    def compute(tick: Tick) -> None:
+        while True:
+            time.sleep(0.005)
+            tick(0, 1)
+
+    async def scenario() -> list[Any]:
+        waiting = (executor.once("r", compute, nothing) for _ in range(3))
+        return await asyncio.gather(*waiting, return_exceptions=True)
+
+    assert [type(each) for each in run(scenario())] == [StoppedError] * 3
+
+
+def test_failures_go_to_the_workers_but_a_full_store_is_told(
+    make: Callable[..., Executor],
+) -> None:
+    executor = make(1)
+
+    def fail(error: Exception) -> Callable[[Tick], None]:
+        def compute(_tick: Tick) -> None:
+            raise error
+
+        return compute
+
+    async def scenario() -> None:
+        assert await executor.on_submission("r", fail(ValueError("wrong")), nothing) is None
+        error = StoreFullError(28, "the store is full")
+        with pytest.raises(StoreFullError):
+            await executor.on_submission("s", fail(error), nothing)
+
+    run(scenario())
+
+
+def test_few_jobs_wait_to_be_computed_and_only_small_ones(make: Callable[..., Executor]) -> None:
+    executor, gate = make(1), threading.Event()
+    assert executor.accepts(0.019)
+    assert not executor.accepts(0.02)
+    assert not make(1, 0.0).accepts(0.0)
+
+    async def scenario() -> list[bool | None]:
+        many = [
+            asyncio.ensure_future(
+                executor.on_submission(str(i), lambda _tick: gate.wait(10), nothing)
+            )
+            for i in range(40)
+        ]
+        await asyncio.sleep(0.01)
+        assert not executor.accepts(0.001)
+        gate.set()
+        return await asyncio.gather(*many)
+
+    done = [shared is not None for shared in run(scenario())]
+    assert 0 < sum(done) < 40
+
+
+def test_a_signal_stops_after_its_time_when_told_or_when_given_up() -> None:
+    signal = StopSignal(0.02)
+    time.sleep(0.03)
+    signal(0, 1)  # the time begins with the first progress
+    time.sleep(0.03)
+    with pytest.raises(StoppedError):
+        signal(1, 1)
+    signal = StopSignal()
+    signal(0, 1)
+    signal.stop()
+    with pytest.raises(StoppedError):
+        signal(0, 1)
+    signal = StopSignal(cancelled=lambda: True)
+    time.sleep(0.06)
+    with pytest.raises(StoppedError):
+        signal(0, 1)
