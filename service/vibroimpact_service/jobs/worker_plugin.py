@@ -10,10 +10,10 @@ from distributed import WorkerPlugin
 
 from vibroimpact_service.jobs.work import StopSignal
 
-_assigned: Final[set[str]] = set()
-"""Keys of the calls that the scheduler wants this process to execute now."""
 _running: Final[set[str]] = set()
 """Keys of the calls that threads of this process execute."""
+_cancelled: Final[set[str]] = set()
+"""Keys of those among them that the scheduler does not want any more."""
 
 
 class ServicePlugin(WorkerPlugin):  # type: ignore[misc]
@@ -37,19 +37,22 @@ class ServicePlugin(WorkerPlugin):  # type: ignore[misc]
 
     def transition(self, key: Any, start: str, finish: str, **_: Any) -> None:
         """Take note of a new state of a call."""
+        # What counts is that a call was taken away, not that it was never seen to be assigned:
+        # a worker may execute calls of a scheduler that restarted before it has this plugin.
         if finish == "executing":
-            _assigned.add(key)
-        elif start == "executing":
-            _assigned.discard(key)
+            _cancelled.discard(key)
+        elif start == "executing" and key in _running:
+            _cancelled.add(key)
 
 
 def execute(function: Callable[..., Any], key: str, *args: Any) -> Any:
     """Call a function in a worker, with a `StopSignal` for a cancelled call as last argument."""
     _running.add(key)
     try:
-        return function(*args, StopSignal(cancelled=lambda: key not in _assigned))
+        return function(*args, StopSignal(cancelled=lambda: key in _cancelled))
     finally:
         _running.discard(key)
+        _cancelled.discard(key)
 
 
 def running_calls() -> list[str]:

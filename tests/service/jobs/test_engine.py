@@ -13,8 +13,9 @@ from typing import Any
 
 import pytest
 
+from vibroimpact_service.jobs import worker_plugin
 from vibroimpact_service.jobs.engine import BULK, FAST, Call, Engine
-from vibroimpact_service.jobs.work import Tick, WorkerLostError
+from vibroimpact_service.jobs.work import StoppedError, Tick, WorkerLostError, nothing
 from vibroimpact_service.settings import Settings
 
 
@@ -109,3 +110,24 @@ def test_a_cancelled_call_that_does_not_stop_loses_its_worker(bench: Bench, tmp_
 def test_a_call_that_kills_its_worker_fails_and_the_worker_is_replaced(bench: Bench) -> None:
     assert isinstance(bench.outcome(BULK, die), WorkerLostError)
     assert bench.outcome(FAST, double, 4) == 8
+
+
+def test_a_call_is_stopped_where_it_was_taken_away_and_not_before() -> None:
+    # A worker that has joined a restarted scheduler executes calls before it has the plugin, which
+    # therefore never sees that they are assigned.
+    plugin = worker_plugin.ServicePlugin(nothing)
+    ticks = []
+
+    def work(tick: Tick) -> None:
+        for i in range(3):
+            time.sleep(0.06)  # longer than the interval at which a signal looks
+            tick(i, 3)
+            ticks.append(i)
+            if i == 1:
+                plugin.transition("late", "executing", "cancelled")
+
+    with pytest.raises(StoppedError):
+        worker_plugin.execute(work, "late")
+    assert ticks == [0, 1]
+    worker_plugin.execute(work, "other")
+    assert ticks == [0, 1, 0, 1, 2]
