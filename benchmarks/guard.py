@@ -31,11 +31,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 from unittest import mock
-
-if TYPE_CHECKING:
-    from benchmarks.tables import Table
 
 TOLERANCE: Final = 1.03
 """Times the usual number of instructions at which the guard fails."""
@@ -260,25 +257,6 @@ def _in_child(name: str, work: Callable[[], object]) -> None:
         os._exit(0)
     os.waitpid(child, 0)
     print(child, name, flush=True)
-
-
-def instructions() -> Table:
-    """Count the instructions of the watched kernels; what a change must not raise by 3 %."""
-    from benchmarks.tables import Goal, Table
-
-    known, tolerance = usual()
-    rows = [
-        (name, count, known.get(name), tolerance * known[name] if name in known else None)
-        for name, count in Checkout().counts().items()
-    ]
-    return Table(
-        "Instructions of the watched kernels",
-        ("kernel", "instructions", "usual", "at most"),
-        rows,
-        "By valgrind, compiled for vectors of 256 bits. The guard, a part of the checks that every "
-        "change passes, fails beyond the last column.",
-        Goal("instructions", "at most"),
-    )
 
 
 def main() -> int:

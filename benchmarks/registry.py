@@ -93,8 +93,6 @@ BENCHMARKS: Final[tuple[Benchmark, ...]] = (
         "against numpy",
         (
             "peers.ahead.ahead",
-            "peers.against_heyoka.against_heyoka",
-            "peers.against_heyoka.long_motions",
             "peers.ahead.rest",
             "error_against_time.impact_modes.against_numpy",
         ),
@@ -105,9 +103,7 @@ BENCHMARKS: Final[tuple[Benchmark, ...]] = (
         "run time and error of every method, from loose to tight tolerances",
         (
             "error_against_time.time_histories.time_histories",
-            "error_against_time.time_histories.ten_million_impacts",
             "error_against_time.impact_modes.impulses",
-            "error_against_time.impact_modes.localized_shapes",
             "error_against_time.existence_bands.bands_by_scans",
             "error_against_time.slow_flows.slow_flow_variants",
         ),
@@ -123,41 +119,32 @@ BENCHMARKS: Final[tuple[Benchmark, ...]] = (
         "Scaling",
         "cost against size, frequencies, impacts and threads; memory; large structures",
         (
-            "scaling.impulse_per_frequency",
             "scaling.size",
             "scaling.modes",
             "scaling.frequencies",
             "scaling.impacts",
             "scaling.threads",
-            "scaling.memory",
-            "large.large",
-            "large.partial_spectrum",
+            "memory.memory",
+            "scaling.large",
         ),
     ),
     Benchmark(
         "service",
         "Service",
-        "answers over HTTP, concurrent clients, jobs, memory and idling",
+        "answers over HTTP, concurrent clients, small jobs and a cold start",
         (
             "service.answers.answers",
             "service.answers.clients",
             "service.answers.concurrent_clients",
-            "service.answers.large_results",
-            "service.answers.estimates",
             "service.jobs.small_jobs",
-            "service.jobs.chunks_of_jobs",
-            "service.jobs.workers",
-            "service.jobs.scheduler",
-            "service.upkeep.starts",
-            "service.upkeep.upkeep",
+            "service.answers.starts",
         ),
     ),
     Benchmark(
         "bounds",
-        "Guard and lower bounds",
-        "instructions of the watched kernels, and their time over the least that the hardware "
-        "allows",
-        ("guard.instructions", "bounds.bounds"),
+        "Lower bounds",
+        "time of the kernels that matter over the least that the hardware allows",
+        ("bounds.bounds",),
     ),
 )
 
@@ -168,7 +155,7 @@ def named(names: Sequence[str]) -> tuple[Part, ...]:
     Parameters
     ----------
     names : sequence of str
-        Such as ``scaling``, or ``scaling.memory`` for one of its tables.
+        Such as ``scaling``, or ``memory.memory`` for one of its tables.
 
     Raises
     ------

@@ -1,21 +1,16 @@
-"""How costs grow with size, frequencies, impacts and threads; memory."""
+"""How costs grow with size, frequencies, impacts and threads; large structures."""
 
 from __future__ import annotations
 
-import json
 import os
-import subprocess
-import sys
 import time
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks import peaks
 from benchmarks.cases import chain, grid, random_structure, solve, uneven_chain
-from benchmarks.harness import LONGEST, Work, measure
+from benchmarks.harness import Work, measure
 from benchmarks.peers import ours
 from benchmarks.peers.cases import from_mode
 from benchmarks.tables import Goal, Plot, Table, Trend
@@ -23,24 +18,6 @@ from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.spectrum import methods
 
 _MICRO = 1e6
-
-
-def impulse_per_frequency() -> Table:
-    """One impulse p(omega) of the chain struck at one mass, on one core.
-
-    It is all that a caller of the solvers waits for, planning and error statement included.
-    """
-    rows: list[tuple[Any, ...]] = []
-    for n, points, goal in ((13, 20_000, 0.2), (100, 10_000, 0.4), (1000, 2000, 5.0)):
-        work = partial(solve, chain(n), grid(0.2, 3.0, points))
-        rows.append((n, measure(work=work)["work"].processor / points * _MICRO, goal))
-    return Table(
-        "One impulse p(ω), one constraint, one core",
-        ("N", "solve [µs]", "goal [µs]"),
-        rows,
-        "Time of the processor.",
-        Goal("solve [µs]", "goal [µs]"),
-    )
 
 
 def size() -> Table:
@@ -183,43 +160,30 @@ def impacts() -> Table:
     )
 
 
-def memory() -> Table:
-    """Measure the largest memory of one problem each, beside what the libraries take.
+def large() -> Table:
+    """Large structures and long grids: what the planner makes of them."""
+    rows: list[tuple[Any, ...]] = []
 
-    Expected: no more than the matrices, which are quadratic in N; linear in the frequencies,
-    which are the result; and nearly flat for long motions, which are stored window by window:
-    ten times as many times take less than twice as much.
-    """
-    if not Path("/proc/self/status").exists():
-        raise RuntimeError("the system does not tell the memory of a process")
-    peak = json.loads(_run([sys.executable, "-m", "benchmarks.peaks"]))
-    x, y, by = "size", "memory [MB]", "what grows"
+    def add(problem: str, outputs: str, goal: float | None, work: Work, rounds: int = 5) -> None:
+        timing = measure(rounds=rounds, work=work)["work"]
+        rows.append((problem, outputs, timing.wall, timing.processor, goal))
+
+    bulk, dense, long = chain(100), random_structure(2000, 1), uneven_chain(100_000, 2)
+    add("chain N=100, 10⁵ frequencies", "impulse", 0.1, partial(solve, bulk, grid(0.2, 3.0, 10**5)))
+    start, used = time.perf_counter(), time.process_time()
+    solve(dense, grid(0.5, 0.6, 2))
+    once = time.perf_counter() - start, time.process_time() - used
+    rows.append(("full M and K, N=2000: all natural modes", "", *once, None))
+    add("… then 10³ frequencies", "impulse", 1.0, partial(solve, dense, grid(0.3, 4.0, 1000)))
+    Omega, title = grid(2.6, 6.0, 20), "tridiagonal, N=10⁵, above Ω_N by the series"
+    add(f"{title}: one frequency", "impulse", 1.0, partial(solve, long, Omega[:1]))
+    add(f"{title}: 20 frequencies", "impulse", 1.0, partial(solve, long, Omega))
+    exist = partial(solve, long, Omega, frozenset({"impulse", "exists"}))
+    add(f"{title}: 20 frequencies", "impulse, existence", 1.0, exist, rounds=3)
     return Table(
-        "Memory",
-        (by, x, y),
-        [tuple(row) for row in peak["rows"]],
-        f"Chain with one constraint, the result included; beside {peak['before']:.0f} MB of "
-        "libraries and kernels.",
-        plots=(Plot(x, y, by=by),),
-        trends=(
-            Trend(x, y, 2.1, by, (peaks.FULL,)),
-            Trend(x, y, 1.1, by, (peaks.CHAIN,)),
-            Trend(x, y, 1.15, by, (peaks.FREQUENCIES,)),
-            Trend(x, y, 0.25, by, (peaks.TIMES,)),
-        ),
+        "Large structures",
+        ("problem", "outputs", "clock [s]", "processor [s]", "goal [s]"),
+        rows,
+        "Medians; the natural modes are computed once and kept.",
+        Goal("processor [s]", "goal [s]"),
     )
-
-
-def _run(command: list[str], **environment: str) -> str:
-    done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, **environment},
-        cwd=Path(__file__).parent.parent,
-        timeout=LONGEST,
-    )
-    if done.returncode:
-        raise RuntimeError(f"{' '.join(command)[:100]}: {done.stderr[-1000:]}")
-    return done.stdout

@@ -1,4 +1,4 @@
-"""Impact modes: run time against error, localized shapes, and the plain sum in numpy."""
+"""Impact modes: run time against error, and the plain sum in numpy."""
 
 from __future__ import annotations
 
@@ -140,48 +140,3 @@ def _relative(values: Any, exact: list[Any]) -> Floats:
         ]
     # A result may agree to the last bit; a logarithmic plot wants a number.
     return np.maximum(np.array(errors, dtype=np.float64), 1e-18)
-
-
-def localized_shapes() -> Table:
-    """Displacements of localized modes entry by entry, the smallest 1e-18 of the largest.
-
-    Against a solution of the boundary value problem by mpmath with 60 digits.
-    """
-    rows: list[tuple[Any, ...]] = []
-    system, n = chain(13), 13
-    natural = spectrum.spectrum(system)
-    E, place = natural.modes, struck(n)
-    for multiple in (0.7, 1.01, 1.5, 5.0, 25.0):
-        Omega = np.array([multiple * natural.largest_frequency])
-        exact = _extended_shape(n, float(Omega[0]))
-        gamma = natural.roots / (Omega * (2.0 / np.pi))
-        x = (E * E[place] * np.tan(gamma) / gamma).sum(axis=1)
-        plain_error = _relative(x * GAP / x[place], exact)
-        shape = solve(system, Omega, frozenset({"shape"})).shape
-        assert shape is not None
-        error = _relative(shape[0], exact)
-        smallest = float(min(abs(x) for x in exact) / GAP)
-        rows.append(("Vibroimpact", multiple, smallest, float(error.max()), 1e-12))
-        rows.append(("plain sum, numpy", multiple, smallest, float(plain_error.max()), None))
-    rows.sort(key=lambda row: row[0])
-    return Table(
-        "Entries of localized shapes",
-        ("method", "Ω/Ω_N", "smallest entry", "error", "goal"),
-        rows,
-        "Largest relative error of any of the 13 displacements.",
-        Goal("error", "goal"),
-        (Plot("smallest entry", "error", by="method"),),
-    )
-
-
-def _extended_shape(n: int, Omega: float) -> list[Any]:
-    with mpmath.workdps(60):
-        size, place = mpmath.mpf(n + 1), struck(n) + 1
-        omega = 2 * mpmath.mpf(Omega) / mpmath.pi
-        x = [mpmath.mpf(0)] * n
-        for j in range(1, n + 1):
-            gamma = 2 * mpmath.sin(j * mpmath.pi / (2 * size)) / omega
-            weight = mpmath.sin(place * j * mpmath.pi / size) * mpmath.tan(gamma) / gamma
-            for i in range(n):
-                x[i] += mpmath.sin((i + 1) * j * mpmath.pi / size) * weight
-        return [mpmath.mpf(GAP) * value / x[place - 1] for value in x]

@@ -1,20 +1,12 @@
-"""Time histories: all integrators from loose to tight tolerances, and ten million impacts."""
+"""Time histories: all integrators from loose to tight tolerances."""
 
 from __future__ import annotations
 
-import math
-import time
 from typing import Any
-
-import mpmath
-import numpy as np
 
 from benchmarks.peers.ahead import CAP, compared
 from benchmarks.peers.integrators import settings
 from benchmarks.tables import Plot, Table
-from vibroimpact_solvers import presets, time_history
-from vibroimpact_solvers.model import Constraint
-from vibroimpact_solvers.time_history import Problem, State
 
 
 def time_histories() -> Table:
@@ -50,34 +42,4 @@ def time_histories() -> Table:
         f"are missed, integrators that can are run again with steps short enough for the motion; "
         f"no number: impacts are missing. A run that takes {CAP:g} s is an integrator's last.",
         plots=(Plot("time [ms]", "error", by="integrator", panel="case"),),
-    )
-
-
-def ten_million_impacts() -> Table:
-    """Follow one motion through ten million impacts: time, energy, and the last impact."""
-    count = 10**7
-    with mpmath.workdps(40):
-        half = mpmath.asin(mpmath.mpf(1) / 5)
-        end, last = float(2 * half * count), half * (2 * count - 1)
-    system = presets.oscillator([Constraint.at(0, 1.0)], 1.0)
-    state = State(np.zeros(1), np.array([5.0]))
-    problem = Problem(system, state, end, estimate=False)
-    motion = time_history.prepare(problem, time_history.plan(problem))
-    motion.solve()
-    start = time.process_time()
-    result = motion.solve()
-    seconds = time.process_time() - start
-    assert result.impact_time is not None
-    assert result.impact_velocity is not None
-    row = (
-        result.count_impacts,
-        seconds / result.count_impacts * 1e6,
-        abs(float(result.impact_time[-1] / last - 1)),
-        float(np.abs(np.abs(result.impact_velocity) / math.sqrt(24.0) - 1.0).max()),
-    )
-    return Table(
-        "Ten million impacts",
-        ("impacts", "[µs/impact]", "error of the last time", "largest error of a velocity"),
-        [row],
-        "Elastic oscillator between walls; errors are relative, times known to 40 digits.",
     )

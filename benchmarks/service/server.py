@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import http.client
 import json
 import os
 import signal
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
+
+from httpx2 import Client, Response
 
 from benchmarks.service.requests import COMPUTE
 
@@ -26,21 +26,8 @@ _STOPPING: Final = 30.0
 _MEBI: Final = 1024.0  # kibibytes
 
 
-class Answer(NamedTuple):
-    """What the service answered."""
-
-    status: int
-    headers: Mapping[str, str]
-    body: bytes
-
-    @property
-    def document(self) -> Any:
-        """What JSON says."""
-        return json.loads(self.body)
-
-
 class Server:
-    """A service and one connection for each thread to it.
+    """A service, and a client of it.
 
     Parameters
     ----------
@@ -77,7 +64,7 @@ class Server:
                 stderr=log,
                 start_new_session=True,
             )
-        self._local = threading.local()
+        self._client = Client(timeout=PATIENCE)
         try:
             self._wait()
         except BaseException:
@@ -92,63 +79,40 @@ class Server:
                 raise RuntimeError(f"no service: {(self.data / 'log').read_text()[-2000:]}")
             if note.exists():
                 self.url = str(json.loads(note.read_text())["url"])
-                if self.ask("GET", "/v1/health/ready").status == 200:
+                if self.ask("GET", "/v1/health/ready").status_code == 200:
                     return
             time.sleep(0.05)
 
-    def connection(self) -> http.client.HTTPConnection:
-        """Return the connection of this thread."""
-        connection: http.client.HTTPConnection | None = getattr(self._local, "connection", None)
-        if connection is None:
-            address = self.url.removeprefix("http://")
-            connection = http.client.HTTPConnection(address, timeout=PATIENCE)
-            self._local.connection = connection
-        return connection
-
-    def ask(
-        self, method: str, path: str, content: Any = None, headers: Mapping[str, str] | None = None
-    ) -> Answer:
+    def ask(self, method: str, path: str, content: Any = None) -> Response:
         """Return an answer."""
-        body = None if content is None else json.dumps(content).encode()
-        fields = {"Content-Type": "application/json", **(headers or {})}
-        connection = self.connection()
-        try:
-            connection.request(method, path, body, fields)
-            answer = connection.getresponse()
-        except (http.client.RemoteDisconnected, BrokenPipeError, ConnectionResetError):
-            # It was idle for too long.
-            connection.close()
-            connection.request(method, path, body, fields)
-            answer = connection.getresponse()
-        received = {name.lower(): value for name, value in answer.getheaders()}
-        return Answer(answer.status, received, answer.read())
+        return self._client.request(method, self.url + path, json=content)
 
-    def answered(self, method: str, path: str, content: Any = None, status: int = 200) -> Answer:
+    def answered(self, method: str, path: str, content: Any = None, status: int = 200) -> Response:
         """Return an answer that must have a status."""
         answer = self.ask(method, path, content)
-        if answer.status != status:
-            raise RuntimeError(f"{path}: {answer.status} {answer.body[:500]!r}")
+        if answer.status_code != status:
+            raise RuntimeError(f"{path}: {answer.status_code} {answer.text[:500]}")
         return answer
 
-    def stored(self, content: Any) -> Answer:
+    def stored(self, content: Any) -> Response:
         """Return an answer for impact modes whose result is stored.
 
         Where kernels must be compiled first, the first one becomes a job.
         """
-        while (answer := self.ask("POST", COMPUTE, content)).status == 202:
-            self.done(answer.document["id"])
-        if answer.status != 200:
-            raise RuntimeError(answer.body[:500])
+        while (answer := self.ask("POST", COMPUTE, content)).status_code == 202:
+            self.done(answer.json()["id"])
+        if answer.status_code != 200:
+            raise RuntimeError(answer.text[:500])
         return answer
 
     def job(self, content: Any) -> str:
         """Submit a job for impact modes and return its id."""
         job = {"kind": "impact-modes", "request": content}
-        return str(self.answered("POST", "/v1/jobs", job, 201).document["id"])
+        return str(self.answered("POST", "/v1/jobs", job, 201).json()["id"])
 
     def done(self, job: str) -> None:
         """Wait for a job."""
-        while not (document := self.ask("GET", f"/v1/jobs/{job}?wait=20").document)["final"]:
+        while not (document := self.ask("GET", f"/v1/jobs/{job}?wait=20").json())["final"]:
             continue
         if document["state"] != "succeeded":
             raise RuntimeError(document)
@@ -159,17 +123,16 @@ class Server:
 
     def memory(self) -> float:
         """Return mebibytes of the process that serves."""
-        return status(self.process.pid, "VmRSS")
+        words = Path(f"/proc/{self.process.pid}/status").read_text().split("VmRSS:")[1].split()
+        return int(words[0]) / _MEBI
 
     def memory_of_all(self) -> float:
         """Return mebibytes of all processes, pages that several share divided among them."""
         total = 0
         for process in self.processes():
-            try:
+            with suppress(OSError):
                 lines = Path(f"/proc/{process}/smaps_rollup").read_text().splitlines()
-            except OSError:
-                continue
-            total += sum(int(line.split()[1]) for line in lines if line.startswith("Pss:"))
+                total += sum(int(line.split()[1]) for line in lines if line.startswith("Pss:"))
         return total / _MEBI
 
     def processor(self) -> float:
@@ -178,9 +141,7 @@ class Server:
 
     def stop(self) -> None:
         """Stop it, and leave no process of it behind."""
-        connection = getattr(self._local, "connection", None)
-        if connection is not None:
-            connection.close()
+        self._client.close()
         with suppress(ProcessLookupError):
             self.process.terminate()
         try:
@@ -197,36 +158,6 @@ class Server:
                     os.kill(process, signal.SIGKILL)
 
 
-class Bare:
-    """A process of `benchmarks.service.bare`: it only answers, or has idle workers of Dask.
-
-    Parameters
-    ----------
-    kind : str
-    size : int
-        Bytes of an answer, or the number of workers.
-    """
-
-    def __init__(self, kind: str, size: int) -> None:
-        command = [sys.executable, "-m", "benchmarks.service.bare", kind, str(size)]
-        self._process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, text=True, start_new_session=True
-        )
-
-    def __enter__(self) -> Bare:
-        assert self._process.stdout is not None
-        self.url = self._process.stdout.readline().strip()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._process.terminate()
-        self._process.communicate()
-
-    def processor(self) -> float:
-        """Return the seconds of processor time that it and its workers have spent."""
-        return seconds(session(self._process.pid))
-
-
 @contextmanager
 def running(workers: int = 1, environment: Mapping[str, str] | None = None) -> Iterator[Server]:
     """Give a service on an empty folder."""
@@ -240,39 +171,20 @@ def running(workers: int = 1, environment: Mapping[str, str] | None = None) -> I
 
 def session(leader: int) -> list[int]:
     """Return the ids of the processes of a session that have not ended."""
-    return [
-        process
-        for process, fields in _stats()
-        if int(fields[3]) == leader and fields[0] not in "ZX"
-    ]
-
-
-def children(process: int) -> list[int]:
-    """Return the ids of all processes below one."""
-    below = [child for child, fields in _stats() if int(fields[1]) == process]
-    return below + [each for child in below for each in children(child)]
-
-
-def _stats() -> Iterator[tuple[int, list[str]]]:
-    """Yield processes and their fields of ``/proc/*/stat`` from the state on."""
+    alive = list[int]()
     for stat in Path("/proc").glob("[0-9]*/stat"):
         with suppress(OSError):
-            yield int(stat.parent.name), stat.read_text().rpartition(")")[2].split()
-
-
-def status(process: int, field: str) -> float:
-    """Return mebibytes that ``/proc/*/status`` tells of a process."""
-    words = Path(f"/proc/{process}/status").read_text().split(f"{field}:")[1].split()
-    return int(words[0]) / _MEBI
+            fields = stat.read_text().rpartition(")")[2].split()
+            if int(fields[3]) == leader and fields[0] not in "ZX":
+                alive.append(int(stat.parent.name))
+    return alive
 
 
 def seconds(processes: list[int]) -> float:
     """Return the processor time that some processes have spent."""
     ticks = 0
     for process in processes:
-        try:
+        with suppress(OSError):
             fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-        except OSError:
-            continue
-        ticks += int(fields[11]) + int(fields[12])
+            ticks += int(fields[11]) + int(fields[12])
     return ticks / os.sysconf("SC_CLK_TCK")
