@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import asyncio
 import ipaddress
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import TypeVar
 
-from sqlalchemy.engine import Connection, Engine, make_url
+from sqlalchemy.engine import make_url
 
 from vibroimpact_service import problems
 from vibroimpact_service.access import keys, records
-from vibroimpact_service.access.caller import LOCAL, Caller
+from vibroimpact_service.access.caller import LOCAL, Caller, Scope
 from vibroimpact_service.access.tokens import IssuerUnavailableError, TokenError, Tokens
 from vibroimpact_service.jobs.database import connect, failing, reader
+from vibroimpact_service.jobs.record_access import RecordAccess
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
-
-Value = TypeVar("Value")
 
 _CHALLENGE = {"WWW-Authenticate": 'Bearer realm="vibroimpact"'}
 
@@ -34,14 +30,6 @@ def loopback(host: str) -> bool:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return host == "localhost"
-
-
-def open_records(settings: Settings) -> Engine:
-    """Return the database of the keys, with its tables brought up to date."""
-    engine = connect(settings.database_url)
-    with failing():
-        records.prepare(engine)
-    return engine
 
 
 def keys_needed(settings: Settings) -> bool:
@@ -88,7 +76,7 @@ class Authenticator:
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
-        self._engine: Engine | None = None
+        self._records: RecordAccess | None = None
         self._tokens: Tokens | None = None
         self.keys_required = False
         """Whether callers need a key; known once started."""
@@ -105,17 +93,30 @@ class Authenticator:
         self.keys_required = await asyncio.to_thread(keys_needed, settings)
         if not self.keys_required:
             return
-        self._engine = await asyncio.to_thread(open_records, settings)
-        self._threads = ThreadPoolExecutor(4, "keys")
+        database = await asyncio.to_thread(records.open_keys, settings.database_url)
+        self._records = RecordAccess(database)
         if settings.oidc_issuer is not None:
             prefix = settings.oidc_scope_prefix
             self._tokens = Tokens(settings.oidc_issuer, settings.oidc_audience, prefix)
 
     async def close(self) -> None:
         """Close the records."""
-        if self._engine is not None:
-            self._threads.shutdown()
-            self._engine.dispose()
+        if self._records is not None:
+            await asyncio.to_thread(self._records.close)
+
+    @property
+    def records(self) -> RecordAccess:
+        """The records of keys.
+
+        Raises
+        ------
+        ProblemError
+            404 where the service runs without keys.
+        """
+        if self._records is None:
+            detail = "The service runs without keys; start it with VIBROIMPACT_ACCESS=keys."
+            raise ProblemError(problems.NOT_FOUND, detail)
+        return self._records
 
     async def caller(self, authorization: str | None) -> Caller:
         """Return the caller that an Authorization header names.
@@ -149,34 +150,12 @@ class Authenticator:
 
     async def _of_key(self, name: str, secret: str) -> Caller:
         # Read anew each time: a revoked key is refused at once, by every replica.
-        row = await self.read(lambda connection: records.find(connection, name))
+        row = await self.records.read(records.find, name)
         if row is None or not keys.same(secret, row.hash) or not row.valid:
             raise _unauthenticated("The key is unknown, revoked or expired.")
-        return Caller(row.owner, f"key-{row.id}", row.scopes, row.allowance)
-
-    async def read(self, query: Callable[[Connection], Value]) -> Value:
-        """Return what a query of the records of keys returns."""
-        return await self._run(query, writing=False)
-
-    async def write(self, change: Callable[[Connection], Value]) -> Value:
-        """Change the records of keys."""
-        return await self._run(change, writing=True)
-
-    async def _run(self, operation: Callable[[Connection], Value], *, writing: bool) -> Value:
-        engine = self._engine
-        if engine is None:
-            detail = "The service runs without keys; start it with VIBROIMPACT_ACCESS=keys."
-            raise ProblemError(problems.NOT_FOUND, detail)
-
-        def run() -> Value:
-            with failing():
-                if writing:
-                    with engine.begin() as connection:
-                        return operation(connection)
-                with reader(engine).connect() as connection:
-                    return operation(connection)
-
-        return await asyncio.get_running_loop().run_in_executor(self._threads, run)
+        scopes = frozenset(Scope(name) for name in row.scopes.split())
+        limits = row.requests_per_minute, row.seconds_per_hour
+        return Caller(row.owner, f"key-{row.id}", scopes, *limits)
 
 
 def _unauthenticated(detail: str) -> ProblemError:

@@ -13,7 +13,7 @@ from limits.limits import RateLimitItem
 from limits.storage import storage_from_string
 
 from vibroimpact_service import problems
-from vibroimpact_service.access.caller import LOCAL, Allowance, Caller
+from vibroimpact_service.access.caller import LOCAL, Caller
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
 from vibroimpact_solvers.plan import Plan
@@ -28,7 +28,7 @@ class Budget:
     Parameters
     ----------
     settings : Settings
-        With the allowance of keys without their own, and where to count: in this process, or
+        With the limits of keys without their own, and where to count: in this process, or
         in a Redis that replicas share.
     """
 
@@ -48,7 +48,7 @@ class Budget:
         ProblemError
             429 if there were too many.
         """
-        most = self._allowance(caller).requests_per_minute
+        most, _ = self._limits(caller)
         if most is None:
             return {}
         window = RateLimitItemPerMinute(most, 1, "requests")
@@ -76,7 +76,7 @@ class Budget:
         if seconds > longest:
             detail = f"{cost}; a single computation may cost {longest:g} s."
             raise ProblemError(problems.TOO_COSTLY, detail)
-        most = self._allowance(caller).seconds_per_hour
+        _, most = self._limits(caller)
         if most is None:
             return {}
         if seconds > most:
@@ -96,8 +96,7 @@ class Budget:
 
     def free(self, caller: Caller, seconds: float) -> bool:
         """Whether `spend` does nothing for computations of up to that price."""
-        unlimited = self._allowance(caller).seconds_per_hour is None
-        return unlimited and seconds <= self._settings.max_job_seconds
+        return self._limits(caller)[1] is None and seconds <= self._settings.max_job_seconds
 
     async def failed(self, address: str) -> None:
         """Count a request without a valid key from an address.
@@ -109,17 +108,17 @@ class Budget:
         """
         if not await self._windows.hit(_FAILURES, address):
             stats = await self._windows.get_window_stats(_FAILURES, address)
-            wait = _seconds_to(stats.reset_time)
+            wait = _whole(stats.reset_time - time.time())
             detail = f"Too many requests without a valid key; ask again in {wait} s."
             raise ProblemError(problems.TOO_MANY, detail, headers={"Retry-After": str(wait)})
 
-    def _allowance(self, caller: Caller) -> Allowance:
+    def _limits(self, caller: Caller) -> tuple[int | None, float | None]:
+        """Return the requests per minute and seconds per hour of a caller; None: unlimited."""
         if caller is LOCAL:
-            return caller.allowance
-        own, settings = caller.allowance, self._settings
-        return Allowance(
-            own.requests_per_minute or settings.requests_per_minute,
-            own.seconds_per_hour or settings.seconds_per_hour,
+            return None, None
+        return (
+            caller.requests_per_minute or self._settings.requests_per_minute,
+            caller.seconds_per_hour or self._settings.seconds_per_hour,
         )
 
     async def _headers(
@@ -153,10 +152,6 @@ def _wait(
         return _whole(excess * length / before)
     fading = length * (1.0 - (most - cost) / here) if here else 0.0
     return _whole(rest + max(0.0, fading))
-
-
-def _seconds_to(moment: float) -> int:
-    return _whole(moment - time.time())
 
 
 def _whole(seconds: float) -> int:

@@ -1,4 +1,4 @@
-"""Callers: their owner, their scopes and their allowance."""
+"""Callers: their owner, their scopes and their limits."""
 
 from __future__ import annotations
 
@@ -21,24 +21,6 @@ class Scope(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Allowance:
-    """Rate limit and computing quota; None: unlimited.
-
-    Parameters
-    ----------
-    requests_per_minute : int, optional
-    seconds_per_hour : float, optional
-        Planned computing time.
-    """
-
-    requests_per_minute: int | None = None
-    seconds_per_hour: float | None = None
-
-
-UNBOUNDED: Final = Allowance()
-
-
-@dataclass(frozen=True, slots=True)
 class Caller:
     """An authenticated caller.
 
@@ -49,14 +31,18 @@ class Caller:
     name : str
         Id of the key, or of the token's subject; rates are counted for it.
     scopes : frozenset of Scope
-    allowance : Allowance
+    requests_per_minute : int, optional
+        Absent: as the settings say.
+    seconds_per_hour : float, optional
+        Planned computing time; absent: as the settings say.
     """
 
     owner: str
     name: str
     scopes: frozenset[Scope]
-    allowance: Allowance = UNBOUNDED
+    requests_per_minute: int | None = None
+    seconds_per_hour: float | None = None
 
 
 LOCAL: Final = Caller("local", "local", frozenset(Scope))
-"""Every caller of a service without keys."""
+"""Every caller of a service without keys, who has no limits."""

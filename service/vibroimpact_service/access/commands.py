@@ -14,8 +14,7 @@ from sqlalchemy.engine import Connection
 
 from vibroimpact_schema.keys import KeyRequest
 from vibroimpact_service.access import records
-from vibroimpact_service.access.authenticator import open_records
-from vibroimpact_service.access.caller import Allowance, Scope
+from vibroimpact_service.access.caller import Scope
 from vibroimpact_service.documents import parse
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import SettingsInvalidError, read
@@ -50,17 +49,10 @@ def create(
         "requests_per_minute": requests_per_minute, "seconds_per_hour": seconds_per_hour,
     }  # fmt: skip
     try:
-        checked = parse.document(KeyRequest, options)
+        new = parse.document(KeyRequest, options)
     except ProblemError as error:
         typer.echo(error.detail, err=True)
         raise typer.Exit(2) from None
-    new = records.NewKey(
-        checked.owner,
-        checked.label,
-        frozenset(Scope(name) for name in checked.scopes),
-        Allowance(checked.requests_per_minute, checked.seconds_per_hour),
-        checked.days,
-    )
     text, _ = _change(data, lambda connection: records.create(connection, _actor(), new))
     typer.echo(text)
 
@@ -70,7 +62,7 @@ def show(data: Data = None) -> None:
     """List all keys, without their secrets."""
     for row in _change(data, records.listed):
         state = "valid" if row.valid else "revoked" if row.revoked is not None else "expired"
-        scopes = ",".join(sorted(row.scopes))
+        scopes = row.scopes.replace(" ", ",")
         typer.echo(f"{row.id}  {state:8}  {row.owner}  {scopes}  {_day(row.created)}  {row.label}")
 
 
@@ -101,7 +93,7 @@ def _change(data: Path | None, operation: Callable[[Connection], Value]) -> Valu
     except SettingsInvalidError as error:
         typer.echo(f"Invalid setting: {error}", err=True)
         raise typer.Exit(2) from None
-    engine = open_records(settings)
+    engine = records.open_keys(settings.database_url)
     try:
         with engine.begin() as connection:
             return operation(connection)

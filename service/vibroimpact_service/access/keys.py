@@ -6,16 +6,15 @@ import hashlib
 import hmac
 import re
 import secrets
-from typing import NamedTuple
 
 _TEXT = re.compile(r"vik_([0-9a-f]{12})_([A-Za-z0-9_-]{43})")
 
 
-class Key(NamedTuple):
-    """A new key.
+def make() -> tuple[str, str, str]:
+    """Return a new key.
 
-    Parameters
-    ----------
+    Returns
+    -------
     id : str
         Public part, by which the key is listed and revoked.
     text : str
@@ -23,16 +22,8 @@ class Key(NamedTuple):
     hash : str
         Hash of the secret part, which alone is stored.
     """
-
-    id: str
-    text: str
-    hash: str
-
-
-def make() -> Key:
-    """Return a new key."""
     name, secret = secrets.token_hex(6), secrets.token_urlsafe(32)
-    return Key(name, f"vik_{name}_{secret}", digest(secret))
+    return name, f"vik_{name}_{secret}", digest(secret)
 
 
 def parse(text: str) -> tuple[str, str] | None:

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import sqlalchemy as sa
 from sqlalchemy.engine import Connection, Engine
 
+from vibroimpact_schema.keys import KeyRequest
 from vibroimpact_service.access import keys
-from vibroimpact_service.access.caller import UNBOUNDED, Allowance, Scope
-from vibroimpact_service.jobs.database import migrate, now
-
-MIGRATIONS: Final = Path(__file__).with_name("migrations")
+from vibroimpact_service.jobs.database import now, open_database
 
 metadata = sa.MetaData()
 
@@ -46,50 +43,10 @@ audit = sa.Table(
 )
 
 
-@dataclass(frozen=True, slots=True)
-class KeyRow:
-    """A stored key; times are seconds since 1970 by the database's clock."""
-
-    id: str
-    owner: str
-    label: str
-    hash: str
-    scopes: frozenset[Scope]
-    allowance: Allowance
-    created: float
-    expires: float | None
-    revoked: float | None
-    valid: bool
-
-
-@dataclass(frozen=True, slots=True)
-class NewKey:
-    """What a new key permits.
-
-    Parameters
-    ----------
-    owner : str
-        Owner of the jobs and results that it gives access to.
-    label : str
-        Description of its purpose.
-    scopes : frozenset of Scope
-    allowance : Allowance
-        Limits that replace those of the settings.
-    days : float, optional
-        Lifetime.
-    """
-
-    owner: str
-    label: str
-    scopes: frozenset[Scope]
-    allowance: Allowance = UNBOUNDED
-    days: float | None = None
-
-
-def prepare(engine: Engine) -> None:
-    """Bring the tables up to date."""
-    # A version table of its own: the tables of keys and jobs change independently.
-    migrate(engine, MIGRATIONS, "alembic_version_access")
+def open_keys(url: str) -> Engine:
+    """Open the database, with these tables brought up to date."""
+    migrations = Path(__file__).with_name("migrations")
+    return open_database(url, migrations, "alembic_version_access")
 
 
 def any_keys(engine: Engine) -> bool:
@@ -100,42 +57,40 @@ def any_keys(engine: Engine) -> bool:
         return connection.execute(sa.select(api_keys.c.id).limit(1)).first() is not None
 
 
-def create(connection: Connection, actor: str, new: NewKey) -> tuple[str, KeyRow]:
+def create(connection: Connection, actor: str, new: KeyRequest) -> tuple[str, sa.Row[Any]]:
     """Store a new key; return its text, which cannot be recovered later, and its row."""
-    key = keys.make()
+    name, text, secret_hash = keys.make()
     clock = now(connection)
+    scopes = sorted(set(new.scopes))
     values: dict[str, Any] = {
-        "id": key.id,
+        "id": name,
         "owner": new.owner,
         "label": new.label,
-        "hash": key.hash,
-        "scopes": " ".join(sorted(new.scopes)),
-        "requests_per_minute": new.allowance.requests_per_minute,
-        "seconds_per_hour": new.allowance.seconds_per_hour,
+        "hash": secret_hash,
+        "scopes": " ".join(scopes),
+        "requests_per_minute": new.requests_per_minute,
+        "seconds_per_hour": new.seconds_per_hour,
         "created": clock,
         "expires": None if new.days is None else clock + 86400.0 * new.days,
     }
     connection.execute(api_keys.insert().values(values))
-    row = find(connection, key.id)
-    assert row is not None
-    about = {"owner": new.owner, "label": new.label, "scopes": sorted(new.scopes)}
-    record(connection, actor, "key created", key.id, about)
-    return key.text, row
+    about = {"owner": new.owner, "label": new.label, "scopes": scopes}
+    record(connection, actor, "key created", name, about)
+    return text, connection.execute(_rows(connection).where(api_keys.c.id == name)).one()
 
 
-def find(connection: Connection, key: str) -> KeyRow | None:
-    """Return a key by its id."""
-    row = connection.execute(_rows(connection).where(api_keys.c.id == key)).one_or_none()
-    return None if row is None else _key(row)
+def find(connection: Connection, key: str) -> sa.Row[Any] | None:
+    """Return a key by its id: the columns of `api_keys`, and whether it is ``valid`` now."""
+    return connection.execute(_rows(connection).where(api_keys.c.id == key)).one_or_none()
 
 
-def listed(connection: Connection) -> list[KeyRow]:
-    """Return all keys, oldest first."""
+def listed(connection: Connection) -> Sequence[sa.Row[Any]]:
+    """Return all keys, oldest first; rows as of `find`."""
     query = _rows(connection).order_by(api_keys.c.created, api_keys.c.id)
-    return [_key(row) for row in connection.execute(query)]
+    return connection.execute(query).all()
 
 
-def revoke(connection: Connection, actor: str, key: str) -> KeyRow | None:
+def revoke(connection: Connection, actor: str, key: str) -> sa.Row[Any] | None:
     """Revoke a key; return it, or None if there is none."""
     where = (api_keys.c.id == key) & api_keys.c.revoked.is_(None)
     change = api_keys.update().where(where).values(revoked=now(connection))
@@ -170,18 +125,3 @@ def _rows(connection: Connection) -> sa.Select[Any]:
     clock = now(connection)
     unexpired = api_keys.c.expires.is_(None) | (api_keys.c.expires > clock)
     return sa.select(api_keys, (api_keys.c.revoked.is_(None) & unexpired).label("valid"))
-
-
-def _key(row: sa.Row[Any]) -> KeyRow:
-    return KeyRow(
-        id=row.id,
-        owner=row.owner,
-        label=row.label,
-        hash=row.hash,
-        scopes=frozenset(Scope(name) for name in row.scopes.split()),
-        allowance=Allowance(row.requests_per_minute, row.seconds_per_hour),
-        created=row.created,
-        expires=row.expires,
-        revoked=row.revoked,
-        valid=bool(row.valid),
-    )

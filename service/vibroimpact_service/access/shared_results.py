@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from typing import Final
 
 import sqlalchemy as sa
@@ -26,57 +26,49 @@ shares = sa.Table(
 
 
 def share(
-    actor: str, owner: str, job: str, result: str, readers: Collection[str]
-) -> Callable[[Connection], None]:
+    connection: Connection, actor: str, owner: str, job: str, result: str, readers: Collection[str]
+) -> None:
     """Share a job and its result with exactly these readers.
 
     Parameters
     ----------
+    connection : Connection
     actor : str
         The key that does it, for the audit log.
     owner, job, result : str
     readers : collection of str
         Owners of other keys, or `EVERYBODY`; empty: the job is no longer shared.
     """
-
-    def operation(connection: Connection) -> None:
-        old, new = set(readers_of(owner, job)(connection)), set(readers)
-        if old == new:
-            return
-        of_job = (shares.c.job == job) & (shares.c.owner == owner)
-        connection.execute(shares.delete().where(of_job, shares.c.reader.in_(old - new)))
-        for reader in sorted(new - old):
-            values = {"job": job, "reader": reader, "owner": owner, "result": result}
-            connection.execute(shares.insert().values(**values, created=now(connection)))
-        record(connection, actor, "job shared", job, {"owner": owner, "readers": sorted(new)})
-
-    return operation
+    old, new = set(readers_of(connection, owner, job)), set(readers)
+    if old == new:
+        return
+    of_job = (shares.c.job == job) & (shares.c.owner == owner)
+    connection.execute(shares.delete().where(of_job, shares.c.reader.in_(old - new)))
+    for reader in sorted(new - old):
+        values = {"job": job, "reader": reader, "owner": owner, "result": result}
+        connection.execute(shares.insert().values(**values, created=now(connection)))
+    record(connection, actor, "job shared", job, {"owner": owner, "readers": sorted(new)})
 
 
-def readers_of(owner: str, job: str) -> Callable[[Connection], list[str]]:
+def readers_of(connection: Connection, owner: str, job: str) -> list[str]:
     """Return the readers of a job, beside its owner."""
-
-    def query(connection: Connection) -> list[str]:
-        of_job = (shares.c.job == job) & (shares.c.owner == owner)
-        readers = sa.select(shares.c.reader).where(of_job).order_by(shares.c.reader)
-        return list(connection.execute(readers).scalars())
-
-    return query
+    of_job = (shares.c.job == job) & (shares.c.owner == owner)
+    readers = sa.select(shares.c.reader).where(of_job).order_by(shares.c.reader)
+    return list(connection.execute(readers).scalars())
 
 
-def owner_of(job: str, reader: str) -> Callable[[Connection], str | None]:
+def owner_of(connection: Connection, job: str, reader: str) -> str | None:
     """Return the owner who shares a job with a reader, or None."""
-    return _first(shares.c.owner, shares.c.job == job, reader)
+    return _first(connection, shares.c.owner, shares.c.job == job, reader)
 
 
-def shows(result: str, reader: str) -> Callable[[Connection], bool]:
+def shows(connection: Connection, result: str, reader: str) -> bool:
     """Whether a result is shared with a reader."""
-    find = _first(shares.c.job, shares.c.result == result, reader)
-    return lambda connection: find(connection) is not None
+    return _first(connection, shares.c.job, shares.c.result == result, reader) is not None
 
 
 def _first(
-    column: sa.Column[str], where: sa.ColumnElement[bool], reader: str
-) -> Callable[[Connection], str | None]:
+    connection: Connection, column: sa.Column[str], where: sa.ColumnElement[bool], reader: str
+) -> str | None:
     query = sa.select(column).where(where, shares.c.reader.in_((reader, EVERYBODY))).limit(1)
-    return lambda connection: connection.execute(query).scalar()
+    return connection.execute(query).scalar()

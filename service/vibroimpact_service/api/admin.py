@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from datetime import UTC, datetime
-from typing import Annotated
+from typing import Annotated, Any
 
+import sqlalchemy as sa
 from fastapi import APIRouter, Path, Query
 from starlette.requests import Request
 from starlette.responses import Response
@@ -13,7 +14,6 @@ from starlette.responses import Response
 from vibroimpact_schema.keys import Act, ActList, ApiKey, KeyList, KeyRequest, MadeKey
 from vibroimpact_service import problems
 from vibroimpact_service.access import records
-from vibroimpact_service.access.caller import Allowance, Scope
 from vibroimpact_service.api import answers, bodies
 from vibroimpact_service.api.authentication import ADMIN, FAILURES, caller
 from vibroimpact_service.api.openapi import (
@@ -52,7 +52,7 @@ KeyId = Annotated[
 )
 async def list_keys(request: Request) -> Response:
     """List all keys."""
-    rows = await services(request).authenticator.read(records.listed)
+    rows = await services(request).authenticator.records.read(records.listed)
     return answers.document(KeyList(keys=[_document(row) for row in rows]))
 
 
@@ -87,17 +87,9 @@ async def list_keys(request: Request) -> Response:
 async def make_key(request: Request) -> Response:
     """Make a key."""
     body = await bodies.read_json(request)
-    wanted = parse.document(KeyRequest, parse.json(body))
-    new = records.NewKey(
-        wanted.owner,
-        wanted.label,
-        frozenset(Scope(name) for name in wanted.scopes),
-        Allowance(wanted.requests_per_minute, wanted.seconds_per_hour),
-        wanted.days,
-    )
-    actor = caller(request).name
-    authenticator = services(request).authenticator
-    text, row = await authenticator.write(lambda c: records.create(c, actor, new))
+    new = parse.document(KeyRequest, parse.json(body))
+    access = services(request).authenticator.records
+    text, row = await access.write(records.create, caller(request).name, new)
     return answers.document(MadeKey(**_document(row).model_dump(), key=text), 201)
 
 
@@ -113,11 +105,10 @@ async def make_key(request: Request) -> Response:
 )
 async def revoke_key(request: Request, key: KeyId) -> Response:
     """Revoke a key."""
-    actor = caller(request).name
     row = None
     if _KEY.fullmatch(key):
-        authenticator = services(request).authenticator
-        row = await authenticator.write(lambda c: records.revoke(c, actor, key))
+        access = services(request).authenticator.records
+        row = await access.write(records.revoke, caller(request).name, key)
     if row is None:
         raise ProblemError(problems.NOT_FOUND, "There is no such key.")
     return answers.document(_document(row))
@@ -143,8 +134,8 @@ async def list_acts(
     ] = 50,
 ) -> Response:
     """List administrative acts, newest first."""
-    authenticator = services(request).authenticator
-    rows = await authenticator.read(lambda c: records.acts(c, cursor, limit + 1))
+    access = services(request).authenticator.records
+    rows = await access.read(records.acts, cursor, limit + 1)
     page = rows[:limit]
     acts = [
         Act(
@@ -156,14 +147,14 @@ async def list_acts(
     return answers.document(ActList(acts=acts, next=following))
 
 
-def _document(row: records.KeyRow) -> ApiKey:
+def _document(row: sa.Row[Any]) -> ApiKey:
     return ApiKey(
         id=row.id,
         owner=row.owner,
         label=row.label,
-        scopes=sorted(scope.value for scope in row.scopes),
-        requests_per_minute=row.allowance.requests_per_minute,
-        seconds_per_hour=row.allowance.seconds_per_hour,
+        scopes=row.scopes.split(),
+        requests_per_minute=row.requests_per_minute,
+        seconds_per_hour=row.seconds_per_hour,
         created=_time(row.created),
         expires=None if row.expires is None else _time(row.expires),
         revoked=None if row.revoked is None else _time(row.revoked),

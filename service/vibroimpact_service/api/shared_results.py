@@ -51,7 +51,7 @@ async def visible_job(request: Request, name: str) -> JobRow:
     if _JOB.fullmatch(name):
         row = await parts.evaluation.queue.get(reader, name)
         if row is None and parts.authenticator.keys_required:
-            sharer = await parts.authenticator.read(shared_results.owner_of(name, reader))
+            sharer = await parts.authenticator.records.read(shared_results.owner_of, name, reader)
             row = None if sharer is None else await parts.evaluation.queue.get(sharer, name)
         if row is not None:
             return row
@@ -77,8 +77,8 @@ async def still_visible(request: Request, row: JobRow) -> bool:
     reader = owner(request)
     if row.owner == reader:
         return True
-    sharer = shared_results.owner_of(row.id, reader)
-    return await services(request).authenticator.read(sharer) == row.owner
+    access = services(request).authenticator.records
+    return await access.read(shared_results.owner_of, row.id, reader) == row.owner
 
 
 async def result_is_visible(request: Request, name: str) -> bool:
@@ -89,7 +89,7 @@ async def result_is_visible(request: Request, name: str) -> bool:
     authenticator = services(request).authenticator
     if not authenticator.keys_required:
         return False
-    return await authenticator.read(shared_results.shows(name, reader))
+    return await authenticator.records.read(shared_results.shows, name, reader)
 
 
 @router.get(
@@ -152,12 +152,12 @@ async def unshare_job(request: Request, job: JobId) -> Response:
 async def _set(request: Request, name: str, readers: list[str]) -> Response:
     row = await own_job(request, name)
     actor, others = caller(request).name, set(readers) - {row.owner}
-    change = shared_results.share(actor, row.owner, row.id, row.result, others)
-    await services(request).authenticator.write(change)
+    access = services(request).authenticator.records
+    await access.write(shared_results.share, actor, row.owner, row.id, row.result, others)
     return await _document(request, row)
 
 
 async def _document(request: Request, row: JobRow) -> Response:
-    query = shared_results.readers_of(row.owner, row.id)
-    readers = await services(request).authenticator.read(query)
+    access = services(request).authenticator.records
+    readers = await access.read(shared_results.readers_of, row.owner, row.id)
     return answers.document(Share(job=row.id, owner=row.owner, readers=readers))

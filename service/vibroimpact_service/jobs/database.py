@@ -15,7 +15,7 @@ from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
 from vibroimpact_service.store import StoreFullError
 
-MIGRATIONS = Path(__file__).with_name("migrations")
+_MIGRATIONS = Path(__file__).with_name("migrations")
 
 _READING = {"reading": True}
 
@@ -24,11 +24,23 @@ class RecordsUnavailableError(ConnectionError):
     """The database cannot be reached at the moment."""
 
 
-def open_database(url: str) -> Engine:
-    """Open the database and bring its tables up to date."""
+def open_database(
+    url: str, versions: Path = _MIGRATIONS / "versions", table: str = "alembic_version"
+) -> Engine:
+    """Open the database and apply those migrations that it lacks.
+
+    Parameters
+    ----------
+    url : str
+    versions : Path
+        Folder of the migrations of some tables; absent: of the tables of jobs.
+    table : str
+        Table that records the last migration. Tables with migrations of their own have one of
+        their own.
+    """
     engine = connect(url)
     with failing():
-        migrate(engine, MIGRATIONS, "alembic_version")
+        _migrate(engine, versions, table)
     return engine
 
 
@@ -79,12 +91,8 @@ def reader(engine: Engine) -> Engine:
     return engine.execution_options(**_READING)
 
 
-def migrate(engine: Engine, scripts: Path, table: str) -> None:
-    """Apply those migrations of a folder that the database lacks.
-
-    `table` is the table that records the version of the database.
-    """
-    newest = max(scripts.glob("versions/v[0-9]*.py")).name[1:5]
+def _migrate(engine: Engine, versions: Path, table: str) -> None:
+    newest = max(versions.glob("v[0-9]*.py")).name[1:5]
     with engine.connect() as connection:
         if sa.inspect(connection).has_table(table):
             version: sa.Select[Any] = sa.select(sa.column("version_num")).select_from(
@@ -97,8 +105,9 @@ def migrate(engine: Engine, scripts: Path, table: str) -> None:
     from alembic.config import Config
 
     config = Config()
-    config.set_main_option("script_location", str(scripts))
-    config.set_main_option("path_separator", "os")
+    config.set_main_option("script_location", str(_MIGRATIONS))
+    config.set_main_option("version_locations", str(versions))
+    config.set_main_option("path_separator", "newline")
     with engine.begin() as connection:
         if engine.dialect.name == "postgresql":
             # Replicas that start together must not migrate together.

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import IO, Final
 
 from vibroimpact_service.jobs import claims, records
+from vibroimpact_service.jobs.database import open_database
 from vibroimpact_service.jobs.engine import Engine
 from vibroimpact_service.jobs.fair_share import FairShare
 from vibroimpact_service.jobs.record_access import RecordAccess
@@ -69,10 +70,11 @@ class JobQueue:
             self._lock = _lock(self._settings.data)
         self.engine.start()
         try:
-            self._records = await asyncio.to_thread(RecordAccess, self._settings.database_url)
+            database = await asyncio.to_thread(open_database, self._settings.database_url)
         except BaseException:
             await asyncio.to_thread(self.engine.close)
             raise
+        self._records = RecordAccess(database)
         if self._lock is not None:
             await self._records.write(claims.release_all)
         self._watch = Watch(self._records)

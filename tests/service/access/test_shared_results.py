@@ -118,7 +118,8 @@ def test_an_event_stream_ends_with_the_share(
     async def watched(owner: str, name: str, version: int) -> Any:
         yield queue.rows[name]
         # Between the first event and the next, the owner thinks better of it.
-        await authenticator.write(shared_results.share("test", owner, name, job["digest"], []))
+        access, result = authenticator.records, job["digest"]
+        await access.write(shared_results.share, "test", owner, name, result, [])
         yield queue.rows[name]
         yield queue.rows[name]
 

@@ -12,9 +12,9 @@ import pytest
 from starlette.testclient import TestClient
 
 from vibroimpact_schema import examples
+from vibroimpact_schema.keys import KeyRequest
 from vibroimpact_service import cli
 from vibroimpact_service.access import records
-from vibroimpact_service.access.authenticator import open_records
 from vibroimpact_service.access.caller import Scope
 from vibroimpact_service.api import openapi
 from vibroimpact_service.app import create_app
@@ -161,9 +161,9 @@ EXAMPLES = [
 def test_examples_work(
     settings: Settings, queue: Any, method: str, path: str, name: str, value: dict[str, Any]
 ) -> None:
-    engine = open_records(settings)
+    engine = records.open_keys(settings.database_url)
     with engine.begin() as connection:
-        key, _ = records.create(connection, "test", records.NewKey("ann", "", frozenset(Scope)))
+        key, _ = records.create(connection, "test", KeyRequest(owner="ann", scopes=[*Scope]))
     engine.dispose()
     with TestClient(create_app(settings, queue)) as http:
         headers = {"Authorization": f"Bearer {key}"}

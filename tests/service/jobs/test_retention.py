@@ -14,6 +14,7 @@ import pytest
 import sqlalchemy as sa
 
 from vibroimpact_service.jobs import claims, records
+from vibroimpact_service.jobs.database import open_database
 from vibroimpact_service.jobs.record_access import RecordAccess
 from vibroimpact_service.jobs.records import NewJob
 from vibroimpact_service.jobs.retention import Retention
@@ -67,7 +68,7 @@ def place(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Place]:
     if request.param == "postgresql":
         new: Callable[[], str] = request.getfixturevalue("postgresql")
         url = new()
-    access = RecordAccess(url)
+    access = RecordAccess(open_database(url))
     yield Place(tmp_path, access)
     access.close()
 

@@ -20,6 +20,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 
 from vibroimpact_service.jobs import claims, records, webhooks
+from vibroimpact_service.jobs.database import open_database
 from vibroimpact_service.jobs.record_access import RecordAccess
 from vibroimpact_service.jobs.records import NewJob
 from vibroimpact_service.settings import Settings
@@ -148,7 +149,7 @@ def job(name: str, webhook: tuple[str, str] | None) -> NewJob:
 
 
 def test_a_message_arrives_once_the_job_ended(receiver: Receiver, url: str, tmp_path: Path) -> None:
-    access = RecordAccess(url)
+    access = RecordAccess(open_database(url))
     settings = Settings(data=tmp_path, webhook_private=True, webhook_ca=receiver.authority)
     hooks = webhooks.Webhooks(settings, access)
     told = (receiver.url, SECRET)

@@ -1,4 +1,4 @@
-"""Runs the migrations on the connection that `records.migrate` hands over."""
+"""Runs the migrations on the connection that `open_database` hands over."""
 
 from __future__ import annotations
 

@@ -7,8 +7,6 @@ from alembic import op
 
 revision = "0001"
 down_revision = None
-branch_labels = None
-depends_on = None
 
 
 def upgrade() -> None:
@@ -80,9 +78,3 @@ def _partial(
     op.create_index(
         name, "jobs", columns, unique=unique, sqlite_where=where, postgresql_where=where
     )
-
-
-def downgrade() -> None:
-    """Drop the tables."""
-    for table in ("pins", "idempotency", "jobs"):
-        op.drop_table(table)
