@@ -86,7 +86,7 @@ def _number(path: Path) -> str:
 
 @contextmanager
 def _importable(place: Path) -> Iterator[None]:
-    """Let scripts import one another, as they can when run directly."""
+    """Let scripts import one another."""
     sys.path.insert(0, str(place))
     try:
         yield

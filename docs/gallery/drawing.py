@@ -1,9 +1,6 @@
-"""Shared code of the gallery scripts: colours, plots of shapes, and running a script directly."""
+"""Shared code of the gallery scripts: colours, plots of shapes, and motions with soft limiters."""
 
 from __future__ import annotations
-
-import sys
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -61,11 +58,3 @@ def soft_motion(client, system, start, t_end, around, dof, *, drift, **law):
 def close(computed, expected, relative=1e-12) -> None:
     """Assert that numbers agree."""
     np.testing.assert_allclose(computed, expected, rtol=relative, atol=0)
-
-
-def main(draw) -> None:
-    """Start a service, run a script and write its figure beside it."""
-    path = Path(sys.argv[0]).with_suffix(".png")
-    with vi.Client() as client:
-        draw(client).savefig(path, dpi=110)
-    sys.stdout.write(f"{path}\n")

@@ -1,6 +1,6 @@
 """Fig. 10.2: an admissible solution and a phantom of the oscillator between walls, E = 1.2 E*."""
 
-from drawing import BLUE, PHANTOM, WALL, close, main, np, panels, vi
+from drawing import BLUE, PHANTOM, WALL, close, np, panels, vi
 
 SYSTEM = vi.oscillator([vi.constraint(0, 1.0)])
 
@@ -30,7 +30,3 @@ def draw(client):
             close(np.abs(x).max(), 1.0954451150103322269, 1e-5)
     axes[0].set_ylabel("x")
     return figure
-
-
-if __name__ == "__main__":
-    main(draw)

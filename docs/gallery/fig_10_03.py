@@ -1,6 +1,6 @@
 """Fig. 10.3: the damped impact oscillator, exact, averaged and truncated, with its free decay."""
 
-from drawing import BLUE, OTHER, SOFT, WALL, close, main, np, panels, vi
+from drawing import BLUE, OTHER, SOFT, WALL, close, np, panels, vi
 
 SYSTEM = vi.oscillator([vi.constraint(0, 1.0)], Omega0=1.0, zeta=0.01)
 DURATIONS = {
@@ -35,7 +35,3 @@ def draw(client):
     for ax in axes:
         ax.set_ylabel("x")
     return figure
-
-
-if __name__ == "__main__":
-    main(draw)

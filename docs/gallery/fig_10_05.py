@@ -1,6 +1,6 @@
 """Fig. 10.5: impulse parameter over frequency, two masses of which the first is constrained."""
 
-from drawing import close, impulses, main, np, panels, vi
+from drawing import close, impulses, np, panels, vi
 
 SYSTEM = vi.two_mass([vi.constraint(0, 0.2)])
 P = {1.05: 0.02058396430488, 1.3: 0.20269613699682, 1.5: -0.63993096002864, 2.0: 0.13754234154401}
@@ -22,7 +22,3 @@ def draw(client):
     ax.axvspan(1.42913, 1.45475, color="#f3d9c9")
     ax.text(1.46, 1.05, "p > 0, not admissible", fontsize="small")
     return figure
-
-
-if __name__ == "__main__":
-    main(draw)

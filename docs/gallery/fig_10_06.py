@@ -1,6 +1,6 @@
 """Fig. 10.6: impact modes of two masses and the pulses of soft limiters, alpha = 0.968, n = 9."""
 
-from drawing import BLUE, SOFT, close, main, np, panels, profile, soft_motion, vi
+from drawing import BLUE, SOFT, close, np, panels, profile, soft_motion, vi
 
 SYSTEM = vi.two_mass([vi.constraint(0, 0.2)])
 CASES = (  # omega, p, the profile at tau = 1, largest difference of the soft profile
@@ -40,7 +40,3 @@ def draw(client):
         axes[row, 1].set_xlabel("t; lines: impacts of the mode")
     axes[0, 0].legend(frameon=False)
     return figure
-
-
-if __name__ == "__main__":
-    main(draw)

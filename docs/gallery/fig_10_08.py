@@ -1,6 +1,6 @@
 """Fig. 10.8: impulse parameter of the double pendulum, mu = 2, limits +-0.1."""
 
-from drawing import close, impulses, main, np, panels, vi
+from drawing import close, impulses, np, panels, vi
 
 SYSTEM = vi.double_pendulum([vi.constraint(0, 0.1)], mu=2.0)
 P = {0.85: 0.03506514842022, 1.0: 0.56845722253134, 1.2: -0.17853866229629, 4.0: 1.77349543865192}
@@ -16,7 +16,3 @@ def draw(client):
         close(one.impulse[0, 0], p)
         assert one.exists[0] == (p > 0)
     return figure
-
-
-if __name__ == "__main__":
-    main(draw)

@@ -1,6 +1,6 @@
 """Fig. 10.11: energies of two coupled oscillators, the first damped and between walls."""
 
-from drawing import BLUE, OTHER, PHANTOM, SOFT, main, np, panels, vi
+from drawing import BLUE, OTHER, PHANTOM, SOFT, np, panels, vi
 
 # The chapter does not print beta; 0.05 makes A(0) = -0.003 nearly the averaged equilibrium.
 SYSTEM = vi.two_mass([vi.constraint(0, 1.0)], Omega0=1.0, coupling=0.05, zeta=0.01)
@@ -50,7 +50,3 @@ def draw(client):
     assert abs(flows["averaged"].t_max / exact.t_max - 1) < 0.03
     assert 0.1 < flows["truncated"].t_max / exact.t_max - 1 < 0.15
     return figure
-
-
-if __name__ == "__main__":
-    main(draw)

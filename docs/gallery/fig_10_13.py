@@ -1,7 +1,7 @@
 """Fig. 10.13: the chain of 13 masses, the sixth between walls: p over Omega, and one mode."""
 
 import chain
-from drawing import close, impulses, main, np, panels, vi
+from drawing import close, impulses, np, panels, vi
 
 SYSTEM = vi.chain(13, [vi.constraint(5, 0.2)])
 # Poles of p, zeros of the sum in eq. 10.66.
@@ -23,7 +23,3 @@ def draw(client):
     close(result.shape[0, 0], 0.14069688839403216)
     chain.both(axes[1], result, soft, [5], 0.05)
     return figure
-
-
-if __name__ == "__main__":
-    main(draw)

@@ -1,7 +1,7 @@
 """Fig. 10.14: the mode of the chain just above its sixth natural frequency."""
 
 import chain
-from drawing import close, main, np, panels
+from drawing import close, np, panels
 
 
 def draw(client):
@@ -11,7 +11,3 @@ def draw(client):
     close(result.shape[0, [0, 12]], [0.20150242446667, -0.18078086965525])
     chain.both(ax, result, soft, [5], 0.15)
     return figure
-
-
-if __name__ == "__main__":
-    main(draw)

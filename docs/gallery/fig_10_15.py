@@ -1,7 +1,7 @@
 """Fig. 10.15: modes at the internal resonances of the parts left and right of the sixth mass."""
 
 import chain
-from drawing import close, main, np, panels
+from drawing import close, np, panels
 
 CASES = (  # omega, p, largest displacement and its mass, eq. 10.75 and 10.76
     (1.22985, 1.53200170049721, 6.12704583918772, 3, 2 * np.sin(5 * np.pi / 12)),
@@ -17,7 +17,3 @@ def draw(client):
         close(result.shape[0, mass - 1], largest)
         chain.both(ax, result, soft, [5], 0.1)
     return figure
-
-
-if __name__ == "__main__":
-    main(draw)

@@ -1,7 +1,7 @@
 """Fig. 10.16: localization above all resonances, the split chain, and soft limiters."""
 
 import chain
-from drawing import BLUE, OTHER, SOFT, close, main, np, panels, profile
+from drawing import BLUE, OTHER, SOFT, close, np, panels, profile
 
 OMEGA = 1.34877
 
@@ -42,7 +42,3 @@ def draw(client):
     axes[1].set_xlabel("t; lines: impacts of the mode")
     axes[1].set_ylabel("force of the soft limiter")
     return figure
-
-
-if __name__ == "__main__":
-    main(draw)

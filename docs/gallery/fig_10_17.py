@@ -1,7 +1,7 @@
 """Fig. 10.17: impulses of two masses that strike together, the fifth and ninth of twelve."""
 
 import chain
-from drawing import OTHER, close, impulses, main, np, panels, vi
+from drawing import OTHER, close, impulses, np, panels, vi
 
 # The distances are not printed; equal ones are assumed.
 SYSTEM = vi.chain(12, [vi.constraint(4, 0.2), vi.constraint(8, 0.2)])
@@ -28,7 +28,3 @@ def draw(client):
     near = client.impact_modes(SYSTEM, natural[4] + np.array([0.005, 0.02, 0.04]))
     assert near.exists.all()
     return figure
-
-
-if __name__ == "__main__":
-    main(draw)

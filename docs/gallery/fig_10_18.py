@@ -1,7 +1,7 @@
 """Fig. 10.18: the profile of two masses striking together, after one cycle."""
 
 import chain
-from drawing import close, main, np, panels
+from drawing import close, np, panels
 
 
 def draw(client):
@@ -12,7 +12,3 @@ def draw(client):
     close(result.shape[0, [0, 6]], [-0.12741621054822, -0.68400928842393])
     chain.both(ax, result, soft, [4, 8], 0.3)
     return figure
-
-
-if __name__ == "__main__":
-    main(draw)

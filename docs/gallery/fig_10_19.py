@@ -1,6 +1,6 @@
 """Fig. 10.19: inelastic walls, eps = 0.05: exact, the corrected slow flow and the printed one."""
 
-from drawing import BLUE, PHANTOM, SOFT, main, np, panels, vi
+from drawing import BLUE, PHANTOM, SOFT, np, panels, vi
 
 SYSTEM = vi.oscillator([vi.constraint(0, 1.0, 0.95)])
 # Eq. 10.116 as printed, at t = 0: the chapter's initial conditions.
@@ -35,7 +35,3 @@ def draw(client):
     axes[0].legend(frameon=False, ncols=3, loc="lower left")
     axes[1].legend(frameon=False)
     return figure
-
-
-if __name__ == "__main__":
-    main(draw)

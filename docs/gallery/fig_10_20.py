@@ -1,6 +1,6 @@
 """Fig. 10.20: period of the impacts and their intensity p as the oscillator slows down."""
 
-from drawing import BLUE, SOFT, WALL, close, main, np, panels, vi
+from drawing import BLUE, SOFT, WALL, close, np, panels, vi
 
 SYSTEM = vi.oscillator([vi.constraint(0, 1.0, 0.95)])
 KNOWN = {  # t: 4 lambda / Omega and p of the slow flow
@@ -29,7 +29,3 @@ def draw(client):
     close(4 / flow.omega, [row[0] for row in KNOWN.values()])
     close(flow.impulse, [row[1] for row in KNOWN.values()])
     return figure
-
-
-if __name__ == "__main__":
-    main(draw)

@@ -1,6 +1,6 @@
 """Fig. 10.22: the bouncing ball, exact and by both nonsmooth transformations."""
 
-from drawing import BLUE, OTHER, PHANTOM, SOFT, close, main, np, panels, vi
+from drawing import BLUE, OTHER, PHANTOM, SOFT, close, np, panels, vi
 
 # The chapter prints no parameters: g = 9.81, H = 1, eps = 0.1 are assumed.
 FLOOR = vi.constraint(0, {"lower": 0.0, "upper": None}, 0.9)
@@ -29,7 +29,3 @@ def draw(client):
     for ax in axes:
         ax.set_ylabel("z")
     return figure
-
-
-if __name__ == "__main__":
-    main(draw)
