@@ -112,6 +112,12 @@ def request(
     raise AssertionError("the last attempt returns or raises")
 
 
+def read(method: str, path: str, **options: Any) -> Conversation[Document]:
+    """Send a request and return the document that answers it; parameters as of `request`."""
+    answer = yield from request(method, path, **options)
+    return dict(answer.json())
+
+
 def not_finite(content: Any, pointer: str = "") -> InvalidRequest | None:
     """Return the error of a document with a NaN or an infinity, which JSON cannot represent."""
     if isinstance(content, float) and not math.isfinite(content):
@@ -156,8 +162,7 @@ def ask(kind: str, content: Mapping[str, Any]) -> Conversation[bytes | Document]
 
 def plan(kind: str, content: Mapping[str, Any]) -> Conversation[Document]:
     """Return the plan of a request."""
-    answer = yield from request("POST", f"/v1/plan/{kind}", json=dict(content))
-    return dict(answer.json())
+    return read("POST", f"/v1/plan/{kind}", json=dict(content))
 
 
 def result(digest: str) -> Conversation[bytes]:
@@ -186,8 +191,7 @@ def batch(
 
 def version() -> Conversation[Document]:
     """Return the version, kinds and limits of the service."""
-    answer = yield from request("GET", "/v1/version")
-    return dict(answer.json())
+    return read("GET", "/v1/version")
 
 
 # -- Jobs ---------------------------------------------------------------------------------
@@ -214,8 +218,7 @@ class Terms:
 def submit(kind: str, content: Mapping[str, Any], terms: Terms) -> Conversation[Document]:
     """Queue a computation and return its job."""
     body = {"kind": kind, "request": dict(content), **terms.document()}
-    answer = yield from request("POST", "/v1/jobs", json=body)
-    return dict(answer.json())
+    return read("POST", "/v1/jobs", json=body)
 
 
 def submit_many(
@@ -233,14 +236,12 @@ def submit_many(
 
 def job(job_id: str) -> Conversation[Document]:
     """Return a job by its id."""
-    answer = yield from request("GET", f"/v1/jobs/{job_id}")
-    return dict(answer.json())
+    return read("GET", f"/v1/jobs/{job_id}")
 
 
 def job_page(params: Mapping[str, str]) -> Conversation[Document]:
     """Return a page of jobs."""
-    answer = yield from request("GET", "/v1/jobs", params=params)
-    return dict(answer.json())
+    return read("GET", "/v1/jobs", params=params)
 
 
 def look(document: Document, wait: float = 0.0) -> Conversation[Document]:
@@ -248,8 +249,7 @@ def look(document: Document, wait: float = 0.0) -> Conversation[Document]:
     params = None
     if wait > 0:
         params = {"wait": f"{wait:g}", "since": str(document["version"])}
-    answer = yield from request("GET", f"/v1/jobs/{document['id']}", params=params)
-    return dict(answer.json())
+    return read("GET", f"/v1/jobs/{document['id']}", params=params)
 
 
 def wait(

@@ -5,6 +5,8 @@ from __future__ import annotations
 import html
 from typing import Any
 
+from vibroimpact.tables import html_table
+
 
 class Plan(dict[str, Any]):
     """The steps of a computation and those it skips: the plan document of the service."""
@@ -22,12 +24,7 @@ class Plan(dict[str, Any]):
         return f"about {self['seconds']:.2g} s of computation, {how}"
 
     def _repr_html_(self) -> str:
-        steps = [(s["stage"], s["method"], s["count"], s["reason"]) for s in self["steps"]]
-        skips = [("–", s["what"], "", s["why"]) for s in self["skips"]]
-        rows = "".join(
-            "<tr>" + "".join(f"<td style='text-align:left'>{html.escape(str(c))}</td>" for c in row)
-            + "</tr>"
-            for row in [*steps, *skips]
-        )  # fmt: skip
-        head = "<tr><th>stage</th><th>method</th><th>count</th><th>reason</th></tr>"
-        return f"<p>{html.escape(self._cost())}</p><table><thead>{head}</thead>{rows}</table>"
+        steps = [[s["stage"], s["method"], str(s["count"]), s["reason"]] for s in self["steps"]]
+        skips = [["–", s["what"], "", s["why"]] for s in self["skips"]]
+        table = html_table(["stage", "method", "count", "reason"], steps + skips)
+        return f"<p>{html.escape(self._cost())}</p>{table}"

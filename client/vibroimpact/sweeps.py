@@ -5,11 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
-from vibroimpact.systems import names
-
-Document = dict[str, Any]
+from vibroimpact.systems import Document, names, times
 
 
 def sweep_request(
@@ -53,9 +49,4 @@ def axis(path: str, values: Any) -> Document:
         Values of the number. Sweeps over ``start``, ``stop`` and ``step`` reuse the parts that
         longer or shifted sweeps with the same step have computed; ``name`` names the dimension.
     """
-    if isinstance(values, Mapping):
-        return {"path": path} | dict(values)
-    if isinstance(values, tuple) and len(values) == 3:
-        start, stop, num = values
-        return {"path": path, "start": float(start), "stop": float(stop), "num": int(num)}
-    return {"path": path, "values": np.atleast_1d(np.asarray(values, np.float64)).tolist()}
+    return {"path": path} | times(values)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Mapping
 from typing import Any
 
 # httpx2 is the maintained successor of httpx, with the same interface.
@@ -82,12 +81,6 @@ class Transport:
         except StopIteration as end:
             outcome: Outcome = end.value
             return outcome
-
-    def request(
-        self, method: str, path: str, *, json: Any = None, params: Mapping[str, str] | None = None
-    ) -> httpx2.Response:
-        """Send a request, repeat it after temporary failures, and return the response."""
-        return self.hold(conversations.request(method, path, json=json, params=params))
 
     def close(self) -> None:
         """Close the connections."""

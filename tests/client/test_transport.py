@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import httpx2
 import pytest
 
-from vibroimpact import errors
+from vibroimpact import conversations, errors
 from vibroimpact.transport import Transport
 
 
@@ -22,8 +24,9 @@ class Played:
             raise answer
         return answer
 
-    def transport(self) -> Transport:
-        return Transport("http://service", 5.0, httpx2.MockTransport(self))
+    def ask(self, method: str, path: str, json: Any = None) -> httpx2.Response:
+        transport = Transport("http://service", 5.0, httpx2.MockTransport(self))
+        return transport.hold(conversations.request(method, path, json=json))
 
 
 @pytest.fixture(autouse=True)
@@ -43,7 +46,7 @@ def test_a_passing_fault_is_tried_again_with_the_same_key(pauses: list[float]) -
         problem(503),
         httpx2.Response(200, json={"ok": True}),
     )
-    assert played.transport().request("POST", "/v1/x", json={}).json() == {"ok": True}
+    assert played.ask("POST", "/v1/x", json={}).json() == {"ok": True}
     keys = {request.headers["Idempotency-Key"] for request in played.requests}
     assert len(keys) == 1
     assert len(pauses) == 2
@@ -52,21 +55,21 @@ def test_a_passing_fault_is_tried_again_with_the_same_key(pauses: list[float]) -
 def test_retry_after_is_obeyed(pauses: list[float]) -> None:
     busy = httpx2.Response(429, json={"detail": "busy"}, headers={"Retry-After": "7"})
     played = Played(busy, httpx2.Response(200, json=1))
-    played.transport().request("GET", "/v1/x")
+    played.ask("GET", "/v1/x")
     assert pauses == [7.0]
 
 
 def test_what_the_service_calls_final_is_not_tried_again() -> None:
     played = Played(problem(500, retryable=False))
     with pytest.raises(errors.Unavailable):
-        played.transport().request("GET", "/v1/x")
+        played.ask("GET", "/v1/x")
     assert len(played.requests) == 1
 
 
 def test_a_dead_service_is_given_up_on() -> None:
     played = Played(*[httpx2.ConnectError("down")] * 4)
     with pytest.raises(errors.ConnectionFailed, match="http://service"):
-        played.transport().request("GET", "/v1/x")
+        played.ask("GET", "/v1/x")
 
 
 @pytest.mark.parametrize(
@@ -84,7 +87,7 @@ def test_problems_become_exceptions(status: int, kind: type[Exception]) -> None:
     faults = [{"pointer": "/system/K", "message": "not symmetric", "code": "not_symmetric"}]
     played = Played(problem(status, errors=faults, request_id="r1"))
     with pytest.raises(kind) as caught:
-        played.transport().request("GET", "/v1/x")
+        played.ask("GET", "/v1/x")
     assert caught.value.status == status
     assert caught.value.request_id == "r1"
     assert "/system/K: not symmetric" in str(caught.value)
@@ -93,7 +96,7 @@ def test_problems_become_exceptions(status: int, kind: type[Exception]) -> None:
 def test_an_answer_that_is_no_problem_document_is_reported() -> None:
     played = Played(httpx2.Response(404, text="<html>proxy</html>"))
     with pytest.raises(errors.NotFound, match="proxy"):
-        played.transport().request("GET", "/v1/x")
+        played.ask("GET", "/v1/x")
 
 
 @pytest.mark.parametrize(
@@ -108,7 +111,7 @@ def test_numbers_that_json_has_not_are_named_before_anything_is_sent(
 ) -> None:
     played = Played()
     with pytest.raises(errors.InvalidRequest) as caught:
-        played.transport().request("POST", "/v1/x", json=content)
+        played.ask("POST", "/v1/x", json=content)
     assert str(caught.value) == said
     assert caught.value.errors[0]["pointer"] == said.partition(":")[0]
     assert played.requests == []
