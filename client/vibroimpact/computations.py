@@ -1,20 +1,25 @@
-"""The kinds of computation as methods, shared by the waiting and the asynchronous client."""
+"""The kinds of computation as methods: of both clients, and of the builder of requests."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-from typing import Any, Generic, TypeVar
+from collections.abc import Iterable, Mapping, Sequence
+from numbers import Integral
+from typing import Any, Final, Generic, TypeVar
 
-from vibroimpact import requests
+import numpy as np
+
 from vibroimpact.sweeps import sweep_request
-from vibroimpact.systems import Document
+from vibroimpact.systems import Document, frequencies, names, times
 
 Answer = TypeVar("Answer")
 
 
 class Computations(ABC, Generic[Answer]):
-    """One method for each kind of computation; an answer is a result, or an awaitable one."""
+    """One method for each kind of computation: it makes the request document and computes it.
+
+    An answer is a result, an awaitable one, or the request itself.
+    """
 
     @abstractmethod
     def compute(self, kind: str, request: Mapping[str, Any], *, progress: bool = False) -> Answer:
@@ -50,10 +55,13 @@ class Computations(ABC, Generic[Answer]):
         tau : array, optional
             Triangle-wave times of the waveform.
         """
-        request = requests.impact_modes_request(
-            system, frequency, unit=unit, outputs=outputs, active=active, dofs=dofs, tau=tau
-        )
-        return self.compute("impact-modes", request)
+        request = {
+            "system": dict(system),
+            "frequency": frequencies(frequency, unit),
+            "outputs": names(outputs),
+        }
+        options = _present(active=_indices(active), dofs=_indices(dofs), tau=_values(tau))
+        return self.compute("impact-modes", request | options)
 
     def existence_bands(
         self,
@@ -81,10 +89,13 @@ class Computations(ABC, Generic[Answer]):
         tolerance : float, optional
             Relative width to which band edges are located.
         """
-        request = requests.existence_bands_request(
-            system, start, stop, unit=unit, outputs=outputs, active=active, tolerance=tolerance
-        )
-        return self.compute("existence-bands", request)
+        request = {
+            "system": dict(system),
+            "frequency": {"start": float(start), "stop": float(stop), "unit": unit},
+            "outputs": names(outputs),
+        }
+        options = _present(active=_indices(active), tolerance=_number(tolerance))
+        return self.compute("existence-bands", request | options)
 
     def resonances(self, system: Document, constraint: int = 0, odd_max: int = 9) -> Answer:
         """Find the internal resonances of a structure, eq. 10.70-10.76.
@@ -101,7 +112,8 @@ class Computations(ABC, Generic[Answer]):
         odd_max : int
             Highest odd harmonic.
         """
-        return self.compute("resonances", requests.resonances_request(system, constraint, odd_max))
+        numbers = {"constraint": int(constraint), "odd_max": int(odd_max)}
+        return self.compute("resonances", {"system": dict(system)} | numbers)
 
     def time_history(
         self,
@@ -148,20 +160,25 @@ class Computations(ABC, Generic[Answer]):
         digits : int, optional
             Decimal digits to compute with where double precision cannot meet the tolerance.
         """
-        request = requests.time_history_request(
-            system,
-            initial,
-            t_end,
-            t=t,
-            outputs=outputs,
-            dofs=dofs,
-            load=load,
-            limiter=limiter,
-            method=method,
-            tolerance=tolerance,
-            digits=digits,
+        if outputs is None:
+            at_times = () if t is None else ("x", "v", "energy")
+            outputs = (*at_times, "impacts", "contacts")
+        request = {
+            "system": dict(system),
+            "initial": _initial(initial),
+            "t_end": float(t_end),
+            "outputs": names(outputs),
+        }
+        options = _present(
+            t={"num": int(t)} if isinstance(t, Integral) else _values(t),
+            dofs=_indices(dofs),
+            load=None if load is None else [dict(term) for term in load],
+            limiter=None if limiter is None else dict(limiter),
+            method=None if method == "exact" else method,
+            tolerance=_number(tolerance),
+            digits=None if digits is None else int(digits),
         )
-        return self.compute("time-history", request)
+        return self.compute("time-history", request | options)
 
     def ensemble(
         self,
@@ -193,10 +210,13 @@ class Computations(ABC, Generic[Answer]):
         t, outputs, dofs, load, limiter, method, tolerance
             As for `time_history`; they hold for all members.
         """
-        request = requests.ensemble_request(
+        states = {
+            name: np.atleast_2d(np.asarray(given, dtype=np.float64)).tolist()
+            for name, given in (("x", x), ("v", v))
+        }
+        request = REQUESTS.time_history(
             system,
-            x,
-            v,
+            states,
             t_end,
             t=t,
             outputs=outputs,
@@ -236,7 +256,14 @@ class Computations(ABC, Generic[Answer]):
         outputs : sequence of str
             Quantities to compute: state, x, v, impulse, error.
         """
-        request = requests.slow_flow_request(system, model, variant, initial, t, outputs=outputs)
+        request = {
+            "system": dict(system),
+            "model": model,
+            "variant": variant,
+            "initial": {k: v if k == "root" else float(v) for k, v in initial.items()},
+            "t": times(t),
+            "outputs": names(outputs),
+        }
         return self.compute("slow-flow", request)
 
     def sweep(
@@ -269,3 +296,42 @@ class Computations(ABC, Generic[Answer]):
         """
         request = sweep_request(kind, base, axes, outputs)
         return self.compute("sweep", request, progress=progress)
+
+
+class _Requests(Computations[Document]):
+    def compute(self, kind: str, request: Mapping[str, Any], *, progress: bool = False) -> Document:
+        return dict(request)
+
+
+REQUESTS: Final = _Requests()
+"""Its methods return the request documents that the same methods of the clients send."""
+
+
+def _present(**fields: Any) -> Document:
+    """Return the fields that have a value; those without one keep the service's default."""
+    return {name: value for name, value in fields.items() if value is not None}
+
+
+def _indices(given: Iterable[int] | None) -> list[int] | None:
+    return None if given is None else [int(index) for index in given]
+
+
+def _number(given: float | None) -> float | None:
+    return None if given is None else float(given)
+
+
+def _values(given: Any) -> list[float] | None:
+    if given is None:
+        return None
+    values: list[float] = np.atleast_1d(np.asarray(given, dtype=np.float64)).tolist()
+    return values
+
+
+def _initial(initial: Any) -> Document:
+    """Return the initial state: a document, the frequency of an impact mode, or (x, v)."""
+    if isinstance(initial, Mapping):
+        return dict(initial)
+    if isinstance(initial, int | float):
+        return {"impact_mode": {"Omega": float(initial)}}
+    x, v = initial
+    return {"x": _values(x), "v": _values(v)}
