@@ -62,7 +62,6 @@ _FORMER_NAMES: Final[Mapping[str, str]] = {
     "members of two constraints": "motion of two constraints",
     "walks along limits": "certified path check",
     "stability, flights": "stability, free motion",
-    "passages": "first passage",
 }
 """Names of kernels as they are now, by those that they had in 0.1.0."""
 

@@ -7,7 +7,6 @@ takes seconds, only the kernels are loaded.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache, partial
@@ -21,7 +20,6 @@ import numpy as np
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.kernels import threads
 from vibroimpact_solvers.kernels.jit import kernel
-from vibroimpact_solvers.kernels.passages import first_passage
 from vibroimpact_solvers.kernels.triangle_time import (
     antisymmetric_response,
     hyperbolic_cosine,
@@ -61,16 +59,6 @@ class Watched:
         copies = tuple(a.copy() if isinstance(a, np.ndarray) else a for a in self.arguments)
         function = getattr(import_module(self.module), self.function)
         return function(*copies), copies
-
-
-@kernel
-def passages(arguments: tuple[Any, ...], count: int) -> float:
-    """Search the same first passage again and again: a call from Python would cost more."""
-    total = 0.0
-    for _ in range(count):
-        h, side = first_passage(*arguments)
-        total += h * side
-    return total
 
 
 @kernel
@@ -188,14 +176,6 @@ def _launch(n: int, t_end: float) -> Watched:
     return recorded(single_call, "whole_motion", _motion(system, np.array([5.0]), t_end))
 
 
-def _passages() -> Watched:
-    from benchmarks import free_motions
-
-    with free_motions.counted(Counter()):
-        call = _kernel("free_motion", "first_passage", _chain_motion(13, 1.0, 13))
-    return _own("passages", call.arguments, 2000)
-
-
 def _samples() -> Watched:
     from vibroimpact_solvers.time_history import run
 
@@ -252,7 +232,6 @@ HOT: Final[Mapping[str, Callable[[], Watched]]] = {
     "time history, N=13": partial(_launch, 13, 100.0),
     "time history, N=100": partial(_launch, 100, 10.0),
     "time history with samples, N=13": _samples,
-    "first passage": _passages,
     "soft limiters": _soft,
     "slow flow, closed form": partial(
         slow_flow, "lossy_walls", "slow_flow", "restitution", "corrected"

@@ -9,8 +9,7 @@ from typing import Final
 import numpy as np
 
 from benchmarks.cases import GAP, grid
-from benchmarks.counters import forget_modes
-from benchmarks.skips.scene import Scene, solve
+from benchmarks.skips.scene import Scene, forget_modes, solve
 from vibroimpact_solvers import ensemble, impact_modes, presets, resonances, sweep, time_history
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.plan import Stage

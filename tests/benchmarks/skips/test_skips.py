@@ -16,8 +16,9 @@ from unittest import mock
 import pytest
 
 import vibroimpact_solvers
-from benchmarks.skips import scenes
-from benchmarks.skips.scene import NUMBERS, Scene, counted
+from benchmarks.skips.scene import Scene
+from tests.benchmarks.skips.counters import NUMBERS, counted
+from tests.benchmarks.skips.scenes import scenes
 from vibroimpact_solvers import existence_bands, impact_modes, slow_flow, sweep, time_history
 from vibroimpact_solvers.plan import Plan, Skip
 
@@ -159,6 +160,11 @@ def planners() -> tuple[ModuleType, ...]:
     return tuple(import_module(".".join(parts)) for parts in names)
 
 
+def planned(scene: Scene) -> Plan:
+    plan: Plan = scene.solver.plan(scene.problem())
+    return plan
+
+
 def stated(scene: Scene) -> tuple[Plan, dict[str, set[tuple[str, int]]]]:
     """Return the plan of a scene, and where each of its skips was stated."""
     found = defaultdict[str, set[tuple[str, int]]](set)
@@ -174,7 +180,7 @@ def stated(scene: Scene) -> tuple[Plan, dict[str, set[tuple[str, int]]]]:
             for each in vars(module).values():
                 if hasattr(each, "cache_clear"):  # what was stated before would not be again
                     each.cache_clear()
-        return scene.plan(), found
+        return planned(scene), found
 
 
 def test_every_skip_that_a_plan_can_state_has_a_scene() -> None:
@@ -197,7 +203,7 @@ def test_every_output_that_may_not_be_asked_has_a_scene(solver: ModuleType) -> N
 
 def test_every_reason_why_an_axis_changes_nothing_has_a_scene() -> None:
     rules = {rule.why for kind in sweep.KINDS.values() for rule in kind.rules if rule.stage is None}
-    plans = [scene.plan() for scene in SCENES if scene.solver is sweep]
+    plans = [planned(scene) for scene in SCENES if scene.solver is sweep]
     reasons = [skip.why for plan in plans for skip in plan.skips]
     assert rules
     assert all(any(why.startswith(rule) for why in reasons) for rule in rules)

@@ -10,14 +10,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from functools import lru_cache
 from inspect import signature
 from threading import Lock
-from types import FunctionType
 from typing import Any, Final
 from unittest import mock
 
-import numba
 import numpy as np
 
 from vibroimpact_solvers.kernels import free_motion, whole_motion
@@ -54,23 +51,18 @@ def counted(counts: Counter[str]) -> Iterator[None]:
 
 @contextmanager
 def watching_all() -> Iterator[None]:
-    """Let the loop search all walls in every free motion, those that are out of reach included."""
+    """Let the loop search all walls in every free motion, those that are out of reach included.
+
+    Only inside `counted`, which lets Python's interpreter run the loop.
+    """
     search = vars(free_motion)["_next_event"]
-    place = list(signature(getattr(search, "py_func", search)).parameters).index("out_of_reach")
-    with ExitStack() as stack:
-        if hasattr(vars(run)["advance"], "py_func"):
-            loop = _watchful(place)
-            stack.enter_context(mock.patch.object(run, "advance", loop))
-            stack.enter_context(mock.patch.object(whole_motion, "advance", loop))
-            plain = vars(whole_motion)["whole_motion"].py_func
-            stack.enter_context(mock.patch.object(single_call, "whole_motion", plain))
-        else:
+    place = list(signature(search).parameters).index("out_of_reach")
 
-            def awake(*args: Any) -> Any:
-                args[place][:] = False
-                return search(*args)
+    def awake(*args: Any) -> Any:
+        args[place][:] = False
+        return search(*args)
 
-            stack.enter_context(mock.patch.object(free_motion, "_next_event", awake))
+    with mock.patch.object(free_motion, "_next_event", awake):
         yield
 
 
@@ -105,29 +97,3 @@ def _loops() -> list[str]:
         names |= more
         known |= more
     return sorted(names)
-
-
-@lru_cache
-def _watchful(place: int) -> Any:
-    """Return the compiled loop that takes no wall to be out of reach."""
-    plain = vars(free_motion)["advance"].py_func
-    # Not compiled into its caller, as it is there: such functions take no unnamed arguments.
-    search = _compiled(vars(free_motion)["_next_event"].py_func)
-    awake = _compiled(FunctionType(_awake.__code__, {"SEARCH": search, "PLACE": place}))
-    names = {**plain.__globals__, "_next_event": awake}
-    return _compiled(FunctionType(plain.__code__, names))
-
-
-SEARCH: Any = None
-PLACE = 0
-
-
-def _awake(*args: Any) -> Any:
-    """Search with all walls within reach."""
-    idle = args[PLACE]
-    for i in range(idle.size):
-        idle[i] = False
-    return SEARCH(*args)
-
-
-_compiled: Final = numba.njit(nogil=True, error_model="numpy")

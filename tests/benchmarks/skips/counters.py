@@ -11,15 +11,16 @@ from unittest import mock
 
 import numpy as np
 
-from benchmarks import free_motions
-from vibroimpact_solvers import spectrum, stability
+from benchmarks.skips.scene import fresh
+from tests.benchmarks.skips import free_motions
+from vibroimpact_solvers import stability
 from vibroimpact_solvers.arrays import Described
 from vibroimpact_solvers.impact_modes.modal import ModalFamily
 from vibroimpact_solvers.kernels import bands, families, limits, response
 from vibroimpact_solvers.matrices import SymmetricMatrix
 from vibroimpact_solvers.receptance import TriangleWaveResponse
 from vibroimpact_solvers.slow_flow.models import MODELS
-from vibroimpact_solvers.spectrum import Cache, Spectrum, methods
+from vibroimpact_solvers.spectrum import Spectrum, methods
 from vibroimpact_solvers.time_history import soft
 from vibroimpact_solvers.time_history.history import History
 from vibroimpact_solvers.time_history.structure import Structure
@@ -121,19 +122,6 @@ _COUNTED: tuple[tuple[Any, str, Callable[..., Tally]], ...] = (
 )
 
 
-def forget_modes() -> None:
-    """Empty the cache of natural modes; only inside `fresh`, which has its own."""
-    vars(methods)["CACHE"] = Cache(2**30)
-
-
-@contextmanager
-def fresh() -> Iterator[None]:
-    """Start from an empty cache of natural modes, in the body of a with statement."""
-    spectrum.CACHE.clear()
-    with mock.patch.object(methods, "CACHE", Cache(2**30)):
-        yield
-
-
 @contextmanager
 def counting() -> Iterator[Counter[str]]:
     """Count, in the body of a with statement, from an empty cache of natural modes.
@@ -180,3 +168,15 @@ def numbers(result: Any) -> int:
         return 0
     values = (getattr(result, field.name) for field in fields(result))
     return sum(value.size for value in values if isinstance(value, np.ndarray))
+
+
+NUMBERS = "numbers of the result"
+
+
+def counted(work: Callable[[], object]) -> Counter[str]:
+    """Return what some work computes."""
+    with counting() as counts:
+        result = work()
+    if held := numbers(result):
+        counts[NUMBERS] = held
+    return counts
