@@ -2,12 +2,12 @@
 
 To add a kind:
 
-1. Write the solver module; it offers ``plan``, ``solve``, ``split``, ``join`` and the result
-   class ``Result``; and ``content``, where pieces are to be shared between requests (see
-   `Kind.axis`).
+1. Write the solver module, called as the kind; it offers ``plan``, ``solve``, ``split``,
+   ``join`` and the result class ``Result``; and ``content``, where pieces are to be shared
+   between requests (see `Kind.axis`).
 2. Declare the fields of its result in `vibroimpact_solvers.results`, and write its request in
    `vibroimpact_schema.requests`. The document of the result follows from the declaration.
-3. Write the function that makes the solver's problem of the request, in `decode`.
+3. Write the function that makes the solver's problem of the request, of that name, in `decode`.
 4. Add one row to `KINDS`, and an example to ``openapi/examples``.
 5. To let it be swept, add a row to `vibroimpact_solvers.sweep.kinds.KINDS`.
 
@@ -83,11 +83,6 @@ class Kind:
         In words.
     request, result : type
         Documents.
-    module : str
-        The solver's module; imported at first use, because numerical libraries take longer to
-        import than the service may take to start.
-    decoder : str
-        Name of the function in `decode` that makes a problem of a request.
     structure : tuple of str
         Path of the structure in a request.
     axis : str, optional
@@ -99,15 +94,18 @@ class Kind:
     title: str
     request: type[requests.ComputationRequest] | type[sweeps.SweepRequest]
     result: type[results.Result]
-    module: str
-    decoder: str
     axis: str | None = None
     structure: tuple[str, ...] = field(default=("system",), kw_only=True)
 
     @property
+    def identifier(self) -> str:
+        """Name of the solver's module, of the function that decodes requests, in operations."""
+        return self.name.replace("-", "_")
+
+    @property
     def solver(self) -> Solver:
-        """The solver's module."""
-        return cast("Solver", importlib.import_module(self.module))
+        """The solver's module; numerical libraries load at its first use, which takes long."""
+        return cast("Solver", importlib.import_module(f"vibroimpact_solvers.{self.identifier}"))
 
 
 KINDS: Final[Mapping[str, Kind]] = {
@@ -118,8 +116,6 @@ KINDS: Final[Mapping[str, Kind]] = {
             "Impact modes",
             requests.ImpactModesRequest,
             document("impact-modes", impact_modes.Result),
-            "vibroimpact_solvers.impact_modes",
-            "impact_modes",
             axis="frequency",
         ),
         Kind(
@@ -127,32 +123,24 @@ KINDS: Final[Mapping[str, Kind]] = {
             "Existence bands",
             requests.ExistenceBandsRequest,
             document("existence-bands", existence_bands.Result),
-            "vibroimpact_solvers.existence_bands",
-            "existence_bands",
         ),
         Kind(
             "resonances",
             "Internal resonances",
             requests.ResonancesRequest,
             document("resonances", resonances.Result),
-            "vibroimpact_solvers.resonances",
-            "resonances",
         ),
         Kind(
             "time-history",
             "Time history",
             requests.TimeHistoryRequest,
             document("time-history", time_history.Result),
-            "vibroimpact_solvers.time_history",
-            "time_history",
         ),
         Kind(
             "ensemble",
             "Ensemble",
             requests.EnsembleRequest,
             document("ensemble", ensemble.Result),
-            "vibroimpact_solvers.ensemble",
-            "ensemble",
             axis="initial",
         ),
         Kind(
@@ -160,16 +148,12 @@ KINDS: Final[Mapping[str, Kind]] = {
             "Slow flows",
             requests.SlowFlowRequest,
             document("slow-flow", slow_flow.Result),
-            "vibroimpact_solvers.slow_flow",
-            "slow_flow",
         ),
         Kind(
             "sweep",
             "Sweep",
             sweeps.SweepRequest,
             sweeps.SweepResult,
-            "vibroimpact_solvers.sweep",
-            "sweep",
             axis="axes",
             structure=("base", "system"),
         ),

@@ -55,7 +55,7 @@ class Counting(Kind):
 def counting(error: Exception | None = None) -> Counting:
     row = KINDS["impact-modes"]
     return Counting(
-        row.name, row.title, row.request, row.result, row.module, row.decoder, row.axis,
+        row.name, row.title, row.request, row.result, row.axis,
         [], threading.Event(), error,
     )  # fmt: skip
 

@@ -18,7 +18,7 @@ from vibroimpact_schema.requests import ImpactModesRequest
 from vibroimpact_schema.sweeps import SweepRequest
 from vibroimpact_service import chunks as job_chunks
 from vibroimpact_service import execute
-from vibroimpact_service.documents import decode, digest, planning, requests
+from vibroimpact_service.documents import decode, digest, planning, requests, sweep_axes
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.results import encode, hdf5
 from vibroimpact_service.store import Store
@@ -47,7 +47,7 @@ def single(base: dict[str, Any], values: dict[str, float]) -> impact_modes.Resul
 
 def swept(content: dict[str, Any]) -> tuple[sweep.Problem, sweep.Result]:
     request = SweepRequest.model_validate(content)
-    problem = decode.sweep(request, decode.system(request.system))
+    problem = sweep_axes.problem(request, decode.system(request.system))
     return problem, sweep.solve(problem, sweep.plan(problem))
 
 

@@ -41,11 +41,9 @@ router = APIRouter(
 
 
 def _add_compute(kind: Kind) -> None:
-    operation = f"compute_{kind.decoder}"
-
     @router.post(
         f"/v1/compute/{kind.name}",
-        operation_id=operation,
+        operation_id=f"compute_{kind.identifier}",
         summary=f"{kind.title}: compute",
         description="Answers with the result if it is stored or the planned work is small, "
         "otherwise with a job.",
@@ -93,11 +91,9 @@ def _add_compute(kind: Kind) -> None:
 
 
 def _add_plan(kind: Kind) -> None:
-    operation = f"plan_{kind.decoder}"
-
     @router.post(
         f"/v1/plan/{kind.name}",
-        operation_id=operation,
+        operation_id=f"plan_{kind.identifier}",
         summary=f"{kind.title}: plan",
         description="States what would be computed, by which methods and why, what would be "
         "skipped, and the cost.",

@@ -1,27 +1,27 @@
 """Documents to the solvers' systems and problems; the only module that knows both.
 
-The function that a kind names as its decoder takes a request and its system and returns the
+Each kind has a function of its name, which takes a request and its system and returns the
 problem. The sizes in the documents were compared with the limits before.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from decimal import Decimal
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from vibroimpact_schema import grids, motions, requests, sweeps, systems
-from vibroimpact_service.documents import digest, sweep_axes
-from vibroimpact_service.kinds import KINDS
+from vibroimpact_schema import grids, motions, requests, systems
+from vibroimpact_service.documents import digest
+from vibroimpact_service.kinds import Kind
 from vibroimpact_solvers import ensemble as ensembles
 from vibroimpact_solvers import existence_bands as bands
 from vibroimpact_solvers import impact_modes as modes
 from vibroimpact_solvers import presets
 from vibroimpact_solvers import resonances as held
 from vibroimpact_solvers import slow_flow as flows
-from vibroimpact_solvers import sweep as swept
 from vibroimpact_solvers import time_history as histories
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ModelError
@@ -145,18 +145,52 @@ def _constraint(index: int, document: systems.Constraint) -> Constraint:
         raise error.under("constraints", index) from None
 
 
+def problem(kind: Kind, request: Any, of: System) -> Any:
+    """Return the problem of a request of a kind, for its solver.
+
+    Raises
+    ------
+    ModelError
+        With the pointer inside the request.
+    """
+    return globals()[kind.identifier](request, of)
+
+
+def grid_values(grid: Any) -> Floats:
+    """Return the values of a grid that lists them, or has a number of them, shape (position,)."""
+    if hasattr(grid, "values"):
+        return np.array(grid.values, dtype=np.float64)
+    return np.linspace(grid.start, grid.stop, grid.num)
+
+
+def decimal_steps(start: float, step: float, count: int) -> Floats | None:
+    """Return start, start + step, …, shape (count,), None where that takes too many digits.
+
+    Each is the double nearest to the decimal number that is meant, 0.6 + 0.1 being 0.7, so
+    that grids of the same steps that overlap have the same numbers there, to the last bit.
+    """
+    first, each = Decimal(repr(start)), Decimal(repr(step))
+    places = max(0, -min(int(d.normalize().as_tuple().exponent) for d in (first, each)))
+    if places > 22:  # beyond it the denominator would be rounded
+        return None
+    begin, by = int(first.scaleb(places)), int(each.scaleb(places))
+    if max(abs(begin), by, abs(begin + by * (count - 1))) >= 2**53:
+        return None
+    values: Floats = (begin + by * np.arange(count)).astype(np.float64) / 10.0**places
+    return values
+
+
 def frequencies(grid: Any) -> tuple[Floats, Floats]:
     """Return (Omega, omega) of a grid, each shape (frequency,); the one given, to the bit."""
-    match grid:
-        case grids.FrequencyValues():
-            given = np.array(grid.values)
-        case grids.FrequencyPoints():
-            given = np.linspace(grid.start, grid.stop, grid.num)
-        case grids.FrequencySteps():
-            exact = sweep_axes.decimal_steps(grid.start, grid.step, grid.count)
-            given = grid.start + grid.step * np.arange(grid.count) if exact is None else exact
-            # The last step may pass the end by rounding.
-            given[-1] = min(given[-1], grid.stop)
+    given: Floats
+    if isinstance(grid, grids.FrequencySteps):
+        exact = decimal_steps(grid.start, grid.step, grid.count)
+        steps = np.arange(grid.count, dtype=np.float64)
+        given = grid.start + grid.step * steps if exact is None else exact
+        # The last step may pass the end by rounding.
+        given[-1] = min(given[-1], grid.stop)
+    else:
+        given = grid_values(grid)
     if grid.unit == "Omega":
         return given, given * (2.0 / np.pi)
     return given * (np.pi / 2.0), given
@@ -248,13 +282,6 @@ def times(of: Any, t_end: float) -> Floats | None:
     return np.array(of)
 
 
-def time_grid(grid: Any) -> Floats:
-    """Return the times of a grid, shape (time,)."""
-    if isinstance(grid, grids.TimeValues):
-        return np.array(grid.values)
-    return np.linspace(grid.start, grid.stop, grid.num)
-
-
 def slow_flow(request: requests.SlowFlowRequest, of: System) -> flows.Problem:
     """Return the problem of a slow flow."""
     return flows.Problem(
@@ -262,7 +289,7 @@ def slow_flow(request: requests.SlowFlowRequest, of: System) -> flows.Problem:
         request.model,
         request.variant,
         flows.Initial(**request.initial.model_dump()),
-        time_grid(request.t),
+        grid_values(request.t),
         frozenset(request.outputs),
         request.tolerance,
     )
@@ -270,11 +297,3 @@ def slow_flow(request: requests.SlowFlowRequest, of: System) -> flows.Problem:
 
 def _indices(given: Sequence[int] | None) -> np.ndarray[Any, np.dtype[np.int64]] | None:
     return None if given is None else np.array(given, dtype=np.int64)
-
-
-def sweep(request: sweeps.SweepRequest, of: System) -> swept.Problem:
-    """Return the problem of a sweep, whose points have structures of their own."""
-    kind = request.root.kind
-    problem: Callable[[Any, System], Any] = globals()[KINDS[kind].decoder]
-    by = sweep_axes.Decoders(problem, system, constraints)
-    return sweep_axes.problem(kind, request.base, request.root.axes, of, by)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from vibroimpact_schema.sweeps import SweepRequest
 from vibroimpact_schema.systems import SystemReference
 from vibroimpact_service import problems
 from vibroimpact_service.documents import limits, stored_systems
@@ -45,7 +46,7 @@ def plan(store: Store, kind: Kind, document: Any, settings: Settings | None = No
         413 or 422 with the field that is wrong.
     """
     # The numerical libraries load at the first request.
-    from vibroimpact_service.documents import decode
+    from vibroimpact_service.documents import decode, sweep_axes
     from vibroimpact_solvers import cost
 
     if isinstance(document.system, SystemReference):
@@ -58,7 +59,10 @@ def plan(store: Store, kind: Kind, document: Any, settings: Settings | None = No
     except ModelError as error:
         raise problems.of(error.under(*kind.structure)) from None
     try:
-        problem = getattr(decode, kind.decoder)(document, system)
+        if isinstance(document, SweepRequest):
+            problem: Any = sweep_axes.problem(document, system)
+        else:
+            problem = decode.problem(kind, document, system)
         planned = kind.solver.plan(problem)
     except SolverError as error:
         raise problems.of(error) from None

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
+from functools import lru_cache
+from types import NoneType
 from typing import Any, Final
 
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
-from vibroimpact_schema import requests, sweeps, systems
+from vibroimpact_schema import sweeps
 from vibroimpact_service import validation
+from vibroimpact_service.documents import decode
+from vibroimpact_service.kinds import KINDS
 from vibroimpact_solvers import sweep
 from vibroimpact_solvers.arrays import Floats, declared
 from vibroimpact_solvers.errors import ModelError
@@ -30,51 +34,25 @@ _VAGUE: Final = frozenset(
 )
 """Names that tell nothing without the one before."""
 _SIZES: Final = frozenset({"n", "num", "shape"})
+_SORTS: Final = {NoneType: "null", bool: "true or false", str: "text", list: "a list"}
 _TRIED: Final = 10_000
 """Points at which a value is tried before it is taken to be wrong everywhere."""
-_OTHER_SIZE: Final = "the results would have other sizes than those of the base"
+_OTHER_SIZE: Final = ModelError(
+    (), "the results would have other sizes than those of the base", code="shapes_differ"
+)
 _KEPT: Final = 4
 """Structures without their limiters that are held at a time."""
 
 
-@dataclass(frozen=True, slots=True)
-class Decoders:
-    """How parts of a request are decoded.
+def problem(request: sweeps.SweepRequest, system: System) -> sweep.Problem:
+    """Return the problem of a sweep, whose points have structures of their own.
 
     Parameters
     ----------
-    problem : callable
-        ``(request, system) -> problem`` of the kind.
-    system : callable
-        ``(document) -> System``.
-    constraints : callable
-        ``(document) -> constraints`` of a system.
-    """
-
-    problem: Callable[[Any, System], Any]
-    system: Callable[[systems.AnySystem], System]
-    constraints: Callable[[systems.AnySystem], list[Constraint]]
-
-
-def problem(
-    kind: str,
-    base: requests.ComputationRequest,
-    axes: Sequence[sweeps.AnyAxis],
-    system: System,
-    by: Decoders,
-) -> sweep.Problem:
-    """Return the problem of a sweep.
-
-    Parameters
-    ----------
-    kind : str
-    base : ComputationRequest
-        A request of that kind, valid in itself.
-    axes : sequence
-        Documents of the axes.
+    request : SweepRequest
+        Its base is valid in itself.
     system : System
         The structure of the base.
-    by : Decoders
 
     Raises
     ------
@@ -82,55 +60,29 @@ def problem(
         With a pointer to the axis whose path is wrong, or to the value with which no point of
         the grid is possible.
     """
+    kind, base = request.root.kind, request.base
     try:
-        by.problem(base, system)
+        decode.problem(KINDS[kind], base, system)
     except ModelError as error:
         raise error.under("base") from None
-    fields = [_Field.of(base, place, axis.path) for place, axis in enumerate(axes)]
-    _check_different(fields)
-    values = [_values(axis) for axis in axes]
-    grid = _Grid(kind, base, axes, fields, values, by)
+    axes = [_axis(base, place, axis) for place, axis in enumerate(request.root.axes)]
+    _check_different(axes)
+    grid = _Grid(kind, base, axes)
     grid.check()
-    return sweep.Problem(
-        kind,
-        tuple(_axes(kind, base, axes, fields, values)),
-        grid.at,
-        system,
-    )
+    return sweep.Problem(kind, tuple(_described(kind, base, axes)), grid.at, system)
 
 
 # -- Values -------------------------------------------------------------------------------
 
 
-def decimal_steps(start: float, step: float, count: int) -> Floats | None:
-    """Return start, start + step, …, shape (count,), None where that takes too many digits.
-
-    Each is the double nearest to the decimal number that is meant, 0.6 + 0.1 being 0.7, so
-    that grids of the same steps that overlap have the same numbers there, to the last bit.
-    """
-    first, each = Decimal(repr(start)), Decimal(repr(step))
-    places = max(0, -min(int(d.normalize().as_tuple().exponent) for d in (first, each)))
-    if places > 22:  # beyond it the denominator would be rounded
-        return None
-    begin, by = int(first.scaleb(places)), int(each.scaleb(places))
-    if max(abs(begin), by, abs(begin + by * (count - 1))) >= 2**53:
-        return None
-    values: Floats = (begin + by * np.arange(count)).astype(np.float64) / 10.0**places
-    return values
-
-
 def _values(axis: sweeps.AnyAxis) -> Floats:
-    match axis:
-        case sweeps.AxisValues():
-            return np.array(axis.values)
-        case sweeps.AxisPoints():
-            return np.linspace(axis.start, axis.stop, axis.num)
-        case sweeps.AxisSteps():
-            values = decimal_steps(axis.start, axis.step, axis.count)
-            if values is not None:
-                return values
-            start, step = Decimal(repr(axis.start)), Decimal(repr(axis.step))
-            return np.array([float(start + k * step) for k in range(axis.count)])
+    if not isinstance(axis, sweeps.AxisSteps):
+        return decode.grid_values(axis)
+    values = decode.decimal_steps(axis.start, axis.step, axis.count)
+    if values is not None:
+        return values
+    start, step = Decimal(repr(axis.start)), Decimal(repr(axis.step))
+    return np.array([float(start + k * step) for k in range(axis.count)])
 
 
 def _offset(axis: sweeps.AnyAxis) -> int:
@@ -143,50 +95,17 @@ def _offset(axis: sweeps.AnyAxis) -> int:
 # -- Fields -------------------------------------------------------------------------------
 
 
-class _WrongValue(Exception):  # noqa: N818 (it names the state of the value)
-    def __init__(self, message: str, code: str) -> None:
-        super().__init__(message)
-        self.message, self.code = message, code
-
-
 @dataclass(frozen=True, slots=True)
-class _Field:
-    """A number of a request.
+class _Axis:
+    """A number of a request that varies, and its values."""
 
-    Parameters
-    ----------
-    path : tuple
-        Names, keys and indices that lead to it.
-    mirror : tuple or None
-        Those that lead to the entry of a symmetric matrix that is equal to it.
-    whole : bool
-        Whether it is an integer.
-    """
-
+    document: sweeps.AnyAxis
     path: Path
     mirror: Path | None
+    """Leads to the entry of a symmetric matrix that is equal to it."""
     whole: bool
-
-    @classmethod
-    def of(cls, base: Any, place: int, text: str) -> _Field:
-        """Return the field at a path."""
-        here: Any = base
-        path: list[str | int] = []
-        for part in text.split("."):
-            step = _step(here, part)
-            if step is None:
-                where = ".".join(map(str, path)) or "the base"
-                message = f"there is no {part!r} in {where}"
-                raise ModelError(("axes", place, "path"), message, code="unknown_path")
-            path.append(step)
-            here = _get(here, step)
-        if isinstance(here, bool) or not isinstance(here, (int, float)):
-            message = f"{text} is {_sort(here)}, not a number"
-            raise ModelError(("axes", place, "path"), message, code="not_a_number")
-        if next(part for part in reversed(path) if isinstance(part, str)) in _SIZES:
-            message = f"{text} is a size: results of differing sizes make no grid"
-            raise ModelError(("axes", place, "path"), message, code="shapes_differ")
-        return cls(tuple(path), _mirror(base, tuple(path)), isinstance(here, int))
+    """Whether it is an integer."""
+    values: list[float]
 
     def set(self, base: Any, value: float) -> Any:
         """Return the request with another value, without checking it."""
@@ -197,24 +116,47 @@ class _Field:
     def check(self, base: Any, value: float) -> None:
         """Raise where the field may not have that value."""
         if self.whole and not value.is_integer():
-            raise _WrongValue("must be a whole number", "wrong_type")
-        depth = _innermost(base, self.path)
-        model = _follow(base, self.path[:depth])
+            raise ModelError((), "must be a whole number", code="wrong_type")
         changed = self.set(base, value)
-        content = dict(_follow(changed, self.path[:depth]))
+        document = _innermost(changed, self.path)
+        content = dict(document)
         try:
-            type(model).model_validate(content)
+            type(document).model_validate(content)
         except ValidationError as error:
             fault = validation.problem_of(error, content).errors[0]
-            raise _WrongValue(fault.message, fault.code) from None
+            raise ModelError((), fault.message, code=fault.code) from None
+        # Before anything of that size is allocated.
+        if _frequencies(changed) != _frequencies(base):
+            raise _OTHER_SIZE
 
 
-def _check_different(fields: Sequence[_Field]) -> None:
+def _axis(base: Any, place: int, document: sweeps.AnyAxis) -> _Axis:
+    here, text = base, document.path
+    path: Path = ()
+    for part in text.split("."):
+        step = _step(here, part)
+        if step is None:
+            where = ".".join(map(str, path)) or "the base"
+            message = f"there is no {part!r} in {where}"
+            raise ModelError(("axes", place, "path"), message, code="unknown_path")
+        path = (*path, step)
+        here = _get(here, step)
+    if isinstance(here, bool) or not isinstance(here, (int, float)):
+        message = f"{text} is {_SORTS.get(type(here), 'an object')}, not a number"
+        raise ModelError(("axes", place, "path"), message, code="not_a_number")
+    if next(part for part in reversed(path) if isinstance(part, str)) in _SIZES:
+        message = f"{text} is a size: results of differing sizes make no grid"
+        raise ModelError(("axes", place, "path"), message, code="shapes_differ")
+    values = _values(document).tolist()
+    return _Axis(document, path, _mirror(base, path), isinstance(here, int), values)
+
+
+def _check_different(axes: Sequence[_Axis]) -> None:
     seen: dict[Path, int] = {}
-    for place, field in enumerate(fields):
-        first = seen.setdefault(field.path, place)
-        if first == place and field.mirror is not None:
-            first = seen.setdefault(field.mirror, place)
+    for place, axis in enumerate(axes):
+        first = seen.setdefault(axis.path, place)
+        if first == place and axis.mirror is not None:
+            first = seen.setdefault(axis.mirror, place)
         if first != place:
             message = f"axis {first} varies the same number"
             raise ModelError(("axes", place, "path"), message, code="duplicate_path")
@@ -235,12 +177,6 @@ def _get(here: Any, step: str | int) -> Any:
     return getattr(here, str(step)) if isinstance(here, BaseModel) else here[step]
 
 
-def _follow(here: Any, path: Path) -> Any:
-    for step in path:
-        here = _get(here, step)
-    return here
-
-
 def _replaced(here: Any, path: Path, value: Any) -> Any:
     """Return a document with another value at a path; the rest is shared with the old one."""
     if not path:
@@ -254,14 +190,14 @@ def _replaced(here: Any, path: Path, value: Any) -> Any:
     return copy
 
 
-def _innermost(base: Any, path: Path) -> int:
-    """Return how many steps lead to the innermost document on a path."""
-    deepest, here = 0, base
-    for depth, step in enumerate(path[:-1], start=1):
+def _innermost(document: BaseModel, path: Path) -> BaseModel:
+    """Return the innermost document on a path."""
+    here: Any = document
+    for step in path[:-1]:
         here = _get(here, step)
         if isinstance(here, BaseModel):
-            deepest = depth
-    return deepest
+            document = here
+    return document
 
 
 def _mirror(base: Any, path: Path) -> Path | None:
@@ -269,8 +205,8 @@ def _mirror(base: Any, path: Path) -> Path | None:
     match path:
         case ("system", "M" | "K" | "C", int(i), int(j)) if i != j:
             return (*path[:2], j, i)
-        case ("system", "M" | "K" | "C", "data", int(k)):
-            matrix = _follow(base, path[:2])
+        case ("system", "M" | "K" | "C" as name, "data", int(k)):
+            matrix = getattr(base.system, name)
             places = list(zip(matrix.row, matrix.col, strict=False))
             i, j = places[k] if k < len(places) else (0, 0)
             if i != j and (j, i) in places:
@@ -278,47 +214,31 @@ def _mirror(base: Any, path: Path) -> Path | None:
     return None
 
 
-def _sort(value: Any) -> str:
-    match value:
-        case None:
-            return "null"
-        case bool():
-            return "true or false"
-        case str():
-            return "text"
-        case list():
-            return "a list"
-        case _:
-            return "an object"
+def _frequencies(request: Any) -> int:
+    return int(getattr(getattr(request, "frequency", None), "count", 0))
 
 
 # -- Names --------------------------------------------------------------------------------
 
 
-def _axes(
-    kind: str,
-    base: Any,
-    axes: Sequence[sweeps.AnyAxis],
-    fields: Sequence[_Field],
-    values: Sequence[Floats],
-) -> Iterator[sweep.Axis]:
-    taken = _taken(kind)
+def _described(kind: str, base: Any, axes: Sequence[_Axis]) -> Iterator[sweep.Axis]:
+    """Yield the solver's axes."""
     outputs = frozenset(getattr(base, "outputs", ()))
-    names = _names(axes, fields, taken)
-    for axis, field, some, name in zip(axes, fields, values, names, strict=True):
-        rule = sweep.rule(kind, field.path)
+    for axis, name in zip(axes, _names(axes, _taken(kind)), strict=True):
+        path = axis.document.path
+        rule = sweep.rule(kind, axis.path)
         stages = [rule.unless[output] for output in rule.unless if output in outputs]
-        unit, called = sweep.meaning(field.path)
+        unit, called = sweep.meaning(axis.path)
         yield sweep.Axis(
-            axis.path,
+            path,
             name,
-            some,
+            np.array(axis.values),
             unit,
-            called if called == axis.path else f"{called}, {axis.path}",
+            called if called == path else f"{called}, {path}",
             stages[0] if stages else rule.stage,
             rule.why,
             rule.changes,
-            _offset(axis),
+            _offset(axis.document),
         )
 
 
@@ -334,15 +254,13 @@ def _taken(kind: str) -> frozenset[str]:
     return frozenset(names)
 
 
-def _names(
-    axes: Sequence[sweeps.AnyAxis], fields: Sequence[_Field], taken: frozenset[str]
-) -> list[str]:
-    given = [axis.name for axis in axes]
+def _names(axes: Sequence[_Axis], taken: frozenset[str]) -> list[str]:
+    given = [axis.document.name for axis in axes]
     for place, name in enumerate(given):
         if name is not None and (name in taken or name in given[:place]):
             message = f"the results have another {name!r}: choose another name"
             raise ModelError(("axes", place, "name"), message, code="duplicate_name")
-    choices = [list(_endings(field.path)) for field in fields]
+    choices = [list(_endings(axis.path)) for axis in axes]
     names: list[str] = []
     for place, name in enumerate(given):
         others = {e for k, endings in enumerate(choices) if k != place for e in endings}
@@ -366,26 +284,15 @@ def _endings(path: Path) -> Iterator[str]:
 class _Grid:
     """The problems of the points; what several of them share is decoded once."""
 
-    def __init__(
-        self,
-        kind: str,
-        base: Any,
-        axes: Sequence[sweeps.AnyAxis],
-        fields: Sequence[_Field],
-        values: Sequence[Floats],
-        by: Decoders,
-    ) -> None:
-        self._response_count = sweep.KINDS[kind].response_count
-        self._base, self._axes, self._fields, self._by = base, axes, fields, by
-        self._values = [some.tolist() for some in values]
-        limiters = [field.path[:2] == ("system", "constraints") for field in fields]
-        structure = [field.path[0] == "system" for field in fields]
-        places = range(len(fields))
-        self._limiting = [i for i in places if limiters[i]]
-        self._structural = [i for i in places if structure[i] and not limiters[i]]
-        self._other = [i for i in places if not structure[i]]
-        self._structures: dict[Index, System] = {}
-        self._limiters: dict[Index, list[Constraint]] = {}
+    def __init__(self, kind: str, base: Any, axes: Sequence[_Axis]) -> None:
+        self._kind, self._response_count = KINDS[kind], sweep.KINDS[kind].response_count
+        self._base, self._axes = base, axes
+        paths = list(enumerate(axis.path for axis in axes))
+        self._limiting = [i for i, path in paths if path[:2] == ("system", "constraints")]
+        self._other = [i for i, path in paths if path[0] != "system"]
+        self._structural = [i for i, _ in paths if i not in (*self._limiting, *self._other)]
+        self._limiters = lru_cache(_TRIED)(self._decoded_limiters)
+        self._structure = lru_cache(_KEPT)(self._decoded_structure)
 
     def at(self, index: Index) -> Any:
         """Return the problem of a point.
@@ -395,72 +302,70 @@ class _Grid:
         ModelError
             With a pointer from the base.
         """
-        return self._by.problem(self._set(self._base, self._other, index), self._system(index))
 
-    def _set(self, base: Any, places: Sequence[int], index: Index) -> Any:
-        for place in places:
-            base = self._fields[place].set(base, self._values[place][index[place]])
-        return base
+        def positions(places: Sequence[int]) -> Index:
+            return tuple(index[place] for place in places)
 
-    def _system(self, index: Index) -> System:
-        structure = self._structure(index)
         try:
-            return structure.limited(self._constraints(index))
+            structure = self._structure(positions(self._structural))
+            system = structure.limited(self._limiters(positions(self._limiting)))
         except ModelError as error:
             raise error.under("system") from None
+        request = self._set(self._other, positions(self._other))
+        return decode.problem(self._kind, request, system)
 
-    def _constraints(self, index: Index) -> list[Constraint]:
-        """Return the limiters at a point."""
-        key = tuple(index[i] for i in self._limiting)
-        limiters = self._limiters.get(key)
-        if limiters is None:
-            limiters = self._by.constraints(self._set(self._base, self._limiting, index).system)
-            if len(self._limiters) > _TRIED:
-                self._limiters.clear()
-            self._limiters[key] = limiters
-        return limiters
+    def _set(self, places: Sequence[int], positions: Index) -> Any:
+        """Return the base with the values at some positions on some of the axes."""
+        request = self._base
+        for place, position in zip(places, positions, strict=True):
+            axis = self._axes[place]
+            request = axis.set(request, axis.values[position])
+        return request
 
-    def _structure(self, index: Index) -> System:
-        """Return the structure at a point, without limiters."""
-        key = tuple(index[i] for i in self._structural)
-        structure = self._structures.get(key)
-        if structure is None:
-            document = self._set(self._base, self._structural, index).system
-            try:
-                structure = self._by.system(document.model_copy(update={"constraints": []}))
-            except ModelError as error:
-                raise error.under("system") from None
-            if len(self._structures) >= _KEPT:
-                self._structures.pop(next(iter(self._structures)))
-            self._structures[key] = structure
-        return structure
+    def _decoded_limiters(self, positions: Index) -> list[Constraint]:
+        return decode.constraints(self._set(self._limiting, positions).system)
+
+    def _decoded_structure(self, positions: Index) -> System:
+        document = self._set(self._structural, positions).system
+        return decode.system(document.model_copy(update={"constraints": []}))
 
     def check(self) -> None:
         """Refuse values with which no point is possible."""
-        for place, (field, values) in enumerate(zip(self._fields, self._values, strict=True)):
-            for k, value in enumerate(values[:_TRIED]):
+        for place, axis in enumerate(self._axes):
+            for k, value in enumerate(axis.values[:_TRIED]):
                 try:
-                    field.check(self._base, value)
-                except _WrongValue as wrong:
-                    raise self._wrong(place, k, wrong.message, wrong.code) from None
-                # Before anything of that size is allocated.
-                if _grid_size(field.set(self._base, value)) != _grid_size(self._base):
-                    raise self._wrong(place, k, _OTHER_SIZE, "shapes_differ")
-        good = self._first_good()
+                    axis.check(self._base, value)
+                except ModelError as error:
+                    raise self._wrong(place, k, error) from None
+        good = self._first_possible(self._all())
+        if isinstance(good, ModelError):
+            related = [_related(axis.path, good.pointer) for axis in self._axes]
+            raise self._wrong(related.index(True) if any(related) else 0, 0, good)
         size = self._size(good)
-        for place, values in enumerate(self._values):
-            for k in range(min(len(values), _TRIED)):
-                neighbour = self._good_beside(good, place, k)
+        for place, axis in enumerate(self._axes):
+            for k in range(min(len(axis.values), _TRIED)):
+                neighbour = self._possible_beside(good, place, k)
                 if neighbour is not None and self._size(neighbour) != size:
-                    raise self._wrong(place, k, _OTHER_SIZE, "shapes_differ")
+                    raise self._wrong(place, k, _OTHER_SIZE)
 
     def _size(self, index: Index) -> int:
         return 0 if self._response_count is None else self._response_count(self.at(index))
 
-    def _first_good(self) -> Index:
-        """Return the first point that is possible."""
+    def _possible_beside(self, good: Index, place: int, k: int) -> Index | None:
+        """Return a possible point with a value, None where there are too many to try."""
+        beside = (*good[:place], k, *good[place + 1 :])
+        points = itertools.chain([beside], (at for at in self._all() if at[place] == k))
+        outcome = self._first_possible(points)
+        if not isinstance(outcome, ModelError):
+            return outcome
+        if next(points, None) is not None:
+            return None
+        raise self._wrong(place, k, outcome)
+
+    def _first_possible(self, points: Iterator[Index]) -> Index | ModelError:
+        """Return the first possible one of some points, or the first error where there is none."""
         first: ModelError | None = None
-        for index in itertools.islice(self._all(), _TRIED):
+        for index in itertools.islice(points, _TRIED):
             try:
                 self.at(index)
             except ModelError as error:
@@ -468,45 +373,17 @@ class _Grid:
             else:
                 return index
         assert first is not None
-        related = (_related(field.path, first.pointer) for field in self._fields)
-        place = next((i for i, is_related in enumerate(related) if is_related), 0)
-        raise self._wrong(place, 0, first.message, first.code)
-
-    def _good_beside(self, good: Index, place: int, k: int) -> Index | None:
-        """Return a possible point with a value, None where there are too many to try."""
-        index = (*good[:place], k, *good[place + 1 :])
-        try:
-            self.at(index)
-        except ModelError as error:
-            first = error
-        else:
-            return index
-        others = (index for index in self._all() if index[place] == k)
-        for tried, other in enumerate(others):
-            if tried == _TRIED:
-                return None
-            try:
-                self.at(other)
-            except ModelError:
-                continue
-            return other
-        raise self._wrong(place, k, first.message, first.code)
+        return first
 
     def _all(self) -> Iterator[Index]:
-        return itertools.product(*(range(len(values)) for values in self._values))
+        return itertools.product(*(range(len(axis.values)) for axis in self._axes))
 
-    def _wrong(self, place: int, k: int, message: str, code: str) -> ModelError:
+    def _wrong(self, place: int, k: int, error: ModelError) -> ModelError:
         axis = self._axes[place]
-        pointer: tuple[str | int, ...] = ("axes", place)
-        if isinstance(axis, sweeps.AxisValues):
-            pointer = (*pointer, "values", k)
-        return ModelError(
-            pointer, f"with {axis.path} = {self._values[place][k]!r}: {message}", code=code
-        )
-
-
-def _grid_size(request: Any) -> int:
-    return int(getattr(getattr(request, "frequency", None), "count", 0))
+        listed = isinstance(axis.document, sweeps.AxisValues)
+        pointer = ("axes", place, "values", k) if listed else ("axes", place)
+        message = f"with {axis.document.path} = {axis.values[k]!r}: {error.message}"
+        return ModelError(pointer, message, code=error.code)
 
 
 def _related(path: Path, pointer: Path) -> bool:

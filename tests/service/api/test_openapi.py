@@ -227,7 +227,7 @@ def told(document: dict[str, Any]) -> dict[str, Any]:
 def test_examples_of_answers_are_what_is_answered_now(
     settings: Settings, queue: Any, request_body: dict[str, Any], kind: Kind
 ) -> None:
-    shown = examples.answers(f"compute_{kind.decoder}")["200"]
+    shown = examples.answers(f"compute_{kind.identifier}")["200"]
     requests = [example["request"] for example in examples.requests(kind.name).values()]
     if kind.name == "impact-modes":
         frequency = {"values": shown["frequency"]["Omega"]}
