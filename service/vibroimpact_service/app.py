@@ -29,7 +29,7 @@ from vibroimpact_service.api import (
 )
 from vibroimpact_service.api.body_memory import BodyMemory
 from vibroimpact_service.api.boundary import Boundary, cross_origin, http_error, parameter_error
-from vibroimpact_service.api.services import Services
+from vibroimpact_service.api.dependencies import Services
 from vibroimpact_service.evaluate import Evaluation
 from vibroimpact_service.jobs.queue import JobQueue
 from vibroimpact_service.metrics import Metrics

@@ -13,14 +13,14 @@ import structlog
 from vibroimpact_schema.requests import BatchRequest
 from vibroimpact_service import execute, kinds, problems
 from vibroimpact_service.documents import parse, planning, requests
-from vibroimpact_service.executor import Executor
 from vibroimpact_service.jobs.engine import Engine, EngineUnavailableError
 from vibroimpact_service.jobs.work import Tick, WorkerLostError
 from vibroimpact_service.kinds import Kind
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.results import negotiate, representations
+from vibroimpact_service.results import representations
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
+from vibroimpact_service.threads import Threads
 from vibroimpact_solvers.plan import Plan
 
 log = structlog.get_logger("vibroimpact.batches")
@@ -31,7 +31,7 @@ async def answer(
     body: bytes,
     charge: Callable[[Plan, float], Awaitable[None]],
     settings: Settings,
-    executor: Executor,
+    threads: Threads,
     engine: Engine,
 ) -> bytes:
     """Return the results of the requests of a batch, in their order, as one document.
@@ -52,7 +52,7 @@ async def answer(
             raise problems.too_large("/requests", "too_long", message)
         return kinds.named(batch.kind, "kind").name, batch.requests
 
-    kind, contents = await executor.run(read)
+    kind, contents = await threads.run(read)
     # Charged at what they may cost at most: they are planned where they are computed.
     await charge(Plan(kind, ()), settings.batch_seconds * len(contents))
 
@@ -61,7 +61,7 @@ async def answer(
         try:
             return list(await engine.run(compute, *arguments))
         except (EngineUnavailableError, WorkerLostError):
-            return await executor.run(lambda: compute(*arguments, None))
+            return await threads.run(lambda: compute(*arguments, None))
 
     parts = _parts(contents, 2 * max(1, engine.workers))
     answers = await asyncio.gather(*(part(first, some) for first, some in parts))
@@ -108,7 +108,7 @@ def _result(settings: Settings, store: Store, owner: str, kind: Kind, content: A
         detail = "This is too much work for a batch; submit it as a job."
         raise ProblemError(problems.TOO_LARGE, detail)
     computed = execute.compute(planned, request.digest, request.canonical)
-    return representations.of_content(computed, negotiate.JSON).data
+    return representations.of_content(computed, representations.JSON).data
 
 
 def _parts(contents: Sequence[Any], count: int) -> list[tuple[int, bytes]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, Final, NamedTuple
@@ -9,7 +10,7 @@ from typing import Any, Final, NamedTuple
 import orjson
 import structlog
 
-from vibroimpact_service import execute, loading, problems
+from vibroimpact_service import execute, loading, logs, problems
 from vibroimpact_service.documents import digest, parse, planning
 from vibroimpact_service.documents.planning import Planned
 from vibroimpact_service.jobs.work import (
@@ -22,6 +23,7 @@ from vibroimpact_service.jobs.work import (
 )
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.problems import ProblemError
+from vibroimpact_service.results import encode
 from vibroimpact_service.results.rows import RowFiles
 from vibroimpact_service.store import Store
 
@@ -147,8 +149,6 @@ def _latest(store: Store, job: Pieces, index: int) -> tuple[int, Any]:
 
 def join(store_url: str, kind: str, request: str, result: str, chunks: Sequence[Chunk]) -> None:
     """Join the chunks of a job and store its result."""
-    from vibroimpact_service.results import encode
-
     job = _pieces(store_url, kind, request, CHUNK_SECONDS)
     store, solver = Store(store_url), job.planned.kind.solver
     if job.chained:
@@ -162,8 +162,6 @@ def join(store_url: str, kind: str, request: str, result: str, chunks: Sequence[
 
 def _join_in_files(store: Store, job: Pieces, result: str, chunks: Sequence[Chunk]) -> None:
     """Join pieces that are parts of one result, without the result in memory, and store it."""
-    from vibroimpact_service.results import encode
-
     solver: Any = job.planned.kind.solver
     with store.results.workspace() as folder:
         with RowFiles(folder) as rows:
@@ -181,14 +179,10 @@ def _join_in_files(store: Store, job: Pieces, result: str, chunks: Sequence[Chun
 
 
 def _put(store: Store, name: str, part: Any) -> None:
-    from vibroimpact_service.results import encode
-
     store.chunks.put(name, encode.pack(encode.describe(part, {})))
 
 
 def _get(store: Store, name: str, part: type[Any]) -> Any:
-    from vibroimpact_service.results import encode
-
     data = store.chunks.get(name)
     if data is None:
         raise ChunkMissingError(name)
@@ -210,12 +204,9 @@ def explain(error: BaseException) -> dict[str, Any]:
 
 def prepare() -> None:
     """Load the numerical libraries before the first job needs them."""
-    from vibroimpact_service import logs
-    from vibroimpact_service.documents import decode
-    from vibroimpact_service.results import encode
-
     logs.to_stderr()
-    log.debug("prepared", modules=[decode.__name__, encode.__name__])
+    for module in loading.NUMERICAL:
+        importlib.import_module(module)
 
 
 WORK: Final = Work(

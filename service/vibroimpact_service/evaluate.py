@@ -15,7 +15,6 @@ from vibroimpact_service.documents import digest, parse, planning, requests
 from vibroimpact_service.documents.planning import Planned
 from vibroimpact_service.documents.requests import JobOptions, Request
 from vibroimpact_service.execute import Computed
-from vibroimpact_service.executor import Executor
 from vibroimpact_service.jobs.queue import JobQueue
 from vibroimpact_service.jobs.records import KeyReusedError, NewJob
 from vibroimpact_service.jobs.tables import JobRow
@@ -24,10 +23,10 @@ from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.metrics import Metrics
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.results.collection import Results
-from vibroimpact_service.results.negotiate import Preference
 from vibroimpact_service.results.representations import Representation
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
+from vibroimpact_service.threads import Threads
 from vibroimpact_solvers.plan import Plan
 
 log = structlog.get_logger("vibroimpact.evaluate")
@@ -52,6 +51,21 @@ class Admission:
 
     charge: Callable[[Plan, float], Awaitable[None]]
     free: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Preference:
+    """Preferences of Prefer (RFC 7240): an answer by a job, and the wait before it."""
+
+    respond_async: bool = False
+    wait: float | None = None
+
+    def applied(self) -> str:
+        """Return the value of Preference-Applied."""
+        parts = ["respond-async"] * self.respond_async
+        if self.wait is not None:
+            parts.append(f"wait={self.wait:g}")
+        return ", ".join(parts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,17 +107,17 @@ class Evaluation:
     def __init__(self, settings: Settings, store: Store, queue: JobQueue, metrics: Metrics) -> None:
         self._settings, self._metrics = settings, metrics
         self.store, self.queue = store, queue
-        self.executor = Executor(settings)
+        self.threads = Threads(settings, self._computed)
         self.results = Results(store)
 
     def close(self) -> None:
         """Stop what is being computed; store what was answered."""
-        self.executor.close()
+        self.threads.close()
         self.results.close()
 
     async def plan(self, request: Request) -> PlanDocument:
         """Return what a computation would do, without doing it."""
-        planned = await self.executor.run(lambda: self._plan(request))
+        planned = await self.threads.run(lambda: self._plan(request))
         return PlanDocument(
             **planning.steps(planned.plan),
             kind=request.kind.name,
@@ -165,14 +179,14 @@ class Evaluation:
             another request.
         """
         options = options or JobOptions()
-        await self.executor.ended(request.digest)
+        await self.threads.ended(request.digest)
         reused = self.results.has(request.digest)
         seconds, work = 0.0, None
         if not reused:
             if planned is None:
-                planned = await self.executor.run(lambda: self._plan(request))
+                planned = await self.threads.run(lambda: self._plan(request))
             seconds = planned.seconds
-            if self.executor.accepts(seconds) and not self.queue.computes(request.digest):
+            if self.threads.accepts(seconds) and not self.queue.computes(request.digest):
                 work = self._work(request, planned)
             else:
                 await self._check_unfinished(request.owner)
@@ -183,7 +197,7 @@ class Evaluation:
         recorded = len(block) <= _SMALL_REQUEST
         if not recorded or not (reused or work):
             # Workers look for it here. Where there is no room, there is none for results either.
-            await self.executor.run(lambda: self._keep_request(name, block, durable=not recorded))
+            await self.threads.run(lambda: self._keep_request(name, block, durable=not recorded))
         new = NewJob(
             id=f"job_{uuid.uuid4().hex}",
             owner=request.owner,
@@ -199,7 +213,7 @@ class Evaluation:
             block=block if recorded else None,
         )
         if work is not None:
-            shared = await self.executor.on_submission(request.digest, work, self._computed)
+            shared = await self.threads.on_submission(request.digest, work)
             if shared is not None and self.results.has(request.digest):
                 new = replace(new, computed=not shared, reused=shared)
         try:
@@ -224,9 +238,9 @@ class Evaluation:
         request = requests.read(job.owner, KINDS[job.kind], parse.json(canonical))
         if request.digest != job.result:
             return None  # it was computed by other solvers than these
-        planned = await self.executor.run(lambda: self._plan(request))
+        planned = await self.threads.run(lambda: self._plan(request))
         work = self._work(request, planned, media_type)
-        await self.executor.once(request.digest, work, self._computed)
+        await self.threads.once(request.digest, work)
         return await self.results.get(job.result, media_type)
 
     async def _now(
@@ -239,13 +253,13 @@ class Evaluation:
         """
         planned, name = None, request.digest
         if not admission.free:
-            planned = await self.executor.run(lambda: self._plan(request))
+            planned = await self.threads.run(lambda: self._plan(request))
             if planned.seconds > self._settings.inline_seconds:
                 return planned
-            if not self.executor.running(name):
+            if not self.threads.running(name):
                 await admission.charge(planned.plan, planned.seconds)
         work = self._work(request, planned, media_type)
-        outcome, shared = await self.executor.once(name, work, self._computed)
+        outcome, shared = await self.threads.once(name, work)
         if isinstance(outcome, Planned):
             return outcome
         how = "collapsed" if shared else "miss" if outcome.fresh else "hit"

@@ -5,19 +5,17 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from vibroimpact_service.documents import digest, planning
 from vibroimpact_service.documents.planning import Planned
 from vibroimpact_service.documents.requests import Request
 from vibroimpact_service.jobs.work import Tick
-from vibroimpact_service.results import representations
+from vibroimpact_service.results import encode, representations
+from vibroimpact_service.results.encode import Content
 from vibroimpact_service.results.representations import Representation
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
-
-if TYPE_CHECKING:
-    from vibroimpact_service.results.encode import Content
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,8 +95,6 @@ def compute(planned: Planned, name: str, canonical: bytes, tick: Tick | None = N
         Canonical form of the request.
     tick : Tick, optional
     """
-    from vibroimpact_service.results import encode
-
     result = planned.kind.solver.solve(planned.problem, planned.plan, tick)
     return encode.describe(result, head(planned, name, canonical))
 
@@ -127,8 +123,6 @@ def put(store: Store, content: Content, *, durable: bool = True) -> None:
 
     With `durable` false a power failure may take it away again; it is computed again then.
     """
-    from vibroimpact_service.results import encode
-
     name = content.head["digest"]
     if not store.results.has(name):
         store.results.put(name, encode.pack(content), durable=durable)

@@ -16,11 +16,11 @@ import pytest
 from vibroimpact_service import problems
 from vibroimpact_service.documents import parse, requests
 from vibroimpact_service.documents.requests import Request
-from vibroimpact_service.evaluate import Admission, Answer, Evaluation, Queued
+from vibroimpact_service.evaluate import Admission, Answer, Evaluation, Preference, Queued
 from vibroimpact_service.kinds import KINDS, Kind, Solver
 from vibroimpact_service.metrics import Metrics
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.results.negotiate import HDF5, JSON, Preference
+from vibroimpact_service.results.representations import HDF5, JSON
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 from vibroimpact_solvers import impact_modes
@@ -360,7 +360,7 @@ def test_large_bodies_are_read_off_the_event_loop(
         watching = asyncio.create_task(watch())
         await asyncio.sleep(0.01)
         count = len(stalls)
-        question = await use.executor.parse(
+        question = await use.threads.parse(
             sent, lambda: requests.read(OWNER, KINDS["impact-modes"], parse.json(sent))
         )
         watching.cancel()

@@ -16,6 +16,7 @@ from vibroimpact_service import problems
 from vibroimpact_service.access import records
 from vibroimpact_service.api import answers, bodies
 from vibroimpact_service.api.authentication import ADMIN, FAILURES, caller
+from vibroimpact_service.api.dependencies import services
 from vibroimpact_service.api.openapi import (
     BODY_FAILURES,
     READ_FAILURES,
@@ -23,7 +24,6 @@ from vibroimpact_service.api.openapi import (
     failures,
     json_body,
 )
-from vibroimpact_service.api.services import services
 from vibroimpact_service.documents import parse
 from vibroimpact_service.problems import ProblemError
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import base64
+import math
 import os
 from collections.abc import AsyncIterator, Mapping
 from pathlib import Path
@@ -13,11 +15,11 @@ from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
 from vibroimpact_service import problems
-from vibroimpact_service.api.services import services
+from vibroimpact_service.api import request_headers
+from vibroimpact_service.api.dependencies import services
+from vibroimpact_service.documents import digest
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.results import negotiate
-from vibroimpact_service.results.negotiate import UnsatisfiableRangeError
-from vibroimpact_service.results.representations import SUFFIXES, Representation
+from vibroimpact_service.results.representations import HDF5, JSON, SUFFIXES, Representation
 from vibroimpact_service.store import HEAD
 
 IMMUTABLE: Final = "private, max-age=31536000, immutable"
@@ -29,9 +31,16 @@ def document(
     content: BaseModel, status: int = 200, headers: Mapping[str, str] | None = None
 ) -> Response:
     """Answer with a document."""
-    return Response(
-        content.model_dump_json(), status, headers=dict(headers or {}), media_type=negotiate.JSON
-    )
+    return Response(content.model_dump_json(), status, headers=dict(headers or {}), media_type=JSON)
+
+
+def tagged(request: Request, data: bytes, media_type: str, headers: Mapping[str, str]) -> Response:
+    """Answer with some bytes and their entity tag, or 304 where the caller has them."""
+    etag = Representation(media_type, data, digest.content(data)).etag
+    fields = {"ETag": etag, **headers}
+    if request_headers.is_known(request, etag):
+        return Response(status_code=304, headers=fields)
+    return Response(data, headers=fields, media_type=media_type)
 
 
 async def result(
@@ -48,7 +57,7 @@ async def result(
     # Ranges count the bytes of the file, not of a coding that could be another one next time.
     wanted = sent.get("range") if request.scope["method"] == "GET" else None
     if wanted is None:
-        coding = negotiate.coding(sent.get("accept-encoding"))
+        coding = request_headers.coding(sent.get("accept-encoding"))
         if coding is not None:
             stored = await services(request).evaluation.results.coded(name, stored, coding)
     fields = {
@@ -58,15 +67,15 @@ async def result(
         "Content-Location": f"/v1/results/{name}",
         **(headers or {}),
     }
-    if is_known(request, stored.etag):
+    if request_headers.is_known(request, stored.etag):
         return Response(status_code=304, headers=fields)
     fields |= {
-        "Repr-Digest": negotiate.repr_digest(stored.sha256),
+        "Repr-Digest": repr_digest(stored.sha256),
         "Accept-Ranges": "bytes",
     }
     if stored.coding is not None:
         fields["Content-Encoding"] = stored.coding
-    if stored.media_type == negotiate.HDF5:
+    if stored.media_type == HDF5:
         file_name = f"{name[:16]}.{SUFFIXES[stored.media_type]}"
         fields["Content-Disposition"] = f'attachment; filename="{file_name}"'
     part = None if wanted is None else _part(wanted, sent.get("if-range"), stored)
@@ -84,19 +93,13 @@ async def result(
     return StreamingResponse(pieces, status, fields, media_type)
 
 
-def is_known(request: Request, etag: str) -> bool:
-    """Whether If-None-Match names an entity tag: the caller has that representation."""
-    condition = request.headers.get("if-none-match")
-    return condition is not None and negotiate.names(condition, etag)
-
-
 def _part(wanted: str, condition: str | None, stored: Representation) -> tuple[int, int] | None:
     """Return the range of bytes to answer with, or None for all (RFC 9110, 13.1.5, 14.2)."""
     if condition is not None and condition.strip() != stored.etag:
         return None
     try:
-        return negotiate.byte_range(wanted, stored.size)
-    except UnsatisfiableRangeError:
+        return request_headers.byte_range(wanted, stored.size)
+    except request_headers.UnsatisfiableRangeError:
         headers = {"Content-Range": f"bytes */{stored.size}"}
         detail = f"The result has {stored.size} bytes."
         raise ProblemError(problems.RANGE_NOT_SATISFIABLE, detail, headers=headers) from None
@@ -112,3 +115,15 @@ async def _pieces(path: Path, start: int, stop: int) -> AsyncIterator[bytes]:
                 return  # it was cut; the missing length tells the caller
             start += len(piece)
             yield piece
+
+
+def repr_digest(sha256: str) -> str:
+    """Return the value of Repr-Digest (RFC 9530)."""
+    return f"sha-256=:{base64.b64encode(bytes.fromhex(sha256)).decode()}:"
+
+
+def server_timing(seconds: Mapping[str, float]) -> str:
+    """Return the value of Server-Timing from durations in seconds."""
+    return ", ".join(
+        f"{name};dur={1e3 * value:.3f}" for name, value in seconds.items() if math.isfinite(value)
+    )

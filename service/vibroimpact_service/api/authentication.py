@@ -11,8 +11,8 @@ from starlette.requests import Request
 
 from vibroimpact_service import problems
 from vibroimpact_service.access.caller import LOCAL, Caller, Scope
+from vibroimpact_service.api.dependencies import services
 from vibroimpact_service.api.openapi import failures
-from vibroimpact_service.api.services import services
 from vibroimpact_service.evaluate import Admission
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_solvers.plan import Plan

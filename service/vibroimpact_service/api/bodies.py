@@ -9,9 +9,9 @@ from typing import Final
 from starlette.requests import Request
 
 from vibroimpact_service import problems
-from vibroimpact_service.api.services import services
+from vibroimpact_service.api.dependencies import services
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.results import negotiate
+from vibroimpact_service.results import representations
 
 _LEAST_RATE: Final = 4096
 """Bytes per second that a body must reach on average."""
@@ -25,7 +25,7 @@ async def read_json(request: Request) -> bytes:
     ProblemError
         408, 413, 415 or 503.
     """
-    _, body = await read_body(request, (negotiate.JSON,))
+    _, body = await read_body(request, (representations.JSON,))
     return body
 
 

@@ -14,6 +14,7 @@ from vibroimpact_schema.results import BatchAnswers
 from vibroimpact_service import batches
 from vibroimpact_service.api import answers, bodies, request_headers
 from vibroimpact_service.api.authentication import FAILURES, SUBMIT, admission, owner
+from vibroimpact_service.api.dependencies import services
 from vibroimpact_service.api.jobs import described, job_answer
 from vibroimpact_service.api.openapi import (
     BODY_FAILURES,
@@ -27,11 +28,10 @@ from vibroimpact_service.api.openapi import (
 )
 from vibroimpact_service.api.plain_route import PlainRoute
 from vibroimpact_service.api.results import OF_RESULT, result_answer
-from vibroimpact_service.api.services import services
 from vibroimpact_service.documents import parse, requests
 from vibroimpact_service.evaluate import Queued
 from vibroimpact_service.kinds import KINDS, Kind
-from vibroimpact_service.results import negotiate
+from vibroimpact_service.results import representations
 
 Handler = Callable[[Request], Awaitable[Response]]
 
@@ -60,7 +60,7 @@ def _add_compute(kind: Kind) -> None:
                 request_header(
                     "Prefer",
                     "respond-async: answer with a job. wait=N: wait for the result N seconds "
-                    f"first, at most {negotiate.LONGEST_PREFER_WAIT:g}.",
+                    f"first, at most {request_headers.LONGEST_PREFER_WAIT:g}.",
                     examples=["respond-async, wait=5"],
                 ),
                 IF_NONE_MATCH,
@@ -70,7 +70,7 @@ def _add_compute(kind: Kind) -> None:
     )
     async def compute(request: Request) -> Response:
         media_type = request_headers.result_media_type(request)
-        preference = negotiate.preference(request.headers.getlist("prefer"))
+        preference = request_headers.preference(request.headers.getlist("prefer"))
         key = request_headers.idempotency_key(request)
         body = await bodies.read_json(request)
         evaluation = services(request).evaluation
@@ -86,7 +86,7 @@ def _add_compute(kind: Kind) -> None:
             return answers.document(job, 202, headers)
         headers["Cache-Status"] = f"vibroimpact; {outcome.cache}"
         if outcome.seconds:
-            headers["Server-Timing"] = negotiate.server_timing(outcome.seconds)
+            headers["Server-Timing"] = answers.server_timing(outcome.seconds)
         return await answers.result(request, computation.digest, outcome.representation, headers)
 
 
@@ -110,8 +110,8 @@ def _add_plan(kind: Kind) -> None:
 
 
 async def _read(request: Request, kind: Kind, body: bytes) -> requests.Request:
-    executor = services(request).evaluation.executor
-    return await executor.parse(body, lambda: requests.read(owner(request), kind, parse.json(body)))
+    threads = services(request).evaluation.threads
+    return await threads.parse(body, lambda: requests.read(owner(request), kind, parse.json(body)))
 
 
 def _request_body(kind: Kind) -> dict[str, Any]:
@@ -165,6 +165,6 @@ async def batch(request: Request) -> Response:
     evaluation, settings = services(request).evaluation, services(request).settings
     charge, engine = admission(request).charge, evaluation.queue.engine
     content = await batches.answer(
-        owner(request), body, charge, settings, evaluation.executor, engine
+        owner(request), body, charge, settings, evaluation.threads, engine
     )
-    return Response(content, media_type=negotiate.JSON)
+    return Response(content, media_type=representations.JSON)

@@ -18,6 +18,7 @@ from vibroimpact_schema.problems import Problem
 from vibroimpact_service import problems
 from vibroimpact_service.api import answers, bodies, request_headers
 from vibroimpact_service.api.authentication import FAILURES, READ, SUBMIT, admission, owner
+from vibroimpact_service.api.dependencies import services
 from vibroimpact_service.api.openapi import (
     BODY_FAILURES,
     IDEMPOTENCY_KEY,
@@ -32,14 +33,13 @@ from vibroimpact_service.api.openapi import (
     request_header,
 )
 from vibroimpact_service.api.results import ANY_RESULT, OF_RESULT, result_answer
-from vibroimpact_service.api.services import services
 from vibroimpact_service.api.shared_results import JobId, own_job, still_visible, visible_job
 from vibroimpact_service.documents import requests
 from vibroimpact_service.jobs.queue import JobQueue
 from vibroimpact_service.jobs.tables import JobRow
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.results import negotiate
+from vibroimpact_service.results import representations
 
 Value = TypeVar("Value")
 
@@ -132,7 +132,7 @@ async def submit_job(request: Request) -> Response:
     key = request_headers.idempotency_key(request)
     body = await bodies.read_json(request)
     evaluation, settings = services(request).evaluation, services(request).settings
-    computation, options = await evaluation.executor.parse(
+    computation, options = await evaluation.threads.parse(
         body, lambda: requests.read_job(owner(request), body, settings)
     )
     row = await evaluation.submit(computation, admission(request), key, options)
@@ -288,7 +288,7 @@ async def get_job_result(request: Request, job: JobId) -> Response:
                             "event": {"enum": ["job", "end"]},
                             "data": {
                                 "type": "string",
-                                "contentMediaType": negotiate.JSON,
+                                "contentMediaType": representations.JSON,
                                 "contentSchema": {"$ref": "#/components/schemas/Job"},
                             },
                         },

@@ -21,7 +21,7 @@ from vibroimpact_schema.systems import System
 from vibroimpact_service import problems
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.results import negotiate
+from vibroimpact_service.results import representations
 
 Declaration = dict[str, Any]
 
@@ -129,7 +129,7 @@ def json_body(
         Further media types.
     """
     json = {"schema": {"$ref": _REF.format(model=model)}, "examples": dict(shown)}
-    return {"required": True, "content": {negotiate.JSON: json, **(others or {})}}
+    return {"required": True, "content": {representations.JSON: json, **(others or {})}}
 
 
 def document(app: FastAPI) -> dict[str, Any]:
@@ -150,7 +150,7 @@ def document(app: FastAPI) -> dict[str, Any]:
                     _drop_null(parameter["schema"])
                 for status, example in examples.answers(operation["operationId"]).items():
                     content = operation["responses"][status]["content"]
-                    for media_type in content.keys() - {negotiate.HDF5}:
+                    for media_type in content.keys() - {representations.HDF5}:
                         content[media_type]["example"] = example
                 if "security" in operation:
                     operation["security"].append({})

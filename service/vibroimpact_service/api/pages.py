@@ -8,9 +8,7 @@ from starlette.responses import Response
 
 from vibroimpact_service import console, problems
 from vibroimpact_service.api import answers
-from vibroimpact_service.documents import digest
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.results import negotiate
 
 router = APIRouter(include_in_schema=False)
 
@@ -37,12 +35,5 @@ def _page(request: Request, name: str) -> Response:
     data = console.FILES.get(name)
     if data is None:
         raise ProblemError(problems.NOT_FOUND, "There is no such page.")
-    etag = negotiate.entity_tag(digest.content(data))
-    headers = {
-        "ETag": etag,
-        "Cache-Control": "no-cache",
-        "Content-Security-Policy": console.POLICY,
-    }
-    if answers.is_known(request, etag):
-        return Response(status_code=304, headers=headers)
-    return Response(data, headers=headers, media_type=console.media_type(name))
+    headers = {"Cache-Control": "no-cache", "Content-Security-Policy": console.POLICY}
+    return answers.tagged(request, data, console.media_type(name), headers)

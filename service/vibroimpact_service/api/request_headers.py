@@ -1,15 +1,20 @@
-"""Request headers that several routes read."""
+"""Request headers: Accept, Accept-Encoding, Prefer, Idempotency-Key, If-None-Match, Range."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
+from typing import Final
 
 from starlette.requests import Request
 
 from vibroimpact_service import problems
+from vibroimpact_service.evaluate import Preference
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.results import negotiate
+from vibroimpact_service.results.representations import CODINGS, SUFFIXES
 
+LONGEST_PREFER_WAIT: Final = 20.0
+"""Seconds above which Prefer: wait is cut, below the timeouts of common proxies."""
 _KEY = re.compile(r"[!-~]{1,255}")
 
 
@@ -22,11 +27,75 @@ def result_media_type(request: Request) -> str:
         406 where none fits.
     """
     accept = ", ".join(request.headers.getlist("accept"))
-    media_type = negotiate.representation(accept)
+    media_type = preferred(accept)
     if media_type is None:
-        detail = f"Results are {' or '.join(negotiate.REPRESENTATIONS)}."
+        detail = f"Results are {' or '.join(SUFFIXES)}."
         raise ProblemError(problems.NOT_ACCEPTABLE, detail)
     return media_type
+
+
+def preferred(accept: str) -> str | None:
+    """Return the media type of results that Accept prefers, or None if it accepts none.
+
+    Among equals the earlier one is taken; the most specific range decides about an offer
+    (RFC 9110, 12.5.1).
+    """
+    if not accept.strip():
+        return next(iter(SUFFIXES))
+    ranges = [_media_range(item) for item in accept.split(",")]
+    best: tuple[float, str] | None = None
+    for offer in SUFFIXES:
+        matching = [r for r in ranges if _covers(r[0], offer)]
+        if not matching:
+            continue
+        quality = max(matching, key=lambda r: _precision(r[0]))[1]
+        if quality > 0 and (best is None or quality > best[0]):
+            best = quality, offer
+    return best[1] if best else None
+
+
+def coding(accept_encoding: str | None) -> str | None:
+    """Return the content coding to send, ``zstd`` or ``gzip``, or None for none."""
+    if not accept_encoding:
+        return None
+    qualities = dict(_media_range(item) for item in accept_encoding.split(","))
+    best = max(CODINGS, key=lambda each: qualities.get(each, qualities.get("*", 0.0)))
+    return best if qualities.get(best, qualities.get("*", 0.0)) > 0 else None
+
+
+def _media_range(item: str) -> tuple[str, float]:
+    name, *parameters = (part.strip().lower() for part in item.split(";"))
+    quality = 1.0
+    for parameter in parameters:
+        key, _, value = parameter.partition("=")
+        if key.strip() == "q":
+            quality = _quality(value.strip())
+    return name, quality
+
+
+def _quality(text: str) -> float:
+    return float(text) if re.fullmatch(r"0(\.\d{0,3})?|1(\.0{0,3})?", text) else 0.0
+
+
+def _covers(media_range: str, offer: str) -> bool:
+    return media_range in ("*/*", offer, offer.partition("/")[0] + "/*")
+
+
+def _precision(media_range: str) -> int:
+    return 2 - media_range.count("*")
+
+
+def preference(headers: Sequence[str]) -> Preference:
+    """Return the preferences of the Prefer headers; unknown ones are ignored (RFC 7240)."""
+    respond_async, wait = False, None
+    for item in ",".join(headers).split(","):
+        key, _, value = item.partition(";")[0].partition("=")
+        key, value = key.strip().lower(), value.strip().strip('"')
+        if key == "respond-async":
+            respond_async = True
+        elif key == "wait" and wait is None and re.fullmatch(r"\d{1,9}(\.\d{1,9})?", value):
+            wait = min(float(value), LONGEST_PREFER_WAIT)
+    return Preference(respond_async, wait)
 
 
 def idempotency_key(request: Request) -> str | None:
@@ -47,3 +116,50 @@ def idempotency_key(request: Request) -> str | None:
         detail = "Idempotency-Key must be 1 to 255 visible ASCII characters."
         raise ProblemError(problems.BAD_REQUEST, detail)
     return key
+
+
+def is_known(request: Request, etag: str) -> bool:
+    """Whether If-None-Match names an entity tag, by weak comparison: the caller has the answer."""
+    return names(request.headers.get("if-none-match", ""), etag)
+
+
+def names(condition: str, tag: str) -> bool:
+    """Whether a condition names an entity tag, by weak comparison."""
+    if condition.strip() == "*":
+        return True
+    given = {item.strip().removeprefix("W/") for item in condition.split(",")}
+    return tag in given
+
+
+class UnsatisfiableRangeError(ValueError):
+    """No byte of the requested range exists."""
+
+
+def byte_range(header: str | None, size: int) -> tuple[int, int] | None:
+    """Return (first, last + 1) of the one requested range of bytes.
+
+    None where there is none, or several, or an unknown one: the whole representation is
+    then to be sent (RFC 9110, 14.2).
+
+    Raises
+    ------
+    UnsatisfiableRangeError
+        Where the range lies beyond the end.
+    """
+    if header is None:
+        return None
+    match = re.fullmatch(r"bytes=\s*(\d{0,18})-(\d{0,18})\s*", header.strip())
+    if match is None or match.group(0) == "bytes=-" or not any(match.groups()):
+        return None
+    first, last = match.groups()
+    if not first:
+        length = min(int(last), size)
+        if length == 0:
+            raise UnsatisfiableRangeError
+        return size - length, size
+    start = int(first)
+    if last and int(last) < start:
+        return None
+    if start >= size:
+        raise UnsatisfiableRangeError
+    return start, min(int(last) + 1, size) if last else size

@@ -13,6 +13,7 @@ from starlette.responses import Response
 from vibroimpact_service import problems
 from vibroimpact_service.api import answers, request_headers, shared_results
 from vibroimpact_service.api.authentication import FAILURES, READ
+from vibroimpact_service.api.dependencies import services
 from vibroimpact_service.api.openapi import (
     BINARY,
     IF_NONE_MATCH,
@@ -25,10 +26,9 @@ from vibroimpact_service.api.openapi import (
     request_header,
 )
 from vibroimpact_service.api.plain_route import PlainRoute
-from vibroimpact_service.api.services import services
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.results import negotiate
+from vibroimpact_service.results import representations
 
 router = APIRouter(tags=["results"], responses=FAILURES, route_class=PlainRoute)
 
@@ -64,7 +64,7 @@ def result_answer(model: Any, links: Mapping[str, Mapping[str, str]] | None = No
         "Repr-Digest": header("SHA-256 of the representation (RFC 9530)."),
         "Server-Timing": header("Milliseconds for plan, solve and encode."),
     }
-    content = {negotiate.HDF5: {"schema": BINARY}}
+    content = {representations.HDF5: {"schema": BINARY}}
     return answer("The result.", model, headers=headers, links=links, content=content)
 
 
@@ -78,7 +78,7 @@ def result_answer(model: Any, links: Mapping[str, Mapping[str, str]] | None = No
         200: result_answer(ANY_RESULT),
         206: answer(
             "The bytes of Range.",
-            content={media: {"schema": BINARY} for media in negotiate.REPRESENTATIONS},
+            content={media: {"schema": BINARY} for media in representations.SUFFIXES},
         ),
         304: not_modified(),
         **READ_FAILURES,

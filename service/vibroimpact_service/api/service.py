@@ -12,16 +12,16 @@ from starlette.responses import Response
 
 from vibroimpact_schema.service import Health, ServiceLimits, Version
 from vibroimpact_service import problems
-from vibroimpact_service.api import answers, openapi
+from vibroimpact_service.api import answers, openapi, request_headers
 from vibroimpact_service.api.authentication import FAILURES, METRICS
+from vibroimpact_service.api.dependencies import services
 from vibroimpact_service.api.jobs import LONGEST_POLL
 from vibroimpact_service.api.openapi import answer, failures
-from vibroimpact_service.api.services import services
 from vibroimpact_service.documents import stored_systems
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.metrics import MEDIA_TYPE
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.results import negotiate
+from vibroimpact_service.results import representations
 
 router = APIRouter(tags=["service"])
 
@@ -98,7 +98,7 @@ async def get_version(request: Request) -> Response:
         inline_seconds=settings.inline_seconds,
         batch_requests=settings.batch_requests,
         batch_seconds=settings.batch_seconds,
-        wait_seconds=negotiate.LONGEST_PREFER_WAIT,
+        wait_seconds=request_headers.LONGEST_PREFER_WAIT,
         poll_seconds=LONGEST_POLL,
     )
     return answers.document(
@@ -107,8 +107,8 @@ async def get_version(request: Request) -> Response:
             solvers=number,
             api="v1",
             kinds=list(KINDS),
-            representations=list(negotiate.REPRESENTATIONS),
-            codings=list(negotiate.CODINGS),
+            representations=list(representations.SUFFIXES),
+            codings=list(representations.CODINGS),
             system_types=list(stored_systems.MEDIA_TYPES),
             capabilities=sorted(capabilities),
             limits=limits,
@@ -139,9 +139,8 @@ async def get_metrics(request: Request) -> Response:
 async def get_openapi(request: Request) -> Response:
     """Return the OpenAPI document."""
     headers = {"Cache-Control": "no-cache"}
-    return Response(
-        orjson.dumps(openapi.document(request.app)), headers=headers, media_type=negotiate.JSON
-    )
+    content = orjson.dumps(openapi.document(request.app))
+    return Response(content, headers=headers, media_type=representations.JSON)
 
 
 @router.get(problems.PAGES + "{code}", include_in_schema=False)

@@ -14,6 +14,7 @@ from vibroimpact_service import problems
 from vibroimpact_service.access import shared_results
 from vibroimpact_service.api import answers, bodies
 from vibroimpact_service.api.authentication import FAILURES, READ, SUBMIT, caller, owner
+from vibroimpact_service.api.dependencies import services
 from vibroimpact_service.api.openapi import (
     BODY_FAILURES,
     READ_FAILURES,
@@ -21,7 +22,6 @@ from vibroimpact_service.api.openapi import (
     failures,
     json_body,
 )
-from vibroimpact_service.api.services import services
 from vibroimpact_service.documents import digest, parse
 from vibroimpact_service.jobs.tables import JobRow
 from vibroimpact_service.problems import ProblemError

@@ -14,6 +14,7 @@ from vibroimpact_schema.service import StoredSystem
 from vibroimpact_service import problems
 from vibroimpact_service.api import answers, bodies
 from vibroimpact_service.api.authentication import FAILURES, READ, SUBMIT, owner
+from vibroimpact_service.api.dependencies import services
 from vibroimpact_service.api.openapi import (
     BINARY,
     BODY_FAILURES,
@@ -25,10 +26,9 @@ from vibroimpact_service.api.openapi import (
     json_body,
     not_modified,
 )
-from vibroimpact_service.api.services import services
 from vibroimpact_service.documents import digest, stored_systems
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.results import negotiate
+from vibroimpact_service.results import representations
 
 router = APIRouter(tags=["systems"], responses=FAILURES)
 
@@ -90,7 +90,7 @@ async def store_system(request: Request) -> Response:
     """Store a system."""
     media_type, body = await bodies.read_body(request, stored_systems.MEDIA_TYPES)
     evaluation, settings = services(request).evaluation, services(request).settings
-    stored, new = await evaluation.executor.parse(
+    stored, new = await evaluation.threads.parse(
         body,
         lambda: stored_systems.put(evaluation.store, settings, owner(request), media_type, body),
     )
@@ -107,7 +107,7 @@ async def store_system(request: Request) -> Response:
     responses={
         200: answer(
             "The system.",
-            content={negotiate.JSON: {"schema": {"$ref": "#/components/schemas/System"}}},
+            content={representations.JSON: {"schema": {"$ref": "#/components/schemas/System"}}},
         ),
         304: not_modified(),
         **READ_FAILURES,
@@ -119,11 +119,8 @@ async def get_system(request: Request, system: SystemId) -> Response:
     data = None
     if _SYSTEM.fullmatch(system) and digest.owned(owner(request), system):
         evaluation = services(request).evaluation
-        data = await evaluation.executor.run(lambda: evaluation.store.systems.get(system))
+        data = await evaluation.threads.run(lambda: evaluation.store.systems.get(system))
     if data is None:
         raise ProblemError(problems.NOT_FOUND, "There is no such system.")
-    etag = negotiate.entity_tag(digest.content(data))
-    headers = {"ETag": etag, "Cache-Control": answers.IMMUTABLE}
-    if answers.is_known(request, etag):
-        return Response(status_code=304, headers=headers)
-    return Response(data, headers=headers, media_type=negotiate.JSON)
+    headers = {"Cache-Control": answers.IMMUTABLE}
+    return answers.tagged(request, data, representations.JSON, headers)

@@ -49,12 +49,8 @@ class Results:
         """Hold a fresh representation in memory."""
         self._cache.put(name, representation)
 
-    async def coded(
-        self, name: str, representation: Representation, coding: str | None
-    ) -> Representation:
+    async def coded(self, name: str, representation: Representation, coding: str) -> Representation:
         """Return a representation in a content coding, where it is worth it."""
-        if coding is None:
-            return representation
         coded = self._cache.get(name, representation.media_type, coding)
         if coded is None:
             loop = asyncio.get_running_loop()

@@ -11,21 +11,24 @@ from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import zstandard
 
 from vibroimpact_service import problems
 from vibroimpact_service.documents import digest
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.results import negotiate
+from vibroimpact_service.results import encode
 from vibroimpact_service.results.container import DamagedContainerError
+from vibroimpact_service.results.encode import Content
 from vibroimpact_service.store import HEAD, Store, StoreFullError
 
-if TYPE_CHECKING:
-    from vibroimpact_service.results.encode import Content
-
-SUFFIXES: Final[Mapping[str, str]] = {negotiate.JSON: "json", negotiate.HDF5: "h5"}
+JSON: Final = "application/json"
+HDF5: Final = "application/x-hdf5"
+SUFFIXES: Final[Mapping[str, str]] = {JSON: "json", HDF5: "h5"}
+"""Media types of results, the first being the default, and the endings of their files."""
+CODINGS: Final = ("zstd", "gzip")
+"""Content codings of answers, the better one first."""
 
 LARGE: Final = 32 * 2**20
 """Size in bytes above which a result is sent from its file, never read as a whole."""
@@ -57,17 +60,17 @@ class Representation:
     @property
     def etag(self) -> str:
         """The strong entity tag."""
-        return negotiate.entity_tag(self.sha256)
+        return f'"{self.sha256}"'
 
     @property
     def size(self) -> int:
         """Number of bytes."""
         return len(self.data) if self.file is None else self.file.stat().st_size - HEAD
 
-    def coded(self, coding: str | None) -> Representation:
+    def coded(self, coding: str) -> Representation:
         """Return it in a content coding, unless it is small, or HDF5, which is compressed."""
         small = self.file is not None or len(self.data) < _SMALLEST_CODED
-        if coding is None or small or self.media_type == negotiate.HDF5:
+        if small or self.media_type == HDF5:
             return self
         # The fastest levels: digits of numbers hardly get shorter by more effort.
         if coding == "zstd":
@@ -79,8 +82,6 @@ class Representation:
 
 def load(store: Store, name: str, media_type: str) -> Representation | None:
     """Return a stored result in a media type, encoding it the first time; None if unknown."""
-    from vibroimpact_service.results import encode
-
     part = f"{name}.{SUFFIXES[media_type]}"
     if store.results.local and _large(store, name):
         return _load_file(store, name, part, media_type)
@@ -104,9 +105,7 @@ def load(store: Store, name: str, media_type: str) -> Representation | None:
 
 def of_content(content: Content, media_type: str) -> Representation:
     """Return the content of a result in a media type."""
-    if media_type == negotiate.JSON:
-        from vibroimpact_service.results import encode
-
+    if media_type == JSON:
         data = encode.to_json(content)
     else:
         from vibroimpact_service.results import hdf5
@@ -122,8 +121,8 @@ def _large(store: Store, name: str) -> bool:
 def _load_file(store: Store, name: str, part: str, media_type: str) -> Representation | None:
     from vibroimpact_service.results import hdf5
 
-    if media_type == negotiate.JSON:
-        detail = f"The result is larger than {LARGE} bytes: ask for {negotiate.HDF5}."
+    if media_type == JSON:
+        detail = f"The result is larger than {LARGE} bytes: ask for {HDF5}."
         raise ProblemError(problems.NOT_ACCEPTABLE, detail)
     path = store.results.file(part)
     if path is None:

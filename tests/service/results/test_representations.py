@@ -13,8 +13,13 @@ from vibroimpact_service import execute
 from vibroimpact_service.documents import digest, planning
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.results import representations
-from vibroimpact_service.results.negotiate import HDF5, JSON
-from vibroimpact_service.results.representations import RecentRepresentations, Representation, load
+from vibroimpact_service.results.representations import (
+    HDF5,
+    JSON,
+    RecentRepresentations,
+    Representation,
+    load,
+)
 from vibroimpact_service.store import Store, StoreFullError
 
 NAME = "ab" * 32

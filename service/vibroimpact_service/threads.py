@@ -16,7 +16,7 @@ from vibroimpact_service.jobs.worker_calls import TRANSIENT_ERRORS
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
 
-log = structlog.get_logger("vibroimpact.executor")
+log = structlog.get_logger("vibroimpact.threads")
 
 Value = TypeVar("Value")
 
@@ -33,32 +33,25 @@ some milliseconds each, the way through the queue and the workers takes longer t
 
 @dataclass(slots=True)
 class _Running:
-    """A computation in a thread.
-
-    Parameters
-    ----------
-    future : Future
-        Its outcome.
-    signal : StopSignal
-    has_unlimited_waiter : bool
-        Whether somebody waits for it without a time limit.
-    """
+    """A computation in a thread, and whether somebody waits for it without a time limit."""
 
     future: asyncio.Future[Any]
     signal: StopSignal
     has_unlimited_waiter: bool = False
 
 
-class Executor:
+class Threads:
     """The threads of this process that parse large bodies, plan, compute and encode.
 
     Parameters
     ----------
     settings : Settings
+    ended : callable
+        Called in the event loop with what a function of `once` returned, before anybody gets it.
     """
 
-    def __init__(self, settings: Settings) -> None:
-        self._settings = settings
+    def __init__(self, settings: Settings, ended: Callable[[Any], None]) -> None:
+        self._settings, self._ended = settings, ended
         self._threads = ThreadPoolExecutor(settings.inline_threads, "execute")
         self._waiting = 0
         self._large = asyncio.Semaphore(2)
@@ -70,7 +63,7 @@ class Executor:
         self._closed = True
         self._threads.shutdown(wait=False, cancel_futures=True)
 
-    async def run(self, work: Callable[[], Value]) -> Value:
+    def run(self, work: Callable[[], Value]) -> asyncio.Future[Value]:
         """Return what a function returns, called in a thread.
 
         Raises
@@ -78,7 +71,18 @@ class Executor:
         ProblemError
             503 where too many wait for the threads.
         """
-        return await self._start(work)
+        if self._closed:
+            raise ProblemError(problems.UNAVAILABLE, "The service ends.")
+        if self._waiting >= self._settings.max_waiting:
+            detail = f"{self._waiting} requests are waiting already."
+            raise ProblemError(problems.UNAVAILABLE, detail, headers={"Retry-After": "1"})
+        self._waiting += 1
+        future = asyncio.get_running_loop().run_in_executor(self._threads, work)
+        future.add_done_callback(self._no_longer_waiting)
+        return future
+
+    def _no_longer_waiting(self, _: asyncio.Future[Any]) -> None:
+        self._waiting -= 1
 
     async def parse(self, body: bytes, work: Callable[[], Value]) -> Value:
         """Return what a function makes of a body, called where that delays no other request."""
@@ -97,7 +101,6 @@ class Executor:
         self,
         name: str,
         work: Callable[[StopSignal], Value],
-        ended: Callable[[Value], None],
         seconds: float | None = None,
     ) -> tuple[Value, bool]:
         """Return what a function returns, called in a thread once for all who wait for it now.
@@ -110,8 +113,6 @@ class Executor:
             Digest of the result.
         work : callable
             Stopped by the signal that it gets, after ``inline_overrun_seconds`` at the latest.
-        ended : callable
-            Called in the event loop with what the function returned, before anybody gets it.
         seconds : float, optional
             How long to wait; where nobody waits for longer, the computation is stopped then.
 
@@ -131,9 +132,9 @@ class Executor:
         if running is None:
             limit = self._settings.inline_overrun_seconds
             signal = StopSignal(limit, cancelled=lambda: self._closed)
-            running = _Running(self._start(lambda: work(signal)), signal)
+            running = _Running(self.run(lambda: work(signal)), signal)
             self._running[name] = running
-            running.future.add_done_callback(lambda future: self._ended(name, future, ended))
+            running.future.add_done_callback(lambda future: self._finish(name, future))
         elif running.signal.stopped:
             raise StoppedError
         running.has_unlimited_waiter = running.has_unlimited_waiter or seconds is None
@@ -156,9 +157,7 @@ class Executor:
         few = self._waiting < _SUBMISSIONS * self._settings.inline_threads
         return seconds < self._settings.on_submission_seconds and few
 
-    async def on_submission(
-        self, name: str, work: Callable[[StopSignal], Value], ended: Callable[[Value], None]
-    ) -> bool | None:
+    async def on_submission(self, name: str, work: Callable[[StopSignal], Value]) -> bool | None:
         """Compute and store the result of a job that is being submitted; parameters as of `once`.
 
         What turns out to take long, or fails, goes to the workers, where it does no harm.
@@ -176,7 +175,7 @@ class Executor:
         if not self.running(name) and not self.accepts(0.0):
             return None
         try:
-            _, shared = await self.once(name, work, ended, _SUBMISSION_SECONDS)
+            _, shared = await self.once(name, work, _SUBMISSION_SECONDS)
         except TRANSIENT_ERRORS:
             raise
         except Exception as error:
@@ -184,24 +183,8 @@ class Executor:
             return None
         return shared
 
-    def _start(self, work: Callable[[], Value]) -> asyncio.Future[Value]:
-        if self._closed:
-            raise ProblemError(problems.UNAVAILABLE, "The service ends.")
-        if self._waiting >= self._settings.max_waiting:
-            detail = f"{self._waiting} requests are waiting already."
-            raise ProblemError(problems.UNAVAILABLE, detail, headers={"Retry-After": "1"})
-        self._waiting += 1
-        future = asyncio.get_running_loop().run_in_executor(self._threads, work)
-        future.add_done_callback(self._done)
-        return future
-
-    def _done(self, _: asyncio.Future[Any]) -> None:
-        self._waiting -= 1
-
-    def _ended(
-        self, name: str, future: asyncio.Future[Value], ended: Callable[[Value], None]
-    ) -> None:
+    def _finish(self, name: str, future: asyncio.Future[Any]) -> None:
         del self._running[name]
         # Those who wait raise the error; there may be none left.
         if not future.cancelled() and future.exception() is None:
-            ended(future.result())
+            self._ended(future.result())

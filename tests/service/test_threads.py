@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 
-from vibroimpact_service.executor import Executor
 from vibroimpact_service.jobs.work import StoppedError, StopSignal, Tick
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import StoreFullError
+from vibroimpact_service.threads import Threads
 
 
 def run(scenario: Any) -> Any:
@@ -30,24 +30,24 @@ def nothing(_: object) -> None:
 
 
 @pytest.fixture
-def make() -> Iterator[Callable[..., Executor]]:
-    made: list[Executor] = []
+def make() -> Iterator[Callable[..., Threads]]:
+    made: list[Threads] = []
 
-    def executor(threads: int, on_submission_seconds: float = 0.02, **more: Any) -> Executor:
-        values = {"inline_threads": threads, "on_submission_seconds": on_submission_seconds, **more}
-        made.append(Executor(Settings(data=Path("unused"), **values)))
+    def started(count: int, ended: Callable[[Any], None] = nothing, **more: Any) -> Threads:
+        values = {"inline_threads": count, "on_submission_seconds": 0.02, **more}
+        made.append(Threads(Settings(data=Path("unused"), **values), ended))
         return made[-1]
 
-    yield executor
+    yield started
     for each in made:
         each.close()
 
 
 def test_equal_jobs_are_computed_once_while_they_are_submitted(
-    make: Callable[..., Executor],
+    make: Callable[..., Threads],
 ) -> None:
-    executor, calls, gate = make(2), [], threading.Event()
     noted: list[object] = []
+    threads, calls, gate = make(2, noted.append), [], threading.Event()
 
     def compute(_tick: Tick) -> int:
         calls.append(1)
@@ -55,12 +55,9 @@ def test_equal_jobs_are_computed_once_while_they_are_submitted(
         return 7
 
     async def scenario() -> list[bool | None]:
-        waiting = [
-            asyncio.ensure_future(executor.on_submission("r", compute, noted.append))
-            for _ in range(50)
-        ]
+        waiting = [asyncio.ensure_future(threads.on_submission("r", compute)) for _ in range(50)]
         await asyncio.sleep(0.01)
-        assert executor.running("r")
+        assert threads.running("r")
         gate.set()
         return await asyncio.gather(*waiting)
 
@@ -70,9 +67,9 @@ def test_equal_jobs_are_computed_once_while_they_are_submitted(
 
 
 def test_what_takes_longer_is_given_up_and_holds_its_thread_until_it_stopped(
-    make: Callable[..., Executor],
+    make: Callable[..., Threads],
 ) -> None:
-    executor, ended = make(1), threading.Event()
+    threads, ended = make(1), threading.Event()
 
     def compute(tick: Tick) -> None:
         try:
@@ -84,9 +81,9 @@ def test_what_takes_longer_is_given_up_and_holds_its_thread_until_it_stopped(
             raise
 
     async def scenario() -> None:
-        assert await executor.on_submission("r", compute, nothing) is None
+        assert await threads.on_submission("r", compute) is None
         await asyncio.to_thread(ended.wait, 10)
-        while executor.running("r"):
+        while threads.running("r"):
             await asyncio.sleep(0.01)
 
     run(scenario())
@@ -94,9 +91,9 @@ def test_what_takes_longer_is_given_up_and_holds_its_thread_until_it_stopped(
 
 
 def test_a_late_job_does_not_stop_a_computation_that_others_wait_for(
-    make: Callable[..., Executor],
+    make: Callable[..., Threads],
 ) -> None:
-    executor, gate = make(1), threading.Event()
+    threads, gate = make(1), threading.Event()
 
     def compute(tick: Tick) -> str:
         while not gate.wait(0.005):
@@ -104,9 +101,9 @@ def test_a_late_job_does_not_stop_a_computation_that_others_wait_for(
         return "done"
 
     async def scenario() -> tuple[str, bool]:
-        job = asyncio.ensure_future(executor.on_submission("r", compute, nothing))
+        job = asyncio.ensure_future(threads.on_submission("r", compute))
         await asyncio.sleep(0.01)
-        inline = asyncio.ensure_future(executor.once("r", compute, nothing))
+        inline = asyncio.ensure_future(threads.once("r", compute))
         assert await job is None
         gate.set()
         return await inline
@@ -114,8 +111,8 @@ def test_a_late_job_does_not_stop_a_computation_that_others_wait_for(
     assert run(scenario()) == ("done", True)
 
 
-def test_what_overruns_is_stopped_for_all_who_wait(make: Callable[..., Executor]) -> None:
-    executor = make(1, inline_overrun_seconds=0.05)
+def test_what_overruns_is_stopped_for_all_who_wait(make: Callable[..., Threads]) -> None:
+    threads = make(1, inline_overrun_seconds=0.05)
 
     def compute(tick: Tick) -> None:
         while True:
@@ -123,16 +120,16 @@ def test_what_overruns_is_stopped_for_all_who_wait(make: Callable[..., Executor]
             tick(0, 1)
 
     async def scenario() -> list[Any]:
-        waiting = (executor.once("r", compute, nothing) for _ in range(3))
+        waiting = (threads.once("r", compute) for _ in range(3))
         return await asyncio.gather(*waiting, return_exceptions=True)
 
     assert [type(each) for each in run(scenario())] == [StoppedError] * 3
 
 
 def test_failures_go_to_the_workers_but_a_full_store_is_told(
-    make: Callable[..., Executor],
+    make: Callable[..., Threads],
 ) -> None:
-    executor = make(1)
+    threads = make(1)
 
     def fail(error: Exception) -> Callable[[Tick], None]:
         def compute(_tick: Tick) -> None:
@@ -141,29 +138,27 @@ def test_failures_go_to_the_workers_but_a_full_store_is_told(
         return compute
 
     async def scenario() -> None:
-        assert await executor.on_submission("r", fail(ValueError("wrong")), nothing) is None
+        assert await threads.on_submission("r", fail(ValueError("wrong"))) is None
         error = StoreFullError(28, "the store is full")
         with pytest.raises(StoreFullError):
-            await executor.on_submission("s", fail(error), nothing)
+            await threads.on_submission("s", fail(error))
 
     run(scenario())
 
 
-def test_few_jobs_wait_to_be_computed_and_only_small_ones(make: Callable[..., Executor]) -> None:
-    executor, gate = make(1), threading.Event()
-    assert executor.accepts(0.019)
-    assert not executor.accepts(0.02)
+def test_few_jobs_wait_to_be_computed_and_only_small_ones(make: Callable[..., Threads]) -> None:
+    threads, gate = make(1), threading.Event()
+    assert threads.accepts(0.019)
+    assert not threads.accepts(0.02)
     assert not make(1, 0.0).accepts(0.0)
 
     async def scenario() -> list[bool | None]:
         many = [
-            asyncio.ensure_future(
-                executor.on_submission(str(i), lambda _tick: gate.wait(10), nothing)
-            )
+            asyncio.ensure_future(threads.on_submission(str(i), lambda _tick: gate.wait(10)))
             for i in range(40)
         ]
         await asyncio.sleep(0.01)
-        assert not executor.accepts(0.001)
+        assert not threads.accepts(0.001)
         gate.set()
         return await asyncio.gather(*many)
 
