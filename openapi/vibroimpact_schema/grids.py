@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError
@@ -14,12 +14,8 @@ from vibroimpact_schema.values import (
     NonNegative,
     Positive,
     Positives,
-    holds,
+    form,
 )
-
-VALUES: Final = "@values"
-STEPS: Final = "@steps"
-POINTS: Final = "@points"
 
 _ROUNDING = 4.0 * 2.0**-52
 
@@ -41,31 +37,30 @@ def extended(num: int, info: ValidationInfo) -> int:
     return num
 
 
-def steps(start: float, stop: float, step: float) -> int:
-    """Return the number of values start, start + step, … up to stop."""
-    # A stop that a whole number of steps should reach may be missed by rounding.
-    size = max(abs(start), abs(stop))
-    return int(min((stop - start + _ROUNDING * size) / step, LARGEST_INTEGER - 1.0)) + 1
+class Grid(Document):
+    """What grids of frequencies, times and other numbers have in common."""
+
+    @property
+    def count(self) -> int:
+        """Number of values; 0 of an interval."""
+        if hasattr(self, "values"):
+            return len(self.values)
+        if hasattr(self, "num"):
+            return int(self.num)
+        if not hasattr(self, "step"):
+            return 0
+        start, stop, step = (getattr(self, name) for name in ("start", "stop", "step"))
+        # A stop that a whole number of steps should reach may be missed by rounding.
+        size = max(abs(start), abs(stop))
+        return int(min((stop - start + _ROUNDING * size) / step, LARGEST_INTEGER - 1.0)) + 1
 
 
-def form(value: Any, points: type[Document]) -> str | None:
-    """Return the tag of the form of a grid.
-
-    Parameters
-    ----------
-    value
-        A document, before or after validation.
-    points : type
-        Class of grids by number of points, the form where neither key is there.
-    """
-    if holds(value, "values"):
-        return VALUES
-    if holds(value, "step"):
-        return STEPS
-    return POINTS if isinstance(value, (dict, points)) else None
+def grid_form(value: Any) -> str | None:
+    """Return the tag of the form of a grid of frequencies, or of an axis."""
+    return form(value, {"values": "@values", "step": "@steps"}, "@points")
 
 
-class Frequencies(Document):
+class Frequencies(Grid):
     """Fields of all frequency grids."""
 
     unit: FrequencyUnit = Field(
@@ -81,11 +76,6 @@ class FrequencyValues(Frequencies):
     """A list of frequencies, in any order."""
 
     values: Positives = Field(description="The frequencies.", min_length=1)
-
-    @property
-    def count(self) -> int:
-        """Number of frequencies."""
-        return len(self.values)
 
 
 class FrequencyRange(Frequencies):
@@ -113,11 +103,6 @@ class FrequencyPoints(FrequencyRange):
 
     num: Count = Field(description="Number of points.")
 
-    @property
-    def count(self) -> int:
-        """Number of frequencies."""
-        return self.num
-
     _extended = field_validator("num")(extended)
 
 
@@ -126,23 +111,13 @@ class FrequencySteps(FrequencyRange):
 
     step: Positive = Field(description="Distance between neighbours.")
 
-    @property
-    def count(self) -> int:
-        """Number of frequencies."""
-        return steps(self.start, self.stop, self.step)
-
-
-def frequency_form(value: Any) -> str | None:
-    """Return the tag of the form of a frequency grid."""
-    return form(value, FrequencyPoints)
-
 
 FrequencyGrid = Annotated[
-    Annotated[FrequencyValues, Tag(VALUES)]
-    | Annotated[FrequencyPoints, Tag(POINTS)]
-    | Annotated[FrequencySteps, Tag(STEPS)],
+    Annotated[FrequencyValues, Tag("@values")]
+    | Annotated[FrequencyPoints, Tag("@points")]
+    | Annotated[FrequencySteps, Tag("@steps")],
     Discriminator(
-        frequency_form,
+        grid_form,
         custom_error_type="frequency_form",
         custom_error_message="frequencies are an object with values, with start, stop and num, "
         "or with start, stop and step",
@@ -150,20 +125,15 @@ FrequencyGrid = Annotated[
 ]
 
 
-class TimeValues(Document):
+class TimeValues(Grid):
     """A list of times, in any order."""
 
     values: Annotated[list[NonNegative], Field(min_length=1, fail_fast=True)] = Field(
         description="The times, not negative."
     )
 
-    @property
-    def count(self) -> int:
-        """Number of times."""
-        return len(self.values)
 
-
-class TimePoints(Document):
+class TimePoints(Grid):
     """A number of equally spaced times, both ends included."""
 
     start: NonNegative = Field(0.0, description="First time.")
@@ -177,27 +147,12 @@ class TimePoints(Document):
             raise PydanticCustomError("reversed_grid", "stop is not after start")
         return stop
 
-    @property
-    def count(self) -> int:
-        """Number of times."""
-        return self.num
-
-
-def time_form(value: Any) -> str | None:
-    """Return the tag of the form of a time grid."""
-    if holds(value, "values"):
-        return VALUES
-    return POINTS if isinstance(value, (dict, TimePoints)) else None
-
 
 TimeGrid = Annotated[
-    Annotated[TimeValues, Tag(VALUES)] | Annotated[TimePoints, Tag(POINTS)],
+    Annotated[TimeValues, Tag("@values")] | Annotated[TimePoints, Tag("@points")],
     Discriminator(
-        time_form,
+        lambda value: form(value, {"values": "@values"}, "@points"),
         custom_error_type="time_form",
         custom_error_message="times are an object with values, or with start, stop and num",
     ),
 ]
-
-TAGS: Final = frozenset({VALUES, STEPS, POINTS})
-"""Parts of an error's path that name a branch of a union, not a place in the document."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Final, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 from pydantic_core import PydanticCustomError
@@ -16,13 +16,8 @@ from vibroimpact_schema.values import (
     Number,
     Numbers,
     Positive,
-    holds,
+    form,
 )
-
-STATE: Final = "@state"
-MODE: Final = "@mode"
-TIMES: Final = "@times"
-EQUAL: Final = "@equal"
 
 
 class InitialState(Document):
@@ -47,17 +42,10 @@ class InitialMode(Document):
     impact_mode: Member
 
 
-def initial_form(value: Any) -> str | None:
-    """Return the tag of the form of an initial state."""
-    if holds(value, "impact_mode"):
-        return MODE
-    return STATE if isinstance(value, (dict, InitialState)) else None
-
-
 Initial = Annotated[
-    Annotated[InitialState, Tag(STATE)] | Annotated[InitialMode, Tag(MODE)],
+    Annotated[InitialState, Tag("@state")] | Annotated[InitialMode, Tag("@mode")],
     Discriminator(
-        initial_form,
+        lambda value: form(value, {"impact_mode": "@mode"}, "@state"),
         custom_error_type="initial_form",
         custom_error_message="an initial state is an object with x and v, or with impact_mode",
     ),
@@ -104,12 +92,12 @@ Instants = Annotated[
 def times_form(value: Any) -> str | None:
     """Return the tag of the form of output times."""
     if isinstance(value, list):
-        return TIMES
-    return EQUAL if isinstance(value, (dict, EqualTimes)) else None
+        return "@times"
+    return "@equal" if isinstance(value, (dict, EqualTimes)) else None
 
 
 Times = Annotated[
-    Annotated[EqualTimes, Tag(EQUAL)] | Annotated[Instants, Tag(TIMES)],
+    Annotated[EqualTimes, Tag("@equal")] | Annotated[Instants, Tag("@times")],
     Discriminator(
         times_form,
         custom_error_type="times_form",
@@ -143,6 +131,3 @@ class PowerLimiter(Document):
 
 
 Limiter = Annotated[RigidLimiter | PowerLimiter, Field(discriminator="law")]
-
-TAGS: Final = frozenset({STATE, MODE, TIMES, EQUAL, "rigid", "power"})
-"""Parts of an error's path that name a branch of a union, not a place in the document."""

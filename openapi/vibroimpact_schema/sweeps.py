@@ -15,7 +15,6 @@ from pydantic import (
 )
 
 from vibroimpact_schema import grids, requests
-from vibroimpact_schema.grids import POINTS, STEPS, VALUES
 from vibroimpact_schema.requests import ComputationRequest
 from vibroimpact_schema.results import Result
 from vibroimpact_schema.systems import AnySystem, SystemReference
@@ -25,7 +24,7 @@ Output = TypeVar("Output")
 Outputs = Annotated[list[Output], Field(min_length=1, fail_fast=True)]
 
 
-class Axis(Document):
+class Axis(grids.Grid):
     """Fields of all axes."""
 
     path: Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+(\.[A-Za-z0-9_]+)*$", max_length=200)] = (
@@ -49,11 +48,6 @@ class AxisValues(Axis):
 
     values: Annotated[list[Number], Field(min_length=1, fail_fast=True)]
 
-    @property
-    def count(self) -> int:
-        """Number of values."""
-        return len(self.values)
-
 
 class AxisRange(Axis):
     """Fields of axes between two values."""
@@ -69,11 +63,6 @@ class AxisPoints(AxisRange):
 
     num: Count = Field(description="Number of values.")
 
-    @property
-    def count(self) -> int:
-        """Number of values."""
-        return self.num
-
     _extended = field_validator("num")(grids.extended)
 
 
@@ -86,24 +75,14 @@ class AxisSteps(AxisRange):
 
     step: Positive = Field(description="Distance between neighbours.")
 
-    @property
-    def count(self) -> int:
-        """Number of values."""
-        return grids.steps(self.start, self.stop, self.step)
-
-
-def axis_form(value: Any) -> str | None:
-    """Return the tag of the form of an axis."""
-    return grids.form(value, AxisPoints)
-
 
 AnyAxis = AxisValues | AxisPoints | AxisSteps
 AxisDocument = Annotated[
-    Annotated[AxisValues, Tag(VALUES)]
-    | Annotated[AxisPoints, Tag(POINTS)]
-    | Annotated[AxisSteps, Tag(STEPS)],
+    Annotated[AxisValues, Tag("@values")]
+    | Annotated[AxisPoints, Tag("@points")]
+    | Annotated[AxisSteps, Tag("@steps")],
     Discriminator(
-        axis_form,
+        grids.grid_form,
         custom_error_type="axis_form",
         custom_error_message="an axis is an object with path and values, with path, start, stop "
         "and num, or with path, start, stop and step",
@@ -222,9 +201,3 @@ class SweepResult(Result):
         description="Whether there is a result at each point: ok, or why not; nested lists [axes]."
     )
     error: dict[str, Any] | None = None
-
-
-TAGS: Final = frozenset(
-    {"impact-modes", "existence-bands", "resonances", "time-history", "slow-flow"}
-)
-"""Parts of an error's path that name a branch of a union, not a place in the document."""

@@ -16,21 +16,8 @@ from vibroimpact_schema.values import (
     Number,
     Numbers,
     Positive,
-    holds,
+    form,
 )
-
-# Tags of the unions below. Pydantic names them in the path of an error, where they are
-# not part of the document; the sign makes them tell-tale.
-DENSE: Final = "@dense"
-DIAGONAL: Final = "@diagonal"
-BANDS: Final = "@bands"
-COORDINATES: Final = "@coordinates"
-SCALAR: Final = "@scalar"
-DISTANCE: Final = "@distance"
-LIMITS: Final = "@limits"
-MATRICES: Final = "@matrices"
-PRESET: Final = "@preset"
-REFERENCE: Final = "@reference"
 
 
 class DiagonalMatrix(Document):
@@ -68,21 +55,14 @@ class ScalarMatrix(Document):
     n: Count = Field(description="Size of the identity.")
 
 
-def matrix_form(value: Any) -> str | None:
-    """Return the tag of the form of a matrix."""
-    if isinstance(value, list):
-        return DENSE
-    for key, tag in (
-        ("diagonal", DIAGONAL),
-        ("bands", BANDS),
-        ("data", COORDINATES),
-        ("shape", COORDINATES),
-        ("scalar", SCALAR),
-    ):
-        if holds(value, key):
-            return tag
-    return None
-
+_MATRICES: Final = {
+    "diagonal": "@diagonal",
+    "bands": "@bands",
+    "data": "@coordinates",
+    "shape": "@coordinates",
+    "scalar": "@scalar",
+}
+"""Key of a matrix -> the tag of its form."""
 
 DenseMatrix = Annotated[
     list[Numbers],
@@ -90,13 +70,13 @@ DenseMatrix = Annotated[
 ]
 
 Matrix = Annotated[
-    Annotated[DenseMatrix, Tag(DENSE)]
-    | Annotated[DiagonalMatrix, Tag(DIAGONAL)]
-    | Annotated[BandedMatrix, Tag(BANDS)]
-    | Annotated[CoordinateMatrix, Tag(COORDINATES)]
-    | Annotated[ScalarMatrix, Tag(SCALAR)],
+    Annotated[DenseMatrix, Tag("@dense")]
+    | Annotated[DiagonalMatrix, Tag("@diagonal")]
+    | Annotated[BandedMatrix, Tag("@bands")]
+    | Annotated[CoordinateMatrix, Tag("@coordinates")]
+    | Annotated[ScalarMatrix, Tag("@scalar")],
     Discriminator(
-        matrix_form,
+        lambda value: "@dense" if isinstance(value, list) else form(value, _MATRICES),
         custom_error_type="matrix_form",
         custom_error_message="a matrix is a list of rows, or an object with diagonal, bands, "
         "shape/row/col/data, or scalar and n",
@@ -121,12 +101,12 @@ class Limits(Document):
 def gap_form(value: Any) -> str | None:
     """Return the tag of the form of a gap."""
     if isinstance(value, (dict, Limits)):
-        return LIMITS
-    return DISTANCE if isinstance(value, (int, float)) else None
+        return "@limits"
+    return "@distance" if isinstance(value, (int, float)) else None
 
 
 Gap = Annotated[
-    Annotated[Positive, Tag(DISTANCE)] | Annotated[Limits, Tag(LIMITS)],
+    Annotated[Positive, Tag("@distance")] | Annotated[Limits, Tag("@limits")],
     Discriminator(
         gap_form,
         custom_error_type="gap_form",
@@ -241,34 +221,15 @@ AnyPreset = Annotated[
 ]
 
 
-def system_form(value: Any) -> str | None:
-    """Return the tag of the form of a system."""
-    if holds(value, "id"):
-        return REFERENCE
-    if holds(value, "preset"):
-        return PRESET
-    return MATRICES if isinstance(value, (dict, MatrixSystem)) else None
-
-
 System = Annotated[
-    Annotated[MatrixSystem, Tag(MATRICES)]
-    | Annotated[AnyPreset, Tag(PRESET)]
-    | Annotated[SystemReference, Tag(REFERENCE)],
+    Annotated[MatrixSystem, Tag("@matrices")]
+    | Annotated[AnyPreset, Tag("@preset")]
+    | Annotated[SystemReference, Tag("@reference")],
     Discriminator(
-        system_form,
+        lambda value: form(value, {"id": "@reference", "preset": "@preset"}, "@matrices"),
         custom_error_type="system_form",
         custom_error_message="a system is an object with M, K and constraints, "
         "with preset, or with the id of a stored system",
     ),
 ]
 AnySystem = MatrixSystem | Chain | Oscillator | TwoMass | DoublePendulum | BouncingBall
-
-TAGS: Final = frozenset(
-    {
-        *(DENSE, DIAGONAL, BANDS, COORDINATES, SCALAR),
-        *(DISTANCE, LIMITS),
-        *(MATRICES, PRESET, REFERENCE),
-        *("chain", "oscillator", "two_mass", "double_pendulum", "bouncing_ball"),
-    }
-)
-"""Parts of an error's path that name a branch of a union, not a place in the document."""

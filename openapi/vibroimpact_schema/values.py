@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -41,9 +42,22 @@ class Document(BaseModel):
     )
 
 
-def holds(value: Any, key: str) -> bool:
-    """Whether a raw document has the key, or a validated one the attribute.
+def form(value: Any, keys: Mapping[str, str], otherwise: str | None = None) -> str | None:
+    """Return the tag of the form of a document, raw or validated, in a union of several forms.
 
-    Unions of documents are told apart by it, before and after validation alike.
+    Pydantic names tags in the path of an error, where they are not part of the document; their
+    sign @ makes them tell-tale.
+
+    Parameters
+    ----------
+    value
+        The document, or anything else: None is returned then.
+    keys : mapping
+        Key that only one form has -> the tag of this form.
+    otherwise : str, optional
+        Tag of the form that has none of these keys.
     """
-    return key in value if isinstance(value, dict) else hasattr(value, key)
+    for key, tag in keys.items():
+        if key in value if isinstance(value, dict) else hasattr(value, key):
+            return tag
+    return otherwise if isinstance(value, (dict, Document)) else None

@@ -8,13 +8,13 @@ from typing import Any, Final
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from vibroimpact_schema import grids, motions, sweeps, systems
 from vibroimpact_schema.problems import Fault
 from vibroimpact_service.problems import INVALID, ProblemError, pointer
 
 _MOST_FAULTS: Final = 20
 _LONGEST_NAME: Final = 64
-_TAGS: Final = systems.TAGS | grids.TAGS | motions.TAGS | sweeps.TAGS
+_SELECTING: Final = ("kind", "law", "preset")
+"""Fields whose values select one of several models."""
 
 
 def problem_of(error: ValidationError, document: Any, *prefix: str) -> ProblemError:
@@ -97,10 +97,17 @@ def _place(path: Sequence[str | int], document: Any) -> list[str | int]:
         )
         if inside:
             here = here[part]
-        elif part in _TAGS or part == "[key]":
+        elif part == "[key]" or _is_branch(part, here):
             continue
         place.append(part if isinstance(part, int) else _shown(part))
     return place
+
+
+def _is_branch(part: str | int, here: Any) -> bool:
+    """Whether a part of an error's path names a branch of a union."""
+    if isinstance(here, dict) and part in [here.get(name) for name in _SELECTING]:
+        return True
+    return isinstance(part, str) and part.startswith("@")
 
 
 def _tag(item: ErrorDetails) -> tuple[str, ...]:

@@ -19,7 +19,8 @@ def fault(document: Any) -> tuple[str, tuple[Any, ...]]:
     with pytest.raises(ValidationError) as caught:
         SYSTEM.validate_python(document)
     first = caught.value.errors()[0]
-    return first["type"], tuple(part for part in first["loc"] if part not in systems.TAGS)
+    place = (part for part in first["loc"] if part not in {"chain", "double_pendulum"})
+    return first["type"], tuple(part for part in place if not str(part).startswith("@"))
 
 
 def with_K(K: Any) -> dict[str, Any]:

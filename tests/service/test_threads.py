@@ -150,7 +150,7 @@ def test_few_jobs_wait_to_be_computed_and_only_small_ones(make: Callable[..., Th
     threads, gate = make(1), threading.Event()
     assert threads.accepts(0.019)
     assert not threads.accepts(0.02)
-    assert not make(1, 0.0).accepts(0.0)
+    assert not make(1, on_submission_seconds=0.0).accepts(0.0)
 
     async def scenario() -> list[bool | None]:
         many = [

@@ -69,11 +69,9 @@ def _points(grid: Any) -> int:
 
 
 def _check_parameter_grid(request: SweepRequest, settings: Settings) -> None:
-    counts = [axis.count for axis in request.root.axes]
-    points = math.prod(counts)
-    if points > settings.max_sweep_points:
-        product = " x ".join(str(count) for count in counts)
-        message = f"{product} = {points} points are more than {settings.max_sweep_points}"
+    if request.points > settings.max_sweep_points:
+        product = " x ".join(str(axis.count) for axis in request.root.axes)
+        message = f"{product} = {request.points} points are more than {settings.max_sweep_points}"
         raise problems.too_large("/axes", "too_many_points", message)
 
 
