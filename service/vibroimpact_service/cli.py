@@ -93,7 +93,7 @@ def scheduler(
     from vibroimpact_service.jobs import cluster
 
     logs.to_stderr()
-    cluster.schedule(_cluster_settings(tls), host, port, _say)
+    cluster.schedule(_cluster_settings(tls), host, port, typer.echo)
 
 
 @app.command()
@@ -119,7 +119,7 @@ def worker(
         typer.echo("the address of the scheduler must be given, as tls://host:port", err=True)
         raise typer.Exit(2)
     logs.to_stderr()
-    cluster.work(settings, chunks.WORK.modules, lambda count: _say(f"{count} workers"))
+    cluster.work(settings, chunks.WORK.modules, lambda count: typer.echo(f"{count} workers"))
 
 
 @app.command()
@@ -131,11 +131,11 @@ def certificates(
     from vibroimpact_service.jobs import certificates as files
 
     try:
-        authority, certificate, key = files.write(folder, days)
+        paths = files.write(folder, days)
     except FileExistsError as error:
         typer.echo(f"{error.filename} exists already", err=True)
         raise typer.Exit(1) from None
-    for name, path in (("CA", authority), ("CERT", certificate), ("KEY", key)):
+    for name, path in zip(files.FILES, paths, strict=True):
         typer.echo(f"VIBROIMPACT_TLS_{name}={path.absolute()}")
 
 
@@ -149,12 +149,10 @@ def _settings(**given: Any) -> Settings:
 
 
 def _cluster_settings(tls: Path | None, **given: Any) -> Settings:
+    from vibroimpact_service.jobs.certificates import FILES
+
     if tls is not None:
-        given |= {
-            "tls_ca": tls / "ca.pem",
-            "tls_cert": tls / "cert.pem",
-            "tls_key": tls / "key.pem",
-        }
+        given |= {f"tls_{name.lower()}": tls / file for name, file in FILES.items()}
     settings = _settings(**given)
     files = (settings.tls_ca, settings.tls_cert, settings.tls_key)
     lacking = [str(file) for file in files if file is None or not file.is_file()]
@@ -167,11 +165,6 @@ def _cluster_settings(tls: Path | None, **given: Any) -> Settings:
         )
         raise typer.Exit(2)
     return settings
-
-
-def _say(text: str) -> None:
-    sys.stdout.write(f"{text}\n")
-    sys.stdout.flush()
 
 
 @app.command()
@@ -250,7 +243,7 @@ class Server(uvicorn.Server):
         self._note.parent.mkdir(parents=True, exist_ok=True)
         passing.write_text(json.dumps({"url": url, "pid": os.getpid()}))
         passing.replace(self._note)
-        _say(url)
+        typer.echo(url)
 
     async def shutdown(self, sockets: list[object] | None = None) -> None:  # type: ignore[override]
         """Remove the file and stop."""

@@ -2,50 +2,43 @@
 
 from __future__ import annotations
 
-import os
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
+from distributed import Security
 
-AUTHORITY: Final = "ca.pem"
-CERTIFICATE: Final = "cert.pem"
-KEY: Final = "key.pem"
+from vibroimpact_service.settings import Settings
+
+FILES: Final = {"CA": "ca.pem", "CERT": "cert.pem", "KEY": "key.pem"}
+"""End of the name of a setting ``VIBROIMPACT_TLS_…`` -> name of its file as `write` makes it."""
 _AUTHORITY: Final = "vibroimpact authority"
 
 
-class Material(NamedTuple):
-    """An authority's certificate, one that it signed, and the key of that; PEM."""
-
-    authority: bytes
-    certificate: bytes
-    key: bytes
+def temporary() -> Security:
+    """Return keys and certificates that exist only in the memory of this process."""
+    return _security(*(pem.decode() for pem in _make(days=3650)))
 
 
-def make(days: int) -> Material:
-    """Return an authority and one certificate that it signed.
+def of_settings(settings: Settings) -> Security:
+    """Return the keys and certificates that settings name.
 
-    All processes use the same certificate. Anybody with its key can run code in the workers. The
-    key of the authority is not kept: after a leak, all certificates are replaced.
+    Raises
+    ------
+    ValueError
+        Where they do not name all three files.
     """
-    authority, key = (ec.generate_private_key(ec.SECP256R1()) for _ in range(2))
-    root = _sign(_AUTHORITY, authority, _AUTHORITY, authority, days, True)
-    own = _sign("vibroimpact", key, _AUTHORITY, authority, days, False)
-    secret = key.private_bytes(
-        serialization.Encoding.PEM,
-        serialization.PrivateFormat.PKCS8,
-        serialization.NoEncryption(),
-    )
-    pem = serialization.Encoding.PEM
-    return Material(root.public_bytes(pem), own.public_bytes(pem), secret)
+    if settings.tls_ca is None or settings.tls_cert is None or settings.tls_key is None:
+        raise ValueError("a scheduler needs VIBROIMPACT_TLS_CA, _TLS_CERT and _TLS_KEY")
+    return _security(str(settings.tls_ca), str(settings.tls_cert), str(settings.tls_key))
 
 
-def write(folder: Path, days: int) -> tuple[Path, Path, Path]:
-    """Write new material; return the paths of authority, certificate and key.
+def write(folder: Path, days: int) -> list[Path]:
+    """Write new ones; return the paths of authority, certificate and key.
 
     Raises
     ------
@@ -53,31 +46,44 @@ def write(folder: Path, days: int) -> tuple[Path, Path, Path]:
         Where one of the files exists already.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    made = make(days)
-    _write(folder / KEY, made.key, 0o600)
-    _write(folder / AUTHORITY, made.authority, 0o644)
-    _write(folder / CERTIFICATE, made.certificate, 0o644)
-    return folder / AUTHORITY, folder / CERTIFICATE, folder / KEY
+    paths = [folder / name for name in FILES.values()]
+    for path, pem in zip(paths, _make(days), strict=True):
+        path.touch(0o600 if path.name == FILES["KEY"] else 0o644, exist_ok=False)
+        path.write_bytes(pem)
+    return paths
+
+
+def _make(days: int) -> tuple[bytes, bytes, bytes]:
+    """Return an authority's certificate, one that it signed, and the key of that; PEM.
+
+    All processes use the same certificate. Anybody with its key can run code in the workers. The
+    key of the authority is not kept: after a leak, all certificates are replaced.
+    """
+    authority, key = (ec.generate_private_key(ec.SECP256R1()) for _ in range(2))
+    root = _sign(_AUTHORITY, authority, authority, days)
+    own = _sign("vibroimpact", key, authority, days)
+    secret = key.private_bytes(
+        serialization.Encoding.PEM,
+        serialization.PrivateFormat.PKCS8,
+        serialization.NoEncryption(),
+    )
+    pem = serialization.Encoding.PEM
+    return root.public_bytes(pem), own.public_bytes(pem), secret
 
 
 def _sign(
-    subject: str,
-    key: ec.EllipticCurvePrivateKey,
-    issuer: str,
-    by: ec.EllipticCurvePrivateKey,
-    days: int,
-    authority: bool,
+    subject: str, key: ec.EllipticCurvePrivateKey, by: ec.EllipticCurvePrivateKey, days: int
 ) -> x509.Certificate:
     now = datetime.now(UTC)
     return (
         x509.CertificateBuilder()
         .subject_name(_name(subject))
-        .issuer_name(_name(issuer))
+        .issuer_name(_name(_AUTHORITY))
         .public_key(key.public_key())
         .serial_number(x509.random_serial_number())
         .not_valid_before(now - timedelta(minutes=5))
         .not_valid_after(now + timedelta(days=days))
-        .add_extension(x509.BasicConstraints(ca=authority, path_length=None), critical=True)
+        .add_extension(x509.BasicConstraints(ca=key is by, path_length=None), critical=True)
         .add_extension(x509.SubjectAlternativeName([x509.DNSName("vibroimpact")]), critical=False)
         .sign(by, hashes.SHA256())
     )
@@ -87,7 +93,10 @@ def _name(common: str) -> x509.Name:
     return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common)])
 
 
-def _write(path: Path, data: bytes, mode: int) -> None:
-    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
-    with os.fdopen(handle, "wb") as file:
-        file.write(data)
+def _security(authority: str, certificate: str, key: str) -> Security:
+    own = {
+        f"tls_{role}_{part}": value
+        for role in ("client", "scheduler", "worker")
+        for part, value in (("cert", certificate), ("key", key))
+    }
+    return Security(tls_ca_file=authority, require_encryption=True, **own)

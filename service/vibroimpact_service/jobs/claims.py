@@ -1,4 +1,4 @@
-"""Operations of service processes on job records: claim, renew, report, put back, end.
+"""Operations on claimed job records: claim, renew, report, put back, end, cancel.
 
 A claim is a service process's right to run a job. It expires unless it is renewed, and is lost
 where somebody ends the job. Every write is fenced: it changes only jobs whose claim the process
@@ -16,11 +16,12 @@ from sqlalchemy.engine import Connection
 from sqlalchemy.exc import IntegrityError
 
 from vibroimpact_service.jobs.database import now
-from vibroimpact_service.jobs.records import QUEUED, RUNNING
+from vibroimpact_service.jobs.records import QUEUED, RUNNING, find
 from vibroimpact_service.jobs.tables import JobRow, jobs, row
 
 CLAIM_SECONDS: Final = 8.0
 _UNCLAIMED: Final[dict[str, Any]] = {"claim_owner": None, "claim_until": None}
+_QUEUED_AGAIN: Final[dict[str, Any]] = {"state": "queued", "phase": "waiting", **_UNCLAIMED}
 
 
 def claimable(connection: Connection) -> bool:
@@ -132,22 +133,17 @@ def _claim(connection: Connection, claim_owner: str, chosen: Sequence[JobRow]) -
     if not chosen:
         return []
     clock = now(connection)
-    update = (
-        jobs.update()
-        .where(jobs.c.id.in_([job.id for job in chosen]))
-        .values(
-            state="running",
-            phase="starting",
-            note=None,
-            retry_at=None,
-            attempts=jobs.c.attempts + 1,
-            started=sa.func.coalesce(jobs.c.started, clock),
-            claim_owner=claim_owner,
-            claim_until=clock + CLAIM_SECONDS,
-            version=jobs.c.version + 1,
-        )
-        .returning(*jobs.c)
-    )
+    update = _change(
+        jobs.c.id.in_([job.id for job in chosen]),
+        state="running",
+        phase="starting",
+        note=None,
+        retry_at=None,
+        attempts=jobs.c.attempts + 1,
+        started=sa.func.coalesce(jobs.c.started, clock),
+        claim_owner=claim_owner,
+        claim_until=clock + CLAIM_SECONDS,
+    ).returning(*jobs.c)
     try:
         with connection.begin_nested():
             claimed = {each.id: row(each) for each in connection.execute(update).all()}
@@ -156,6 +152,11 @@ def _claim(connection: Connection, claim_owner: str, chosen: Sequence[JobRow]) -
             return []
         return [job for one in chosen for job in _claim(connection, claim_owner, [one])]
     return [claimed[job.id] for job in chosen if job.id in claimed]
+
+
+def _change(where: sa.ColumnElement[bool], **values: Any) -> sa.Update:
+    """Return an update that counts as a new version of the jobs."""
+    return jobs.update().where(where).values(version=jobs.c.version + 1, **values)
 
 
 def renew(connection: Connection, claim_owner: str, held: Collection[str]) -> set[str]:
@@ -167,9 +168,8 @@ def renew(connection: Connection, claim_owner: str, held: Collection[str]) -> se
 
 def report(connection: Connection, claim_owner: str, job: str, values: dict[str, Any]) -> bool:
     """Change columns of a running job; whether its claim is still held."""
-    update = jobs.update().where(_claimed(claim_owner, [job]))
-    changed = connection.execute(update.values(version=jobs.c.version + 1, **values))
-    return bool(changed.rowcount)
+    update = _change(_claimed(claim_owner, [job]), **values)
+    return bool(connection.execute(update).rowcount)
 
 
 def put_back(
@@ -180,10 +180,9 @@ def put_back(
     note: str | None = None,
 ) -> set[str]:
     """Queue running jobs again, to be tried after some seconds; return those that were queued."""
-    update = jobs.update().where(_claimed(claim_owner, held)).values(
-        state="queued", phase="waiting", note=note, version=jobs.c.version + 1,
-        retry_at=now(connection) + seconds if seconds else None, **_UNCLAIMED,
-    )  # fmt: skip
+    retry_at = now(connection) + seconds if seconds else None
+    where = _claimed(claim_owner, held)
+    update = _change(where, note=note, retry_at=retry_at, **_QUEUED_AGAIN)
     return set(connection.execute(update.returning(jobs.c.id)).scalars())
 
 
@@ -216,15 +215,19 @@ def fail_overdue(connection: Connection, error: dict[str, Any]) -> set[str]:
     return _end(connection, late, {"state": "failed", "error": error})[0]
 
 
+def cancel(connection: Connection, owner: str, job: str) -> JobRow | None:
+    """Cancel a job that is not final, and return it; the process that runs it loses its claim."""
+    where = (jobs.c.id == job) & (jobs.c.owner == owner) & (QUEUED | RUNNING)
+    _end(connection, where, {"state": "cancelled"})
+    return find(connection, owner, job)
+
+
 def _end(
     connection: Connection, where: sa.ColumnElement[bool], values: dict[str, Any]
 ) -> tuple[set[str], set[str]]:
     """End jobs; return them and their results."""
-    common = {
-        "phase": "done", "note": None, "finished": now(connection),
-        "version": jobs.c.version + 1, **_UNCLAIMED,
-    }  # fmt: skip
-    update = jobs.update().where(where).values(**(common | values))
+    finished = now(connection)
+    update = _change(where, phase="done", note=None, finished=finished, **_UNCLAIMED, **values)
     ended = connection.execute(update.returning(jobs.c.id, jobs.c.result)).all()
     return {each.id for each in ended}, {each.result for each in ended}
 
@@ -235,5 +238,4 @@ def _claimed(claim_owner: str, held: Collection[str]) -> sa.ColumnElement[bool]:
 
 def release_all(connection: Connection) -> None:
     """Queue every running job again, at a start where no other process can be running them."""
-    values = {"state": "queued", "phase": "waiting", "version": jobs.c.version + 1, **_UNCLAIMED}
-    connection.execute(jobs.update().where(RUNNING).values(**values))
+    connection.execute(_change(RUNNING, **_QUEUED_AGAIN))

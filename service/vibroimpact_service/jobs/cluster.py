@@ -12,7 +12,7 @@ import dask
 import structlog
 from distributed import Nanny, Scheduler
 
-from vibroimpact_service.jobs import forkserver, security
+from vibroimpact_service.jobs import certificates, forkserver
 from vibroimpact_service.jobs.engine import CONFIG, QUEUES
 from vibroimpact_service.settings import Settings
 
@@ -32,7 +32,7 @@ def schedule(settings: Settings, host: str, port: int, ready: Callable[[str], No
             host=host,
             port=port,
             protocol="tls://",
-            security=security.of_settings(settings),
+            security=certificates.of_settings(settings),
             dashboard=False,
         ) as scheduler:
             ready(scheduler.address)
@@ -67,7 +67,7 @@ async def _work_once(settings: Settings, ready: Callable[[int], None], stop: asy
             settings.scheduler,
             nthreads=len(QUEUES),
             resources=dict.fromkeys(QUEUES, 1),
-            security=security.of_settings(settings),
+            security=certificates.of_settings(settings),
             local_directory=None,
             # The status page has no routes, and is for this machine alone.
             dashboard_address="127.0.0.1:0",

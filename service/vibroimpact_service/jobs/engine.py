@@ -21,7 +21,7 @@ import structlog
 from distributed import Client, Future, LocalCluster
 from distributed.scheduler import KilledWorker
 
-from vibroimpact_service.jobs import forkserver, security, worker_plugin
+from vibroimpact_service.jobs import certificates, forkserver, worker_plugin
 from vibroimpact_service.jobs.work import WorkerLostError, nothing
 from vibroimpact_service.settings import Settings
 
@@ -273,7 +273,7 @@ class Engine:
             self._cluster = self._own_cluster()
             client = Client(self._cluster, set_as_default=False)
         else:
-            tls = security.of_settings(settings)
+            tls = certificates.of_settings(settings)
             client = Client(settings.scheduler, security=tls, set_as_default=False, timeout="10s")
         client.register_plugin(worker_plugin.ServicePlugin(self._prepare))
         return client
@@ -287,7 +287,7 @@ class Engine:
             processes=True,
             host="127.0.0.1",
             protocol="tls://",
-            security=security.temporary(),
+            security=certificates.temporary(),
             resources=dict.fromkeys(QUEUES, 1),
             # Its first address is for the client, which is in the same process: without encoding
             # and encryption, a call takes it much less time.

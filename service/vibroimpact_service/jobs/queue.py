@@ -188,7 +188,7 @@ class JobQueue:
 
         It is cancelled when this returns. Calls that compute it stop soon after.
         """
-        row = await self._records.write(records.cancel, owner, job)
+        row = await self._records.write(claims.cancel, owner, job)
         if row is not None and row.final:
             self._runner.claims_lost({job})
             self._watch.notify([job])

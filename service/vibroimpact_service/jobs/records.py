@@ -1,4 +1,4 @@
-"""Operations of users on job records: submit, find, list, cancel, pin."""
+"""Operations of users on job records: submit, find, list, pin."""
 
 from __future__ import annotations
 
@@ -217,25 +217,6 @@ def versions(connection: Connection, asked: Sequence[str]) -> dict[str, int]:
     """Return the version of each of some jobs."""
     query = sa.select(jobs.c.id, jobs.c.version).where(jobs.c.id.in_(asked))
     return {each.id: each.version for each in connection.execute(query)}
-
-
-def cancel(connection: Connection, owner: str, job: str) -> JobRow | None:
-    """Cancel a job that is not final; the process that runs it loses its claim."""
-    where = (jobs.c.id == job) & (jobs.c.owner == owner) & (QUEUED | RUNNING)
-    connection.execute(
-        jobs.update()
-        .where(where)
-        .values(
-            state="cancelled",
-            phase="done",
-            note=None,
-            claim_owner=None,
-            claim_until=None,
-            finished=now(connection),
-            version=jobs.c.version + 1,
-        )
-    )
-    return find(connection, owner, job)
 
 
 def pin(connection: Connection, owner: str, result: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import sqlalchemy as sa
@@ -16,7 +16,7 @@ from vibroimpact_service.jobs.record_access import RecordAccess
 from vibroimpact_service.jobs.records import QUEUED, RUNNING
 from vibroimpact_service.jobs.tables import idempotency, jobs, pins, requests, webhooks
 from vibroimpact_service.settings import Settings
-from vibroimpact_service.store import Entry, Store
+from vibroimpact_service.store import ContentStore, Entry, Store
 
 log = structlog.get_logger("vibroimpact.retention")
 
@@ -50,7 +50,7 @@ class Retention:
     def clean(self) -> None:
         """Remove everything that is too old or too large."""
         self._remove_jobs()
-        self._remove_results(self._records.read_now(_needed))
+        self._remove_results()
         self._remove_requests()
         self._remove_chunks()
         for area in (self._store.results, self._store.requests, self._store.chunks):
@@ -63,20 +63,36 @@ class Retention:
         while self._records.write_now(_delete_requests):
             continue
 
-    def _remove_results(self, needed: set[str]) -> None:
-        """Remove results beyond the age, then the oldest ones beyond the size."""
-        store, settings = self._store.results, self._settings
-        free: list[Entry] = []
-        size = 0
-        for entry in store.entries():
-            size += entry.size
-            if entry.name.split(".", 1)[0] not in needed:
-                free.append(entry)
-        oldest = time.time() - settings.keep_results_days * _DAY
-        most = settings.max_store_bytes
-        for entry in sorted(free, key=lambda each: each.modified):
-            if entry.modified < oldest or (most is not None and size > most):
-                store.remove(entry.name)
+    def _remove_results(self) -> None:
+        needed, settings = self._records.read_now(_needed), self._settings
+        self._remove_oldest(
+            self._store.results,
+            settings.keep_results_days,
+            settings.max_store_bytes,
+            lambda entry: entry.name.split(".", 1)[0] in needed,
+        )
+
+    def _remove_chunks(self) -> None:
+        # Those that unfinished jobs have computed or reused stay: the jobs need them to end.
+        used, settings = self._records.read_now(_earliest_start), self._settings
+        self._remove_oldest(
+            self._store.chunks,
+            settings.keep_chunks_days,
+            settings.max_chunks_bytes,
+            lambda entry: entry.modified >= used,
+        )
+
+    def _remove_oldest(
+        self, area: ContentStore, days: float, most: int | None, stays: Callable[[Entry], bool]
+    ) -> None:
+        """Remove blocks beyond an age, then the oldest ones beyond a size, but those that stay."""
+        oldest = time.time() - days * _DAY
+        entries = sorted(area.entries(), key=lambda entry: entry.modified)
+        size = sum(entry.size for entry in entries)
+        for entry in entries:
+            too_much = most is not None and size > most
+            if (entry.modified < oldest or too_much) and not stays(entry):
+                area.remove(entry.name)
                 size -= entry.size
 
     def _remove_requests(self) -> None:
@@ -87,23 +103,6 @@ class Retention:
             some = old[start : start + _BATCH]
             for name in set(some) - self._records.read_now(_used_requests, some):
                 self._store.requests.remove(name)
-
-    def _remove_chunks(self) -> None:
-        """Remove chunks beyond the age, then the least recently used ones beyond the size.
-
-        Chunks that unfinished jobs have computed or reused stay: the jobs need them to end.
-        """
-        used = self._records.read_now(_earliest_start)
-        store, most = self._store.chunks, self._settings.max_chunks_bytes
-        oldest = time.time() - self._settings.keep_chunks_days * _DAY
-        entries = sorted(store.entries(), key=lambda each: each.modified)
-        size = sum(entry.size for entry in entries)
-        for entry in entries:
-            if entry.modified >= used:
-                return
-            if entry.modified < oldest or (most is not None and size > most):
-                store.remove(entry.name)
-                size -= entry.size
 
 
 def _needed(connection: Connection) -> set[str]:

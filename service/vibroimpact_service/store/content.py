@@ -13,9 +13,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from datetime import datetime
-from itertools import chain, count
+from io import BufferedWriter
+from itertools import chain
 from pathlib import Path
-from typing import IO, Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 import fsspec
 from fsspec.implementations.local import LocalFileSystem
@@ -94,18 +95,16 @@ class ContentStore:
                 raise StoreUnavailableError(errno.ENOENT, "there is no such store") from error
 
     def _put_file(self, target: str, digest: bytes, data: Iterable[bytes], durable: bool) -> None:
-        # System calls: chunks that take some milliseconds to compute are written here.
+        # Chunks that take some milliseconds to compute are written here.
         folder, name = os.path.split(target)
-        temporary = f"{folder}/.{name}.{_temporary_suffix()}"
+        temporary = f"{folder}/.{name}.{uuid.uuid4().hex}"
         try:
-            handle = _open_new(temporary, folder)
-            try:
+            with _open_new(temporary, folder) as file:
                 for piece in chain([digest], data):
-                    _write(handle, piece)
+                    file.write(piece)
                 if durable:
-                    os.fsync(handle)
-            finally:
-                os.close(handle)
+                    file.flush()
+                    os.fsync(file.fileno())
             os.rename(temporary, target)  # noqa: PTH104 (hot path)
             if durable:
                 _sync_folder(folder)
@@ -126,7 +125,8 @@ class ContentStore:
         path = self._path(name)
         try:
             if self._local:
-                content = _read(path)
+                with open(path, "rb", buffering=0) as file:  # noqa: PTH123 (hot path)
+                    content = file.readall()
             else:
                 with _translated_errors():
                     content = self._fs.cat_file(path)
@@ -160,7 +160,7 @@ class ContentStore:
         if self._checked.get(name) != version:
             with path.open("rb") as file:
                 head = file.read(HEAD)
-                if _hash(file).digest() != head:
+                if hashlib.file_digest(file, "sha256").digest() != head:
                     self.remove(name)
                     return None
             self._checked[name] = version
@@ -170,7 +170,7 @@ class ContentStore:
         """Store the content of a file as a block, without reading it into memory; as `put`."""
         path = self._path(name)
         with source.open("rb") as file:
-            digest = _hash(file).digest()
+            digest = hashlib.file_digest(file, "sha256").digest()
             file.seek(0)
             pieces = iter(lambda: file.read(_READ_BYTES), b"")
             if self._local:
@@ -294,42 +294,12 @@ class ContentStore:
         return f"{self._root}/{name[:2]}/{name}"
 
 
-def _hash(file: IO[bytes]) -> hashlib._Hash:
-    """Return the hash of the rest of a file."""
-    text = hashlib.sha256()
-    for piece in iter(lambda: file.read(_READ_BYTES), b""):
-        text.update(piece)
-    return text
-
-
-_PROCESS: Final = uuid.uuid4().hex
-_counter = count()
-
-
-def _temporary_suffix() -> str:
-    """Return a suffix that no other writer uses, on this machine or another."""
-    return f"{_PROCESS}-{os.getpid()}-{next(_counter)}"  # forked processes share the first part
-
-
-def _open_new(path: str, folder: str) -> int:
-    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+def _open_new(path: str, folder: str) -> BufferedWriter:
     try:
-        return os.open(path, flags, 0o666)
+        return open(path, "xb")  # noqa: PTH123 (hot path)
     except FileNotFoundError:
         Path(folder).mkdir(parents=True, exist_ok=True)
-        return os.open(path, flags, 0o666)
-
-
-def _write(handle: int, data: bytes) -> None:
-    rest = memoryview(data)
-    while rest:
-        rest = rest[os.write(handle, rest) :]
-
-
-def _read(path: str) -> bytes:
-    handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-    with os.fdopen(handle, "rb", buffering=0) as file:
-        return file.readall()
+        return open(path, "xb")  # noqa: PTH123
 
 
 def _sync_folder(folder: str) -> None:
