@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from asyncio.events import TimerHandle
+from http import HTTPStatus
 from typing import Any, Final
 
 from uvicorn.config import Config
@@ -13,13 +14,6 @@ from uvicorn.server import ServerState
 from vibroimpact_service import problems
 from vibroimpact_service.problems import ProblemError, Type
 from vibroimpact_service.settings import Settings
-
-_REASONS: Final = {
-    400: "Bad Request",
-    408: "Request Timeout",
-    431: "Request Header Fields Too Large",
-    503: "Service Unavailable",
-}
 
 _LINGER_SECONDS: Final = 1.0
 
@@ -138,7 +132,7 @@ class Connection(HttpToolsProtocol):
         if self.cycle is None or self.cycle.response_complete:
             text = ProblemError(type_, detail).document("connection").model_dump_json().encode()
             head = (
-                f"HTTP/1.1 {type_.status} {_REASONS[type_.status]}\r\n"
+                f"HTTP/1.1 {type_.status} {HTTPStatus(type_.status).phrase}\r\n"
                 f"content-type: {problems.MEDIA_TYPE}\r\ncontent-length: {len(text)}\r\n"
                 "cache-control: no-store\r\nconnection: close\r\n"
             )

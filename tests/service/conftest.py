@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -159,19 +159,6 @@ class Queue:
         except TimeoutError:
             pass
         return self.rows[job]
-
-    async def events(self, owner: str, job: str, version: int) -> AsyncIterator[JobRow | None]:
-        while True:
-            row = self.rows[job]
-            if row.version != version:
-                yield row
-            else:
-                yield None
-            version = row.version
-            if row.final:
-                return
-            self._changed.clear()
-            await self._changed.wait()
 
     async def unfinished(self, owner: str, most: int) -> int:
         mine = [row for row in self.rows.values() if row.owner == owner and not row.final]

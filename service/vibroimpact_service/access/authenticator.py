@@ -67,12 +67,7 @@ def _any_keys(settings: Settings) -> bool:
 
 
 class Authenticator:
-    """Recognises callers by their keys and tokens.
-
-    Parameters
-    ----------
-    settings : Settings
-    """
+    """Recognises callers by their keys and tokens."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import re
-from datetime import UTC, datetime
 from typing import Annotated, Any
 
 import sqlalchemy as sa
-from fastapi import APIRouter, Path, Query
+from fastapi import APIRouter, Path
 from starlette.requests import Request
 from starlette.responses import Response
 
@@ -17,6 +16,7 @@ from vibroimpact_service.access import records
 from vibroimpact_service.api import answers, bodies
 from vibroimpact_service.api.authentication import ADMIN, FAILURES, caller
 from vibroimpact_service.api.dependencies import services
+from vibroimpact_service.api.jobs import Cursor, Limit, utc
 from vibroimpact_service.api.openapi import (
     BODY_FAILURES,
     READ_FAILURES,
@@ -124,23 +124,13 @@ async def revoke_key(request: Request, key: KeyId) -> Response:
         **READ_FAILURES,
     },
 )
-async def list_acts(
-    request: Request,
-    cursor: Annotated[
-        int | None, Query(ge=1, le=2**53, description="Where the last page ended.")
-    ] = None,
-    limit: Annotated[
-        int, Query(ge=1, le=500, description="Largest number of acts on the page.")
-    ] = 50,
-) -> Response:
+async def list_acts(request: Request, cursor: Cursor = None, limit: Limit = 50) -> Response:
     """List administrative acts, newest first."""
     access = services(request).authenticator.records
     rows = await access.read(records.acts, cursor, limit + 1)
     page = rows[:limit]
     acts = [
-        Act(
-            time=_time(row.time), actor=row.actor, act=row.act, subject=row.subject, about=row.about
-        )
+        Act(time=utc(row.time), actor=row.actor, act=row.act, subject=row.subject, about=row.about)
         for row in page
     ]
     following = str(page[-1].seq) if len(rows) > limit else None
@@ -155,12 +145,8 @@ def _document(row: sa.Row[Any]) -> ApiKey:
         scopes=row.scopes.split(),
         requests_per_minute=row.requests_per_minute,
         seconds_per_hour=row.seconds_per_hour,
-        created=_time(row.created),
-        expires=None if row.expires is None else _time(row.expires),
-        revoked=None if row.revoked is None else _time(row.revoked),
+        created=utc(row.created),
+        expires=None if row.expires is None else utc(row.expires),
+        revoked=None if row.revoked is None else utc(row.revoked),
         valid=row.valid,
     )
-
-
-def _time(seconds: float) -> datetime:
-    return datetime.fromtimestamp(seconds, UTC)

@@ -6,14 +6,14 @@ import asyncio
 import math
 from collections.abc import AsyncIterator, Awaitable, Sequence
 from datetime import UTC, datetime
-from typing import Annotated, Any, Final, Literal, TypeVar, cast
+from typing import Annotated, Final, TypeVar, cast
 
 from fastapi import APIRouter, Query
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
 from vibroimpact_schema import examples
-from vibroimpact_schema.jobs import Job, JobList, Progress
+from vibroimpact_schema.jobs import Job, JobList, Progress, State
 from vibroimpact_schema.problems import Problem
 from vibroimpact_service import problems
 from vibroimpact_service.api import answers, bodies, request_headers
@@ -45,10 +45,12 @@ Value = TypeVar("Value")
 
 LONGEST_POLL: Final = 25.0
 """Seconds above which ``wait`` is cut."""
+_HEARTBEAT_SECONDS: Final = 10.0
 
 router = APIRouter(tags=["jobs"], responses=FAILURES)
 
-State = Literal["queued", "running", "succeeded", "failed", "cancelled"]
+Cursor = Annotated[int | None, Query(ge=1, le=2**53, description="Where the last page ended.")]
+Limit = Annotated[int, Query(ge=1, le=500, description="Largest number of entries on the page.")]
 
 
 def job_answer(description: str) -> Declaration:
@@ -84,10 +86,10 @@ def _document(queue: JobQueue, job: JobRow, position: int | None) -> Job:
         queue_position=position,
         progress=Progress(done=job.done, total=job.total, kept=job.kept),
         priority=job.priority,
-        created=_time(job.created),
-        started=None if job.started is None else _time(job.started),
-        finished=None if job.finished is None else _time(job.finished),
-        deadline=None if job.deadline is None else _time(job.deadline),
+        created=utc(job.created),
+        started=None if job.started is None else utc(job.started),
+        finished=None if job.finished is None else utc(job.finished),
+        deadline=None if job.deadline is None else utc(job.deadline),
         attempts=job.attempts,
         estimate=job.seconds,
         reused=job.reused,
@@ -97,7 +99,8 @@ def _document(queue: JobQueue, job: JobRow, position: int | None) -> Job:
     )
 
 
-def _time(seconds: float) -> datetime:
+def utc(seconds: float) -> datetime:
+    """Return seconds since 1970 as a time."""
     return datetime.fromtimestamp(seconds, UTC)
 
 
@@ -159,12 +162,8 @@ async def list_jobs(
     request: Request,
     state: Annotated[State | None, Query(description="Only jobs in this state.")] = None,
     kind: Annotated[str | None, Query(description="Only jobs of this kind.", max_length=40)] = None,
-    cursor: Annotated[
-        int | None, Query(ge=1, le=2**53, description="Where the last page ended.")
-    ] = None,
-    limit: Annotated[
-        int, Query(ge=1, le=500, description="Largest number of jobs on the page.")
-    ] = 50,
+    cursor: Cursor = None,
+    limit: Limit = 50,
 ) -> Response:
     """List the caller's jobs, newest first."""
     queue = services(request).evaluation.queue
@@ -322,26 +321,20 @@ async def _events(
 ) -> AsyncIterator[bytes]:
     """Yield the job whenever it changed, under the number of the change, until it is final."""
     yield b"retry: 1000\n\n"
-    changes = queue.events(job.owner, job.id, seen)
-    while True:
-        change: Any = await _unless_draining(request, _next(changes))
-        if change is None:
+    final = False
+    while not final:
+        waiting = queue.wait(job.owner, job.id, _HEARTBEAT_SECONDS, seen)
+        row = await _unless_draining(request, waiting)
+        if row is None or not await still_visible(request, job):
             return
-        (row,) = change
-        if not await still_visible(request, job):
-            return
-        if row is None:
+        final = row.final
+        if row.version == seen:
             yield b": still here\n\n"
             continue
+        seen = row.version
         text = (await described(queue, row)).model_dump_json()
-        name = "end" if row.final else "job"
-        yield f"id: {row.version}\nevent: {name}\ndata: {text}\n\n".encode()
-
-
-async def _next(changes: AsyncIterator[JobRow | None]) -> tuple[JobRow | None] | None:
-    async for change in changes:
-        return (change,)
-    return None
+        name = "end" if final else "job"
+        yield f"id: {seen}\nevent: {name}\ndata: {text}\n\n".encode()
 
 
 async def _unless_draining(request: Request, waiting: Awaitable[Value | None]) -> Value | None:

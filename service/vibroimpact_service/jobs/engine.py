@@ -13,8 +13,7 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import dask
 import structlog
@@ -72,16 +71,12 @@ _MISSING_SECONDS: Final = 60.0
 log = structlog.get_logger("vibroimpact.engine")
 
 
+Call: TypeAlias = Future
+"""A call that was sent to the workers."""
+
+
 class EngineUnavailableError(RuntimeError):
     """There are no workers at the moment, or the workers of a call went away."""
-
-
-@dataclass(frozen=True, slots=True)
-class Call:
-    """A call that was sent to the workers."""
-
-    key: str
-    future: Future
 
 
 class Engine:
@@ -164,7 +159,7 @@ class Engine:
         client = self._client
         if client is None or not self.ready:
             raise EngineUnavailableError
-        future = client.submit(
+        call = client.submit(
             worker_plugin.execute,
             function,
             key,
@@ -174,8 +169,7 @@ class Engine:
             priority=priority,
             pure=False,
         )
-        call = Call(key, future)
-        future.add_done_callback(lambda _: ended(call))
+        call.add_done_callback(ended)
         return call
 
     async def run(self, function: Callable[..., Any], *args: Any) -> Any:
@@ -206,12 +200,11 @@ class Engine:
     @staticmethod
     def error(call: Call) -> BaseException | None:
         """Return why a call that has ended failed, or None."""
-        future = call.future
-        if future.status == "finished":
+        if call.status == "finished":
             return None
-        if future.status != "error":
+        if call.status != "error":
             return EngineUnavailableError("the workers went away")
-        error = future.exception(timeout=10)
+        error = call.exception(timeout=10)
         if isinstance(error, KilledWorker):
             return WorkerLostError("the computation killed its worker process")
         return error if isinstance(error, BaseException) else RuntimeError(repr(error))
@@ -227,11 +220,11 @@ class Engine:
         if self._client is None:
             raise EngineUnavailableError
         try:
-            values = self._client.gather([call.future for call in calls], errors="raise")
+            values = self._client.gather(list(calls), errors="raise")
         except Exception as error:
             raise EngineUnavailableError("the values are lost") from error
         for call in calls:
-            call.future.release()
+            call.release()
         return list(values)
 
     def cancel(self, calls: Sequence[Call]) -> None:
@@ -246,7 +239,7 @@ class Engine:
         deadline = time.monotonic() + self._settings.grace_seconds
         self._cancelled |= {call.key: deadline for call in calls}
         with contextlib.suppress(Exception):  # the client may be closing at this moment
-            client.cancel([call.future for call in calls], force=True)
+            client.cancel(list(calls), force=True)
 
     def close(self) -> None:
         """Disconnect, and stop own workers."""

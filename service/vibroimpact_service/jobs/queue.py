@@ -9,7 +9,7 @@ import socket
 import time
 import uuid
 from collections import OrderedDict
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import IO, Final
 
@@ -30,7 +30,6 @@ from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 
 _WORKERS_POLL_SECONDS: Final = 0.25
-_HEARTBEAT_SECONDS: Final = 10.0
 _ENDED_JOBS: Final = 4096
 _ENDED_SECONDS: Final = 60.0
 
@@ -222,17 +221,6 @@ class JobQueue:
                     await asyncio.wait_for(changed.wait(), left)
                 except TimeoutError:
                     continue
-
-    async def events(self, owner: str, job: str, version: int) -> AsyncIterator[JobRow | None]:
-        """Yield a job whenever it changed since a version, to its end; None as a heartbeat."""
-        while True:
-            row = await self.wait(owner, job, _HEARTBEAT_SECONDS, since=version)
-            if row is None:
-                return
-            yield row if row.version != version else None
-            version = row.version
-            if row.final:
-                return
 
     def waiting_reason(self, job: JobRow, position: int) -> str | None:
         """Return why a job is not running yet, in words."""

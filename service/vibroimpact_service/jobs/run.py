@@ -71,11 +71,6 @@ class Run:
     """The run of claimed jobs, in a thread of its own, from their claim to their end.
 
     Subclasses compute the jobs in `_run`.
-
-    Parameters
-    ----------
-    claimed : sequence of JobRow
-    context : RunContext
     """
 
     def __init__(self, claimed: Sequence[JobRow], context: RunContext) -> None:

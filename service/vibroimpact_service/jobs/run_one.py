@@ -184,7 +184,7 @@ class _ChunkBatches:
         if succeeded:
             self._measure(*succeeded[-1])
         for call, _ in succeeded:
-            call.future.release()
+            call.release()
 
     def _measure(self, call: Call, batch: list[int]) -> None:
         """Learn from a batch, at intervals, how long a chunk takes."""

@@ -21,10 +21,6 @@ class Watch:
 
     Changes made in this process are announced by `notify`. Those made by other replicas are
     found by one query for all watched jobs, every half second, while there are any.
-
-    Parameters
-    ----------
-    access : RecordAccess
     """
 
     def __init__(self, access: RecordAccess) -> None:

@@ -65,6 +65,13 @@ class Bench:
         )  # fmt: skip
         return await self.queue.submit(new)
 
+    async def changes(self, job: Any) -> AsyncIterator[Any]:
+        """Yield a job whenever it changed, to its end."""
+        row = job
+        while not row.final:
+            row = await self.queue.wait("ann", job.id, 60, row.version)
+            yield row
+
     def value(self, job: Any) -> int:
         data = self.store.results.get(job.result)
         assert data is not None
@@ -129,11 +136,10 @@ def test_jobs_end_as_they_should(place: Place) -> None:
 
         slow = await b.submit(n=10_000, sleep=0.2)
         states = []
-        async for event in b.queue.events("ann", slow.id, 0):
-            if event is not None:
-                states.append(event.state)
-                if event.done:
-                    await b.queue.cancel("ann", slow.id)
+        async for event in b.changes(slow):
+            states.append(event.state)
+            if event.done:
+                await b.queue.cancel("ann", slow.id)
         assert states[-1] == "cancelled"
         assert b.store.results.get(slow.result) is None
         again = await b.queue.cancel("ann", slow.id)
@@ -214,8 +220,8 @@ def test_a_restart_goes_on_from_the_chunks_that_are_there(place: Place) -> None:
     async def interrupted(b: Bench) -> None:
         job = await b.submit(n=300, sleep=0.1, log=str(log))
         seen = 0
-        async for event in b.queue.events("ann", job.id, 0):
-            seen = max(seen, event.done if event else 0)
+        async for event in b.changes(job):
+            seen = max(seen, event.done)
             if seen >= 5:
                 break
 
@@ -241,9 +247,8 @@ def test_chained_chunks_are_computed_in_turn(place: Place) -> None:
     async def scenario(b: Bench) -> None:
         job = await b.submit(n=400, chained=True, sleep=0.02, log=str(log))
         states = []
-        async for event in b.queue.events("ann", job.id, 0):
-            if event is not None:
-                states.append((event.state, event.done, event.total))
+        async for event in b.changes(job):
+            states.append((event.state, event.done, event.total))
         assert states[-1] == ("succeeded", 40, 40)
         assert b.value(job) == squares(400)
         assert [int(line) for line in log.read_text().split()] == list(range(40))
