@@ -1,4 +1,4 @@
-"""How kernels are compiled: without the GIL, cached on disk, IEEE arithmetic, no fast-math.
+"""How kernels are compiled: without the GIL, kept on disk (`cache`), IEEE arithmetic, no fast-math.
 
 Fast-math would let the compiler reorder the sums whose rounding the error statements bound.
 Fused multiply-adds are written explicitly: `fma`. Kernels run in parallel by threads
@@ -8,18 +8,32 @@ Fused multiply-adds are written explicitly: `fma`. Kernels run in parallel by th
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar, cast
+from typing import Any, Final, TypeVar, cast
 
 import numba
 from numba import types
 from numba.extending import intrinsic
 
+from vibroimpact_solvers.kernels import cache
+
 Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+_FOLDER: Final = cache.folder()
+
+
+def _compiled(function: Function, **options: Any) -> Function:
+    njit: Any = numba.njit  # its stubs do not know all options
+    decorate = njit(nogil=True, cache=_FOLDER is not None, error_model="numpy", **options)
+    if _FOLDER is None:
+        return cast(Function, decorate(function))
+    with cache.kept_in(_FOLDER):
+        return cast(Function, decorate(function))
 
 
 def kernel(function: Function) -> Function:
     """Compile a function at its first call."""
-    return cast(Function, numba.njit(nogil=True, cache=True, error_model="numpy")(function))
+    return _compiled(function)
 
 
 def bare(function: Function) -> Function:
@@ -29,15 +43,12 @@ def bare(function: Function) -> Function:
     small structures they last longer than the arithmetic. The caller must keep the arrays alive,
     and functions that are called may make none either.
     """
-    njit: Any = numba.njit  # its stubs do not know the last option
-    compiled = njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
-    return cast(Function, compiled(function))
+    return _compiled(function, _nrt=False)
 
 
 def inline(function: Function) -> Function:
     """Compile a small function into its callers, so that their loops become vector loops."""
-    compiled = numba.njit(nogil=True, cache=True, error_model="numpy", inline="always")
-    return cast(Function, compiled(function))
+    return _compiled(function, inline="always")
 
 
 def _fused(typing: Any, a: Any, b: Any, c: Any) -> tuple[Any, Callable[..., Any]]:

@@ -1,0 +1,178 @@
+"""Compiled kernels are never those of other sources, and old ones do not pile up."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+import zipfile
+from pathlib import Path
+
+import numba
+import pytest
+
+from vibroimpact_solvers.kernels import cache
+
+SOLVERS = cache.KERNELS.parent
+HELPER = '''"""A helper."""
+
+from vibroimpact_solvers.kernels.jit import {how}
+
+
+@{how}
+def helper(x: float) -> float:
+    """Return its answer."""
+    return {answer}
+'''
+CALLER = '''"""A kernel that calls the helper; this file is never touched."""
+
+from vibroimpact_solvers.kernels.helper import helper
+from vibroimpact_solvers.kernels.jit import kernel
+
+
+@kernel
+def caller(x: float) -> float:
+    """Return what the helper returns."""
+    return helper(x)
+'''
+PROGRAM = """
+from vibroimpact_solvers.kernels.caller import caller
+print(caller(1.0), caller.stats.cache_hits[caller.signatures[0]] if caller.stats.cache_hits else 0)
+"""
+
+
+def write(place: Path, how: str, answer: float) -> None:
+    (place / "kernels" / "helper.py").write_text(HELPER.format(how=how, answer=answer))
+    (place / "kernels" / "caller.py").write_text(CALLER)
+
+
+def answer(path: Path, python: str = sys.executable) -> tuple[float, int]:
+    """Return the kernel's answer in a new process, and how often it was taken from the cache."""
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA")}
+    done = subprocess.run(
+        [python, "-c", PROGRAM],
+        env={**environment, "PYTHONPATH": str(path)},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    value, hits = done.stdout.split()
+    return float(value), int(hits)
+
+
+@pytest.mark.parametrize("how", ["kernel", "inline"])
+def test_a_changed_helper_is_compiled_into_callers_that_were_not_touched(
+    tmp_path: Path, how: str
+) -> None:
+    copy = tmp_path / "vibroimpact_solvers"
+    shutil.copytree(SOLVERS, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    write(copy, how, 6.0)
+    assert answer(tmp_path) == (6.0, 0)
+    assert answer(tmp_path) == (6.0, 1)
+    write(copy, how, 7.0)
+    assert answer(tmp_path) == (7.0, 0)
+    assert len(list((copy / "kernels" / "__pycache__").glob("compiled-*"))) == 1
+
+
+def wheel(folder: Path, version: str, value: float) -> Path:
+    """Write a wheel that holds the solvers alone; pip removes what it wrote, numba's files stay."""
+    source = folder / version / "vibroimpact_solvers"
+    shutil.copytree(SOLVERS, source, ignore=shutil.ignore_patterns("__pycache__"))
+    write(source, "kernel", value)
+    files = {str(file.relative_to(source.parent)): file.read_text() for file in _texts(source)}
+    about = f"solvers-{version}.dist-info"
+    files[f"{about}/METADATA"] = f"Metadata-Version: 2.1\nName: solvers\nVersion: {version}\n"
+    files[f"{about}/WHEEL"] = "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
+    record = f"{about}/RECORD"
+    files[record] = "".join(f"{name},,\n" for name in (*files, record))
+    path = folder / f"solvers-{version}-py3-none-any.whl"
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, text in files.items():
+            archive.writestr(name, text)
+    return path
+
+
+def _texts(folder: Path) -> list[Path]:
+    return [file for file in folder.rglob("*") if file.is_file()]
+
+
+def test_an_upgrade_by_pip_computes_the_new_numbers(tmp_path: Path) -> None:
+    place = tmp_path / "environment"
+    subprocess.run([sys.executable, "-m", "venv", str(place)], check=True, timeout=120)
+    python = str(place / "bin" / "python")
+    libraries = next(place.glob("lib/python3*/site-packages"))
+    # Behind the environment's own packages: those of this one.
+    (libraries / "libraries.pth").write_text(str(Path(numba.__file__).parents[1]))
+    answers = []
+    for version, value in (("1.0", 6.0), ("1.1", 7.0)):
+        install = ["-m", "pip", "install", "-q", "--upgrade", str(wheel(tmp_path, version, value))]
+        subprocess.run([python, *install], check=True, timeout=120)
+        answers.append(answer(tmp_path / "nothing", python))
+    assert answers == [(6.0, 0), (7.0, 0)]
+    assert len(list(libraries.glob("vibroimpact_solvers/kernels/__pycache__/compiled-*"))) == 1
+
+
+def test_the_name_of_the_folder_tells_sources_compilers_and_processors_apart(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "one.py").write_text("a = 1")
+    names = [cache.fingerprint(tmp_path)]
+    assert cache.fingerprint(tmp_path) == names[0]
+    (tmp_path / "one.py").write_text("a = 2")
+    names.append(cache.fingerprint(tmp_path))
+    (tmp_path / "two.py").write_text("")
+    names.append(cache.fingerprint(tmp_path))
+    for what, value in (
+        ("config.CPU_NAME", "x86-64-v3"),
+        ("config.CPU_FEATURES", "+avx2"),
+        ("__version__", "0.1"),
+    ):
+        monkeypatch.setattr(f"numba.{what}", value)
+        names.append(cache.fingerprint(tmp_path))
+    monkeypatch.setattr("llvmlite.__version__", "0.1")
+    names.append(cache.fingerprint(tmp_path))
+    assert len(set(names)) == len(names)
+
+
+def test_old_folders_of_the_package_are_removed(tmp_path: Path) -> None:
+    inside = tmp_path / "__pycache__"
+    (inside / "compiled-old").mkdir(parents=True)
+    (inside / "a.nbi").touch()
+    (inside / "a.cpython-311.pyc").touch()
+    place = cache.folder(tmp_path)
+    assert place is not None
+    assert {file.name for file in inside.iterdir()} == {place.name, "a.cpython-311.pyc"}
+
+
+def test_without_a_writable_package_the_caches_of_the_user_serve(tmp_path: Path) -> None:
+    package, user = tmp_path / "package", tmp_path / "user"
+    package.mkdir()
+    (package / "__pycache__").touch()  # no folder can be made there, whoever runs this
+    user.mkdir()
+    month = 31 * 86400.0
+    for name, age in (("compiled-other", 0.0), ("compiled-old", month)):
+        (user / name).mkdir()
+        (user / name / "used").touch()
+        os.utime(user / name / "used", (time.time() - age,) * 2)
+    (user / "compiled-never").mkdir()
+    place = cache.folder(package, user)
+    assert place is not None
+    assert {folder.name for folder in user.iterdir()} == {place.name, "compiled-other"}
+
+    nowhere = tmp_path / "file"
+    nowhere.touch()
+    assert cache.folder(package, nowhere) is None
+
+
+def test_the_folder_that_numba_is_given_is_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path / "chosen"))
+    place = cache.folder(tmp_path)
+    assert place is not None
+    assert place.parent == tmp_path / "chosen"
+    assert not (tmp_path / "__pycache__").exists()
