@@ -7,10 +7,7 @@ where there are vectors of 512 bits and one call after the other elsewhere, or t
 kernel holds a number for each, the loops write as many; elsewhere theirs stay in the nearest
 cache. Where steps wait for one another, the loops take the modes of one step at a time.
 
-Eight kernels: those that requests spend their time in. Impulses, motions and the path check are
-what impact modes and sweeps are made of; the search for boxes is what existence bands, impacts
-what time histories, Taylor series what soft limiters, and the closed form with Newton's method
-what slow flows are made of. The others are watched by the guard alone.
+Only the kernels that requests spend their time in; the others are watched by the guard alone.
 """
 
 from __future__ import annotations
@@ -19,7 +16,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -103,17 +100,10 @@ def _sums(x: Floats, out: Floats, other: Floats) -> None:
     np.add(np.multiply(0.9, out, out=out), x, out=out)
 
 
-@dataclass(frozen=True, slots=True)
-class Functions:
-    """Functions that a kernel cannot do without.
+class Functions(NamedTuple):
+    """Functions that a kernel cannot do without: numpy's loop over them, and ours.
 
-    Parameters
-    ----------
-    name : str
-    library : callable
-        numpy's loop: takes numbers and room for two results.
-    own : callable
-        The same as many times over as its last argument says.
+    Both take numbers and room for two results, ours also how often to do it.
     """
 
     name: str
@@ -158,8 +148,6 @@ class Case:
         How often they are needed.
     each : str
         For each of what.
-    why : str
-        What there is beside the lower bound.
     kept : bool
         Whether the result holds a number for each.
     together : int
@@ -172,7 +160,6 @@ class Case:
     functions: Functions
     count: float
     each: str
-    why: str
     kept: bool = False
     together: int = _NUMBERS
 
@@ -199,83 +186,35 @@ def _families(n: int) -> Iterator[Case]:
     """Yield what impact modes are made of."""
     family, problem = _family(n)
     at, modes = problem.frequencies, family.roots.size * _POINTS
-    yield Case(
-        "impulse of one constraint",
-        n,
-        partial(
-            response.response_one,
-            family.roots,
-            family.rounding,
-            family.rows[0] ** 2,
-            at.omega,
-            at.rounding,
-        ),
-        _TANGENT,
-        modes,
-        "mode",
-        "every tangent comes with the rest of its phase and takes part in three sums, its own "
-        "and two of the error",
+    weights = family.rows[0] ** 2
+    one = partial(
+        response.response_one, family.roots, family.rounding, weights, at.omega, at.rounding
     )
-    yield Case(
-        "motion of one constraint",
-        n,
-        partial(family.solutions, at),
-        _QUOTIENT,
-        modes,
-        "mode",
-        "the response is summed with its error before the motion, whose cosines are taken "
-        "anew; memory of the result is new in every call",
-        kept=True,
-    )
+    yield Case("impulse of one constraint", n, one, _TANGENT, modes, "mode")
+    motion = partial(family.solutions, at)
+    yield Case("motion of one constraint", n, motion, _QUOTIENT, modes, "mode", kept=True)
     several, problem = _family(n, 2)
-    yield Case(
-        "motion of two constraints",
-        n,
-        partial(several.solutions, problem.frequencies),
-        _QUOTIENT,
-        several.roots.size * _POINTS,
-        "mode",
-        "of 100 modes the loop of sines takes a sixth, responses and six sums (three of the "
-        "matrix, three of its error) three tenths, the search for modes near their poles, one by "
-        "one, a quarter, and the system with its inverse, its error and the motion a quarter; of "
-        "13 modes nine tenths are what a frequency costs with however few of them",
-        kept=True,
-    )
+    modes, motion = several.roots.size * _POINTS, partial(several.solutions, problem.frequencies)
+    yield Case("motion of two constraints", n, motion, _QUOTIENT, modes, "mode", kept=True)
 
 
-def _path_check(n: int) -> Case:
-    check = hot.path_check(n)
+def _searches(n: int) -> Iterator[Case]:
+    """Yield the check of paths along limits, and the search for bands."""
+    check, survey = hot.path_check(n), hot.survey(n)
     modes = check.arguments[0].size
-    return Case(
-        "certified path check",
-        n,
-        check,
-        _TURN,
-        check() * modes,
-        "mode and step",
-        "paths have few steps, and before the first one there are a root and a division for each "
-        "mode, and the sums that bound curvature and error",
-        together=modes,
-    )
+    steps, (*_, boxes) = check(), survey()
+    each = "mode and step"
+    yield Case("certified path check", n, check, _TURN, steps * modes, each, together=modes)
+    modes, each = survey.arguments[0].size, "mode and box"
+    yield Case("existence bands", n, survey, _TURN, boxes * modes, each, together=modes)
 
 
-def _bands(n: int) -> Case:
-    survey = hot.survey(n)
-    *_, boxes = survey()
-    modes = survey.arguments[0].size
-    return Case(
-        "existence bands",
-        n,
-        survey,
-        _TURN,
-        boxes * modes,
-        "mode and box",
-        "three sums for each box, one number after the other; modes near their poles are bounded "
-        "one by one; and every cell lays down coefficients and bounds of all modes before its "
-        "first box; with 13 modes a search of 800 boxes takes 0.17 ms, and several times as long "
-        "where the system clears memory for 131072 boxes that may wait in every call",
-        together=modes,
-    )
+def _impact(n: int, dof: int, periods: int) -> Case:
+    """Return impacts of prepared time histories: three evaluations, one advance."""
+    top = spectrum.spectrum(chain(n)).largest_frequency
+    motion = ours.prepared(from_mode(n, dof, 1.5 * 2.0 / np.pi * top, periods), estimate=False)
+    count, each = _IMPACT * n * len(motion().times), "mode, four times an impact"
+    return Case("one impact of a time history", n, motion, _TURN, count, each, together=n)
 
 
 def _series() -> Case:
@@ -285,74 +224,56 @@ def _series() -> Case:
     F, _, _, levels, _, _, settings, _, _, _, counts, *_ = arguments
     terms = int(settings[2]) + 1
     products = math.floor(math.log2(settings[0])) + int(settings[0]).bit_count() - 1
-    each = products * terms * (terms + 1) / 2 * levels.size + 4 * terms * F.shape[1]
-    return Case(
-        "soft limiters",
-        F.shape[1],
-        follow,
-        _SUM,
-        float(counts[0]) * each,
-        "product of coefficients in a step",
-        "coefficients follow one another: each sum has few terms, which wait for the last one; "
-        "besides, forces are checked at the end of each step, and the state is laid down",
-    )
+    steps = float(counts[0])
+    count = steps * (products * terms * (terms + 1) / 2 * levels.size + 4 * terms * F.shape[1])
+    each = "product of coefficients in a step"
+    return Case("soft limiters", F.shape[1], follow, _SUM, count, each)
 
 
 def _slow_flow() -> Case:
     """Return a closed form, without what the interpreter does around it."""
     lossy = hot.HOT["slow flow, closed form"]()
-    return Case(
-        "slow flow, restitution, corrected",
-        1,
-        lossy,
-        _ARCTANGENT,
-        lossy.arguments[0].size,
-        "time",
-        "Newton's method takes the inverse of the inverse tangent integral, an exponential, an "
-        "inverse tangent and hyperbolic functions anew in each of two or three steps, one time "
-        "after the other",
-    )
-
-
-_IMPACTS: Final = {
-    1: "an inverse tangent, a root, divisions and a row of the table, one after the other, where "
-    "the sines of the lower bound go side by side",
-    13: "the bound below which no wall is reached, an expansion of degree twelve and its first "
-    "passage take most of an impact, and all are one number after the other",
-    100: "sums of twelve derivatives over all modes keep their order, so that no vectors take "
-    "part, and the products of the exact map are taken in two parts",
-    1000: "the same as with 100, and the matrix of modes, 8 MB, is read at the start and the end",
-}
-
-
-def _impacts() -> Iterator[Case]:
-    """Yield impacts of prepared time histories: three evaluations, one advance."""
-    for n, dof, periods in ((1, 0, 500), (13, 5, 500), (100, 49, 250), (1000, 499, 200)):
-        top = spectrum.spectrum(chain(n)).largest_frequency
-        scene = from_mode(n, dof, 1.5 * 2.0 / np.pi * top, periods)
-        motion = ours.prepared(scene, estimate=False)
-        count = _IMPACT * n * len(motion().times)
-        yield Case(
-            "one impact of a time history",
-            n,
-            motion,
-            _TURN,
-            count,
-            "mode, four times an impact",
-            _IMPACTS[n],
-            together=n,
-        )
+    count = lossy.arguments[0].size
+    return Case("slow flow, restitution, corrected", 1, lossy, _ARCTANGENT, count, "time")
 
 
 def _cases() -> Iterator[Case]:
     for n in (13, 100, 1000):
         yield from _families(n)
     for n in (13, 100):
-        yield _path_check(n)
-        yield _bands(n)
-    yield from _impacts()
+        yield from _searches(n)
+    for impact in ((1, 0, 500), (13, 5, 500), (100, 49, 250), (1000, 499, 200)):
+        yield _impact(*impact)
     yield _series()
     yield _slow_flow()
+
+
+_BESIDE: Final = {
+    "impulse of one constraint": "every tangent comes with the rest of its phase and takes part "
+    "in three sums, its own and two of the error",
+    "motion of one constraint": "the response is summed with its error before the motion, whose "
+    "cosines are taken anew; memory of the result is new in every call",
+    "motion of two constraints": "of 100 modes the loop of sines takes a sixth, responses and six "
+    "sums (three of the matrix, three of its error) three tenths, the search for modes near their "
+    "poles, one by one, a quarter, and the system with its inverse, its error and the motion a "
+    "quarter; of 13 modes nine tenths are what a frequency costs with however few of them",
+    "certified path check": "paths have few steps, and before the first one there are a root and "
+    "a division for each mode, and the sums that bound curvature and error",
+    "existence bands": "three sums for each box, one number after the other; modes near their "
+    "poles are bounded one by one; and every cell lays down coefficients and bounds of all modes "
+    "before its first box; with 13 modes a search of 800 boxes takes 0.17 ms, and several times "
+    "as long where the system clears memory for 131072 boxes that may wait in every call",
+    "one impact of a time history": "with one mass, an inverse tangent, a root and divisions, one "
+    "after the other; with more, the bound below which no wall is reached, an expansion of degree "
+    "twelve and its first passage, all one number after the other, and sums of derivatives that "
+    "keep their order, so that no vectors take part",
+    "soft limiters": "coefficients follow one another: each sum has few terms, which wait for the "
+    "last one; besides, forces are checked at the end of each step, and the state is laid down",
+    "slow flow, restitution, corrected": "Newton's method takes the inverse of the inverse tangent "
+    "integral, an exponential, an inverse tangent and hyperbolic functions anew in each of two or "
+    "three steps, one time after the other",
+}
+"""What the kernels do beside the lower bound."""
 
 
 def bounds() -> Table:
@@ -361,7 +282,7 @@ def bounds() -> Table:
     reasons: dict[str, str] = {}
     for case in _cases():
         rows.append(case.row())
-        reasons[f"{case.name}, N {case.n}"] = case.why
+        reasons[f"{case.name}, N {case.n}"] = _BESIDE[case.name]
     return Table(
         "Time over the lower bound of the hardware",
         (

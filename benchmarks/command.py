@@ -11,6 +11,7 @@ from dataclasses import replace
 from benchmarks import registry
 from benchmarks.harness import LONGEST, at_most
 from benchmarks.registry import Part, named
+from benchmarks.report import draw
 from benchmarks.results import Measurement
 from benchmarks.tables import Table
 from benchmarks.writing import text
@@ -67,10 +68,3 @@ def _measured(part: Part, say: Say, longest: float) -> Table | str:
         about=inspect.cleandoc(function.__doc__ or ""),
         seconds=time.perf_counter() - started,
     )
-
-
-def draw() -> None:
-    """Draw the pages of the documentation from the stored results."""
-    from benchmarks import report
-
-    report.draw()

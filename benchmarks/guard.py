@@ -31,7 +31,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 from unittest import mock
 
 TOLERANCE: Final = 1.03
@@ -69,17 +69,10 @@ Works = Mapping[str, Callable[[], object]]
 """What is counted, by name; it can be pickled."""
 
 
-@dataclass(frozen=True, slots=True)
-class Comparison:
+class Comparison(NamedTuple):
     """The instructions of a kernel beside the usual ones, or those of another checkout.
 
-    Parameters
-    ----------
-    name : str
-    counted, usual : int or None
-        None where one of both is not known.
-    tolerance : float
-        Times the usual that is too much.
+    None where one of both is not known; more than the tolerance times the usual is too much.
     """
 
     name: str
@@ -275,18 +268,17 @@ def main() -> int:
         return 2
     if given.usual:
         store(counted)
-    if given.against is None:
-        known, tolerance = usual()
-    else:
+    known, tolerance = usual()
+    if given.against is not None:
         python = given.python or given.against.resolve() / ".venv/bin/python"
         theirs = Checkout(given.against.resolve(), python).counts()
-        theirs = {_FORMER_NAMES.get(name, name): count for name, count in theirs.items()}
-        for name in sorted(counted.keys() ^ theirs.keys()):
+        known = {_FORMER_NAMES.get(name, name): count for name, count in theirs.items()}
+        tolerance = TOLERANCE
+        for name in sorted(counted.keys() ^ known.keys()):
             print(f"{name}: watched in one of the checkouts only")
-        counted = {name: count for name, count in counted.items() if name in theirs}
-        known, tolerance = {name: theirs[name] for name in counted}, TOLERANCE
-    if given.names:
-        known = {name: known[name] for name in given.names if name in known}
+        counted = {name: count for name, count in counted.items() if name in known}
+    if given.names or given.against:
+        known = {name: known[name] for name in given.names or counted if name in known}
     comparisons = compared(counted, known, tolerance)
     for comparison in comparisons:
         print(comparison)

@@ -14,17 +14,14 @@ import os
 import platform
 import signal
 import statistics
-import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import FrameType
 from typing import Any
-
-import numpy as np
 
 Work = Callable[[], object]
 
@@ -42,15 +39,12 @@ class Timing:
     ----------
     wall, processor : float
         Medians over the rounds.
-    best : float
-        The least time of the processor.
     rounds : tuple of float
         Time of the processor in each round.
     """
 
     wall: float
     processor: float
-    best: float
     rounds: tuple[float, ...]
 
 
@@ -86,7 +80,6 @@ def measure(rounds: int = 7, sample: float = SAMPLE, **functions: Work) -> dict[
         name: Timing(
             statistics.median(wall[name]),
             statistics.median(processor[name]),
-            min(processor[name]),
             tuple(processor[name]),
         )
         for name in functions
@@ -106,19 +99,21 @@ def ratio(slow: Timing, fast: Timing) -> float:
     return statistics.median(a / b for a, b in zip(slow.rounds, fast.rounds, strict=True))
 
 
-def worst(errors: Iterable[float]) -> float:
-    """Return the largest relative error, for a table; 0 where there is none."""
-    return float(np.max(np.abs(np.fromiter(errors, dtype=np.float64)), initial=0.0))
-
-
 def machine() -> dict[str, Any]:
     """Describe the machine and what is installed on it."""
+    path = Path("/proc/cpuinfo")
+    text = path.read_text().split("\n\n", 1)[0] if path.exists() else ""
+    pairs = (line.partition(":") for line in text.splitlines())
+    facts = {name.strip(): value.strip() for name, _, value in pairs}
+    name, megahertz = facts.get("model name", platform.processor()), facts.get("cpu MHz", "")
+    family = f"family {facts.get('cpu family')} model {facts.get('model')}"
+    flags = facts.get("flags", "").split()
     return {
-        "processor": _processor(),
+        "processor": f"{name}, {family}, {megahertz} MHz",
         "cores": len(os.sched_getaffinity(0))
         if hasattr(os, "sched_getaffinity")
         else os.cpu_count(),
-        "vectors": _vectors(),
+        "vectors": next((v for v in ("avx512f", "avx2", "sse2") if v in flags), "unknown"),
         "system": f"{platform.system()} {platform.release()}",
         "python": platform.python_version(),
         "packages": versions("vibroimpact", "numpy", "scipy", "numba", "llvmlite"),
@@ -130,29 +125,9 @@ def versions(*packages: str) -> Mapping[str, str]:
     """Return the versions of the packages that are installed."""
     there = {}
     for package in packages:
-        try:
+        with suppress(PackageNotFoundError):
             there[package] = version(package)
-        except PackageNotFoundError:
-            continue
     return there
-
-
-def _processor() -> str:
-    path = Path("/proc/cpuinfo")
-    if path.exists():
-        first = path.read_text().split("\n\n", 1)[0].splitlines()
-        pairs = (line.partition(":") for line in first)
-        facts = {name.strip(): value.strip() for name, _, value in pairs}
-        name, megahertz = facts.get("model name", ""), facts.get("cpu MHz", "")
-        family = f"family {facts.get('cpu family')} model {facts.get('model')}"
-        return f"{name}, {family}, {megahertz} MHz"
-    return platform.processor()
-
-
-def _vectors() -> str:
-    path = Path("/proc/cpuinfo")
-    flags = path.read_text() if path.exists() else ""
-    return next((name for name in ("avx512f", "avx2", "sse2") if f" {name}" in flags), "unknown")
 
 
 class TooLongError(Exception):
@@ -164,9 +139,9 @@ def at_most(seconds: float = LONGEST) -> Iterator[None]:
     """Raise `TooLongError` in the block after that time, and again until it ends.
 
     The services that it started are stopped on the way out, as they are when the process is
-    asked to terminate. Where there are no such signals, or in another thread, nothing is limited.
+    asked to terminate. Where there are no such signals nothing is limited.
     """
-    if not hasattr(signal, "SIGALRM") or threading.current_thread() is not threading.main_thread():
+    if not hasattr(signal, "SIGALRM"):
         yield
         return
 

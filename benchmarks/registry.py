@@ -8,7 +8,7 @@ no other table.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from importlib import import_module
@@ -19,15 +19,7 @@ from benchmarks.tables import Table
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A table of a benchmark.
-
-    Parameters
-    ----------
-    benchmark : str
-        Name of the benchmark.
-    path : str
-        Module and name of the function that measures the table.
-    """
+    """A table of a benchmark, by module and name of the function that measures it."""
 
     benchmark: str
     path: str
@@ -57,14 +49,7 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Benchmark:
-    """A benchmark: a page of the documentation.
-
-    Parameters
-    ----------
-    name, title, shows : str
-    paths : tuple of str
-        Module, inside `benchmarks`, and name of each function.
-    """
+    """A page of the documentation, and the functions in `benchmarks` that measure its tables."""
 
     name: str
     title: str
@@ -75,14 +60,6 @@ class Benchmark:
     def parts(self) -> tuple[Part, ...]:
         """Its tables."""
         return tuple(Part(self.name, f"benchmarks.{path}") for path in self.paths)
-
-
-class UnknownNameError(ValueError):
-    """Nothing is called that; the message names what comes near, or all there is."""
-
-    def __init__(self, name: str, known: Iterable[str]) -> None:
-        near = get_close_matches(name, list(known)) or list(known)
-        super().__init__(f"No benchmark is called {name}. There is: {', '.join(near)}.")
 
 
 BENCHMARKS: Final[tuple[Benchmark, ...]] = (
@@ -149,35 +126,27 @@ BENCHMARKS: Final[tuple[Benchmark, ...]] = (
 )
 
 
-def named(names: Sequence[str]) -> tuple[Part, ...]:
+def named(names: Sequence[str]) -> list[Part]:
     """Return the tables of those names, all for none.
 
     Parameters
     ----------
     names : sequence of str
-        Such as ``scaling``, or ``memory.memory`` for one of its tables.
+        Such as ``scaling``, or ``scaling.memory`` for one of its tables.
 
     Raises
     ------
-    UnknownNameError
+    ValueError
         Where there is no such benchmark or table.
     """
-    chosen = [part for name in names or _all() for part in _one(name)]
-    return tuple(dict.fromkeys(chosen))
-
-
-def _all() -> list[str]:
-    return [benchmark.name for benchmark in BENCHMARKS]
-
-
-def _one(name: str) -> tuple[Part, ...]:
-    known = {benchmark.name: benchmark for benchmark in BENCHMARKS}
-    first, _, last = name.partition(".")
-    if first not in known:
-        raise UnknownNameError(name, known)
-    parts = {part.label: part for part in known[first].parts}
-    if not last:
-        return tuple(parts.values())
-    if name not in parts:
-        raise UnknownNameError(name, parts)
-    return (parts[name],)
+    pages = [one.name for one in BENCHMARKS]
+    every = [part for one in BENCHMARKS for part in one.parts]
+    chosen: dict[Part, None] = {}
+    for name in names or pages:
+        parts = [part for part in every if name in (part.benchmark, part.label)]
+        if not parts:
+            known = [part.label for part in every] if "." in name else pages
+            near = get_close_matches(name, known) or pages
+            raise ValueError(f"No benchmark is called {name}. There is: {', '.join(near)}.")
+        chosen |= dict.fromkeys(parts)
+    return list(chosen)

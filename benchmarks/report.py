@@ -8,14 +8,14 @@ import textwrap
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from benchmarks import registry, results
 from benchmarks.plots import draw as draw_plot
 from benchmarks.registry import Benchmark
 from benchmarks.results import Measurement
-from benchmarks.tables import Plot, Table, Verdict, is_number, written
-from benchmarks.writing import TREND_COLUMNS, grid, markdown, trend_cells
+from benchmarks.tables import Table, Verdict, written
+from benchmarks.writing import TREND_COLUMNS, grid, markdown, sign, trend_cells
 
 DOCS: Final = Path(__file__).parent.parent / "docs"
 _IMAGES: Final = "images/benchmarks"
@@ -60,58 +60,48 @@ def draw() -> Path:
     return first
 
 
-def _tables(measurements: Iterable[Measurement]) -> list[tuple[str, Table]]:
-    return [(one.part, one.table) for one in measurements if one.table is not None]
+def _tables(measurements: Iterable[Measurement]) -> dict[str, Table]:
+    return {one.part: one.table for one in measurements if one.table is not None}
 
 
 def _verdicts(measurements: Iterable[Measurement]) -> list[tuple[str, Table, Verdict]]:
     return [
         (part, table, verdict)
-        for part, table in _tables(measurements)
+        for part, table in _tables(measurements).items()
         for verdict in table.verdicts()
     ]
 
 
 def _first_screen(measured: dict[str, list[Measurement]]) -> str:
     """Return how fast against what, at which error: sentences, a table and a plot."""
-    peers = dict(_tables(measured.get("peers", [])))
-    errors = dict(_tables(measured.get("error-against-time", [])))
-    lines: list[str] = []
-    if "ahead" in peers:
-        lines += [_against_peers(peers["ahead"]), ""]
-    if "time_histories" in errors:
-        table = errors["time_histories"]
-        cases = table.column("case")
-        rows = [row for row, case in zip(table.rows, cases, strict=True) if case in _SHOWN]
-        if rows:
-            shown = replace(table, rows=rows)
-            plot = Plot("time [ms]", "error", by="integrator", panel="case")
-            draw_plot(shown, plot, DOCS / _IMAGES / "first.svg")
-            lines += [f"![Error against time of two time histories]({_IMAGES}/first.svg)", ""]
-    return "\n".join(lines)
+    parts = []
+    ahead = _tables(measured["peers"]).get("ahead")
+    if ahead is not None:
+        parts.append(_against_peers(ahead))
+    table = _tables(measured["error-against-time"]).get("time_histories")
+    if table is not None:
+        rows = [row for row in table.rows if row[0] in _SHOWN]
+        draw_plot(replace(table, rows=rows), table.plots[0], DOCS / _IMAGES / "first.svg")
+        parts.append(f"![Error against time of two time histories]({_IMAGES}/first.svg)\n")
+    return "\n".join(parts)
 
 
 def _against_peers(ahead: Table) -> str:
     """Return the ratios at one level of error, as sentences and as a table."""
     prepared, nothing = "both prepared, times faster", "both from nothing, times faster"
     mixed = "whole call over prepared peer, times faster"
-    rows = [dict(zip(ahead.columns, row, strict=True)) for row in ahead.rows]
-    level = [
-        row for row in rows if row["error at most"] == f"{_LEVEL:.0e}" and is_number(row[prepared])
-    ]
-    if not level:
-        return ""
-    ratios = {name: [float(str(row[name])) for row in level] for name in (prepared, nothing)}
-    compared = [float(str(row[prepared])) for row in rows if is_number(row[prepared])]
-    behind = sum(ratio < 1.0 for ratio in compared)
+    rows: list[dict[str, Any]] = [dict(zip(ahead.columns, r, strict=True)) for r in ahead.rows]
+    compared = [row for row in rows if row[prepared] is not None]
+    level = [row for row in compared if row["error at most"] == f"{_LEVEL:.0e}"]
+    behind = sum(row[prepared] < 1.0 for row in compared)
 
     def between(name: str) -> str:
-        low, high = min(ratios[name]), max(ratios[name])
-        middle = statistics.median(ratios[name])
+        low, *_, high = ratios = sorted(row[name] for row in level)
+        middle = statistics.median(ratios)
         return f"{written(low)} to {written(high)} times as fast (median {written(middle)})"
 
     sentences = (
-        f"At an error of at most {_short(_LEVEL)}, with no impact missed, a prepared time history "
+        f"At an error of at most 1e-9, with no impact missed, a prepared time history "
         f"is **{between(prepared)}** as the fastest of heyoka, CVODE of SUNDIALS, diffrax, scipy "
         f"and Siconos, on {len(level)} motions. From nothing, with planning, preparing or "
         f"compiling, and here with estimates of all errors, it is **{between(nothing)}**. Over all "
@@ -130,11 +120,7 @@ def _against_peers(ahead: Table) -> str:
     }
     body = [[written(row[column]) for column in columns.values()] for row in level]
     words = [column in ("motion", "fastest other program") for column in columns]
-    return f"{sentences}\n\n{grid(list(columns), body, words)}"
-
-
-def _short(level: float) -> str:
-    return f"{level:.0e}".replace("e-0", "e-")
+    return f"{sentences}\n\n{grid(list(columns), body, words)}\n"
 
 
 def _details(measured: dict[str, list[Measurement]]) -> str:
@@ -148,9 +134,9 @@ def _details(measured: dict[str, list[Measurement]]) -> str:
         goals = [verdict.reached for *_, verdict in _verdicts(measurements)]
         every += goals
         said = f"{sum(goals)} of {len(goals)}" if goals else "none set"
-        failed = sum(bool(measurement.failure) for measurement in measurements)
+        failed = [measurement.part for measurement in measurements if measurement.failure]
         if failed:
-            said += f"; **{failed} table{'' if failed == 1 else 's'} failed**"
+            said += f"; **failed: {', '.join(failed)}**"
         link = f"[{one.title}](benchmarks/{one.name}.md)"
         body.append([link, one.shows, said, max(one.when for one in measurements)[:10]])
     pages = grid(["page", "shows", "goals reached", "newest run"], body, [True] * 3 + [False])
@@ -164,7 +150,7 @@ def _details(measured: dict[str, list[Measurement]]) -> str:
 def _page(benchmark: Benchmark, measurements: Sequence[Measurement]) -> str:
     lines = [f"# {benchmark.title}", ""]
     lines += [f"{benchmark.shows[0].upper()}{benchmark.shows[1:]}.", ""]
-    lines += [_missed(measurements), _surroundings(measurements)]
+    lines += [_missed(measurements), *dict.fromkeys(map(_machine, measurements))]
     for one in measurements:
         lines += _section(one)
     return "\n".join(lines)
@@ -173,28 +159,25 @@ def _page(benchmark: Benchmark, measurements: Sequence[Measurement]) -> str:
 def _missed(measurements: Sequence[Measurement]) -> str:
     """Return what was missed: goals of one table that are missed for one reason share a row."""
     verdicts = _verdicts(measurements)
-    reached = sum(verdict.reached for *_, verdict in verdicts)
-    groups: dict[tuple[str, str], list[Verdict]] = {}
+    groups: dict[str, list[Verdict]] = {}
     for part, table, verdict in verdicts:
         if not verdict.reached:
-            where = f"[{table.title}](#{part})"
-            if verdict.quantity != "measured":
-                where += f": {verdict.quantity}"
-            groups.setdefault((where, verdict.reason or "not known yet"), []).append(verdict)
-    body = [
-        [
-            f"{where}<br>{reason}",
-            _lines(verdict.label for verdict in missed),
-            _lines(written(verdict.value) for verdict in missed),
-            _lines(
-                f"{'≥' if verdict.at_least else '≤'} {written(verdict.limit)}" for verdict in missed
-            ),
-        ]
-        for (where, reason), missed in groups.items()
-    ]
+            what = "" if verdict.quantity == "measured" else f": {verdict.quantity}"
+            why = verdict.reason or "not known yet"
+            groups.setdefault(f"[{table.title}](#{part}){what}<br>{why}", []).append(verdict)
     if not verdicts:
         return ""
+    reached = sum(verdict.reached for *_, verdict in verdicts)
     said = f"**{reached} of {len(verdicts)} goals are reached.**\n"
+    body = [
+        [
+            where,
+            _lines(verdict.label for verdict in missed),
+            _lines(written(verdict.value) for verdict in missed),
+            _lines(f"{sign(verdict)} {written(verdict.limit)}" for verdict in missed),
+        ]
+        for where, missed in groups.items()
+    ]
     if not body:
         return said
     columns = ["table, and why", "what", "measured", "goal"]
@@ -205,18 +188,13 @@ def _lines(cells: Iterable[str]) -> str:
     return "<br>".join(cell.replace(" ", "\u00a0") for cell in cells)
 
 
-def _surroundings(measurements: Sequence[Measurement]) -> str:
-    """Return where and with what the tables were measured."""
-    places = dict.fromkeys(_machine(one) for one in measurements)
-    return "\n".join(f"{place}\n{{ .measured }}\n" for place in places)
-
-
 def _machine(one: Measurement) -> str:
+    """Return where and with what a table was measured."""
     machine = one.machine
     packages = ", ".join(f"{name} {number}" for name, number in machine["packages"].items())
     return (
         f"Measured on {machine['processor']}, {machine['cores']} cores, {machine['vectors']} · "
-        f"{machine['system']} · Python {machine['python']}, {packages}"
+        f"{machine['system']} · Python {machine['python']}, {packages}\n{{ .measured }}\n"
     )
 
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import subprocess
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
+
+from pydantic import TypeAdapter
 
 from benchmarks import harness
 from benchmarks.tables import Table
@@ -50,36 +52,22 @@ class Measurement:
             return cls(*surroundings, failure=outcome)
         return cls(*surroundings, table=outcome)
 
-    @property
-    def path(self) -> Path:
-        """The file that holds it."""
-        return FOLDER / self.benchmark / f"{self.part}.json"
-
     def save(self) -> Path:
-        """Write it to its file, in place of the one before."""
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        document = {
-            "benchmark": self.benchmark,
-            "part": self.part,
-            "when": self.when,
-            "commit": self.commit,
-            "machine": self.machine,
-            "table": None if self.table is None else self.table.document(),
-            "failure": self.failure,
-        }
-        text = json.dumps(document, indent=1, ensure_ascii=False)
-        self.path.write_text(text + "\n", encoding="utf-8")
-        return self.path
+        """Write it to the file of its table, in place of the one before."""
+        path = FOLDER / self.benchmark / f"{self.part}.json"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        text = json.dumps(asdict(self), indent=1, ensure_ascii=False)
+        path.write_text(text + "\n", encoding="utf-8")
+        return path
 
 
 def load(benchmark: str, part: str) -> Measurement | None:
     """Return the newest measurement of a table, None where there is none."""
     path = FOLDER / benchmark / f"{part}.json"
-    if not path.exists():
-        return None
-    document = json.loads(path.read_text(encoding="utf-8"))
-    table = document.pop("table")
-    return Measurement(**document, table=None if table is None else Table.of(table))
+    return _DOCUMENT.validate_json(path.read_bytes()) if path.exists() else None
+
+
+_DOCUMENT: Final = TypeAdapter(Measurement)
 
 
 def _commit() -> str:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, TypeGuard
 
 import numpy as np
 
@@ -14,42 +14,20 @@ Cell = float | int | str | None
 
 @dataclass(frozen=True, slots=True)
 class Plot:
-    """How a table is drawn: columns by name.
-
-    Parameters
-    ----------
-    x, y : str
-        Columns of the axes.
-    by : str, optional
-        Column that tells the curves apart.
-    panel : str, optional
-        Column that tells the panels apart.
-    log : str
-        Axes that are logarithmic: ``"xy"``, ``"x"``, ``"y"`` or ``""``.
-    ours : str
-        How the names of those curves begin that stand out before all others.
-    """
+    """How a table is drawn: columns by name, those of the axes, of the curves and of the panels."""
 
     x: str
     y: str
     by: str | None = None
     panel: str | None = None
-    log: str = "xy"
-    ours: str = "Vibroimpact"
 
 
 @dataclass(frozen=True, slots=True)
 class Goal:
     """What the numbers of one column should reach, given by another column.
 
-    Parameters
-    ----------
-    measured, limit : str
-        Columns; rows without a limit have no goal.
-    at_least : bool
-        Whether more is better.
-    sense : str, optional
-        Column that says so row by row, "≥" or "≤".
+    Rows without a limit have no goal. ``sense`` is a column that says row by row, by "≥" or "≤",
+    whether more is better.
     """
 
     measured: str
@@ -72,8 +50,8 @@ class Trend:
         Column that tells the curves apart; each is fitted alone.
     only : tuple of str, optional
         The curves that are meant; all where it is empty.
-    since, until : float
-        Range of x that counts: fixed costs and what limits are left out.
+    since : float
+        The least x that counts: below, fixed costs matter.
     at_least : bool
         Whether more is better.
     """
@@ -84,26 +62,14 @@ class Trend:
     by: str | None = None
     only: tuple[str, ...] = ()
     since: float = 0.0
-    until: float = math.inf
     at_least: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """One goal, what was measured, and whether it was reached.
+    """One goal, what was measured, whether it was reached, and else why not, as far as known.
 
-    Parameters
-    ----------
-    label : str
-        What it is about: unlike all others of its table.
-    quantity : str
-        What was measured.
-    value, limit : float
-    at_least : bool
-        Whether more is better.
-    reached : bool
-    reason : str
-        Why it is missed, as far as known.
+    The label is unlike all others of its table.
     """
 
     label: str
@@ -165,43 +131,30 @@ class Table:
     def labels(self) -> list[str]:
         """Return a name for each row: as many of its first cells as tell the rows apart."""
         count = 1
-        while count < len(self.columns) and len({row[:count] for row in self.rows}) < len(
-            self.rows
-        ):
+        while count < len(self.columns) and len({r[:count] for r in self.rows}) < len(self.rows):
             count += 1
         named = [
             [cell if isinstance(cell, str) else f"{name} {written(cell)}" for name, cell in pairs]
             for pairs in (zip(self.columns, row[:count], strict=False) for row in self.rows)
         ]
-        return [", ".join(cell for cell in cells if cell) for cells in named]
+        return [", ".join(filter(None, cells)) for cells in named]
 
     def judged(self) -> list[Verdict | None]:
         """Return for every row whether its goal was reached; None where it has none.
 
         A row with a goal and no number, or one that is not a number, has missed it.
         """
-        if self.goal is None:
-            return [None] * len(self.rows)
-        measured, limits = self.column(self.goal.measured), self.column(self.goal.limit)
-        least = (
-            [self.goal.at_least] * len(self.rows)
-            if self.goal.sense is None
-            else [sign == "≥" for sign in self.column(self.goal.sense)]
-        )
-        return [
-            None
-            if limit is None
-            else self._verdict(
-                label,
-                self.goal.measured,
-                math.nan if value is None else float(value),
-                float(limit),
-                more,
-            )
-            for label, value, limit, more in zip(
-                self.labels(), measured, limits, least, strict=True
-            )
-        ]
+        verdicts: list[Verdict | None] = []
+        for row, label in zip(self.rows, self.labels(), strict=True):
+            cells: dict[str, Any] = dict(zip(self.columns, row, strict=True))
+            if self.goal is None or cells[self.goal.limit] is None:
+                verdicts.append(None)
+                continue
+            value, limit = (cells[name] for name in (self.goal.measured, self.goal.limit))
+            more = self.goal.at_least if self.goal.sense is None else cells[self.goal.sense] == "≥"
+            number = math.nan if value is None else float(value)
+            verdicts.append(self._verdict(label, self.goal.measured, number, float(limit), more))
+        return verdicts
 
     def grown(self) -> list[Verdict]:
         """Return whether the trends are as they should be."""
@@ -210,7 +163,7 @@ class Table:
             for curve, points in self.curves(trend.x, trend.y, trend.by).items():
                 if trend.only and curve not in trend.only:
                     continue
-                value = exponent([p for p in points if trend.since <= p[0] <= trend.until])
+                value = exponent([p for p in points if p[0] >= trend.since])
                 label = f"{curve}: {trend.y}" if curve else trend.y
                 quantity = f"exponent of {trend.x}"
                 verdicts.append(self._verdict(label, quantity, value, trend.limit, trend.at_least))
@@ -243,50 +196,17 @@ class Table:
             A column and the text that it must have.
         """
         curves: dict[str, list[tuple[float, float]]] = {}
-        names = [""] * len(self.rows) if by is None else list(map(written, self.column(by)))
-        panels = (
-            [""] * len(self.rows) if panel is None else list(map(written, self.column(panel[0])))
-        )
-        for name, where, a, b in zip(names, panels, self.column(x), self.column(y), strict=True):
-            points = curves.setdefault(name, [])
-            if (panel is None or where == panel[1]) and is_number(a):
+        for row in self.rows:
+            cells = dict(zip(self.columns, row, strict=True))
+            points = curves.setdefault("" if by is None else written(cells[by]), [])
+            a, b = cells[x], cells[y]
+            if is_number(a) and (panel is None or written(cells[panel[0]]) == panel[1]):
                 points.append((float(a), float(b) if is_number(b) else math.nan))
         return curves
 
-    def document(self) -> dict[str, Any]:
-        """Return plain data for JSON."""
-        return asdict(self)
 
-    @classmethod
-    def of(cls, document: dict[str, Any]) -> Table:
-        """Return the table of such data."""
-        return cls(
-            **document
-            | {
-                "columns": tuple(document["columns"]),
-                "rows": [tuple(row) for row in document["rows"]],
-                "goal": Goal(**document["goal"]) if document["goal"] else None,
-                "plots": tuple(Plot(**plot) for plot in document["plots"]),
-                "trends": tuple(
-                    Trend(**trend | {"only": tuple(trend["only"])}) for trend in document["trends"]
-                ),
-            }
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class Figure:
-    """One number, and what it should be, if anything.
-
-    Parameters
-    ----------
-    name : str
-        With its unit.
-    value : float
-    limit : float, optional
-    at_least : bool
-        Whether more is better.
-    """
+class Figure(NamedTuple):
+    """One number, and what it should be, if anything; its name tells the unit."""
 
     name: str
     value: float
@@ -298,21 +218,16 @@ def figures(
     title: str, numbers: Iterable[Figure], note: str = "", reasons: Mapping[str, str] | None = None
 ) -> Table:
     """Return a table of numbers that have different units."""
-    rows: list[tuple[Cell, ...]] = [
-        (
-            each.name,
-            each.value,
-            "" if each.limit is None else "≥" if each.at_least else "≤",
-            each.limit,
-        )
-        for each in numbers
-    ]
+    rows: list[tuple[Cell, ...]] = []
+    for name, value, limit, at_least in numbers:
+        sign = "" if limit is None else "≥" if at_least else "≤"
+        rows.append((name, value, sign, limit))
     columns = ("figure", "measured", "", "goal")
     goal = Goal("measured", "goal", sense="")
     return Table(title, columns, rows, note, goal, reasons=reasons or {})
 
 
-def is_number(cell: object) -> bool:
+def is_number(cell: object) -> TypeGuard[float]:
     """Whether a cell holds a finite number."""
     return isinstance(cell, int | float) and math.isfinite(cell)
 

@@ -26,9 +26,13 @@ TREND_COLUMNS = ("growth", "exponent", "expected", "outcome")
 
 def trend_cells(verdict: Verdict) -> list[str]:
     """Return the cells of a trend, with `TREND_COLUMNS` above them."""
-    sign = "≥" if verdict.at_least else "≤"
     what = f"{verdict.label} with {verdict.quantity.removeprefix('exponent of ')}"
-    return [what, f"{verdict.value:.2f}", f"{sign} {verdict.limit:g}", outcome(verdict)]
+    return [what, f"{verdict.value:.2f}", f"{sign(verdict)} {verdict.limit:g}", outcome(verdict)]
+
+
+def sign(verdict: Verdict) -> str:
+    """Return what stands before the limit of a goal."""
+    return "≥" if verdict.at_least else "≤"
 
 
 def outcome(verdict: Verdict | None) -> str:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import itertools
 import statistics
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -19,18 +20,14 @@ from benchmarks.tables import Table
 ROUNDS: Final = 5
 SECONDS: Final = 2.0
 """How long a load lasts in each round."""
+_CLIENTS: Final = {"1 client": 1, "32 clients": 32}
+_JOBS: Final = "small jobs, 32 clients"
 _AHEAD: Final = 10
 """Jobs that a client submits before it waits for them."""
 
 
 def loads(stored: str) -> dict[str, Load]:
-    """Return the loads by name, without the address of a service.
-
-    Parameters
-    ----------
-    stored : str
-        Path of a stored result.
-    """
+    """Return the loads by name, without the address of a service; `stored` is a result's path."""
     kinds = {
         "one frequency, uncached": Request.post(COMPUTE, modes()),
         "5,000 frequencies, uncached": Request.post(COMPUTE, modes(num=5000)),
@@ -38,40 +35,28 @@ def loads(stored: str) -> dict[str, Load]:
         "stored result by GET": Request("GET", stored),
     }
     answers = {
-        f"{name}, {_count(clients)}": Load("", (request,), clients)
-        for (name, request), clients in itertools.product(kinds.items(), (1, 32))
+        f"{name}, {what}": Load("", (request,), count)
+        for (name, request), (what, count) in itertools.product(kinds.items(), _CLIENTS.items())
     }
     jobs = Load("", (Request.job(modes()),), 32, jobs=_AHEAD)
-    return {**answers, f"small jobs, {_count(32)}": jobs}
-
-
-def _count(clients: int) -> str:
-    return f"{clients} client{'s' if clients > 1 else ''}"
+    return {**answers, _JOBS: jobs}
 
 
 class Side:
-    """One of the two services.
-
-    Parameters
-    ----------
-    server : Server
-    """
+    """One of the two services, with its kernels loaded and one result stored."""
 
     def __init__(self, server: Server) -> None:
         self._server = server
         self._first = 1
+        self._loads = loads(server.stored(modes(0.5)).headers["content-location"])
+        self.measure(_JOBS, 1.0)
 
-    def prepare(self) -> str:
-        """Have kernels loaded and one result stored; return the path of the result."""
-        path = self._server.stored(modes(0.5)).headers["content-location"]
-        self.measure(loads(path)[f"small jobs, {_count(32)}"], 1.0)
-        return path
-
-    def measure(self, part: Load, length: float) -> tuple[float, float]:
+    def measure(self, name: str, length: float) -> tuple[float, float]:
         """Return answers per second, and milliseconds of the processor for each."""
         processes = self._server.processes()
         before = seconds(processes)
-        outcome = load.run(replace(part, url=self._server.url, seconds=length, first=self._first))
+        part = replace(self._loads[name], url=self._server.url, seconds=length, first=self._first)
+        outcome = load.run(part)
         self._first += outcome.sent
         used = seconds(processes) - before
         count = outcome.proper(200).answers
@@ -82,13 +67,11 @@ def rows(
     sides: tuple[Side, Side], names: list[str], rounds: int, length: float
 ) -> Iterator[tuple[Any, ...]]:
     """Yield a row for each load: rates of both, ratio, processor time of both, ratio."""
-    paths = [side.prepare() for side in sides]
-    chosen = [loads(path) for path in paths]
     for name in names:
         measured: tuple[list[tuple[float, float]], ...] = ([], [])
         for _ in range(rounds):
-            for side, each, points in zip(sides, chosen, measured, strict=True):
-                points.append(side.measure(each[name], length))
+            for side, points in zip(sides, measured, strict=True):
+                points.append(side.measure(name, length))
         rates, used = ([[point[i] for point in points] for points in measured] for i in (0, 1))
         yield (
             name,
@@ -105,38 +88,28 @@ def against(
     only: str = "",
     rounds: int = ROUNDS,
     length: float = SECONDS,
-    say: Callable[[str], object] = print,
 ) -> Table:
     """Compare this checkout's service with that of another checkout.
 
     Parameters
     ----------
-    checkout : Path
-    python : Path, optional
-        Its interpreter; without it that of its ``.venv``.
+    checkout, python : Path
+        The other one, and its interpreter; without it that of its ``.venv``.
     only : str
         A part of the names of the loads that are meant.
-    rounds : int
-    length : float
-        Seconds of a load in each round.
-    say : callable
-        Told about progress.
+    rounds, length
+        How often each load is put on each service, and for how many seconds.
     """
     names = [name for name in loads("") if only in name]
     if not names:
         raise ValueError(f"no load is called {only}; there is: {'; '.join(loads(''))}")
     with tempfile.TemporaryDirectory() as folder:
-        servers: list[Server] = []
-        try:
-            servers.append(Server(Path(folder) / "this"))
-            servers.append(Server(Path(folder) / "other", checkout=checkout, python=python))
-            lines: list[tuple[Any, ...]] = []
-            for row in rows((Side(servers[0]), Side(servers[1])), names, rounds, length):
-                say(f"[{len(lines) + 1}/{len(names)}] {row[0]}: {row[3]:.2f} times the answers")
+        this, other = Path(folder) / "this", Path(folder) / "other"
+        lines: list[tuple[Any, ...]] = []
+        with closing(Server(this)) as ours, closing(Server(other, 1, checkout, python)) as theirs:
+            for row in rows((Side(ours), Side(theirs)), names, rounds, length):
+                print(f"[{len(lines) + 1}/{len(names)}] {row[0]}: {row[3]:.2f} times the answers")
                 lines.append(row)
-        finally:
-            for server in servers:
-                server.stop()
     return Table(
         "Service against another checkout",
         (

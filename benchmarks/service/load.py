@@ -16,13 +16,14 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
-from typing import Final, cast
+from typing import Final
 
 import uvloop
 
 from benchmarks.service.requests import Request
 
 _PATIENCE: Final = 60.0  # seconds for one answer
+_LARGEST: Final = 2**26  # bytes of an answer
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,41 +113,30 @@ def run(load: Load) -> Outcome:
     return Outcome(**json.loads(done.stdout))
 
 
-class _Connection(asyncio.Protocol):
+class _Connection:
     """A connection that takes one request after the other."""
 
-    def __init__(self) -> None:
-        self._received = bytearray()
-        self._waiting: asyncio.Future[tuple[int, bytes]] | None = None
+    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._reader, self._writer = reader, writer
 
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        self._transport = cast(asyncio.WriteTransport, transport)
-
-    def data_received(self, data: bytes) -> None:
-        self._received += data
-        head, between, body = bytes(self._received).partition(b"\r\n\r\n")
-        if not between or self._waiting is None or self._waiting.done():
-            return
-        status = int(head[9:12])
-        fields = head.lower()
-        if b"transfer-encoding: chunked" in fields:
-            complete = body.endswith(b"0\r\n\r\n")
-        else:
-            _, _, length = fields.partition(b"\r\ncontent-length:")
-            complete = status == 304 or len(body) >= int(length.split(b"\r\n", 1)[0] or 0)
-        if complete:
-            self._received.clear()
-            self._waiting.set_result((status, body))
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        if self._waiting is not None and not self._waiting.done():
-            self._waiting.set_exception(ConnectionError(str(exc or "closed")))
+    @classmethod
+    async def to(cls, url: str) -> _Connection:
+        """Connect to a server."""
+        host, _, port = url.removeprefix("http://").partition(":")
+        return cls(*await asyncio.open_connection(host, int(port), limit=_LARGEST))
 
     async def ask(self, request: bytes) -> tuple[int, bytes]:
         """Return status and body of the answer."""
-        self._waiting = asyncio.get_running_loop().create_future()
-        self._transport.write(request)
-        return await asyncio.wait_for(self._waiting, _PATIENCE)
+        self._writer.write(request)
+        async with asyncio.timeout(_PATIENCE):
+            head = (await self._reader.readuntil(b"\r\n\r\n")).lower()
+            status = int(head[9:12])
+            if status == 304:
+                return status, b""
+            if b"transfer-encoding: chunked" in head:
+                return status, await self._reader.readuntil(b"0\r\n\r\n")
+            _, _, length = head.partition(b"\r\ncontent-length:")
+            return status, await self._reader.readexactly(int(length.split(b"\r\n", 1)[0] or 0))
 
 
 class _Clients:
@@ -176,22 +166,16 @@ class _Clients:
         turns = itertools.cycle(
             [*requests[place % len(requests) :], *requests[: place % len(requests)]]
         )
-        connection = await self._connected()
+        connection = await _Connection.to(self._load.url)
         while time.perf_counter() < self._end:
             try:
                 if self._load.jobs:
                     await self._jobs(connection, turns)
                 else:
                     await self._answer(connection, next(turns))
-            except (TimeoutError, OSError):
+            except (OSError, EOFError):
                 self._errors += 1
-                connection = await self._connected()
-
-    async def _connected(self) -> _Connection:
-        host, _, port = self._load.url.removeprefix("http://").partition(":")
-        loop = asyncio.get_running_loop()
-        _, connection = await loop.create_connection(_Connection, host, int(port))
-        return connection
+                connection = await _Connection.to(self._load.url)
 
     async def _answer(self, connection: _Connection, request: Request) -> bytes:
         encoded = request.encoded(next(self._numbers))

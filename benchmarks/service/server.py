@@ -10,7 +10,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -34,21 +34,21 @@ class Server:
     data : Path
         Its folder.
     workers : int
-    environment : mapping, optional
-        What it sees beside the environment of this process.
     checkout : Path, optional
         Another checkout of the project whose service is started.
     python : Path, optional
         The interpreter; without it that of this process, or of the other checkout's ``.venv``.
+    environment : mapping, optional
+        What it sees beside the environment of this process.
     """
 
     def __init__(
         self,
         data: Path,
         workers: int = 1,
-        environment: Mapping[str, str] | None = None,
         checkout: Path | None = None,
         python: Path | None = None,
+        environment: Mapping[str, str] | None = None,
     ) -> None:
         if python is None:
             python = Path(sys.executable) if checkout is None else checkout / ".venv/bin/python"
@@ -68,7 +68,7 @@ class Server:
         try:
             self._wait()
         except BaseException:
-            self.stop()
+            self.close()
             raise
 
     def _wait(self) -> None:
@@ -139,7 +139,7 @@ class Server:
         """Return the seconds of processor time that the serving process has spent."""
         return seconds([self.process.pid])
 
-    def stop(self) -> None:
+    def close(self) -> None:
         """Stop it, and leave no process of it behind."""
         self._client.close()
         with suppress(ProcessLookupError):
@@ -161,12 +161,11 @@ class Server:
 @contextmanager
 def running(workers: int = 1, environment: Mapping[str, str] | None = None) -> Iterator[Server]:
     """Give a service on an empty folder."""
-    with tempfile.TemporaryDirectory() as folder:
-        server = Server(Path(folder) / "data", workers, environment)
-        try:
-            yield server
-        finally:
-            server.stop()
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        closing(Server(Path(folder) / "data", workers, environment=environment)) as server,
+    ):
+        yield server
 
 
 def session(leader: int) -> list[int]:

@@ -115,5 +115,5 @@ def test_all_tables_without_names() -> None:
     [("scalling", "scaling"), ("bounds.bound", "bounds.bounds"), ("zzz", "peers")],
 )
 def test_unknown_names_are_told_what_comes_near(name: str, near: str) -> None:
-    with pytest.raises(registry.UnknownNameError, match=f"called {name}.*{near}"):
+    with pytest.raises(ValueError, match=f"called {name}.*{near}"):
         registry.named([name])

@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from benchmarks.peers import ahead, cases, integrators, ours, reference, siconos, soft_reference
+from benchmarks.peers import ahead, cases, integrators, ours, siconos
 from benchmarks.peers.ahead import PREPARED, WHOLE, Entry
 from benchmarks.peers.cases import Case
 from benchmarks.peers.integrators import Point
 from benchmarks.peers.scene import Outcome, Scene, acceleration
+from tests.benchmarks import reference, soft_reference
 from vibroimpact_solvers import presets
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.time_history import Harmonic, Power
@@ -77,6 +78,19 @@ def test_the_soft_reference_keeps_the_energy() -> None:
         return float(0.5 * v @ v + 0.5 * x @ (system.K @ x)) + stored
 
     assert energy(end) == pytest.approx(energy(state), rel=1e-14)
+
+
+@pytest.mark.parametrize("case", [cases.driven(), cases.two_limiters()], ids=lambda one: one.name)
+def test_stored_answers_of_rigid_walls(case: Case) -> None:
+    exact = reference.followed(case.scene)
+    times, state = cases._exact(case.name)
+    np.testing.assert_allclose(exact.times, times, rtol=1e-15)
+    np.testing.assert_allclose(exact.state, state, rtol=1e-15)
+
+
+def test_stored_answer_of_soft_limiters() -> None:
+    _, state = cases._exact("S")
+    np.testing.assert_allclose(soft_reference.followed(cases.soft().scene), state, rtol=1e-15)
 
 
 def test_peers_get_the_forces_of_soft_limiters() -> None:

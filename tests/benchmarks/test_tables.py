@@ -87,8 +87,8 @@ def test_trends() -> None:
 
 
 def test_trends_count_what_lies_in_their_range() -> None:
-    rows = [(1, 50.0), (10, 10.0), (100, 100.0), (1000, 1e6)]
-    trend = Trend("N", "time", 1.1, since=10.0, until=100.0)
+    rows = [(1, 50.0), (10, 10.0), (100, 100.0)]
+    trend = Trend("N", "time", 1.1, since=10.0)
     (verdict,) = Table("Growth", ("N", "time"), rows, trends=(trend,)).grown()
     assert verdict.value == pytest.approx(1.0)
 
