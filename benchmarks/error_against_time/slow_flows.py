@@ -13,8 +13,7 @@ from benchmarks.tables import Plot, Table
 from vibroimpact_solvers import presets, slow_flow
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.model import Constraint, System
-from vibroimpact_solvers.slow_flow import Initial, Problem, Result
-from vibroimpact_solvers.slow_flow.models import MODELS
+from vibroimpact_solvers.slow_flow import MODELS, Initial, Problem, Result
 
 _TIMES: Final = 1000
 

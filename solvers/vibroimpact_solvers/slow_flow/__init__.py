@@ -22,10 +22,9 @@ array([0.2     , 0.544764])
 from vibroimpact_solvers.plan import join_only as join
 from vibroimpact_solvers.plan import split_nothing as split
 from vibroimpact_solvers.results.slow_flow import STAGES, Result, Stage
-from vibroimpact_solvers.slow_flow.models import MODELS
 from vibroimpact_solvers.slow_flow.motion import Initial, Variant
 from vibroimpact_solvers.slow_flow.planning import plan
-from vibroimpact_solvers.slow_flow.problem import KIND, OUTPUTS, Problem
+from vibroimpact_solvers.slow_flow.problem import KIND, MODELS, OUTPUTS, Problem
 from vibroimpact_solvers.slow_flow.solving import solve
 
 __all__ = [

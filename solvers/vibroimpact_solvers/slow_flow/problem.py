@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -12,11 +14,24 @@ from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.checks import check_outputs, check_tolerance
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import RANGE, System, within_range
-from vibroimpact_solvers.slow_flow.models import MODELS
+from vibroimpact_solvers.slow_flow.bouncing_ball import BouncingBall
+from vibroimpact_solvers.slow_flow.damped import Damped
 from vibroimpact_solvers.slow_flow.motion import Initial, Model
+from vibroimpact_solvers.slow_flow.oscillator import Oscillator
+from vibroimpact_solvers.slow_flow.restitution import Restitution
+from vibroimpact_solvers.slow_flow.two_oscillator import TwoOscillator
 
 KIND: Final = "slow-flow"
 OUTPUTS: Final = ("state", "x", "v", "impulse", "error")
+MODELS: Final[Mapping[str, type[Model]]] = MappingProxyType(
+    {
+        "oscillator": Oscillator,
+        "damped": Damped,
+        "two_oscillator": TwoOscillator,
+        "restitution": Restitution,
+        "bouncing_ball": BouncingBall,
+    }
+)
 
 
 @dataclass(frozen=True, eq=False)

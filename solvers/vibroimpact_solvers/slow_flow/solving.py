@@ -6,8 +6,9 @@ import time
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.arrays import Floats, nothing
 from vibroimpact_solvers.plan import Plan, Stage, Tick
 from vibroimpact_solvers.results.slow_flow import Result
 from vibroimpact_solvers.slow_flow.motion import Motion
@@ -43,47 +44,42 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     seconds = time.perf_counter() - started
     if tick is not None:
         tick(1, total)
-    state = "state" in outputs
     exists = model.exists()
-    fields: dict[str, Any] = {
-        "t": problem.t,
-        "dof": np.arange(problem.system.n) if shapes else None,
-        "stage": motion.stage,
-        **{name: getattr(motion, name) if state else None for name in _STATE},
-        "x": motion.x if "x" in outputs else None,
-        "v": motion.v if "v" in outputs else None,
-        "impulse": model.impulse(motion) if "impulse" in outputs else None,
-        "t_max": np.array(model.duration(problem.variant)),
-        "t_max_exact": np.array(model.duration("exact")),
-        "exists": None if exists is None else np.array(exists),
-        "seconds": np.array(seconds),
-    }
-    errors = _errors(problem, plan, motion) if problem.compares else _no_errors()
-    within = _within(problem, motion, errors["error_x"])
-    fields |= errors if "error" in outputs else _no_errors()
-    fields["within_tolerance"] = within
-    if within is not None:
-        fields["error_statement"] = errors["error_statement"]
+    fields = nothing(Result)
+    fields.update(
+        t=problem.t,
+        dof=np.arange(problem.system.n) if shapes else None,
+        stage=motion.stage,
+        t_max=np.array(model.duration(problem.variant)),
+        t_max_exact=np.array(model.duration("exact")),
+        exists=None if exists is None else np.array(exists),
+        seconds=np.array(seconds),
+        error_statement=_UNKNOWN,
+    )
+    requested = [*(_STATE if "state" in outputs else ()), *(outputs & {"x", "v"})]
+    fields.update({name: getattr(motion, name) for name in requested})
+    if "impulse" in outputs:
+        fields["impulse"] = model.impulse(motion)
+    if problem.compares:
+        errors = _errors(problem, plan, motion)
+        if "error" in outputs:
+            fields.update(errors)
+        if problem.tolerance is not None:
+            fields["within_tolerance"] = _within(problem, motion, errors["error_x"])
+            fields["error_statement"] = errors["error_statement"]
     if tick is not None:
         tick(total, total)
     return Result(**fields)
 
 
-def _within(problem: Problem, motion: Motion, error: Floats | None) -> Any:
-    """Return whether a variant is within the tolerance, None where there is none."""
-    if problem.tolerance is None:
-        return None
-    assert error is not None
+def _within(problem: Problem, motion: Motion, error: Floats) -> NDArray[np.bool_]:
+    """Return whether a variant is within the tolerance."""
+    assert problem.tolerance is not None
     assert motion.x is not None
     if problem.variant == "exact":
         return np.array(problem.tolerance >= _ROUNDING)
     reach = float(np.abs(motion.x - error).max())
     return np.array(float(np.abs(error).max()) <= problem.tolerance * reach)
-
-
-def _no_errors() -> dict[str, Any]:
-    names = ("impact", "impact_time", "impact_velocity", "error_x", "error_gamma", "error_phi")
-    return {**dict.fromkeys((*names, "seconds_exact")), "error_statement": _UNKNOWN}
 
 
 def _errors(problem: Problem, plan: Plan, motion: Motion) -> dict[str, Any]:
@@ -96,7 +92,7 @@ def _errors(problem: Problem, plan: Plan, motion: Motion) -> dict[str, Any]:
         seconds = np.array(time.perf_counter() - started)
     assert motion.x is not None
     assert exact.x is not None
-    errors = _no_errors() | {
+    errors: dict[str, Any] = {
         "error_x": motion.x - exact.x,
         "seconds_exact": seconds,
         "error_statement": _EXACT if variant == "exact" else _MEASURED,

@@ -19,7 +19,7 @@ from vibroimpact_solvers.impact_modes.modal import ModalFamily
 from vibroimpact_solvers.kernels import bands, families, limits, response
 from vibroimpact_solvers.matrices import SymmetricMatrix
 from vibroimpact_solvers.receptance import TriangleWaveResponse
-from vibroimpact_solvers.slow_flow.models import MODELS
+from vibroimpact_solvers.slow_flow import MODELS
 from vibroimpact_solvers.spectrum import Spectrum, methods
 from vibroimpact_solvers.time_history import soft
 from vibroimpact_solvers.time_history.history import History
