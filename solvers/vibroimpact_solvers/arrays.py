@@ -76,39 +76,20 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Declaration of the fields whose paths begin alike, such as ``"error/…"``.
+    """Declaration of the fields whose paths begin alike, such as ``"error/…"``."""
 
-    Parameters
-    ----------
-    name : str
-        Name of their document.
-    about : str
-        A sentence about them.
-    """
-
-    name: str
-    about: str
+    name: str  # name of their document
+    about: str  # a sentence about them
 
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """A field of a result class.
-
-    Parameters
-    ----------
-    name : str
-    scalar : type
-        float, int, bool or str, of an array its elements; or ``list[str]``.
-    array : bool
-    optional : bool
-        Whether the field may be None, where it was not requested.
-    quantity : Quantity
-    """
+    """A field of a result class."""
 
     name: str
-    scalar: Any
+    scalar: Any  # float, int, bool or str, of an array its elements; or ``list[str]``
     array: bool
-    optional: bool
+    optional: bool  # whether the field may be None, where it was not requested
     quantity: Quantity
 
     @property
@@ -119,21 +100,11 @@ class Field:
 
 @dataclass(frozen=True, eq=False)
 class Described:
-    """A result whose arrays depend on the problem.
+    """A result whose arrays depend on the problem."""
 
-    Parameters
-    ----------
-    arrays : mapping
-        Values by name.
-    meanings : mapping
-        Their declarations, by the same names.
-    plain : mapping
-        What is not an array, by its path, such as ``"error/statement"``.
-    """
-
-    arrays: Mapping[str, NDArray[Any]]
-    meanings: Mapping[str, Quantity]
-    plain: Mapping[str, Any]
+    arrays: Mapping[str, NDArray[Any]]  # values by name
+    meanings: Mapping[str, Quantity]  # their declarations, by the same names
+    plain: Mapping[str, Any]  # what is not an array, by its path, such as ``"error/statement"``
 
 
 def stacked(one: type[Any], dim: str, missing: str) -> Callable[[_Class], _Class]:

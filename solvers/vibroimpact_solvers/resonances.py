@@ -162,16 +162,10 @@ def _methods(plan: Plan) -> tuple[spectrum.Method, ...]:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Part:
-    """A part of the structure with the coordinate fixed.
-
-    Parameters
-    ----------
-    system : System
-    stiff, heavy : array, shape (dof,)
-        Forces by K and by M on it from a unit displacement and acceleration of the coordinate.
-    """
+    """A part of the structure with the coordinate fixed."""
 
     system: System
+    # Forces by K and M from a unit displacement and acceleration of the coordinate, (dof,)
     stiff: Floats
     heavy: Floats
 

@@ -50,60 +50,32 @@ _COUPLED = 1e-12  # cosine of the angle between two constraints above which they
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Side:
-    """Impacts at one corner of the triangle wave, tau = 1 or tau = -1.
+    """Impacts at one corner of the triangle wave, tau = 1 or tau = -1."""
 
-    Parameters
-    ----------
-    rows : array, shape (constraint, mode)
-        ``W E`` of the constraints with impacts; no rows if there are none.
-    position : array, shape (frequency, mode)
-        Modal coordinates.
-    velocity : array, shape (frequency, mode)
-        Modal velocities at the end of the rise or at its beginning: before the impacts at
-        tau = 1, after those at tau = -1.
-    """
-
+    # ``W E`` of the constraints with impacts; no rows if there are none, (constraint, mode)
     rows: Floats
-    position: Floats
+    position: Floats  # modal coordinates, (frequency, mode)
+    # Modal velocities at the end of the rise or at its beginning: before the impacts at tau = 1,
+    # after those at tau = -1, (frequency, mode)
     velocity: Floats
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Orbits:
-    """Impact modes of one family: all that their stability depends on.
+    """Impact modes of one family: all that their stability depends on."""
 
-    Parameters
-    ----------
-    roots : array, shape (mode,)
-        Signed natural frequencies of the participating modes, rad per unit of time.
-    load : array, shape (mode,)
-        Static load of each mode.
-    omega : array, shape (frequency,)
-        Triangle-wave frequencies.
-    upper, lower : Side
-        Impacts at tau = 1 and at tau = -1.
-    mirrored : bool
-        Whether the second half of the period mirrors the first.
-    other_roots : array, shape (mode,)
-        Signed natural frequencies of the other modes.
-    root_error : array, shape (mode,)
-        Errors of the natural frequencies of the participating modes.
-    row_error : float
-        Relative error of the rows.
-    error : array, shape (frequency,)
-        Relative error of the motion.
-    """
-
+    # Signed natural frequencies of the participating modes, rad per unit of time, (mode,)
     roots: Floats
-    load: Floats
-    omega: Floats
+    load: Floats  # static load of each mode, (mode,)
+    omega: Floats  # triangle-wave frequencies, (frequency,)
+    # Impacts at tau = 1 and at tau = -1
     upper: Side
     lower: Side
-    mirrored: bool
-    other_roots: Floats
-    root_error: Floats
-    row_error: float
-    error: Floats
+    mirrored: bool  # whether the second half of the period mirrors the first
+    other_roots: Floats  # signed natural frequencies of the other modes, (mode,)
+    root_error: Floats  # errors of the natural frequencies of the participating modes, (mode,)
+    row_error: float  # relative error of the rows
+    error: Floats  # relative error of the motion, (frequency,)
 
 
 def commutes(mobility: Floats) -> bool:

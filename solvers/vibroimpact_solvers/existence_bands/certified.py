@@ -32,26 +32,14 @@ _WIDE = 8.0  # times the resolution: undecided ranges of this width are reported
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """A range of q = 1/omega inside a sign band, decided or not.
-
-    Parameters
-    ----------
-    left, right : float
-    status : int
-        As in `kernels.bands`.
-    witness : float
-    limit : int
-    error : float
-        Absolute error of the ends.
-    certified : bool
-    """
+    """A range of q = 1/omega inside a sign band, decided or not."""
 
     left: float
     right: float
-    status: int
+    status: int  # as in `kernels.bands`
     witness: float
     limit: int
-    error: float = 0.0
+    error: float = 0.0  # absolute error of the ends
     certified: bool = True
 
 

@@ -10,69 +10,39 @@ from vibroimpact_solvers.results.existence_bands import Edge
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """A range in which impact modes exist.
+    """A range in which impact modes exist."""
 
-    Parameters
-    ----------
-    start, stop : float
-        Edges, as Omega.
-    start_reason, stop_reason : Edge
-        Why no impact modes exist beyond them.
-    edge_error : float
-        Largest absolute error of the edges.
-    certified : bool
-        Whether existence is proved throughout.
-    """
-
+    # Edges, as Omega
     start: float
     stop: float
+    # Why no impact modes exist beyond them
     start_reason: Edge
     stop_reason: Edge
-    edge_error: float
-    certified: bool
+    edge_error: float  # largest absolute error of the edges
+    certified: bool  # whether existence is proved throughout
 
 
 @dataclass(frozen=True, slots=True)
 class Rejected:
-    """A range in which impulses are positive but the solutions are phantoms.
+    """A range in which impulses are positive but the solutions are phantoms."""
 
-    Parameters
-    ----------
-    start, stop : float
-        Edges, as Omega.
-    reason : Edge
-    certified : bool
-        Whether the reason is proved throughout.
-    witness : float
-        A triangle-wave time at which a limit is exceeded; nan where unknown.
-    constraint : int
-        The limit that is exceeded; -1 where unknown.
-    """
-
+    # Edges, as Omega
     start: float
     stop: float
     reason: Edge
-    certified: bool
+    certified: bool  # whether the reason is proved throughout
+    # A triangle-wave time at which a limit is exceeded; nan where unknown
     witness: float = math.nan
-    constraint: int = -1
+    constraint: int = -1  # the limit that is exceeded; -1 where unknown
 
 
 @dataclass(slots=True)
 class FrequencyRanges:
-    """All frequency ranges of one family.
+    """All frequency ranges of one family."""
 
-    Parameters
-    ----------
-    bands, rejected, unresolved : list
-        In any order; unresolved ones as pairs (start, stop).
-    resolution : float
-        Relative width below which a band or a gap could hide.
-    statement : str
-        How they were computed.
-    """
-
+    # In any order; unresolved ones as pairs (start, stop)
     bands: list[Band] = field(default_factory=list)
     rejected: list[Rejected] = field(default_factory=list)
     unresolved: list[tuple[float, float]] = field(default_factory=list)
-    resolution: float = 0.0
-    statement: str = ""
+    resolution: float = 0.0  # relative width below which a band or a gap could hide
+    statement: str = ""  # how they were computed

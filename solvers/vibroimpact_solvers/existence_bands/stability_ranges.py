@@ -23,21 +23,13 @@ _STEPS = 24  # bisections where stability changes
 
 @dataclass(frozen=True, slots=True)
 class StabilityRange:
-    """A range in which all evaluated impact modes are stable, or all are unstable.
+    """A range in which all evaluated impact modes are stable, or all are unstable."""
 
-    Parameters
-    ----------
-    start, stop : float
-        Edges, as Omega.
-    stable : bool
-    radius : float
-        Largest spectral radius of their half-period maps.
-    """
-
+    # Edges, as Omega
     start: float
     stop: float
     stable: bool
-    radius: float
+    radius: float  # largest spectral radius of their half-period maps
 
 
 def stability_ranges(problem: Problem, bands: Sequence[Band]) -> Iterator[StabilityRange]:

@@ -36,43 +36,25 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Equations:
-    """One linear system for impulses, as `kernels.families` takes it.
+    """One linear system for impulses, as `kernels.families` takes it."""
 
-    Parameters
-    ----------
-    antisymmetric, symmetric : array, shape (unknown, constraint)
-        Combinations of the constraints' rows that drive the antisymmetric and the symmetric
-        component of the motion; no rows where a component is zero.
-    walls : array, shape (unknown,)
-        Right-hand side: distances of the walls.
-    share : float
-        Share of each wall in an impulse: 1, or 1/2 in a joint family.
-    """
-
+    # Combinations of the constraints' rows that drive the antisymmetric and the symmetric
+    # component of the motion; no rows where a component is zero, (unknown, constraint)
     antisymmetric: Floats
     symmetric: Floats
-    walls: Floats
-    share: float
+    walls: Floats  # right-hand side: distances of the walls, (unknown,)
+    share: float  # share of each wall in an impulse: 1, or 1/2 in a joint family
 
 
 @dataclass(frozen=True, slots=True)
 class Family:
-    """The kind of a family and the walls with impacts.
-
-    Parameters
-    ----------
-    kind : Kind
-    upper, lower : tuple of int
-        Positions, among the active constraints, of those with impacts at the upper and the lower
-        wall.
-    count : int
-        Number of active constraints.
-    """
+    """The kind of a family and the walls with impacts."""
 
     kind: Kind
+    # Positions, among the active constraints, of those that hit the upper and the lower wall
     upper: tuple[int, ...]
     lower: tuple[int, ...]
-    count: int
+    count: int  # number of active constraints
 
     @classmethod
     def of(cls, problem: Problem) -> Family:

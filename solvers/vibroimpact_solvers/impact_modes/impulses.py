@@ -13,19 +13,12 @@ _LARGE = 1e3  # times the usual magnitude
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Impulses:
-    """Impulses of a family at some frequencies.
+    """Impulses of a family at some frequencies."""
 
-    Parameters
-    ----------
-    plus, minus : array, shape (frequency, constraint)
-        p+ and p-; 0 where singular.
-    error : array, shape (frequency,)
-        Relative error of the largest of them, infinite where singular.
-    """
-
+    # p+ and p-; 0 where singular, (frequency, constraint)
     plus: Floats
     minus: Floats
-    error: Floats
+    error: Floats  # relative error of the largest of them, infinite where singular, (frequency,)
 
     def singular(self, usual: Floats) -> Booleans:
         """Return where no impulse brings the structure to its walls.

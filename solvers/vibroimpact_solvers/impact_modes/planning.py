@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from typing import Final
 
 import numpy as np
@@ -24,55 +23,20 @@ _SERIES_FROM_WITHOUT_FACTORS = 1.1  # the same without factorizations
 _ALL_INTERVALS = 64  # harmonics per degree of freedom from which on all intervals are visited
 
 
-class Impulse(StrEnum):
-    """Methods for the impulses."""
-
-    SCALAR = "scalar"
-    BORDERED = "bordered"
-    DIRECT = "direct"
-
-
-class Displacement(StrEnum):
-    """Methods for displacements and harmonics."""
-
-    MODAL = "modal sum"
-    MODAL_WITH_SERIES = "modal sum, above the spectrum direct"
-    DIRECT = "direct"
-
-
-class Existence(StrEnum):
-    """Methods for the existence of solutions."""
-
-    CERTIFIED = "certified"
-
-
 @dataclass(frozen=True, slots=True)
 class SeriesRange:
-    """Where displacements come from the power series instead of the modal sum.
+    """Where displacements come from the power series instead of the modal sum."""
 
-    Parameters
-    ----------
-    start : float
-        Lowest Omega of the series, over the largest natural frequency.
-    factorizes : bool
-        Whether harmonics above it are solved for by factorizations, or by the modal sum.
-    """
-
-    start: float
+    start: float  # lowest Omega of the series, over the largest natural frequency
+    # Whether harmonics above it are solved for by factorizations, or by the modal sum
     factorizes: bool
 
 
 @dataclass(frozen=True, slots=True)
 class PathCheck:
-    """Where the path between impacts is checked.
+    """Where the path between impacts is checked."""
 
-    Parameters
-    ----------
-    above_spectrum : bool
-        Whether for Omega > Omega_N too.
-    """
-
-    above_spectrum: bool
+    above_spectrum: bool  # whether for Omega > Omega_N too
 
 
 def plan(problem: Problem) -> Plan:
@@ -129,10 +93,10 @@ def _modal_steps(problem: Problem, family: Family) -> Iterator[Step]:
         dofs = problem.output_dofs.size
         flops = points * times * system.n * (2.0 * dofs + 40.0)
         reason = f"{dofs} of {system.n} degrees of freedom at {times} times"
-        series, chosen = None, Displacement.MODAL
+        series, chosen = None, "modal sum"
         if with_series:
             solves = costs.can_factorize(system)
-            chosen = Displacement.MODAL_WITH_SERIES
+            chosen = "modal sum, above the spectrum direct"
             start = _SERIES_FROM if solves else _SERIES_FROM_WITHOUT_FACTORS
             series = SeriesRange(start, solves)
             flops += 1e4 * points  # calls of the series, one frequency after another
@@ -188,7 +152,7 @@ def _direct_steps(problem: Problem) -> Iterator[Step]:
         )
     solves = costs.factorized_flops(problem) if partial is None else 1e5 * harmonics
     work = solves + costs.products_flops(problem)
-    yield Step(Stage.IMPULSE, Impulse.DIRECT, reason, work, 16.0 * points)
+    yield Step(Stage.IMPULSE, "direct", reason, work, 16.0 * points)
     if problem.outputs & {"exists", "reason"}:
         # Only the limited coordinates are evaluated, by series of few coordinates.
         yield replace(_existence_step(problem, Family.of(problem)), flops=solves + 2e7 * points)
@@ -198,7 +162,7 @@ def _direct_steps(problem: Problem) -> Iterator[Step]:
         flops = 4.0 * terms * points * times * dofs + 2.0 * work
         if name == "harmonics" and partial is None:
             flops = points * times * costs.factor_flops(system)
-        yield Step(stage, Displacement.DIRECT, reason, flops, 8.0 * points * times * dofs)
+        yield Step(stage, "direct", reason, flops, 8.0 * points * times * dofs)
     if "energy" in problem.outputs:
         reason = "from the response at the constraints and its slope"
         yield Step(Stage.ENERGY, "direct", reason, work, 8.0 * points)
@@ -208,7 +172,7 @@ def _impulse_step(problem: Problem, family: Family) -> Step:
     n, count, points = problem.system.n, family.count, problem.omega.size
     if family.kind is Kind.ANTISYMMETRIC and count == 1:
         reason = "one constraint: a division for each frequency (eq. 10.53)"
-        return Step(Stage.IMPULSE, Impulse.SCALAR, reason, 8.0 * n * points, 16.0 * points)
+        return Step(Stage.IMPULSE, "scalar", reason, 8.0 * n * points, 16.0 * points)
     reasons = {
         Kind.ANTISYMMETRIC: f"{count} coupled constraints: one small system of equations for each "
         "frequency (eq. 10.88)",
@@ -219,7 +183,7 @@ def _impulse_step(problem: Problem, family: Family) -> Step:
     }
     size = len(family.upper) + len(family.lower)
     work = points * (120.0 * n + 8.0 * n * size**2 + 20.0 * (size + 2) ** 3)
-    return Step(Stage.IMPULSE, Impulse.BORDERED, reasons[family.kind], work, 16.0 * points * size)
+    return Step(Stage.IMPULSE, "bordered", reasons[family.kind], work, 16.0 * points * size)
 
 
 def _existence_step(problem: Problem, family: Family) -> Step:
@@ -233,7 +197,7 @@ def _existence_step(problem: Problem, family: Family) -> Step:
     flops = float(steps.sum()) * limits * problem.system.n * 60.0
     size = 10.0 * problem.omega.size
     check = PathCheck(above_spectrum=not _exists_above_spectrum(problem, family))
-    return Step(Stage.EXISTENCE, Existence.CERTIFIED, reason, flops, size, settings=check)
+    return Step(Stage.EXISTENCE, "certified", reason, flops, size, settings=check)
 
 
 def _exists_above_spectrum(problem: Problem, family: Family) -> bool:

@@ -21,21 +21,11 @@ _FAST = 0.5  # rate of convergence below which another harmonic costs more than 
 
 @dataclass(frozen=True, slots=True)
 class Truncation:
-    """Where the two sums stop.
+    """Where the two sums stop."""
 
-    Parameters
-    ----------
-    harmonics : int
-        H.
-    terms : int
-        Terms of the series.
-    rate : float
-        Rate of convergence of the series.
-    """
-
-    harmonics: int
-    terms: int
-    rate: float
+    harmonics: int  # H
+    terms: int  # terms of the series
+    rate: float  # rate of convergence of the series
 
     @property
     def remainder(self) -> float:

@@ -19,21 +19,11 @@ _EPS = float(np.finfo(np.float64).eps)
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ConstraintReceptance:
-    """Receptance between the constraints, each array (constraint, constraint).
+    """Receptance between the constraints, each array (constraint, constraint)."""
 
-    Parameters
-    ----------
-    value : array
-        ``R(z) = W (z M - K)^(-1) W^T`` with ``z = frequency^2``.
-    slope : array
-        ``-dR/dz = W (z M - K)^(-1) M (z M - K)^(-1) W^T``.
-    error : array
-        Bound of the error of R, rounding of single terms apart.
-    """
-
-    value: Floats
-    slope: Floats
-    error: Floats
+    value: Floats  # ``R(z) = W (z M - K)^(-1) W^T`` with ``z = frequency^2``
+    slope: Floats  # ``-dR/dz = W (z M - K)^(-1) M (z M - K)^(-1) W^T``
+    error: Floats  # bound of the error of R, rounding of single terms apart
 
 
 class DirectFrequencyResponse:

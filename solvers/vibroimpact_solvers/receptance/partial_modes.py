@@ -54,18 +54,10 @@ _MAX_MODES_UNDIVIDED = 2000  # modes about one interval that halving does not se
 
 @dataclass(frozen=True, slots=True)
 class ExpansionSize:
-    """How many modes are kept about an interval, and how many terms of the series.
+    """How many modes are kept about an interval, and how many terms of the series."""
 
-    Parameters
-    ----------
-    factor : int
-        Radius over half the width of the interval.
-    terms : int
-        Terms of the series for the omitted modes.
-    """
-
-    factor: int
-    terms: int
+    factor: int  # radius over half the width of the interval
+    terms: int  # terms of the series for the omitted modes
 
     @classmethod
     def of(cls, tolerance: float | None) -> ExpansionSize:
@@ -77,36 +69,19 @@ class ExpansionSize:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Interval:
-    """Modes and series that give the frequency response in one interval of squared frequency.
+    """Modes and series that give the frequency response in one interval of squared frequency."""
 
-    Parameters
-    ----------
-    shift, radius : float
-        Middle sigma, and the distance d from it within which no mode is omitted.
-    eigenvalues : array, shape (mode,)
-    participation : array, shape (constraint, mode)
-        Modal participations ``W E`` at the impacted constraints.
-    modes : array, shape (dof, mode)
-        Modes at the degrees of freedom that are evaluated.
-    powers : array, shape (term, dof, constraint)
-        ``radius^m v_m``.
-    moments : array, shape (term, constraint, constraint)
-        ``radius^m W v_m``.
-    residual : array, shape (constraint,)
-        Part of ``w . M^(-1) w`` that belongs to the omitted modes.
-    eigenvalue_error : float
-        Absolute error of the eigenvalues.
-    """
-
+    # Middle sigma, and the distance d from it within which no mode is omitted
     shift: float
     radius: float
-    eigenvalues: Floats
+    eigenvalues: Floats  # (mode,)
+    # Modal participations ``W E`` at the impacted constraints, (constraint, mode)
     participation: Floats
-    modes: Floats
-    powers: Floats
-    moments: Floats
-    residual: Floats
-    eigenvalue_error: float
+    modes: Floats  # modes at the degrees of freedom that are evaluated, (dof, mode)
+    powers: Floats  # ``radius^m v_m``, (term, dof, constraint)
+    moments: Floats  # ``radius^m W v_m``, (term, constraint, constraint)
+    residual: Floats  # part of ``w . M^(-1) w`` that belongs to the omitted modes, (constraint,)
+    eigenvalue_error: float  # absolute error of the eigenvalues
 
     @property
     def nbytes(self) -> int:

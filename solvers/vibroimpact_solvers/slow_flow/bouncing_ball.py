@@ -36,24 +36,12 @@ from vibroimpact_solvers.slow_flow.motion import Impacts, Initial, Model, Motion
 
 @dataclass(frozen=True)
 class BouncingBall(Model):
-    """The ball of eq. 10.124 and 10.125, released at rest.
+    """The ball of eq. 10.124 and 10.125, released at rest."""
 
-    Parameters
-    ----------
-    g : float
-        Acceleration towards the floor.
-    height : float
-        Height of release over the floor.
-    k : float
-        Restitution.
-    floor : float
-        Where the floor is.
-    """
-
-    g: float
-    height: float
-    k: float
-    floor: float
+    g: float  # acceleration towards the floor
+    height: float  # height of release over the floor
+    k: float  # restitution
+    floor: float  # where the floor is
 
     VARIANTS: ClassVar[Mapping[str, Variant]] = {
         "exact": Variant("parabolas", "piecewise parabolas, their number from a logarithm"),

@@ -20,22 +20,12 @@ _STEPS: Final = 40.0  # of the search in a period of the fastest vibration
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CoupledMotion:
-    """Impacts and states after them.
+    """Impacts and states after them."""
 
-    Parameters
-    ----------
-    free : FreeMotion
-        The motion between them.
-    start : array, shape (4,)
-        (x1, x2, v1, v2) at t = 0.
-    times : array, shape (impact,)
-    states : array, shape (impact, 4)
-    """
-
-    free: FreeMotion
-    start: Floats
-    times: Floats
-    states: Floats
+    free: FreeMotion  # the motion between them
+    start: Floats  # (x1, x2, v1, v2) at t = 0, (4,)
+    times: Floats  # (impact,)
+    states: Floats  # (impact, 4)
 
     @classmethod
     def of(cls, parameters: Coupled, free: FreeMotion, start: Floats, until: float, size: int

@@ -36,17 +36,10 @@ def _series(function: Callable[[Floats], Floats], domain: tuple[float, float]) -
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Average:
-    """The averaged motion from gamma0 at t = 0 to gamma = pi/2.
+    """The averaged motion from gamma0 at t = 0 to gamma = pi/2."""
 
-    Parameters
-    ----------
-    end : float
-        Time of grazing.
-    log_gamma, phase : Chebyshev
-        ln(gamma) and phi as functions of sqrt(end - t), in which they are smooth to the end.
-    """
-
-    end: float
+    end: float  # time of grazing
+    # ln(gamma) and phi as functions of sqrt(end - t), in which they are smooth to the end
     log_gamma: Chebyshev
     phase: Chebyshev
 

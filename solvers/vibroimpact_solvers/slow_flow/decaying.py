@@ -20,25 +20,17 @@ GRAZING: Final = 0.5 * math.pi
 
 @dataclass(frozen=True)
 class Decaying(Model):
-    """A damped mass on a spring between elastic walls.
+    """A damped mass on a spring between elastic walls."""
 
-    Parameters
-    ----------
-    mass, Omega0, zeta, Delta : float
-        Mass, natural frequency, damping ratio and distance of the walls.
-    gamma0, phi0 : float
-        Frequency ratio and phase at t = 0.
-    free : FreeMotion
-        The motion without walls.
-    """
-
+    # Mass, natural frequency, damping ratio and distance of the walls
     mass: float
     Omega0: float
     zeta: float
     Delta: float
+    # Frequency ratio and phase at t = 0
     gamma0: float
     phi0: float
-    free: FreeMotion
+    free: FreeMotion  # the motion without walls
 
     def expected_impacts(self, until: float) -> float:
         """Return about how many impacts there are in all (eq. 10.19)."""

@@ -14,18 +14,10 @@ from vibroimpact_solvers.model import System
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FreeMotion:
-    """Solutions of ``M x'' + C x' + K x = 0`` by complex modes.
+    """Solutions of ``M x'' + C x' + K x = 0`` by complex modes."""
 
-    Parameters
-    ----------
-    rates : array, shape (2 n,), complex
-        Eigenvalues of the first-order system in (x, v).
-    modes : array, shape (2 n, 2 n), complex
-        Its eigenvectors, by columns.
-    """
-
-    rates: NDArray[np.complex128]
-    modes: NDArray[np.complex128]
+    rates: NDArray[np.complex128]  # eigenvalues of the first-order system in (x, v), (2 n,)
+    modes: NDArray[np.complex128]  # its eigenvectors, by columns, (2 n, 2 n)
 
     @classmethod
     def of(cls, system: System) -> FreeMotion:

@@ -21,26 +21,13 @@ class LossyMotion:
 
     The interval n, after the impact n, begins and ends with the speed ``u k^n`` at the walls and
     lasts ``(2/Omega) arctan(Omega Delta / (u k^n))``.
-
-    Parameters
-    ----------
-    Omega : float
-        Natural frequency, 1/time; may be 0.
-    Delta : float
-        Distance of the walls, length.
-    k : float
-        Restitution.
-    speed : float
-        Speed before the first impact, at +Delta.
-    first : float
-        Its time.
     """
 
-    Omega: float
-    Delta: float
-    k: float
-    speed: float
-    first: float
+    Omega: float  # natural frequency, 1/time; may be 0
+    Delta: float  # distance of the walls, length
+    k: float  # restitution
+    speed: float  # speed before the first impact, at +Delta
+    first: float  # its time
 
     @classmethod
     def from_state(

@@ -63,51 +63,29 @@ class Variant:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Motion:
-    """A motion at given times; None where the model has no such quantity, or it is no output.
+    """A motion at given times; None where the model has no such quantity, or it is no output."""
 
-    Parameters
-    ----------
-    stage : array, shape (time,)
-        Codes of `results.slow_flow.Stage`.
-    phi : array, shape (time,)
-        Phase of the triangle wave; nan after the last impact.
-    gamma, omega : array, shape (time,)
-        Frequency ratio and triangle-wave frequency, 1/time.
-    A, B : array, shape (time,)
-        Amplitudes of the second mass, length.
-    x, v : array, shape (time, dof)
-        Displacement and velocity.
-    """
-
-    stage: Integers
-    phi: Floats | None = None
+    stage: Integers  # codes of `results.slow_flow.Stage`, (time,)
+    phi: Floats | None = None  # phase of the triangle wave; nan after the last impact, (time,)
+    # Frequency ratio and triangle-wave frequency, 1/time, (time,)
     gamma: Floats | None = None
     omega: Floats | None = None
+    # Amplitudes of the second mass, length, (time,)
     A: Floats | None = None
     B: Floats | None = None
+    # Displacement and velocity, (time, dof)
     x: Floats | None = None
     v: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Impacts:
-    """The impacts of the exact motion, shapes (impact,).
-
-    Parameters
-    ----------
-    time : array
-    velocity : array
-        Speed before the impact.
-    phi : array
-        Phase, an odd number.
-    gamma : array, optional
-        Frequency ratio at the impact, from the energies before and after it.
-    """
+    """The impacts of the exact motion, shapes (impact,)."""
 
     time: Floats
-    velocity: Floats
-    phi: Floats
-    gamma: Floats | None
+    velocity: Floats  # speed before the impact
+    phi: Floats  # phase, an odd number
+    gamma: Floats | None  # frequency ratio at the impact, from the energies before and after it
 
 
 class Model(Protocol):

@@ -20,24 +20,14 @@ from vibroimpact_solvers.slow_flow.motion import Impacts, Initial, Model, Motion
 
 @dataclass(frozen=True)
 class Oscillator(Model):
-    """The oscillator of eq. 10.1 with one solution of its family.
+    """The oscillator of eq. 10.1 with one solution of its family."""
 
-    Parameters
-    ----------
-    mass, Omega0 : float
-        Mass and natural frequency.
-    Delta : float
-        Distance of the walls; with one wall x <= Delta of either sign.
-    both : bool
-        Whether there are two walls.
-    gamma, phi : float
-        Frequency ratio Omega0 / omega of the solution and its phase at t = 0.
-    """
-
+    # Mass and natural frequency
     mass: float
     Omega0: float
-    Delta: float
-    both: bool
+    Delta: float  # distance of the walls; with one wall x <= Delta of either sign
+    both: bool  # whether there are two walls
+    # Frequency ratio Omega0 / omega of the solution and its phase at t = 0
     gamma: float
     phi: float
 

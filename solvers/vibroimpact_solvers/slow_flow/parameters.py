@@ -12,15 +12,9 @@ from vibroimpact_solvers.slow_flow.motion import Initial
 
 @dataclass(frozen=True, slots=True)
 class Single:
-    """One degree of freedom and its limiter.
+    """One degree of freedom and its limiter."""
 
-    Parameters
-    ----------
-    mass, stiffness, damping, force : float
-        Entries of M, K, C and of the load.
-    limiter : Constraint
-    """
-
+    # Entries of M, K, C and of the load
     mass: float
     stiffness: float
     damping: float

@@ -26,24 +26,12 @@ _RELATIVE, _ABSOLUTE = 1e-11, 1e-14
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Flow:
-    """A solution as pieces, each smooth.
+    """A solution as pieces, each smooth."""
 
-    Parameters
-    ----------
-    starts : array, shape (piece,)
-        Times at which they begin.
-    pieces : list
-        The dense solution of each; t is the last component.
-    end : float
-        Time at which gamma = pi/2, or inf.
-    last : array
-        State at that time, or the last one computed.
-    """
-
-    starts: Floats
-    pieces: list[Any]
-    end: float
-    last: Floats
+    starts: Floats  # times at which they begin, (piece,)
+    pieces: list[Any]  # the dense solution of each; t is the last component
+    end: float  # time at which gamma = pi/2, or inf
+    last: Floats  # state at that time, or the last one computed
 
     def at(self, t: Floats) -> Floats:
         """Return the states at times before the end, shape (time, unknown)."""

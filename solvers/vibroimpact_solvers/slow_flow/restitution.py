@@ -47,27 +47,16 @@ class _State(NamedTuple):
 
 @dataclass(frozen=True)
 class Restitution(Model):
-    """The oscillator of eq. 10.90 and 10.95.
+    """The oscillator of eq. 10.90 and 10.95."""
 
-    Parameters
-    ----------
-    mass, Omega, Delta, k : float
-        Mass, natural frequency, distance of the walls and restitution.
-    exact_motion : LossyMotion
-        The exact motion, upwards at first.
-    side : float
-        1 where the first impact is at the upper wall, -1 at the lower one.
-    shift : float
-        Time at which the slow flows have phi = 0 and lambda = lambda0.
-    """
-
+    # Mass, natural frequency, distance of the walls and restitution
     mass: float
     Omega: float
     Delta: float
     k: float
-    exact_motion: LossyMotion
-    side: float = 1.0
-    shift: float = 0.0
+    exact_motion: LossyMotion  # the exact motion, upwards at first
+    side: float = 1.0  # 1 where the first impact is at the upper wall, -1 at the lower one
+    shift: float = 0.0  # time at which the slow flows have phi = 0 and lambda = lambda0
 
     VARIANTS: ClassVar[Mapping[str, Variant]] = {
         "exact": Variant("exact between impacts", "speeds and times of all impacts in closed form"),

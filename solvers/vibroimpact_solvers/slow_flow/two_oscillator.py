@@ -26,22 +26,13 @@ from vibroimpact_solvers.slow_flow.regular import Flow, integrate
 
 @dataclass(frozen=True)
 class TwoOscillator(Decaying):
-    """The system of eq. 10.41 and 10.42; displacements of both masses are shape (time, 2).
+    """The system of eq. 10.41 and 10.42; displacements of both masses are shape (time, 2)."""
 
-    Parameters
-    ----------
-    coupled : Coupled
-        Parameters of the equations.
-    A0, B0 : float
-        Amplitudes of the second mass at t = 0 (eq. 10.43).
-    horizon : float
-        Time to which the motion is followed.
-    """
-
-    coupled: Coupled
+    coupled: Coupled  # parameters of the equations
+    # Amplitudes of the second mass at t = 0 (eq. 10.43)
     A0: float
     B0: float
-    horizon: float
+    horizon: float  # time to which the motion is followed
 
     VARIANTS: ClassVar[Mapping[str, Variant]] = {
         "exact": Variant("exact between impacts", "complex modes, impacts bracketed"),

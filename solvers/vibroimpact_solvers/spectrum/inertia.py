@@ -25,38 +25,21 @@ _NUDGES: Final = (0.0, 1e-13, -1e-13, 3e-11, -3e-11, 1e-9, -1e-9)
 
 @dataclass(frozen=True, slots=True)
 class EigenvalueCount:
-    """Number of eigenvalues below a value.
+    """Number of eigenvalues below a value."""
 
-    Parameters
-    ----------
-    at : float
-        The value.
-    below : int
-        Their number.
-    error : float
-        Eigenvalues closer to the value than this may be on the other side.
-    """
-
-    at: float
-    below: int
-    error: float
+    at: float  # the value
+    below: int  # their number
+    error: float  # eigenvalues closer to the value than this may be on the other side
 
 
 @dataclass(frozen=True, eq=False)
 class EigenvalueCounter:
-    """Counts the eigenvalues of one system.
+    """Counts the eigenvalues of one system."""
 
-    Parameters
-    ----------
-    M, K : sparse array, shape (n, n)
-        The matrices with the diagonal of M scaled to ones, which changes no eigenvalue.
-    least : float
-        Lower bound of the eigenvalues of the scaled M.
-    """
-
+    # The matrices with the diagonal of M scaled to ones, which changes no eigenvalue, (n, n)
     M: SymmetricMatrix
     K: SymmetricMatrix
-    least: float
+    least: float  # lower bound of the eigenvalues of the scaled M
 
     @classmethod
     def of(cls, system: System) -> EigenvalueCounter:

@@ -27,23 +27,14 @@ _ROUNDS: Final = 12  # searches for missing modes at most
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SpectrumSlice:
-    """All natural modes with eigenvalues between two values.
+    """All natural modes with eigenvalues between two values."""
 
-    Parameters
-    ----------
-    low, high : float
-        The values; no other eigenvalue is between them.
-    eigenvalues : array, shape (mode,)
-    modes : array, shape (dof, mode)
-        With ``e_i^T M e_j = delta_ij``.
-    error : array, shape (mode,)
-        Bound of the errors of the eigenvalues: residuals in the norm of ``M^-1``.
-    """
-
+    # The values; no other eigenvalue is between them
     low: float
     high: float
-    eigenvalues: Floats
-    modes: Floats
+    eigenvalues: Floats  # (mode,)
+    modes: Floats  # with ``e_i^T M e_j = delta_ij``, (dof, mode)
+    # Bound of the errors of the eigenvalues: residuals in the norm of ``M^-1``, (mode,)
     error: Floats
 
 
