@@ -18,13 +18,7 @@ _STOP_SECONDS = 15.0
 
 
 class EmbeddedService:
-    """A running service on a free loopback port.
-
-    Parameters
-    ----------
-    data : path, optional
-        Folder of its records and results; default: a temporary one.
-    """
+    """A running service on a free loopback port; `data` is its folder, or a temporary one."""
 
     def __init__(self, data: str | Path | None = None) -> None:
         if importlib.util.find_spec("vibroimpact_service") is None:

@@ -85,14 +85,7 @@ class JobState:
 
 
 class Job(JobState):
-    """A queued computation.
-
-    Parameters
-    ----------
-    transport : Transport
-    document : dict
-        The document of the job, from the service.
-    """
+    """A queued computation; `Client.submit` and `Client.job` return it."""
 
     def __init__(self, transport: Transport, document: Document) -> None:
         super().__init__(document)

@@ -40,19 +40,7 @@ def _no_answer(url: str, step: Send, error: Exception) -> NoAnswer:
 
 
 class Transport:
-    """Blocking HTTP connection to one service.
-
-    Parameters
-    ----------
-    url : str
-        Address of the service.
-    timeout : float
-        Longest wait for an answer, in seconds.
-    transport : httpx2.BaseTransport, optional
-        Replaces the network in tests.
-    key : str, optional
-        API key or token.
-    """
+    """Blocking HTTP connection to one service; `transport` replaces the network in tests."""
 
     def __init__(
         self,

@@ -22,6 +22,9 @@ Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 Integers = NDArray[np.int64]
 
+EPS: Final = float(np.finfo(np.float64).eps)
+"""Distance from 1 to the next number."""
+
 _Class = TypeVar("_Class", bound=type)
 
 

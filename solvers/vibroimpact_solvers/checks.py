@@ -11,39 +11,21 @@ from vibroimpact_solvers.errors import ModelError
 
 
 def check_outputs(requested: frozenset[str], known: Collection[str]) -> None:
-    """Check that at least one output is requested, and only known ones.
-
-    Raises
-    ------
-    ModelError
-        At ``outputs``.
-    """
+    """Raise `ModelError` unless at least one output is requested, and only known ones."""
     if not requested or not requested <= set(known):
         message = f"available outputs are {', '.join(known)}"
         raise ModelError(("outputs",), message, code="unknown_output")
 
 
 def check_tolerance(tolerance: float | None) -> None:
-    """Check that a relative tolerance, if given, lies between 0 and 1.
-
-    Raises
-    ------
-    ModelError
-        At ``tolerance``.
-    """
+    """Raise `ModelError` unless a relative tolerance, if given, lies between 0 and 1."""
     if tolerance is not None and not 0.0 < tolerance < 1.0:
         message = f"the tolerance is {tolerance!r}, not between 0 and 1"
         raise ModelError(("tolerance",), message, code="out_of_range")
 
 
 def check_indices(name: str, indices: Integers, limit: int) -> None:
-    """Check that indices are at least 0, below a limit, and distinct.
-
-    Raises
-    ------
-    ModelError
-        At the name and the position of the wrong index.
-    """
+    """Raise `ModelError` unless indices are at least 0, below a limit, and distinct."""
     outside = (indices < 0) | (indices >= limit)
     if outside.any():
         place = int(outside.argmax())

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from enum import IntEnum
+from functools import partial
 from typing import Any, Final
 
 
@@ -53,11 +54,7 @@ class ModelError(SolverError):
 
     def __reduce__(self) -> tuple[object, ...]:
         """Support pickling, for other processes."""
-        return (_model_error, (self.pointer, self.message, self.code))
-
-
-def _model_error(pointer: tuple[str | int, ...], message: str, code: str) -> ModelError:
-    return ModelError(pointer, message, code=code)
+        return (partial(ModelError, self.pointer, self.message, code=self.code), ())
 
 
 class PlanError(SolverError):

@@ -262,13 +262,7 @@ class SymmetricMatrix:
                 return factors.banded(self.data)
 
     def symmetric_factors(self) -> scipy.sparse.linalg.SuperLU:
-        """Return sparse factors L and U = D L^T with the same order of rows and columns.
-
-        Raises
-        ------
-        scipy.linalg.LinAlgError
-            If the factors without row exchanges do not exist.
-        """
+        """Return sparse factors without row exchanges, see `factors.symmetric`."""
         return factors.symmetric(self.to_sparse())
 
     def is_positive_definite(self) -> bool:

@@ -29,12 +29,12 @@ import scipy.sparse
 import scipy.sparse.csgraph
 
 from vibroimpact_solvers import spectrum
-from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.checks import check_outputs, check_tolerance
 from vibroimpact_solvers.errors import ModelError, PlanError
 from vibroimpact_solvers.matrices import SymmetricMatrix
 from vibroimpact_solvers.model import ChainShape, System
-from vibroimpact_solvers.plan import Plan, Skip, Stage, Step, Tick
+from vibroimpact_solvers.plan import Plan, Skip, Stage, Step, Tick, batches
 from vibroimpact_solvers.plan import join_only as join
 from vibroimpact_solvers.plan import split_nothing as split
 from vibroimpact_solvers.results.resonances import Result
@@ -48,7 +48,6 @@ _UNEXCITED = 1e-12  # excitation, relative to the terms of its sum, that is roun
 _MAX_MIXED = 1e-6  # largest part of a neighbouring mode in an unexcited one by rounding
 _ROWS = 256  # of a matrix of all pairs of modes at a time
 _METHOD: Final = "constrained structure"
-_EPS = float(np.finfo(np.float64).eps)
 _STATEMENT: Final = (
     "estimate: each eigenvalue of the constrained structure has an error of a few roundings of "
     "the largest one"
@@ -128,15 +127,12 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     parts = list(_parts(problem))
     frequencies, places = [np.empty(0)], [np.empty(0, dtype=np.int64)]
     errors = [np.empty(0)]
-    for index, (part, method) in enumerate(zip(parts, _methods(plan), strict=True)):
-        if tick is not None:
-            tick(index, len(parts))
-        roots, error = part.excited(method)
+    methods = _methods(plan)
+    for index, _ in batches(len(parts), 1, tick):
+        roots, error = parts[index].excited(methods[index])
         frequencies.append(roots)
         errors.append(error)
         places.append(np.full(roots.size, index))
-    if tick is not None:
-        tick(len(parts), len(parts))
     natural, place = np.concatenate(frequencies), np.concatenate(places)
     odd = np.arange(1, problem.odd_max + 1, 2)
     Omega = (natural[:, np.newaxis] / odd).ravel()
@@ -179,7 +175,7 @@ class _Part:
         excited = np.abs(push) > _UNEXCITED * size + _mixed(natural, np.abs(push))
         chosen = excited & (natural.roots > 0.0)
         relative = natural.uncertainty / np.abs(natural.eigenvalues[chosen]) + natural.norms
-        return np.asarray(natural.roots[chosen]), np.minimum(0.5 * relative + 4.0 * _EPS, 1.0)
+        return np.asarray(natural.roots[chosen]), np.minimum(0.5 * relative + 4.0 * EPS, 1.0)
 
 
 def _mixed(natural: spectrum.Spectrum, push: Floats) -> Floats:

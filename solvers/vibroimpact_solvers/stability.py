@@ -33,7 +33,7 @@ from typing import Any, Final
 import numpy as np
 import scipy.linalg
 
-from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.kernels import saltation
 
 DIRECTION_DEPENDENT: Final = (
@@ -44,7 +44,6 @@ DIRECTION_DEPENDENT: Final = (
 LARGEST: Final = 3000
 """Degrees of freedom up to which the map is computed: beyond, it takes gigabytes and hours."""
 
-_EPS = float(np.finfo(np.float64).eps)
 _COUPLED = 1e-12  # cosine of the angle between two constraints above which they are coupled
 
 
@@ -79,12 +78,9 @@ class Orbits:
 
 
 def commutes(mobility: Floats) -> bool:
-    """Whether the order of simultaneous impacts at these constraints does not matter.
+    """Whether the order of simultaneous impacts at constraints with this mobility is irrelevant.
 
-    Parameters
-    ----------
-    mobility : array, shape (constraint, constraint)
-        ``W M^(-1) W^T``.
+    It is ``W M^(-1) W^T``, shape (constraint, constraint).
     """
     size = np.sqrt(np.diagonal(mobility))
     coupling = np.abs(mobility - np.diag(np.diagonal(mobility)))
@@ -109,7 +105,7 @@ def growth(orbits: Orbits) -> tuple[Floats, Floats]:
         above = (sizes + errors).max(axis=1, initial=1.0) / radius - 1.0
         # The largest multiplier is at least this large; 1 is always among them.
         least = np.maximum((sizes - errors).max(axis=1, initial=1.0), others)
-        return radius, np.maximum(np.maximum(above, 1.0 - least / radius), 4.0 * _EPS)
+        return radius, np.maximum(np.maximum(above, 1.0 - least / radius), 4.0 * EPS)
 
 
 def multipliers(
@@ -148,23 +144,9 @@ class PeriodMap:
     """The half-period map of one motion, or its whole-period map if it is not mirrored.
 
     It acts on deviations from the state after the impacts at tau = -1, scaled as in
-    `kernels.saltation`.
-
-    Parameters
-    ----------
-    orbits : Orbits
-    f : int
-        Index of the frequency.
-    scale : array, shape (mode,)
-        Units of the deviations.
-
-    Attributes
-    ----------
-    X : array, shape (2 mode, 2 mode)
-    grazes : bool
-        Whether the motion grazes a wall, so that there is no map.
-    size, error : float
-        Bounds of the norm of X and of the norm of its error.
+    `kernels.saltation`; `scale` are their units, (mode,). `X` is the map, (2 mode, 2 mode), `size`
+    and `error` are bounds of its norm and of that of its error. If the motion grazes a wall,
+    `grazes`, there is no map.
     """
 
     def __init__(self, orbits: Orbits, f: int, scale: Floats) -> None:
@@ -184,8 +166,8 @@ class PeriodMap:
         """Return all multipliers but the two that are 1, and their errors."""
         orbits, f, scale = self.orbits, self.f, self.scale
         within, turned = _without_trivial(self.X, orbits, f, scale, self._forces()[1])
-        error = self.error + (turned + 4.0 * _EPS) * self.size
-        error += 4.0 * _EPS * float(np.linalg.norm(within))
+        error = self.error + (turned + 4.0 * EPS) * self.size
+        error += 4.0 * EPS * float(np.linalg.norm(within))
         solution: Any = scipy.linalg.eig(within, left=True, right=True)
         values, left, right = solution
         cosines = np.abs((left.conj() * right).sum(axis=0))
@@ -200,7 +182,7 @@ class PeriodMap:
             # Near a pole, where sin vanishes, the displacement depends strongly on the frequency.
             steep = np.where(turn > 0.0, 2.0 * off / np.abs(np.sin(2.0 * turn)), 0.0)
             own = np.where(turn == 0.0, 0.0, 2.0 * off / np.abs(turn))
-        relative = orbits.error[f] + orbits.row_error + 4.0 * _EPS + steep + own
+        relative = orbits.error[f] + orbits.row_error + 4.0 * EPS + steep + own
         squares = np.square(orbits.roots)
         upper, lower = (
             relative * (squares * np.abs(side.position[f]) + np.abs(orbits.load))
@@ -216,7 +198,7 @@ class PeriodMap:
         slow = np.maximum(1.0, self.scale * np.minimum(duration, 1.0 / np.maximum(rates, 1e-300)))
         with np.errstate(over="ignore"):
             grown = slow * np.exp(np.minimum(np.maximum(0.0, -orbits.roots) * duration, 300.0))
-        off = (orbits.root_error + _EPS * rates) * duration + 4.0 * _EPS
+        off = (orbits.root_error + EPS * rates) * duration + 4.0 * EPS
         norm, wrong = float(grown.max(initial=1.0)), float((grown * off).max(initial=0.0))
         self.error = norm * self.error + wrong * self.size
         self.size *= norm
@@ -234,15 +216,15 @@ class PeriodMap:
                 self.grazes = True
                 return
             saltation.strike(self.X, row, scale, curvature, none, 1.0)
-            relative = orbits.error[f] + orbits.row_error + 4.0 * _EPS
-            roundings = 4.0 * _EPS * float(np.abs(row) @ np.abs(acceleration))
+            relative = orbits.error[f] + orbits.row_error + 4.0 * EPS
+            roundings = 4.0 * EPS * float(np.abs(row) @ np.abs(acceleration))
             off = (float(np.abs(row) @ force_error) + roundings) / abs(approach)
             off += abs(curvature) * relative * float(np.abs(row) @ np.abs(velocity)) / abs(approach)
             factor = 2.0 / float(row @ row)
             turn = factor * float(np.linalg.norm(row * scale) * np.linalg.norm(row / scale))
             bend = factor * float(np.linalg.norm(row) * np.linalg.norm(row / scale))
             norm = 1.0 + max(turn, 2.0) + bend * abs(curvature)
-            wrong = (2.0 * orbits.row_error + 4.0 * _EPS) * norm + bend * off
+            wrong = (2.0 * orbits.row_error + 4.0 * EPS) * norm + bend * off
             self.error = norm * self.error + wrong * self.size
             self.size *= norm
 

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.existence_bands.problem import Problem
 from vibroimpact_solvers.existence_bands.ranges import Band, FrequencyRanges, Rejected
 from vibroimpact_solvers.kernels import bands
@@ -22,7 +22,6 @@ STATEMENT: Final = (
     "with a margin for rounding; edges are enclosed"
 )
 
-_EPS = float(np.finfo(np.float64).eps)
 _PARTICIPATES = 1e-13  # modes of smaller relative participation have no effect beyond rounding
 _SOFT = 1e-6  # growth rates up to this part of the largest frequency count as zero
 _BUDGET = 20_000_000  # boxes for one sign band
@@ -46,12 +45,7 @@ class Segment:
 class CertifiedBands:
     """Computation of the bands of one problem.
 
-    Parameters
-    ----------
-    problem : Problem
-        One active constraint with equal gaps, no load.
-    natural : Spectrum
-        No unstable modes.
+    It has one active constraint with equal gaps, no load and no unstable modes.
     """
 
     def __init__(self, problem: Problem, natural: Spectrum) -> None:
@@ -65,7 +59,7 @@ class CertifiedBands:
         swings, rigid = participating & (roots > 0.0), participating & (roots == 0.0)
         self.roots = np.ascontiguousarray(roots[swings])
         with np.errstate(over="ignore"):
-            self.root_error = 4.0 * _EPS + 0.5 * natural.uncertainty / self.roots**2
+            self.root_error = 4.0 * EPS + 0.5 * natural.uncertainty / self.roots**2
         # An antisymmetric motion reaches equally far on both sides: the nearer wall counts.
         walls = [(c.lower, c.upper) for c in constraints]
         gaps = np.array([min(w for w in pair if w is not None) for pair in walls])
@@ -96,7 +90,7 @@ class CertifiedBands:
         ]
         errors = [np.full(p.size, d) for p, d in zip(poles, self.root_error, strict=True)]
         if not poles:
-            return np.zeros(1), np.full(1, np.inf), np.full(1, _EPS)
+            return np.zeros(1), np.full(1, np.inf), np.full(1, EPS)
         q, error = np.concatenate(poles), np.concatenate(errors)
         order = np.argsort(q)
         q, error = q[order], error[order]

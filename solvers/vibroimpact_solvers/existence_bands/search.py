@@ -65,14 +65,8 @@ def poles_near_harmonics(
 class SearchedBands:
     """Search for the bands of one problem.
 
-    Parameters
-    ----------
-    problem : Problem
-    poles : array
-        Frequencies Omega at which impulses pass zero, from `poles_of` or
-        `poles_near_harmonics`.
-    plan : callable
-        Returns the plan of the impact modes at some frequencies.
+    `poles` are those from `poles_of` or `poles_near_harmonics`; `plan` returns the plan of the
+    impact modes at some frequencies.
     """
 
     def __init__(

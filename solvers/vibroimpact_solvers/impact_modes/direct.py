@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import Booleans, Floats, Integers
+from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers
 from vibroimpact_solvers.impact_modes.impulses import Impulses
 from vibroimpact_solvers.impact_modes.problem import Frequencies, Problem
 from vibroimpact_solvers.receptance import (
@@ -17,7 +17,6 @@ from vibroimpact_solvers.receptance import (
     TriangleWaveResponse,
 )
 
-_EPS = float(np.finfo(np.float64).eps)
 _POINTS = (
     65,
     257,
@@ -41,16 +40,9 @@ class Forces:
 class DirectFamily:
     """One antisymmetric family, by direct solves and a power series.
 
-    Parameters
-    ----------
-    problem : Problem
-        Its frequencies and outputs are not used.
-    bound : float
-        Upper bound of the natural frequencies.
-    factorizes : bool
-        Whether the structure is factorized at single frequencies; else the series alone is used.
-    frequency_response : FrequencyResponse, optional
-        Yields the harmonics; absent: a factorization for each.
+    Frequencies and outputs of the problem are not used; `bound` is one of the natural
+    frequencies. The harmonics come from `frequency_response`, or from a factorization each, or,
+    unless `factorizes`, from the series alone.
     """
 
     def __init__(
@@ -88,8 +80,8 @@ class DirectFamily:
                 continue
             p[f] = inverse @ self.gaps
             remainder = self.response.truncation(float(omega[f]), IMPULSES).remainder
-            change = 8.0 * _EPS * slope[f] + remainder * np.abs(S[f]) + S_error[f]
-            absolute = np.abs(inverse) @ (change @ np.abs(p[f]) + _EPS * np.abs(self.gaps))
+            change = 8.0 * EPS * slope[f] + remainder * np.abs(S[f]) + S_error[f]
+            absolute = np.abs(inverse) @ (change @ np.abs(p[f]) + EPS * np.abs(self.gaps))
             error[f] = absolute.max() / np.abs(p[f]).max()
         return Impulses(p, p, error), Forces(omega, p)
 

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from vibroimpact_solvers import spectrum, stability
-from vibroimpact_solvers.arrays import Booleans, Floats, Integers, nothing
+from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers, nothing
 from vibroimpact_solvers.impact_modes.direct import DirectFamily
 from vibroimpact_solvers.impact_modes.family import Family, Kind
 from vibroimpact_solvers.impact_modes.impulses import Impulses
@@ -24,7 +24,6 @@ from vibroimpact_solvers.spectrum import Spectrum
 PENETRATION_TOLERANCE: Final = 1e-10
 """A limit counts as exceeded from this part of the distance between the walls on."""
 
-_EPS = float(np.finfo(np.float64).eps)
 _ONE = np.ones(1)
 _BLOCK = 2**21  # numbers in a block of frequencies
 _SINGULAR = 1e32  # stands for an infinite condition number
@@ -95,12 +94,7 @@ class PathMotions:
 class FamilySolver:
     """One family, ready to be solved at frequencies as a plan says.
 
-    Parameters
-    ----------
-    problem : Problem
-    plan : Plan
-    natural : Spectrum, optional
-        The natural modes, if they are known.
+    `natural` are the natural modes, where they are known.
     """
 
     def __init__(self, problem: Problem, plan: Plan, natural: Spectrum | None = None) -> None:
@@ -139,7 +133,7 @@ class FamilySolver:
             omega=problem.omega,
             constraint=np.array(problem.active, dtype=np.int64),
             impulse_error=np.minimum(impulses.error, 1.0),
-            condition=np.minimum(impulses.error / _EPS, _SINGULAR),
+            condition=np.minimum(impulses.error / EPS, _SINGULAR),
             error_statement=self._statement(),
         )
         if problem.tolerance is not None:

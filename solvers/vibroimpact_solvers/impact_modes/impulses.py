@@ -24,12 +24,8 @@ class Impulses:
         """Return where no impulse brings the structure to its walls.
 
         There the impulses grow without bound until they are rounding errors. Near their zeros,
-        at natural frequencies, they are as uncertain but small.
-
-        Parameters
-        ----------
-        usual : array, shape (frequency,)
-            Order of magnitude of impulses.
+        at natural frequencies, they are as uncertain but small. `usual` is the order of magnitude
+        of impulses, (frequency,).
         """
         largest = np.maximum(np.abs(self.plus).max(axis=1), np.abs(self.minus).max(axis=1))
         lost = (self.error >= 1.0) & (largest > _LARGE * usual)

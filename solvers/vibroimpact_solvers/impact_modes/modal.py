@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import Booleans, Floats, Integers
+from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.impact_modes.family import Equations, Family, Kind
 from vibroimpact_solvers.impact_modes.impulses import Impulses
@@ -17,7 +17,6 @@ from vibroimpact_solvers.kernels.threads import over_ranges
 from vibroimpact_solvers.spectrum import Spectrum
 from vibroimpact_solvers.stability import Orbits, Side
 
-_EPS = float(np.finfo(np.float64).eps)
 _NOISE = 1e-13  # rounding of a modal load, relative to the sum of magnitudes of its terms
 _ROWS = 2**22  # entries of the modal matrix taken at a time
 
@@ -37,16 +36,7 @@ class Amplitudes:
 
 
 class ModalFamily:
-    """One family, by natural modes.
-
-    Parameters
-    ----------
-    problem : Problem
-        Its frequencies and outputs are not used.
-    family : Family
-    spectrum : Spectrum
-        All natural modes.
-    """
+    """One family, by all natural modes; frequencies and outputs of the problem are not used."""
 
     def __init__(self, problem: Problem, family: Family, spectrum: Spectrum) -> None:
         self.family, self.spectrum = family, spectrum
@@ -129,7 +119,7 @@ class ModalFamily:
             mirrored=self.family.kind is Kind.ANTISYMMETRIC,
             other_roots=np.delete(self.spectrum.roots, self.participating),
             root_error=self._root_error(),
-            row_error=self.spectrum.norms + _EPS,
+            row_error=self.spectrum.norms + EPS,
             error=error,
         )
 
@@ -217,7 +207,7 @@ def _scalar(
     impulses = []
     for gap in gaps:
         p = response.impulses_of(S, at.omega, gap)[:, np.newaxis]
-        impulses.append(Impulses(p, p, _EPS * condition))
+        impulses.append(Impulses(p, p, EPS * condition))
     D, U = np.zeros((2, len(of), at.size, 0))
     if with_motion:
         D = response.amplitudes_one(

@@ -14,15 +14,7 @@ from vibroimpact_solvers.spectrum import Spectrum
 
 
 class ModalWithSeriesFamily(ModalFamily):
-    """A modal family whose displacements above a frequency come from a power series.
-
-    Parameters
-    ----------
-    problem, family, spectrum
-        As of `ModalFamily`.
-    series : SeriesRange
-        Where the series is used.
-    """
+    """A modal family whose displacements above a frequency come from a power series."""
 
     def __init__(
         self, problem: Problem, family: Family, spectrum: Spectrum, series: SeriesRange

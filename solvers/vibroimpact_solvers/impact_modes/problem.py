@@ -29,17 +29,10 @@ OUTPUTS: Final = (
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Frequencies:
-    """Triangle-wave frequencies to more than double precision.
+    """Triangle-wave frequencies to more than double precision."""
 
-    Parameters
-    ----------
-    omega : array, shape (frequency,)
-    rounding : array, shape (frequency,)
-        Relative rounding errors of omega, ``(exact - omega)/omega``.
-    """
-
-    omega: Floats
-    rounding: Floats
+    omega: Floats  # (frequency,)
+    rounding: Floats  # relative rounding errors of omega, ``(exact - omega)/omega``, (frequency,)
 
     def __getitem__(self, chosen: Booleans) -> Frequencies:
         """Return some of the frequencies."""

@@ -38,18 +38,9 @@ def truncations(
 ) -> tuple[Floats, Floats, Floats]:
     """Return numbers of harmonics and terms, and rates, each (frequency,).
 
-    The numbers are floating-point, as they may exceed the range of integers.
-
-    Parameters
-    ----------
-    bound : float
-        Upper bound of the natural frequencies.
-    Omega : array, shape (frequency,)
-        Fundamental frequencies.
-    depth : float
-        Relative truncation error.
-    harmonics : int, optional
-        Number of harmonics; absent: as few as make the series fast.
+    The numbers are floating-point, as they may exceed the range of integers. `bound` is one of the
+    natural frequencies, `depth` the relative truncation error; unless the number of harmonics is
+    given there are as few as make the series fast.
     """
     ratio = bound / Omega
     if harmonics is None:

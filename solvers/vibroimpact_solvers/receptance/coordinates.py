@@ -13,17 +13,11 @@ from vibroimpact_solvers.model import Constraint
 
 @dataclass(frozen=True, eq=False)
 class Coordinates:
-    """Coordinates picked from vectors (dof, column), giving (coordinate, column).
+    """Coordinates picked from vectors (dof, column), giving (coordinate, column)."""
 
-    Parameters
-    ----------
-    dofs : array of int, shape (dof,)
-        Degrees of freedom that enter.
-    weights : array, shape (coordinate, dof), optional
-        Coordinates as combinations of these; absent: the degrees of freedom themselves.
-    """
-
-    dofs: Integers
+    dofs: Integers  # degrees of freedom that enter, (dof,)
+    # Coordinates as combinations of these; absent: the degrees of freedom themselves,
+    # (coordinate, dof)
     weights: Floats | None = None
 
     @classmethod

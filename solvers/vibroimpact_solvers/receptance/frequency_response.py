@@ -8,13 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.receptance.coordinates import Coordinates
 
 _KEPT = 2**22  # numbers in the responses that are kept
-_EPS = float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -29,14 +28,8 @@ class ConstraintReceptance:
 class DirectFrequencyResponse:
     """Frequency response by one factorization at each frequency.
 
-    Parameters
-    ----------
-    system : System
-    directions : array, shape (dof, constraint)
-        ``W^T``.
-    bound : float
-        Upper bound of the natural frequencies; the rounding of the factors is relative to its
-        square.
+    `directions` are ``W^T``, (dof, constraint). The rounding of the factors is relative to the
+    square of `bound`, an upper bound of the natural frequencies.
     """
 
     def __init__(self, system: System, directions: Floats, bound: float) -> None:
@@ -51,7 +44,7 @@ class DirectFrequencyResponse:
         """Return the receptance between the constraints."""
         response = self._response(frequency)
         slope = response.T @ (self.system.M @ response)
-        error = 2.0 * _EPS * self.bound**2 * np.abs(slope)
+        error = 2.0 * EPS * self.bound**2 * np.abs(slope)
         return ConstraintReceptance(self.directions.T @ response, slope, error)
 
     def _response(self, frequency: float) -> Floats:

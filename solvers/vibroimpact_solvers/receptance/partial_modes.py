@@ -30,7 +30,7 @@ import numpy as np
 import scipy.linalg
 
 from vibroimpact_solvers import spectrum
-from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.arrays import EPS, Floats, Integers
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.factors import Solve
 from vibroimpact_solvers.model import System
@@ -45,7 +45,6 @@ MODES_PER_INTERVAL: Final = 15
 EXACT: Final = 1e-20
 """Default relative truncation error: below rounding, even where the weights sum to large values."""
 
-_EPS = float(np.finfo(np.float64).eps)
 _MAX_MODES = 16 * MODES_PER_INTERVAL  # more modes about an interval: it is halved
 _MAX_HALVINGS = 16  # halvings of an interval at most
 _MAX_BLUR = 0.1  # error of the counts by rounding, relative to the radius
@@ -93,7 +92,7 @@ class Interval:
         """Return the factors of the modes and of the powers at a squared frequency."""
         apart = z - self.eigenvalues
         # At a natural frequency to the last bit: take its neighbour instead.
-        apart[apart == 0.0] = _EPS * z
+        apart[apart == 0.0] = EPS * z
         steps = np.full(len(self.powers), (self.shift - z) / self.radius)
         steps[0] = 1.0
         return 1.0 / apart, np.cumprod(steps)
@@ -118,16 +117,8 @@ class Interval:
 class PartialModalResponse:
     """Frequency response from the natural modes near each frequency.
 
-    Parameters
-    ----------
-    system : System
-    directions : array, shape (dof, constraint)
-        ``W^T``.
-    bound : float
-        Upper bound of the natural frequencies.
-    dofs : array of int
-        Degrees of freedom that are evaluated besides those of the constraints.
-    expansion : ExpansionSize
+    `directions` are ``W^T``, (dof, constraint), and `bound` is one of the natural frequencies;
+    `dofs` are evaluated besides those of the constraints.
     """
 
     def __init__(
@@ -232,8 +223,8 @@ class PartialModalResponse:
             powers[m] = vector[self.dofs]
             moments[m] = self.directions.T @ vector
         whole = np.diagonal(self.directions.T @ self._solve_mass(self.directions))
-        residual = np.maximum(whole - (participation**2).sum(axis=1), 4.0 * _EPS * whole)
-        error = max(float(near.error.max(initial=0.0)), 2.0 * _EPS * self.bound**2)
+        residual = np.maximum(whole - (participation**2).sum(axis=1), 4.0 * EPS * whole)
+        error = max(float(near.error.max(initial=0.0)), 2.0 * EPS * self.bound**2)
         picked = np.ascontiguousarray(modes[self.dofs])
         values = near.eigenvalues
         return Interval(

@@ -50,17 +50,8 @@ _ONE = np.ones(1)
 class TriangleWaveResponse:
     """Response of one system to periodic impulses at some of its constraints.
 
-    Parameters
-    ----------
-    system : System
-    active : tuple of int
-        The constraints.
-    bound : float
-        Upper bound of the natural frequencies.
-    harmonics : int, optional
-        Number of harmonics at all frequencies; absent: as few as make the series fast.
-    frequency_response : FrequencyResponse, optional
-        Yields the harmonics; absent: a factorization for each.
+    `bound` is one of the natural frequencies. There are `harmonics` at all frequencies, or as few
+    as make the series fast; they come from `frequency_response`, or from a factorization each.
     """
 
     def __init__(
@@ -123,17 +114,9 @@ class TriangleWaveResponse:
     def displacements(
         self, omega: Floats, p: Floats, tau: Floats, rows: Coordinates, depth: float
     ) -> Floats:
-        """Return displacements under impulses p, shape (frequency, tau, row).
+        """Return displacements under impulses p, (frequency, constraint), as (frequency, tau, row).
 
-        Parameters
-        ----------
-        omega : array, shape (frequency,)
-        p : array, shape (frequency, constraint)
-        tau : array, shape (tau,)
-        rows : Coordinates
-            The coordinates that are evaluated.
-        depth : float
-            Truncation, relative to the largest displacement.
+        The sums are truncated at `depth`, relative to the largest displacement.
         """
         pieces: list[Floats] = [np.empty(0)] * omega.size
         for harmonics, group, terms in self._groups(omega, depth):

@@ -89,27 +89,17 @@ class Impacts:
 
 
 class Model(Protocol):
-    """A system of the chapter with its parameters and initial values.
+    """A system of the chapter with its parameters and initial values."""
 
-    Attributes
-    ----------
-    VARIANTS : mapping of str to Variant
-        The descriptions of its motion; ``"exact"`` is one of them.
-    INITIAL : tuple of str
-        Fields of `Initial` that it takes.
-    """
-
+    # The descriptions of its motion; "exact" is one of them
     VARIANTS: ClassVar[Mapping[str, Variant]]
-    INITIAL: ClassVar[tuple[str, ...]]
+    INITIAL: ClassVar[tuple[str, ...]]  # fields of `Initial` that it takes
 
     @classmethod
     def of(cls, system: System, initial: Initial, variant: str, until: float) -> Self:
         """Take the parameters from a system and initial values, for a variant at times to `until`.
 
-        Raises
-        ------
-        ModelError
-            Where the system or the initial values are not those of this model.
+        Raise `ModelError` where the system or the initial values are not those of this model.
         """
 
     def motion(self, variant: str, t: Floats, *, shapes: bool = True) -> Motion:

@@ -10,7 +10,6 @@ from typing import ClassVar, Self
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.results.slow_flow import Stage
 from vibroimpact_solvers.slow_flow import parameters
@@ -158,5 +157,5 @@ def _gamma(start: Initial, grazing: float, both: bool) -> float:
         )
     flat = math.sin(gamma) if both else math.cos(gamma)
     if gamma <= 0.0 or abs(flat) < 1e-15:
-        raise ModelError(("initial", "gamma"), "no solution has this gamma", code="out_of_range")
+        raise parameters.outside("gamma", "no solution has this gamma")
     return gamma

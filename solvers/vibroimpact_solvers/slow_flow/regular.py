@@ -72,14 +72,7 @@ class Flow:
 def integrate(rates: Rates, state: Floats, until: float, *, jumps_at_impacts: bool) -> Flow:
     """Integrate from a state (gamma, phi, ...) at t = 0 to gamma = pi/2 or `until`.
 
-    Parameters
-    ----------
-    rates : callable
-    state : array, shape (unknown,)
-    until : float
-        Last time of interest.
-    jumps_at_impacts : bool
-        Whether the rates jump at impacts, so that each interval between them is a piece of its own.
+    Where the rates jump at impacts each interval between them is a piece of its own.
     """
     y = np.append(np.asarray(state, dtype=np.float64), 0.0)
     starts, pieces = [], []

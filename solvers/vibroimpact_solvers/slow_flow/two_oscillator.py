@@ -11,7 +11,6 @@ from typing import ClassVar, Self
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.results.slow_flow import Stage
 from vibroimpact_solvers.slow_flow import parameters, soft_wall
@@ -191,7 +190,7 @@ def _coupled(system: System) -> tuple[float, Coupled]:
     if C[0, 1] != 0.0 or C[1, 1] != 0.0 or C[0, 0] <= 0.0:
         raise parameters.refuse(("system", "C"), "the first mass is damped, and only that")
     if system.force is not None and system.force.any():
-        raise ModelError(("system", "force"), "the model has no load", code="not_of_this_model")
+        raise parameters.refuse(("system", "force"), "the model has no load")
     Omega0 = math.sqrt(square)
     zeta = float(C[0, 0]) / (2.0 * M[0, 0] * Omega0)
     if zeta >= 1.0:

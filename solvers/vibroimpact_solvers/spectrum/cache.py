@@ -22,12 +22,8 @@ Value = TypeVar("Value", bound=Sized)
 class Cache:
     """Least-recently-used cache; safe to use from several threads.
 
-    Two threads that need the same value compute it once: the second waits for the first.
-
-    Parameters
-    ----------
-    limit : int
-        Bytes that may be held; the last value stays even if it alone is larger.
+    Two threads that need the same value compute it once: the second waits for the first. Values
+    hold up to `limit` bytes; the last one stays even if it alone is larger.
     """
 
     def __init__(self, limit: int) -> None:

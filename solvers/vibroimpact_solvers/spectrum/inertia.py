@@ -14,12 +14,11 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse
 
-from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix
 from vibroimpact_solvers.model import System
 
-_EPS = float(np.finfo(np.float64).eps)
 _NUDGES: Final = (0.0, 1e-13, -1e-13, 3e-11, -3e-11, 1e-9, -1e-9)
 
 
@@ -77,7 +76,7 @@ def _least(M: SymmetricMatrix) -> float:
     bound = 0.5
     while not M.plus(-bound, one).is_positive_definite():
         bound *= 0.5
-        if bound < _EPS:
+        if bound < EPS:
             raise ConvergenceError("the mass matrix is too close to a singular one")
     return bound
 
@@ -87,4 +86,4 @@ def _backward_error(factors: scipy.sparse.linalg.SuperLU) -> float:
     L, U = abs(factors.L), abs(factors.U)
     sums: Floats = L @ (U @ np.ones(L.shape[0]))
     longest = int(np.diff(L.tocsr().indptr).max())
-    return (longest + 2) * _EPS * float(sums.max())
+    return (longest + 2) * EPS * float(sums.max())

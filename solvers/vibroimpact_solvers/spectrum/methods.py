@@ -11,7 +11,7 @@ import numpy as np
 import scipy.linalg
 from scipy.linalg import lapack
 
-from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.arrays import EPS, Floats, Integers
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix
 from vibroimpact_solvers.model import ChainShape, System
 from vibroimpact_solvers.plan import Stage, Step
@@ -21,7 +21,6 @@ from vibroimpact_solvers.spectrum.modes import Spectrum
 MEMORY: Final = 16e9
 """Largest size of a spectrum, bytes."""
 
-_EPS = float(np.finfo(np.float64).eps)
 _HALF_PI = np.longdouble("1.5707963267948966192313216916397514421")
 
 
@@ -143,7 +142,7 @@ def _full(system: System) -> tuple[float, float]:
     factor, _ = lapack.dpotrf(M * outer)
     size = float(np.linalg.norm(M * outer, 1))
     reciprocal, _ = lapack.dpocon(factor, size)
-    condition = 1.0 / max(float(reciprocal), _EPS)
+    condition = 1.0 / max(float(reciprocal), EPS)
     return float(np.linalg.norm(K * outer, 1)) * condition / size, condition
 
 
@@ -154,12 +153,12 @@ def _numerical(
     n = eigenvalues.size
     scale = max(float(np.abs(eigenvalues).max()), magnitude)
     # A computed eigenvalue below it is rounding noise: a rigid-body mode.
-    floor = max(16.0, np.sqrt(n)) * _EPS * scale
+    floor = max(16.0, np.sqrt(n)) * EPS * scale
     noise = np.abs(eigenvalues) <= floor
     eigenvalues[noise] = 0.0
     columns = _frozen(np.ascontiguousarray(modes))
-    uncertainty = floor if noise.any() else 2.0 * _EPS * scale
-    return Spectrum(_roots(eigenvalues), columns, n, uncertainty, norms=(1.0 + condition) * _EPS)
+    uncertainty = floor if noise.any() else 2.0 * EPS * scale
+    return Spectrum(_roots(eigenvalues), columns, n, uncertainty, norms=(1.0 + condition) * EPS)
 
 
 def _roots(eigenvalues: Floats) -> Floats:

@@ -13,31 +13,19 @@ from vibroimpact_solvers.model import Constraint
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Spectrum:
-    """Natural modes, ``K e_j = lambda_j M e_j``, ``e_i^T M e_j = delta_ij``.
+    """Natural modes, ``K e_j = lambda_j M e_j``, ``e_i^T M e_j = delta_ij``."""
 
-    Parameters
-    ----------
-    roots : array, shape (mode,)
-        Natural angular frequencies, ascending; zero for rigid-body modes, minus the growth
-        rate for unstable ones.
-    modal_matrix : array, shape (dof, mode), or callable
-        The modes as columns, or a function that returns the rows of given degrees of freedom.
-    n : int
-        Number of degrees of freedom.
-    uncertainty : float
-        Absolute error of every eigenvalue, besides its rounding.
-    rounding : array, shape (mode,), optional
-        Relative rounding errors of the roots, ``(exact - root)/exact``, where they are known.
-    norms : float
-        Error of the norms of the modes and of their orthogonality, and relative error of the
-        eigenvalues, besides rounding.
-    """
-
+    # Natural angular frequencies, (mode,), ascending; zero for rigid-body modes, minus the growth
+    # rate for unstable ones
     roots: Floats
+    # The modes as columns, (dof, mode), or a function that returns the rows of given dofs
     modal_matrix: Floats | Callable[[Integers], Floats]
-    n: int
-    uncertainty: float = 0.0
+    n: int  # number of degrees of freedom
+    uncertainty: float = 0.0  # absolute error of every eigenvalue, besides its rounding
+    # Relative rounding errors of the roots, (exact - root)/exact, where they are known, (mode,)
     rounding: Floats | None = None
+    # Error of the norms of the modes and of their orthogonality, and relative error of the
+    # eigenvalues, besides rounding
     norms: float = 0.0
 
     @property

@@ -14,13 +14,12 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse.linalg
 
-from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.factors import Solve
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.spectrum.inertia import EigenvalueCount
 
-_EPS = float(np.finfo(np.float64).eps)
 _DENSE: Final = 3  # full matrices where more than 1/3 of all modes are needed
 _ROUNDS: Final = 12  # searches for missing modes at most
 
@@ -46,22 +45,9 @@ def modes_between(
     solve: Solve,
     solve_mass: Solve,
 ) -> SpectrumSlice:
-    """Return all modes between two values.
+    """Return all modes between two values; raise `ConvergenceError` if one is not found.
 
-    Parameters
-    ----------
-    system : System
-    low, high : EigenvalueCount
-        Numbers of eigenvalues below both ends.
-    shift : float
-        A value between them.
-    solve, solve_mass : callable
-        Solve with ``K - shift M`` and with M.
-
-    Raises
-    ------
-    ConvergenceError
-        If a mode is not found.
+    `shift` lies between the two; `solve` and `solve_mass` solve with ``K - shift M`` and with M.
     """
     count = high.below - low.below
     room = max(low.error, high.error)
@@ -88,7 +74,7 @@ def modes_between(
     values, modes = _refined(system, modes)
     residual = system.K @ modes - (system.M @ modes) * values
     error = np.sqrt(np.maximum((residual * solve_mass(residual)).sum(axis=0), 0.0))
-    error += 2.0 * _EPS * np.abs(values)
+    error += 2.0 * EPS * np.abs(values)
     return SpectrumSlice(low.at, high.at, values, modes, error)
 
 
