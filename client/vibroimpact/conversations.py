@@ -11,8 +11,8 @@ import random
 import time
 import uuid
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Final, TypeVar
+from dataclasses import dataclass
+from typing import Any, Final, TypedDict, TypeVar
 
 # httpx2 is the maintained successor of httpx, with the same interface.
 import httpx2
@@ -24,8 +24,8 @@ from vibroimpact.errors import (
     ServerError,
     from_problem,
 )
+from vibroimpact.systems import Document
 
-Document = dict[str, Any]
 Outcome = TypeVar("Outcome")
 
 _RETRIED: Final = frozenset({408, 429, 500, 502, 503, 504})
@@ -42,15 +42,14 @@ _PAGE: Final = 500
 _HDF5: Final = {"Accept": "application/x-hdf5"}
 
 
-@dataclass(frozen=True, slots=True)
-class Send:
+class Send(TypedDict):
     """A request to send; the conversation receives its response, of any status, or `NoAnswer`."""
 
     method: str
-    path: str
-    json: Any = None
-    params: Mapping[str, str] | None = None
-    headers: Mapping[str, str] = field(default_factory=dict)
+    url: str
+    json: Any
+    params: Mapping[str, str] | None
+    headers: Mapping[str, str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +94,7 @@ def request(
         sent.setdefault("Idempotency-Key", uuid.uuid4().hex)
     for attempt in range(_ATTEMPTS):
         last = attempt == _ATTEMPTS - 1
-        answer = yield Send(method, path, json, params, sent)
+        answer = yield Send(method=method, url=path, json=json, params=params, headers=sent)
         if isinstance(answer, httpx2.Response):
             if answer.status_code < 400:
                 return answer

@@ -6,15 +6,15 @@ import html
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 from vibroimpact import conversations
 from vibroimpact.errors import JobCancelled, JobFailed, ServerError
 from vibroimpact.results import Result
+from vibroimpact.systems import Document
 from vibroimpact.transport import AsyncTransport, Transport
 
 AnyJob = TypeVar("AnyJob")
-Document = dict[str, Any]
 
 
 class JobState:

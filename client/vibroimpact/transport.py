@@ -21,22 +21,12 @@ def _settings(url: str, timeout: float, key: str | None) -> dict[str, Any]:
     return {"base_url": url, "timeout": limits, "headers": headers}
 
 
-def _content(step: Send) -> dict[str, Any]:
-    return {
-        "method": step.method,
-        "url": step.path,
-        "json": step.json,
-        "params": step.params,
-        "headers": step.headers,
-    }
-
-
 def _no_answer(url: str, step: Send, error: Exception) -> NoAnswer:
     """Return what a conversation receives after a network error; raise if nothing was sent."""
     if isinstance(error, httpx2.TransportError):
         return NoAnswer(url, error)
     # The request cannot be written as JSON, so that nothing was sent.
-    raise conversations.not_finite(step.json) or error from None
+    raise conversations.not_finite(step["json"]) or error from None
 
 
 class Transport:
@@ -63,7 +53,7 @@ class Transport:
                     reply = None
                     continue
                 try:
-                    reply = self._http.request(**_content(step))
+                    reply = self._http.request(**step)
                 except (httpx2.TransportError, ValueError) as error:
                     reply = _no_answer(self.url, step, error)
         except StopIteration as end:
@@ -99,7 +89,7 @@ class AsyncTransport:
                     reply = None
                     continue
                 try:
-                    reply = await self._http.request(**_content(step))
+                    reply = await self._http.request(**step)
                 except (httpx2.TransportError, ValueError) as error:
                     reply = _no_answer(self.url, step, error)
         except StopIteration as end:

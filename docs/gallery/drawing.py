@@ -1,4 +1,4 @@
-"""Shared code of the gallery scripts: colours, plots of shapes, and motions with soft limiters."""
+"""Shared code of the gallery scripts: colours, plots, and impact modes with soft limiters."""
 
 from __future__ import annotations
 
@@ -40,19 +40,31 @@ def impulses(ax, modes, natural, top, index=0, color=BLUE, label="p"):
     ax.set_xlabel(r"fundamental frequency $\Omega$")
 
 
-def soft_motion(client, system, start, t_end, around, dof, *, drift, **law):
-    """Return the motion from (x, v) between soft limiters, and the index of its turning point.
+def mode(client, system, omega, p, dof, t_end, around, **law):
+    """Return an impact mode, after checks, and the motion between soft limiters from its start.
 
-    The force law is that of `vibroimpact.soft`. `drift` is the largest permitted relative change
-    of the energy. The turning point is the row with the largest displacement of `dof` at times
-    within 30 % of `around`.
+    `p` are the expected impulses; the force law is that of `vibroimpact.soft`. The third value is
+    the index of the turning point of that motion: the row with the largest displacement of `dof`
+    at times within 30 % of `around`.
     """
-    motion = client.time_history(
-        system, start, t_end, t=6_001, outputs=("x", "energy"), limiter=vi.soft(**law)
+    result = client.impact_modes(
+        system, [omega], unit="omega", outputs=("impulse", "exists", "shape")
     )
-    assert np.abs(motion.energy / motion.energy[0] - 1).max() < drift
+    close(result.impulse[0], p)
+    assert result.exists[0]
+    # The exact free motion over the first quarter, too short for errors to grow.
+    quarter = 1 / omega
+    exact = client.time_history(
+        system, float(result.Omega[0]), quarter, t=[0.0, quarter * (1 - 1e-12)], outputs=("x", "v")
+    )
+    assert np.abs(exact.x[1] - result.shape[0]).max() < 1e-9 * np.abs(result.shape).max()
+    motion = client.time_history(
+        system, (exact.x[0], exact.v[0]), t_end, t=6_001, outputs=("x", "energy"),
+        limiter=vi.soft(**law),
+    )  # fmt: skip
+    assert np.abs(motion.energy / motion.energy[0] - 1).max() < 1e-6
     near = np.abs(motion.t / around - 1.0) < 0.3
-    return motion, int(np.flatnonzero(near)[np.argmax(motion.x[near, dof])])
+    return result, motion, int(np.flatnonzero(near)[np.argmax(motion.x[near, dof])])
 
 
 def close(computed, expected, relative=1e-12) -> None:

@@ -1,6 +1,6 @@
 """Profiles of the double pendulum, Fig. 10.9 and 10.10: n = 20, beta = 0.702145."""
 
-from drawing import BLUE, SOFT, WALL, close, np, panels, soft_motion, vi
+from drawing import BLUE, SOFT, WALL, close, mode, np, panels, vi
 
 SYSTEM = vi.double_pendulum([vi.constraint(0, 0.1)], mu=2.0)
 
@@ -8,22 +8,13 @@ SYSTEM = vi.double_pendulum([vi.constraint(0, 0.1)], mu=2.0)
 def draw(client, omega, p, shape, difference):
     """Draw horizontal displacements of both masses, x1 = phi1 and x2 = phi1 + phi2."""
     figure, ax = panels(size=(7, 4))
-    mode = client.impact_modes(
-        SYSTEM, [omega], unit="omega", outputs=("impulse", "exists", "shape")
-    )
-    close(mode.impulse[0, 0], p)
-    close(mode.shape[0], shape)
-    assert mode.exists[0]
-    period = 4 / omega
-    exact = client.time_history(SYSTEM, float(mode.Omega[0]), period, t=[0.0], outputs=("x", "v"))
-    start = exact.x[0], exact.v[0]
     # beta_1 = beta / (m2 g l Delta_1), the force of eq. 10.33 in units of m2 g l.
-    soft, turn = soft_motion(
-        client, SYSTEM, start, period, period / 4, 0,
-        drift=1e-6, exponent=39, stiffness=BETA,
-    )  # fmt: skip
+    result, soft, turn = mode(
+        client, SYSTEM, omega, p, 0, 4 / omega, 1 / omega, exponent=39, stiffness=0.702145 / 0.1
+    )
+    close(result.shape[0], shape)
     for angles, color, name, marker in (
-        (mode.shape[0], BLUE, "impact mode", "o"),
+        (result.shape[0], BLUE, "impact mode", "o"),
         (soft.x[turn], SOFT, "soft limiter", "x"),
     ):
         across = [0.0, angles[0], angles.sum()]
@@ -36,6 +27,3 @@ def draw(client, omega, p, shape, difference):
     ax.set_title(rf"$\omega$ = {omega:.4f}", fontsize="medium")
     ax.legend(frameon=False)
     return figure
-
-
-BETA = 0.702145 / 0.1

@@ -60,26 +60,14 @@ def _solve_block(solvers: Sequence[FamilySolver], problems: Sequence[Problem]) -
     evaluators = [solver.evaluator for solver in solvers]
     at, needs_motion = problems[0].frequencies, solvers[0].needs_motion
     solutions = _evaluate(evaluators, at, with_motion=needs_motion)
+    impulses, motions = [one[0] for one in solutions], [one[1] for one in solutions]
     reasons = [np.zeros(at.size, dtype=np.int64)] * len(solvers)
     paths = [PathMotions(np.zeros(at.size, dtype=np.bool_))] * len(solvers)
     if solvers[0].plan.step(Stage.EXISTENCE):
-        both = list(zip(solvers, problems, strict=True))
-        reasons = [
-            solver.reasons(problem, impulses)
-            for (solver, problem), (impulses, _) in zip(both, solutions, strict=True)
-        ]
-        where = [
-            solver.needs_path_check(problem, reason)
-            for (solver, problem), reason in zip(both, reasons, strict=True)
-        ]
-        motions = [motion for _, motion in solutions] if needs_motion else None
-        paths = _path_motions(evaluators, at, motions, where)
-    return [
-        solver.result(problem, impulses, motion, reason, path)
-        for solver, problem, (impulses, motion), reason, path in zip(
-            solvers, problems, solutions, reasons, paths, strict=True
-        )
-    ]
+        reasons = list(map(FamilySolver.reasons, solvers, problems, impulses))
+        where = list(map(FamilySolver.needs_path_check, solvers, problems, reasons))
+        paths = _path_motions(evaluators, at, motions if needs_motion else None, where)
+    return list(map(FamilySolver.result, solvers, problems, impulses, motions, reasons, paths))
 
 
 def _path_motions(
@@ -89,14 +77,15 @@ def _path_motions(
     where: Sequence[Booleans],
 ) -> list[PathMotions]:
     """Return the motions whose paths are checked; they are computed if they are not known."""
-    if motions is not None:
-        return [PathMotions(w, motion.at(w)) for w, motion in zip(where, motions, strict=True)]
-    anywhere = np.logical_or.reduce(where)
-    if not anywhere.any():
-        return [PathMotions(w) for w in where]
-    solutions = _evaluate(evaluators, at[anywhere], with_motion=True)
+    anywhere = np.ones(at.size, dtype=np.bool_)
+    if motions is None:
+        anywhere = np.logical_or.reduce(where)
+        if not anywhere.any():
+            return [PathMotions(w) for w in where]
+        solutions = _evaluate(evaluators, at[anywhere], with_motion=True)
+        motions = [motion for _, motion in solutions]
     return [
-        PathMotions(w, some.at(w[anywhere])) for w, (_, some) in zip(where, solutions, strict=True)
+        PathMotions(w, motion.at(w[anywhere])) for w, motion in zip(where, motions, strict=True)
     ]
 
 
