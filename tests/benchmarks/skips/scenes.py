@@ -41,8 +41,7 @@ from vibroimpact_solvers.impact_modes.family_solver import PENETRATION_TOLERANCE
 from vibroimpact_solvers.impact_modes.modal import ModalFamily
 from vibroimpact_solvers.kernels import bands
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
-from vibroimpact_solvers.slow_flow import Initial
-from vibroimpact_solvers.slow_flow.models import MODELS
+from vibroimpact_solvers.slow_flow import MODELS, Initial
 from vibroimpact_solvers.spectrum import Spectrum
 from vibroimpact_solvers.time_history import Problem as Motion
 
