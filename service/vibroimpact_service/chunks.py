@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Sequence
+from contextlib import closing
 from functools import lru_cache
 from typing import Any, Final, NamedTuple
 
@@ -164,7 +165,7 @@ def _join_in_files(store: Store, job: Pieces, result: str, chunks: Sequence[Chun
     """Join pieces that are parts of one result, without the result in memory, and store it."""
     solver: Any = job.planned.kind.solver
     with store.results.workspace() as folder:
-        with RowFiles(folder) as rows:
+        with closing(RowFiles(folder)) as rows:
             assembly = solver.Assembly(job.planned.problem, rows)
             for chunk in chunks:
                 assembly.add(_get(store, chunk.name, solver.Part))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import uuid
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Final
 
 import structlog
@@ -70,39 +71,17 @@ class Preference:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """A result.
-
-    Parameters
-    ----------
-    representation : Representation
-    cache : str
-        Value of Cache-Status.
-    seconds : mapping
-        Stage (``plan``, ``solve``, ``encode``) -> time that it took.
-    """
+    """A result."""
 
     representation: Representation
     cache: str
+    """Value of Cache-Status."""
     seconds: Mapping[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, slots=True)
-class Queued:
-    """A job in place of a result."""
-
-    job: JobRow
+    """Stage (``plan``, ``solve``, ``encode``) -> time that it took."""
 
 
 class Evaluation:
-    """Answers requests of all kinds.
-
-    Parameters
-    ----------
-    settings : Settings
-    store : Store
-    queue : JobQueue
-    metrics : Metrics
-    """
+    """Answers requests of all kinds."""
 
     def __init__(self, settings: Settings, store: Store, queue: JobQueue, metrics: Metrics) -> None:
         self._settings, self._metrics = settings, metrics
@@ -134,7 +113,7 @@ class Evaluation:
         media_type: str,
         admission: Admission,
         key: str | None = None,
-    ) -> Answer | Queued:
+    ) -> Answer | JobRow:
         """Return the result of a request, or the job that will have it.
 
         An idempotency key is kept with the job; a result needs none, being named by its request.
@@ -160,7 +139,7 @@ class Evaluation:
                 result = await self.results.get(request.digest, media_type)
                 if result is not None:
                     return Answer(result, "hit" if job.reused else "fwd=miss")
-        return Queued(job)
+        return job
 
     async def submit(
         self,
@@ -280,10 +259,8 @@ class Evaluation:
     def _work(
         self, request: Request, planned: Planned | None, media_type: str | None = None
     ) -> Callable[[StopSignal], Computed | Planned]:
-        """Return the call that computes a result in a thread; see `execute.now`."""
-        return lambda signal: execute.now(
-            self.store, self._settings, request, planned, signal, media_type
-        )
+        """Return the call that computes a result in a thread."""
+        return partial(execute.now, self.store, self._settings, request, planned, media_type)
 
     def _computed(self, outcome: Computed | Planned) -> None:
         """Count what was computed, and hold it in memory."""

@@ -47,8 +47,8 @@ def now(
     settings: Settings,
     request: Request,
     planned: Planned | None,
+    media_type: str | None,
     tick: Tick,
-    media_type: str | None = None,
 ) -> Computed | Planned:
     """Compute a result in this thread and store it; only plan it where that would take long.
 
@@ -59,9 +59,9 @@ def now(
     request : Request
     planned : Planned, optional
         Absent: planned here.
-    tick : Tick
     media_type : str, optional
         Of the representation; absent: it is not wanted.
+    tick : Tick
     """
     began = time.perf_counter()
     if planned is None:

@@ -33,25 +33,20 @@ class Type:
 
 TYPES: Final[dict[str, Type]] = {}
 """Code -> problem type."""
-_OF_STATUS: Final[dict[int, Type]] = {}
 
 
-def _type(
-    code: str,
-    status: int,
-    title: str,
-    about: str,
-    *,
-    of_status: bool = False,
-    retryable: bool = False,
-) -> Type:
-    """Declare a problem type; with `of_status` it stands for its bare HTTP status too."""
+def _type(code: str, status: int, title: str, about: str, *, retryable: bool = False) -> Type:
+    """Declare a problem type; the first one of a status stands for the bare status too."""
     declared = TYPES[code] = Type(code, status, title, about, retryable)
-    if of_status:
-        _OF_STATUS[status] = declared
     return declared
 
 
+BAD_REQUEST = _type(
+    "bad_request",
+    400,
+    "The request cannot be read",
+    "It violates HTTP or is incomplete.",
+)
 MALFORMED = _type(
     "malformed_json",
     400,
@@ -66,33 +61,23 @@ MALFORMED_FILE = _type(
     "Matrix Market text must be real and general or symmetric; .npy must hold real "
     "numbers and have the length that its header states.",
 )
-BAD_REQUEST = _type(
-    "bad_request",
-    400,
-    "The request cannot be read",
-    "It violates HTTP or is incomplete.",
-    of_status=True,
-)
 UNAUTHENTICATED = _type(
     "unauthenticated",
     401,
     "Authentication is required",
     "Send Authorization: Bearer with a valid API key or token.",
-    of_status=True,
 )
 FORBIDDEN = _type(
     "forbidden",
     403,
     "The key does not permit this",
     "Use a key with the scope that detail names.",
-    of_status=True,
 )
 NOT_FOUND = _type(
     "not_found",
     404,
     "Not found",
     "The address is unknown, or names something that does not exist or belongs to someone else.",
-    of_status=True,
 )
 NOT_READY = _type(
     "not_ready",
@@ -112,21 +97,18 @@ METHOD_NOT_ALLOWED = _type(
     405,
     "The address does not support this method",
     "Allow lists the methods that it supports.",
-    of_status=True,
 )
 NOT_ACCEPTABLE = _type(
     "not_acceptable",
     406,
     "The requested media type is not available",
     "Results are application/json or application/x-hdf5.",
-    of_status=True,
 )
 TIMEOUT = _type(
     "timeout",
     408,
     "The request arrived too slowly",
     "Send it again over a better connection.",
-    of_status=True,
     retryable=True,
 )
 TOO_LARGE = _type(
@@ -135,7 +117,6 @@ TOO_LARGE = _type(
     "The request is too large",
     "The body, the system, a grid or the result would exceed a limit; GET /v1/version "
     "lists the limits.",
-    of_status=True,
 )
 TOO_COSTLY = _type(
     "too_costly",
@@ -149,28 +130,24 @@ UNSUPPORTED_MEDIA_TYPE = _type(
     "The media type or coding of the body is not supported",
     "Send application/json in UTF-8 without content coding; to /v1/systems also "
     "application/x-matrix-market or application/x-npy.",
-    of_status=True,
 )
 RANGE_NOT_SATISFIABLE = _type(
     "range_not_satisfiable",
     416,
     "The range lies beyond the end",
     "Content-Range states the size.",
-    of_status=True,
 )
 MISDIRECTED = _type(
     "misdirected",
     421,
     "The host name is not one of this service",
     "Host must name this machine or be listed in the setting hosts.",
-    of_status=True,
 )
 INVALID = _type(
     "invalid_request",
     422,
     "The request is well-formed but not valid",
     "Each entry of errors points at a faulty field and says what is wrong with it.",
-    of_status=True,
 )
 NOT_POSSIBLE = _type(
     "not_possible",
@@ -208,7 +185,6 @@ TOO_MANY = _type(
     429,
     "Too many requests",
     "Ask again after Retry-After.",
-    of_status=True,
     retryable=True,
 )
 QUOTA_SPENT = _type(
@@ -230,14 +206,12 @@ HEADER_TOO_LARGE = _type(
     431,
     "The header section is too large",
     "Send fewer and shorter header fields.",
-    of_status=True,
 )
 INTERNAL = _type(
     "internal_error",
     500,
     "Internal error",
     "The fault is the service's. Please report it with the request id.",
-    of_status=True,
 )
 STORE_FULL = _type(
     "store_full",
@@ -251,7 +225,6 @@ UNAVAILABLE = _type(
     503,
     "The service is unavailable",
     "It is starting, stopping, overloaded or out of space; ask again after Retry-After.",
-    of_status=True,
     retryable=True,
 )
 
@@ -305,7 +278,8 @@ class ProblemError(Exception):
 
 def of_status(status: int) -> Type:
     """Return the type that stands for a bare HTTP status."""
-    return _OF_STATUS.get(status, BAD_REQUEST if status < 500 else INTERNAL)
+    other = BAD_REQUEST if status < 500 else INTERNAL
+    return next((each for each in TYPES.values() if each.status == status), other)
 
 
 def of(error: BaseException) -> ProblemError:

@@ -16,7 +16,8 @@ import pytest
 from vibroimpact_service import problems
 from vibroimpact_service.documents import parse, requests
 from vibroimpact_service.documents.requests import Request
-from vibroimpact_service.evaluate import Admission, Answer, Evaluation, Preference, Queued
+from vibroimpact_service.evaluate import Admission, Answer, Evaluation, Preference
+from vibroimpact_service.jobs.tables import JobRow
 from vibroimpact_service.kinds import KINDS, Kind, Solver
 from vibroimpact_service.metrics import Metrics
 from vibroimpact_service.problems import ProblemError
@@ -226,13 +227,13 @@ def test_large_work_becomes_a_job(
     async def main() -> None:
         question = asked(request_body)
         outcome = await use.compute(question, PLAIN, JSON, free)
-        assert isinstance(outcome, Queued)
-        assert outcome.job.seconds > 0
-        assert store.requests.get(outcome.job.request) == requests.stored_form(
+        assert isinstance(outcome, JobRow)
+        assert outcome.seconds > 0
+        assert store.requests.get(outcome.request) == requests.stored_form(
             OWNER, question.canonical
         )
         assert not store.results.has(question.digest)
-        queue.run(outcome.job.id)
+        queue.run(outcome.id)
         known = await use.compute(question, PLAIN, JSON, free)
         assert isinstance(known, Answer)
 
@@ -246,17 +247,17 @@ def test_preferences(
     async def main() -> None:
         question = asked(request_body)
         first = await use.compute(question, Preference(respond_async=True), JSON, free)
-        assert isinstance(first, Queued)
-        assert first.job.state == "queued"
+        assert isinstance(first, JobRow)
+        assert first.state == "queued"
         short = await use.compute(question, Preference(True, 0.05), JSON, free)
-        assert isinstance(short, Queued)
+        assert isinstance(short, JobRow)
         queue.at_once = True
         waited = await use.compute(question, Preference(True, 5), JSON, free)
         assert isinstance(waited, Answer)
         again = await use.compute(question, Preference(respond_async=True), JSON, free)
-        assert isinstance(again, Queued)
-        assert again.job.reused
-        assert again.job.final
+        assert isinstance(again, JobRow)
+        assert again.reused
+        assert again.final
 
     run(main)
 
@@ -267,11 +268,11 @@ def test_a_failed_job_is_returned_as_a_job(
     async def main() -> None:
         question = asked(request_body)
         outcome = await use.compute(question, Preference(respond_async=True), JSON, free)
-        assert isinstance(outcome, Queued)
-        store.requests.remove(outcome.job.request)
-        queue.run(outcome.job.id)
-        assert queue.rows[outcome.job.id].state == "failed"
-        assert queue.rows[outcome.job.id].error["code"] == "internal_error"
+        assert isinstance(outcome, JobRow)
+        store.requests.remove(outcome.request)
+        queue.run(outcome.id)
+        assert queue.rows[outcome.id].state == "failed"
+        assert queue.rows[outcome.id].error["code"] == "internal_error"
 
     run(main)
 

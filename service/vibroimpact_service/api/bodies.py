@@ -60,22 +60,25 @@ async def _read(request: Request) -> bytes:
     clock = asyncio.get_running_loop().time
     began = clock()
     parts: list[bytes] = []
-    with memory.reserving() as reservation:
-        try:
-            async with asyncio.timeout_at(began + pause) as timer:
-                async for part in request.stream():
-                    if reservation.size + len(part) > limit:
-                        raise _too_long(limit)
-                    reservation.grow(len(part))
-                    parts.append(part)
-                    # A body that comes more slowly than this on average only occupies memory.
-                    slowest = began + pause + reservation.size / _LEAST_RATE
-                    timer.reschedule(min(slowest, clock() + pause))
-        except TimeoutError:
-            detail = f"The body came too slowly; {reservation.size} bytes of it arrived."
-            headers = {"Connection": "close"}
-            raise ProblemError(problems.TIMEOUT, detail, headers=headers) from None
+    size = 0
+    try:
+        async with asyncio.timeout_at(began + pause) as timer:
+            async for part in request.stream():
+                if size + len(part) > limit:
+                    raise _too_long(limit)
+                memory.take(len(part))
+                size += len(part)
+                parts.append(part)
+                # A body that comes more slowly than this on average only occupies memory.
+                slowest = began + pause + size / _LEAST_RATE
+                timer.reschedule(min(slowest, clock() + pause))
         return b"".join(parts)
+    except TimeoutError:
+        detail = f"The body came too slowly; {size} bytes of it arrived."
+        headers = {"Connection": "close"}
+        raise ProblemError(problems.TIMEOUT, detail, headers=headers) from None
+    finally:
+        memory.left += size
 
 
 def _too_long(limit: int) -> ProblemError:

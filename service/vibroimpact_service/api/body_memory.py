@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 from vibroimpact_service import problems
 from vibroimpact_service.problems import ProblemError
 
@@ -21,32 +18,15 @@ class BodyMemory:
     def __init__(self, size: int) -> None:
         self.left = size
 
-    @contextmanager
-    def reserving(self) -> Iterator[Reservation]:
-        """Give a reservation that grows with one body and is released at the end."""
-        reservation = Reservation(self)
-        try:
-            yield reservation
-        finally:
-            self.left += reservation.size
-
-
-class Reservation:
-    """The memory of one body."""
-
-    def __init__(self, memory: BodyMemory) -> None:
-        self._memory, self.size = memory, 0
-
-    def grow(self, size: int) -> None:
-        """Reserve more bytes.
+    def take(self, size: int) -> None:
+        """Reserve some bytes, which whoever took them adds to `left` again.
 
         Raises
         ------
         ProblemError
             503 where there are none left.
         """
-        if size > self._memory.left:
+        if size > self.left:
             detail = "Too many large requests are arriving at once."
             raise ProblemError(problems.UNAVAILABLE, detail, headers={"Retry-After": "2"})
-        self._memory.left -= size
-        self.size += size
+        self.left -= size

@@ -29,7 +29,7 @@ from vibroimpact_service.api.openapi import (
 from vibroimpact_service.api.plain_route import PlainRoute
 from vibroimpact_service.api.results import OF_RESULT, result_answer
 from vibroimpact_service.documents import parse, requests
-from vibroimpact_service.evaluate import Queued
+from vibroimpact_service.jobs.tables import JobRow
 from vibroimpact_service.kinds import KINDS, Kind
 from vibroimpact_service.results import representations
 
@@ -79,10 +79,10 @@ def _add_compute(kind: Kind) -> None:
             computation, preference, media_type, admission(request), key
         )
         headers = {"Preference-Applied": preference.applied()} if preference.applied() else {}
-        if isinstance(outcome, Queued):
-            headers["Location"] = f"/v1/jobs/{outcome.job.id}"
+        if isinstance(outcome, JobRow):
+            headers["Location"] = f"/v1/jobs/{outcome.id}"
             headers["Retry-After"] = "1"
-            job = await described(evaluation.queue, outcome.job)
+            job = await described(evaluation.queue, outcome)
             return answers.document(job, 202, headers)
         headers["Cache-Status"] = f"vibroimpact; {outcome.cache}"
         if outcome.seconds:

@@ -47,7 +47,7 @@ def _reason(message: str) -> str:
     return f"{message.removesuffix(where)}{where}."
 
 
-def document(model: type[Model], content: Any, *prefix: str) -> Model:
+def document(model: type[Model] | TypeAdapter[Model], content: Any, *prefix: str) -> Model:
     """Return the content as a document of the model; `prefix` is the path to the content.
 
     Raises
@@ -56,14 +56,8 @@ def document(model: type[Model], content: Any, *prefix: str) -> Model:
         422 with a JSON pointer to each faulty field.
     """
     try:
+        if isinstance(model, TypeAdapter):
+            return model.validate_python(content)
         return model.model_validate(content)
-    except ValidationError as error:
-        raise validation.problem_of(error, content, *prefix) from None
-
-
-def union(adapter: TypeAdapter[Any], content: Any, *prefix: str) -> Any:
-    """Return the content as a document of one of several models; otherwise like `document`."""
-    try:
-        return adapter.validate_python(content)
     except ValidationError as error:
         raise validation.problem_of(error, content, *prefix) from None

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from vibroimpact_schema.requests import JobRequest
+from vibroimpact_schema.systems import SystemReference
 from vibroimpact_service import kinds, problems
 from vibroimpact_service.documents import digest, parse, stored_systems
 from vibroimpact_service.jobs import webhooks
@@ -63,9 +64,10 @@ def read(owner: str, kind: Kind, content: Any, *prefix: str) -> Request:
     ProblemError
         422 with a pointer to each faulty field.
     """
-    document = parse.document(kind.request, content, *prefix)
+    document: Any = parse.document(kind.request, content, *prefix)
     canonical = digest.canonical(document)
-    stored_systems.check_owner(owner, canonical, content, *prefix)
+    if isinstance(document.system, SystemReference):
+        stored_systems.check_owner(owner, document.system, *prefix, *kind.structure)
     name = digest.name(owner, kind.name, digest.solver_name(), canonical)
     return Request(owner, kind, document, canonical, name)
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any, Final
+from typing import Final
 
 import orjson
 from pydantic import TypeAdapter
@@ -36,11 +35,11 @@ def put(
     from vibroimpact_service.documents import decode, upload
 
     if media_type == JSON:
-        document = parse.union(SYSTEM, parse.json(body))
+        document = parse.document(SYSTEM, parse.json(body))
     else:
         document = upload.system(media_type, body, settings)
     if isinstance(document, SystemReference):
-        _check_owner(owner, document.id)
+        check_owner(owner, document)
         document = resolve(store, document)
     limits.check_system(document, settings)
     try:
@@ -68,54 +67,25 @@ def resolve(store: Store, reference: SystemReference, *where: str) -> AnySystem:
     data = store.systems.get(reference.id)
     if data is None:
         raise _unknown(*where)
-    system: AnySystem = parse.union(SYSTEM, orjson.loads(data))
+    system = parse.document(SYSTEM, orjson.loads(data))
+    assert not isinstance(system, SystemReference)
     if reference.constraints is not None:
         return system.model_copy(update={"constraints": reference.constraints})
     return system
 
 
-def check_owner(owner: str, canonical: bytes, content: Any, *place: str | int) -> None:
-    """Refuse a request that refers to somebody else's system, as if it did not exist.
-
-    Parameters
-    ----------
-    owner : str
-    canonical : bytes
-        Canonical form of the request; it shows quickly that most requests refer to none.
-    content : object
-        JSON content of the request.
-    *place : str or int
-        Path from the body to `content`.
+def check_owner(owner: str, reference: SystemReference, *where: str) -> None:
+    """Refuse a reference to somebody else's system, as if it did not exist.
 
     Raises
     ------
     ProblemError
-        422 with the place of the name.
+        422 with the place of the name; `where` is the path from the body to the reference.
     """
-    if b'"sys_' in canonical:
-        _check_parts(owner, content, place)
+    if not digest.owned(owner, reference.id):
+        raise _unknown(*where)
 
 
-def _check_parts(owner: str, content: Any, place: tuple[str | int, ...]) -> None:
-    if isinstance(content, dict):
-        name = content.get("id")
-        if isinstance(name, str) and name.startswith("sys_"):
-            _check_owner(owner, name, *place)
-        parts: Iterable[tuple[str | int, Any]] = content.items()
-    elif isinstance(content, list):
-        parts = enumerate(content)
-    else:
-        return
-    for key, part in parts:
-        if isinstance(part, dict | list):
-            _check_parts(owner, part, (*place, key))
-
-
-def _check_owner(owner: str, name: str, *place: str | int) -> None:
-    if not digest.owned(owner, name):
-        raise _unknown(*place)
-
-
-def _unknown(*place: str | int) -> problems.ProblemError:
-    where = problems.pointer((*place, "id"))
-    return problems.invalid(where, "unknown_system", "there is no such system")
+def _unknown(*where: str) -> problems.ProblemError:
+    pointer = problems.pointer((*where, "id"))
+    return problems.invalid(pointer, "unknown_system", "there is no such system")

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import hashlib
+import io
+import itertools
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vibroimpact_service.results.rows import RowFile
+
+Array = NDArray[Any]
 
 _MAGIC = b"VIB1"
 _ALIGN = 16
@@ -20,23 +25,17 @@ class DamagedContainerError(ValueError):
     """The bytes are not a container, or not the one that was written."""
 
 
-def pack(arrays: Mapping[str, np.ndarray[Any, Any]], meta: Mapping[str, Any]) -> bytes:
+def pack(arrays: Mapping[str, Array], meta: Mapping[str, Any]) -> bytes:
     """Return the bytes of arrays (of plain numbers) and a JSON document."""
-    entries, blocks, offset = [], [], 0
-    for name, array in arrays.items():
-        block = np.ascontiguousarray(array).tobytes()
-        entry = {"name": name, "dtype": array.dtype.str, "shape": array.shape, "offset": offset}
-        entries.append(entry)
-        blocks.append(block + bytes(-len(block) % _ALIGN))
-        offset += len(blocks[-1])
-    head = json.dumps({"arrays": entries, "meta": meta}, separators=(",", ":")).encode()
-    head += b" " * (-(len(head) + 44) % _ALIGN)
-    body = b"".join([len(head).to_bytes(8, "little"), head, *blocks])
-    return _MAGIC + hashlib.sha256(body).digest() + body
+    buffer = io.BytesIO()
+    write(buffer, arrays, meta)
+    return buffer.getvalue()
 
 
-def pack_file(path: Path, arrays: Mapping[str, RowFile], meta: Mapping[str, Any]) -> None:
-    """Write the bytes that `pack` returns to a file, of arrays that are in files."""
+def write(
+    file: IO[bytes], arrays: Mapping[str, Array] | Mapping[str, RowFile], meta: Mapping[str, Any]
+) -> None:
+    """Write the bytes that `pack` returns to an empty file."""
     entries, offset = [], 0
     for name, array in arrays.items():
         entry = {"name": name, "dtype": array.dtype.str, "shape": array.shape, "offset": offset}
@@ -44,18 +43,26 @@ def pack_file(path: Path, arrays: Mapping[str, RowFile], meta: Mapping[str, Any]
         offset += array.nbytes + -array.nbytes % _ALIGN
     head = json.dumps({"arrays": entries, "meta": meta}, separators=(",", ":")).encode()
     head += b" " * (-(len(head) + 44) % _ALIGN)
-    with path.open("w+b") as file:
-        file.write(_MAGIC + bytes(32) + len(head).to_bytes(8, "little") + head)
-        for array in arrays.values():
-            array.copy_into(file)
-            file.write(bytes(-array.nbytes % _ALIGN))
-        file.seek(36)
-        digest = hashlib.file_digest(file, "sha256").digest()
-        file.seek(4)
-        file.write(digest)
+    digest = hashlib.sha256()
+    file.write(_MAGIC + bytes(32))
+    blocks = itertools.chain.from_iterable(_blocks(array) for array in arrays.values())
+    for block in itertools.chain([len(head).to_bytes(8, "little"), head], blocks):
+        digest.update(block)
+        file.write(block)
+    file.seek(4)
+    file.write(digest.digest())
 
 
-def open_file(path: Path, offset: int) -> tuple[dict[str, np.ndarray[Any, Any]], dict[str, Any]]:
+def _blocks(array: Array | RowFile) -> Iterator[bytes]:
+    """Yield the bytes of an array, and those that fill its last block."""
+    if isinstance(array, RowFile):
+        yield from array.blocks()
+    else:
+        yield array.tobytes()
+    yield bytes(-array.nbytes % _ALIGN)
+
+
+def open_file(path: Path, offset: int) -> tuple[dict[str, Array], dict[str, Any]]:
     """Return the arrays and the document of a container in a file, without reading the arrays.
 
     The arrays are maps of the file, whose bytes are not checked: that is left to the store.
@@ -67,7 +74,7 @@ def open_file(path: Path, offset: int) -> tuple[dict[str, np.ndarray[Any, Any]],
             raise DamagedContainerError
         head = json.loads(file.read(int.from_bytes(opening[36:44], "little")))
         start = file.tell()
-    arrays: dict[str, np.ndarray[Any, Any]] = {}
+    arrays: dict[str, Array] = {}
     for entry in head["arrays"]:
         shape, dtype = tuple(entry["shape"]), np.dtype(entry["dtype"])
         if 0 in shape:
@@ -78,7 +85,7 @@ def open_file(path: Path, offset: int) -> tuple[dict[str, np.ndarray[Any, Any]],
     return arrays, head["meta"]
 
 
-def unpack(data: bytes) -> tuple[dict[str, np.ndarray[Any, Any]], dict[str, Any]]:
+def unpack(data: bytes) -> tuple[dict[str, Array], dict[str, Any]]:
     """Return the arrays (read-only views into the bytes) and the document.
 
     Raises

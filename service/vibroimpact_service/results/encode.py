@@ -15,13 +15,12 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 import orjson
-from numpy.typing import NDArray
 
 from vibroimpact_service.results import container
+from vibroimpact_service.results.container import Array
 from vibroimpact_service.results.rows import RowFiles
 from vibroimpact_solvers.arrays import Described, Quantity, declared
 
-Array = NDArray[Any]
 Result = TypeVar("Result")
 
 
@@ -95,11 +94,7 @@ def pack(content: Content) -> bytes:
 
 
 def pack_rows(
-    result: type[Any],
-    rows: RowFiles,
-    plain: Mapping[str, Any],
-    head: Mapping[str, Any],
-    path: Path,
+    result: type[Any], rows: RowFiles, plain: Mapping[str, Any], head: Mapping[str, Any], path: Path
 ) -> None:
     """Write the bytes that `pack` returns to a file, of a result whose arrays are in files.
 
@@ -109,17 +104,16 @@ def pack_rows(
         Class of the result.
     rows : RowFiles
         Its arrays, by the names of its fields.
-    plain : mapping
-        Its numbers and texts.
-    head : mapping
-        As in `Content`.
+    plain, head : mapping
+        As in `Content`, None for fields without a value.
     path : Path
     """
     fields = declared(result)
     arrays = {name: rows.arrays[name] for name in fields if name in rows.arrays}
     plain = {name: plain[name] for name in fields if plain.get(name) is not None}
     meanings = {name: fields[name].quantity for name in (*arrays, *plain)}
-    container.pack_file(path, arrays, _meta(head, plain, meanings))
+    with path.open("wb") as file:
+        container.write(file, arrays, _meta(head, plain, meanings))
 
 
 def _meta(

@@ -15,7 +15,8 @@ import numpy as np
 import orjson
 
 from vibroimpact_service.results import encode
-from vibroimpact_service.results.encode import Array, Content
+from vibroimpact_service.results.container import Array
+from vibroimpact_service.results.encode import Content
 from vibroimpact_solvers.arrays import Quantity
 
 _LARGE: Final = 2**16

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import shutil
+from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import IO, Any, Self
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,15 +14,7 @@ from numpy.typing import NDArray
 
 @dataclass(slots=True)
 class RowFile:
-    """An array in a file of its own.
-
-    Parameters
-    ----------
-    path : Path
-        C order, without any header.
-    dtype : dtype
-    shape : tuple of int
-    """
+    """An array in a file of its own, in C order and without any header."""
 
     path: Path
     dtype: np.dtype[Any]
@@ -34,19 +25,14 @@ class RowFile:
         """Size of the array."""
         return self.dtype.itemsize * int(np.prod(self.shape, dtype=np.int64))
 
-    def copy_into(self, file: IO[bytes]) -> None:
-        """Copy the array into another file."""
-        with self.path.open("rb") as source:
-            shutil.copyfileobj(source, file, 2**20)
+    def blocks(self) -> Iterator[bytes]:
+        """Yield its bytes, a mebibyte at a time."""
+        with self.path.open("rb") as file:
+            yield from iter(lambda: file.read(2**20), b"")
 
 
 class RowFiles:
-    """Files of arrays in a folder.
-
-    Parameters
-    ----------
-    folder : Path
-    """
+    """Files of arrays in a folder."""
 
     def __init__(self, folder: Path) -> None:
         self._folder, self._open = folder, ExitStack()
@@ -74,15 +60,6 @@ class RowFiles:
         file.write(np.array(value, dtype=array.dtype).tobytes())
         file.seek(0, 2)
 
-    def __enter__(self) -> Self:
-        """Return itself."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close the files."""
+    def close(self) -> None:
+        """Close the files, which can be read then."""
         self._open.close()

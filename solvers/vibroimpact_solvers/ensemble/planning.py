@@ -14,17 +14,8 @@ from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 
 def plan(problem: Problem) -> Plan:
     """Decide how the motions are computed and what is left out: alike for all members."""
-    of_one = member_plan(problem)
+    of_one = time_history.plan(problem.pattern)
     return Plan(KIND, tuple(_steps(problem, of_one)), tuple(_skips(problem, of_one)))
-
-
-def member_plan(problem: Problem) -> Plan:
-    """Decide how each member of an ensemble, or of a piece of one, is computed.
-
-    The methods are the same for all pieces of an ensemble. The windows of time depend on the
-    members of the piece alone, so that ensembles which have a piece in common share its numbers.
-    """
-    return time_history.plan(problem.pattern)
 
 
 def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Problem]:

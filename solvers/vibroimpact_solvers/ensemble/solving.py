@@ -11,9 +11,8 @@ import numpy as np
 from vibroimpact_solvers import time_history
 from vibroimpact_solvers.arrays import along, declared
 from vibroimpact_solvers.assembly import Assembly
-from vibroimpact_solvers.ensemble.planning import member_plan
 from vibroimpact_solvers.ensemble.problem import Problem
-from vibroimpact_solvers.errors import ModelError, SolverError, Status
+from vibroimpact_solvers.errors import Status, attempt
 from vibroimpact_solvers.plan import Plan, Tick
 from vibroimpact_solvers.results.ensemble import Result
 from vibroimpact_solvers.time_history import Outcome, solve_states
@@ -78,17 +77,10 @@ def _outcomes(problem: Problem, report: Callable[[], None]) -> Iterable[Outcome]
     """Compute some members; return the motion of each, or its error."""
     pattern = problem.pattern
     if pattern.system is not problem.system:
-        return [_refusal(problem, index) for index in range(problem.size)]
-    return solve_states(pattern, member_plan(problem), problem.x, problem.v, report)
-
-
-def _refusal(problem: Problem, index: int) -> SolverError:
-    """Return the error of a member that starts outside of the limits."""
-    try:
-        problem.member(index)
-    except ModelError as error:
-        return error
-    raise AssertionError("a member that was refused has a motion")
+        return [attempt(problem.member, index) for index in range(problem.size)]
+    # The methods are those of the whole ensemble. The windows of time depend on these members
+    # alone, so that ensembles which have a piece in common share its numbers.
+    return solve_states(pattern, time_history.plan(pattern), problem.x, problem.v, report)
 
 
 def _result(problem: Problem, assembly: Assembly) -> Result:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -57,19 +56,6 @@ def result_of(problem: Problem, assembly: Assembly) -> Result:
         "error/failures": assembly.failures,
     }
     return Result(own | arrays, labels | _meanings(problem, arrays), plain)
-
-
-def join(problem: Problem, results: Sequence[tuple[Problem, Described]]) -> Result:
-    """Join the results of the pieces of a parameter grid."""
-    assembly = assembly_of(problem)
-    for piece, result in results:
-        place = tuple(
-            slice(start - first, stop - first)
-            for (first, _), (start, stop) in zip(problem.spans, piece.spans, strict=True)
-        )
-        plain = result.plain
-        assembly.put_piece(place, result.arrays, plain["error/statement"], plain["error/failures"])
-    return result_of(problem, assembly)
 
 
 def _changes(problem: Problem) -> dict[str, tuple[int, ...]]:

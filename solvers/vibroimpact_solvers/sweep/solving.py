@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import groupby
 from typing import Any, Final
 
 from vibroimpact_solvers.arrays import Described
 from vibroimpact_solvers.errors import SolverError, attempt
 from vibroimpact_solvers.plan import Plan, Stage, Tick
-from vibroimpact_solvers.sweep import result
-from vibroimpact_solvers.sweep.kinds import Outcome
+from vibroimpact_solvers.sweep.kinds import Outcome, SweptKind
 from vibroimpact_solvers.sweep.planning import spans
 from vibroimpact_solvers.sweep.problem import Index, Problem
 from vibroimpact_solvers.sweep.result import Result, assembly_of, result_of
@@ -31,60 +30,61 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     tick : callable, optional
         Called with (done, total) points; may raise `Cancelled`.
     """
-    batches = _Batches(problem, tick)
-    for _, same_modes in groupby(problem.points(), problem.positions(Stage.SPECTRUM)):
-        for _, same_responses in groupby(same_modes, problem.positions(Stage.RESPONSE)):
-            for index in same_responses:
-                batches.take(index)
-            if len(batches.batch) >= _BATCH:
-                batches.solve()
-        batches.solve()
-    return result_of(problem, batches.assembly)
+    assembly, kind = assembly_of(problem), problem.swept_kind
+    done, total = 0, sum(1 for _ in problem.points())
+
+    def report() -> None:
+        if tick is not None:
+            tick(done, total)
+
+    for batch in _batches(problem):
+        points = [attempt(problem.problem, index) for index in batch]
+        report()
+        for index, outcome in zip(batch, _outcomes(kind, points, report), strict=True):
+            assembly.put(index, outcome)
+            done += 1
+        report()
+    return result_of(problem, assembly)
 
 
 def join(problem: Problem, plan: Plan, results: Sequence[Described]) -> Result:
     """Join the results of the pieces."""
-    places = spans(problem, [_shape(problem, part) for part in results])
-    pieces = [problem.piece(place) for place in places]
-    return result.join(problem, list(zip(pieces, results, strict=True)))
+    assembly = assembly_of(problem)
+    shapes = [tuple(part.arrays[axis.name].size for axis in problem.axes) for part in results]
+    for part, ranges in zip(results, spans(problem, shapes), strict=True):
+        place = tuple(
+            slice(start - first, stop - first)
+            for (first, _), (start, stop) in zip(problem.spans, ranges, strict=True)
+        )
+        plain = part.plain
+        assembly.put_piece(place, part.arrays, plain["error/statement"], plain["error/failures"])
+    return result_of(problem, assembly)
 
 
-def _shape(problem: Problem, part: Described) -> Index:
-    return tuple(part.arrays[axis.name].size for axis in problem.axes)
+def _batches(problem: Problem) -> Iterator[list[Index]]:
+    """Yield points with the same natural modes; those that share responses stay together."""
+    for _, same_modes in groupby(problem.points(), problem.positions(Stage.SPECTRUM)):
+        batch: list[Index] = []
+        for _, same_responses in groupby(same_modes, problem.positions(Stage.RESPONSE)):
+            batch += same_responses
+            if len(batch) >= _BATCH:
+                yield batch
+                batch = []
+        yield batch
 
 
-class _Batches:
-    """The points to be solved next, and the results of those before."""
+def _outcomes(
+    kind: SweptKind, points: Sequence[Any], report: Callable[[], None]
+) -> Iterator[Outcome]:
+    """Yield the result of each point, or the error that it has instead."""
+    possible = [point for point in points if not isinstance(point, SolverError)]
+    if kind.solve_many is not None:
+        outcomes: Iterator[Outcome] = iter(kind.solve_many(possible, report))
+    else:
+        outcomes = (attempt(_alone, kind, point, report) for point in possible)
+    for point in points:
+        yield point if isinstance(point, SolverError) else next(outcomes)
 
-    def __init__(self, problem: Problem, tick: Tick | None) -> None:
-        self.assembly = assembly_of(problem)
-        self.batch: list[tuple[Index, Any]] = []
-        self._problem, self._kind, self._tick = problem, problem.swept_kind, tick
-        self._done, self._total = 0, sum(1 for _ in problem.points())
 
-    def take(self, index: Index) -> None:
-        """Add a point to the batch, with its problem or the error that it has instead."""
-        self.batch.append((index, attempt(self._problem.problem, index)))
-
-    def solve(self) -> None:
-        """Solve the batch."""
-        batch, self.batch = self.batch, []
-        self._report()
-        possible = [problem for _, problem in batch if not isinstance(problem, SolverError)]
-        if self._kind.solve_many is not None:
-            outcomes: Iterator[Outcome] = iter(self._kind.solve_many(possible, self._report))
-        else:
-            outcomes = (attempt(self._alone, problem) for problem in possible)
-        for index, problem in batch:
-            outcome = problem if isinstance(problem, SolverError) else next(outcomes)
-            self.assembly.put(index, outcome)
-            self._done += 1
-        self._report()
-
-    def _alone(self, problem: Any) -> Any:
-        solver = self._kind.solver
-        return solver.solve(problem, solver.plan(problem), lambda *_: self._report())
-
-    def _report(self) -> None:
-        if self._tick is not None:
-            self._tick(self._done, self._total)
+def _alone(kind: SweptKind, point: Any, report: Callable[[], None]) -> Any:
+    return kind.solver.solve(point, kind.solver.plan(point), lambda *_: report())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import time
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ def test_rows_grow_and_can_be_replaced(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     pieces = [rng.standard_normal((size, 3)) for size in (4, 0, 7)]
     stops = [np.array([1.0, np.nan]), np.array([3.0])]
-    with RowFiles(tmp_path) as rows:
+    with closing(RowFiles(tmp_path)) as rows:
         for piece in pieces:
             rows.append("x", piece)
         rows.append("stop", stops[0])
@@ -34,7 +35,8 @@ def test_rows_grow_and_can_be_replaced(tmp_path: Path) -> None:
         "x": np.concatenate(pieces), "stop": np.array([1.0, 2.0, 3.0]), "index": np.arange(5),
     }  # fmt: skip
     path = tmp_path / "container"
-    container.pack_file(path, rows.arrays, {"a": [1]})
+    with path.open("wb") as file:
+        container.write(file, rows.arrays, {"a": [1]})
     assert path.read_bytes() == container.pack(expected, {"a": [1]})
 
 
