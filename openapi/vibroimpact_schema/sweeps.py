@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Final, Literal, Self, TypeVar
+from typing import Annotated, Any, Generic, Literal, Self, TypeVar
 
 from pydantic import (
     ConfigDict,
@@ -20,8 +20,8 @@ from vibroimpact_schema.results import Result
 from vibroimpact_schema.systems import AnySystem, SystemReference
 from vibroimpact_schema.values import Count, Document, Number, Positive
 
-Output = TypeVar("Output")
-Outputs = Annotated[list[Output], Field(min_length=1, fail_fast=True)]
+Base = TypeVar("Base", bound=ComputationRequest)
+Output = TypeVar("Output", bound=str)
 
 
 class Axis(grids.Grid):
@@ -90,58 +90,47 @@ AxisDocument = Annotated[
 ]
 
 
-class SweepOf(Document):
+class SweepOf(Document, Generic[Base, Output]):
     """Fields of the sweeps of all kinds."""
 
     kind: str
-    base: ComputationRequest
+    base: Base = Field(description="The request whose fields vary.")
     axes: Annotated[list[AxisDocument], Field(min_length=1, max_length=8)] = Field(
         description="Each is a dimension of the outputs; in this order, they come first."
     )
+    outputs: Annotated[list[Output], Field(min_length=1, fail_fast=True)] | None = Field(
+        None, description="What to compute; absent: the outputs of the base."
+    )
 
 
-_BASE: Final = "The request whose fields vary."
-_OUTPUTS: Final = "What to compute; absent: the outputs of the base."
-
-
-class ImpactModesSweep(SweepOf):
+class ImpactModesSweep(SweepOf[requests.ImpactModesRequest, requests.ImpactModesOutput]):
     """Impact modes over a parameter grid."""
 
     kind: Literal["impact-modes"]
-    base: requests.ImpactModesRequest = Field(description=_BASE)
-    outputs: Outputs[requests.ImpactModesOutput] | None = Field(None, description=_OUTPUTS)
 
 
-class ExistenceBandsSweep(SweepOf):
+class ExistenceBandsSweep(SweepOf[requests.ExistenceBandsRequest, requests.ExistenceBandsOutput]):
     """Existence bands over a parameter grid."""
 
     kind: Literal["existence-bands"]
-    base: requests.ExistenceBandsRequest = Field(description=_BASE)
-    outputs: Outputs[requests.ExistenceBandsOutput] | None = Field(None, description=_OUTPUTS)
 
 
-class ResonancesSweep(SweepOf):
+class ResonancesSweep(SweepOf[requests.ResonancesRequest, requests.ResonancesOutput]):
     """Internal resonances over a parameter grid."""
 
     kind: Literal["resonances"]
-    base: requests.ResonancesRequest = Field(description=_BASE)
-    outputs: Outputs[requests.ResonancesOutput] | None = Field(None, description=_OUTPUTS)
 
 
-class TimeHistorySweep(SweepOf):
+class TimeHistorySweep(SweepOf[requests.TimeHistoryRequest, requests.TimeHistoryOutput]):
     """Time histories over a parameter grid."""
 
     kind: Literal["time-history"]
-    base: requests.TimeHistoryRequest = Field(description=_BASE)
-    outputs: Outputs[requests.TimeHistoryOutput] | None = Field(None, description=_OUTPUTS)
 
 
-class SlowFlowSweep(SweepOf):
+class SlowFlowSweep(SweepOf[requests.SlowFlowRequest, requests.SlowFlowOutput]):
     """Slow flows over a parameter grid."""
 
     kind: Literal["slow-flow"]
-    base: requests.SlowFlowRequest = Field(description=_BASE)
-    outputs: Outputs[requests.SlowFlowOutput] | None = Field(None, description=_OUTPUTS)
 
 
 AnySweep = Annotated[

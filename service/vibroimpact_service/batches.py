@@ -73,15 +73,7 @@ def compute(
 ) -> list[bytes]:
     """Return the answer to each of some requests: ``{"result": …}`` or ``{"problem": …}``.
 
-    Parameters
-    ----------
-    settings : Settings
-    owner, kind : str
-    contents : bytes
-        Some requests, as `_parts` packs them.
-    first : int
-        Position of the first of them in the whole batch.
-    tick : Tick, optional
+    They are packed by `_parts`; `first` is the position of the first of them in the whole batch.
     """
     store = Store(settings.store_url)
     batch = pickle.loads(contents)

@@ -35,26 +35,16 @@ CHUNK_SECONDS: Final = 0.2
 
 
 class Pieces(NamedTuple):
-    """A job's request as a process needs it for any of its chunks.
-
-    Parameters
-    ----------
-    planned : Planned
-    canonical : bytes
-        Canonical form of the request.
-    pieces : list
-        Problems, from `split` of the kind's solver.
-    names : list of str
-        Names of the chunks, one for each piece.
-    chained : bool
-        Whether each piece needs the one before.
-    """
+    """A job's request, in its canonical form too, as a process needs it for any of its chunks."""
 
     planned: Planned
     canonical: bytes
     pieces: list[Any]
+    """Problems, from `split` of the kind's solver."""
     names: list[str]
+    """Names of the chunks, one for each piece."""
     chained: bool
+    """Whether each piece needs the one before."""
 
 
 @lru_cache(maxsize=4)

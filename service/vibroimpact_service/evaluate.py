@@ -102,7 +102,7 @@ class Evaluation:
             kind=request.kind.name,
             digest=request.digest,
             seconds=planned.seconds,
-            cached=self.results.has(request.digest),
+            cached=self.store.results.has(request.digest),
             inline=planned.seconds <= self._settings.inline_seconds,
         )
 
@@ -159,7 +159,7 @@ class Evaluation:
         """
         options = options or JobOptions()
         await self.threads.ended(request.digest)
-        reused = self.results.has(request.digest)
+        reused = self.store.results.has(request.digest)
         seconds, work = 0.0, None
         if not reused:
             if planned is None:
@@ -193,7 +193,7 @@ class Evaluation:
         )
         if work is not None:
             shared = await self.threads.on_submission(request.digest, work)
-            if shared is not None and self.results.has(request.digest):
+            if shared is not None and self.store.results.has(request.digest):
                 new = replace(new, computed=not shared, reused=shared)
         try:
             return await self.queue.submit(new)

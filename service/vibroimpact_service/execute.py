@@ -20,26 +20,16 @@ from vibroimpact_service.store import Store
 
 @dataclass(frozen=True, slots=True)
 class Computed:
-    """What became of a computation.
-
-    Parameters
-    ----------
-    digest : str
-        Of the result.
-    planned : Planned
-    seconds : dict
-        Stage (``plan``, ``solve``, ``encode``) -> time that it took.
-    fresh : bool
-        Whether it was computed; else the result was stored already.
-    representation : Representation, optional
-        The result; None where it is not wanted, large, or not fresh.
-    """
+    """What became of the computation of the result with a digest."""
 
     digest: str
     planned: Planned
     seconds: dict[str, float]
+    """Stage (``plan``, ``solve``, ``encode``) -> time that it took."""
     fresh: bool = False
+    """Whether it was computed; else the result was stored already."""
     representation: Representation | None = None
+    """The result; None where it is not wanted, large, or not fresh."""
 
 
 def now(
@@ -52,16 +42,7 @@ def now(
 ) -> Computed | Planned:
     """Compute a result in this thread and store it; only plan it where that would take long.
 
-    Parameters
-    ----------
-    store : Store
-    settings : Settings
-    request : Request
-    planned : Planned, optional
-        Absent: planned here.
-    media_type : str, optional
-        Of the representation; absent: it is not wanted.
-    tick : Tick
+    Without a plan it is planned here; without a media type its representation is not wanted.
     """
     began = time.perf_counter()
     if planned is None:
@@ -84,17 +65,7 @@ def now(
 
 
 def compute(planned: Planned, name: str, canonical: bytes, tick: Tick | None = None) -> Content:
-    """Compute a result in one go.
-
-    Parameters
-    ----------
-    planned : Planned
-    name : str
-        Digest of the result.
-    canonical : bytes
-        Canonical form of the request.
-    tick : Tick, optional
-    """
+    """Compute the result with a digest, of a request in its canonical form, in one go."""
     result = planned.kind.solver.solve(planned.problem, planned.plan, tick)
     return encode.describe(result, head(planned, name, canonical))
 

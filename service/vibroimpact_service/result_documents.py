@@ -16,11 +16,7 @@ from vibroimpact_solvers.arrays import Group, Quantity, declared
 def document(kind: str, result: type[Any]) -> type[Result]:
     """Return the document of a kind's results, such as ImpactModesResult.
 
-    Parameters
-    ----------
-    kind : str
-    result : type
-        The solver's class, with its fields declared (`vibroimpact_solvers.arrays`).
+    It follows from the solver's class, whose fields are declared (`vibroimpact_solvers.arrays`).
     """
     groups: dict[str, list[Declared]] = {}
     for field in declared(result).values():

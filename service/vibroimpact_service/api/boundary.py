@@ -49,15 +49,7 @@ _REQUEST_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 
 
 class Boundary:
-    """The outermost middleware: every request and answer, and every exception, passes it.
-
-    Parameters
-    ----------
-    app : ASGI application
-    settings : Settings
-    metrics : Metrics
-    authenticator : Authenticator
-    """
+    """The outermost middleware: every request and answer, and every exception, passes it."""
 
     def __init__(
         self, app: ASGIApp, settings: Settings, metrics: Metrics, authenticator: Authenticator

@@ -17,19 +17,7 @@ from vibroimpact_service.settings import Settings
 
 @dataclass(frozen=True, slots=True)
 class Services:
-    """The parts of one application.
-
-    Parameters
-    ----------
-    settings : Settings
-    authenticator : Authenticator
-    budget : Budget
-    metrics : Metrics
-    evaluation : Evaluation
-    body_memory : BodyMemory
-    drain : asyncio.Event
-        Set when the service is told to stop.
-    """
+    """The parts of one application."""
 
     settings: Settings
     authenticator: Authenticator
@@ -38,6 +26,7 @@ class Services:
     evaluation: Evaluation
     body_memory: BodyMemory
     drain: asyncio.Event = field(default_factory=asyncio.Event)
+    """Set when the service is told to stop."""
 
 
 def services(request: Request) -> Services:

@@ -65,15 +65,10 @@ def answer(
 
     Parameters
     ----------
-    description : str
-    model : type, optional
-        Document of the JSON body.
-    headers : mapping, optional
-        Response headers by name.
     links : mapping, optional
         Operations that can follow, each with where its path parameters come from.
     content : mapping, optional
-        Further media types.
+        Media types beside the JSON of the model.
     rated : bool
         Whether the answer carries the rate-limit headers: those of routes that need a key do.
     """
@@ -119,14 +114,8 @@ def json_body(
 ) -> Declaration:
     """Return the declaration of a JSON request body that the handler reads itself.
 
-    Parameters
-    ----------
-    model : str
-        Name of its schema, one of `_request_schemas`.
-    shown : mapping
-        Examples by name: {"summary", "value"}.
-    others : mapping, optional
-        Further media types.
+    It has a schema of `_request_schemas`, examples by name ({"summary", "value"}), and perhaps
+    further media types.
     """
     json = {"schema": {"$ref": _REF.format(model=model)}, "examples": dict(shown)}
     return {"required": True, "content": {representations.JSON: json, **(others or {})}}

@@ -42,16 +42,15 @@ def preferred(accept: str) -> str | None:
     """
     if not accept.strip():
         return next(iter(SUFFIXES))
-    ranges = [_media_range(item) for item in accept.split(",")]
-    best: tuple[float, str] | None = None
-    for offer in SUFFIXES:
-        matching = [r for r in ranges if _covers(r[0], offer)]
-        if not matching:
-            continue
-        quality = max(matching, key=lambda r: _precision(r[0]))[1]
-        if quality > 0 and (best is None or quality > best[0]):
-            best = quality, offer
-    return best[1] if best else None
+    # Of equal ranges the first one counts.
+    qualities = dict(_media_range(item) for item in reversed(accept.split(",")))
+
+    def quality(offer: str) -> float:
+        ranges = (offer, offer.partition("/")[0] + "/*", "*/*")
+        return next((qualities[each] for each in ranges if each in qualities), 0.0)
+
+    best = max(SUFFIXES, key=quality)
+    return best if quality(best) > 0 else None
 
 
 def coding(accept_encoding: str | None) -> str | None:
@@ -75,14 +74,6 @@ def _media_range(item: str) -> tuple[str, float]:
 
 def _quality(text: str) -> float:
     return float(text) if re.fullmatch(r"0(\.\d{0,3})?|1(\.0{0,3})?", text) else 0.0
-
-
-def _covers(media_range: str, offer: str) -> bool:
-    return media_range in ("*/*", offer, offer.partition("/")[0] + "/*")
-
-
-def _precision(media_range: str) -> int:
-    return 2 - media_range.count("*")
 
 
 def preference(headers: Sequence[str]) -> Preference:

@@ -49,14 +49,7 @@ OF_RESULT: Final = {"get_result": {"digest": "$response.body#/digest"}}
 
 
 def result_answer(model: Any, links: Mapping[str, Mapping[str, str]] | None = None) -> Declaration:
-    """Return the declaration of an answer that is a result.
-
-    Parameters
-    ----------
-    model : type
-        Its document, or the union of several.
-    links : mapping, optional
-    """
+    """Return the declaration of an answer that is a result: a document, or one of several."""
     headers = {
         "ETag": header("Strong entity tag: hash of the representation."),
         "Content-Location": header("Address of the result."),

@@ -6,7 +6,7 @@ problem. The sizes in the documents were compared with the limits before.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from decimal import Decimal
 from functools import lru_cache
 from typing import Any
@@ -72,36 +72,18 @@ def _known_system(named: _Named) -> System:
     units = None
     if document.units is not None:
         units = Units(document.units.length, document.units.mass, document.units.time)
-    match document:
-        case systems.Chain():
-            return presets.chain(
-                document.n, limiters, document.mass, document.stiffness, units=units
-            )
-        case systems.Oscillator():
-            return presets.oscillator(limiters, document.Omega0, document.zeta, units=units)
-        case systems.TwoMass():
-            return presets.two_mass(
-                limiters, document.Omega0, document.coupling, document.zeta, units=units
-            )
-        case systems.DoublePendulum():
-            return presets.double_pendulum(limiters, document.mu, units=units)
-        case systems.BouncingBall():
-            return presets.bouncing_ball(limiters, document.g, units=units)
-        case systems.MatrixSystem():
-            return _matrix_system(document, limiters, units)
-
-
-def _matrix_system(
-    document: systems.MatrixSystem, constraints: list[Constraint], units: Units | None
-) -> System:
-    return System(
-        _matrix("M", document.M),
-        _matrix("K", document.K),
-        tuple(constraints),
-        C=None if document.C is None else _matrix("C", document.C),
-        force=None if document.force is None else np.array(document.force),
-        units=units,
-    )
+    if isinstance(document, systems.MatrixSystem):
+        return System(
+            _matrix("M", document.M),
+            _matrix("K", document.K),
+            tuple(limiters),
+            C=None if document.C is None else _matrix("C", document.C),
+            force=None if document.force is None else np.array(document.force),
+            units=units,
+        )
+    parameters = document.model_dump(exclude={"preset", "constraints", "units"})
+    preset: Callable[..., System] = getattr(presets, document.preset)
+    return preset(constraints=limiters, units=units, **parameters)
 
 
 def _matrix(name: str, document: Any) -> SymmetricMatrix:

@@ -16,22 +16,13 @@ from vibroimpact_solvers.plan import Plan
 
 
 class Planned(NamedTuple):
-    """A problem and the plan of its solution.
-
-    Parameters
-    ----------
-    kind : Kind
-    problem : Problem
-        Of the kind's solver.
-    plan : Plan
-    seconds : float
-        Estimated time of the plan on one core.
-    """
+    """A problem of the kind's solver and the plan of its solution."""
 
     kind: Kind
     problem: Any
     plan: Plan
     seconds: float
+    """Estimated time of the plan on one core."""
 
 
 def plan(store: Store, kind: Kind, document: Any, settings: Settings | None = None) -> Planned:

@@ -17,43 +17,25 @@ from vibroimpact_service.settings import Settings
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """A checked request.
-
-    Parameters
-    ----------
-    owner : str
-    kind : Kind
-    document : Document
-        Of the kind's model.
-    canonical : bytes
-        Its canonical form; see `digest.canonical`.
-    digest : str
-        Name that its result has or will have.
-    """
+    """A checked request: a document of its kind's model, and its canonical form."""
 
     owner: str
     kind: Kind
     document: Any
     canonical: bytes
     digest: str
+    """Name that its result has or will have."""
 
 
 @dataclass(frozen=True, slots=True)
 class JobOptions:
-    """How a job is queued.
-
-    Parameters
-    ----------
-    priority : int
-    deadline : float, optional
-        Seconds in which it must be done.
-    webhook : tuple of str, optional
-        Address to which a message goes when the job ends, and the secret that signs it.
-    """
+    """How a job is queued."""
 
     priority: int = 0
     deadline: float | None = None
+    """Seconds in which it must be done."""
     webhook: tuple[str, str] | None = None
+    """Address to which a message goes when the job ends, and the secret that signs it."""
 
 
 def read(owner: str, kind: Kind, content: Any, *prefix: str) -> Request:

@@ -14,12 +14,7 @@ _CACHE_BYTES: Final = 64 * 2**20
 
 
 class Results:
-    """Stored results in the representations that are sent.
-
-    Parameters
-    ----------
-    store : Store
-    """
+    """Stored results in the representations that are sent."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
@@ -32,14 +27,10 @@ class Results:
         """Give up what is being loaded."""
         self._files.shutdown(wait=False, cancel_futures=True)
 
-    def has(self, name: str) -> bool:
-        """Whether there is a result of that digest."""
-        return self._store.results.has(name)
-
     async def get(self, name: str, media_type: str) -> Representation | None:
         """Return a result in a media type, or None where there is none."""
         representation = self._cache.get(name, media_type)
-        if representation is None and self.has(name):
+        if representation is None and self._store.results.has(name):
             representation = await self._load(name, media_type)
             if representation is not None:
                 self._cache.put(name, representation)

@@ -37,25 +37,16 @@ _SMALLEST_CODED: Final = 4096
 
 @dataclass(frozen=True, slots=True)
 class Representation:
-    """A result in one media type, and the SHA-256 of its bytes in hexadecimal.
-
-    Parameters
-    ----------
-    media_type : str
-    data : bytes
-        Empty if they are in a file.
-    sha256 : str
-    coding : str, optional
-        Content coding of `data`.
-    file : Path, optional
-        File of the bytes, which follow a head of `HEAD` bytes.
-    """
+    """A result in one media type, and the SHA-256 of its bytes in hexadecimal."""
 
     media_type: str
     data: bytes
+    """Empty if they are in a file."""
     sha256: str
     coding: str | None = None
+    """Content coding of `data`."""
     file: Path | None = None
+    """File of the bytes, which follow a head of `HEAD` bytes."""
 
     @property
     def etag(self) -> str:
