@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 from pydantic_core import PydanticCustomError
@@ -89,17 +89,10 @@ Instants = Annotated[
 ]
 
 
-def times_form(value: Any) -> str | None:
-    """Return the tag of the form of output times."""
-    if isinstance(value, list):
-        return "@times"
-    return "@equal" if isinstance(value, (dict, EqualTimes)) else None
-
-
 Times = Annotated[
     Annotated[EqualTimes, Tag("@equal")] | Annotated[Instants, Tag("@times")],
     Discriminator(
-        times_form,
+        lambda value: "@times" if isinstance(value, list) else form(value, {}, "@equal"),
         custom_error_type="times_form",
         custom_error_message="times are an object with num, or a list of them",
     ),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Final, Literal, Self
+from typing import Annotated, Final, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
@@ -98,17 +98,10 @@ class Limits(Document):
     upper: Number | None = Field(None, description="Distance to the upper wall; null: no wall.")
 
 
-def gap_form(value: Any) -> str | None:
-    """Return the tag of the form of a gap."""
-    if isinstance(value, (dict, Limits)):
-        return "@limits"
-    return "@distance" if isinstance(value, (int, float)) else None
-
-
 Gap = Annotated[
     Annotated[Positive, Tag("@distance")] | Annotated[Limits, Tag("@limits")],
     Discriminator(
-        gap_form,
+        lambda gap: "@distance" if isinstance(gap, (int, float)) else form(gap, {}, "@limits"),
         custom_error_type="gap_form",
         custom_error_message='a gap is a positive number or {"lower": l, "upper": u}',
     ),

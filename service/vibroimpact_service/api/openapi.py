@@ -5,10 +5,11 @@ Each route declares its own parameters, answers and examples at its decorator.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any, Final
 
-from fastapi import FastAPI
+from fastapi import FastAPI, Path
 from pydantic import BaseModel, TypeAdapter
 from pydantic.json_schema import models_json_schema
 
@@ -38,6 +39,12 @@ def request_header(name: str, description: str, **schema: Any) -> Declaration:
     """Return the declaration of an optional request header that the handler reads itself."""
     about = {"required": False, "description": description}
     return {"name": name, "in": "header", **about, "schema": {"type": "string", **schema}}
+
+
+def path_id(description: str, example: str, form: re.Pattern[str]) -> Any:
+    """Return the declaration of an id in a path, which the handler checks: 404, and not 422."""
+    pattern = {"pattern": f"^{form.pattern}$"}
+    return Path(description=description, examples=[example], json_schema_extra=pattern)
 
 
 _RATES: Final = {

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import Annotated, Any, Final, Union
 
-from fastapi import APIRouter, Path
+from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
@@ -23,6 +23,7 @@ from vibroimpact_service.api.openapi import (
     failures,
     header,
     not_modified,
+    path_id,
     request_header,
 )
 from vibroimpact_service.api.plain_route import PlainRoute
@@ -33,14 +34,7 @@ from vibroimpact_service.results import representations
 router = APIRouter(tags=["results"], responses=FAILURES, route_class=PlainRoute)
 
 _DIGEST = re.compile(r"[0-9a-f]{64}")
-Digest = Annotated[
-    str,
-    Path(
-        description="Name of a result.",
-        examples=["0" * 64],
-        json_schema_extra={"pattern": f"^{_DIGEST.pattern}$"},
-    ),
-]
+Digest = Annotated[str, path_id("Name of a result.", "0" * 64, _DIGEST)]
 
 ANY_RESULT: Any = Union[tuple(kind.result for kind in KINDS.values())]  # noqa: UP007
 """Document of a result of any kind."""
@@ -65,7 +59,6 @@ def result_answer(model: Any, links: Mapping[str, Mapping[str, str]] | None = No
     "/v1/results/{digest}",
     operation_id="get_result",
     summary="Result by name",
-    description="Results never change: the name is a hash of the request and the solver version.",
     dependencies=[READ],
     responses={
         200: result_answer(ANY_RESULT),
@@ -85,7 +78,7 @@ def result_answer(model: Any, links: Mapping[str, Mapping[str, str]] | None = No
     },
 )
 async def result(request: Request, digest: Digest) -> Response:
-    """Return a result by its name."""
+    """Results never change: the name is a hash of the request and the solver version."""
     media_type = request_headers.result_media_type(request)
     stored = None
     if _DIGEST.fullmatch(digest) and await shared_results.result_is_visible(request, digest):

@@ -30,14 +30,13 @@ router = APIRouter(tags=["service"])
     "/v1/health/live",
     operation_id="health_live",
     summary="Liveness",
-    description="Whether the process answers.",
     responses={
         200: answer("The process answers.", Health, rated=False),
         **failures(500),
     },
 )
 async def health_live() -> Response:
-    """Answer."""
+    """Whether the process answers."""
     return answers.document(Health(status="ok", checks={}))
 
 
@@ -45,14 +44,13 @@ async def health_live() -> Response:
     "/v1/health/ready",
     operation_id="health_ready",
     summary="Readiness",
-    description="Whether records, store and workers accept work.",
     responses={
         200: answer("The service accepts work.", Health, rated=False),
         **failures(500, 503),
     },
 )
 async def health_ready(request: Request) -> Response:
-    """Return whether the service accepts work."""
+    """Whether records, store and workers accept work."""
     queue = services(request).evaluation.queue
     checks = {
         "records": "ok" if queue.healthy else "the job queue has stopped",
@@ -70,14 +68,13 @@ async def health_ready(request: Request) -> Response:
     "/v1/version",
     operation_id="version",
     summary="Version",
-    description="Version, kinds, media types, capabilities and limits of the service.",
     responses={
         200: answer("Versions, kinds and limits.", Version, rated=False),
         **failures(500),
     },
 )
 async def get_version(request: Request) -> Response:
-    """Return version, capabilities and limits."""
+    """Version, kinds, media types, capabilities and limits of the service."""
     settings = services(request).settings
     number = version("vibroimpact")
     keys_required = services(request).authenticator.keys_required
@@ -120,7 +117,6 @@ async def get_version(request: Request) -> Response:
     "/metrics",
     operation_id="metrics",
     summary="Metrics",
-    description="Requests, queue, workers, cache and solve times, in the format of Prometheus.",
     dependencies=[METRICS],
     responses={
         **FAILURES,
@@ -129,7 +125,7 @@ async def get_version(request: Request) -> Response:
     },
 )
 async def get_metrics(request: Request) -> Response:
-    """Return the metrics."""
+    """Return requests, queue, workers, cache and solve times, in the format of Prometheus."""
     metrics, queue = services(request).metrics, services(request).evaluation.queue
     text = metrics.text(await queue.waiting(), queue.engine.workers, queue.engine.ready)
     return Response(text, media_type=MEDIA_TYPE)

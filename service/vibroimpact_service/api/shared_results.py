@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Annotated
 
-from fastapi import APIRouter, Path
+from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
@@ -21,6 +21,7 @@ from vibroimpact_service.api.openapi import (
     answer,
     failures,
     json_body,
+    path_id,
 )
 from vibroimpact_service.documents import digest, parse
 from vibroimpact_service.jobs.tables import JobRow
@@ -29,14 +30,7 @@ from vibroimpact_service.problems import ProblemError
 router = APIRouter(tags=["jobs"], responses=FAILURES)
 
 _JOB = re.compile(r"job_[0-9a-f]{32}")
-JobId = Annotated[
-    str,
-    Path(
-        description="Id of a job.",
-        examples=["job_" + "0" * 32],
-        json_schema_extra={"pattern": f"^{_JOB.pattern}$"},
-    ),
-]
+JobId = Annotated[str, path_id("Id of a job.", "job_" + "0" * 32, _JOB)]
 
 
 async def visible_job(request: Request, name: str) -> JobRow:
@@ -96,7 +90,6 @@ async def result_is_visible(request: Request, name: str) -> bool:
     "/v1/jobs/{job}/share",
     operation_id="get_share",
     summary="Readers of a job",
-    description="Those with whom its owner shares the job. Only the owner may ask.",
     dependencies=[READ],
     responses={
         200: answer("Its readers.", Share),
@@ -104,7 +97,7 @@ async def result_is_visible(request: Request, name: str) -> bool:
     },
 )
 async def get_share(request: Request, job: JobId) -> Response:
-    """Return the readers of a job."""
+    """Those with whom its owner shares the job. Only the owner may ask."""
     return await _document(request, await own_job(request, job))
 
 
@@ -137,7 +130,6 @@ async def share_job(request: Request, job: JobId) -> Response:
     "/v1/jobs/{job}/share",
     operation_id="unshare_job",
     summary="Stop sharing a job",
-    description="From now on only its owner may see it.",
     dependencies=[SUBMIT],
     responses={
         200: answer("Its readers: none.", Share),
@@ -145,7 +137,7 @@ async def share_job(request: Request, job: JobId) -> Response:
     },
 )
 async def unshare_job(request: Request, job: JobId) -> Response:
-    """Stop sharing a job."""
+    """From now on only its owner may see it."""
     return await _set(request, job, [])
 
 

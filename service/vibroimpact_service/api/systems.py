@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import Annotated, Final
 
-from fastapi import APIRouter, Path
+from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
@@ -25,6 +25,7 @@ from vibroimpact_service.api.openapi import (
     header,
     json_body,
     not_modified,
+    path_id,
 )
 from vibroimpact_service.documents import digest, stored_systems
 from vibroimpact_service.problems import ProblemError
@@ -33,14 +34,7 @@ from vibroimpact_service.results import representations
 router = APIRouter(tags=["systems"], responses=FAILURES)
 
 _SYSTEM = re.compile(r"sys_[0-9a-f]{64}")
-SystemId = Annotated[
-    str,
-    Path(
-        description="Id of a system.",
-        examples=["sys_" + "0" * 64],
-        json_schema_extra={"pattern": f"^{_SYSTEM.pattern}$"},
-    ),
-]
+SystemId = Annotated[str, path_id("Id of a system.", "sys_" + "0" * 64, _SYSTEM)]
 
 _CHAIN: Final = {"preset": "chain", "n": 13, "constraints": [{"dof": 5, "gap": 0.2}]}
 _MATRIX_MARKET: Final = (
@@ -73,7 +67,6 @@ def _stored(description: str) -> Declaration:
     "/v1/systems",
     operation_id="store_system",
     summary="Store a system",
-    description="The id, a hash of the content, can then be used in place of the system.",
     dependencies=[SUBMIT],
     responses={
         200: _stored("The system was stored already."),
@@ -87,7 +80,7 @@ def _stored(description: str) -> Declaration:
     },
 )
 async def store_system(request: Request) -> Response:
-    """Store a system."""
+    """Store a system: its id, a hash of the content, can then be used in its place."""
     media_type, body = await bodies.read_body(request, stored_systems.MEDIA_TYPES)
     evaluation, settings = services(request).evaluation, services(request).settings
     stored, new = await evaluation.threads.parse(
@@ -102,7 +95,6 @@ async def store_system(request: Request) -> Response:
     "/v1/systems/{system}",
     operation_id="get_system",
     summary="Stored system",
-    description="In its canonical form.",
     dependencies=[READ],
     responses={
         200: answer(
@@ -115,7 +107,7 @@ async def store_system(request: Request) -> Response:
     openapi_extra={"parameters": [IF_NONE_MATCH]},
 )
 async def get_system(request: Request, system: SystemId) -> Response:
-    """Return a stored system."""
+    """In its canonical form."""
     data = None
     if _SYSTEM.fullmatch(system) and digest.owned(owner(request), system):
         evaluation = services(request).evaluation

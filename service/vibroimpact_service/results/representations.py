@@ -74,7 +74,7 @@ class Representation:
 def load(store: Store, name: str, media_type: str) -> Representation | None:
     """Return a stored result in a media type, encoding it the first time; None if unknown."""
     part = f"{name}.{SUFFIXES[media_type]}"
-    if store.results.local and _large(store, name):
+    if store.results.local and (store.results.size(name) or 0) > LARGE:
         return _load_file(store, name, part, media_type)
     data = store.results.get(part)
     if data is not None:
@@ -103,10 +103,6 @@ def of_content(content: Content, media_type: str) -> Representation:
 
         data = hdf5.to_hdf5(content)
     return Representation(media_type, data, digest.content(data))
-
-
-def _large(store: Store, name: str) -> bool:
-    return (store.results.size(name) or 0) > LARGE
 
 
 def _load_file(store: Store, name: str, part: str, media_type: str) -> Representation | None:

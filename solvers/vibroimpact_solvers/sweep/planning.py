@@ -114,7 +114,7 @@ def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Problem]:
         cuts[place] = _cuts(axis, problem.spans[place], places)
         if price > seconds_each:
             break
-    return [problem.piece(spans) for spans in _ordered(problem, cuts)]
+    return [problem.piece(spans) for spans in problem.combinations(cuts)]
 
 
 def content(piece: Problem) -> bytes:
@@ -138,13 +138,6 @@ def spans(problem: Problem, shapes: list[Index]) -> list[tuple[Span, ...]]:
                 break
             at[place] = problem.spans[place][0]
     return pieces
-
-
-def _ordered(problem: Problem, cuts: list[list[Span]]) -> Iterator[tuple[Span, ...]]:
-    """Yield all combinations, the slowest axis slowest."""
-    back = [problem.order.index(place) for place in range(len(cuts))]
-    for combination in itertools.product(*(cuts[place] for place in problem.order)):
-        yield tuple(combination[place] for place in back)
 
 
 def _cuts(axis: Axis, span: Span, places: int) -> list[Span]:

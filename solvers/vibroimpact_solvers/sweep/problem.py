@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ModelError
@@ -15,6 +15,8 @@ from vibroimpact_solvers.sweep.kinds import KINDS, SweptKind
 
 KIND: Final = "sweep"
 _STAGES: Final = {stage: rank for rank, stage in enumerate(Stage)}
+
+_T = TypeVar("_T")
 
 Index = tuple[int, ...]
 Span = tuple[int, int]
@@ -132,11 +134,14 @@ class Problem:
 
         They stay at 0 on axes that invalidate nothing.
         """
-        idle = [axis.stage is None for axis in self.axes]
-        ranges = [range(1 if idle[place] else self.shape[place]) for place in self.order]
+        sizes = zip(self.axes, self.shape, strict=True)
+        return self.combinations([range(size if axis.stage else 1) for axis, size in sizes])
+
+    def combinations(self, choices: Sequence[Iterable[_T]]) -> Iterator[tuple[_T, ...]]:
+        """Yield all combinations of the choices for each axis, the slowest axis slowest."""
         back = [self.order.index(place) for place in range(len(self.axes))]
-        for positions in itertools.product(*ranges):
-            yield tuple(positions[place] for place in back)
+        for combination in itertools.product(*(choices[place] for place in self.order)):
+            yield tuple(combination[place] for place in back)
 
     def problem(self, index: Index) -> Any:
         """Return the problem of one point of this piece."""
