@@ -170,7 +170,7 @@ def _join_in_files(store: Store, job: Pieces, result: str, chunks: Sequence[Chun
 
 
 def _put(store: Store, name: str, part: Any) -> None:
-    store.chunks.put(name, encode.pack(encode.describe(part, {})))
+    store.chunks.put(name, encode.pack(encode.describe(part, {})), durable=False)
 
 
 def _get(store: Store, name: str, part: type[Any]) -> Any:

@@ -63,7 +63,8 @@ def show(data: Data = None) -> None:
     for row in _change(data, records.listed):
         state = "valid" if row.valid else "revoked" if row.revoked is not None else "expired"
         scopes = row.scopes.replace(" ", ",")
-        typer.echo(f"{row.id}  {state:8}  {row.owner}  {scopes}  {_day(row.created)}  {row.label}")
+        created = datetime.fromtimestamp(row.created, UTC).date()
+        typer.echo(f"{row.id}  {state:8}  {row.owner}  {scopes}  {created}  {row.label}")
 
 
 @app.command()
@@ -103,10 +104,6 @@ def _change(data: Path | None, operation: Callable[[Connection], Value]) -> Valu
 
 def _actor() -> str:
     return f"command line of {getpass.getuser()}"[:80]
-
-
-def _day(seconds: float) -> str:
-    return datetime.fromtimestamp(seconds, UTC).date().isoformat()
 
 
 if __name__ == "__main__":

@@ -17,8 +17,6 @@ from vibroimpact_service.store import StoreFullError
 
 _MIGRATIONS = Path(__file__).with_name("migrations")
 
-_READING = {"reading": True}
-
 
 class RecordsUnavailableError(ConnectionError):
     """The database cannot be reached at the moment."""
@@ -88,7 +86,7 @@ def _open_server(address: URL) -> Engine:
 
 def reader(engine: Engine) -> Engine:
     """Return the same database for transactions that only read."""
-    return engine.execution_options(**_READING)
+    return engine.execution_options(reading=True)
 
 
 def _migrate(engine: Engine, versions: Path, table: str) -> None:

@@ -40,7 +40,9 @@ CONFIG: Final[dict[str, Any]] = {
     # A local cluster gives up for good a worker that is being restarted when an earlier death of
     # it is this long ago: with the default of 15 s, two deaths can cost the worker.
     "distributed.deploy.lost-worker-timeout": "3650 days",
-    **forkserver.CONFIG,
+    # The default of `multiprocessing`, which `forkserver` sets. Named here, Dask would first import
+    # many packages into that process that no worker uses, pandas among them.
+    "distributed.worker.multiprocessing-method": None,
     # Measurements that Dask makes of itself all the time, in every process.
     "distributed.worker.profile.enabled": False,
     "distributed.admin.tick.interval": "1s",

@@ -11,14 +11,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from multiprocessing import forkserver
-from typing import Any, Final
-
-CONFIG: Final[Mapping[str, Any]] = {
-    # The default of `multiprocessing`, which `start` sets. Named here, Dask would first import
-    # many packages into this process that no worker uses, pandas among them.
-    "distributed.worker.multiprocessing-method": None,
-}
-"""Settings of Dask with which its workers are forked from this process."""
+from typing import Final
 
 _PRELOADED: Final = ("distributed", "distributed.nanny")
 """Modules that every worker needs, whatever it computes."""

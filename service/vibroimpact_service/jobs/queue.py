@@ -100,7 +100,6 @@ class JobQueue:
 
     async def close(self) -> None:
         """Put unfinished jobs back into the queue, stop the workers, close the records."""
-        self._runner.stop_claiming()
         tasks = [*self._tasks, self._preparing]
         for task in tasks:
             task.cancel()

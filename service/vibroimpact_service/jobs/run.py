@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import queue
-import threading
 import time
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
@@ -77,8 +76,7 @@ class Run:
         self.jobs = {job.id: job for job in claimed}
         self.context = context
         self._held = set(self.jobs)
-        self._claims_lost = threading.Event()
-        self._closing = threading.Event()
+        self._reason: ClaimLostError | ClosingError | None = None
         self._ended: queue.SimpleQueue[Call | None] = queue.SimpleQueue()
         self._calls = 0
 
@@ -86,12 +84,12 @@ class Run:
         """Take note that the claim of a job is lost; the run stops once all are."""
         self._held.discard(job)
         if not self._held:
-            self._claims_lost.set()
+            self._reason = ClaimLostError()
             self.wake()
 
     def close(self) -> None:
         """Stop the run, because the process stops."""
-        self._closing.set()
+        self._reason = self._reason or ClosingError()
         self.wake()
 
     def wake(self) -> None:
@@ -126,10 +124,8 @@ class Run:
 
     def check(self) -> None:
         """Raise where the run must stop."""
-        if self._claims_lost.is_set():
-            raise ClaimLostError
-        if self._closing.is_set():
-            raise ClosingError
+        if self._reason is not None:
+            raise self._reason
 
     def arguments(self, job: JobRow) -> worker_calls.JobArguments:
         """Return the arguments of a job for the functions of `Work`."""

@@ -46,7 +46,6 @@ class Runner:
         self._threads = ThreadPoolExecutor(max_jobs + _MAX_QUICK_RUNS, "run")
         self._runs: set[Run] = set()
         self._woken = asyncio.Event()
-        self._closing = False
 
     def wake(self) -> None:
         """Look for jobs now: some were submitted, or a run ended."""
@@ -63,11 +62,6 @@ class Runner:
                 if job in run.jobs:
                     run.claim_lost(job)
 
-    def stop_claiming(self) -> None:
-        """Claim no more jobs."""
-        self._closing = True
-        self._woken.set()
-
     async def close(self) -> None:
         """Stop all runs, which put their jobs back into the queue."""
         for run in tuple(self._runs):
@@ -75,17 +69,16 @@ class Runner:
         await asyncio.to_thread(self._threads.shutdown)
 
     async def claim_loop(self) -> None:
-        """Claim and run jobs until closed."""
-        # Before Python 3.12 wait_for can swallow a cancellation, hence the flag beside it.
+        """Claim and run jobs until cancelled."""
         woken = False
-        while not self._closing:
+        while True:
             self._woken.clear()
             if self._engine.ready and (woken or await self._claimable()):
                 await asyncio.gather(self._claim_bulk(), self._claim_quick())
+            pause = _POLL_SECONDS if self._engine.ready else _STARTING_SECONDS
             try:
-                pause = _POLL_SECONDS if self._engine.ready else _STARTING_SECONDS
-                await asyncio.wait_for(self._woken.wait(), pause)
-                woken = True
+                async with asyncio.timeout(pause):
+                    woken = await self._woken.wait()
             except TimeoutError:
                 woken = False
 
@@ -135,8 +128,8 @@ class Runner:
             log.error("a run broke off; its claims will expire", exc_info=error)
 
     async def renew_loop(self) -> None:
-        """Renew the claims of running jobs, and fail jobs after their deadline, until closed."""
-        while not self._closing:
+        """Renew the claims of running jobs, and fail jobs after their deadline, until cancelled."""
+        while True:
             await asyncio.sleep(_RENEW_SECONDS)
             try:
                 await self._fail_overdue()

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple
 
 _CANCELLED_SECONDS: Final = 0.05
 
@@ -32,11 +32,8 @@ class Chunk(NamedTuple):
     chained: bool = False
 
 
-class Tick(Protocol):
-    """Called by a computation with its progress; raises an exception to stop it."""
-
-    def __call__(self, done: int, total: int, /) -> None:
-        """Take note; raise `StoppedError` where the computation is to stop."""
+Tick = Callable[[int, int], None]
+"""Called by a computation with its progress, done and total; raises `StoppedError` to stop it."""
 
 
 class StoppedError(Exception):
@@ -67,7 +64,7 @@ class StopSignal:
         """Stop the computation at its next progress."""
         self.stopped = True
 
-    def __call__(self, _done: int, _total: int, /) -> None:
+    def __call__(self, _done: int, _total: int) -> None:
         """Raise `StoppedError` where the computation is to stop."""
         now = time.monotonic()
         if self._end is None:

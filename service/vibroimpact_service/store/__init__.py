@@ -26,5 +26,5 @@ class Store:
         self.url = url
         self.requests = ContentStore(url, "requests")
         self.systems = ContentStore(url, "systems")
-        self.chunks = ContentStore(url, "chunks", durable=False)
+        self.chunks = ContentStore(url, "chunks")
         self.results = ContentStore(url, "results")

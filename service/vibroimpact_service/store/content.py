@@ -57,20 +57,17 @@ class ContentStore:
         Folder, or URL of a bucket.
     area : str
         Subfolder of it that this store uses.
-    durable : bool
-        Whether a block must survive a power failure once `put` returned.
     """
 
-    def __init__(self, url: str, area: str, *, durable: bool = True) -> None:
+    def __init__(self, url: str, area: str) -> None:
         # Other processes write too, so listings must not be cached.
         options: dict[str, Any] = {"use_listings_cache": False} if "://" in url else {}
         self._fs, root = fsspec.core.url_to_fs(url, **options)
         self._local = isinstance(self._fs, LocalFileSystem)
         self._root = f"{root.rstrip('/')}/{area}"
-        self._durable = durable
         self._checked: dict[str, tuple[int, int, int]] = {}
 
-    def put(self, name: str, data: bytes, *, durable: bool | None = None) -> None:
+    def put(self, name: str, data: bytes, *, durable: bool = True) -> None:
         """Store a block; readers see all of it or nothing.
 
         With `durable` false, a power failure soon after may take it away again.
@@ -85,7 +82,6 @@ class ContentStore:
         path = self._path(name)
         digest = hashlib.sha256(data).digest()
         if self._local:
-            durable = self._durable if durable is None else durable
             self._put_file(path, digest, [data], durable)
             return
         with _translated_errors():
@@ -174,7 +170,7 @@ class ContentStore:
             file.seek(0)
             pieces = iter(lambda: file.read(_READ_BYTES), b"")
             if self._local:
-                self._put_file(path, digest, pieces, self._durable)
+                self._put_file(path, digest, pieces, durable=True)
                 return
             with _translated_errors(), self._fs.open(path, "wb") as target:
                 target.write(digest)
