@@ -31,6 +31,10 @@ _CONTRACT = Path(__file__).resolve().parents[2] / "openapi" / "openapi.json"
 _STOPPING_SECONDS = 2.0
 """Time that computations have to notice that the service stops."""
 
+Tls = Annotated[
+    Path | None, typer.Option(help="Folder of `vibroimpact certificates` (VIBROIMPACT_TLS_…).")
+]
+
 # Pretty tracebacks show local variables, and with them passwords, in the logs.
 app = typer.Typer(
     help=__doc__, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
@@ -85,9 +89,7 @@ def serve(
 def scheduler(
     host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Port; 0 takes a free one.")] = 8786,
-    tls: Annotated[
-        Path | None, typer.Option(help="Folder of `vibroimpact certificates` (VIBROIMPACT_TLS_…).")
-    ] = None,
+    tls: Tls = None,
 ) -> None:
     """Run a scheduler for workers on several machines, until SIGTERM or Ctrl-C."""
     from vibroimpact_service.jobs import cluster
@@ -102,9 +104,7 @@ def worker(
         str | None, typer.Argument(help="tls://… of the scheduler (VIBROIMPACT_SCHEDULER).")
     ] = None,
     workers: Annotated[int | None, typer.Option(help="Processes (one per core).")] = None,
-    tls: Annotated[
-        Path | None, typer.Option(help="Folder of `vibroimpact certificates` (VIBROIMPACT_TLS_…).")
-    ] = None,
+    tls: Tls = None,
 ) -> None:
     """Run workers for a scheduler elsewhere, until SIGTERM or Ctrl-C.
 

@@ -16,11 +16,12 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+import sqlalchemy as sa
 from starlette.testclient import TestClient
 
 from vibroimpact_service.app import create_app
-from vibroimpact_service.jobs import records
 from vibroimpact_service.jobs.database import open_database
+from vibroimpact_service.jobs.tables import pins
 from vibroimpact_service.settings import Settings
 
 ARCHIVE = Path(__file__).parents[1] / "reference" / "data-0.1.0.tar.xz"
@@ -72,7 +73,8 @@ def test_jobs_are_listed_as_they_ended(settings: Settings, answers: dict[str, An
 def test_pinned_results_are_pinned(settings: Settings, answers: dict[str, Any]) -> None:
     engine = open_database(settings.database_url)
     with engine.connect() as connection:
-        assert records.pinned(connection, "ann") == answers["pinned"]
+        pinned = connection.execute(sa.select(pins.c.owner, pins.c.result)).all()
+        assert pinned == [("ann", result) for result in answers["pinned"]]
     engine.dispose()
 
 

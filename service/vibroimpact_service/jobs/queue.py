@@ -1,4 +1,4 @@
-"""The job queue: submit, find, list, wait for, cancel jobs, and pin results."""
+"""The job queue: submit, find, list, wait for and cancel jobs."""
 
 from __future__ import annotations
 
@@ -85,7 +85,6 @@ class JobQueue:
             store=self._store,
             work=self._work,
             notify=self._watch.notify,
-            ensure_request=self._ensure_request,
         )
         self._runner = Runner(context, self._settings.running_jobs)
         loops = (
@@ -192,18 +191,6 @@ class JobQueue:
             self._watch.notify([job])
         return row
 
-    async def pin(self, owner: str, result: str) -> None:
-        """Keep a result, whatever its age and the size of the store."""
-        await self._records.write(records.pin, owner, result)
-
-    async def unpin(self, owner: str, result: str) -> bool:
-        """Let retention remove a result again; whether it was pinned."""
-        return await self._records.write(records.unpin, owner, result)
-
-    async def pinned(self, owner: str) -> Sequence[str]:
-        """Return the results that an owner pinned."""
-        return await self._records.read(records.pinned, owner)
-
     async def wait(
         self, owner: str, job: str, seconds: float, since: int | None = None
     ) -> JobRow | None:
@@ -240,15 +227,6 @@ class JobQueue:
         if block is None:
             block = await self._records.read(records.request, name)
         return block
-
-    def _ensure_request(self, name: str) -> None:
-        """Store a request for the workers, where it is only in the records; blocks the thread."""
-        if self._store.requests.readable(name):
-            return
-        block = self._records.read_now(records.request, name)
-        if block is not None:
-            # It is in the records too, and can be stored here again.
-            self._store.requests.put(name, block, durable=False)
 
 
 def _lock(data: Path) -> IO[str]:

@@ -1,4 +1,4 @@
-"""Operations of users on job records: submit, find, list, pin."""
+"""Operations of users on job records: submit, find, list."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine import Connection
 
 from vibroimpact_service.jobs.database import now
-from vibroimpact_service.jobs.tables import JobRow, idempotency, jobs, pins, requests, row, webhooks
+from vibroimpact_service.jobs.tables import JobRow, idempotency, jobs, requests, row, webhooks
 
 QUICK_SECONDS: Final = 0.1
 """Planned work up to which a job is sent to a worker together with others."""
@@ -217,22 +217,3 @@ def versions(connection: Connection, asked: Sequence[str]) -> dict[str, int]:
     """Return the version of each of some jobs."""
     query = sa.select(jobs.c.id, jobs.c.version).where(jobs.c.id.in_(asked))
     return {each.id: each.version for each in connection.execute(query)}
-
-
-def pin(connection: Connection, owner: str, result: str) -> None:
-    """Pin a result: retention keeps it."""
-    insertion = _insertion(connection, pins)
-    values = insertion.values(owner=owner, result=result, created=now(connection))
-    connection.execute(values.on_conflict_do_nothing())
-
-
-def unpin(connection: Connection, owner: str, result: str) -> bool:
-    """Remove a pin; whether there was one."""
-    where = (pins.c.owner == owner) & (pins.c.result == result)
-    return bool(connection.execute(pins.delete().where(where)).rowcount)
-
-
-def pinned(connection: Connection, owner: str) -> list[str]:
-    """Return the results that an owner pinned, oldest pin first."""
-    query = sa.select(pins.c.result).where(pins.c.owner == owner).order_by(pins.c.created)
-    return list(connection.execute(query).scalars())

@@ -10,7 +10,7 @@ from typing import Any, Final, TypeVar
 
 import structlog
 
-from vibroimpact_service.jobs import claims, worker_calls
+from vibroimpact_service.jobs import claims, records, worker_calls
 from vibroimpact_service.jobs.database import RecordsUnavailableError
 from vibroimpact_service.jobs.engine import BULK, Call, Engine, EngineUnavailableError
 from vibroimpact_service.jobs.fair_share import FairShare
@@ -52,8 +52,6 @@ class RunContext:
     work : Work
     notify : callable
         ``(jobs) -> None``: announces that these jobs changed.
-    ensure_request : callable
-        ``(request) -> None``: stores a request, for the workers, where it is only in the records.
     """
 
     claim_owner: str
@@ -63,7 +61,6 @@ class RunContext:
     store: Store
     work: Work
     notify: Callable[[Collection[str]], None]
-    ensure_request: Callable[[str], None]
 
 
 class Run:
@@ -201,8 +198,18 @@ class Run:
         return changed
 
     def ensure_request(self, job: JobRow) -> None:
-        """Store the request of a job for the workers, however long the records are unavailable."""
-        self._until_available(lambda: self.context.ensure_request(job.request))
+        """Store the request of a job for the workers, where it is only in the records."""
+
+        def ensure() -> None:
+            requests, name = self.context.store.requests, job.request
+            if requests.readable(name):
+                return
+            block = self.context.records.read_now(records.request, name)
+            if block is not None:
+                # It is in the records too, and can be stored here again.
+                requests.put(name, block, durable=False)
+
+        self._until_available(ensure)
 
     def _until_available(self, action: Callable[[], Value]) -> Value:
         while True:

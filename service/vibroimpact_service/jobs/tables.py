@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final
 
 import sqlalchemy as sa
@@ -52,6 +51,7 @@ idempotency = sa.Table(
     sa.Column("created", sa.Float),
 )
 
+# Results that retention leaves alone; rows that earlier versions wrote.
 pins = sa.Table(
     "pins",
     metadata,
@@ -142,5 +142,4 @@ class JobRow:
 
 def row(selected: sa.Row[Any]) -> JobRow:
     """Return a selected row as a value; it begins with all columns of `jobs`, in their order."""
-    job = JobRow(*selected[: len(jobs.c)])
-    return replace(job, error=json.loads(job.error)) if isinstance(job.error, str) else job
+    return JobRow(*selected[: len(jobs.c)])

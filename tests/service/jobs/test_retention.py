@@ -18,7 +18,7 @@ from vibroimpact_service.jobs.database import open_database
 from vibroimpact_service.jobs.record_access import RecordAccess
 from vibroimpact_service.jobs.records import NewJob
 from vibroimpact_service.jobs.retention import Retention
-from vibroimpact_service.jobs.tables import jobs, requests
+from vibroimpact_service.jobs.tables import jobs, pins, requests
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import ContentStore, Store
 
@@ -93,7 +93,8 @@ def test_results_go_by_age_and_size_but_pinned_and_wanted_ones_stay(place: Place
         for name, days in (("aa", 500), ("bb", 500), ("cc", 20), ("dd", 30), ("ee", 1))
     )
     put(store, "ff" * 32, 400)
-    place.access.write_now(records.pin, "ann", pinned)
+    with place.access.database.begin() as connection:
+        connection.execute(pins.insert().values(owner="ann", result=pinned, created=1e9))
     place.job(wanted, done=False)
     place.clean()
     assert names(store) == {pinned, wanted, old, older, new}
@@ -101,7 +102,8 @@ def test_results_go_by_age_and_size_but_pinned_and_wanted_ones_stay(place: Place
     assert names(store) == {pinned, wanted, old, new}
     place.clean(max_store_bytes=0)
     assert names(store) == {pinned, wanted}
-    assert place.access.write_now(records.unpin, "ann", pinned)
+    with place.access.database.begin() as connection:
+        connection.execute(pins.delete())
     place.clean(max_store_bytes=0)
     assert names(store) == {wanted}
 
