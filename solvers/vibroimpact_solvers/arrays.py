@@ -10,10 +10,10 @@ Documents, files, ensembles, sweeps and the tables of the documentation follow f
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Container, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from types import MappingProxyType, NoneType, UnionType
-from typing import Annotated, Any, Final, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, Final, get_args, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +24,6 @@ Integers = NDArray[np.int64]
 
 EPS: Final = float(np.finfo(np.float64).eps)
 """Distance from 1 to the next number."""
-
-_Class = TypeVar("_Class", bound=type)
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,58 +108,21 @@ class Described:
     plain: Mapping[str, Any]  # what is not an array, by its path, such as ``"error/statement"``
 
 
-def stacked(one: type[Any], dim: str, missing: str) -> Callable[[_Class], _Class]:
-    """Declare a class whose fields collect those of many results of the class `one`.
-
-    A field without a declaration of its own has that of the same name in `one`, with the axis
-    `dim` in front. Coordinates are shared by all results and keep their axes, and so do the
-    rows of tables, which follow one another.
-
-    Parameters
-    ----------
-    one : type
-    dim : str
-    missing : str
-        When a result has no numbers.
-    """
-
-    def declare(many: _Class) -> _Class:
-        _stacked[many] = one, dim, missing
-        return many
-
-    return declare
-
-
-_stacked: Final[dict[type[Any], tuple[type[Any], str, str]]] = {}
 _SCALARS: Final[Mapping[Any, type]] = {Floats: float, Integers: int, Booleans: bool}
 
 
 def declared(result: type[Any]) -> Mapping[str, Field]:
     """Return the declared fields of a result class by name."""
     if result not in _declared:
-        _declared[result] = MappingProxyType(_evaluated(result))
+        hints = get_type_hints(result, include_extras=True)
+        names = [field.name for field in dataclasses.fields(result)]
+        fields = {name: _field(name, *get_args(hints[name])) for name in names}
+        _declared[result] = MappingProxyType(fields)
     return _declared[result]
 
 
 _declared: Final[dict[type[Any], Mapping[str, Field]]] = {}
 """Cache: evaluating annotations takes longer than many a computation."""
-
-
-def _evaluated(result: type[Any]) -> dict[str, Field]:
-    hints = get_type_hints(result, include_extras=True)
-    names = [field.name for field in dataclasses.fields(result)]
-    fields: dict[str, Field] = {}
-    for name in names:
-        if get_origin(hints[name]) is Annotated:
-            fields[name] = _field(name, *get_args(hints[name]))
-    if result in _stacked:
-        one, dim, missing = _stacked[result]
-        tables = {field.quantity.rows_of for field in fields.values()}
-        for name, field in declared(one).items():
-            if name in hints and name not in fields:
-                many = _field(name, hints[name], field.quantity)
-                fields[name] = _in_front(many, dim, missing, tables)
-    return {name: fields[name] for name in names if name in fields}
 
 
 def nothing(result: type[Any]) -> dict[str, Any]:
@@ -180,12 +141,3 @@ def _field(name: str, hint: Any, quantity: Quantity) -> Field:
     if optional:
         (hint,) = (part for part in get_args(hint) if part is not NoneType)
     return Field(name, _SCALARS.get(hint, hint), hint in _SCALARS, optional, quantity)
-
-
-def _in_front(field: Field, dim: str, missing: str, tables: Container[str]) -> Field:
-    quantity = field.quantity
-    if not field.array or quantity.coordinate or (quantity.dims and quantity.dims[0] in tables):
-        return field
-    if field.scalar is not float:
-        missing = ""
-    return replace(field, quantity=replace(quantity, dims=(dim, *quantity.dims), missing=missing))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import scipy.linalg
@@ -34,7 +34,9 @@ class DirectFrequencyResponse:
 
     def __init__(self, system: System, directions: Floats, bound: float) -> None:
         self.system, self.directions, self.bound = system, directions, bound
-        self._kept: OrderedDict[float, Floats] = OrderedDict()
+        # Impulses, energy and limits of one solution need the same responses.
+        kept = max(1, _KEPT // directions.size)
+        self._response = lru_cache(kept)(self._factorized)
 
     def displacements(self, frequency: float, at: Coordinates) -> Floats:
         """Return the response of some coordinates, shape (coordinate, constraint)."""
@@ -46,14 +48,6 @@ class DirectFrequencyResponse:
         slope = response.T @ (self.system.M @ response)
         error = 2.0 * EPS * self.bound**2 * np.abs(slope)
         return ConstraintReceptance(self.directions.T @ response, slope, error)
-
-    def _response(self, frequency: float) -> Floats:
-        if frequency not in self._kept:
-            # Impulses, energy and limits of one solution need the same responses.
-            if len(self._kept) * self.directions.size > _KEPT:
-                self._kept.popitem(last=False)
-            self._kept[frequency] = self._factorized(frequency)
-        return self._kept[frequency]
 
     def _factorized(self, frequency: float) -> Floats:
         K, M = self.system.K, self.system.M

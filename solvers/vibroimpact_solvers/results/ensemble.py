@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Final
 
-from vibroimpact_solvers.arrays import Floats, Group, Integers, Quantity, stacked
+from vibroimpact_solvers.arrays import Floats, Group, Integers, Quantity, declared
 from vibroimpact_solvers.errors import STATUSES
 from vibroimpact_solvers.results import time_history
 
 _MEMBER: Final = ("member",)
+_MOTION: Final = {field.name: field.quantity for field in declared(time_history.Result).values()}
+"""Declarations of the results of one motion; axes and tables have them in ensembles as well."""
 
 
-@stacked(time_history.Result, "member", "the member has no motion")
+def _each(name: str, missing: str = "the member has no motion") -> Quantity:
+    """Return the declaration of a field with a value or an array for each member."""
+    return replace(_MOTION[name], dims=_MEMBER + _MOTION[name].dims, missing=missing)
+
+
 @dataclass(frozen=True, eq=False)
 class Result:
     """The motions from many initial states; outputs that were not requested are absent.
@@ -34,23 +40,23 @@ class Result:
         Integers,
         Quantity(_MEMBER, "1", "whether there is a motion, and if not why", flags=STATUSES),
     ]
-    t: Floats | None
-    dof: Integers | None
-    x: Floats | None
-    v: Floats | None
-    energy: Floats | None
+    t: Annotated[Floats | None, _MOTION["t"]]
+    dof: Annotated[Integers | None, _MOTION["dof"]]
+    x: Annotated[Floats | None, _each("x")]
+    v: Annotated[Floats | None, _each("v")]
+    energy: Annotated[Floats | None, _each("energy")]
     impact_count: Annotated[
         Integers | None, Quantity(_MEMBER, "1", "rows of impacts of each member", rows_of="impact")
     ]
     impact_offset: Annotated[
         Integers | None, Quantity(_MEMBER, "1", "first row of impacts of each member")
     ]
-    impact_time: Floats | None
-    impact_constraint: Integers | None
-    impact_side: Integers | None
-    impact_velocity: Floats | None
-    impact_impulse: Floats | None
-    impact_condition: Floats | None
+    impact_time: Annotated[Floats | None, _MOTION["impact_time"]]
+    impact_constraint: Annotated[Integers | None, _MOTION["impact_constraint"]]
+    impact_side: Annotated[Integers | None, _MOTION["impact_side"]]
+    impact_velocity: Annotated[Floats | None, _MOTION["impact_velocity"]]
+    impact_impulse: Annotated[Floats | None, _MOTION["impact_impulse"]]
+    impact_condition: Annotated[Floats | None, _MOTION["impact_condition"]]
     contact_count: Annotated[
         Integers | None,
         Quantity(_MEMBER, "1", "rows of contacts of each member", rows_of="contact"),
@@ -58,22 +64,22 @@ class Result:
     contact_offset: Annotated[
         Integers | None, Quantity(_MEMBER, "1", "first row of contacts of each member")
     ]
-    contact_start: Floats | None
-    contact_rest: Floats | None
-    contact_stop: Floats | None
-    contact_constraint: Integers | None
-    contact_side: Integers | None
-    contact_impulse: Floats | None
-    count_impacts: Integers
-    count_grazings: Integers
-    count_expansions: Integers
-    error_condition: Floats
-    error_penetration: Floats
-    error_predictable_until: Floats
-    error_energy_drift: Floats | None
-    error_difference: Floats | None
-    error_tolerance: float
-    error_statement: str
+    contact_start: Annotated[Floats | None, _MOTION["contact_start"]]
+    contact_rest: Annotated[Floats | None, _MOTION["contact_rest"]]
+    contact_stop: Annotated[Floats | None, _MOTION["contact_stop"]]
+    contact_constraint: Annotated[Integers | None, _MOTION["contact_constraint"]]
+    contact_side: Annotated[Integers | None, _MOTION["contact_side"]]
+    contact_impulse: Annotated[Floats | None, _MOTION["contact_impulse"]]
+    count_impacts: Annotated[Integers, _each("count_impacts", missing="")]
+    count_grazings: Annotated[Integers, _each("count_grazings", missing="")]
+    count_expansions: Annotated[Integers, _each("count_expansions", missing="")]
+    error_condition: Annotated[Floats, _each("error_condition")]
+    error_penetration: Annotated[Floats, _each("error_penetration")]
+    error_predictable_until: Annotated[Floats, _each("error_predictable_until")]
+    error_energy_drift: Annotated[Floats | None, _each("error_energy_drift")]
+    error_difference: Annotated[Floats | None, _each("error_difference")]
+    error_tolerance: Annotated[float, _MOTION["error_tolerance"]]
+    error_statement: Annotated[str, _MOTION["error_statement"]]
     error_failures: Annotated[
         list[str],
         Quantity((), "1", "why members have no motion, the first of them", path="error/failures"),

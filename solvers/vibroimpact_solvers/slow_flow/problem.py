@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import cached_property
 from types import MappingProxyType
 from typing import Final
 
@@ -83,9 +84,7 @@ class Problem:
             message = f"variants of {self.model} are {', '.join(variants)}"
             raise ModelError(("variant",), message, code="unknown_variant")
         self._check_initial(MODELS[self.model])
-        until = float(self.t.max())
-        model = MODELS[self.model].of(self.system, self.initial, self.variant, until)
-        object.__setattr__(self, "_moving", model)
+        _ = self.moving  # refuses a system that does not fit the model
 
     def _check_initial(self, model: type[Model]) -> None:
         for field in fields(self.initial):
@@ -107,8 +106,8 @@ class Problem:
         """Whether the variant is compared with the exact motion."""
         return "error" in self.outputs or self.tolerance is not None
 
-    @property
+    @cached_property
     def moving(self) -> Model:
         """The model with its parameters."""
-        moving: Model = self.__dict__["_moving"]
-        return moving
+        until = float(self.t.max())
+        return MODELS[self.model].of(self.system, self.initial, self.variant, until)
