@@ -25,10 +25,10 @@ from vibroimpact.requests import (
     impact_modes_request,
     resonances_request,
     slow_flow_request,
+    sweep_request,
     time_history_request,
 )
 from vibroimpact.results import Result
-from vibroimpact.sweeps import sweep_request
 from vibroimpact.systems import (
     bouncing_ball,
     chain,

@@ -9,8 +9,7 @@ from typing import Any, Final, Generic, TypeVar
 
 import numpy as np
 
-from vibroimpact.sweeps import sweep_request
-from vibroimpact.systems import Document, frequencies, names, times
+from vibroimpact.systems import Document, axis, frequencies, names, times
 
 Answer = TypeVar("Answer")
 
@@ -294,7 +293,13 @@ class Computations(ABC, Generic[Answer]):
         progress : bool
             Show a progress bar while a job runs.
         """
-        request = sweep_request(kind, base, axes, outputs)
+        request: Document = {
+            "kind": kind,
+            "base": dict(base),
+            "axes": [axis(path, values) for path, values in axes.items()],
+        }
+        if outputs is not None:
+            request["outputs"] = names(outputs)
         return self.compute("sweep", request, progress=progress)
 
 

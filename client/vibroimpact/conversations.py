@@ -81,12 +81,8 @@ def request(
 ) -> Conversation[httpx2.Response]:
     """Send a request, repeat it after temporary failures, and return the successful response.
 
-    Raises
-    ------
-    ConnectionFailed
-        If the service does not respond.
-    ServerError
-        If it responds with a problem document.
+    Raise `ConnectionFailed` if the service does not respond, `ServerError` if it responds with a
+    problem document.
     """
     sent = dict(headers or {})
     if method == "POST":
@@ -256,10 +252,7 @@ def wait(
 ) -> Conversation[Document]:
     """Return a job once it has ended; call `note` with every change.
 
-    Raises
-    ------
-    JobTimeout
-        If it has not ended within `timeout` seconds; the job continues.
+    Raise `JobTimeout` if it has not ended within `timeout` seconds; the job continues.
     """
     deadline = None if timeout is None else time.monotonic() + timeout
     while not document["final"]:
@@ -277,10 +270,7 @@ def first_final(
 ) -> Conversation[tuple[list[int], list[Document]]]:
     """Wait until a job has ended; return the indices of those that have, and all jobs as read.
 
-    Raises
-    ------
-    JobTimeout
-        If none has ended within `timeout` seconds; the jobs continue.
+    Raise `JobTimeout` if none has ended within `timeout` seconds; the jobs continue.
     """
     deadline = None if timeout is None else time.monotonic() + timeout
     pause, current = 0.25, list(documents)

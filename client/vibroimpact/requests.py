@@ -1,7 +1,6 @@
-"""Functions that return request documents, of every kind of computation but sweeps.
+"""Functions that return request documents, of every kind of computation.
 
-Each takes what the method of the same name of `Client` takes, and returns what that method sends;
-`vibroimpact.sweeps` makes the requests of sweeps.
+Each takes what the method of the same name of `Client` takes, and returns what that method sends.
 """
 
 from vibroimpact.computations import REQUESTS
@@ -18,3 +17,5 @@ ensemble_request = REQUESTS.ensemble
 """Return the request document that `Client.ensemble` sends."""
 slow_flow_request = REQUESTS.slow_flow
 """Return the request document that `Client.slow_flow` sends."""
+sweep_request = REQUESTS.sweep
+"""Return the request document that `Client.sweep` sends."""

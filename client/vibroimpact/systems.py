@@ -131,6 +131,20 @@ def times(given: Any) -> Document:
     return {"values": np.atleast_1d(np.asarray(given, dtype=np.float64)).tolist()}
 
 
+def axis(path: str, values: Any) -> Document:
+    """Return the document of a sweep axis.
+
+    Parameters
+    ----------
+    path : str
+        Path of the number that varies, such as ``"system.constraints.0.gap"``.
+    values : array, (start, stop, num) or dict
+        Values of the number. Sweeps over ``start``, ``stop`` and ``step`` reuse the parts that
+        longer or shifted sweeps with the same step have computed; ``name`` names the dimension.
+    """
+    return {"path": path} | times(values)
+
+
 def _preset(name: str, constraints: Iterable[Document], **parameters: Any) -> Document:
     return {"preset": name, **parameters, "constraints": _several(constraints)}
 

@@ -28,50 +28,28 @@ EPS: Final = float(np.finfo(np.float64).eps)
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """Declaration of a field of a result: an array, a number or a text.
+    """Declaration of a field of a result: an array, a number or a text."""
 
-    Parameters
-    ----------
-    dims : tuple of str
-        Names of its axes, such as ``("frequency", "constraint")``.
-    unit : str
-        Product of powers of length, mass and time, such as ``"length mass time-2"``
-        (``"1"`` for a pure number); the writer of a file replaces them by real units.
-    long_name : str
-        Label of a plot's axis.
-    coordinate : bool
-        Whether the array labels one of the axes.
-    flags : tuple of str
-        Meanings of the codes 0, 1, …
-    path : str
-        Place in documents and files, such as ``"frequency/Omega"``; empty: the field's own name.
-    record : bool
-        Whether documents hold a list of objects at the first part of the path, of which this
-        is one field, such as ``"bands/start"``.
-    rows_of : str
-        The dimension whose rows it counts, where the rows of many points follow one another
-        in it (a contiguous ragged array of the CF conventions).
-    note : str
-        What the documentation adds.
-    missing : str
-        When there is no finite number, but null in documents, and nan or inf in files.
-    error : str
-        Path of its error.
-    integers : tuple of int, optional
-        The integers that occur, empty for any; None: those from 0.
-    """
-
-    dims: tuple[str, ...]
+    dims: tuple[str, ...]  # names of its axes, such as ``("frequency", "constraint")``
+    # Product of powers of length, mass and time, such as ``"length mass time-2"`` (``"1"`` for a
+    # pure number); the writer of a file replaces them by real units
     unit: str
-    long_name: str
-    coordinate: bool = False
-    flags: tuple[str, ...] = ()
+    long_name: str  # label of a plot's axis
+    coordinate: bool = False  # whether the array labels one of the axes
+    flags: tuple[str, ...] = ()  # meanings of the codes 0, 1, …
+    # Place in documents and files, such as ``"frequency/Omega"``; empty: the field's own name
     path: str = ""
+    # Whether documents hold a list of objects at the first part of the path, of which this is one
+    # field, such as ``"bands/start"``
     record: bool = False
+    # The dimension whose rows it counts, where the rows of many points follow one another in it
+    # (a contiguous ragged array of the CF conventions)
     rows_of: str = ""
-    note: str = ""
+    note: str = ""  # what the documentation adds
+    # When there is no finite number, but null in documents, and nan or inf in files
     missing: str = ""
-    error: str = ""
+    error: str = ""  # path of its error
+    # The integers that occur, empty for any; None: those from 0
     integers: tuple[int, ...] | None = None
 
 

@@ -33,7 +33,7 @@ class Assembly:
     result : type
         Class of the results of single points.
     shape : tuple of int
-        Number of positions on each axis of the grid.
+        Number of positions on each axis of the grid; also the shape of `status`.
     label : callable
         Returns the name of a point for messages, given its index.
     ragged : collection of str
@@ -41,15 +41,9 @@ class Assembly:
     absent : mapping
         Field -> the field that it equals where it is absent.
     changes : mapping
-        Coordinate of the results -> the axes along which it changes; the others are common to
-        all points.
+        Coordinate of the results -> the axes along which it changes; others are common to all.
     idle : collection of int
         Axes that change nothing: the result of a point holds for all positions on them.
-
-    Attributes
-    ----------
-    status : array of int, shape of the grid
-        Codes of `errors.Status`.
     """
 
     def __init__(
@@ -95,10 +89,7 @@ class Assembly:
     def put(self, index: Index, outcome: Any) -> None:
         """Add the result of a point, or the error that it has instead.
 
-        Raises
-        ------
-        ModelError
-            If the sizes of its arrays differ from those of the points before.
+        Raise `ModelError` if the sizes of its arrays differ from those of the points before.
         """
         place = tuple(slice(None) if k in self._idle else i for k, i in enumerate(index))
         if isinstance(outcome, SolverError):
@@ -145,10 +136,7 @@ class Assembly:
     ) -> None:
         """Add the result of a piece of the grid, as `arrays` of another assembly returned it.
 
-        Raises
-        ------
-        ModelError
-            If the sizes of its arrays differ from those of the pieces before.
+        Raise `ModelError` if the sizes of its arrays differ from those of the pieces before.
         """
         self.status[place] = arrays["status"]
         self._statements |= dict.fromkeys(part for part in statement.split(_AND) if part)

@@ -12,7 +12,7 @@ import xarray
 
 from vibroimpact import sweep_request
 from vibroimpact.sweep_plots import draw
-from vibroimpact.sweeps import axis
+from vibroimpact.systems import axis
 from vibroimpact_schema.sweeps import SweepRequest
 
 mpl.use("Agg")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -77,8 +76,9 @@ class CertifiedBands:
         left, right, error = self._intervals()
         for first, last in batches(left.size, _BATCH, tick):
             some = slice(first, last)
-            for segments, ends, relative in self._surveyed(left[some], right[some], error[some]):
-                self._record(ranges, segments, ends, relative)
+            surveyed = self._surveyed(left[some], right[some])
+            for (segments, ends), relative in zip(surveyed, error[some], strict=True):
+                self._record(ranges, segments, ends, float(relative))
         return ranges
 
     def _intervals(self) -> tuple[Floats, Floats, Floats]:
@@ -101,9 +101,9 @@ class CertifiedBands:
         return left[inside], right[inside], error[inside]
 
     def _surveyed(
-        self, left: Floats, right: Floats, error: Floats
-    ) -> Iterator[tuple[list[Segment], tuple[float, float], float]]:
-        """Yield the segments of sign bands, their ends (zero, pole), and relative errors."""
+        self, left: Floats, right: Floats
+    ) -> list[tuple[list[Segment], tuple[float, float]]]:
+        """Return the segments of sign bands and their ends (zero, pole)."""
         results: list[tuple[list[Segment], tuple[float, float]]] = [([], (0.0, 0.0))] * left.size
 
         def piece(start: int, stop: int) -> None:
@@ -111,8 +111,7 @@ class CertifiedBands:
                 results[i] = self._survey(float(left[i]), float(right[i]))
 
         over_ranges(piece, left.size, 2e5 * self.roots.size * left.size)
-        for (segments, ends), relative in zip(results, error, strict=True):
-            yield segments, ends, float(relative)
+        return results
 
     def _survey(self, left: float, right: float) -> tuple[list[Segment], tuple[float, float]]:
         zero = 0.0

@@ -53,10 +53,7 @@ class EigenvalueCounter:
     def count(self, value: float) -> EigenvalueCount:
         """Return how many eigenvalues are below a value.
 
-        Raises
-        ------
-        ConvergenceError
-            Where no factors without row exchanges exist at values close by.
+        Raise `ConvergenceError` where no factors without row exchanges exist at values close by.
         """
         for nudge in _NUDGES:
             at = value * (1.0 + nudge)

@@ -101,14 +101,7 @@ _KEYS: weakref.WeakKeyDictionary[System, dict[Method, bytes]] = weakref.WeakKeyD
 
 
 def spectrum(system: System, method: Method | None = None) -> Spectrum:
-    """Return all natural modes of a system, from the cache where they are there.
-
-    Parameters
-    ----------
-    system : System
-    method : Method, optional
-        How they are computed; absent: what `choose` returns.
-    """
+    """Return all natural modes of a system from the cache, or by a method, else the cheapest."""
     chosen = choose(system) if method is None else method
     return CACHE.get(_key(system, chosen), lambda: _compute(system, chosen))
 
