@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -166,15 +166,14 @@ class Result:
             return plots.mode_plot(output or ("shape" if single else "impulse"))(self, ax=ax)
         if output is not None:
             raise ValueError(f"{self.kind} has one plot only, so that output cannot be chosen")
-        if self.kind == "existence-bands":
-            return plots.bands(self, ax)
-        if self.kind == "resonances":
-            return plots.resonances(self, ax)
-        if self.kind == "time-history":
-            return plots.history(self, ax=ax)
-        if self.kind == "ensemble":
-            return plots.basins(self, ax=ax)
-        return plots.displacement(self, ax)
+        drawing: dict[str, Callable[..., Axes]] = {
+            "existence-bands": plots.bands,
+            "resonances": plots.resonances,
+            "time-history": plots.history,
+            "ensemble": plots.basins,
+            "slow-flow": plots.displacement,
+        }
+        return drawing[self.kind](self, ax=ax)
 
     def _output_tables(self) -> list[tuple[str, Table]]:
         return [

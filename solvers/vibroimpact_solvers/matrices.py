@@ -94,7 +94,7 @@ class SymmetricMatrix:
         width = int(np.abs(row - col).max(initial=0))
         if 2 * width < full.shape[0] or width == 0:
             return cls.bands({k: np.diagonal(full, k) for k in range(width + 1)})
-        return cls(_frozen(full), Form.DENSE)
+        return cls(frozen(full), Form.DENSE)
 
     @classmethod
     def diagonal(cls, entries: ArrayLike) -> SymmetricMatrix:
@@ -118,7 +118,7 @@ class SymmetricMatrix:
         for offset in range(width + 1):
             if offset in given:
                 data[offset, : n - offset] = given[offset]
-        return cls(_frozen(data), _banded_form(width))
+        return cls(frozen(data), _banded_form(width))
 
     @classmethod
     def sparse(
@@ -150,18 +150,18 @@ class SymmetricMatrix:
         width = int(offsets.max(initial=0))
         if width > 1 and (width + 1) * n > _FILL * lower.nnz:
             if 8 * matrix.nnz > n * n:
-                return cls(_frozen(matrix.toarray()), Form.DENSE)
+                return cls(frozen(matrix.toarray()), Form.DENSE)
             matrix.sort_indices()
             pattern = (
-                _frozen(matrix.indices.astype(np.int64)),
-                _frozen(matrix.indptr.astype(np.int64)),
+                frozen(matrix.indices.astype(np.int64)),
+                frozen(matrix.indptr.astype(np.int64)),
             )
-            return cls(_frozen(matrix.data), Form.SPARSE, pattern)
+            return cls(frozen(matrix.data), Form.SPARSE, pattern)
         if 2 * width >= n and width:
-            return cls(_frozen(matrix.toarray()), Form.DENSE)
+            return cls(frozen(matrix.toarray()), Form.DENSE)
         bands = np.zeros((width + 1, n))
         bands[offsets, lower.col] = lower.data
-        return cls(_frozen(bands), _banded_form(width))
+        return cls(frozen(bands), _banded_form(width))
 
     @property
     def n(self) -> int:
@@ -288,7 +288,8 @@ class SymmetricMatrix:
         return text.digest()
 
 
-def _frozen(array: Any) -> Any:
+def frozen(array: Any) -> Any:
+    """Return an array, from now on read-only."""
     array.setflags(write=False)
     return array
 

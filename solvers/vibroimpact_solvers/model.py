@@ -228,6 +228,11 @@ class System:
         """Number of degrees of freedom."""
         return self.M.n
 
+    @property
+    def loaded(self) -> bool:
+        """Whether a constant load acts."""
+        return self.force is not None and bool(self.force.any())
+
     def directions(self, active: Sequence[int]) -> Floats:
         """Return the rows w_a of some constraints, shape (constraint, dof)."""
         rows = np.zeros((len(active), self.n))

@@ -165,7 +165,7 @@ class PeriodMap:
     def multipliers(self) -> tuple[np.ndarray[tuple[int], np.dtype[np.complex128]], Floats]:
         """Return all multipliers but the two that are 1, and their errors."""
         orbits, f, scale = self.orbits, self.f, self.scale
-        within, turned = _without_trivial(self.X, orbits, f, scale, self._forces()[1])
+        within, turned = _without_trivial(self.X, orbits, f, scale, self._force_error(orbits.lower))
         error = self.error + (turned + 4.0 * EPS) * self.size
         error += 4.0 * EPS * float(np.linalg.norm(within))
         solution: Any = scipy.linalg.eig(within, left=True, right=True)
@@ -174,8 +174,8 @@ class PeriodMap:
         with np.errstate(divide="ignore"):
             return values.astype(np.complex128), np.asarray(error / cosines)
 
-    def _forces(self) -> tuple[Floats, Floats]:
-        """Return the errors of the modal forces at tau = 1 and tau = -1, each (mode,)."""
+    def _force_error(self, side: Side) -> Floats:
+        """Return the errors of the modal forces, (mode,)."""
         orbits, f = self.orbits, self.f
         turn, off = orbits.roots / orbits.omega[f], orbits.root_error / orbits.omega[f]
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -184,11 +184,7 @@ class PeriodMap:
             own = np.where(turn == 0.0, 0.0, 2.0 * off / np.abs(turn))
         relative = orbits.error[f] + orbits.row_error + 4.0 * EPS + steep + own
         squares = np.square(orbits.roots)
-        upper, lower = (
-            relative * (squares * np.abs(side.position[f]) + np.abs(orbits.load))
-            for side in (orbits.upper, orbits.lower)
-        )
-        return upper, lower
+        return np.asarray(relative * (squares * np.abs(side.position[f]) + np.abs(orbits.load)))
 
     def _free_motion(self) -> None:
         orbits, duration = self.orbits, 2.0 / float(self.orbits.omega[self.f])
@@ -208,7 +204,7 @@ class PeriodMap:
         acceleration = orbits.load - orbits.roots * np.abs(orbits.roots) * side.position[f]
         velocity = sign * side.velocity[f]
         none = np.zeros(orbits.roots.size)
-        force_error = self._forces()[0 if sign > 0.0 else 1]
+        force_error = self._force_error(side)
         for row in side.rows:
             approach = float(row @ velocity)
             curvature = float(row @ acceleration) / approach if approach else np.inf

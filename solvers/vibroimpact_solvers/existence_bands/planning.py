@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from enum import StrEnum
 
 import numpy as np
@@ -33,13 +33,6 @@ def plan(problem: Problem) -> Plan:
     return Plan(KIND, steps, tuple(_skips(problem, steps, grows=grows)))
 
 
-def mode_planner(plan: Plan) -> Callable[[modes.Problem], Plan]:
-    """Return the function that plans the impact modes of a search."""
-    step = plan.step(Stage.SPECTRUM)
-    partial = step is not None and step.method == receptance.METHOD
-    return modes.partial_modes_plan if partial else modes.plan
-
-
 def _why_not_provable(problem: Problem) -> str | None:
     """Return why bands have to be searched for, None if they can be proved."""
     system = problem.system
@@ -48,7 +41,7 @@ def _why_not_provable(problem: Problem) -> str | None:
         return "there are impacts at several limiters"
     if not struck[0].symmetric:
         return "the gaps are unequal"
-    if system.force is not None and system.force.any():
+    if system.loaded:
         return "a static load acts"
     shift = _SOFT * spectrum.largest_frequency(system) ** 2
     if system.chain is None and not system.K.plus(shift, system.M).is_positive_definite():

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact_solvers import spectrum
+from vibroimpact_solvers import impact_modes, spectrum
 from vibroimpact_solvers.arrays import declared, nothing
 from vibroimpact_solvers.existence_bands.certified import CertifiedBands
-from vibroimpact_solvers.existence_bands.planning import Method, mode_planner
+from vibroimpact_solvers.existence_bands.planning import Method
 from vibroimpact_solvers.existence_bands.problem import Problem
 from vibroimpact_solvers.existence_bands.ranges import FrequencyRanges
 from vibroimpact_solvers.existence_bands.search import (
@@ -62,11 +62,11 @@ def _ranges(problem: Problem, plan: Plan, tick: Tick | None) -> FrequencyRanges:
     assert bands is not None
     if isinstance(natural.settings, ExpansionSize):
         poles = poles_near_harmonics(problem, natural.settings, tick)
-        return SearchedBands(problem, poles, mode_planner(plan)).find(tick)
+        return SearchedBands(problem, poles, impact_modes.partial_modes_plan).find(tick)
     modes = spectrum.spectrum(problem.system, spectrum.Method(natural.method))
     if bands.method == Method.CERTIFIED:
         return CertifiedBands(problem, modes).find(tick)
-    return SearchedBands(problem, poles_of(problem, modes), mode_planner(plan)).find(tick)
+    return SearchedBands(problem, poles_of(problem, modes)).find(tick)
 
 
 def _columns(rows: Sequence[object], table: str) -> dict[str, Any]:

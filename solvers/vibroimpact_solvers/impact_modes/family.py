@@ -64,7 +64,7 @@ class Family:
         lower = tuple(i for i, c in enumerate(struck) if c.lower is not None)
         if len(upper) + len(lower) < 2 * len(struck):
             kind = Kind.JOINT
-        elif all(c.symmetric for c in struck) and not is_loaded(problem):
+        elif all(c.symmetric for c in struck) and not problem.system.loaded:
             kind = Kind.ANTISYMMETRIC
         else:
             kind = Kind.SEPARATE
@@ -107,8 +107,3 @@ class Family:
         if self.kind is Kind.SEPARATE:
             return errors[0] + errors[1], errors[0] + errors[1]
         return self.sides(errors)
-
-
-def is_loaded(problem: Problem) -> bool:
-    """Whether a static load acts."""
-    return problem.system.force is not None and bool(problem.system.force.any())

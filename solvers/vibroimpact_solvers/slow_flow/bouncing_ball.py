@@ -61,8 +61,7 @@ class BouncingBall(Model):
     @classmethod
     def of(cls, system: System, initial: Initial, variant: str, until: float) -> Self:
         """Take the parameters from a mass without spring over a floor, and its height x."""
-        one = parameters.single(system)
-        parameters.no_damping(one)
+        one = parameters.single(system, loaded=True)
         if one.stiffness != 0.0:
             raise parameters.refuse(("system", "K"), "a ball has no spring")
         if one.force >= 0.0:

@@ -54,8 +54,7 @@ class Damped(Decaying):
     @classmethod
     def of(cls, system: System, initial: Initial, variant: str, until: float) -> Self:
         """Take the parameters from a damped oscillator, gamma and phi."""
-        one = parameters.single(system)
-        parameters.no_load(one)
+        one = parameters.single(system, damped=True)
         parameters.elastic(one.limiter)
         if one.Omega == 0.0:
             raise parameters.refuse(("system", "K"), "the model has a spring")

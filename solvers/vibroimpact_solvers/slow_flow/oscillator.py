@@ -40,8 +40,6 @@ class Oscillator(Model):
     def of(cls, system: System, initial: Initial, variant: str, until: float) -> Self:
         """Take the parameters from an undamped oscillator, and gamma or an energy and a root."""
         one = parameters.single(system)
-        parameters.no_load(one)
-        parameters.no_damping(one)
         parameters.elastic(one.limiter)
         if one.Omega == 0.0:
             raise parameters.refuse(("system", "K"), "the model has a spring")

@@ -32,20 +32,24 @@ def refuse(pointer: tuple[str | int, ...], message: str) -> ModelError:
     return ModelError(pointer, message, code="not_of_this_model")
 
 
-def single(system: System) -> Single:
-    """Return the only degree of freedom of a structure and its only limiter."""
+def single(system: System, *, loaded: bool = False, damped: bool = False) -> Single:
+    """Return the only degree of freedom of a structure and its only limiter.
+
+    Loads and damping are refused unless the model has them.
+    """
     if system.n != 1:
         raise refuse(("system",), f"the model has 1 degree of freedom, the system has {system.n}")
     stiffness = float(system.K.to_dense()[0, 0])
     if stiffness < 0.0:
         raise refuse(("system", "K"), "the model has no negative stiffness")
-    return Single(
-        float(system.M.to_dense()[0, 0]),
-        stiffness,
-        0.0 if system.C is None else float(system.C.to_dense()[0, 0]),
-        0.0 if system.force is None else float(system.force[0]),
-        limiter(system, 0),
-    )
+    damping = 0.0 if system.C is None else float(system.C.to_dense()[0, 0])
+    force = 0.0 if system.force is None else float(system.force[0])
+    one = Single(float(system.M.to_dense()[0, 0]), stiffness, damping, force, limiter(system, 0))
+    if force != 0.0 and not loaded:
+        raise refuse(("system", "force"), "the model has no load")
+    if damping != 0.0 and not damped:
+        raise refuse(("system", "C"), "the model has no damping between the impacts")
+    return one
 
 
 def limiter(system: System, dof: int) -> Constraint:
@@ -67,18 +71,6 @@ def distance(limiter: Constraint) -> float:
         raise refuse(("system", "constraints", 0, "gap"), message)
     assert limiter.upper is not None
     return limiter.upper
-
-
-def no_load(one: Single) -> None:
-    """Refuse a constant load."""
-    if one.force != 0.0:
-        raise refuse(("system", "force"), "the model has no load")
-
-
-def no_damping(one: Single) -> None:
-    """Refuse damping."""
-    if one.damping != 0.0:
-        raise refuse(("system", "C"), "the model has no damping between the impacts")
 
 
 def elastic(limiter: Constraint) -> None:

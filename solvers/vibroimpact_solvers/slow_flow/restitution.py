@@ -78,8 +78,6 @@ class Restitution(Model):
     def of(cls, system: System, initial: Initial, variant: str, until: float) -> Self:
         """Take the parameters from an oscillator with a lossy limiter, and omega or x and v."""
         one = parameters.single(system)
-        parameters.no_load(one)
-        parameters.no_damping(one)
         Delta, k = parameters.distance(one.limiter), one.limiter.restitution
         where = ("system", "constraints", 0, "restitution")
         if not 0.0 < k < 1.0 and variant != "exact":

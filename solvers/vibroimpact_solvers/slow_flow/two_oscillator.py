@@ -189,7 +189,7 @@ def _coupled(system: System) -> tuple[float, Coupled]:
         raise parameters.refuse(("system", "K"), "both springs to the ground are equal")
     if C[0, 1] != 0.0 or C[1, 1] != 0.0 or C[0, 0] <= 0.0:
         raise parameters.refuse(("system", "C"), "the first mass is damped, and only that")
-    if system.force is not None and system.force.any():
+    if system.loaded:
         raise parameters.refuse(("system", "force"), "the model has no load")
     Omega0 = math.sqrt(square)
     zeta = float(C[0, 0]) / (2.0 * M[0, 0] * Omega0)

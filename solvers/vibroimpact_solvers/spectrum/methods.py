@@ -12,7 +12,7 @@ import scipy.linalg
 from scipy.linalg import lapack
 
 from vibroimpact_solvers.arrays import EPS, Floats, Integers
-from vibroimpact_solvers.matrices import Form, SymmetricMatrix
+from vibroimpact_solvers.matrices import Form, SymmetricMatrix, frozen
 from vibroimpact_solvers.model import ChainShape, System
 from vibroimpact_solvers.plan import Stage, Step
 from vibroimpact_solvers.spectrum.cache import CACHE
@@ -149,18 +149,13 @@ def _numerical(
     floor = max(16.0, np.sqrt(n)) * EPS * scale
     noise = np.abs(eigenvalues) <= floor
     eigenvalues[noise] = 0.0
-    columns = _frozen(np.ascontiguousarray(modes))
+    columns = frozen(np.ascontiguousarray(modes))
     uncertainty = floor if noise.any() else 2.0 * EPS * scale
     return Spectrum(_roots(eigenvalues), columns, n, uncertainty, norms=(1.0 + condition) * EPS)
 
 
 def _roots(eigenvalues: Floats) -> Floats:
-    return _frozen(np.sign(eigenvalues) * np.sqrt(np.abs(eigenvalues)))
-
-
-def _frozen(array: Floats) -> Floats:
-    array.setflags(write=False)
-    return array
+    return np.asarray(frozen(np.sign(eigenvalues) * np.sqrt(np.abs(eigenvalues))))
 
 
 def _chain(shape: ChainShape) -> Spectrum:
@@ -189,7 +184,7 @@ def _chain(shape: ChainShape) -> Spectrum:
         turns = np.minimum(turns, size - turns)
         return np.asarray(sign * entries[turns])
 
-    return Spectrum(_frozen(frequencies), rows, shape.n, rounding=_frozen(rounding))
+    return Spectrum(frozen(frequencies), rows, shape.n, rounding=frozen(rounding))
 
 
 def _diagonal(mass: Floats, stiffness: Floats) -> Spectrum:
