@@ -202,12 +202,12 @@ class Terms:
 
     def document(self) -> Document:
         """Return the fields of a job document that state them."""
-        fields: Document = {"priority": self.priority}
-        if self.deadline is not None:
-            fields["deadline_seconds"] = self.deadline
-        if self.webhook is not None:
-            fields["webhook"] = dict(self.webhook)
-        return fields
+        optional = {
+            "deadline_seconds": self.deadline,
+            "webhook": self.webhook and dict(self.webhook),
+        }
+        given = {name: value for name, value in optional.items() if value is not None}
+        return {"priority": self.priority} | given
 
 
 def submit(kind: str, content: Mapping[str, Any], terms: Terms) -> Conversation[Document]:
