@@ -47,8 +47,12 @@ def bare(function: Function) -> Function:
 
 
 def inline(function: Function) -> Function:
-    """Compile a small function into its callers, so that their loops become vector loops."""
-    return _compiled(function, inline="always")
+    """Compile a small function into its callers, so that their loops become vector loops.
+
+    LLVM does it. Numba itself (``inline="always"``) would copy the function before types are
+    known, and then infer them and lower it again in each caller.
+    """
+    return _compiled(function, forceinline=True)
 
 
 def _fused(typing: Any, a: Any, b: Any, c: Any) -> tuple[Any, Callable[..., Any]]:
