@@ -12,7 +12,6 @@ Only the kernels that requests spend their time in; the others are watched by th
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -32,7 +31,7 @@ from vibroimpact_solvers.impact_modes import Problem
 from vibroimpact_solvers.impact_modes.family import Family
 from vibroimpact_solvers.impact_modes.modal import ModalFamily
 from vibroimpact_solvers.kernels import response
-from vibroimpact_solvers.kernels.jit import fma, kernel
+from vibroimpact_solvers.kernels.jit import kernel
 from vibroimpact_solvers.kernels.phases import sine_cosine, tangent
 
 _WITHIN: Final = 3.0
@@ -64,22 +63,6 @@ def _own_quotients(x: Floats, out: Floats, other: Floats, repeats: int) -> None:
             out[i] = sine / cosine
 
 
-@kernel
-def _own_arctangents(x: Floats, out: Floats, other: Floats, repeats: int) -> None:
-    for _ in range(repeats):
-        for i in range(x.size):
-            out[i] = math.atan(math.exp(-x[i]))
-        for i in range(x.size):
-            out[i], other[i] = sine_cosine(x[i] * out[i], 0.0)
-
-
-@kernel
-def _own_sums(x: Floats, out: Floats, other: Floats, repeats: int) -> None:
-    for _ in range(repeats):
-        for i in range(x.size):
-            out[i] = fma(0.9, out[i], x[i])
-
-
 def _turns(x: Floats, out: Floats, other: Floats) -> None:
     np.sin(x, out=out)
     np.cos(x, out=other)
@@ -88,16 +71,6 @@ def _turns(x: Floats, out: Floats, other: Floats) -> None:
 def _quotients(x: Floats, out: Floats, other: Floats) -> None:
     _turns(x, out, other)
     np.divide(out, other, out=out)
-
-
-def _arctangents(x: Floats, out: Floats, other: Floats) -> None:
-    np.arctan(np.exp(-x), out=out)
-    np.multiply(x, out, out=out)
-    _turns(out, other, out)
-
-
-def _sums(x: Floats, out: Floats, other: Floats) -> None:
-    np.add(np.multiply(0.9, out, out=out), x, out=out)
 
 
 class Functions(NamedTuple):
@@ -127,10 +100,6 @@ _TANGENT: Final = Functions(
 )
 _TURN: Final = Functions("a sine and a cosine", _turns, _own_turns)
 _QUOTIENT: Final = Functions("a sine, a cosine and a division", _quotients, _own_quotients)
-_ARCTANGENT: Final = Functions(
-    "an exponential, an inverse tangent, a sine and a cosine", _arctangents, _own_arctangents
-)
-_SUM: Final = Functions("a multiplication and addition", _sums, _own_sums)
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,26 +186,6 @@ def _impact(n: int, dof: int, periods: int) -> Case:
     return Case("one impact of a time history", n, motion, _TURN, count, each, together=n)
 
 
-def _series() -> Case:
-    """Return a motion between soft limiters, by Taylor series."""
-    follow = hot.HOT["soft limiters"]()
-    _, arguments = follow.result()
-    F, _, _, levels, _, _, settings, _, _, _, counts, *_ = arguments
-    terms = int(settings[2]) + 1
-    products = math.floor(math.log2(settings[0])) + int(settings[0]).bit_count() - 1
-    steps = float(counts[0])
-    count = steps * (products * terms * (terms + 1) / 2 * levels.size + 4 * terms * F.shape[1])
-    each = "product of coefficients in a step"
-    return Case("soft limiters", F.shape[1], follow, _SUM, count, each)
-
-
-def _slow_flow() -> Case:
-    """Return a closed form, without what the interpreter does around it."""
-    lossy = hot.HOT["slow flow, closed form"]()
-    count = lossy.arguments[0].size
-    return Case("slow flow, restitution, corrected", 1, lossy, _ARCTANGENT, count, "time")
-
-
 def _cases() -> Iterator[Case]:
     for n in (13, 100, 1000):
         yield from _families(n)
@@ -244,8 +193,6 @@ def _cases() -> Iterator[Case]:
         yield from _searches(n)
     for impact in ((1, 0, 500), (13, 5, 500), (100, 49, 250), (1000, 499, 200)):
         yield _impact(*impact)
-    yield _series()
-    yield _slow_flow()
 
 
 _BESIDE: Final = {
@@ -267,17 +214,12 @@ _BESIDE: Final = {
     "after the other; with more, the bound below which no wall is reached, an expansion of degree "
     "twelve and its first passage, all one number after the other, and sums of derivatives that "
     "keep their order, so that no vectors take part",
-    "soft limiters": "coefficients follow one another: each sum has few terms, which wait for the "
-    "last one; besides, forces are checked at the end of each step, and the state is laid down",
-    "slow flow, restitution, corrected": "Newton's method takes the inverse of the inverse tangent "
-    "integral, an exponential, an inverse tangent and hyperbolic functions anew in each of two or "
-    "three steps, one time after the other",
 }
 """What the kernels do beside the lower bound."""
 
 
 def bounds() -> Table:
-    """Time eight kernels, and the functions that they cannot do without."""
+    """Time six kernels, and the functions that they cannot do without."""
     rows: list[tuple[Any, ...]] = []
     reasons: dict[str, str] = {}
     for case in _cases():

@@ -26,7 +26,6 @@ from vibroimpact_solvers.kernels.triangle_time import (
     hyperbolic_sine,
     symmetric_response,
 )
-from vibroimpact_solvers.kernels.waves import fold
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,17 +72,6 @@ def triangle_time(mu: Floats) -> float:
     return total
 
 
-@kernel
-def waves(phi: Floats) -> float:
-    """Sum the triangular sine and its square wave."""
-    total = 0.0
-    for i in range(phi.size):
-        tau, e = fold(phi[i])
-        total += tau * e
-    return total
-
-
-_HERE: Final = "benchmarks.hot"
 _KERNELS: Final = "vibroimpact_solvers.kernels"
 
 
@@ -209,10 +197,6 @@ def _stability(name: str) -> Watched:
     return recorded(vars(stability)["saltation"], name, _modes("stability", 4), calls=4)
 
 
-def _own(name: str, *arguments: Any) -> Watched:
-    return Watched(_HERE, name, arguments)
-
-
 def _of_modes(place: str, name: str, output: str, num: int, constraints: int = 1) -> Watched:
     return _kernel(place, name, _modes(output, num, constraints))
 
@@ -243,8 +227,7 @@ HOT: Final[Mapping[str, Callable[[], Watched]]] = {
         slow_flow, "elastic_walls", "impacts", "two_oscillator", "exact"
     ),
     "responses to triangle waves": partial(
-        _own, "triangle_time", np.linspace(-20.0, 900.0, 20_001)
+        Watched, "benchmarks.hot", "triangle_time", (np.linspace(-20.0, 900.0, 20_001),)
     ),
-    "triangle and square waves": partial(_own, "waves", np.linspace(-50.0, 50.0, 200_001)),
 }
 """The kernels that the guard watches, by name."""

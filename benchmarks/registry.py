@@ -108,11 +108,10 @@ BENCHMARKS: Final[tuple[Benchmark, ...]] = (
     Benchmark(
         "service",
         "Service",
-        "answers over HTTP, concurrent clients, small jobs and a cold start",
+        "answers over HTTP, more and more clients, small jobs and a cold start",
         (
             "service.answers.answers",
             "service.answers.clients",
-            "service.answers.concurrent_clients",
             "service.jobs.small_jobs",
             "service.answers.starts",
         ),

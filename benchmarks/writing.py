@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Sequence
 
@@ -73,15 +74,12 @@ def markdown(table: Table) -> str:
 
 def _without_repetition(body: list[list[str]], words: Sequence[bool]) -> list[list[str]]:
     """Leave out leading cells of words that are those of the row above."""
-    shortened = []
-    for above, row in zip([[], *body], body, strict=False):
-        cells, same = list(row), bool(above)
-        for place, is_word in enumerate(words):
-            same = same and is_word and place < len(row) - 1 and row[place] == above[place]
-            if not same:
-                break
-            cells[place] = ""
-        shortened.append(cells)
+    shortened = body[:1]
+    for above, row in itertools.pairwise(body):
+        same = 0
+        while same < len(row) - 1 and words[same] and row[same] == above[same]:
+            same += 1
+        shortened.append([""] * same + row[same:])
     return shortened
 
 

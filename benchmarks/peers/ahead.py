@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from benchmarks.harness import measure, ratio
 from benchmarks.peers import cases, ours
@@ -40,8 +40,7 @@ class Entry:
         return self.name in {WHOLE, PREPARED}
 
 
-@dataclass(frozen=True, slots=True)
-class Leader:
+class Leader(NamedTuple):
     """Who is first at a level of error: the fastest peer, ours, and how many times faster it is.
 
     A ratio is None where no peer is as accurate, and 0 where ours is not.
@@ -53,21 +52,12 @@ class Leader:
     ours: dict[str, Entry | None]
     times: dict[str, float | None]
 
-    @property
-    def from_nothing(self) -> float | None:
-        """How many times faster the whole call is than a peer that is prepared for it."""
-        times = self.times[WHOLE]
-        if self.peer is None or not times:
-            return times
-        return times * (1.0 + self.peer.point.preparing / self.peer.point.seconds)
-
 
 @cache
 def compared() -> tuple[tuple[Case, list[Entry]], ...]:
     """Return the runs of all integrators on all cases, made once in a process."""
     names = installed()
-    every = (*cases.rigid(), cases.soft())
-    return tuple((case, list(_entries(case, names))) for case in every)
+    return tuple((case, list(_entries(case, names))) for case in cases.every())
 
 
 def _entries(case: Case, names: Sequence[str]) -> Iterator[Entry]:
@@ -80,15 +70,12 @@ def _entries(case: Case, names: Sequence[str]) -> Iterator[Entry]:
             WHOLE: partial(ours.whole, case.scene, tolerance),
         }
         for name, way in ways.items():
-            yield _judged(case, name, timed(way, label))
+            point = timed(way, label)
+            yield Entry(name, point, *case.judged(point.outcome))
     for name in names:
         if name not in case.without:
             for point in ladder(name, case.scene, case.missed, case.step, CAP):
-                yield _judged(case, name, point)
-
-
-def _judged(case: Case, name: str, point: Point) -> Entry:
-    return Entry(name, point, *case.judged(point.outcome))
+                yield Entry(name, point, *case.judged(point.outcome))
 
 
 def leaders(entries: Sequence[Entry], rounds: int = 7) -> Iterator[Leader]:
@@ -181,21 +168,23 @@ def ahead() -> Table:
 
 
 def _row(case: Case, leader: Leader) -> tuple[Any, ...]:
-    peer, whole = leader.peer, leader.ours[WHOLE]
-    best = "best, " if leader.is_best else ""
+    level, is_best, peer, mine, times = leader
+    whole, nothing = mine[WHOLE], times[WHOLE]
     theirs: tuple[Any, ...] = ("none", None, None, None)
     if peer is not None:
         point = peer.point
         theirs = (peer.name, point.setting, point.seconds * _MS, point.preparing * _MS)
+        # A peer that is prepared for this structure first.
+        nothing = nothing and nothing * (1.0 + point.preparing / point.seconds)
     return (
         case.label,
-        f"{best}{leader.level:.0e}",
+        f"{'best, ' if is_best else ''}{level:.0e}",
         *theirs,
-        *(None if one is None else one.point.seconds * _MS for one in leader.ours.values()),
+        *(None if one is None else one.point.seconds * _MS for one in mine.values()),
         None if whole is None else whole.error,
-        leader.times[PREPARED],
-        leader.from_nothing,
-        leader.times[WHOLE],
+        times[PREPARED],
+        nothing,
+        times[WHOLE],
         None if peer is None else 1.0,
     )
 

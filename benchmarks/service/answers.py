@@ -13,13 +13,12 @@ from typing import Any, Final
 
 from benchmarks.service import load
 from benchmarks.service.load import Load
-from benchmarks.service.requests import COMPUTE, UNIQUE, Request, modes, numbered
+from benchmarks.service.requests import COMPUTE, UNIQUE, Request, modes
 from benchmarks.service.server import Server, running
 from benchmarks.tables import Figure, Plot, Table, Trend, figures
 
 _SECONDS: Final = 5.0
 """How long a load lasts."""
-_MANY: Final = 200
 _OUTPUTS: Final = ("impulse", "exists", "reason")
 SHARED: Final = (
     "on the clock: clients, service and its workers share the cores with one another, and with "
@@ -48,7 +47,7 @@ def _cached(server: Server) -> Iterator[Figure]:
 def _rated(server: Server, what: str, request: Request, least: float) -> Iterator[Figure]:
     """Yield answers a second to 32 clients, and what the processor time of the service allows."""
     before = server.processor()
-    outcome = load.run(Load(server.url, (request,), 32, _SECONDS)).proper(200, 304)
+    outcome = load.run(Load(server.url, (request,), 32, _SECONDS)).proper()
     each = (server.processor() - before) / outcome.answers
     yield Figure(f"{what} [1/s]", outcome.answers / outcome.seconds)
     yield Figure(f"{what}, a core for the service alone [1/s]", 1.0 / each, least, True)
@@ -57,7 +56,7 @@ def _rated(server: Server, what: str, request: Request, least: float) -> Iterato
 def _computed(server: Server) -> Iterator[Figure]:
     """Measure new computations, asked for one after the other."""
     new = Request.post(COMPUTE, modes(UNIQUE, 1000, outputs=_OUTPUTS))
-    outcome = load.run(Load(server.url, (new,), 1, _SECONDS)).proper(200)
+    outcome = load.run(Load(server.url, (new,), 1, _SECONDS)).proper()
     yield Figure("impact modes, N = 13, 1000 frequencies, p50 [ms]", 1e3 * outcome.p50, 6.0)
     yield Figure("the same, p99 [ms]", 1e3 * outcome.p99)
 
@@ -74,7 +73,7 @@ def clients() -> Table:
         }
         first = 1
         for (what, request), count in itertools.product(kinds.items(), (1, 2, 4, 8, 16, 32)):
-            outcome = load.run(Load(server.url, (request,), count, 1.5, first)).proper(200)
+            outcome = load.run(Load(server.url, (request,), count, 1.5, first)).proper()
             first += outcome.sent
             rate = outcome.answers / outcome.seconds
             latency = 1e3 * outcome.p50, 1e3 * outcome.p99
@@ -95,29 +94,6 @@ def clients() -> Table:
     )
 
 
-def concurrent_clients() -> Table:
-    """Let 200 clients ask for results, plans and new computations at once."""
-    with running() as server:
-        headers = server.stored(modes(0.6, 100)).headers
-        path, tag = headers["content-location"], {"If-None-Match": headers["etag"]}
-        known, new = Request("GET", path), modes(UNIQUE, 100)
-        requests = (
-            *[known] * 5,
-            *[Request("GET", path, "", tag)] * 3,
-            Request.post(COMPUTE, new),
-            Request.post("/v1/plan/impact-modes", new),
-        )
-        outcome = load.run(Load(server.url, requests, _MANY, 4.0 * _SECONDS))
-        memory = server.memory()
-    numbers = [
-        Figure("answers [1/s]", outcome.answers / outcome.seconds),
-        Figure("p99 [ms]", 1e3 * outcome.p99),
-        Figure("errors other than 429", outcome.bad(200, 304, 429), 0.0),
-        Figure("memory of the server [MB]", memory, 600.0),
-    ]
-    return figures("Two hundred clients", numbers, f"For {4.0 * _SECONDS:g} s.")
-
-
 def starts() -> Table:
     """Start the service on an empty folder: ready, its first results, its memory.
 
@@ -130,10 +106,10 @@ def starts() -> Table:
             times = [time.perf_counter()]
             with running(environment={"NUMBA_CACHE_DIR": empty}) as server:
                 times.append(time.perf_counter())
-                for number in (1, 2):
-                    server.stored(numbered(number))
+                for start in (0.51, 0.52):
+                    server.stored(modes(start))
                     times.append(time.perf_counter())
-                server.done(server.job(numbered(3)))
+                server.done(server.job(modes(0.53)))
                 times.append(time.perf_counter())
                 spent = [b - a for a, b in itertools.pairwise(times)]
                 rows.append((title, *spent, len(server.processes()), server.memory_of_all()))

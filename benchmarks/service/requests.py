@@ -54,8 +54,3 @@ def modes(
     frequency = {"values": [start]} if num == 1 else {"start": start, "stop": 2.4, "num": num}
     system = {"preset": "chain", "n": n, "constraints": [{"dof": 5, "gap": 0.2}]}
     return {"system": system, "frequency": frequency, "outputs": list(outputs)}
-
-
-def numbered(number: int) -> dict[str, Any]:
-    """Return the content of a request that takes no time, unlike all others."""
-    return modes(0.5 + 1e-5 * number)

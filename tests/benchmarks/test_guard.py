@@ -86,7 +86,7 @@ def test_the_same_calls_are_recorded_each_time() -> None:
 @pytest.mark.valgrind
 @pytest.mark.skipif(shutil.which("valgrind") is None, reason="valgrind is not installed")
 def test_instructions_of_a_kernel_that_does_its_work_one_and_a_half_times(tmp_path: Path) -> None:
-    waves = replace(hot.HOT["triangle and square waves"](), calls=2)
+    waves = replace(hot.HOT["responses to triangle waves"](), calls=2)
     works = {"usual": waves, "again": waves, "slow": replace(waves, calls=3)}
     counted = Checkout().works(works, tmp_path)
     # What the interpreter does around the kernel differs by some ten thousand instructions.
