@@ -261,10 +261,6 @@ class SymmetricMatrix:
             case _:
                 return factors.banded(self.data)
 
-    def symmetric_factors(self) -> scipy.sparse.linalg.SuperLU:
-        """Return sparse factors without row exchanges, see `factors.symmetric`."""
-        return factors.symmetric(self.to_sparse())
-
     def is_positive_definite(self) -> bool:
         """Whether all eigenvalues are positive."""
         try:
@@ -273,7 +269,7 @@ class SymmetricMatrix:
             elif self.form is Form.DIAGONAL:
                 return bool((self.data[0] > 0.0).all())
             elif self.form is Form.SPARSE:
-                return bool((self.symmetric_factors().U.diagonal() > 0.0).all())
+                return bool((factors.symmetric(self.to_sparse()).U.diagonal() > 0.0).all())
             else:
                 scipy.linalg.cholesky_banded(self.data, lower=True, check_finite=False)
         except scipy.linalg.LinAlgError:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers
-from vibroimpact_solvers.impact_modes.impulses import Impulses
+from vibroimpact_solvers.impact_modes.family import Impulses
 from vibroimpact_solvers.impact_modes.problem import Frequencies, Problem
 from vibroimpact_solvers.receptance import (
     ENTRYWISE,

@@ -10,8 +10,7 @@ import numpy as np
 from vibroimpact_solvers import spectrum, stability
 from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers, nothing
 from vibroimpact_solvers.impact_modes.direct import DirectFamily
-from vibroimpact_solvers.impact_modes.family import Family, Kind
-from vibroimpact_solvers.impact_modes.impulses import Impulses
+from vibroimpact_solvers.impact_modes.family import Family, Impulses, Kind
 from vibroimpact_solvers.impact_modes.modal import ModalFamily
 from vibroimpact_solvers.impact_modes.modal_with_series import ModalWithSeriesFamily
 from vibroimpact_solvers.impact_modes.planning import PathCheck, SeriesRange, has_all_modes

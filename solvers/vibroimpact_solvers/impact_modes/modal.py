@@ -9,8 +9,7 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers
 from vibroimpact_solvers.errors import ModelError
-from vibroimpact_solvers.impact_modes.family import Equations, Family, Kind
-from vibroimpact_solvers.impact_modes.impulses import Impulses
+from vibroimpact_solvers.impact_modes.family import Equations, Family, Impulses, Kind
 from vibroimpact_solvers.impact_modes.problem import Frequencies, Problem
 from vibroimpact_solvers.kernels import families, limits, motions, response
 from vibroimpact_solvers.kernels.threads import over_ranges

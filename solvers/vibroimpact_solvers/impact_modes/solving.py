@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from vibroimpact_solvers.arrays import Booleans
+from vibroimpact_solvers.impact_modes.family import Impulses
 from vibroimpact_solvers.impact_modes.family_solver import (
     FamilyEvaluator,
     FamilySolver,
     PathMotions,
 )
-from vibroimpact_solvers.impact_modes.impulses import Impulses
 from vibroimpact_solvers.impact_modes.modal import ModalFamily
 from vibroimpact_solvers.impact_modes.modal import solutions as modal_solutions
 from vibroimpact_solvers.impact_modes.problem import Frequencies, Problem

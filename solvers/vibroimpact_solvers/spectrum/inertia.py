@@ -14,6 +14,7 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse
 
+from vibroimpact_solvers import factors
 from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix
@@ -58,11 +59,11 @@ class EigenvalueCounter:
         for nudge in _NUDGES:
             at = value * (1.0 + nudge)
             try:
-                factors = self.K.plus(-at, self.M).symmetric_factors()
+                found = factors.symmetric(self.K.plus(-at, self.M).to_sparse())
             except scipy.linalg.LinAlgError:
                 continue
-            below = int(np.count_nonzero(factors.U.diagonal() < 0.0))
-            return EigenvalueCount(at, below, _backward_error(factors) / self.least)
+            below = int(np.count_nonzero(found.U.diagonal() < 0.0))
+            return EigenvalueCount(at, below, _backward_error(found) / self.least)
         message = f"the natural modes below the squared frequency {value:g} cannot be counted"
         raise ConvergenceError(message)
 
@@ -78,9 +79,9 @@ def _least(M: SymmetricMatrix) -> float:
     return bound
 
 
-def _backward_error(factors: scipy.sparse.linalg.SuperLU) -> float:
+def _backward_error(found: scipy.sparse.linalg.SuperLU) -> float:
     """Return a bound of the norm of the difference between a matrix and its factors' product."""
-    L, U = abs(factors.L), abs(factors.U)
+    L, U = abs(found.L), abs(found.U)
     sums: Floats = L @ (U @ np.ones(L.shape[0]))
     longest = int(np.diff(L.tocsr().indptr).max())
     return (longest + 2) * EPS * float(sums.max())
