@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from vibroimpact.result_file import ResultFile
 from vibroimpact.tables import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from vibroimpact.results import Result
 
 ADMISSIBLE, PHANTOM, WALL = "#0b5394", "#b7b7b7", "#c0392b"
 
@@ -27,12 +26,12 @@ def axes_or_new(ax: Axes | None) -> Axes:
     return pyplot.subplots(figsize=(8.0, 4.5), layout="constrained")[1]
 
 
-def _label(text: str, result: Result, output: str) -> str:
+def _label(text: str, result: ResultFile, output: str) -> str:
     unit = result.unit(output)
     return text if unit == "1" else f"{text} ({unit})"
 
 
-def impulse(result: Result, ax: Axes | None = None) -> Axes:
+def impulse(result: ResultFile, ax: Axes | None = None) -> Axes:
     """Plot p over Omega: admissible solutions in colour, phantoms in grey, poles left open."""
     ax = axes_or_new(ax)
     Omega, p = result.Omega, result.impulse
@@ -56,7 +55,7 @@ def impulse(result: Result, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def frequency_energy(result: Result, ax: Axes | None = None) -> Axes:
+def frequency_energy(result: ResultFile, ax: Axes | None = None) -> Axes:
     """Plot Omega over the energy of the admissible solutions, unstable ones dashed.
 
     Requires the output energy; uses exists and stability if they were computed.
@@ -102,7 +101,7 @@ def mode_plot(output: str) -> Callable[..., Axes]:
     return drawing[output]
 
 
-def bands(result: Result, ax: Axes | None = None) -> Axes:
+def bands(result: ResultFile, ax: Axes | None = None) -> Axes:
     """Plot the bands that are admissible, rejected despite positive impulses, and stable."""
     ax = axes_or_new(ax)
     rows = [
@@ -125,7 +124,7 @@ def bands(result: Result, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def resonances(result: Result, ax: Axes | None = None) -> Axes:
+def resonances(result: ResultFile, ax: Axes | None = None) -> Axes:
     """Plot the resonance frequencies, one row per harmonic, coloured by part of the structure."""
     ax = axes_or_new(ax)
     for part in np.unique(result.part):
@@ -138,7 +137,7 @@ def resonances(result: Result, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def shape(result: Result, index: int = 0, ax: Axes | None = None) -> Axes:
+def shape(result: ResultFile, index: int = 0, ax: Axes | None = None) -> Axes:
     """Plot the displacement of every computed degree of freedom at tau = 1."""
     ax = axes_or_new(ax)
     x = result.shape[index]
@@ -154,7 +153,7 @@ def shape(result: Result, index: int = 0, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def history(result: Result, dof: int | None = None, ax: Axes | None = None) -> Axes:
+def history(result: ResultFile, dof: int | None = None, ax: Axes | None = None) -> Axes:
     """Plot a displacement over time, with the walls and impacts of its constraint.
 
     If only impacts were computed, plot their impulses over time.
@@ -176,12 +175,12 @@ def history(result: Result, dof: int | None = None, ax: Axes | None = None) -> A
     return ax
 
 
-def basins(result: Result, values: Array | None = None, ax: Axes | None = None) -> Axes:
+def basins(result: ResultFile, values: Array | None = None, ax: Axes | None = None) -> Axes:
     """Plot one value of each member of an ensemble over its initial state.
 
     Parameters
     ----------
-    result : Result
+    result : ResultFile
         Result of an ensemble whose initial states differ in one or two coordinates.
     values : array, shape (member,), optional
         Values to plot; default: the number of impacts.
@@ -223,7 +222,7 @@ def basins(result: Result, values: Array | None = None, ax: Axes | None = None) 
     return ax
 
 
-def _impulses(result: Result, ax: Axes) -> Axes:
+def _impulses(result: ResultFile, ax: Axes) -> Axes:
     for index in np.unique(result.impacts.constraint):
         mine = result.impacts.constraint == index
         ax.plot(result.impacts.time[mine], result.impacts.impulse[mine], ".", label=f"{index}")
@@ -235,7 +234,7 @@ def _impulses(result: Result, ax: Axes) -> Axes:
     return ax
 
 
-def phase_plane(result: Result, dof: int | None = None, ax: Axes | None = None) -> Axes:
+def phase_plane(result: ResultFile, dof: int | None = None, ax: Axes | None = None) -> Axes:
     """Plot the velocity over the displacement of a degree of freedom, with its walls.
 
     The line is interrupted at impacts, where the velocity jumps.
@@ -257,7 +256,7 @@ def phase_plane(result: Result, dof: int | None = None, ax: Axes | None = None) 
     return ax
 
 
-def _column(result: Result, dof: int | None) -> tuple[int, int]:
+def _column(result: ResultFile, dof: int | None) -> tuple[int, int]:
     """Return a degree of freedom, by default the first constrained one, and its column."""
     computed = [int(d) for d in result.dof]
     if dof is None:
@@ -266,11 +265,11 @@ def _column(result: Result, dof: int | None) -> tuple[int, int]:
     return dof, computed.index(dof)
 
 
-def _constraints(result: Result) -> list[dict[str, Any]]:
+def _constraints(result: ResultFile) -> list[dict[str, Any]]:
     return list(result.request.get("system", {}).get("constraints") or ())
 
 
-def _gaps(result: Result, dof: int) -> list[float]:
+def _gaps(result: ResultFile, dof: int) -> list[float]:
     """Return the displacements at which the walls of a degree of freedom stand."""
     walls: list[float] = []
     for constraint in _constraints(result):
@@ -282,7 +281,7 @@ def _gaps(result: Result, dof: int) -> list[float]:
     return walls
 
 
-def _impacts(result: Result, dof: int, ax: Axes) -> None:
+def _impacts(result: ResultFile, dof: int, ax: Axes) -> None:
     for wall in _gaps(result, dof):
         ax.axhline(wall, color=WALL, linewidth=1.5)
     if not hasattr(result, "impacts"):
@@ -296,7 +295,7 @@ def _impacts(result: Result, dof: int, ax: Axes) -> None:
         ax.plot(result.impacts.time[struck], places[struck], ".", color=WALL, markersize=5)
 
 
-def displacement(result: Result, ax: Axes | None = None) -> Axes:
+def displacement(result: ResultFile, ax: Axes | None = None) -> Axes:
     """Plot the displacement of every computed degree of freedom over time."""
     ax = axes_or_new(ax)
     for column, dof in enumerate(result.dof):
@@ -308,7 +307,7 @@ def displacement(result: Result, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def _walls(result: Result, ax: Axes) -> None:
+def _walls(result: ResultFile, ax: Axes) -> None:
     for dof in {c["dof"] for c in _constraints(result) if c.get("dof") is not None}:
         ax.hlines(_gaps(result, dof), dof - 0.4, dof + 0.4, color=WALL, linewidth=3.0)
 

@@ -8,16 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vibroimpact.plots import ADMISSIBLE, PHANTOM, axes_or_new
+from vibroimpact.result_file import ResultFile
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
 
-    from vibroimpact.results import Result
-
 
 def draw(
-    result: Result,
+    result: ResultFile,
     output: str | None = None,
     at: Mapping[str, float] | None = None,
     ax: Axes | None = None,
@@ -28,7 +27,7 @@ def draw(
 
     Parameters
     ----------
-    result : Result
+    result : ResultFile
         Result of a sweep.
     output : str, optional
         Name of the output; default: the first one computed.

@@ -59,11 +59,11 @@ class EigenvalueCounter:
         for nudge in _NUDGES:
             at = value * (1.0 + nudge)
             try:
-                found = factors.symmetric(self.K.plus(-at, self.M).to_sparse())
+                pivots = factors.symmetric(self.K.plus(-at, self.M).to_sparse())
             except scipy.linalg.LinAlgError:
                 continue
-            below = int(np.count_nonzero(found.U.diagonal() < 0.0))
-            return EigenvalueCount(at, below, _backward_error(found) / self.least)
+            below = int(np.count_nonzero(pivots.U.diagonal() < 0.0))
+            return EigenvalueCount(at, below, _backward_error(pivots) / self.least)
         message = f"the natural modes below the squared frequency {value:g} cannot be counted"
         raise ConvergenceError(message)
 
@@ -79,9 +79,9 @@ def _least(M: SymmetricMatrix) -> float:
     return bound
 
 
-def _backward_error(found: scipy.sparse.linalg.SuperLU) -> float:
+def _backward_error(pivots: scipy.sparse.linalg.SuperLU) -> float:
     """Return a bound of the norm of the difference between a matrix and its factors' product."""
-    L, U = abs(found.L), abs(found.U)
+    L, U = abs(pivots.L), abs(pivots.U)
     sums: Floats = L @ (U @ np.ones(L.shape[0]))
     longest = int(np.diff(L.tocsr().indptr).max())
     return (longest + 2) * EPS * float(sums.max())
