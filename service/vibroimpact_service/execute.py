@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from typing import Any
 
@@ -72,21 +72,16 @@ def compute(planned: Planned, name: str, canonical: bytes, tick: Tick | None = N
 
 def head(planned: Planned, name: str, canonical: bytes) -> dict[str, Any]:
     """Return what surrounds the numbers of a result; parameters as of `compute`."""
+    now = datetime.now(UTC).isoformat(timespec="milliseconds")
     units = planned.problem.system.units
     return {
         "kind": planned.kind.name,
         "digest": name,
         "request": canonical.decode(),
         "plan": planning.steps(planned.plan),
-        "provenance": {"created": _now(), "solver_version": digest.SOLVER_VERSION},
-        "units": None
-        if units is None
-        else {"length": units.length, "mass": units.mass, "time": units.time},
+        "provenance": {"created": now, "solver_version": digest.SOLVER_VERSION},
+        "units": None if units is None else asdict(units),
     }
-
-
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
 def put(store: Store, content: Content, *, durable: bool = True) -> None:

@@ -118,9 +118,8 @@ class Threads:
 
         Returns
         -------
-        value : object
-        shared : bool
-            Whether the computation was under way already.
+        tuple
+            The value, and whether the computation was under way already.
 
         Raises
         ------

@@ -12,20 +12,10 @@ from starlette.responses import Response
 from vibroimpact_schema import examples, plans
 from vibroimpact_schema.results import BatchAnswers
 from vibroimpact_service import batches
-from vibroimpact_service.api import answers, bodies, request_headers
+from vibroimpact_service.api import answers, bodies, openapi, request_headers
 from vibroimpact_service.api.authentication import FAILURES, SUBMIT, admission, owner
 from vibroimpact_service.api.dependencies import services
 from vibroimpact_service.api.jobs import described, job_answer
-from vibroimpact_service.api.openapi import (
-    BODY_FAILURES,
-    IDEMPOTENCY_KEY,
-    IF_NONE_MATCH,
-    answer,
-    failures,
-    json_body,
-    not_modified,
-    request_header,
-)
 from vibroimpact_service.api.plain_route import PlainRoute
 from vibroimpact_service.api.results import OF_RESULT, result_answer
 from vibroimpact_service.documents import parse, requests
@@ -48,23 +38,23 @@ def _add_compute(kind: Kind) -> None:
         description="Answers with the result if it is stored or the planned work is small, "
         "otherwise with a job.",
         responses={
-            200: result_answer(kind.result, OF_RESULT),
+            200: result_answer(kind.result, links=OF_RESULT),
             202: job_answer("It became a job."),
-            304: not_modified("If-None-Match names the result."),
-            **BODY_FAILURES,
-            **failures(406),
+            304: openapi.not_modified("If-None-Match names the result."),
+            **openapi.BODY_FAILURES,
+            **openapi.failures(406),
         },
         openapi_extra={
             "requestBody": _request_body(kind),
             "parameters": [
-                request_header(
+                openapi.request_header(
                     "Prefer",
                     "respond-async: answer with a job. wait=N: wait for the result N seconds "
                     f"first, at most {request_headers.LONGEST_PREFER_WAIT:g}.",
                     examples=["respond-async, wait=5"],
                 ),
-                IF_NONE_MATCH,
-                IDEMPOTENCY_KEY,
+                openapi.IF_NONE_MATCH,
+                openapi.IDEMPOTENCY_KEY,
             ],
         },
     )
@@ -98,8 +88,8 @@ def _add_plan(kind: Kind) -> None:
         description="States what would be computed, by which methods and why, what would be "
         "skipped, and the cost.",
         responses={
-            200: answer("The plan.", plans.Plan),
-            **BODY_FAILURES,
+            200: openapi.answer("The plan.", plans.Plan),
+            **openapi.BODY_FAILURES,
         },
         openapi_extra={"requestBody": _request_body(kind)},
     )
@@ -119,7 +109,7 @@ def _request_body(kind: Kind) -> dict[str, Any]:
         name: {"summary": example["summary"], "value": example["request"]}
         for name, example in examples.requests(kind.name).items()
     }
-    return json_body(kind.request.__name__, shown)
+    return openapi.json_body(kind.request.__name__, shown)
 
 
 for _kind in KINDS.values():
@@ -144,11 +134,11 @@ def _tiny(frequency: float) -> dict[str, Any]:
     "Nothing is stored; GET /v1/version states how many requests there may be, and larger work "
     "is submitted as a job.",
     responses={
-        200: answer("The answers.", BatchAnswers),
-        **BODY_FAILURES,
+        200: openapi.answer("The answers.", BatchAnswers),
+        **openapi.BODY_FAILURES,
     },
     openapi_extra={
-        "requestBody": json_body(
+        "requestBody": openapi.json_body(
             "BatchRequest",
             {
                 "impact-modes": {

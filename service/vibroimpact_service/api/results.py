@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from typing import Annotated, Any, Final, Union
 
 from fastapi import APIRouter
@@ -11,21 +10,9 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from vibroimpact_service import problems
-from vibroimpact_service.api import answers, request_headers, shared_results
+from vibroimpact_service.api import answers, openapi, request_headers, shared_results
 from vibroimpact_service.api.authentication import FAILURES, READ
 from vibroimpact_service.api.dependencies import services
-from vibroimpact_service.api.openapi import (
-    BINARY,
-    IF_NONE_MATCH,
-    READ_FAILURES,
-    Declaration,
-    answer,
-    failures,
-    header,
-    not_modified,
-    path_id,
-    request_header,
-)
 from vibroimpact_service.api.plain_route import PlainRoute
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.problems import ProblemError
@@ -34,7 +21,7 @@ from vibroimpact_service.results import representations
 router = APIRouter(tags=["results"], responses=FAILURES, route_class=PlainRoute)
 
 _DIGEST = re.compile(r"[0-9a-f]{64}")
-Digest = Annotated[str, path_id("Name of a result.", "0" * 64, _DIGEST)]
+Digest = Annotated[str, openapi.path_id("Name of a result.", "0" * 64, _DIGEST)]
 
 ANY_RESULT: Any = Union[tuple(kind.result for kind in KINDS.values())]  # noqa: UP007
 """Document of a result of any kind."""
@@ -42,17 +29,17 @@ OF_RESULT: Final = {"get_result": {"digest": "$response.body#/digest"}}
 """Link from a document that has the digest of a result."""
 
 
-def result_answer(model: Any, links: Mapping[str, Mapping[str, str]] | None = None) -> Declaration:
-    """Return the declaration of an answer that is a result: a document, or one of several."""
+def result_answer(model: Any, **more: Any) -> openapi.Declaration:
+    """Return the declaration of an answer that is a result; parameters as of `openapi.answer`."""
     headers = {
-        "ETag": header("Strong entity tag: hash of the representation."),
-        "Content-Location": header("Address of the result."),
-        "Cache-Status": header("Whether anything was computed (RFC 9211)."),
-        "Repr-Digest": header("SHA-256 of the representation (RFC 9530)."),
-        "Server-Timing": header("Milliseconds for plan, solve and encode."),
+        "ETag": openapi.header("Strong entity tag: hash of the representation."),
+        "Content-Location": openapi.header("Address of the result."),
+        "Cache-Status": openapi.header("Whether anything was computed (RFC 9211)."),
+        "Repr-Digest": openapi.header("SHA-256 of the representation (RFC 9530)."),
+        "Server-Timing": openapi.header("Milliseconds for plan, solve and encode."),
     }
-    content = {representations.HDF5: {"schema": BINARY}}
-    return answer("The result.", model, headers=headers, links=links, content=content)
+    content = {representations.HDF5: {"schema": openapi.BINARY}}
+    return openapi.answer("The result.", model, headers=headers, content=content, **more)
 
 
 @router.get(
@@ -62,18 +49,20 @@ def result_answer(model: Any, links: Mapping[str, Mapping[str, str]] | None = No
     dependencies=[READ],
     responses={
         200: result_answer(ANY_RESULT),
-        206: answer(
+        206: openapi.answer(
             "The bytes of Range.",
-            content={media: {"schema": BINARY} for media in representations.SUFFIXES},
+            content={media: {"schema": openapi.BINARY} for media in representations.SUFFIXES},
         ),
-        304: not_modified(),
-        **READ_FAILURES,
-        **failures(406, 416),
+        304: openapi.not_modified(),
+        **openapi.READ_FAILURES,
+        **openapi.failures(406, 416),
     },
     openapi_extra={
         "parameters": [
-            IF_NONE_MATCH,
-            request_header("Range", "Part of the representation.", examples=["bytes=0-1023"]),
+            openapi.IF_NONE_MATCH,
+            openapi.request_header(
+                "Range", "Part of the representation.", examples=["bytes=0-1023"]
+            ),
         ]
     },
 )

@@ -16,7 +16,6 @@ from vibroimpact_service.api import answers, openapi, request_headers
 from vibroimpact_service.api.authentication import FAILURES, METRICS
 from vibroimpact_service.api.dependencies import services
 from vibroimpact_service.api.jobs import LONGEST_POLL
-from vibroimpact_service.api.openapi import answer, failures
 from vibroimpact_service.documents import stored_systems
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.metrics import MEDIA_TYPE
@@ -31,8 +30,8 @@ router = APIRouter(tags=["service"])
     operation_id="health_live",
     summary="Liveness",
     responses={
-        200: answer("The process answers.", Health, rated=False),
-        **failures(500),
+        200: openapi.answer("The process answers.", Health, rated=False),
+        **openapi.failures(500),
     },
 )
 async def health_live() -> Response:
@@ -45,8 +44,8 @@ async def health_live() -> Response:
     operation_id="health_ready",
     summary="Readiness",
     responses={
-        200: answer("The service accepts work.", Health, rated=False),
-        **failures(500, 503),
+        200: openapi.answer("The service accepts work.", Health, rated=False),
+        **openapi.failures(500, 503),
     },
 )
 async def health_ready(request: Request) -> Response:
@@ -69,8 +68,8 @@ async def health_ready(request: Request) -> Response:
     operation_id="version",
     summary="Version",
     responses={
-        200: answer("Versions, kinds and limits.", Version, rated=False),
-        **failures(500),
+        200: openapi.answer("Versions, kinds and limits.", Version, rated=False),
+        **openapi.failures(500),
     },
 )
 async def get_version(request: Request) -> Response:
@@ -120,8 +119,8 @@ async def get_version(request: Request) -> Response:
     dependencies=[METRICS],
     responses={
         **FAILURES,
-        200: answer("The metrics.", content={"text/plain": {"schema": {"type": "string"}}}),
-        **failures(500, 503),
+        200: openapi.answer("The metrics.", content={"text/plain": {"schema": {"type": "string"}}}),
+        **openapi.failures(500, 503),
     },
 )
 async def get_metrics(request: Request) -> Response:

@@ -12,17 +12,9 @@ from starlette.responses import Response
 from vibroimpact_schema.jobs import Share, ShareRequest
 from vibroimpact_service import problems
 from vibroimpact_service.access import shared_results
-from vibroimpact_service.api import answers, bodies
+from vibroimpact_service.api import answers, bodies, openapi
 from vibroimpact_service.api.authentication import FAILURES, READ, SUBMIT, caller, owner
 from vibroimpact_service.api.dependencies import services
-from vibroimpact_service.api.openapi import (
-    BODY_FAILURES,
-    READ_FAILURES,
-    answer,
-    failures,
-    json_body,
-    path_id,
-)
 from vibroimpact_service.documents import digest, parse
 from vibroimpact_service.jobs.tables import JobRow
 from vibroimpact_service.problems import ProblemError
@@ -30,7 +22,7 @@ from vibroimpact_service.problems import ProblemError
 router = APIRouter(tags=["jobs"], responses=FAILURES)
 
 _JOB = re.compile(r"job_[0-9a-f]{32}")
-JobId = Annotated[str, path_id("Id of a job.", "job_" + "0" * 32, _JOB)]
+JobId = Annotated[str, openapi.path_id("Id of a job.", "job_" + "0" * 32, _JOB)]
 
 
 async def visible_job(request: Request, name: str) -> JobRow:
@@ -92,8 +84,8 @@ async def result_is_visible(request: Request, name: str) -> bool:
     summary="Readers of a job",
     dependencies=[READ],
     responses={
-        200: answer("Its readers.", Share),
-        **READ_FAILURES,
+        200: openapi.answer("Its readers.", Share),
+        **openapi.READ_FAILURES,
     },
 )
 async def get_share(request: Request, job: JobId) -> Response:
@@ -109,12 +101,12 @@ async def get_share(request: Request, job: JobId) -> Response:
     "result; only its owner may cancel or share it. Recorded in the audit log.",
     dependencies=[SUBMIT],
     responses={
-        200: answer("Its readers.", Share),
-        **BODY_FAILURES,
-        **failures(404),
+        200: openapi.answer("Its readers.", Share),
+        **openapi.BODY_FAILURES,
+        **openapi.failures(404),
     },
     openapi_extra={
-        "requestBody": json_body(
+        "requestBody": openapi.json_body(
             "ShareRequest", {"bob": {"summary": "A colleague", "value": {"readers": ["carol"]}}}
         )
     },
@@ -132,8 +124,8 @@ async def share_job(request: Request, job: JobId) -> Response:
     summary="Stop sharing a job",
     dependencies=[SUBMIT],
     responses={
-        200: answer("Its readers: none.", Share),
-        **READ_FAILURES,
+        200: openapi.answer("Its readers: none.", Share),
+        **openapi.READ_FAILURES,
     },
 )
 async def unshare_job(request: Request, job: JobId) -> Response:

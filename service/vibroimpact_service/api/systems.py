@@ -12,21 +12,9 @@ from starlette.responses import Response
 
 from vibroimpact_schema.service import StoredSystem
 from vibroimpact_service import problems
-from vibroimpact_service.api import answers, bodies
+from vibroimpact_service.api import answers, bodies, openapi
 from vibroimpact_service.api.authentication import FAILURES, READ, SUBMIT, owner
 from vibroimpact_service.api.dependencies import services
-from vibroimpact_service.api.openapi import (
-    BINARY,
-    BODY_FAILURES,
-    IF_NONE_MATCH,
-    READ_FAILURES,
-    Declaration,
-    answer,
-    header,
-    json_body,
-    not_modified,
-    path_id,
-)
 from vibroimpact_service.documents import digest, stored_systems
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.results import representations
@@ -34,13 +22,13 @@ from vibroimpact_service.results import representations
 router = APIRouter(tags=["systems"], responses=FAILURES)
 
 _SYSTEM = re.compile(r"sys_[0-9a-f]{64}")
-SystemId = Annotated[str, path_id("Id of a system.", "sys_" + "0" * 64, _SYSTEM)]
+SystemId = Annotated[str, openapi.path_id("Id of a system.", "sys_" + "0" * 64, _SYSTEM)]
 
 _CHAIN: Final = {"preset": "chain", "n": 13, "constraints": [{"dof": 5, "gap": 0.2}]}
 _MATRIX_MARKET: Final = (
     "%%MatrixMarket matrix coordinate real symmetric\n2 2 3\n1 1 2.0\n2 1 -1.0\n2 2 2.0\n"
 )
-_FILES: Final[Mapping[str, Declaration]] = {
+_FILES: Final[Mapping[str, openapi.Declaration]] = {
     "application/x-matrix-market": {
         "schema": {
             "type": "string",
@@ -50,17 +38,17 @@ _FILES: Final[Mapping[str, Declaration]] = {
     },
     "application/x-npy": {
         "schema": {
-            **BINARY,
+            **openapi.BINARY,
             "description": "float64 of shape (n, n): K; (2, n, n): M and K; (3, n, n): M, K and C.",
         }
     },
 }
 
 
-def _stored(description: str) -> Declaration:
-    located = {"Location": header("Address of the system.")}
+def _stored(description: str) -> openapi.Declaration:
+    located = {"Location": openapi.header("Address of the system.")}
     links = {"get_system": {"system": "$response.body#/id"}}
-    return answer(description, StoredSystem, headers=located, links=links)
+    return openapi.answer(description, StoredSystem, headers=located, links=links)
 
 
 @router.post(
@@ -71,10 +59,10 @@ def _stored(description: str) -> Declaration:
     responses={
         200: _stored("The system was stored already."),
         201: _stored("The system is stored."),
-        **BODY_FAILURES,
+        **openapi.BODY_FAILURES,
     },
     openapi_extra={
-        "requestBody": json_body(
+        "requestBody": openapi.json_body(
             "System", {"chain": {"summary": "A chain of 13 masses", "value": _CHAIN}}, _FILES
         )
     },
@@ -97,14 +85,14 @@ async def store_system(request: Request) -> Response:
     summary="Stored system",
     dependencies=[READ],
     responses={
-        200: answer(
+        200: openapi.answer(
             "The system.",
             content={representations.JSON: {"schema": {"$ref": "#/components/schemas/System"}}},
         ),
-        304: not_modified(),
-        **READ_FAILURES,
+        304: openapi.not_modified(),
+        **openapi.READ_FAILURES,
     },
-    openapi_extra={"parameters": [IF_NONE_MATCH]},
+    openapi_extra={"parameters": [openapi.IF_NONE_MATCH]},
 )
 async def get_system(request: Request, system: SystemId) -> Response:
     """In its canonical form."""

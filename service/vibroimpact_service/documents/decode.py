@@ -71,7 +71,7 @@ def _known_system(named: _Named) -> System:
     limiters = constraints(document)
     units = None
     if document.units is not None:
-        units = Units(document.units.length, document.units.mass, document.units.time)
+        units = Units(**document.units.model_dump())
     if isinstance(document, systems.MatrixSystem):
         return System(
             _matrix("M", document.M),
@@ -234,6 +234,10 @@ def ensemble(request: requests.EnsembleRequest, of: System) -> ensembles.Problem
 
 def _motion(request: requests.MotionRequest) -> dict[str, Any]:
     """Return what motions have in common, whatever they start from."""
+    limiter = None
+    if isinstance(request.limiter, motions.PowerLimiter):
+        given = request.limiter
+        limiter = histories.Power(given.exponent, given.stiffness, given.scale)
     return {
         "t_end": request.t_end,
         "t": times(request.t, request.t_end),
@@ -244,15 +248,9 @@ def _motion(request: requests.MotionRequest) -> dict[str, Any]:
             histories.Harmonic(term.dof, term.amplitude, term.frequency, term.phase)
             for term in request.load or ()
         ),
-        "limiter": _limiter(request.limiter),
+        "limiter": limiter,
         "method": request.method,
     }
-
-
-def _limiter(of: Any) -> histories.Power | None:
-    if isinstance(of, motions.PowerLimiter):
-        return histories.Power(of.exponent, of.stiffness, of.scale)
-    return None
 
 
 def times(of: Any, t_end: float) -> Floats | None:
