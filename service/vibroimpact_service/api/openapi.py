@@ -102,11 +102,11 @@ def failures(*statuses: int) -> dict[int | str, Declaration]:
     """Return the declarations of answers by problem documents."""
     declared: dict[int | str, Declaration] = {}
     for status in statuses:
-        kind = problems.of_status(status)
-        example = ProblemError(kind, kind.about).document("6f1c0d").model_dump(mode="json")
+        problem = problems.of_status(status)
+        example = ProblemError(problem, problem.about).document("6f1c0d").model_dump(mode="json")
         schema = {"$ref": _REF.format(model=Problem.__name__)}
         content = {problems.MEDIA_TYPE: {"schema": schema, "example": example}}
-        declared[status] = {"description": f"{kind.title}.", "content": content}
+        declared[status] = {"description": f"{problem.title}.", "content": content}
     return declared
 
 

@@ -109,17 +109,11 @@ def idempotency_key(request: Request) -> str | None:
     return key
 
 
-def is_known(request: Request, etag: str) -> bool:
+def is_known(condition: str | None, tag: str) -> bool:
     """Whether If-None-Match names an entity tag, by weak comparison: the caller has the answer."""
-    return names(request.headers.get("if-none-match", ""), etag)
-
-
-def names(condition: str, tag: str) -> bool:
-    """Whether a condition names an entity tag, by weak comparison."""
-    if condition.strip() == "*":
-        return True
-    given = {item.strip().removeprefix("W/") for item in condition.split(",")}
-    return tag in given
+    if condition is None or condition.strip() == "*":
+        return condition is not None
+    return tag in {item.strip().removeprefix("W/") for item in condition.split(",")}
 
 
 class UnsatisfiableRangeError(ValueError):

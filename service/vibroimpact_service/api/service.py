@@ -141,15 +141,15 @@ async def get_openapi(request: Request) -> Response:
 @router.get(problems.PAGES + "{code}", include_in_schema=False)
 async def page(code: str) -> Response:
     """Return the page about a problem type."""
-    kind = problems.TYPES.get(code)
-    if kind is None:
+    problem = problems.TYPES.get(code)
+    if problem is None:
         raise ProblemError(problems.NOT_FOUND, "There is no such problem type.")
-    title, about = html.escape(kind.title), html.escape(kind.about)
-    retry = "can succeed later" if kind.retryable else "will not succeed unchanged"
+    title, about = html.escape(problem.title), html.escape(problem.about)
+    retry = "can succeed later" if problem.retryable else "will not succeed unchanged"
     text = (
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title>'
         f"<h1>{title}</h1><p>{about}</p>"
-        f"<p>Code <code>{kind.code}</code>, HTTP status {kind.status}. "
+        f"<p>Code <code>{problem.code}</code>, HTTP status {problem.status}. "
         f"The same request {retry}.</p></html>"
     )
     headers = {"Cache-Control": "public, max-age=3600"}

@@ -68,9 +68,9 @@ def test_preference_applied_names_what_was_obeyed() -> None:
 def test_entity_tags() -> None:
     tag = '"ab"'
     for condition in ('"ab"', 'W/"ab"', '"x", "ab"', "*", ' "ab" '):
-        assert request_headers.names(condition, tag)
+        assert request_headers.is_known(condition, tag)
     for condition in ('"a"', "ab", ""):
-        assert not request_headers.names(condition, tag)
+        assert not request_headers.is_known(condition, tag)
 
 
 @pytest.mark.parametrize(
