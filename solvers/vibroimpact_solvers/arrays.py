@@ -13,7 +13,7 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType, NoneType, UnionType
-from typing import Any, Final, get_args, get_type_hints
+from typing import Annotated, Any, Final, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,7 +94,8 @@ def declared(result: type[Any]) -> Mapping[str, Field]:
     if result not in _declared:
         hints = get_type_hints(result, include_extras=True)
         names = [field.name for field in dataclasses.fields(result)]
-        fields = {name: _field(name, *get_args(hints[name])) for name in names}
+        annotated = {name: hints[name] for name in names if get_origin(hints[name]) is Annotated}
+        fields = {name: _field(name, *get_args(hint)) for name, hint in annotated.items()}
         _declared[result] = MappingProxyType(fields)
     return _declared[result]
 
