@@ -6,7 +6,9 @@ import io
 import json
 import subprocess
 import sys
+from datetime import UTC, datetime
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -53,6 +55,13 @@ def small_windows(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(planning, "BYTES", 1e4)
 
 
+@pytest.fixture
+def one_moment(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let all results be created at the same time, which is one of their attributes."""
+    moment = datetime(2026, 1, 1, tzinfo=UTC)
+    monkeypatch.setattr(execute, "datetime", SimpleNamespace(now=lambda _: moment))
+
+
 def keep(store: Store, content: dict[str, Any]) -> TimeHistoryRequest:
     request = TimeHistoryRequest.model_validate(content)
     job_chunks._pieces.cache_clear()
@@ -75,11 +84,8 @@ def joined(store: Store, chunks: list[Chunk]) -> bytes:
     return data
 
 
-@pytest.mark.usefixtures("small_windows")
-def test_a_result_in_files_is_the_one_in_memory(
-    store: Store, content: dict[str, Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(execute, "_now", lambda: "2026-01-01T00:00:00.000+00:00")
+@pytest.mark.usefixtures("small_windows", "one_moment")
+def test_a_result_in_files_is_the_one_in_memory(store: Store, content: dict[str, Any]) -> None:
     request = keep(store, content)
     chunks = cut(store)
     assert len(chunks) > 8
@@ -104,11 +110,10 @@ def test_a_result_in_files_is_the_one_in_memory(
     assert not [path for path in Path(store.url, "results").iterdir() if path.name[0] == "."]
 
 
-@pytest.mark.usefixtures("small_windows")
+@pytest.mark.usefixtures("small_windows", "one_moment")
 def test_a_resumed_motion_has_the_numbers_of_one_in_one_go(
     store: Store, content: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(execute, "_now", lambda: "2026-01-01T00:00:00.000+00:00")
     keep(store, content)
     chunks = cut(store)
     solve(store, range(len(chunks)))
