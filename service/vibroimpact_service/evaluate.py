@@ -61,13 +61,6 @@ class Preference:
     respond_async: bool = False
     wait: float | None = None
 
-    def applied(self) -> str:
-        """Return the value of Preference-Applied."""
-        parts = ["respond-async"] * self.respond_async
-        if self.wait is not None:
-            parts.append(f"wait={self.wait:g}")
-        return ", ".join(parts)
-
 
 @dataclass(frozen=True, slots=True)
 class Answer:

@@ -1,4 +1,7 @@
-"""Problem types (RFC 9457), and the one mapping from exceptions to problems."""
+"""Problem types (RFC 9457), and the one mapping from exceptions to problems.
+
+Exceptions that only jobs know, such as a lost worker, are added in `chunks.explain`.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The systems of the book chapter, by name.
+"""Preset structures, by name; the first are those of the book chapter.
 
 Examples
 --------

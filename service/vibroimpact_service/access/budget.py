@@ -1,4 +1,7 @@
-"""Rate limits and computing quotas of callers, and the headers that state what is left."""
+"""Rate limits and computing quotas of callers, and the headers that state what is left.
+
+Attempts without a valid key are counted by address.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ from vibroimpact_service.settings import Settings
 from vibroimpact_solvers.plan import Plan
 
 _MILLI: Final = 1000
-_FAILURES: Final = RateLimitItemPerMinute(60, 1, "failures")
+_FAILED_KEYS: Final = RateLimitItemPerMinute(60, 1, "failures")
 
 
 class Budget:
@@ -98,7 +101,7 @@ class Budget:
         """Whether `spend` does nothing for computations of up to that price."""
         return self._limits(caller)[1] is None and seconds <= self._settings.max_job_seconds
 
-    async def failed(self, address: str) -> None:
+    async def count_failed_key(self, address: str) -> None:
         """Count a request without a valid key from an address.
 
         Raises
@@ -106,8 +109,8 @@ class Budget:
         ProblemError
             429 if there were too many.
         """
-        if not await self._windows.hit(_FAILURES, address):
-            stats = await self._windows.get_window_stats(_FAILURES, address)
+        if not await self._windows.hit(_FAILED_KEYS, address):
+            stats = await self._windows.get_window_stats(_FAILED_KEYS, address)
             wait = _whole(stats.reset_time - time.time())
             detail = f"Too many requests without a valid key; ask again in {wait} s."
             raise ProblemError(problems.TOO_MANY, detail, headers={"Retry-After": str(wait)})

@@ -54,7 +54,7 @@ class Authentication(SecurityBase):
             caller = await parts.authenticator.caller(request.headers.get("authorization"))
         except ProblemError as error:
             if error.type is problems.UNAUTHENTICATED:
-                await parts.budget.failed(request.client.host if request.client else "")
+                await parts.budget.count_failed_key(request.client.host if request.client else "")
             raise
         state.caller = caller
         state.more_headers |= await parts.budget.count(caller)

@@ -68,7 +68,7 @@ def _add_compute(kind: Kind) -> None:
         outcome = await evaluation.compute(
             computation, preference, media_type, admission(request), key
         )
-        headers = {"Preference-Applied": preference.applied()} if preference.applied() else {}
+        headers = request_headers.preference_applied(preference)
         if isinstance(outcome, JobRow):
             headers["Location"] = f"/v1/jobs/{outcome.id}"
             headers["Retry-After"] = "1"

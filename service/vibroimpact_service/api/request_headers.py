@@ -89,6 +89,14 @@ def preference(headers: Sequence[str]) -> Preference:
     return Preference(respond_async, wait)
 
 
+def preference_applied(preference: Preference) -> dict[str, str]:
+    """Return the header that states which preferences are obeyed, with the wait that is granted."""
+    parts = ["respond-async"] * preference.respond_async
+    if preference.wait is not None:
+        parts.append(f"wait={preference.wait:g}")
+    return {"Preference-Applied": ", ".join(parts)} if parts else {}
+
+
 def idempotency_key(request: Request) -> str | None:
     """Return the Idempotency-Key of a request, if it has one.
 

@@ -137,7 +137,7 @@ def _claim(connection: Connection, claim_owner: str, chosen: Sequence[JobRow]) -
         jobs.c.id.in_([job.id for job in chosen]),
         state="running",
         phase="starting",
-        note=None,
+        waiting_note=None,
         retry_at=None,
         attempts=jobs.c.attempts + 1,
         started=sa.func.coalesce(jobs.c.started, clock),
@@ -182,7 +182,7 @@ def put_back(
     """Queue running jobs again, to be tried after some seconds; return those that were queued."""
     retry_at = now(connection) + seconds if seconds else None
     where = _claimed(claim_owner, held)
-    update = _change(where, note=note, retry_at=retry_at, **_QUEUED_AGAIN)
+    update = _change(where, waiting_note=note, retry_at=retry_at, **_QUEUED_AGAIN)
     return set(connection.execute(update.returning(jobs.c.id)).scalars())
 
 
@@ -227,7 +227,9 @@ def _end(
 ) -> tuple[set[str], set[str]]:
     """End jobs; return them and their results."""
     finished = now(connection)
-    update = _change(where, phase="done", note=None, finished=finished, **_UNCLAIMED, **values)
+    update = _change(
+        where, phase="done", waiting_note=None, finished=finished, **_UNCLAIMED, **values
+    )
     ended = connection.execute(update.returning(jobs.c.id, jobs.c.result)).all()
     return {each.id for each in ended}, {each.result for each in ended}
 

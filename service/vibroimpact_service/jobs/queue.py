@@ -212,8 +212,8 @@ class JobQueue:
         """Return why a job is not running yet, in words."""
         if job.state != "queued":
             return None
-        if job.note is not None:
-            return job.note
+        if job.waiting_note is not None:
+            return job.waiting_note
         if not self.engine.ready:
             return self.engine.failure or "the workers are starting"
         if job.result in self._runner.running_results():

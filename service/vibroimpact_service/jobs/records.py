@@ -1,4 +1,7 @@
-"""Operations of users on job records: submit, find, list."""
+"""Operations of users on job records: submit, find, list.
+
+A job is cancelled where its claim is ended: `claims`.
+"""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ jobs = sa.Table(
     sa.Column("kept", sa.Integer),
     sa.Column("deadline", sa.Float),
     sa.Column("retry_at", sa.Float),
-    sa.Column("note", sa.String(200)),
+    sa.Column("note", sa.String(200), key="waiting_note"),
 )
 
 idempotency = sa.Table(
@@ -103,7 +103,7 @@ class JobRow:
         Quick jobs are sent to the workers several at a time, bulk ones in batches of chunks.
     retry_at : float, optional
         The job is not tried again before.
-    note : str, optional
+    waiting_note : str, optional
         Why the job waits, where other jobs are not the reason.
     """
 
@@ -132,7 +132,7 @@ class JobRow:
     kept: int = 0
     deadline: float | None = None
     retry_at: float | None = None
-    note: str | None = None
+    waiting_note: str | None = None
 
     @property
     def final(self) -> bool:

@@ -123,9 +123,11 @@ def _meta(
     return {"head": head, "plain": plain, "meanings": described}
 
 
-_STORED: Final = (
-    "dims", "unit", "long_name", "coordinate", "flags", "path", "record", "rows_of"
-)  # fmt: skip
+_OF_DOCUMENTS: Final = {"note", "missing", "error", "integers"}
+"""What only the documents say of a quantity; the rest is stored, and files are written from it."""
+_STORED: Final = tuple(
+    field.name for field in dataclasses.fields(Quantity) if field.name not in _OF_DOCUMENTS
+)
 
 
 @lru_cache(maxsize=1024)

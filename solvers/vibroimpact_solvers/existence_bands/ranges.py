@@ -10,7 +10,7 @@ from vibroimpact_solvers.results.existence_bands import Edge
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """A range in which impact modes exist."""
+    """A range in which impact modes exist; its fields are the columns ``bands/…`` of results."""
 
     # Edges, as Omega
     start: float

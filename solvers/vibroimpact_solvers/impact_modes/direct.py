@@ -108,7 +108,7 @@ class DirectFamily:
                 b[f, k] = sign * (response @ motion.p[f])
         return b
 
-    def check(
+    def check_path(
         self, motion: Forces, error: Floats, problem: Problem, excess: float
     ) -> tuple[Floats, Booleans]:
         """Return a time at which a limit is exceeded or nan, and whether that is certain.

@@ -198,7 +198,7 @@ class FamilySolver:
         where = paths.where
         if where.any():
             error = np.minimum(impulses.error[where], 1.0)
-            witness[where], sure = self.evaluator.check(
+            witness[where], sure = self.evaluator.check_path(
                 paths.motion, error, problem, PENETRATION_TOLERANCE
             )
             certified[where] &= sure

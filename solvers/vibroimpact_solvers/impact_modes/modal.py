@@ -11,7 +11,7 @@ from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.impact_modes.family import Equations, Family, Impulses, Kind
 from vibroimpact_solvers.impact_modes.problem import Frequencies, Problem
-from vibroimpact_solvers.kernels import families, limits, motions, response
+from vibroimpact_solvers.kernels import families, motions, path_check, response
 from vibroimpact_solvers.kernels.threads import over_ranges
 from vibroimpact_solvers.spectrum import Spectrum
 from vibroimpact_solvers.stability import Orbits, Side
@@ -106,7 +106,7 @@ class ModalFamily:
         omega, D, U = motion.omega, motion.D, motion.U
 
         def side(tau: float, struck: tuple[int, ...]) -> Side:
-            position, slope = limits.states(self.roots, self.load, omega, D, U, tau)
+            position, slope = path_check.states(self.roots, self.load, omega, D, U, tau)
             return Side(self.rows[list(struck)], position, slope * omega[:, np.newaxis])
 
         return Orbits(
@@ -131,7 +131,7 @@ class ModalFamily:
             slope = np.where(errors > 0.0, 0.5 * errors / np.abs(self.roots), 0.0)
         return np.asarray(np.minimum(slope, np.sqrt(errors)))
 
-    def check(
+    def check_path(
         self, motion: Amplitudes, error: Floats, problem: Problem, excess: float
     ) -> tuple[Floats, Booleans]:
         """Return a time at which a limit is exceeded or nan, and whether that is certain.
@@ -157,7 +157,7 @@ class ModalFamily:
 
         def piece(start: int, stop: int) -> None:
             some = slice(start, stop)
-            limits.check(
+            path_check.check(
                 self.roots,
                 load,
                 motion.omega[some],

@@ -16,7 +16,7 @@ from tests.benchmarks.skips import free_motions
 from vibroimpact_solvers import stability
 from vibroimpact_solvers.arrays import Described
 from vibroimpact_solvers.impact_modes.modal import ModalFamily
-from vibroimpact_solvers.kernels import bands, families, limits, response
+from vibroimpact_solvers.kernels import bands, families, path_check, response
 from vibroimpact_solvers.matrices import SymmetricMatrix
 from vibroimpact_solvers.receptance import TriangleWaveResponse
 from vibroimpact_solvers.slow_flow import MODELS
@@ -108,7 +108,7 @@ _COUNTED: tuple[tuple[Any, str, Callable[..., Tally]], ...] = (
     (response, "response_one", _scalar),
     (response, "amplitudes_one", _amplitudes),
     (families, "solutions", _bordered),
-    (limits, "check", _path_checks),
+    (path_check, "check", _path_checks),
     (ModalFamily, "displacements", _modal),
     (TriangleWaveResponse, "displacements", _direct),
     (SymmetricMatrix, "factorize", _factors),

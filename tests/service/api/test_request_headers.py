@@ -58,11 +58,10 @@ def test_prefer(headers: list[str], expected: Preference) -> None:
 
 
 def test_preference_applied_names_what_was_obeyed() -> None:
-    assert (
-        request_headers.preference(["wait=3600, respond-async"]).applied()
-        == "respond-async, wait=20"
-    )
-    assert Preference().applied() == ""
+    asked = request_headers.preference(["wait=3600, respond-async"])
+    applied = request_headers.preference_applied(asked)
+    assert applied == {"Preference-Applied": "respond-async, wait=20"}
+    assert request_headers.preference_applied(Preference()) == {}
 
 
 def test_entity_tags() -> None:
