@@ -21,6 +21,8 @@ DOCS: Final = Path(__file__).parent.parent / "docs"
 _IMAGES: Final = "images/benchmarks"
 _LONG: Final = 12
 """Rows from which a table is folded, as its plot says more at a glance."""
+_WIDE: Final = 10
+"""Columns above which a table needs the room of the table of contents."""
 _LEVEL: Final = 1e-9
 """The error at which the first page compares."""
 _SHOWN: Final = ("B: chain N=13, elastic, 10 periods", "D: two driven masses, three walls, k=0.7")
@@ -29,12 +31,12 @@ _SHOWN: Final = ("B: chain N=13, elastic, 10 periods", "D: two driven masses, th
 _READING = """## How to read the pages
 
 - Functions that are compared take turns in one run, after a warm-up; times are medians, ratios
-  medians over the rounds. *Processor* is time of the processor, which neighbours on a shared
-  machine lengthen less than that on the clock.
+  are medians over the rounds. *Processor* is processor time, which other users of a shared
+  machine disturb less than time on the clock.
 - Plots of error against time are logarithmic both ways; further down and to the left is
-  better. A cross at the upper edge has no number, as where impacts were missed.
+  better. A cross at the upper edge stands for no number, as where impacts were missed.
 - Exponents are those of power laws fitted to the points under the broad line: 1 is linear growth.
-- Goals were set before; one that is missed stays on its page with what is known about it.
+- Goals were set beforehand; a missed one stays on its page with what is known about the cause.
 - Everything is drawn from the results that `vibroimpact bench --save` stores in
   `benchmarks/results/`; each table names the command that measures it.
 """
@@ -104,10 +106,10 @@ def _against_peers(ahead: Table) -> str:
         f"At an error of at most 1e-9, with no impact missed, a prepared time history "
         f"is **{between(prepared)}** as the fastest of heyoka, CVODE of SUNDIALS, diffrax, scipy "
         f"and Siconos, on {len(level)} motions. From nothing, with planning, preparing or "
-        f"compiling, and here with estimates of all errors, it is **{between(nothing)}**. Over all "
-        f"levels of error from 1e-3 to the best that is reached, another program is faster in "
-        f"{behind} of {len(compared)} comparisons of prepared ones. A program that was compiled "
-        f"beforehand may also be faster than a whole call here: see the last column."
+        f"compiling, and for Vibroimpact estimates of all errors, it is **{between(nothing)}**. "
+        f"From 1e-3 to the smallest error reached, another program is faster in {behind} of "
+        f"{len(compared)} comparisons of prepared programs. A program compiled beforehand can also "
+        f"be faster than a whole call of Vibroimpact: see the last column."
     )
     columns = {
         "motion": "case",
@@ -116,7 +118,7 @@ def _against_peers(ahead: Table) -> str:
         "Vibroimpact, prepared [ms]": "prepared [ms]",
         "times faster, prepared": prepared,
         "times faster, from nothing": nothing,
-        "whole call over prepared program": mixed,
+        "times faster, whole call against prepared program": mixed,
     }
     body = [[written(row[column]) for column in columns.values()] for row in level]
     words = [column in ("motion", "fastest other program") for column in columns]
@@ -142,13 +144,15 @@ def _details(measured: dict[str, list[Measurement]]) -> str:
     pages = grid(["page", "shows", "goals reached", "newest run"], body, [True] * 3 + [False])
     missed = len(every) - sum(every)
     return (
-        f"## Details\n\n**{sum(every)} of {len(every)} goals are reached.** The {missed} others "
-        f"are listed on the page that they concern.\n\n{pages}\n"
+        f"## Details\n\n**{sum(every)} of {len(every)} goals are reached.** The other {missed} "
+        f"are listed on the pages that they concern.\n\n{pages}\n"
     )
 
 
 def _page(benchmark: Benchmark, measurements: Sequence[Measurement]) -> str:
-    lines = [f"# {benchmark.title}", ""]
+    wide = any(len(table.columns) > _WIDE for table in _tables(measurements).values())
+    lines = ["---", "hide: [toc]", "---", ""] if wide else []
+    lines += [f"# {benchmark.title}", ""]
     lines += [f"{benchmark.shows[0].upper()}{benchmark.shows[1:]}.", ""]
     lines += [_missed(measurements), *dict.fromkeys(map(_machine, measurements))]
     for one in measurements:

@@ -92,11 +92,15 @@ def grid(head: Sequence[str], body: Sequence[Sequence[str]], words: Sequence[boo
 
 
 def _cell(words: str) -> str:
-    """Return a cell of Markdown: powers of ten as such, outcomes marked, bars escaped."""
+    """Return a cell of Markdown: powers of ten as such, outcomes marked, bars escaped.
+
+    Exponents of other numbers get a hyphen at which lines do not break.
+    """
     power = re.fullmatch(r"(-?\d\.\d\d)e([+-]\d+)", words)
     if power:
         return f"{power[1]}·10{str(int(power[2])).translate(_RAISED)}"
-    return _OUTCOMES.get(words, words).replace("|", "\\|")
+    unbroken = re.sub(r"(?<=\de)-(?=\d)", "\u2011", words)
+    return _OUTCOMES.get(words, unbroken).replace("|", "\\|")
 
 
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

@@ -79,7 +79,7 @@ def draw_impulse(modes: Result, mode: Result, path: Path) -> None:
     ax.set_ylim(-0.25, 1.0)
     ax.set_xlim(float(modes.Omega[0]), float(modes.Omega[-1]))
     ax.set_title("Chain of 13 masses, the sixth between stops at ±0.2", fontsize="medium")
-    ax.legend(frameon=False, loc="upper right")
+    ax.legend(frameon=False, loc="upper right", fontsize="small", handlelength=0.9)
     figure.savefig(path, dpi=150)
 
 

@@ -29,6 +29,7 @@ def draw(client):
         close(flow.t_max, end)
     axes[0].set_xlim(0, 20)
     axes[1].set_xlim(80, 110)
+    axes[1].set_ylim(-1.5, 1.1)
     axes[1].axvline(DURATIONS["exact"], color=WALL, linewidth=0.8)
     axes[1].set_xlabel("t; the line marks the last impact, free decay follows")
     axes[1].legend(ncols=4, frameon=False, loc="lower left", fontsize="small")

@@ -28,6 +28,7 @@ def draw(client):
     axes[1].set_ylim(1e-7, 1)
     axes[2].set_ylim(1e-5, 10)
     axes[0].set_xlim(0, 30)
+    axes[0].set_ylim(-1.6, 1.1)
     axes[0].set_ylabel("x")
     axes[1].set_ylabel(r"error of $\lambda$")
     axes[2].set_ylabel(r"error of $\varphi$ at impacts")

@@ -8,7 +8,7 @@ To add a kind:
 2. Declare the fields of its result in `vibroimpact_solvers.results`, and write its request in
    `vibroimpact_schema.requests`. The document of the result follows from the declaration.
 3. Write the function that makes the solver's problem of the request, of that name, in `decode`.
-4. Add one row to `KINDS`, and an example to ``openapi/examples``.
+4. Add one row to `KINDS`, and an example to ``openapi/vibroimpact_schema/examples``.
 5. To let it be swept, add a row to `vibroimpact_solvers.sweep.kinds.KINDS`.
 
 Routes, jobs, encodings and the contract follow from the row.

@@ -1,7 +1,6 @@
 """Estimated time of a plan from its operations and the memory that it writes.
 
-The rates are those of one core of a machine of 2024; ``vibroimpact bench http`` compares the
-estimates with measurements.
+The rates are those of one core of a machine of 2024.
 """
 
 from __future__ import annotations

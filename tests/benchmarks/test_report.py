@@ -103,7 +103,7 @@ def test_the_first_page_counts_goals_and_the_others_list_those_missed(
     pages: tuple[str, str],
 ) -> None:
     first, page = pages
-    assert "**1 of 3 goals are reached.** The 2 others" in first
+    assert "**1 of 3 goals are reached.** The other 2" in first
     head = page.split("Measured on")[0]
     assert "**1 of 3 goals are reached.**" in head
     assert "the cache is full" in head
@@ -117,7 +117,7 @@ def test_the_first_page_says_how_fast_against_what_at_which_error(docs: Path) ->
     assert "error of at most 1e-9" in head
     assert "3 to 5 times as fast (median 4)" in head
     assert "50 to 70 times as fast (median 60)" in head
-    assert "faster in 1 of 3 comparisons of prepared ones" in head
+    assert "faster in 1 of 3 comparisons of prepared programs" in head
     assert "| A | heyoka | 3 | 1 | 3 | 50 | 1.5 |" in head
     assert "none" not in head
 
