@@ -7,9 +7,12 @@ import subprocess
 import sys
 from typing import Any
 
+import numpy as np
 import pytest
 
+from vibroimpact_solvers import time_history as solver
 from vibroimpact_solvers.arrays import declared
+from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.results import (
     ensemble,
     existence_bands,
@@ -71,3 +74,42 @@ def test_declarations_load_without_the_kernels() -> None:
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     )
     assert done.stdout.split() == ["False", "False"]
+
+
+def scaled(values: Any, unit: str, scales: dict[str, float]) -> Any:
+    """Return values of a unit in other units of mass, length and time."""
+    for factor in unit.split():
+        base = factor.rstrip("-0123456789")
+        if base in scales:
+            values = values * scales[base] ** int(factor[len(base) :] or 1)
+    return values
+
+
+def motion(scales: dict[str, float]) -> time_history.Result:
+    """Return a motion with impacts and contacts, of a structure in some units."""
+    mass, length, time = scales.values()
+    stiffness, damping = mass / time**2, mass / time
+    system = System(
+        SymmetricMatrix.diagonal([mass, 2.0 * mass]),
+        SymmetricMatrix.dense(np.array([[2.0, -1.0], [-1.0, 2.0]]) * stiffness),
+        (Constraint.at(0, 0.1 * length, restitution=0.0), Constraint.at(1, 0.3 * length)),
+        SymmetricMatrix.diagonal(np.array([0.01, 0.02]) * damping),
+        force=np.array([0.3, 0.0]) * length * stiffness,
+    )
+    state = solver.State(np.array([0.0, 0.1]) * length, np.array([1.0, 0.5]) * length / time)
+    t = np.linspace(0.0, 20.0, 9) * time
+    problem = solver.Problem(system, state, 20.0 * time, t, outputs=frozenset(solver.OUTPUTS))
+    return solver.solve(problem, solver.plan(problem))
+
+
+def test_numbers_of_a_motion_change_with_the_units_as_declared() -> None:
+    scales = {"mass": 2.0, "length": 4.0, "time": 8.0}
+    one, other = motion(dict.fromkeys(scales, 1.0)), motion(scales)
+    assert one.contact_impulse is not None
+    assert one.contact_impulse.size
+    for name, field in declared(time_history.Result).items():
+        given, found = getattr(one, name), getattr(other, name)
+        if given is None or isinstance(given, str) or "error" in name:
+            continue
+        expected = scaled(given, field.quantity.unit, scales)
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12, err_msg=name)

@@ -140,6 +140,26 @@ def test_other_families_are_searched(stops: list[Constraint]) -> None:
     scan(result, system, np.random.default_rng(1).uniform(0.8, 3.0, 20_000))
 
 
+def test_searched_edges_are_enclosed_and_say_what_lies_beyond_them() -> None:
+    system = presets.chain(12, [Constraint.at(4, 0.2), Constraint.at(7, 0.2)])
+    result = solved(system, 0.8, 3.0)
+    ends = (
+        (-1.0, result.band_start, result.band_start_reason),
+        (1.0, result.band_stop, result.band_stop_reason),
+    )
+    for outwards, edges, reasons in ends:
+        inner = reasons != Edge.RANGE
+        assert inner.sum() == edges.size - 1
+        step = outwards * result.band_edge_error[inner]
+        assert exists(system, edges[inner] - step).all()
+        Omega = edges[inner] + step
+        beyond = modes.Problem(
+            system, Omega * (2 / np.pi), outputs=frozenset({"reason"}), Omega=Omega
+        )
+        found = modes.solve(beyond, modes.plan(beyond)).reason
+        np.testing.assert_array_equal(found, reasons[inner])
+
+
 def test_rigid_body_modes_take_part() -> None:
     K = np.array([[1.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
     system = System(

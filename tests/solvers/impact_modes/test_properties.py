@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import scipy.linalg
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from tests.solvers.structures import random_system
+from tests.solvers.structures import chain, random_system
 from vibroimpact_solvers import impact_modes as modes
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
@@ -203,3 +204,20 @@ def test_nothing_breaks_at_a_pole_in_floating_point(seed: int, n: int, odd: int)
     # The impulse passes through zero there.
     usual = system.constraints[0].upper * omega**2
     assert (np.abs(result.impulse[:, 0]) < 1e-6 * usual * (1 + (roots.max() / omega) ** 2)).all()
+
+
+@pytest.mark.parametrize("unit", [1e-12, 1e12])
+def test_lengths_in_other_units_exist_as_well(unit: float) -> None:
+    Omega = np.linspace(0.3, 3.0, 2000)
+
+    def reasons(gap: float) -> np.ndarray:
+        problem = modes.Problem(
+            chain(gap=gap), Omega * (2 / np.pi), outputs=frozenset({"reason"}), Omega=Omega
+        )
+        found = modes.solve(problem, modes.plan(problem)).reason
+        assert found is not None
+        return found
+
+    expected = reasons(0.2)
+    assert np.unique(expected).size > 2
+    np.testing.assert_array_equal(reasons(0.2 * unit), expected)

@@ -75,6 +75,14 @@ def test_a_longer_and_a_shifted_sweep_have_the_pieces_of_this_one() -> None:
     assert len(names & shifted) >= len(names) * 48 // 64 - 2
 
 
+def test_pieces_are_shared_wherever_a_sweep_begins() -> None:
+    names = {sweep.content(piece) for piece in pieces(grid(stepped(8, 64)))}
+    for first in (5, 11, 15):
+        shifted = {sweep.content(piece) for piece in pieces(grid(stepped(first, 64)))}
+        # Other ends cut one piece each.
+        assert len(names & shifted) >= len(names) * 56 // 64 - 2
+
+
 def test_axes_of_other_values_share_no_piece() -> None:
     names = {sweep.content(piece) for piece in pieces(grid(stepped(8, 64)))}
     others = {sweep.content(piece) for piece in pieces(grid(stepped(8, 64, step=0.06)))}

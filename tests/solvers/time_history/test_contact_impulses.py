@@ -63,6 +63,22 @@ def test_a_driven_mass_on_its_wall_in_closed_form() -> None:
     assert (result.contact_impulse > 0.0).all()
 
 
+def test_a_wall_carries_what_an_accelerated_mass_presses_by_its_coupling() -> None:
+    """x1 moves as a + b t + c t^2/2 while x0 rests at its wall, which carries f0 - 2 g - x1."""
+    g, a, b, f0, f1, t_end = 0.1, 0.2, 0.3, 5.0, 0.5, 1.0
+    system = System(
+        dense(np.eye(2)),
+        dense([[2.0, 1.0], [1.0, 0.0]]),
+        (Constraint((0,), (1.0,), None, g, 0.0),),
+        force=np.array([f0, f1]),
+    )
+    result = solve(system, [g, a], [0.0, b], t_end)
+    assert result.contact_impulse is not None
+    c = f1 - g
+    expected = (f0 - 2.0 * g - a) * t_end - b * t_end**2 / 2.0 - c * t_end**3 / 6.0
+    np.testing.assert_allclose(result.contact_impulse, [expected], rtol=1e-13)
+
+
 def quadrature(
     system: System, result: th.Result, row: int, load: tuple[th.Harmonic, ...], **fields: object
 ) -> float:
