@@ -217,3 +217,13 @@ def test_jobs_behind_those_of_others_are_looked_at_one_by_one(hold: Hold) -> Non
     assert [one["id"] for one in current] == [f"job{i}" for i in range(30)]
     # Each round asks for one page, which has none of ours, and then for all of them.
     assert service.looked == 31 * service.listed
+
+
+def test_a_wait_ends_with_any_change_since_the_version_that_is_known() -> None:
+    known = {"id": "a", "version": 7}
+    waiting = next(conversations.look(known, 12.5))
+    assert isinstance(waiting, dict)
+    assert waiting["params"] == {"wait": "12.5", "since": "7"}
+    at_once = next(conversations.look(known))
+    assert isinstance(at_once, dict)
+    assert at_once["params"] is None

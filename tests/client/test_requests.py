@@ -59,6 +59,25 @@ def test_the_method_sends_what_the_builder_returns(
         ]
 
 
+def test_an_ensemble_is_asked_for_like_a_motion_alone() -> None:
+    shared = {
+        "t": 7,
+        "outputs": ["x", "impacts"],
+        "dofs": [1],
+        "load": [vi.harmonic(0, 1.0, 2.0)],
+        "limiter": vi.soft(100.0),
+        "method": "RK45",
+        "tolerance": 1e-9,
+    }
+    alone = vi.time_history_request(CHAIN, STATES, 10.0, **shared)
+    many = vi.ensemble_request(CHAIN, *STATES, 10.0, **shared)
+    assert set(shared) <= set(many)
+    x, v = STATES
+    assert many.pop("initial") == {"x": x.tolist(), "v": v.tolist()}
+    del alone["initial"]
+    assert many == alone
+
+
 @pytest.mark.parametrize(
     ("model", "request_body"),
     [

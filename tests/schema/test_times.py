@@ -33,6 +33,7 @@ def test_both_forms(document: Any, count: int) -> None:
         ({"values": [1, -1]}, "greater_than_equal", ("values", 1)),
         ({"values": [float("nan")]}, "finite_number", ("values", 0)),
         ({"start": 2, "stop": 1, "num": 5}, "reversed_grid", ("stop",)),
+        ({"start": 2, "stop": 2, "num": 5}, "reversed_grid", ("stop",)),
         ({"stop": 1, "num": 1}, "greater_than_equal", ("num",)),
         ({"num": 3}, "missing", ("stop",)),
         (3, "time_form", ()),
