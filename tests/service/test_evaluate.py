@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections.abc import Awaitable, Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -17,6 +17,7 @@ from vibroimpact_service import problems
 from vibroimpact_service.documents import parse, requests
 from vibroimpact_service.documents.requests import Request
 from vibroimpact_service.evaluate import Admission, Answer, Evaluation, Preference
+from vibroimpact_service.jobs.records import NewJob
 from vibroimpact_service.jobs.tables import JobRow
 from vibroimpact_service.kinds import KINDS, Kind, Solver
 from vibroimpact_service.metrics import Metrics
@@ -193,6 +194,87 @@ def test_a_job_for_what_is_being_computed_waits_for_it(
         kind.gate.set()
         assert (await job).reused
         assert isinstance(await inline, Answer)
+
+    run(main)
+
+
+def test_a_job_that_is_computed_while_it_is_submitted_is_new_and_an_equal_one_reuses_it(
+    settings: Settings, store: Store, queue: Any, request_body: dict[str, Any], free: Admission
+) -> None:
+    chosen = settings.model_copy(update={"on_submission_seconds": 10.0})
+    use, kind, submitted = Evaluation(chosen, store, queue, Metrics()), counting(), []
+
+    async def submit(new: NewJob) -> NewJob:
+        submitted.append(new)
+        return new
+
+    queue.submit = submit
+
+    async def main() -> None:
+        question = asked(request_body, kind)
+        first = asyncio.create_task(use.submit(question, free, "first"))
+        while not kind.calls:
+            await asyncio.sleep(0.01)
+        second = asyncio.create_task(use.submit(question, free, "second"))
+        kind.gate.set()
+        await asyncio.gather(first, second)
+
+    try:
+        run(main)
+    finally:
+        use.close()
+    told = {new.key: (new.computed, new.reused) for new in submitted}
+    assert told == {"first": (True, False), "second": (False, True)}
+    assert len(kind.calls) == 1
+
+
+def test_equal_requests_at_the_same_time_are_charged_once(
+    use: Evaluation, request_body: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kind, charged, asking, once = counting(), [], [], use.threads.once
+
+    async def note(plan: Any, seconds: float) -> None:
+        charged.append(seconds)
+
+    async def noted(name: str, work: Any) -> Any:
+        asking.append(name)
+        return await once(name, work)
+
+    monkeypatch.setattr(use.threads, "once", noted)
+
+    async def main() -> None:
+        question = asked(request_body, kind)
+        first = asyncio.create_task(use.compute(question, PLAIN, JSON, Admission(note)))
+        while not kind.calls:
+            await asyncio.sleep(0.01)
+        second = asyncio.create_task(use.compute(question, PLAIN, JSON, Admission(note)))
+        while len(asking) < 2:
+            await asyncio.sleep(0.01)
+        kind.gate.set()
+        answers = [await first, await second]
+        assert [answer.cache for answer in answers] == ["fwd=miss", "fwd=miss; collapsed"]
+
+    run(main)
+    assert len(charged) == 1
+
+
+def test_the_result_of_a_quick_job_that_a_power_failure_took_is_computed_again(
+    use: Evaluation, queue: Any, store: Store, request_body: dict[str, Any], free: Admission
+) -> None:
+    async def main() -> None:
+        question = asked(request_body)
+        job = await use.submit(question, free, None)
+        quick = replace(job, queue="quick", state="succeeded")
+        assert await use.result_of(replace(quick, queue="bulk"), JSON) is None
+        # Other solvers than those of the job would give it other numbers.
+        old = replace(quick, result="0" * 64)
+        assert await use.result_of(old, JSON) is None
+        assert not list(store.results.entries())
+        result = await use.result_of(quick, JSON)
+        assert result is not None
+        assert orjson.loads(result.data)["digest"] == question.digest
+        store.requests.remove(job.request)
+        assert await use.result_of(old, JSON) is None
 
     run(main)
 

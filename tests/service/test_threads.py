@@ -111,6 +111,25 @@ def test_a_late_job_does_not_stop_a_computation_that_others_wait_for(
     assert run(scenario()) == ("done", True)
 
 
+def test_a_job_that_comes_later_does_not_stop_it_either(make: Callable[..., Threads]) -> None:
+    threads, gate = make(1), threading.Event()
+
+    def compute(tick: Tick) -> str:
+        while not gate.wait(0.005):
+            tick(0, 1)
+        return "done"
+
+    async def scenario() -> tuple[str, bool]:
+        inline = asyncio.ensure_future(threads.once("r", compute))
+        await asyncio.sleep(0.01)
+        assert await threads.on_submission("r", compute) is None
+        await asyncio.sleep(0.05)
+        gate.set()
+        return await inline
+
+    assert run(scenario()) == ("done", False)
+
+
 def test_what_overruns_is_stopped_for_all_who_wait(make: Callable[..., Threads]) -> None:
     threads = make(1, inline_overrun_seconds=0.05)
 

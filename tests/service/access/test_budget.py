@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import asyncio
+from pathlib import Path
 from typing import Any
 
 import pytest
 from starlette.testclient import TestClient
 
+from vibroimpact_service import problems
 from vibroimpact_service.access import budget
+from vibroimpact_service.access.caller import Caller, Scope
 from vibroimpact_service.app import create_app
+from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
+from vibroimpact_solvers.plan import Plan
 
 COMPUTE = "/v1/compute/impact-modes"
 
@@ -112,3 +118,22 @@ def test_the_wait_until_a_cost_has_room(
     before: float, before_left: float, here: float, rest: float, cost: int, seconds: int
 ) -> None:
     assert budget._wait(cost, 60, 60, before, before_left, here, rest) == seconds
+
+
+def test_a_computation_costs_as_many_milliseconds_as_planned() -> None:
+    caller = Caller("ann", "key", frozenset(Scope), seconds_per_hour=1.0)
+    plan = Plan("impact-modes", ())
+
+    async def scenario() -> None:
+        spent = budget.Budget(Settings(data=Path("unused")))
+        left = [
+            (await spent.spend(caller, plan, seconds))["RateLimit"].split(";")[1]
+            for seconds in (0.4, 0.4)
+        ]
+        assert left == ["r=600", "r=200"]
+        with pytest.raises(ProblemError, match=r"0\.2 s are left of 1 s") as caught:
+            await spent.spend(caller, plan, 0.4)
+        assert caught.value.type is problems.QUOTA_SPENT
+        assert "r=0" in (await spent.spend(caller, plan, 0.2))["RateLimit"]
+
+    asyncio.run(scenario())

@@ -6,12 +6,15 @@ import asyncio
 import json
 from typing import Any
 
+import orjson
 import pytest
 from starlette.testclient import TestClient
 
 from vibroimpact_schema.service import Version
 from vibroimpact_service import problems
+from vibroimpact_service.app import create_app
 from vibroimpact_service.kinds import KINDS
+from vibroimpact_service.settings import Settings
 
 
 def test_health(http: TestClient, queue: Any) -> None:
@@ -138,3 +141,19 @@ def test_the_contract_is_served(http: TestClient) -> None:
     contract = json.loads(http.get("/openapi.json").content)
     assert contract["openapi"].startswith("3.1")
     assert "/v1/compute/impact-modes" in contract["paths"]
+
+
+def test_memory_of_bodies_is_limited_and_returned(
+    settings: Settings, queue: Any, request_body: dict[str, Any]
+) -> None:
+    length = len(orjson.dumps(request_body))
+    chosen = settings.model_copy(update={"max_bodies_bytes": length})
+    headers = {"Content-Type": "application/json"}
+    with TestClient(create_app(chosen, queue)) as http:
+        for _ in range(3):
+            body = orjson.dumps(request_body)
+            answer = http.post("/v1/plan/impact-modes", content=body, headers=headers)
+            assert answer.status_code == 200
+            refused = http.post("/v1/plan/impact-modes", content=body + b" ", headers=headers)
+            assert refused.status_code == 503
+            assert refused.headers["retry-after"] == "2"

@@ -48,3 +48,15 @@ def test_systems_are_stored_by_content(
     moved = {"id": first.id, "constraints": [{"dof": 0, "gap": 1}]}
     copy, _ = put("me", moved)
     assert copy.id not in (first.id, other.id)
+
+
+def test_nobody_takes_over_the_system_of_somebody_else(
+    settings: Settings, store: Store, chain: dict[str, Any]
+) -> None:
+    mine, _ = stored_systems.put(store, settings, "me", stored_systems.JSON, orjson.dumps(chain))
+    body = orjson.dumps({"id": mine.id, "constraints": [{"dof": 0, "gap": 1}]})
+    with pytest.raises(ProblemError) as caught:
+        stored_systems.put(store, settings, "you", stored_systems.JSON, body)
+    assert caught.value.errors[0].pointer == "/id"
+    assert caught.value.errors[0].code == "unknown_system"
+    assert [entry.name for entry in store.systems.entries()] == [mine.id]

@@ -1,4 +1,4 @@
-"""Queries for claimable and overdue jobs, which write nothing."""
+"""Which jobs can be claimed or are overdue, and who may change a job."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import sqlalchemy as sa
 
 from vibroimpact_service.jobs import claims
 from vibroimpact_service.jobs.database import open_database, reader
-from vibroimpact_service.jobs.records import NewJob, insert
+from vibroimpact_service.jobs.records import NewJob, find, insert
 from vibroimpact_service.jobs.tables import jobs
 
 
@@ -64,3 +64,33 @@ def test_a_passed_deadline_is_found(tmp_path: Path) -> None:
     with engine.begin() as connection:
         connection.execute(jobs.update().values(deadline=1.0))
     assert _claimable_and_overdue(engine)[1] is True
+
+
+def test_a_process_changes_only_jobs_whose_claim_it_holds(tmp_path: Path) -> None:
+    engine = _engine(tmp_path)
+    job = _submitted(engine)
+    with engine.begin() as connection:
+        claims.claim(connection, "me", "bulk", 1, 1.0)
+        assert claims.renew(connection, "other", [job]) == set()
+        assert not claims.report(connection, "other", job, {"done": 1})
+        assert claims.put_back(connection, "other", [job]) == set()
+        assert claims.succeed(connection, "other", [job], reused=False) == set()
+        assert claims.fail(connection, "other", job, {"code": "no"}) == set()
+        held = find(connection, "ann", job)
+        assert held is not None
+        assert (held.state, held.claim_owner, held.done) == ("running", "me", 0)
+        assert claims.renew(connection, "me", [job]) == {job}
+        assert claims.succeed(connection, "me", [job], reused=False) == {job}
+
+
+def test_only_its_owner_cancels_a_job(tmp_path: Path) -> None:
+    engine = _engine(tmp_path)
+    job = _submitted(engine)
+    with engine.begin() as connection:
+        assert claims.cancel(connection, "bob", job) is None
+        asked = find(connection, "ann", job)
+        assert asked is not None
+        assert asked.state == "queued"
+        cancelled = claims.cancel(connection, "ann", job)
+        assert cancelled is not None
+        assert cancelled.state == "cancelled"

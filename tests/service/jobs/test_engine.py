@@ -8,6 +8,7 @@ import signal
 import time
 import uuid
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -131,3 +132,32 @@ def test_a_call_is_stopped_where_it_was_taken_away_and_not_before() -> None:
     assert ticks == [0, 1]
     worker_plugin.execute(work, "other")
     assert ticks == [0, 1, 0, 1, 2]
+
+
+def test_a_call_that_is_wanted_again_goes_on() -> None:
+    plugin = worker_plugin.ServicePlugin(nothing)
+
+    def work(tick: Tick) -> str:
+        plugin.transition("wanted", "executing", "cancelled")
+        plugin.transition("wanted", "cancelled", "executing")
+        time.sleep(0.06)
+        tick(0, 1)
+        return "done"
+
+    assert worker_plugin.execute(work, "wanted") == "done"
+
+
+def test_a_worker_forgets_a_cancelled_call_once_it_ended() -> None:
+    plugin = worker_plugin.ServicePlugin(nothing)
+
+    def work(tick: Tick, *, cancelled: bool) -> None:
+        if cancelled:
+            plugin.transition("again", "executing", "cancelled")
+        assert worker_plugin.running_calls() == ["again"]
+        time.sleep(0.06)
+        tick(0, 1)
+
+    with pytest.raises(StoppedError):
+        worker_plugin.execute(partial(work, cancelled=True), "again")
+    assert worker_plugin.running_calls() == []
+    worker_plugin.execute(partial(work, cancelled=False), "again")

@@ -18,7 +18,7 @@ from vibroimpact_service.jobs.database import open_database
 from vibroimpact_service.jobs.record_access import RecordAccess
 from vibroimpact_service.jobs.records import NewJob
 from vibroimpact_service.jobs.retention import Retention
-from vibroimpact_service.jobs.tables import jobs, pins, requests
+from vibroimpact_service.jobs.tables import idempotency, jobs, pins, requests, webhooks
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import ContentStore, Store
 
@@ -149,6 +149,24 @@ def test_jobs_go_by_age_and_their_requests_with_them(place: Place) -> None:
         connection.execute(jobs.delete())
     place.clean()
     assert place.request() is None
+
+
+def test_addresses_and_keys_go_with_their_jobs(place: Place) -> None:
+    told = ("https://example.org/", "whsec_secret")
+    old, recent = (
+        NewJob(
+            f"job_{uuid.uuid4().hex}", "ann", "squares", "re" * 32, result * 32, 0, 5.0, True,
+            key=result, webhook=told, block=b"asked",
+        )
+        for result in ("aa", "bb")
+    )  # fmt: skip
+    place.access.write_now(records.insert, old)
+    place.age(100, jobs, "finished")
+    place.access.write_now(records.insert, recent)
+    place.clean()
+    with place.access.database.connect() as connection:
+        for column in (webhooks.c.job, idempotency.c.job):
+            assert list(connection.execute(sa.select(column)).scalars()) == [recent.id]
 
 
 def test_a_request_that_is_asked_again_is_new_again(place: Place) -> None:

@@ -170,6 +170,15 @@ def test_xarray_opens_the_file_unaided() -> None:
         assert json.loads(data.attrs["plan"])["flops"] == 0.0
 
 
+def test_arrays_bring_their_other_coordinates_along() -> None:
+    with xarray.open_dataset(
+        io.BytesIO(hdf5.to_hdf5(content(result()))), engine="h5netcdf"
+    ) as file:
+        assert set(file.x.coords) == {"Omega", "omega", "dof"}
+        assert file.omega.encoding.get("coordinates") is None
+        assert "coordinates" not in file.omega.attrs
+
+
 def test_paths_of_the_file_are_those_of_the_document() -> None:
     with in_hdf5(hdf5.to_hdf5(content(result(spread=np.full(3, 1e-16))))) as file:
         assert file["frequency/Omega"] == file["Omega"]
