@@ -145,3 +145,16 @@ def test_lost_requests_and_chunks_are_errors(store: Store, request_body: dict[st
     with pytest.raises(ChunkMissingError):
         job_chunks.join(store.url, KIND.name, name, RESULT, names)
     assert not Path(store.url, "results").exists()
+
+
+def test_a_repeated_call_leaves_the_chunks_that_are_there(
+    store: Store, request_body: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(job_chunks, "CHUNK_SECONDS", 0.0002)
+    name = keep_for(store, "ann", {**request_body, "frequency": steps(0.6, 1.6)})
+    chunks = job_chunks.split(store.url, KIND.name, name, RESULT)
+    store.chunks.put(chunks[0].name, b"of the first call")
+    job_chunks.solve(store.url, KIND.name, name, RESULT, [0, 1])
+    assert store.chunks.get(chunks[0].name) == b"of the first call"
+    assert store.chunks.has(chunks[1].name)
+    assert not store.chunks.has(chunks[2].name)

@@ -130,6 +130,44 @@ def test_a_job_that_comes_later_does_not_stop_it_either(make: Callable[..., Thre
     assert run(scenario()) == ("done", False)
 
 
+def test_nobody_waits_for_what_is_being_stopped(make: Callable[..., Threads]) -> None:
+    threads, gate = make(1), threading.Event()
+
+    async def scenario() -> None:
+        assert await threads.on_submission("r", lambda _tick: gate.wait(10)) is None
+        assert threads.running("r")
+        with pytest.raises(StoppedError):
+            await threads.once("r", lambda _tick: True)
+        gate.set()
+        await threads.ended("r")
+        assert await threads.once("r", lambda _tick: True) == (True, False)
+
+    run(scenario())
+
+
+def test_few_large_bodies_are_parsed_at_a_time(make: Callable[..., Threads]) -> None:
+    threads, lock, two = make(4), threading.Lock(), threading.Barrier(2)
+    begun: list[int] = []
+    under_way = 0
+
+    def parse() -> None:
+        nonlocal under_way
+        with lock:
+            under_way += 1
+            begun.append(under_way)
+        two.wait(10)
+        time.sleep(0.02)
+        with lock:
+            under_way -= 1
+
+    async def scenario() -> None:
+        await asyncio.gather(*(threads.parse(bytes(2**20 + 1), parse) for _ in range(4)))
+
+    run(scenario())
+    assert len(begun) == 4
+    assert max(begun) == 2
+
+
 def test_what_overruns_is_stopped_for_all_who_wait(make: Callable[..., Threads]) -> None:
     threads = make(1, inline_overrun_seconds=0.05)
 

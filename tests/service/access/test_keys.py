@@ -173,6 +173,15 @@ def test_administrators_make_keys_and_leave_traces(closed: TestClient, admin: He
         assert closed.post("/v1/keys", json=wrong, headers=admin).status_code == 422
 
 
+@pytest.mark.parametrize("key", ["key-0", "key-" + "0" * 32, "0" * 500])
+def test_only_keys_that_there_are_can_be_revoked(
+    closed: TestClient, admin: Headers, key: str
+) -> None:
+    answer = closed.delete(f"/v1/keys/{key}", headers=admin)
+    assert answer.status_code == 404
+    assert answer.json()["code"] == "not_found"
+
+
 def test_what_is_someone_elses_is_not_there(
     closed: TestClient,
     ann: Headers,

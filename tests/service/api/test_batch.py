@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import pickle
 from typing import Any
 
 import pytest
 from starlette.testclient import TestClient
 
 from vibroimpact_schema.results import BatchAnswers
+from vibroimpact_service import batches, execute
+from vibroimpact_service.settings import Settings
 
 
 def test_answers_are_those_of_single_requests(
@@ -71,3 +74,25 @@ def test_wrong_batches(http: TestClient, batch: Any, status: int, pointer: str) 
     answer = http.post("/v1/batch", json=batch)
     assert answer.status_code == status
     assert answer.json()["errors"][0]["pointer"] == pointer
+
+
+def test_an_unexpected_error_is_told_in_its_place_without_its_words(
+    settings: Settings, request_body: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compute, told = execute.compute, []
+
+    def failing(*arguments: Any) -> Any:
+        if not told:
+            raise RuntimeError("/secret/path")
+        return compute(*arguments)
+
+    monkeypatch.setattr(execute, "compute", failing)
+    contents = pickle.dumps([request_body, request_body])
+    first, second = batches.compute(
+        settings, "ann", "impact-modes", contents, 10, lambda *progress: told.append(progress)
+    )
+    problem = json.loads(first)["problem"]
+    assert (problem["status"], problem["code"]) == (500, "internal_error")
+    assert b"secret" not in first
+    assert json.loads(second)["result"]["impulse"]
+    assert told == [(10, 2), (11, 2)]

@@ -61,3 +61,26 @@ def test_a_full_disk_is_said_plainly(tmp_path: Path, monkeypatch: pytest.MonkeyP
     with pytest.raises(StoreFullError):
         Store(str(tmp_path)).results.put(NAME, b"block")
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+
+
+def test_what_writers_that_died_left_goes_after_an_hour(tmp_path: Path) -> None:
+    store = Store(str(tmp_path)).results
+    store.put(NAME, b"block")
+    (block,) = [path for path in tmp_path.rglob("*") if path.is_file()]
+    area = block.parent.parent
+    now = block.stat().st_mtime
+    left = {}
+    for name, age in (("old", 4000.0), ("new", 3000.0)):
+        file, folder = block.parent / f".{name}", area / f".{name}"
+        folder.mkdir()
+        left[name] = [file, folder / "part"]
+        for path in left[name]:
+            path.write_bytes(b"half of it")
+        for path in (*left[name], folder):
+            os.utime(path, (now - age, now - age))
+    # A folder is in use as long as one of its files is written.
+    os.utime(area / ".new", (now - 4000.0, now - 4000.0))
+    store.remove_leftovers(now)
+    assert not any(path.exists() for path in (*left["old"], area / ".old"))
+    assert all(path.exists() for path in left["new"])
+    assert store.get(NAME) == b"block"
