@@ -20,7 +20,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from benchmarks import hot
-from benchmarks.cases import chain, grid
+from benchmarks.cases import IMPULSE, chain, grid
 from benchmarks.harness import Work, measure
 from benchmarks.peers import ours
 from benchmarks.peers.cases import from_mode
@@ -146,8 +146,7 @@ class Case:
 
 def _family(n: int, constraints: int = 1) -> tuple[ModalFamily, Problem]:
     system, Omega = chain(n, constraints), grid(0.2, 3.0, _POINTS)
-    omega = Omega * (2.0 / np.pi)
-    problem = Problem(system, omega, outputs=frozenset({"impulse"}), Omega=Omega)
+    problem = Problem(system, Omega * (2.0 / np.pi), outputs=IMPULSE, Omega=Omega)
     return ModalFamily(problem, Family.of(problem), spectrum.spectrum(system)), problem
 
 

@@ -23,6 +23,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+from vibroimpact_solvers.kernels.threads import cores
+
 Work = Callable[[], object]
 
 SAMPLE = 0.02
@@ -110,9 +112,7 @@ def machine() -> dict[str, Any]:
     flags = facts.get("flags", "").split()
     return {
         "processor": f"{name}, {family}, {megahertz} MHz",
-        "cores": len(os.sched_getaffinity(0))
-        if hasattr(os, "sched_getaffinity")
-        else os.cpu_count(),
+        "cores": cores(),
         "vectors": next((v for v in ("avx512f", "avx2", "sse2") if v in flags), "unknown"),
         "system": f"{platform.system()} {platform.release()}",
         "python": platform.python_version(),

@@ -7,10 +7,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from benchmarks.cases import chain, grid, random_structure
+from benchmarks.cases import chain, grid, random_structure, solve
 from benchmarks.harness import measure
 from benchmarks.tables import Goal, Plot, Table
-from vibroimpact_solvers import existence_bands, impact_modes
+from vibroimpact_solvers import existence_bands
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.existence_bands import Problem, Result
 from vibroimpact_solvers.model import System
@@ -27,10 +27,7 @@ def bands(system: System) -> Result:
 def scan(system: System, points: int) -> tuple[Floats, Floats]:
     """Return the bands that a uniform grid of frequencies shows."""
     Omega = grid(*_RANGE, points)
-    problem = impact_modes.Problem(
-        system, Omega * (2.0 / np.pi), outputs=frozenset({"exists"}), Omega=Omega
-    )
-    exists = impact_modes.solve(problem, impact_modes.plan(problem)).exists
+    exists = solve(system, Omega, frozenset({"exists"})).exists
     assert exists is not None
     change = np.diff(np.concatenate([[False], exists, [False]]).astype(np.int8))
     return Omega[np.flatnonzero(change == 1)], Omega[np.flatnonzero(change == -1) - 1]

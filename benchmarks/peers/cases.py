@@ -12,13 +12,13 @@ from typing import Final
 import mpmath
 import numpy as np
 
+from benchmarks.cases import GAP, IMPULSE
 from benchmarks.peers.scene import Outcome, Scene
 from vibroimpact_solvers import impact_modes, presets, spectrum
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.time_history import Harmonic, Power
 
-GAP: Final = 0.2
 _LEAST: Final = 1e-17
 """Errors are not shown as less."""
 
@@ -96,7 +96,7 @@ def from_mode(n: int, dof: int, omega: float, periods: int) -> Scene:
     """Return an elastic chain that starts on its impact mode, at tau = 0."""
     system = presets.chain(n, [Constraint.at(dof, GAP)])
     natural = spectrum.spectrum(system)
-    problem_at = impact_modes.Problem(system, np.array([omega]), outputs=frozenset({"impulse"}))
+    problem_at = impact_modes.Problem(system, np.array([omega]), outputs=IMPULSE)
     impulse = impact_modes.solve(problem_at, impact_modes.plan(problem_at)).impulse
     assert impulse is not None
     # x = p/omega^2 sum e_j a_j sin(gamma tau)/(gamma cos gamma), eq. 10.47, at tau = 0.

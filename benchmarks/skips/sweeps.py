@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from benchmarks.cases import GAP, grid
+from benchmarks.cases import GAP, IMPULSE, grid
 from benchmarks.skips.scene import Scene, forget_modes, solve
 from vibroimpact_solvers import ensemble, impact_modes, presets, resonances, sweep, time_history
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
@@ -72,8 +72,7 @@ def _gaps() -> sweep.Problem:
 
 
 def _impulses(system: System) -> impact_modes.Problem:
-    omega = _GRID * 2.0 / np.pi
-    return impact_modes.Problem(system, omega, outputs=frozenset({"impulse"}), Omega=_GRID)
+    return impact_modes.Problem(system, _GRID * 2.0 / np.pi, outputs=IMPULSE, Omega=_GRID)
 
 
 def _lossless(kind: str) -> sweep.Problem:
