@@ -122,7 +122,7 @@ def _modes(output: str, num: int, constraints: int = 1, n: int = 100) -> Callabl
 
 def path_check(n: int = 100) -> Watched:
     """Return the check of paths along the limits of a chain."""
-    return _kernel("limits", "check", _modes("exists", 128, n=n))
+    return _kernel("path_check", "check", _modes("exists", 128, n=n))
 
 
 def survey(n: int = 13) -> Watched:

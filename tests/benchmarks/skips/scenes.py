@@ -148,7 +148,7 @@ def _all_path_checks(system: System, Omega: Floats) -> None:
     at = problem(system, "exists", Omega)
     family = modal(at)
     impulses, motion = family.solutions(at.frequencies, with_motion=True)
-    family.check(motion, np.minimum(impulses.error, 1.0), at, PENETRATION_TOLERANCE)
+    family.check_path(motion, np.minimum(impulses.error, 1.0), at, PENETRATION_TOLERANCE)
 
 
 def _coupled() -> System:
