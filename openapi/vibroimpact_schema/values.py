@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -57,7 +57,13 @@ def form(value: Any, keys: Mapping[str, str], otherwise: str | None = None) -> s
     otherwise : str, optional
         Tag of the form that has none of these keys.
     """
+    if isinstance(value, Document):
+        present: Collection[str] = type(value).model_fields
+    elif isinstance(value, dict):
+        present = value
+    else:
+        return None
     for key, tag in keys.items():
-        if key in value if isinstance(value, dict) else hasattr(value, key):
+        if key in present:
             return tag
-    return otherwise if isinstance(value, (dict, Document)) else None
+    return otherwise
