@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from vibroimpact_solvers.arrays import Floats, Integers
-from vibroimpact_solvers.kernels.jit import bare
+from vibroimpact_solvers.kernels.jit import inner
 
 
-@bare
+@inner
 def solve(G: Floats, q: Floats, z: Floats, basic: Integers, work: Floats) -> bool:
     """Solve ``w = q + G z``, ``w >= 0``, ``z >= 0``, ``w . z = 0`` for positive definite G.
 
@@ -52,7 +52,7 @@ def solve(G: Floats, q: Floats, z: Floats, basic: Integers, work: Floats) -> boo
     return False
 
 
-@bare
+@inner
 def _basic_solution(G: Floats, q: Floats, z: Floats, basic: Integers, work: Floats) -> None:
     """Fill in z with ``G z = -q`` in the basic rows and columns, zero elsewhere."""
     m = q.size

@@ -22,7 +22,7 @@ changes of state by unit impulses, and the rates of these; `sizes`, shape (3, wa
 holds |form_j| rate_j^n for the two derivatives n that are bounded (`passages.ORDER` and
 `passages.LOW`), and |form_j| between.
 
-Arrays are passed whole and indexed in place, and none is made (`jit.bare`).
+Arrays are passed whole and indexed in place, and none is made (`jit.inner`).
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ import math
 from typing import Any
 
 from vibroimpact_solvers.arrays import Floats, Integers
-from vibroimpact_solvers.kernels.jit import bare, fma, inline
+from vibroimpact_solvers.kernels.jit import fma, inline, inner
 from vibroimpact_solvers.kernels.phases import sine_cosine
 
 _LONG = 32  # pairs from which on sums for velocities at impacts are worth exact ones
 _VERY_LONG = 256  # and those for the coordinates whose passages are searched for
 
 
-@bare
+@inner
 def propagators(F: Floats, split: Integers, s: float, ds: float, P: Floats) -> None:
     """Fill in the propagators of states by a time s + ds, two numbers for every pair.
 
@@ -102,7 +102,7 @@ def take(
         out[o, 1, j] += second
 
 
-@bare
+@inner
 def _drive(F: Floats, P: Floats, row: int, s: float, Z: Floats, c: int) -> tuple[float, float]:
     """Return what a drive adds to its pair in a time s.
 
@@ -128,7 +128,7 @@ def _drive(F: Floats, P: Floats, row: int, s: float, Z: Floats, c: int) -> tuple
     return real * P[0, j] - imaginary * P[1, j], -(real * P[1, j] + imaginary * P[0, j])
 
 
-@bare
+@inner
 def _driven(F: Floats, row: int, forms: Floats, i: int, Z: Floats, c: int, d: Floats) -> None:
     """Add what a drive does to derivatives of a coordinate."""
     j, k = int(F[row, 0]), int(F[row, 1])
@@ -253,7 +253,7 @@ def _push(F: Floats, split: Integers, forms: Floats, i: int, Z: Floats, c: int, 
             d[2] += forms[0, i, 0, j] * F[3, j]
 
 
-@bare
+@inner
 def derivatives(
     F: Floats, split: Integers, forms: Floats, i: int, Z: Floats, c: int, d: Floats
 ) -> None:
@@ -328,7 +328,7 @@ def derivatives(
     _push(F, split, forms, i, Z, c, d)
 
 
-@bare
+@inner
 def near_derivatives(
     F: Floats, split: Integers, forms: Floats, i: int, Z: Floats, c: int, d: Floats
 ) -> None:

@@ -29,7 +29,7 @@ from vibroimpact_solvers.kernels.flow import (
     reach,
     take,
 )
-from vibroimpact_solvers.kernels.jit import bare, fma, inline, kernel
+from vibroimpact_solvers.kernels.jit import fma, inline, inner, kernel
 from vibroimpact_solvers.kernels.passages import (
     DEPTH,
     LOW,
@@ -326,7 +326,7 @@ def impulses(
     return P
 
 
-@bare
+@inner
 def _simultaneous_impulses(
     mobility: Floats,
     restitution: Floats,
@@ -347,7 +347,7 @@ def _simultaneous_impulses(
     complementarity.solve(G, q, P, basic, work)
 
 
-@bare
+@inner
 def state_norm(Z: Floats, c: int, own: Floats) -> float:
     """Return the root of the sum of squares of the state Z[c], loads apart.
 
@@ -381,7 +381,7 @@ def _add_rounding(
             Z[c, 1, j] += rounding * noise[at, 1, j] - turned * a
 
 
-@bare
+@kernel
 def start_deviations(Z: Floats, noise: Floats, own: Floats, clock: Floats) -> None:
     """Set the deviations that a motion starts with, and the size of its state."""
     clock[7] = state_norm(Z, 0, own)
@@ -392,7 +392,7 @@ def start_deviations(Z: Floats, noise: Floats, own: Floats, clock: Floats) -> No
             Z[c, 1, j] = rounding * own[j] * noise[c, 1, j]
 
 
-@bare
+@kernel
 def estimated_error(Z: Floats, own: Floats, size: float) -> float:
     """Return the error estimated from the deviations, relative to the size of the motion."""
     largest = 0.0
@@ -407,7 +407,7 @@ def _row(count: int, rows: int) -> int:
     return (count * 2654435761 % 4294967296 >> 8) % rows
 
 
-@bare
+@inner
 def _impact(
     F: Floats,
     split: Integers,
@@ -529,7 +529,7 @@ def workspace(pairs: int, watched: int) -> tuple[Any, ...]:
     )  # fmt: skip
 
 
-@bare
+@kernel
 def advance(
     F: Floats,
     split: Integers,

@@ -24,35 +24,38 @@ _FOLDER: Final = cache.folder()
 
 def _compiled(function: Function, **options: Any) -> Function:
     njit: Any = numba.njit  # its stubs do not know all options
-    decorate = njit(nogil=True, cache=_FOLDER is not None, error_model="numpy", **options)
-    if _FOLDER is None:
-        return cast(Function, decorate(function))
-    with cache.kept_in(_FOLDER):
-        return cast(Function, decorate(function))
+    return cast(Function, njit(nogil=True, error_model="numpy", **options)(function))
 
 
 def kernel(function: Function) -> Function:
-    """Compile a function at its first call."""
-    return _compiled(function)
+    """Compile a function that Python calls, at its first call, and keep it on disk."""
+    if _FOLDER is None:
+        return _compiled(function)
+    with cache.kept_in(_FOLDER):
+        return _compiled(function, cache=True)
 
 
-def bare(function: Function) -> Function:
-    """Compile a function that makes no arrays, without counts of references to those it gets.
+def inner(function: Function) -> Function:
+    """Compile a function that only kernels call, and that makes no arrays.
 
-    Each count is an atomic operation, and they are taken wherever an array gets another name: in
-    small structures they last longer than the arithmetic. The caller must keep the arrays alive,
-    and functions that are called may make none either.
+    It is not kept by itself, as the kernels that call it contain it, and cannot be called from
+    Python: both would take half as long as compiling it. References to arrays are not counted:
+    each count is an atomic operation, wherever an array gets another name, and in small structures
+    they would last longer than the arithmetic.
     """
-    return _compiled(function, _nrt=False)
+    return _compiled(function, **_INNER)
 
 
 def inline(function: Function) -> Function:
-    """Compile a small function into its callers, so that their loops become vector loops.
+    """Compile an `inner` function into its callers, so that their loops become vector loops.
 
     LLVM does it. Numba itself (``inline="always"``) would copy the function before types are
     known, and then infer them and lower it again in each caller.
     """
-    return _compiled(function, forceinline=True)
+    return _compiled(function, forceinline=True, **_INNER)
+
+
+_INNER: Final = {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
 def _fused(typing: Any, a: Any, b: Any, c: Any) -> tuple[Any, Callable[..., Any]]:

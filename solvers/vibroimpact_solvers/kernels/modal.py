@@ -7,13 +7,13 @@ last longer than a motion with its impacts.
 from __future__ import annotations
 
 from vibroimpact_solvers.arrays import Floats, Integers
-from vibroimpact_solvers.kernels.jit import bare
+from vibroimpact_solvers.kernels.jit import inner
 
 SMALLEST, LARGEST = 1e-100, 1e100
 """Range of magnitudes whose squares double precision can represent."""
 
 
-@bare
+@inner
 def state_of(
     x: Floats,
     v: Floats,
@@ -77,7 +77,7 @@ def state_of(
     return checked == 0.0
 
 
-@bare
+@inner
 def motion_of(
     samples: Floats,
     scale: float,

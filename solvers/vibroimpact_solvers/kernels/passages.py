@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.kernels.jit import bare, fma, inline
+from vibroimpact_solvers.kernels.jit import fma, inline, inner
 
 ORDER: Final = 12
 """Degree n of the envelopes: derivatives up to n - 1 and a bound of the n-th."""
@@ -69,7 +69,7 @@ def remainder(bound: float, h: float) -> float:
     return float(bound * h**ORDER * _FACTORIALS[ORDER])
 
 
-@bare
+@inner
 def first_passage(
     d: Floats,
     bound: float,
@@ -176,7 +176,7 @@ def _straight(
     return -1.0
 
 
-@bare
+@inner
 def _first_root(b: Floats, c: Floats, rest: float, sign: float, room: float, work: Floats) -> float:
     """Return the first root in (0, 1] of ``sign p(t) + rest t^n - room``, or _NEVER."""
     n, top = ORDER, 2
@@ -222,7 +222,7 @@ def _first_root(b: Floats, c: Floats, rest: float, sign: float, room: float, wor
     return _NEVER
 
 
-@bare
+@inner
 def _bracketed(
     c: Floats, rest: float, sign: float, room: float, left: float, right: float, first: float
 ) -> float:

@@ -10,14 +10,14 @@ import math
 
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels.free_motion import advance, estimated_error, start_deviations
-from vibroimpact_solvers.kernels.jit import bare
+from vibroimpact_solvers.kernels.jit import kernel
 from vibroimpact_solvers.kernels.modal import motion_of, state_of
 
 REFUSED = -1
 """What `whole_motion` returns where an initial state is not finite or outside of its limits."""
 
 
-@bare
+@kernel
 def whole_motion(
     x: Floats,
     v: Floats,

@@ -7,7 +7,10 @@ from math import factorial
 import numpy as np
 import pytest
 
+from tests.solvers.kernels.compiled import compiled
 from vibroimpact_solvers.kernels.passages import DEPTH, ORDER, first_passage
+
+passage = compiled(first_passage)
 
 
 @pytest.mark.parametrize("leaving", [False, True])
@@ -23,7 +26,7 @@ def test_the_first_root_of_an_envelope_is_found(leaving: bool) -> None:
         above, below = 0.01 + 1.2 * random.random(2)
         if leaving:
             above, d[1] = 0.0, -abs(d[1])
-        h, side = first_passage(d, bound, H, above, below, work)
+        h, side = passage(d, bound, H, above, below, work, np.inf)
         t = np.linspace(0.0, H, 20001)
         p = sum(d[k] * t**k / factorial(k) for k in range(1, ORDER))
         rest = bound * t**ORDER / factorial(ORDER)
