@@ -169,11 +169,11 @@ def _families(n: int) -> Iterator[Case]:
 def _searches(n: int) -> Iterator[Case]:
     """Yield the check of paths along limits, and the search for bands."""
     check, survey = hot.path_check(n), hot.survey(n)
-    modes = check.arguments[0].size
-    steps, (*_, boxes) = check(), survey()
+    modes = check.arguments[0].roots.size
+    steps, boxes = check(), survey().boxes
     each = "mode and step"
     yield Case("certified path check", n, check, _TURN, steps * modes, each, together=modes)
-    modes, each = survey.arguments[0].size, "mode and box"
+    modes, each = survey.arguments[0].root.size, "mode and box"
     yield Case("existence bands", n, survey, _TURN, boxes * modes, each, together=modes)
 
 

@@ -55,9 +55,17 @@ class Watched:
 
     def result(self) -> tuple[Any, tuple[Any, ...]]:
         """Call it once; return what it returns, and its arguments, which it may have filled."""
-        copies = tuple(a.copy() if isinstance(a, np.ndarray) else a for a in self.arguments)
+        copies = tuple(map(_copied, self.arguments))
         function = getattr(import_module(self.module), self.function)
         return function(*copies), copies
+
+
+def _copied(argument: Any) -> Any:
+    """Return an argument of a kernel, its arrays copied, those of a named tuple as well."""
+    if isinstance(argument, tuple):
+        parts = map(_copied, argument)
+        return type(argument)._make(parts) if hasattr(argument, "_make") else tuple(parts)
+    return argument.copy() if isinstance(argument, np.ndarray) else argument
 
 
 @kernel
@@ -87,7 +95,7 @@ def recorded(
 
     def called(*args: Any) -> Any:
         if len(seen) <= which:
-            seen.append(tuple(a.copy() if isinstance(a, np.ndarray) else a for a in args))
+            seen.append(tuple(map(_copied, args)))
         return function(*args)
 
     with (

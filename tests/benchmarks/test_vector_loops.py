@@ -37,8 +37,8 @@ def blocks(code: str) -> Iterator[list[str]]:
 def hot_block() -> list[str]:
     plain = response._sum_stable.py_func  # type: ignore[attr-defined]
     compiled = numba.njit(nogil=True, error_model="numpy")(plain)
-    lanes, modes = np.ones(64), np.ones(10)
-    compiled(*[modes] * 6, *[lanes.copy() for _ in range(5)])
+    stable, lanes = response._Stable(*np.ones((6, 10))), response._Lanes(*np.ones((5, 64)))
+    compiled(stable, lanes, np.ones(64))
     (code,) = compiled.inspect_llvm().values()
     found = [block for block in blocks(code) if any("fdiv <" in line for line in block)]
     assert found, "no division of vectors: the loop over frequencies is not a vector loop"

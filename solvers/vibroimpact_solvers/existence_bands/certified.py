@@ -64,9 +64,15 @@ class CertifiedBands:
         gaps = np.array([min(w for w in pair if w is not None) for pair in walls])
         alpha = np.outer(gaps / gaps[self.struck], row * row)
         beta = rows * row
-        self.alpha, self.beta = (np.ascontiguousarray(x[:, swings]) for x in (alpha, beta))
-        self.rigid_alpha, self.rigid_beta = (x[:, rigid].sum(axis=1) for x in (alpha, beta))
-        self.weight2 = np.ascontiguousarray(self.beta[self.struck])
+        self.margin = bands.Margin(
+            self.roots,
+            np.ascontiguousarray(alpha[:, swings]),
+            np.ascontiguousarray(beta[:, swings]),
+            alpha[:, rigid].sum(axis=1),
+            beta[:, rigid].sum(axis=1),
+            self.struck,
+        )
+        self.weight2 = np.ascontiguousarray(self.margin.beta[self.struck])
         self.q_start = 0.5 * np.pi / problem.stop
         self.q_stop = 0.5 * np.pi / problem.start
 
@@ -116,27 +122,18 @@ class CertifiedBands:
     def _survey(self, left: float, right: float) -> tuple[list[Segment], tuple[float, float]]:
         zero = 0.0
         if left > 0.0:
-            rigid = float(self.rigid_beta[self.struck])
+            rigid = float(self.margin.rigid_beta[self.struck])
             zero = bands.sign_change(self.roots, self.weight2, rigid, left, right)
         start, stop = max(zero, self.q_start), min(right, self.q_stop)
         if not start < stop:
             return [], (zero, right)
-        if left == 0.0 and len(self.alpha) == 1:
+        if left == 0.0 and len(self.margin.alpha) == 1:
             # All terms of the velocity have the sign of the impulse: it does not turn back.
             return [Segment(start, stop, bands.ADMISSIBLE, 0.0, 0)], (zero, right)
-        bounds, status, witness, limit, _ = bands.survey(
-            self.roots,
-            self.alpha,
-            self.beta,
-            self.rigid_alpha,
-            self.rigid_beta,
-            self.struck,
-            start,
-            stop,
-            self.problem.resolution,
-            _BUDGET,
+        bounds, *parts_of, _ = bands.survey(
+            self.margin, start, stop, self.problem.resolution, _BUDGET
         )
-        parts = zip(bounds[:-1], bounds[1:], status, witness, limit, strict=True)
+        parts = zip(bounds[:-1], bounds[1:], *parts_of, strict=True)
         segments = [
             Segment(float(a), float(b), int(decision), float(tau), int(index))
             for a, b, decision, tau, index in parts

@@ -78,13 +78,18 @@ class ModalFamily:
 
     def displacements(self, motion: Amplitudes, tau: Floats, dofs: Integers) -> Floats:
         """Return displacements, shape (frequency, tau, dof)."""
-        q = motions.coordinates(self.roots, self.load, motion.omega, motion.D, motion.U, tau)
-        return self._to_dofs(q, dofs)
+        return self._to_dofs(motions.coordinates(self._motions(motion), tau), dofs)
 
     def harmonics(self, motion: Amplitudes, orders: Integers, dofs: Integers) -> Floats:
         """Return Fourier amplitudes, shape (frequency, order, dof)."""
-        b = motions.fourier(self.roots, self.load, motion.omega, motion.D, motion.U, orders)
-        return self._to_dofs(b, dofs)
+        return self._to_dofs(motions.fourier(self._motions(motion), orders), dofs)
+
+    def _motions(self, motion: Amplitudes, unit: float = 1.0) -> motions.Motions:
+        """Return motions as kernels take them, in some unit of length."""
+        load, D, U = self.load, motion.D, motion.U
+        if unit != 1.0:
+            load, D, U = load / unit, D / unit, U / unit
+        return motions.Motions(self.roots, load, motion.omega, D, U)
 
     def _to_dofs(self, q: Floats, dofs: Integers) -> Floats:
         x = np.empty((*q.shape[:2], dofs.size))
@@ -96,17 +101,17 @@ class ModalFamily:
 
     def energy(self, motion: Amplitudes) -> Floats:
         """Return the total energies, shape (frequency,)."""
-        return motions.energies(self.roots, self.load, motion.omega, motion.D, motion.U)
+        return motions.energies(self._motions(motion))
 
     def orbits(self, motion: Amplitudes, error: Floats) -> Orbits:
         """Return what the stability of the motion depends on.
 
         `error` is the relative error of the motion, shape (frequency,).
         """
-        omega, D, U = motion.omega, motion.D, motion.U
+        omega, amplitudes = motion.omega, self._motions(motion)
 
         def side(tau: float, struck: tuple[int, ...]) -> Side:
-            position, slope = path_check.states(self.roots, self.load, omega, D, U, tau)
+            position, slope = motions.states(amplitudes, tau)
             return Side(self.rows[list(struck)], position, slope * omega[:, np.newaxis])
 
         return Orbits(
@@ -148,31 +153,21 @@ class ModalFamily:
         size = np.where(size > 0.0, size, 1.0)
         # In units of the largest width no square overflows or underflows.
         unit = float(size.max())
-        tolerance = excess * size / unit
-        load, D, U = self.load / unit, motion.D / unit, motion.U / unit
-        struck_lower = np.array([place.get(i) in self.family.lower for i in range(width.size)])
-        struck_upper = np.array([place.get(i) in self.family.upper for i in range(width.size)])
-        count = motion.omega.size
+        limits = path_check.Limits(
+            rows,
+            lower / unit,
+            upper / unit,
+            np.array([place.get(i) in self.family.lower for i in range(width.size)]),
+            np.array([place.get(i) in self.family.upper for i in range(width.size)]),
+            excess * size / unit,
+        )
+        count, scaled = motion.omega.size, self._motions(motion, unit)
         witness, certified = np.empty(count), np.empty(count, np.bool_)
 
         def piece(start: int, stop: int) -> None:
             some = slice(start, stop)
-            path_check.check(
-                self.roots,
-                load,
-                motion.omega[some],
-                D[some],
-                U[some],
-                rows,
-                lower / unit,
-                upper / unit,
-                struck_lower,
-                struck_upper,
-                tolerance,
-                error[some],
-                witness[some],
-                certified[some],
-            )
+            part = scaled._replace(omega=scaled.omega[some], D=scaled.D[some], U=scaled.U[some])
+            path_check.check(part, limits, error[some], witness[some], certified[some])
 
         over_ranges(piece, count, 1e3 * rows.size * count)
         return witness, certified
@@ -234,7 +229,7 @@ def _bordered(
         z, error = np.empty((2, len(of), at.size, walls.shape[1]))
         none = np.zeros((len(of), at.size, 0))
         part_D, part_U = D if one.antisymmetric.size else none, U if one.symmetric.size else none
-        _solve(first, one, walls, at, z, error, part_D, part_U)
+        _solve(first, one, walls, at, families.Solutions(z, error, part_D, part_U))
         unknowns.append(z)
         errors.append(error)
     impulses = [
@@ -245,38 +240,23 @@ def _bordered(
 
 
 def _solve(
-    of: ModalFamily,
-    one: Equations,
-    walls: Floats,
-    at: Frequencies,
-    z: Floats,
-    error: Floats,
-    D: Floats,
-    U: Floats,
+    of: ModalFamily, one: Equations, walls: Floats, at: Frequencies, into: families.Solutions
 ) -> None:
     """Fill in the unknowns of one system of equations and the motion that they cause."""
-    antisymmetric = np.ascontiguousarray(one.antisymmetric @ of.rows)
-    symmetric = np.ascontiguousarray(one.symmetric @ of.rows)
+    modes = families.Modes(
+        of.roots, of.rounding, of.load, of.spectrum.uncertainty, of.spectrum.norms
+    )
+    system = families.LinearSystem(
+        np.ascontiguousarray(one.antisymmetric @ of.rows),
+        np.ascontiguousarray(one.symmetric @ of.rows),
+        walls,
+        one.share,
+    )
 
     def piece(start: int, stop: int) -> None:
         some = slice(start, stop)
-        families.solutions(
-            of.roots,
-            of.rounding,
-            antisymmetric,
-            symmetric,
-            of.load,
-            walls,
-            at.omega[some],
-            at.rounding[some],
-            one.share,
-            of.spectrum.uncertainty,
-            of.spectrum.norms,
-            z[:, some],
-            error[:, some],
-            D[:, some],
-            U[:, some],
-        )
+        part = families.Solutions(*(array[:, some] for array in into))
+        families.solutions(modes, system, at.omega[some], at.rounding[some], part)
 
     over_ranges(piece, at.size, 100.0 * of.roots.size * at.size * len(walls))
 

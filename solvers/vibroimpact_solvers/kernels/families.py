@@ -1,5 +1,7 @@
 """Solutions of the impact-mode families: impulses and modal amplitudes at given frequencies.
 
+Equations 10.49-10.59 and 10.87-10.89, and the same for walls at unequal distances.
+
 Between two impacts a mode with eigenvalue lambda has a component ``q_a`` that is antisymmetric
 in tau and a symmetric one ``q_s``, ``q = q_a + q_s``:
 
@@ -20,16 +22,21 @@ drown the others is therefore not summed but keeps an unknown of its own,
 
 (v of a symmetric component leaves out the static displacement under the load). The bordered
 system is symmetric and stays well conditioned through the pole.
+
+With two bars for sizes, the error of z is ``|A^(-1)| (|dA| |z| + 2 eps |b|)`` to first order, with
+the errors dA that roundings, errors of eigenvalues and of modes cause in the matrix A; one step of
+iterative refinement keeps those of the inverse below.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats, Integers
-from vibroimpact_solvers.kernels.jit import fma, inline, kernel
+from vibroimpact_solvers.kernels.jit import fma, inner, kernel
 from vibroimpact_solvers.kernels.phases import LARGEST, sine_cosine
 from vibroimpact_solvers.kernels.sums import folded
 from vibroimpact_solvers.kernels.triangle_time import (
@@ -39,12 +46,6 @@ from vibroimpact_solvers.kernels.triangle_time import (
     sine,
     symmetric_response,
 )
-
-Modes = tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats]
-"""mu, what rounding took from it, its uncertainty, sine and cosine of gamma, then work arrays for
-
-responses, their changes and terms of sums: an entry for each mode.
-"""
 
 _EPS = 2.220446049250313e-16
 
@@ -61,77 +62,172 @@ _SOFT = 1e-3
 _UNCERTAIN = 1e-6
 
 
-@inline
-def _is_near(parity: int, mu: float, sine: float, cosine: float) -> bool:
-    """Whether the antisymmetric (0) or symmetric (1) response may be large at this mu."""
+class Modes(NamedTuple):
+    """Natural modes, each array (mode,)."""
+
+    roots: Floats  # signed natural frequencies
+    rests: Floats  # what rounding took from them, relative to them
+    load: Floats  # static loads
+    uncertainty: float  # absolute error of the eigenvalues
+    norms: float  # error of norms and orthogonality, and relative one of eigenvalues
+
+
+class LinearSystem(NamedTuple):
+    """Which impulses drive the two components of the motion, and what they have to reach."""
+
+    # Rows of the two components; none where there is no such component, (unknown, mode)
+    antisymmetric: Floats
+    symmetric: Floats
+    # Where each struck wall is, seen along its row; several sets at once, (set, unknown)
+    walls: Floats
+    share: float  # factor of the modal forces, 1 or 1/2
+
+
+class Solutions(NamedTuple):
+    """Impulses and modal amplitudes, by sets of walls and frequencies."""
+
+    z: Floats  # impulses; nan where the system is singular, (set, frequency, unknown)
+    error: Floats  # their absolute errors that roundings in the data cause, likewise
+    # Amplitudes of the antisymmetric component, ``D sin(gamma tau)/gamma`` or, for negative mu,
+    # ``D sinh(g tau)/(g cosh g)``; left out if it has no columns, (set, frequency, mode)
+    D: Floats
+    # The symmetric component at tau = 0, static displacement included, or, for mu <= -1, U of
+    # ``U cosh(g tau)/cosh(g)``; left out if it has no columns, (set, frequency, mode)
+    U: Floats
+
+
+class _Phases(NamedTuple):
+    """The modes at one frequency, each (mode,)."""
+
+    mu: Floats
+    rest: Floats  # what rounding took from it
+    uncertainty: Floats  # of mu
+    # Of gamma; they mean nothing where mu is negative
+    sine: Floats
+    cosine: Floats
+    load: Floats  # over the share
+
+
+class _Sums(NamedTuple):
+    """The equations without borders, of n unknowns."""
+
+    S: Floats  # (n, n)
+    dS: Floats  # errors of S, (n, n)
+    right: Floats  # (n, set)
+    noise: float  # relative error of the products of rows
+    loaded: bool  # whether there are static loads
+
+
+class _Room(NamedTuple):
+    """Room for terms, (mode,), and for lists of modes or of their components."""
+
+    value: Floats
+    change: Floats
+    terms: Floats
+    others: Integers  # modes that are not plain, (mode,)
+    # Components near their poles and their sizes: 2 j of mode j is the antisymmetric one, 2 j + 1
+    # the symmetric one; (2 mode,)
+    near: Integers
+    magnitude: Floats
+
+
+class _Bordered(NamedTuple):
+    """The equations with borders, for up to m unknowns."""
+
+    # Each (m, m)
+    A: Floats
+    dA: Floats  # errors of A
+    work: Floats
+    inverse: Floats
+    right: Floats  # (m, set)
+    # Each (m,)
+    scale: Floats
+    b: Floats
+    v: Floats
+    other: Floats
+    spread: Floats
+
+
+@inner
+def _is_near(parity: int, phases: _Phases, j: int) -> bool:
+    """Whether the antisymmetric (0) or symmetric (1) response may be large."""
+    mu = phases.mu[j]
     if parity == 0:
-        return bool(mu > 0.0 and abs(cosine) < _NEAR)
-    return bool(abs(mu) < _NEAR or (mu > 0.0 and abs(sine) < _NEAR))
+        return bool(mu > 0.0 and abs(phases.cosine[j]) < _NEAR)
+    return bool(abs(mu) < _NEAR or (mu > 0.0 and abs(phases.sine[j]) < _NEAR))
 
 
-@inline
-def _is_at_pole(parity: int, mu: float, sine: float, cosine: float) -> bool:
+@inner
+def _is_at_pole(parity: int, phases: _Phases, j: int) -> bool:
     """Whether the response of a candidate must not even be evaluated."""
+    mu = phases.mu[j]
     if parity == 0:
-        return abs(cosine) < _AT_POLE
+        return bool(abs(phases.cosine[j]) < _AT_POLE)
     # Close to mu = 0 the response -1/mu is as accurate as mu is.
-    return abs(mu) < _RIGID if abs(mu) < _NEAR else math.sqrt(mu) * abs(sine) < _AT_POLE
+    uncertain = phases.uncertainty[j] > _UNCERTAIN * abs(mu)
+    if uncertain or abs(mu) < _NEAR:
+        return bool(uncertain or abs(mu) < _RIGID)
+    return bool(math.sqrt(mu) * abs(phases.sine[j]) < _AT_POLE)
 
 
-@kernel
-def _add(
-    S: Floats,
-    dS: Floats,
-    right: Floats,
-    rows: Floats,
-    j: int,
-    parity: int,
-    mu: float,
-    rest: float,
-    dmu: float,
-    turn: tuple[float, float],
-    static: float,
-    noise: float,
-) -> None:
-    """Add the response of mode j to the matrix, its uncertainty dS and the right-hand side.
+@inner
+def _response(parity: int, phases: _Phases, j: int) -> tuple[float, float]:
+    """Return the response of a mode and its derivative by mu."""
+    mu = phases.mu[j]
+    if mu < _SOFT:
+        return antisymmetric_response(mu) if parity == 0 else symmetric_response(mu)
+    s, c = phases.sine[j], phases.cosine[j]
+    value = (s / c if parity == 0 else -c / s) / math.sqrt(mu)
+    return value, (1.0 + mu * value * value - value) / (2.0 * mu)
 
-    turn is the sine and the cosine of its gamma.
-    """
-    value, slope = _response(parity, mu, turn[0], turn[1])
-    value += slope * rest
-    change = abs(slope) * dmu + noise * abs(value)
+
+@inner
+def _scale(modes: Modes, omega: float, omega_rest: float, phases: _Phases, terms: Floats) -> None:
+    """Fill in the modes at one frequency; `terms` are room."""
+    largest, over, inverse = 0.0, modes.uncertainty / (omega * omega), 1.0 / omega
+    for j in range(terms.size):
+        gamma = modes.roots[j] / omega
+        mu = gamma * abs(gamma)
+        lost = fma(-gamma, omega, modes.roots[j]) * inverse
+        phases.rest[j] = 2.0 * fma(mu, modes.rests[j] - omega_rest, abs(gamma) * lost)
+        phases.mu[j], terms[j] = mu, abs(gamma)
+    for j in range(terms.size):
+        phases.uncertainty[j] = (_EPS + modes.norms) * abs(phases.mu[j]) + over
+        phases.sine[j], phases.cosine[j] = sine_cosine(terms[j], 0.0)
+    for j in range(terms.size):
+        largest = max(largest, terms[j])
+    if largest > LARGEST:
+        for j in range(terms.size):
+            phases.sine[j], phases.cosine[j] = math.sin(terms[j]), math.cos(terms[j])
+
+
+@inner
+def _add(sums: _Sums, rows: Floats, parity: int, phases: _Phases, j: int) -> None:
+    """Add the response of mode j to the equations."""
+    value, slope = _response(parity, phases, j)
+    value += slope * phases.rest[j]
+    change = abs(slope) * phases.uncertainty[j] + sums.noise * abs(value)
+    static = phases.load[j]
     for i in range(rows.shape[0]):
         for k in range(rows.shape[0]):
             product = rows[i, j] * rows[k, j]
-            S[i, k] += product * value
-            dS[i, k] += abs(product) * change
-        if parity == 1 and static != 0.0:
-            for k in range(right.shape[1]):
-                right[i, k] -= rows[i, j] * static / mu
+            sums.S[i, k] += product * value
+            sums.dS[i, k] += abs(product) * change
+        for k in range(sums.right.shape[1] if parity == 1 and static != 0.0 else 0):
+            sums.right[i, k] -= rows[i, j] * static / phases.mu[j]
 
 
-@kernel
-def _add_plain(
-    S: Floats,
-    dS: Floats,
-    right: Floats,
-    rows: Floats,
-    products: Floats,
-    parity: int,
-    modes: Modes,
-    load: Floats,
-    share: float,
-    noise: float,
-    others: Integers,
-) -> int:
-    """Add the responses of all modes that are neither near their poles nor soft; list the others.
+@inner
+def _evaluate_plain(parity: int, phases: _Phases, noise: float, room: _Room) -> int:
+    """Evaluate the responses of all modes that are neither near their poles nor soft.
 
-    `products` are those of all pairs of rows; the number of others is returned.
+    Their values and errors, 0 of the others; list these and return their number.
     """
-    mu, rest, dmu, sines, cosines, value, change, terms = modes
+    mu, value, change = phases.mu, room.value, room.change
     for j in range(mu.size):
         # The response is sine/(cosine gamma), or -cosine/(sine gamma), by one division.
-        top, low = (sines[j], cosines[j]) if parity == 0 else (-cosines[j], sines[j])
+        s, c = phases.sine[j], phases.cosine[j]
+        top, low = (s, c) if parity == 0 else (-c, s)
         plain = (mu[j] > _SOFT) & (abs(low) >= _NEAR) & ((parity == 0) | (mu[j] >= _NEAR))
         over = 1.0 / (low * mu[j]) if plain else 0.0
         response = top * math.sqrt(abs(mu[j])) * over
@@ -139,77 +235,168 @@ def _add_plain(
         change[j] = (1.0 + mu[j] * response * response - response) * (0.5 * low * over)
     # Loops apart: of many arrays none would be known to be apart from the others.
     for j in range(mu.size):
-        value[j] += change[j] * rest[j]
-        change[j] = abs(change[j]) * dmu[j] + noise * abs(value[j])
+        value[j] += change[j] * phases.rest[j]
+        change[j] = abs(change[j]) * phases.uncertainty[j] + noise * abs(value[j])
     count = 0
     for j in range(mu.size):
         if change[j] == 0.0:
-            others[count] = j
+            room.others[count] = j
             count += 1
-    place = 0
-    for i in range(rows.shape[0]):
-        for k in range(i, rows.shape[0]):
-            product = products[place]
-            for j in range(mu.size):
-                terms[j] = product[j] * value[j]
-            S[i, k] += folded(terms)
-            for j in range(mu.size):
-                terms[j] = abs(product[j]) * change[j]
-            dS[i, k] += folded(terms)
-            S[k, i], dS[k, i] = S[i, k], dS[i, k]
-            place += 1
-    if parity == 1 and np.any(load != 0.0):
-        for i in range(rows.shape[0]):
-            row = rows[i]
-            for j in range(mu.size):
-                terms[j] = row[j] * load[j] / (share * mu[j]) if change[j] != 0.0 else 0.0
-            lifted = folded(terms)
-            for k in range(right.shape[1]):
-                right[i, k] -= lifted
     return count
 
 
-@kernel
+@inner
+def _add_plain(
+    sums: _Sums, rows: Floats, products: Floats, parity: int, phases: _Phases, room: _Room
+) -> int:
+    """Add the responses of all modes that are neither near their poles nor soft.
+
+    `products` are those of all pairs of rows. The others are listed, their number is returned.
+    """
+    count = _evaluate_plain(parity, phases, sums.noise, room)
+    value, change, terms, place = room.value, room.change, room.terms, 0
+    for i in range(rows.shape[0]):
+        for k in range(i, rows.shape[0]):
+            product = products[place]
+            for j in range(terms.size):
+                terms[j] = product[j] * value[j]
+            sums.S[i, k] += folded(terms)
+            for j in range(terms.size):
+                terms[j] = abs(product[j]) * change[j]
+            sums.dS[i, k] += folded(terms)
+            sums.S[k, i], sums.dS[k, i] = sums.S[i, k], sums.dS[i, k]
+            place += 1
+        if parity == 1 and sums.loaded:
+            row = rows[i]
+            for j in range(terms.size):
+                lifted = row[j] * phases.load[j] / phases.mu[j]
+                terms[j] = lifted if change[j] != 0.0 else 0.0
+            total = folded(terms)
+            for k in range(sums.right.shape[1]):
+                sums.right[i, k] -= total
+    return count
+
+
+@inner
+def _sort(system: LinearSystem, phases: _Phases, room: _Room, count: int) -> None:
+    """Sort the candidates for a border by their sizes; those at their poles come last."""
+    near, magnitude = room.near, room.magnitude
+    for k in range(count):
+        j, parity = near[k] // 2, near[k] % 2
+        rows, weight = system.antisymmetric if parity == 0 else system.symmetric, 0.0
+        for i in range(rows.shape[0]):
+            weight = max(weight, abs(rows[i, j]))
+        weight *= weight
+        size = np.inf if weight > 0.0 else 0.0
+        if weight > 0.0 and not _is_at_pole(parity, phases, j):
+            value, _ = _response(parity, phases, j)
+            size = abs(value) * weight
+        one, place = near[k], k
+        while place > 0 and magnitude[place - 1] > size:
+            near[place], magnitude[place] = near[place - 1], magnitude[place - 1]
+            place -= 1
+        near[place], magnitude[place] = one, size
+
+
+@inner
+def _select_bordered(
+    system: LinearSystem, sums: _Sums, phases: _Phases, room: _Room, count: int
+) -> int:
+    """Add the candidates that need no border, small terms first; move the others to the front.
+
+    The number of the latter is returned.
+    """
+    _sort(system, phases, room, count)
+    near, magnitude, kept, n = room.near, room.magnitude, 0, sums.S.shape[0]
+    for k in range(count):
+        if magnitude[k] == 0.0:
+            continue
+        # Of dominant terms, as many as there are impulses drown the others and not one another:
+        # more borders would only make the system singular.
+        surplus = count - k > n
+        largest = 0.0
+        for i in range(n):
+            largest = max(largest, abs(sums.S[i, i]))
+        small = surplus or magnitude[k] <= _DOMINANT * largest or largest == 0.0
+        if magnitude[k] < np.inf and small:
+            j, parity = near[k] // 2, near[k] % 2
+            rows = system.antisymmetric if parity == 0 else system.symmetric
+            _add(sums, rows, parity, phases, j)
+        else:
+            near[kept] = near[k]
+            kept += 1
+    return kept
+
+
+@inner
+def _sum(
+    system: LinearSystem,
+    odd_products: Floats,
+    even_products: Floats,
+    sums: _Sums,
+    phases: _Phases,
+    room: _Room,
+) -> int:
+    """Sum the responses of all modes; return how many need a border, which `near` lists."""
+    count = 0
+    for parity in range(2):
+        rows = system.antisymmetric if parity == 0 else system.symmetric
+        if rows.shape[0] == 0:
+            continue
+        products = odd_products if parity == 0 else even_products
+        for k in range(_add_plain(sums, rows, products, parity, phases, room)):
+            j = room.others[k]
+            if _is_near(parity, phases, j):
+                room.near[count] = 2 * j + parity
+                count += 1
+            else:
+                _add(sums, rows, parity, phases, j)
+    return _select_bordered(system, sums, phases, room, count) if count > 0 else 0
+
+
+@inner
+def _begin(system: _Bordered, sums: _Sums, size: int) -> None:
+    """Put the equations without borders in place."""
+    n = sums.S.shape[0]
+    for i in range(size):
+        for k in range(size):
+            within = i < n and k < n
+            system.A[i, k] = sums.S[i, k] if within else 0.0
+            system.dA[i, k] = sums.dS[i, k] if within else 0.0
+        for k in range(sums.right.shape[1]):
+            system.right[i, k] = sums.right[i, k] if i < n else 0.0
+
+
+@inner
 def _border(
-    A: Floats,
-    dA: Floats,
-    right: Floats,
-    row: int,
-    column: Floats,
-    parity: int,
-    mu: float,
-    rest: float,
-    dmu: float,
-    static: float,
-    noise: float,
+    system: _Bordered, sums: _Sums, n: int, rows: Floats, parity: int, phases: _Phases, j: int
 ) -> None:
-    """Give a mode its own unknown and equation, number `row`."""
-    for i in range(column.size):
-        A[i, row] = column[i]
-        A[row, i] = column[i]
-        dA[i, row] = noise * abs(column[i])
-        dA[row, i] = dA[i, row]
+    """Give mode j its own unknown and equation, number n."""
+    A, dA, right, mu, static = system.A, system.dA, system.right, phases.mu[j], phases.load[j]
+    for i in range(rows.shape[0]):
+        A[i, n] = A[n, i] = rows[i, j]
+        dA[i, n] = dA[n, i] = sums.noise * abs(rows[i, j])
     if parity == 0:
         gamma = math.sqrt(mu)
         cotangent = 1.0 / math.tan(gamma)
-        A[row, row] = -gamma * cotangent
+        A[n, n] = -gamma * cotangent
         slope = 0.5 * (1.0 + cotangent * cotangent - cotangent / gamma)
     else:
         ratio, _ = antisymmetric_response(mu)
-        A[row, row] = mu * ratio
+        A[n, n] = mu * ratio
         slope = 0.5 * (1.0 + mu * ratio * ratio + ratio)
         for k in range(right.shape[1]):
-            right[row, k] = static * sine(mu)
-        for i in range(column.size):
-            for k in range(right.shape[1]):
-                right[i, k] -= column[i] * static * sag(mu)
-    A[row, row] += slope * rest
-    dA[row, row] = abs(slope) * dmu + 2.0 * _EPS * abs(A[row, row])
+            right[n, k] = static * sine(mu)
+            for i in range(rows.shape[0]):
+                right[i, k] -= rows[i, j] * static * sag(mu)
+    A[n, n] += slope * phases.rest[j]
+    dA[n, n] = abs(slope) * phases.uncertainty[j] + 2.0 * _EPS * abs(A[n, n])
 
 
-@kernel
-def _invert(matrix: Floats, m: int, work: Floats, inverse: Floats, d: Floats) -> bool:
-    """Invert a small matrix of order m by Gauss-Jordan elimination after equilibrating it."""
+@inner
+def _invert(system: _Bordered, m: int) -> bool:
+    """Invert the first m rows and columns by Gauss-Jordan elimination after equilibrating them."""
+    matrix, work, inverse, d = system.A, system.work, system.inverse, system.scale
     for i in range(m):
         largest = 0.0
         for k in range(m):
@@ -245,8 +432,9 @@ def _invert(matrix: Floats, m: int, work: Floats, inverse: Floats, d: Floats) ->
     return True
 
 
-@kernel
+@inner
 def _times(matrix: Floats, m: int, vector: Floats, out: Floats) -> None:
+    """Multiply the first m rows and columns of a matrix by a vector."""
     for i in range(m):
         total = 0.0
         for k in range(m):
@@ -254,168 +442,33 @@ def _times(matrix: Floats, m: int, vector: Floats, out: Floats) -> None:
         out[i] = total
 
 
-@kernel
-def _scale(
-    roots: Floats,
-    rests: Floats,
-    omega: float,
-    rest: float,
-    uncertainty: float,
-    norms: float,
-    modes: Modes,
-) -> None:
-    """Fill in mu of all modes, what rounding took from it, and how uncertain it is.
-
-    And the sines and cosines of their gamma, which mean nothing where mu is negative.
-    """
-    mu, missing, dmu, sines, cosines, _, _, terms = modes
-    largest, over, inverse = 0.0, uncertainty / (omega * omega), 1.0 / omega
-    for j in range(roots.size):
-        gamma = roots[j] / omega
-        mu[j] = gamma * abs(gamma)
-        terms[j] = gamma
-    for j in range(roots.size):
-        lost = fma(-terms[j], omega, roots[j]) * inverse
-        missing[j] = 2.0 * fma(mu[j], rests[j] - rest, abs(terms[j]) * lost)
-    for j in range(roots.size):
-        dmu[j] = (_EPS + norms) * abs(mu[j]) + over
-        terms[j] = abs(terms[j])
-    for j in range(roots.size):
-        sines[j], cosines[j] = sine_cosine(terms[j], 0.0)
-    for j in range(roots.size):
-        largest = max(largest, terms[j])
-    if largest > LARGEST:
-        for j in range(roots.size):
-            sines[j], cosines[j] = math.sin(terms[j]), math.cos(terms[j])
+@inner
+def _solve(system: _Bordered, m: int, s: int, z: Floats, error: Floats) -> None:
+    """Solve for one set of walls with the inverse; fill in impulses and their errors."""
+    b, v, other, spread = system.b, system.v, system.other, system.spread
+    for i in range(m):
+        b[i] = system.right[i, s]
+    _times(system.inverse, m, b, v)
+    # What is left of the right-hand side corrects the solution.
+    _times(system.A, m, v, other)
+    for i in range(m):
+        other[i] = b[i] - other[i]
+    _times(system.inverse, m, other, spread)
+    for i in range(m):
+        v[i] += spread[i]
+        other[i] = abs(v[i])
+    _times(system.dA, m, other, spread)
+    for i in range(m):
+        spread[i] += 2.0 * _EPS * abs(b[i])
+    for i in range(z.size):
+        z[i], error[i] = v[i], 0.0
+        for k in range(m):
+            error[i] += abs(system.inverse[i, k]) * spread[k]
 
 
-@inline
-def _response(parity: int, mu: float, sine: float, cosine: float) -> tuple[float, float]:
-    """Return the response and its derivative by mu from the sine and cosine of gamma."""
-    if mu < _SOFT:
-        return antisymmetric_response(mu) if parity == 0 else symmetric_response(mu)
-    value = (sine / cosine if parity == 0 else -cosine / sine) / math.sqrt(mu)
-    return value, (1.0 + mu * value * value - value) / (2.0 * mu)
-
-
-@kernel
-def _select_bordered(
-    modes: Modes,
-    antisymmetric: Floats,
-    symmetric: Floats,
-    load: Floats,
-    share: float,
-    noise: float,
-    near: Integers,
-    magnitude: Floats,
-    S: Floats,
-    dS: Floats,
-    right: Floats,
-) -> int:
-    """Add the candidates that need no border, small terms first; move the others to the front.
-
-    The number of the latter is returned; nz is the order of the matrix without borders.
-    """
-    mu, rest, dmu, sines, cosines, _, _, _ = modes
-    nz = max(antisymmetric.shape[0], symmetric.shape[0])
-    for k in range(near.size):
-        j, parity = near[k] // 2, near[k] % 2
-        rows, weight = antisymmetric if parity == 0 else symmetric, 0.0
-        for i in range(nz):
-            weight = max(weight, abs(rows[i, j]))
-        weight *= weight
-        magnitude[k] = np.inf if weight > 0.0 else 0.0
-        uncertain = parity == 1 and dmu[j] > _UNCERTAIN * abs(mu[j])
-        if weight > 0.0 and not uncertain and not _is_at_pole(parity, mu[j], sines[j], cosines[j]):
-            value, _ = _response(parity, mu[j], sines[j], cosines[j])
-            magnitude[k] = abs(value) * weight
-    for k in range(1, near.size):
-        one, size, place = near[k], magnitude[k], k
-        while place > 0 and magnitude[place - 1] > size:
-            near[place], magnitude[place] = near[place - 1], magnitude[place - 1]
-            place -= 1
-        near[place], magnitude[place] = one, size
-    kept = 0
-    for k in range(near.size):
-        if magnitude[k] == 0.0:
-            continue
-        # Of dominant terms, as many as there are impulses drown the others and not one another:
-        # more borders would only make the system singular.
-        surplus = near.size - k > nz
-        largest_diagonal = 0.0
-        for i in range(nz):
-            largest_diagonal = max(largest_diagonal, abs(S[i, i]))
-        if magnitude[k] < np.inf and (
-            surplus or magnitude[k] <= _DOMINANT * largest_diagonal or largest_diagonal == 0.0
-        ):
-            j, parity = near[k] // 2, near[k] % 2
-            rows, static = antisymmetric if parity == 0 else symmetric, load[j] / share
-            both = sines[j], cosines[j]
-            _add(S, dS, right, rows, j, parity, mu[j], rest[j], dmu[j], both, static, noise)
-        else:
-            near[kept] = near[k]
-            kept += 1
-    return kept
-
-
-@kernel
-def _sum(
-    modes: Modes,
-    antisymmetric: Floats,
-    symmetric: Floats,
-    products: tuple[Floats, Floats],
-    load: Floats,
-    share: float,
-    noise: float,
-    near: Integers,
-    others: Integers,
-    magnitude: Floats,
-    S: Floats,
-    dS: Floats,
-    right: Floats,
-) -> int:
-    """Sum the responses of all modes; return how many need a border, which `near` lists.
-
-    The antisymmetric component of mode j has the number 2 j, the symmetric one 2 j + 1.
-    """
-    mu, rest, dmu, sines, cosines, _, _, _ = modes
-    count = 0
-    for parity in range(2):
-        rows = antisymmetric if parity == 0 else symmetric
-        if rows.shape[0] == 0:
-            continue
-        pairs = products[0] if parity == 0 else products[1]
-        left = _add_plain(S, dS, right, rows, pairs, parity, modes, load, share, noise, others)
-        for k in range(left):
-            j = others[k]
-            both = sines[j], cosines[j]
-            if _is_near(parity, mu[j], both[0], both[1]):
-                near[count] = 2 * j + parity
-                count += 1
-            else:
-                static = load[j] / share
-                _add(S, dS, right, rows, j, parity, mu[j], rest[j], dmu[j], both, static, noise)
-    if count == 0:
-        return 0
-    return _select_bordered(
-        modes, antisymmetric, symmetric, load, share, noise, near[:count], magnitude, S, dS, right
-    )
-
-
-@kernel
-def _products(rows: Floats) -> Floats:
-    """Return the products of all pairs of rows, shape (pair, mode)."""
-    n = rows.shape[0]
-    products, place = np.empty((n * (n + 1) // 2, rows.shape[1])), 0
-    for i in range(n):
-        for k in range(i, n):
-            products[place] = rows[i] * rows[k]
-            place += 1
-    return products
-
-
-@kernel
+@inner
 def _forces(rows: Floats, z: Floats, scale: float, force: Floats) -> None:
+    """Fill in the modal forces of impulses z, times a scale."""
     for j in range(force.size):
         force[j] = 0.0
     for i in range(rows.shape[0]):
@@ -424,27 +477,26 @@ def _forces(rows: Floats, z: Floats, scale: float, force: Floats) -> None:
             force[j] += row[j] * p
 
 
-@kernel
-def _antisymmetric_amplitudes(modes: Modes, force: Floats, unit: Floats) -> None:
-    """Fill in D of all modes but the bordered ones, see `solutions`."""
-    mu, rest, _, sines, cosines, _, _, _ = modes
+@inner
+def _antisymmetric_amplitudes(phases: _Phases, force: Floats, unit: Floats) -> None:
+    """Fill in D of all modes but the bordered ones, see `Solutions`."""
+    mu = phases.mu
     for j in range(mu.size):
         gamma = math.sqrt(abs(mu[j]))
         oscillates = (mu[j] > 0.0) & (force[j] != 0.0)
-        low = fma(cosines[j], gamma, -0.5 * sines[j] * rest[j])
+        low = fma(phases.cosine[j], gamma, -0.5 * phases.sine[j] * phases.rest[j])
         unit[j] = force[j] * gamma / low if oscillates else force[j]
 
 
-@kernel
+@inner
 def _symmetric_amplitudes(
-    modes: Modes, force: Floats, load: Floats, omega: float, unit: Floats
+    phases: _Phases, force: Floats, load: Floats, omega: float, unit: Floats
 ) -> None:
-    """Fill in U of all modes but the bordered ones, see `solutions`."""
-    mu, rest, _, sines, cosines, _, _, _ = modes
-    square, any_soft = omega * omega, False
+    """Fill in U of all modes but the bordered ones, see `Solutions`."""
+    mu, square, any_soft = phases.mu, omega * omega, False
     for j in range(mu.size):
-        gamma = math.sqrt(abs(mu[j]))
-        low = fma(mu[j], sines[j], 0.5 * fma(cosines[j], gamma, sines[j]) * rest[j])
+        gamma, s, c = math.sqrt(abs(mu[j])), phases.sine[j], phases.cosine[j]
+        low = fma(mu[j], s, 0.5 * fma(c, gamma, s) * phases.rest[j])
         moved = -force[j] * gamma / low if force[j] != 0.0 else 0.0
         unit[j] = moved + (load[j] / (mu[j] * square) if load[j] != 0.0 else 0.0)
     for j in range(mu.size):
@@ -457,26 +509,57 @@ def _symmetric_amplitudes(
             unit[j] = load[j] / (mu[j] * square) if load[j] != 0.0 else 0.0
             if force[j] != 0.0:
                 slope = 0.5 * (sine(mu[j]) + cosine(mu[j]))
-                unit[j] -= force[j] / (mu[j] * sine(mu[j]) + slope * rest[j])
+                unit[j] -= force[j] / (mu[j] * sine(mu[j]) + slope * phases.rest[j])
+
+
+@inner
+def _amplitudes(
+    modes: Modes,
+    system: LinearSystem,
+    phases: _Phases,
+    room: _Room,
+    v: Floats,
+    kept: int,
+    omega: float,
+    D: Floats,
+    U: Floats,
+) -> None:
+    """Fill in the amplitudes that unknowns v cause, which are those of `kept` modes themselves."""
+    scale, n = system.share / (omega * omega), system.walls.shape[1]
+    if D.size > 0:
+        _forces(system.antisymmetric, v, scale, room.terms)
+        _antisymmetric_amplitudes(phases, room.terms, D)
+    if U.size > 0:
+        _forces(system.symmetric, v, scale, room.terms)
+        _symmetric_amplitudes(phases, room.terms, modes.load, omega, U)
+    for k in range(kept):
+        j, place = room.near[k] // 2, v[n + k] * scale
+        if room.near[k] % 2 == 0 and D.size > 0:
+            D[j] = place / sine(phases.mu[j])
+        elif room.near[k] % 2 == 1 and U.size > 0:
+            U[j] = place / cosine(phases.mu[j])
+
+
+@inner
+def _fill(values: Floats, number: float) -> None:
+    for j in range(values.size):
+        values[j] = number
+
+
+@inner
+def _multiply(rows: Floats, products: Floats) -> None:
+    """Fill in the products of all pairs of rows, (pair, mode)."""
+    place = 0
+    for i in range(rows.shape[0]):
+        for k in range(i, rows.shape[0]):
+            for j in range(rows.shape[1]):
+                products[place, j] = rows[i, j] * rows[k, j]
+            place += 1
 
 
 @kernel
 def solutions(
-    roots: Floats,
-    rests: Floats,
-    antisymmetric: Floats,
-    symmetric: Floats,
-    load: Floats,
-    walls: Floats,
-    omega: Floats,
-    omega_rests: Floats,
-    share: float,
-    uncertainty: float,
-    norms: float,
-    z: Floats,
-    error: Floats,
-    D: Floats,
-    U: Floats,
+    modes: Modes, system: LinearSystem, omega: Floats, omega_rests: Floats, into: Solutions
 ) -> None:
     """Compute impulses and modal amplitudes, for several sets of walls at once.
 
@@ -485,142 +568,63 @@ def solutions(
 
     Parameters
     ----------
-    roots : array, shape (mode,)
-        Signed natural frequencies.
-    rests : array, shape (mode,)
-        What rounding took from them, relative to them.
-    antisymmetric, symmetric : array, shape (unknown, mode)
-        Rows of the two components; with no rows where there is no such component.
-    load : array, shape (mode,)
-        Static load of each mode.
-    walls : array, shape (set, unknown)
-        Where each struck wall is, seen along its row.
+    modes : Modes
+    system : LinearSystem
     omega : array, shape (frequency,)
         Triangle-wave frequencies.
     omega_rests : array, shape (frequency,)
         What rounding took from them, relative to them.
-    share : float
-        Factor of the modal forces, 1 or 1/2.
-    uncertainty : float
-        Absolute error of the eigenvalues.
-    norms : float
-        Error of the modes' norms and of their orthogonality, and relative one of eigenvalues.
-    z : array, shape (set, frequency, unknown)
-        Receives the impulses; nan where the system is singular.
-    error : array, shape (set, frequency, unknown)
-        Receives the absolute error of z that roundings in the data cause.
-    D : array, shape (set, frequency, mode)
-        Receives the amplitudes of the antisymmetric component, ``D sin(gamma tau)/gamma`` or,
-        for negative mu, ``D sinh(g tau)/(g cosh g)``; left out where it has no columns.
-    U : array, shape (set, frequency, mode)
-        Receives the symmetric component at tau = 0, static displacement included, or, for mu
-        <= -1, U of ``U cosh(g tau)/cosh(g)``; left out where it has no columns.
+    into : Solutions
+        Receives the results.
     """
-    nz, count, room = walls.shape[1], roots.size, walls.shape[1] + 4
-    mu, rest, dmu, sines = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
-    cosines, value, change = np.empty(count), np.empty(count), np.empty(count)
-    modes = (mu, rest, dmu, sines, cosines, value, change, np.empty(count))
-    near, others = np.empty(2 * count, np.int64), np.empty(count, np.int64)
-    force, magnitude, noise = np.empty(count), np.empty(2 * count), 2.0 * _EPS + norms
-    products = _products(antisymmetric), _products(symmetric)
-    A, dA, work, inverse = _matrix(room), _matrix(room), _matrix(room), _matrix(room)
-    right, vectors = np.empty((room, walls.shape[0])), np.empty((5, room))
+    (sets, n), count, m = system.walls.shape, modes.roots.size, 0
+    odd, even = system.antisymmetric.shape[0], system.symmetric.shape[0]
+    odd_products = np.empty((odd * (odd + 1) // 2, count))
+    even_products = np.empty((even * (even + 1) // 2, count))
+    _multiply(system.antisymmetric, odd_products)
+    _multiply(system.symmetric, even_products)
+    phases = _Phases(
+        np.empty(count), np.empty(count), np.empty(count), np.empty(count), np.empty(count),
+        np.empty(count),
+    )  # fmt: skip
+    room = _Room(
+        np.empty(count), np.empty(count), np.empty(count), np.empty(count, np.int64),
+        np.empty(2 * count, np.int64), np.empty(2 * count),
+    )  # fmt: skip
+    loaded = False
+    for j in range(count):
+        phases.load[j] = modes.load[j] / system.share
+        loaded |= modes.load[j] != 0.0
+    noise = 2.0 * _EPS + modes.norms
+    sums = _Sums(np.empty((n, n)), np.empty((n, n)), np.empty((n, sets)), noise, loaded)
     for f in range(omega.size):
-        _scale(roots, rests, omega[f], omega_rests[f], uncertainty, norms, modes)
-        _clear(A, dA, right, 0, nz)
-        for i in range(nz):
-            for s in range(walls.shape[0]):
-                right[i, s] = walls[s, i] * (omega[f] * omega[f] / share)
-        kept = _sum(
-            modes,
-            antisymmetric,
-            symmetric,
-            products,
-            load,
-            share,
-            noise,
-            near,
-            others,
-            magnitude,
-            A,
-            dA,
-            right,
-        )
-        size = nz + kept
-        if size > room:
-            room = size
-            A, dA = _larger(A, nz, room), _larger(dA, nz, room)
-            work, inverse = _matrix(room), _matrix(room)
-            taller = np.empty((room, walls.shape[0]))
-            taller[:nz] = right[:nz]
-            right, vectors = taller, np.empty((5, room))
-        _clear(A, dA, right, nz, size)
+        _scale(modes, omega[f], omega_rests[f], phases, room.terms)
+        for i in range(n):
+            for k in range(n):
+                sums.S[i, k], sums.dS[i, k] = 0.0, 0.0
+            for s in range(sets):
+                sums.right[i, s] = system.walls[s, i] * (omega[f] * omega[f] / system.share)
+        kept = _sum(system, odd_products, even_products, sums, phases, room)
+        if f == 0 or n + kept > m:
+            m = n + kept + 4
+            bordered = _Bordered(
+                np.empty((m, m)), np.empty((m, m)), np.empty((m, m)), np.empty((m, m)),
+                np.empty((m, sets)),
+                np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.empty(m),
+            )  # fmt: skip
+        _begin(bordered, sums, n + kept)
         for k in range(kept):
-            j, parity = near[k] // 2, near[k] % 2
-            column = antisymmetric[:, j] if parity == 0 else symmetric[:, j]
-            static = load[j] / share
-            _border(A, dA, right, nz + k, column, parity, mu[j], rest[j], dmu[j], static, noise)
-        sound = _invert(A, size, work, inverse, vectors[0])
-        b, v, other, spread = vectors[1], vectors[2], vectors[3], vectors[4]
-        for s in range(walls.shape[0]):
-            if not sound:
-                z[s, f] = np.nan
-                error[s, f] = np.inf
-                D[s, f] = 0.0
-                U[s, f] = 0.0
-                continue
-            for i in range(size):
-                b[i] = right[i, s]
-            _times(inverse, size, b, v)
-            _times(A, size, v, other)
-            for i in range(size):
-                other[i] = b[i] - other[i]
-            _times(inverse, size, other, spread)
-            for i in range(size):
-                v[i] += spread[i]
-                other[i] = abs(v[i])
-            _times(dA, size, other, spread)
-            for i in range(size):
-                spread[i] += 2.0 * _EPS * abs(b[i])
-            for i in range(nz):
-                z[s, f, i] = v[i]
-                error[s, f, i] = 0.0
-                for k in range(size):
-                    error[s, f, i] += abs(inverse[i, k]) * spread[k]
-            scale = share / (omega[f] * omega[f])
-            if D.shape[2] > 0:
-                _forces(antisymmetric, v, scale, force)
-                _antisymmetric_amplitudes(modes, force, D[s, f])
-            if U.shape[2] > 0:
-                _forces(symmetric, v, scale, force)
-                _symmetric_amplitudes(modes, force, load, omega[f], U[s, f])
-            for k in range(kept):
-                j = near[k] // 2
-                place = v[nz + k] * scale
-                if near[k] % 2 == 0 and D.shape[2] > 0:
-                    D[s, f, j] = place / sine(mu[j])
-                elif near[k] % 2 == 1 and U.shape[2] > 0:
-                    U[s, f, j] = place / cosine(mu[j])
-
-
-@kernel
-def _clear(A: Floats, dA: Floats, right: Floats, start: int, size: int) -> None:
-    """Empty the rows and columns from start to size of a system."""
-    for i in range(start, size):
-        for k in range(size):
-            A[i, k] = A[k, i] = dA[i, k] = dA[k, i] = 0.0
-        for k in range(right.shape[1]):
-            right[i, k] = 0.0
-
-
-@kernel
-def _matrix(order: int) -> Floats:
-    return np.empty((order, order))
-
-
-@kernel
-def _larger(matrix: Floats, order: int, room: int) -> Floats:
-    """Return a larger matrix with the first rows and columns of the given one."""
-    larger = np.empty((room, room))
-    larger[:order, :order] = matrix[:order, :order]
-    return larger
+            parity = room.near[k] % 2
+            rows = system.antisymmetric if parity == 0 else system.symmetric
+            _border(bordered, sums, n + k, rows, parity, phases, room.near[k] // 2)
+        sound = _invert(bordered, n + kept)
+        for s in range(sets):
+            z, error, D, U = into.z[s, f], into.error[s, f], into.D[s, f], into.U[s, f]
+            if sound:
+                _solve(bordered, n + kept, s, z, error)
+                _amplitudes(modes, system, phases, room, bordered.v, kept, omega[f], D, U)
+            else:
+                _fill(z, np.nan)
+                _fill(error, np.inf)
+                _fill(D, 0.0)
+                _fill(U, 0.0)

@@ -2,104 +2,97 @@
 
 The result is a proof that it does, or a time at which it does not (the witness).
 
-A constrained coordinate is a finite sum of sines, cosines and hyperbolic functions, so its
-second derivative has the bound ``B = sum_j |row_j| max |q_j''|``. From a time at which value,
-slope and B are known, ``y + y' h + B h^2 / 2`` stays below the limit for a step h that can be
-computed; such steps from impact to impact are the proof. A limit counts as passed where it is
-exceeded by more than a tolerance, which also bounds the steps from below.
+A constrained coordinate ``y = sum_j row_j q_j`` is a finite sum of sines, cosines and hyperbolic
+functions of the triangle-wave time, see `motions`, so its second derivative has the bound
+
+    |y''| <= B = sum_j |row_j| max |q_j''|
+
+From a time at which value and slope are known, ``y + y' h + B h^2/2`` stays below the limit for a
+step h that can be computed (Taylor's theorem with Lagrange's remainder); such steps from impact
+to impact are the proof. A limit counts as passed where it is exceeded by more than a tolerance,
+which also bounds the steps from below. Rounding and the error of the motion move the
+coordinate by at most ``(1e-15 + 2 error) sum_j |row_j q_j|``: where that matters the limits are
+moved by as much, both ways, before the outcome counts as certain.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from vibroimpact_solvers.arrays import Booleans, Floats, Integers
-from vibroimpact_solvers.kernels.jit import kernel
+from vibroimpact_solvers.kernels.jit import inner, kernel
+from vibroimpact_solvers.kernels.motions import Motions, place_and_slope
 from vibroimpact_solvers.kernels.phases import LARGEST, sine_cosine
 from vibroimpact_solvers.kernels.sums import folded
-from vibroimpact_solvers.kernels.triangle_time import (
-    cosine,
-    hyperbolic_cosine,
-    hyperbolic_sine,
-    sag,
-    sine,
-)
-
-Motion = tuple[
-    Floats,
-    Floats,
-    Floats,
-    Floats,
-    bool,
-    Floats,
-    Floats,
-    Floats,
-    Floats,
-    float,
-    Integers,
-    Floats,
-    Floats,
-]
-"""mu, D, U, force, symmetric and row of `_motion`; the arrays of `_waves`; two work arrays."""
+from vibroimpact_solvers.kernels.triangle_time import cosine
 
 _STILL = 1e-200  # mu below which a mode only moves along
 _SHORTEST = 1e-12  # step
 _MOST = 20_000_000  # steps of one path
+_MATTERS = 0.1  # part of the tolerance from which on uncertainty matters
 
 
-@kernel
-def _motion(
-    mu: float, D: float, U: float, force: float, symmetric: bool, tau: float
-) -> tuple[float, float]:
-    """Return one modal coordinate and its slope, see `families.solutions`; force is f/omega^2."""
-    z = mu * tau * tau
-    gamma = math.sqrt(abs(mu))
-    if mu >= 0.0:
-        place, slope = D * tau * sine(z), D * cosine(z)
-    else:
-        place, slope = D * hyperbolic_sine(gamma, tau), D * hyperbolic_cosine(gamma, tau)
-    if symmetric and mu > -1.0:
-        place += U * cosine(z) + force * tau * tau * sag(z)
-        slope += (force - mu * U) * tau * sine(z)
-    elif symmetric:
-        place += U * hyperbolic_cosine(gamma, tau) + force / mu
-        slope -= U * mu * hyperbolic_sine(gamma, tau)
-    return place, slope
+class Limits(NamedTuple):
+    """Limits of the constrained coordinates, struck or not."""
+
+    rows: Floats  # ``W E``, (limit, mode)
+    # Distances of the walls, infinite where there is none, (limit,)
+    lower: Floats
+    upper: Floats
+    # Whether the solution touches the wall at tau = -1 and at tau = 1, (limit,)
+    struck_lower: Booleans
+    struck_upper: Booleans
+    tolerance: Floats  # excess that does not count, (limit,)
 
 
-@kernel
-def states(
-    roots: Floats, load: Floats, omega: Floats, D: Floats, U: Floats, tau: float
-) -> tuple[Floats, Floats]:
-    """Return the modal coordinates and their slopes by tau, each (frequency, mode)."""
-    symmetric = U.shape[1] > 0
-    places, slopes = np.empty((omega.size, roots.size)), np.empty((omega.size, roots.size))
-    for f in range(omega.size):
-        for j in range(roots.size):
-            mu = roots[j] / omega[f] * abs(roots[j] / omega[f])
-            place = U[f, j] if symmetric else 0.0
-            force = load[j] / (omega[f] * omega[f])
-            places[f, j], slopes[f, j] = _motion(mu, D[f, j], place, force, symmetric, tau)
-    return places, slopes
+class _Modes(NamedTuple):
+    """The motion of the modes in one solution, see `motions`, each (mode,)."""
+
+    mu: Floats
+    force: Floats  # load over omega^2
+    D: Floats
+    U: Floats  # 0 in antisymmetric motions
 
 
-@kernel
-def _reach(
-    mu: Floats, D: Floats, U: Floats, force: Floats, symmetric: bool, row: Floats, terms: Floats
-) -> tuple[float, float]:
-    """Return a bound of the second derivative on [-1, 1], and the size of all terms."""
+class _Waves(NamedTuple):
+    """Harmonic terms ``s_j sin(gamma_j tau) + c_j cos(gamma_j tau)`` of a coordinate."""
+
+    # Each (mode,); 0 of modes that have formulas of their own
+    gamma: Floats
+    sine: Floats
+    cosine: Floats
+    others: Integers  # the latter, (mode,); the first `count` entries count
+    # Room for values and slopes of the terms, (mode,)
+    values: Floats
+    slopes: Floats
+
+
+class _Path(NamedTuple):
+    """A constrained coordinate of one solution."""
+
+    modes: _Modes
+    waves: _Waves
+    row: Floats
+    constant: float  # beside the harmonic terms
+    others: int  # number of modes that are not among the waves
+    symmetric: bool  # whether the motion has a symmetric component
+    curvature: float  # B
+
+
+@inner
+def _bounds(modes: _Modes, row: Floats, symmetric: bool, terms: Floats) -> tuple[float, float]:
+    """Return B, the bound of the second derivative on [-1, 1], and the size of all terms."""
+    mu, force, D, U = modes
     for j in range(mu.size):
         terms[j] = abs(row[j] * D[j]) * math.sqrt(abs(mu[j]))
     curvature = folded(terms)
     for j in range(mu.size):
-        terms[j] = abs(row[j] * D[j])
+        terms[j] = abs(row[j] * D[j]) + abs(row[j] * U[j])
     size = folded(terms)
     if symmetric:
-        for j in range(mu.size):
-            terms[j] = abs(row[j] * U[j])
-        size += folded(terms)
         for j in range(mu.size):
             bend = abs(U[j] * mu[j])
             if mu[j] > -1.0:
@@ -109,76 +102,51 @@ def _reach(
     return max(curvature, 1e-300), size
 
 
-@kernel
-def _waves(
-    mu: Floats,
-    D: Floats,
-    U: Floats,
-    force: Floats,
-    symmetric: bool,
-    row: Floats,
-    gamma: Floats,
-    sine_part: Floats,
-    cosine_part: Floats,
-) -> tuple[float, Integers]:
-    """Fill in the harmonic terms of a coordinate: ``sum_j a_j sin(gamma_j tau) + s_j cos(...)``.
+@inner
+def _separate(modes: _Modes, row: Floats, symmetric: bool, waves: _Waves) -> tuple[float, int]:
+    """Fill in the harmonic terms; return the constant beside them and the number of other modes.
 
-    Return the constant beside them, and the modes that are left out here and need formulas of
-    their own: unstable and nearly rigid ones, those with more static displacement than
-    vibration, and those whose phases are unknown.
+    Those need formulas of their own: unstable and nearly rigid modes, those with more static
+    displacement than vibration, and those whose phases are unknown.
     """
+    mu, force, D, U = modes
     for j in range(mu.size):
         g = math.sqrt(abs(mu[j]))
         oscillates = (mu[j] > _STILL) & (g < LARGEST) & ((force[j] == 0.0) | (mu[j] > 1.0))
-        gamma[j] = g if oscillates else 0.0
-        sine_part[j] = row[j] * D[j] / g if oscillates else 0.0
-    constant, others, count = 0.0, np.empty(mu.size, np.int64), 0
+        waves.gamma[j] = g if oscillates else 0.0
+        waves.sine[j] = row[j] * D[j] / g if oscillates else 0.0
+        waves.cosine[j] = 0.0
+    constant, count = 0.0, 0
     for j in range(mu.size):
-        if gamma[j] == 0.0:
-            others[count] = j
+        if waves.gamma[j] == 0.0:
+            waves.others[count] = j
             count += 1
-    for j in range(mu.size):
-        cosine_part[j] = 0.0
-    for j in range(mu.size if symmetric else 0):
-        if gamma[j] > 0.0:
+        elif symmetric:
             rest = force[j] / mu[j]
-            cosine_part[j] = row[j] * (U[j] - rest)
+            waves.cosine[j] = row[j] * (U[j] - rest)
             constant += row[j] * rest
-    return constant, others[:count]
+    return constant, count
 
 
-@kernel
-def _evaluate(motion: Motion, tau: float) -> tuple[float, float]:
+@inner
+def _evaluate(path: _Path, tau: float) -> tuple[float, float]:
     """Return a constrained coordinate and its slope."""
-    (
-        mu,
-        D,
-        U,
-        force,
-        symmetric,
-        row,
-        gamma,
-        sine_part,
-        cosine_part,
-        constant,
-        others,
-        y,
-        slope,
-    ) = motion
+    gamma, sines, cosines, others, values, slopes = path.waves
     for j in range(gamma.size):
         s, c = sine_cosine(gamma[j] * tau, 0.0)
-        y[j] = sine_part[j] * s + cosine_part[j] * c
-        slope[j] = gamma[j] * (sine_part[j] * c - cosine_part[j] * s)
-    total, rise = folded(y) + constant, folded(slope)
-    for k in range(others.size):
+        values[j] = sines[j] * s + cosines[j] * c
+        slopes[j] = gamma[j] * (sines[j] * c - cosines[j] * s)
+    y, rise = folded(values) + path.constant, folded(slopes)
+    mu, force, D, U = path.modes
+    for k in range(path.others):
         j = others[k]
-        more, faster = _motion(mu[j], D[j], U[j], force[j], symmetric, tau)
-        total += row[j] * more
-        rise += row[j] * faster
-    return total, rise
+        more, faster = place_and_slope(mu[j], force[j], D[j], U[j], path.symmetric, tau)
+        y += path.row[j] * more
+        rise += path.row[j] * faster
+    return y, rise
 
 
-@kernel
+@inner
 def _step(slack: float, slope: float, curvature: float) -> float:
     """Return a step h for which ``slope h + curvature h^2/2`` stays below the slack."""
     if slack == np.inf:
@@ -189,7 +157,7 @@ def _step(slack: float, slope: float, curvature: float) -> float:
     return 2.0 * slack / (root + slope)
 
 
-@kernel
+@inner
 def _safe_time(slope: float, room: float, curvature: float) -> float:
     """Return for how long before an impact no limit can be passed.
 
@@ -201,43 +169,23 @@ def _safe_time(slope: float, room: float, curvature: float) -> float:
     return min(min(2.0 * slope / curvature, _step(room, slope, curvature)), 1.0)
 
 
-@kernel
-def _check_path(
-    motion: Motion,
-    symmetric: bool,
-    bottom: float,
-    top: float,
-    struck_bottom: bool,
-    struck_top: bool,
-    curvature: float,
-    tolerance: float,
-    shift: float,
+@inner
+def _walk(
+    path: _Path, tau: float, end: float, bottom: float, top: float, tolerance: float
 ) -> tuple[float, bool, int]:
-    """Return a time at which the coordinate is beyond a limit or nan, and whether that is sure.
+    """Return a time up to the end at which a limit is passed or nan, and whether that is sure.
 
-    And in how many steps. Both limits are moved outwards by the shift.
+    And in how many steps.
     """
-    tau, end, sure = -1.0, 1.0, True
-    if not symmetric:
-        # The other half is the mirror image.
-        top = min(top, -bottom)
-        bottom = -top
-        tau = 0.0
-    if struck_bottom and symmetric:
-        _, slope = _evaluate(motion, -1.0)
-        tau += _safe_time(slope, top - bottom, curvature)
-    if struck_top:
-        _, slope = _evaluate(motion, 1.0)
-        end -= _safe_time(slope, top - bottom, curvature)
-    top, bottom = top + shift, bottom - shift
+    sure = True
     for steps in range(_MOST):
         if tau >= end:
             return np.nan, sure, steps
-        y, slope = _evaluate(motion, tau)
+        y, slope = _evaluate(path, tau)
         if y - top > tolerance or bottom - y > tolerance:
             return tau, sure, steps
-        up = _step(max(top - y, 0.0) + tolerance, slope, curvature)
-        down = _step(max(y - bottom, 0.0) + tolerance, -slope, curvature)
+        up = _step(max(top - y, 0.0) + tolerance, slope, path.curvature)
+        down = _step(max(y - bottom, 0.0) + tolerance, -slope, path.curvature)
         step = min(up, down)
         # The proof would need shorter steps: the motion is sampled, and not certified.
         sure = sure and step > _SHORTEST
@@ -245,74 +193,41 @@ def _check_path(
     return np.nan, False, _MOST
 
 
-@kernel
-def _verdict(
-    motion: Motion,
-    symmetric: bool,
-    bottom: float,
-    top: float,
-    struck_bottom: bool,
-    struck_top: bool,
-    curvature: float,
-    tolerance: float,
-    uncertainty: float,
-) -> tuple[float, bool, int]:
-    """Return what `_check_path` does for a coordinate with the given uncertainty."""
-    shifts, steps = np.zeros(3), 0
-    if uncertainty >= 0.1 * tolerance:
-        # Passed for certain, passed at all, nearly passed.
-        shifts[0], shifts[2] = uncertainty, -uncertainty
+@inner
+def _verdict(path: _Path, limits: Limits, a: int, uncertainty: float) -> tuple[float, bool, int]:
+    """Return what `_walk` does from impact to impact, for a coordinate of some uncertainty."""
+    bottom, top, tolerance = -limits.lower[a], limits.upper[a], limits.tolerance[a]
+    tau, end, steps = -1.0, 1.0, 0
+    if not path.symmetric:
+        # The other half is the mirror image.
+        tau, top = 0.0, min(top, -bottom)
+        bottom = -top
+    elif limits.struck_lower[a]:
+        tau += _safe_time(_evaluate(path, -1.0)[1], top - bottom, path.curvature)
+    if limits.struck_upper[a]:
+        end -= _safe_time(_evaluate(path, 1.0)[1], top - bottom, path.curvature)
+    matters = uncertainty >= _MATTERS * tolerance
     for k in range(3):
-        tau, sure, more = _check_path(
-            motion,
-            symmetric,
-            bottom,
-            top,
-            struck_bottom,
-            struck_top,
-            curvature,
-            tolerance,
-            shifts[k],
-        )
+        # Passed for certain, passed at all, nearly passed.
+        shift = (1 - k) * uncertainty if matters else 0.0
+        witness, sure, more = _walk(path, tau, end, bottom - shift, top + shift, tolerance)
         steps += more
-        if uncertainty < 0.1 * tolerance or (k == 0 and not np.isnan(tau)):
-            return tau, sure, steps
-        if k == 1 and not np.isnan(tau):
-            return tau, False, steps
-    return np.nan, sure and np.isnan(tau), steps
+        passed = not math.isnan(witness)
+        if not matters or (passed and k < 2):
+            return witness, sure and (k == 0), steps
+    return np.nan, sure and not passed, steps
 
 
 @kernel
 def check(
-    roots: Floats,
-    load: Floats,
-    omega: Floats,
-    D: Floats,
-    U: Floats,
-    rows: Floats,
-    lower: Floats,
-    upper: Floats,
-    struck_lower: Booleans,
-    struck_upper: Booleans,
-    tolerance: Floats,
-    error: Floats,
-    witness: Floats,
-    certified: Booleans,
+    motions: Motions, limits: Limits, error: Floats, witness: Floats, certified: Booleans
 ) -> int:
     """Check all solutions against all limits; return the number of steps that this took.
 
     Parameters
     ----------
-    roots, load, omega, D, U
-        As `families.solutions` takes and fills them in.
-    rows : array, shape (limit, mode)
-        ``W E`` of the constrained coordinates, struck or not.
-    lower, upper : array, shape (limit,)
-        Their limits, infinite where there is no wall.
-    struck_lower, struck_upper : array of bool, shape (limit,)
-        Whether the solution touches the wall at tau = -1 and at tau = 1.
-    tolerance : array, shape (limit,)
-        Excess that does not count.
+    motions : Motions
+    limits : Limits
     error : array, shape (frequency,)
         Relative error of the motion.
     witness : array, shape (frequency,)
@@ -320,55 +235,28 @@ def check(
     certified : array of bool, shape (frequency,)
         Receives whether neither rounding nor that error could have changed the outcome.
     """
-    symmetric, steps = U.shape[1] > 0, 0
-    mu, force, place = np.empty(roots.size), np.empty(roots.size), np.zeros(roots.size)
-    gamma, sine_part, cosine_part = (
-        np.empty(roots.size),
-        np.empty(roots.size),
-        np.empty(roots.size),
+    n, symmetric, steps = motions.roots.size, motions.U.shape[1] > 0, 0
+    waves = _Waves(
+        np.empty(n), np.empty(n), np.empty(n), np.empty(n, np.int64), np.empty(n), np.empty(n)
     )
-    y, slope = np.empty(roots.size), np.empty(roots.size)
-    for f in range(omega.size):
-        witness[f] = np.nan
-        certified[f] = True
-        for j in range(roots.size):
-            mu[j] = roots[j] / omega[f] * abs(roots[j] / omega[f])
-            force[j] = load[j] / (omega[f] * omega[f])
+    mu, force, place = np.empty(n), np.empty(n), np.zeros(n)
+    for f in range(motions.omega.size):
+        omega, witness[f], certified[f] = motions.omega[f], np.nan, True
+        for j in range(n):
+            gamma = motions.roots[j] / omega
+            mu[j], force[j] = gamma * abs(gamma), motions.load[j] / (omega * omega)
             if symmetric:
-                place[j] = U[f, j]
-        for a in range(lower.size):
-            amplitudes, row = D[f], rows[a]
-            curvature, size = _reach(mu, amplitudes, place, force, symmetric, row, y)
-            constant, others = _waves(
-                mu, amplitudes, place, force, symmetric, row, gamma, sine_part, cosine_part
-            )
-            witness[f], sure, more = _verdict(
-                (
-                    mu,
-                    amplitudes,
-                    place,
-                    force,
-                    symmetric,
-                    row,
-                    gamma,
-                    sine_part,
-                    cosine_part,
-                    constant,
-                    others,
-                    y,
-                    slope,
-                ),
-                symmetric,
-                -lower[a],
-                upper[a],
-                struck_lower[a],
-                struck_upper[a],
-                curvature,
-                tolerance[a],
-                (1e-15 + 2.0 * error[f]) * size,
-            )
+                place[j] = motions.U[f, j]
+        modes = _Modes(mu, force, motions.D[f], place)
+        for a in range(limits.lower.size):
+            row = limits.rows[a]
+            curvature, size = _bounds(modes, row, symmetric, waves.values)
+            constant, count = _separate(modes, row, symmetric, waves)
+            path = _Path(modes, waves, row, constant, count, symmetric, curvature)
+            uncertainty = (1e-15 + 2.0 * error[f]) * size
+            witness[f], sure, more = _verdict(path, limits, a, uncertainty)
             steps += more
-            if not np.isnan(witness[f]):
+            if not math.isnan(witness[f]):
                 certified[f] = sure
                 break
             certified[f] = certified[f] and sure

@@ -1,19 +1,33 @@
-"""Impulses and amplitudes of the impact modes with one constraint, eq. 10.53, at many frequencies.
+"""Impulses and amplitudes of the impact modes with one constraint at many frequencies.
 
-The response ``S = sum_j a_j^2 T(mu_j)``, omega^2 times the receptance, is summed for a block of
-frequencies at a time, one frequency in each lane of the vector unit. Near a pole of a mode its
-term outgrows the others and p goes through zero with it: finite, as no floating-point phase is a
-pole. Phases are sums of two doubles, so that close to its poles p is as accurate as the data are.
+With ``q = 1/omega`` and the signed natural frequencies r of the modes, eq. 10.53 divides the gap
+by the response, omega^2 times the receptance of the triangle wave:
+
+    S = sum_j a_j^2 T(mu_j) = omega sum_j (a_j^2 / r_j) tan(r_j q),     p = gap omega^2 / S
+
+It is summed for a block of frequencies at a time, one frequency in each lane of the vector unit.
+Near a pole of a mode its term outgrows the others and p goes through zero with it: finite, as no
+floating-point phase is a pole. Phases are sums of two doubles, so that close to its poles p is as
+accurate as the data are.
+
+The error is that of the data, to first order: with relative errors d of an eigenvalue
+and e of the weights, roundings included, a term of a stable mode changes by at most
+
+    a^2 [(e + d) + d tan^2] + (e |tan| - d tan) a^2 omega / r
+
+as the derivative of ``gamma tan(gamma)/gamma`` by the frequency is ``1/cos^2``. The sum over all
+modes, over ``EPS |S|``, is the condition; sums of up to 32 terms keep rounding below it.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import Floats, Integers
-from vibroimpact_solvers.kernels.jit import fma, kernel
+from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.kernels.jit import fma, inner, kernel
 from vibroimpact_solvers.kernels.phases import LARGEST, sine_cosine, tangent
 from vibroimpact_solvers.kernels.threads import over_ranges
 
@@ -76,40 +90,33 @@ def _amplitudes_one(
     rests: Floats,
     row: Floats,
     omega: Floats,
-    omega_rest: Floats,
+    omega_rests: Floats,
     scale: Floats,
     D: Floats,
 ) -> None:
-    modes, root = roots.size, np.maximum(roots, 0.0)
-    root_rest = root * rests
+    modes = roots.size
     step = max(1, _PHASES // max(modes, 1))
-    phase, rest = np.empty((step, modes)), np.empty((step, modes))
+    phase, rest = np.empty(step * modes), np.empty(step * modes)
     for first in range(0, omega.size, step):
-        last = min(first + step, omega.size)
-        for f in range(first, last):
-            q = 1.0 / omega[f]
-            q_rest = q * (fma(-q, omega[f], 1.0) - omega_rest[f])
+        count = min(step, omega.size - first)
+        for f in range(count):
+            some, some_rest = phase[f * modes : (f + 1) * modes], rest[f * modes : (f + 1) * modes]
+            q = 1.0 / omega[first + f]
+            q_rest = q * (fma(-q, omega[first + f], 1.0) - omega_rests[first + f])
             for j in range(modes):
-                x = root[j] * q
-                lost = fma(root[j], q_rest, fma(root[j], q, -x))
-                phase[f - first, j] = x
-                rest[f - first, j] = fma(root_rest[j], q, lost)
-        count = (last - first) * modes
-        _secants(phase.reshape(-1)[:count], rest.reshape(-1)[:count])
+                root = roots[j] if roots[j] > 0.0 else 0.0
+                x = root * q
+                lost = fma(root, q_rest, fma(root, q, -x))
+                some[j], some_rest[j] = x, fma(root * rests[j], q, lost)
+        for i in range(count * modes):
+            phase[i] = 1.0 / sine_cosine(phase[i], rest[i])[1]
         for s in range(scale.shape[0]):
-            for f in range(first, last):
-                if scale[s, f] == 0.0:
-                    D[s, f] = 0.0
-                    continue
+            for f in range(count):
+                secant, factor = phase[f * modes : (f + 1) * modes], scale[s, first + f]
+                amplitude = D[s, first + f]
                 for j in range(modes):
-                    D[s, f, j] = row[j] * scale[s, f] * phase[f - first, j]
-
-
-@kernel
-def _secants(phase: Floats, rest: Floats) -> None:
-    """Replace phases by 1/cos."""
-    for i in range(phase.size):
-        phase[i] = 1.0 / sine_cosine(phase[i], rest[i])[1]
+                    # Nothing moves where the response vanishes.
+                    amplitude[j] = row[j] * factor * secant[j] if factor != 0.0 else 0.0
 
 
 def response_one(
@@ -170,24 +177,72 @@ def response_one(
     return S, condition
 
 
-@kernel
-def _sorted(roots: Floats, weight2: Floats) -> tuple[Integers, Integers, float]:
-    """Return the stable and the unstable modes, and the sum of squares of the rigid-body ones.
+class _Stable(NamedTuple):
+    """Coefficients of the stable modes, each (mode,); the errors are in roundings."""
 
-    The latter are so soft that their tangent is its argument at any frequency.
-    """
-    stable, unstable = np.empty(roots.size, np.int64), np.empty(roots.size, np.int64)
-    stable_count, unstable_count, mass = 0, 0, 0.0
+    root: Floats  # natural frequencies
+    root_rest: Floats  # what rounding took from them
+    over_root: Floats  # squared weights over the natural frequencies
+    over_root_error: Floats  # times the relative errors of the weights
+    over_root_change: Floats  # times those of the eigenvalues
+    weight2_error: Floats  # squared weights times those of both
+
+
+class _Unstable(NamedTuple):
+    """Coefficients of the unstable modes, each (mode,)."""
+
+    growth: Floats  # growth rates
+    weight2: Floats  # squared weights
+    error: Floats  # relative errors of the eigenvalues, in roundings
+
+
+class _Lanes(NamedTuple):
+    """A block of frequencies and what is summed for them, each (lane,)."""
+
+    q: Floats  # 1/omega
+    q_rest: Floats  # what rounding took from it
+    total: Floats  # S, first over omega
+    size: Floats  # its error, in roundings, first over omega
+    slope: Floats  # the part of it with squared tangents
+
+
+@inner
+def _is_rigid(root: float, weight2: float) -> bool:
+    """Whether a mode is so soft that its tangent is its argument at any frequency."""
+    return not math.isfinite(weight2 / abs(root))
+
+
+@inner
+def _coefficients(
+    roots: Floats,
+    rests: Floats,
+    weight2: Floats,
+    uncertainty: float,
+    roundings: float,
+    stable: _Stable,
+    unstable: _Unstable,
+) -> tuple[float, float]:
+    """Fill in coefficients; return the weight of rigid-body modes, and the constant error."""
+    swings, grows, rigid, still = 0, 0, 0.0, 0.0
     for j in range(roots.size):
-        if not np.isfinite(weight2[j] / abs(roots[j])):
-            mass += weight2[j]
-        elif roots[j] > 0.0:
-            stable[stable_count] = j
-            stable_count += 1
+        root, square = abs(roots[j]), weight2[j]
+        if _is_rigid(root, square):
+            rigid += square
+            continue
+        error = 0.5 * (roundings - 2.0) + uncertainty / (2.0 * _EPS * root * root)
+        if roots[j] > 0.0:
+            stable.root[swings], stable.root_rest[swings] = root, root * rests[j]
+            stable.over_root[swings] = square / root
+            stable.over_root_error[swings] = square / root * roundings
+            stable.over_root_change[swings] = square / root * error
+            stable.weight2_error[swings] = square * (1.0 + error)
+            still += square * (1.0 + error)
+            swings += 1
         else:
-            unstable[unstable_count] = j
-            unstable_count += 1
-    return stable[:stable_count], unstable[:unstable_count], mass
+            unstable.growth[grows], unstable.weight2[grows] = root, square
+            unstable.error[grows] = error
+            grows += 1
+    return rigid, still + roundings * rigid
 
 
 @kernel
@@ -196,54 +251,36 @@ def _response_one(
     rests: Floats,
     weight2: Floats,
     omega: Floats,
-    omega_rest: Floats,
+    omega_rests: Floats,
     uncertainty: float,
     roundings: float,
     response: Floats,
     condition: Floats,
 ) -> None:
-    stable, unstable, rigid = _sorted(roots, weight2)
-    root, stable_weight2, growth_weight2 = roots[stable], weight2[stable], weight2[unstable]
-    growth = -roots[unstable]
-    over_root = stable_weight2 / root
-    total, size, slope = np.empty(_LANES), np.empty(_LANES), np.empty(_LANES)
-    q, q_rest = np.empty(_LANES), np.empty(_LANES)
-    w, w_rest = np.empty(_LANES), np.empty(_LANES)
-    largest = np.max(root) if root.size else 0.0
-    root_rest = root * rests[stable]
-    # Relative errors of the eigenvalues, in roundings.
-    relative_error = 0.5 * (roundings - 2.0) + uncertainty / (2.0 * _EPS * root * root)
-    weight2_error, over_root_error = (
-        stable_weight2 * (1.0 + relative_error),
-        over_root * relative_error,
+    swings, grows, largest = 0, 0, 0.0
+    for j in range(roots.size):
+        if not _is_rigid(roots[j], weight2[j]):
+            swings += roots[j] > 0.0
+            grows += roots[j] < 0.0
+            largest = max(largest, roots[j])
+    stable = _Stable(
+        np.empty(swings), np.empty(swings), np.empty(swings), np.empty(swings), np.empty(swings),
+        np.empty(swings),
+    )  # fmt: skip
+    unstable = _Unstable(np.empty(grows), np.empty(grows), np.empty(grows))
+    lanes = _Lanes(
+        np.empty(_LANES), np.empty(_LANES), np.empty(_LANES), np.empty(_LANES), np.empty(_LANES)
     )
-    still = np.sum(weight2_error) + roundings * rigid
-    large_over = over_root * roundings
-    unstable_error = 0.5 * (roundings - 2.0) + uncertainty / (2.0 * _EPS * growth * growth)
+    rigid, still = _coefficients(roots, rests, weight2, uncertainty, roundings, stable, unstable)
+    some, w = np.empty(_LANES), np.empty(_LANES)
+    q, q_rest, total, size, slope = lanes
     for first in range(0, omega.size, _LANES):
         count = min(_LANES, omega.size - first)
-        # Slices: no index into them can be negative, which loops over vectors must know.
-        some, some_rest = omega[first : first + count], omega_rest[first : first + count]
-        for lane in range(count):
-            w[lane], w_rest[lane] = some[lane], some_rest[lane]
-        for lane in range(count, _LANES):
-            w[lane], w_rest[lane] = w[0], w_rest[0]
         for lane in range(_LANES):
-            q[lane] = 1.0 / w[lane]
-            q_rest[lane] = q[lane] * (fma(-q[lane], w[lane], 1.0) - w_rest[lane])
-        _sum_stable(
-            root,
-            root_rest,
-            over_root,
-            large_over,
-            over_root_error,
-            weight2_error,
-            q,
-            q_rest,
-            total,
-            size,
-            slope,
-        )
+            f = first + min(lane, count - 1)
+            w[lane], q[lane] = omega[f], 1.0 / omega[f]
+            q_rest[lane] = q[lane] * (fma(-q[lane], w[lane], 1.0) - omega_rests[f])
+        _sum_stable(stable, lanes, some)
         for lane in range(_LANES):
             # What relative changes of weights and natural frequencies change: a^2 |T| and,
             # as the derivative of gamma T is 1/cos^2, a^2 (|T| + 1/cos^2); what changes of
@@ -252,14 +289,14 @@ def _response_one(
             spread = fma(size[lane], w[lane], still + slope[lane])
             size[lane] = spread + rigid * uncertainty * q[lane] * q[lane] / (3.0 * _EPS)
             total[lane] = fma(total[lane], w[lane], rigid)
-        for j in range(growth.size):
+        for j in range(grows):
             for lane in range(_LANES):
-                g = growth[j] * q[lane]
-                term = growth_weight2[j] * math.tanh(g) / g
+                g = unstable.growth[j] * q[lane]
+                term = unstable.weight2[j] * math.tanh(g) / g
+                steep = unstable.weight2[j] / math.cosh(min(g, 300.0)) ** 2
                 total[lane] += term
-                size[lane] += roundings * term
-                steep = growth_weight2[j] / math.cosh(min(g, 300.0)) ** 2
-                size[lane] += steep + (term - steep) * unstable_error[j]
+                size[lane] += roundings * term + steep + (term - steep) * unstable.error[j]
+        # Slices: no index into them can be negative, which loops over vectors must know.
         S, magnified = response[first : first + count], condition[first : first + count]
         for lane in range(count):
             known = (largest * q[lane] < LARGEST) & (total[lane] != 0.0)
@@ -267,36 +304,24 @@ def _response_one(
             magnified[lane] = size[lane] / abs(total[lane]) if known else np.inf
 
 
-@kernel
-def _sum_stable(
-    root: Floats,
-    root_rest: Floats,
-    over_root: Floats,
-    large_over: Floats,
-    over_root_error: Floats,
-    weight2_error: Floats,
-    q: Floats,
-    q_rest: Floats,
-    total: Floats,
-    size: Floats,
-    slope: Floats,
-) -> None:
+@inner
+def _sum_stable(stable: _Stable, lanes: _Lanes, some: Floats) -> None:
     """Sum over the stable modes ``a^2 tan/root`` and what makes up its error.
 
-    `size` receives ``sum (r |a^2 tan| - d a^2 tan)/root`` and `slope` ``sum a^2 (1 + d) tan^2``
-    with the relative errors d of the eigenvalues and r of the weights, in roundings.
+    `size` receives ``sum (e |a^2 tan| - d a^2 tan)/root`` and `slope` ``sum a^2 (1 + d) tan^2``
+    with the relative errors d of the eigenvalues and e of the weights, in roundings; `some`,
+    (lane,), is room for sums of a few terms.
     """
-    some = np.empty(_LANES)
+    q, q_rest, total, size, slope = lanes
     for lane in range(_LANES):
-        total[lane] = 0.0
-        size[lane] = 0.0
-        slope[lane] = 0.0
-    for first in range(0, root.size, _MODES):
+        total[lane], size[lane], slope[lane] = 0.0, 0.0, 0.0
+    for first in range(0, stable.root.size, _MODES):
         for lane in range(_LANES):
             some[lane] = 0.0
-        for j in range(first, min(first + _MODES, root.size)):
-            r, e, a = root[j], root_rest[j], over_root[j]
-            large, less, b = large_over[j], over_root_error[j], weight2_error[j]
+        for j in range(first, min(first + _MODES, stable.root.size)):
+            r, e, a = stable.root[j], stable.root_rest[j], stable.over_root[j]
+            large, less = stable.over_root_error[j], stable.over_root_change[j]
+            b = stable.weight2_error[j]
             for lane in range(_LANES):
                 x = r * q[lane]
                 rest = fma(e, q[lane], fma(r, q_rest[lane], fma(r, q[lane], -x)))

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.kernels.jit import kernel
+from vibroimpact_solvers.kernels.jit import inner
 
 
-@kernel
+@inner
 def folded(terms: Floats) -> float:
     """Return the sum of some terms, which are overwritten.
 

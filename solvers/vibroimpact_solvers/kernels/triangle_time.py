@@ -15,16 +15,16 @@ from __future__ import annotations
 
 import math
 
-from vibroimpact_solvers.kernels.jit import kernel
+from vibroimpact_solvers.kernels.jit import inner
 
 
-@kernel
+@inner
 def cosine(mu: float) -> float:
     """Return cos(sqrt(mu)), cosh(sqrt(-mu)) for negative mu."""
     return math.cos(math.sqrt(mu)) if mu >= 0.0 else math.cosh(math.sqrt(-mu))
 
 
-@kernel
+@inner
 def sine(mu: float) -> float:
     """Return sin(sqrt(mu))/sqrt(mu), sinh(sqrt(-mu))/sqrt(-mu) for negative mu."""
     if abs(mu) < 1e-3:
@@ -33,14 +33,14 @@ def sine(mu: float) -> float:
     return (math.sin(gamma) if mu > 0.0 else math.sinh(gamma)) / gamma
 
 
-@kernel
+@inner
 def sag(mu: float) -> float:
     """Return (1 - cos(sqrt(mu)))/mu, a half at mu = 0."""
     half = sine(0.25 * mu)
     return 0.5 * half * half
 
 
-@kernel
+@inner
 def antisymmetric_response(mu: float) -> tuple[float, float]:
     """Return T(mu) = tan(gamma)/gamma (tanh for negative mu) and its derivative."""
     if abs(mu) < 1e-3:
@@ -52,7 +52,7 @@ def antisymmetric_response(mu: float) -> tuple[float, float]:
     return value, (1.0 + mu * value * value - value) / (2.0 * mu)
 
 
-@kernel
+@inner
 def symmetric_response(mu: float) -> tuple[float, float]:
     """Return G(mu) = -cot(gamma)/gamma (coth for negative mu) and its derivative."""
     gamma = math.sqrt(abs(mu))
@@ -60,7 +60,7 @@ def symmetric_response(mu: float) -> tuple[float, float]:
     return value, (1.0 + mu * value * value - value) / (2.0 * mu)
 
 
-@kernel
+@inner
 def hyperbolic_sine(g: float, tau: float) -> float:
     """Return sinh(g tau)/(g cosh(g)), which overflows nowhere."""
     if g < 0.1:
@@ -69,7 +69,7 @@ def hyperbolic_sine(g: float, tau: float) -> float:
     return math.copysign(rise, tau) / (g * (1.0 + math.exp(-2.0 * g)))
 
 
-@kernel
+@inner
 def hyperbolic_cosine(g: float, tau: float) -> float:
     """Return cosh(g tau)/cosh(g), which overflows nowhere."""
     rise = math.exp(-g * (1.0 - abs(tau))) + math.exp(-g * (1.0 + abs(tau)))

@@ -45,15 +45,14 @@ def _amplitudes(_: Any, roots: Any, rests: Any, row: Any, omega: Any, *rest: Any
     yield "responses of modes", roots.size * omega.size
 
 
-def _bordered(_: Any, roots: Any, rests: Any, odd: Any, even: Any, *rest: Any) -> Tally:
-    parities = (odd.shape[0] > 0) + (even.shape[0] > 0)
-    _, walls, omega = rest[:3]
-    yield "responses of modes", parities * roots.size * omega.size
-    yield "impulses by equations", walls.size * omega.size
+def _bordered(_: Any, modes: Any, system: Any, omega: Any, *rest: Any) -> Tally:
+    parities = (system.antisymmetric.shape[0] > 0) + (system.symmetric.shape[0] > 0)
+    yield "responses of modes", parities * modes.roots.size * omega.size
+    yield "impulses by equations", system.walls.size * omega.size
 
 
-def _path_checks(_: Any, *args: Any) -> Tally:
-    yield "certified path checks", args[2].size * args[5].shape[0]
+def _path_checks(_: Any, motions: Any, limits: Any, *rest: Any) -> Tally:
+    yield "certified path checks", motions.omega.size * limits.lower.size
 
 
 def _modal(_: Any, family: Any, motion: Any, tau: Any, dofs: Any) -> Tally:
@@ -79,7 +78,7 @@ def _maps(*_: Any) -> Tally:
 
 def _survey(result: Any, *_: Any) -> Tally:
     yield "surveys of bands", 1
-    yield "boxes", result[4]
+    yield "boxes", result.boxes
 
 
 def _motions(_: Any, model: Any, variant: Any, t: Any, *, shapes: bool = True) -> Tally:

@@ -208,18 +208,7 @@ def _proved_above() -> object:
     """Prove by boxes that solutions above the spectrum are admissible."""
     of = existence_bands.Problem(chain(13), 2.0, 3.0)
     certified = CertifiedBands(of, spectrum.spectrum(of.system))
-    bands.survey(
-        certified.roots,
-        certified.alpha,
-        certified.beta,
-        certified.rigid_alpha,
-        certified.rigid_beta,
-        certified.struck,
-        certified.q_start,
-        certified.q_stop,
-        of.resolution,
-        1_000_000,
-    )
+    bands.survey(certified.margin, certified.q_start, certified.q_stop, of.resolution, 1_000_000)
     return solve(existence_bands, of)
 
 

@@ -6,6 +6,7 @@ import mpmath
 import numpy as np
 import pytest
 
+from tests.solvers.kernels.compiled import compiled
 from vibroimpact_solvers.kernels import bands
 
 
@@ -18,6 +19,14 @@ def margin(root: np.ndarray, alpha: np.ndarray, beta: np.ndarray, q: float, tau:
             part = a * mpmath.sin(theta) - b * mpmath.sin(theta * mpmath.mpf(tau))
             total += part / (r * mpmath.cos(theta))
         return float(total)
+
+
+prepare, box = compiled(bands._prepare), compiled(bands._box)
+
+
+def margins(root: np.ndarray, alpha: np.ndarray, beta: np.ndarray) -> bands.Margin:
+    """P of one limit, without rigid-body modes."""
+    return bands.Margin(root, alpha[None], beta[None], np.zeros(1), np.zeros(1), 0)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -37,15 +46,12 @@ def test_bounds_hold_inside_the_box(seed: int) -> None:
         if q - half <= 0 or (turns[0] != turns[1]).any():
             continue  # a pole lies inside: no cell of a sign band
         tried += 1
-        none = np.zeros(1)
-        cell, far, sums = np.empty((6, n)), np.empty((1, 3, n)), np.empty((1, 6))
-        near = np.empty(n, np.int64)
-        count = bands._prepare(
-            root, alpha[None], beta[None], none, none, q, half, cell, far, sums, near
-        )
-        value, low, high, least, rounding = bands._box(
-            root, alpha, beta, 0.0, q, half, tau, width, cell, far[0], sums[0], near[:count]
-        )
+        modes = bands._Modes(*np.empty((6, n)), np.empty(n, np.int64))
+        far, sums = bands._Far(*np.empty((3, 1, n))), bands._Sums(*np.empty((6, 1)))
+        P = margins(root, alpha, beta)
+        count = prepare(P, modes, far, sums, q, half)
+        cell = bands._Cell(P, modes, far, sums, q, half, count)
+        value, low, high, least, rounding = box(cell, 0, tau, width)
         for s in np.linspace(-1, 1, 7):
             exact = margin(root, alpha, beta, q + s * half, tau)
             assert low <= exact <= high
@@ -71,9 +77,8 @@ def test_the_sign_changes_once_between_poles() -> None:
 def test_one_oscillator_has_solutions_below_its_first_pole_only() -> None:
     # y = sin(theta tau)/sin(theta) passes its limit wherever |sin(theta)| < 1 past the pole.
     one = np.ones(1)
-    none = np.zeros(1)
     bounds, status, witness, _, _ = bands.survey(
-        one, one[None], one[None], none, none, 0, np.pi + 1e-3, 1.5 * np.pi - 1e-3, 1e-12, 10**7
+        margins(one, one, one), np.pi + 1e-3, 1.5 * np.pi - 1e-3, 1e-12, 10**7
     )
     assert status.tolist() == [bands.PHANTOM]
     assert bounds[0] == np.pi + 1e-3
@@ -84,10 +89,10 @@ def test_one_oscillator_has_solutions_below_its_first_pole_only() -> None:
 
 def test_a_fast_mode_takes_no_part_of_the_period_out_of_the_proof() -> None:
     """Its many boxes in tau are more than there is room for; the limit is passed late in tau."""
-    root, seen, none = np.array([1.0, 5e4]), np.array([[1.0, 0.0]]), np.zeros(1)
+    root, seen = np.array([1.0, 5e4]), np.array([1.0, 0.0])
     start = np.pi + 0.5
     _, status, witness, _, _ = bands.survey(
-        root, seen, seen, none, none, 0, start, start + 1e-5, 1e-12, 10**7
+        margins(root, seen, seen), start, start + 1e-5, 1e-12, 10**7
     )
     assert status.tolist() == [bands.PHANTOM]
     assert np.abs(np.sin(start * witness[0])) > np.abs(np.sin(start))
@@ -95,11 +100,8 @@ def test_a_fast_mode_takes_no_part_of_the_period_out_of_the_proof() -> None:
 
 def test_what_the_budget_does_not_reach_is_undecided() -> None:
     root = np.linspace(0.3, 2.0, 12)
-    weight2 = np.full((1, 12), 1.0 / 12)
+    weight2 = np.full(12, 1.0 / 12)
     poles = np.sort(np.outer(0.5 * np.pi / root, [1.0, 3.0, 5.0]).ravel())
-    zero = bands.sign_change(root, weight2[0], 0.0, poles[12], poles[13])
-    none = np.zeros(1)
-    _, status, _, _, _ = bands.survey(
-        root, weight2, weight2, none, none, 0, zero, poles[13], 1e-12, 1
-    )
-    assert bands.UNDECIDED in status
+    zero = bands.sign_change(root, weight2, 0.0, poles[12], poles[13])
+    found = bands.survey(margins(root, weight2, weight2), zero, poles[13], 1e-12, 1)
+    assert bands.UNDECIDED in found.status

@@ -8,8 +8,8 @@ import mpmath
 import numpy as np
 import pytest
 
-from vibroimpact_solvers.kernels import motions, response
-from vibroimpact_solvers.kernels.sums import folded
+from tests.solvers.kernels.compiled import compiled
+from vibroimpact_solvers.kernels import motions, response, sums
 
 EPS = float(np.finfo(np.float64).eps)
 
@@ -55,7 +55,8 @@ def test_coordinates(parts: str, times: int) -> None:
     none = np.zeros((OMEGA.size, 0))
     odd, even = parts != "even", parts != "odd"
     load = LOADS if even else np.zeros(ROOTS.size)
-    q = motions.coordinates(ROOTS, load, OMEGA, D if odd else none, U if even else none, tau)
+    some = motions.Motions(ROOTS, load, OMEGA, D if odd else none, U if even else none)
+    q = motions.coordinates(some, tau)
     for f in range(OMEGA.size):
         for t in range(0, times, max(1, times // 5)):
             for j in range(ROOTS.size):
@@ -70,7 +71,8 @@ def test_coordinates(parts: str, times: int) -> None:
 
 def test_no_coordinates() -> None:
     none = np.zeros((2, 0))
-    empty = motions.coordinates(ROOTS[:0], LOADS[:0], OMEGA[:2], none, none, np.zeros(3))
+    still = motions.Motions(ROOTS[:0], LOADS[:0], OMEGA[:2], none, none)
+    empty = motions.coordinates(still, np.zeros(3))
     assert empty.shape == (2, 3, 0)
 
 
@@ -78,7 +80,7 @@ def test_energies() -> None:
     """Kinetic and potential energy at tau = 0, of falling modes too."""
     random = np.random.default_rng(5)
     D, U = random.uniform(-2.0, 2.0, (2, OMEGA.size, ROOTS.size))
-    found = motions.energies(ROOTS, LOADS, OMEGA, D, U)
+    found = motions.energies(motions.Motions(ROOTS, LOADS, OMEGA, D, U))
     for f, omega in enumerate(OMEGA):
         with mpmath.workdps(50):
             total, size = mpmath.mpf(0), mpmath.mpf(0)
@@ -136,6 +138,7 @@ def test_what_has_no_response_does_not_move() -> None:
 
 @pytest.mark.parametrize("count", [0, 1, 7, 8, 9, 16, 17, 100, 1001])
 def test_folded_sums(count: int) -> None:
+    folded = compiled(sums.folded)
     terms = np.random.default_rng(count).uniform(-1.0, 1.0, count)
     exact = float(mpmath.fsum(map(mpmath.mpf, terms)))
     size = float(np.abs(terms).sum())
