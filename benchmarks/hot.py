@@ -167,16 +167,16 @@ def _launch(n: int, t_end: float) -> Watched:
     from vibroimpact_solvers.time_history import single_call
 
     if n > 1:
-        return recorded(single_call, "whole_motion", _chain_motion(n, t_end, n))
+        return recorded(single_call, "follow", _chain_motion(n, t_end, n))
     system = presets.oscillator([Constraint.at(0, 1.0, 0.999)], 1.0)
-    return recorded(single_call, "whole_motion", _motion(system, np.array([5.0]), t_end))
+    return recorded(single_call, "follow", _motion(system, np.array([5.0]), t_end))
 
 
 def _samples() -> Watched:
     from vibroimpact_solvers.time_history import run
 
     t, outputs = np.linspace(0.0, 100.0, 1001), frozenset({"x", "v"})
-    return recorded(run, "advance", _chain_motion(13, 100.0, 0, t=t, outputs=outputs))
+    return recorded(run, "follow", _chain_motion(13, 100.0, 0, t=t, outputs=outputs))
 
 
 def _soft() -> Watched:

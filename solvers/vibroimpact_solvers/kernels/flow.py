@@ -9,18 +9,13 @@ The state is a set of pairs z_j = (z1, z2), one pair for each mode or pair of co
 A mode ``q'' + 2 delta q' + lambda q = push`` has alpha = -delta, z1 = nu q (q for parabolas)
 and z2 = q' + delta q. Rotations come first, then hyperbolas, then parabolas.
 
-A flow is the array F, shape (4 + 2 drive, pair), with rows alpha, nu, rest and push, where
-nu + rest is nu to more than double precision, and split = [rotations, rotations + hyperbolas,
-damped]. With w = z1 - i z2, a rotation is ``w' = (alpha + i nu) w``. Another one, with all but
-the same rate, may drive it: ``w' = (alpha + i nu) w + kappa l``, where l is the w of a load in
-resonance with a mode, or of a mode that damping makes almost equal to it. Two more rows describe
-each such drive: first the indices of w and l, then the real and the imaginary part of kappa.
+With w = z1 - i z2, a rotation is ``w' = (alpha + i nu) w``. Another one, with all but the same
+rate, may drive it: ``w' = (alpha + i nu) w + kappa l``, where l is the w of a load in resonance
+with a mode, or of a mode that damping makes almost equal to it.
 
-States stand in arrays Z of shape (states, 2, pair), each named by its index c. Linear forms
-stand in an array of shape (4, watched, 2, pair): the watched coordinates, their velocities, the
-changes of state by unit impulses, and the rates of these; `sizes`, shape (3, watched, pair),
-holds |form_j| rate_j^n for the two derivatives n that are bounded (`passages.ORDER` and
-`passages.LOW`), and |form_j| between.
+A state is an array of shape (2, pair), and so is a linear form on states, such as a watched
+coordinate. Every pair is propagated in closed form: a free motion of any length carries the
+rounding of one multiplication, not that of steps.
 
 Arrays are passed whole and indexed in place, and none is made (`jit.inner`).
 """
@@ -28,91 +23,149 @@ Arrays are passed whole and indexed in place, and none is made (`jit.inner`).
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Final, NamedTuple
 
-from vibroimpact_solvers.arrays import Floats, Integers
-from vibroimpact_solvers.kernels.jit import fma, inline, inner
+import numpy as np
+from numpy.typing import NDArray
+
+from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.kernels.jit import fma, inline, inner, once
+from vibroimpact_solvers.kernels.passages import LOW, ORDER
 from vibroimpact_solvers.kernels.phases import sine_cosine
+
+Z1: Final = 0
+Z2: Final = 1
+"""The two numbers of a pair."""
+EVEN: Final = 0
+ODD: Final = 1
+"""The two numbers of a pair's propagator: e^(alpha s) (cos nu s, sin nu s) for rotations, cosh and
+sinh for hyperbolas, (1, s) for parabolas."""
+DRIVE: Final = np.dtype(
+    [("driven", "i8"), ("driving", "i8"), ("kappa_real", "f8"), ("kappa_imaginary", "f8")]
+)
+"""A pair that another one drives: their indices, and kappa."""
+
+ALPHA, NU, REST, PUSH = range(4)
+"""Rows in which numbers of the pairs come from Python, see `Flow`."""
+COORDINATE, VELOCITY, KICK, KICK_RATE = range(4)
+SIZE, SIZE_HIGH, SIZE_LOW = range(3)
+"""Rows in which forms and bounds of the watched coordinates come, see `Watched`."""
 
 _LONG = 32  # pairs from which on sums for velocities at impacts are worth exact ones
 _VERY_LONG = 256  # and those for the coordinates whose passages are searched for
 
 
-@inner
-def propagators(F: Floats, split: Integers, s: float, ds: float, P: Floats) -> None:
-    """Fill in the propagators of states by a time s + ds, two numbers for every pair.
+class Flow(NamedTuple):
+    """How the pairs move; nu + rest is nu to more than double precision."""
 
-    Parameters
-    ----------
-    F, split : array
-        See the module.
-    s, ds : float
-        The time and what rounding took from it.
-    P : array, shape (2, pair)
-        Rotations: e^(alpha s) (cos nu s, sin nu s); hyperbolas: with cosh and sinh; parabolas:
-        e^(alpha s) (1, s).
-    """
-    for j in range(split[0]):
-        phase = F[1, j] * s
-        lost = fma(F[1, j], s, -phase)
-        P[1, j], P[0, j] = sine_cosine(phase, fma(F[1, j], ds, fma(F[2, j], s, lost)))
-    if split[2]:
-        for j in range(split[0]):
-            decay = math.exp(F[0, j] * s + F[0, j] * ds)
-            P[1, j] *= decay
-            P[0, j] *= decay
-    time = s + ds
-    for j in range(split[0], split[1]):
-        slow = math.exp((F[0, j] - F[1, j]) * time)
-        twice = math.expm1(2.0 * F[1, j] * time)
-        P[1, j] = 0.5 * slow * twice
-        P[0, j] = slow + P[1, j]
-    for j in range(split[1], F.shape[1]):
-        P[0, j] = math.exp(F[0, j] * time)
-        P[1, j] = P[0, j] * time
+    alpha: Floats  # (pair,)
+    nu: Floats  # (pair,)
+    rest: Floats  # (pair,)
+    push: Floats  # (pair,)
+    drives: NDArray[np.void]  # (drive,), of `DRIVE`
+    rotations: int
+    hyperbolas_end: int
+    damped: bool  # whether any alpha is not zero
+
+
+class Watched(NamedTuple):
+    """Linear forms whose passages through walls are searched for, and bounds of their growth."""
+
+    coordinate: Floats  # (watched, 2, pair)
+    velocity: Floats  # (watched, 2, pair)
+    kick: Floats  # (watched, 2, pair): change of the state by a unit impulse
+    kick_rate: Floats  # (watched, 2, pair): its rate
+    size: Floats  # (watched, pair): |coordinate_j|
+    size_high: Floats  # (watched, pair): |coordinate_j| rate_j^ORDER
+    size_low: Floats  # (watched, pair): |coordinate_j| rate_j^LOW
 
 
 @inline
-def take(
-    F: Floats, split: Integers, P: Floats, s: float, Z: Floats, c: int, out: Floats, o: int
-) -> None:
-    """Fill in the state Z[c], propagated by the time s that P belongs to, as out[o].
+def set_propagator(flow: Flow, s: float, ds: float, propagator: Floats) -> None:
+    """Fill in the propagator, shape (2, pair), by a time s + ds, ds being the rest of s."""
+    alpha, nu, rest = flow.alpha, flow.nu, flow.rest
+    even, odd = propagator[EVEN], propagator[ODD]
+    for j in range(flow.rotations):
+        phase = nu[j] * s
+        lost = fma(nu[j], s, -phase)
+        odd[j], even[j] = sine_cosine(phase, fma(nu[j], ds, fma(rest[j], s, lost)))
+    if flow.damped:
+        for j in range(flow.rotations):
+            decay = math.exp(alpha[j] * s + alpha[j] * ds)
+            odd[j] *= decay
+            even[j] *= decay
+    time = s + ds
+    for j in range(flow.rotations, flow.hyperbolas_end):
+        slow = math.exp((alpha[j] - nu[j]) * time)
+        twice = math.expm1(2.0 * nu[j] * time)
+        odd[j] = 0.5 * slow * twice
+        even[j] = slow + odd[j]
+    for j in range(flow.hyperbolas_end, alpha.size):
+        even[j] = math.exp(alpha[j] * time)
+        odd[j] = even[j] * time
 
-    Only Z[0] is a state that constant loads act on; the others are deviations.
-    """
-    for j in range(split[0]):
-        a, b = Z[c, 0, j], Z[c, 1, j]
-        out[o, 0, j] = fma(P[0, j], a, P[1, j] * b)
-        out[o, 1, j] = fma(P[0, j], b, -(P[1, j] * a))
-    for j in range(split[0], split[1]):
-        a, b = Z[c, 0, j], Z[c, 1, j]
-        out[o, 0, j] = P[0, j] * a + P[1, j] * b
-        out[o, 1, j] = P[0, j] * b + P[1, j] * a
-    for j in range(split[1], F.shape[1]):
-        a, b = Z[c, 0, j], Z[c, 1, j]
-        out[o, 0, j] = P[0, j] * a + P[1, j] * b
-        out[o, 1, j] = P[0, j] * b
-        if c == 0:
-            out[o, 0, j] += 0.5 * F[3, j] * s * s
-            out[o, 1, j] += F[3, j] * s
-    for row in range(4, F.shape[0], 2):
-        first, second = _drive(F, P, row, s, Z, c)
-        j = int(F[row, 0])
-        out[o, 0, j] += first
-        out[o, 1, j] += second
+
+@once
+def flow_of(rates: Floats, drives: NDArray[np.void], kinds: tuple[int, int, bool]) -> Flow:
+    """Give names to what comes from Python, rates of shape (4, pair)."""
+    alpha, nu, rest, push = rates[ALPHA], rates[NU], rates[REST], rates[PUSH]
+    return Flow(alpha, nu, rest, push, drives, *kinds)
+
+
+@once
+def watched_of(forms: Floats, sizes: Floats) -> Watched:
+    """Give names to forms (4, watched, 2, pair) and their bounds (3, watched, pair)."""
+    return Watched(
+        forms[COORDINATE], forms[VELOCITY], forms[KICK], forms[KICK_RATE], sizes[SIZE],
+        sizes[SIZE_HIGH], sizes[SIZE_LOW],
+    )  # fmt: skip
+
+
+@inline
+def propagate(flow: Flow, propagator: Floats, s: float, z: Floats, out: Floats) -> None:
+    """Fill in a deviation propagated by the time s that the propagator belongs to."""
+    even, odd = propagator[EVEN], propagator[ODD]
+    for j in range(flow.rotations):
+        a, b = z[Z1, j], z[Z2, j]
+        out[Z1, j] = fma(even[j], a, odd[j] * b)
+        out[Z2, j] = fma(even[j], b, -(odd[j] * a))
+    for j in range(flow.rotations, flow.hyperbolas_end):
+        a, b = z[Z1, j], z[Z2, j]
+        out[Z1, j] = even[j] * a + odd[j] * b
+        out[Z2, j] = even[j] * b + odd[j] * a
+    for j in range(flow.hyperbolas_end, even.size):
+        a, b = z[Z1, j], z[Z2, j]
+        out[Z1, j] = even[j] * a + odd[j] * b
+        out[Z2, j] = even[j] * b
+    for k in range(flow.drives.size):
+        first, second = _drive(flow, propagator, k, s, z)
+        j = flow.drives[k].driven
+        out[Z1, j] += first
+        out[Z2, j] += second
+
+
+@inline
+def propagate_state(flow: Flow, propagator: Floats, s: float, z: Floats, out: Floats) -> None:
+    """Do what `propagate` does, for a state: constant loads act on it."""
+    propagate(flow, propagator, s, z, out)
+    push = flow.push
+    for j in range(flow.hyperbolas_end, push.size):
+        out[Z1, j] += 0.5 * push[j] * s * s
+        out[Z2, j] += push[j] * s
 
 
 @inner
-def _drive(F: Floats, P: Floats, row: int, s: float, Z: Floats, c: int) -> tuple[float, float]:
+def _drive(flow: Flow, propagator: Floats, row: int, s: float, z: Floats) -> tuple[float, float]:
     """Return what a drive adds to its pair in a time s.
 
     ``kappa l (e^(rho s) - e^(sigma s)) / (rho - sigma)``, rho being the rate of the driving pair,
     also where the denominator is small or zero: ``kappa l s e^(sigma s) (e^z - 1) / z``, z being
     s times the denominator.
     """
-    j, k = int(F[row, 0]), int(F[row, 1])
-    x = (F[0, k] - F[0, j]) * s
-    y = ((F[1, k] - F[1, j]) + (F[2, k] - F[2, j])) * s
+    drive, even, odd = flow.drives[row], propagator[EVEN], propagator[ODD]
+    j, k = drive.driven, drive.driving
+    x = (flow.alpha[k] - flow.alpha[j]) * s
+    y = ((flow.nu[k] - flow.nu[j]) + (flow.rest[k] - flow.rest[j])) * s
     real, imaginary = 1.0 + 0.5 * x, 0.5 * y
     square = x * x + y * y
     if square > 1e-18:
@@ -121,71 +174,74 @@ def _drive(F: Floats, P: Floats, row: int, s: float, Z: Floats, c: int) -> tuple
         b = math.exp(x) * math.sin(y)
         real, imaginary = (a * x + b * y) / square, (b * x - a * y) / square
     # times s kappa, then the load, then e^(sigma s)
-    u, v = s * F[row + 1, 0], s * F[row + 1, 1]
+    u, v = s * drive.kappa_real, s * drive.kappa_imaginary
     real, imaginary = real * u - imaginary * v, real * v + imaginary * u
-    u, v = Z[c, 0, k], -Z[c, 1, k]
+    u, v = z[Z1, k], -z[Z2, k]
     real, imaginary = real * u - imaginary * v, real * v + imaginary * u
-    return real * P[0, j] - imaginary * P[1, j], -(real * P[1, j] + imaginary * P[0, j])
+    return real * even[j] - imaginary * odd[j], -(real * odd[j] + imaginary * even[j])
 
 
 @inner
-def _driven(F: Floats, row: int, forms: Floats, i: int, Z: Floats, c: int, d: Floats) -> None:
+def _driven(flow: Flow, row: int, form: Floats, z: Floats, d: Floats) -> None:
     """Add what a drive does to derivatives of a coordinate."""
-    j, k = int(F[row, 0]), int(F[row, 1])
-    alpha, nu = F[0, j], F[1, j]
-    a, b = Z[c, 0, k], -Z[c, 1, k]
+    drive = flow.drives[row]
+    j, k = drive.driven, drive.driving
+    alpha, nu = flow.alpha[j], flow.nu[j]
+    a, b = z[Z1, k], -z[Z2, k]
     # kappa rho^n l, and the sum of all that it and its predecessors have become.
-    u, v = F[row + 1, 0] * a - F[row + 1, 1] * b, F[row + 1, 0] * b + F[row + 1, 1] * a
+    u = drive.kappa_real * a - drive.kappa_imaginary * b
+    v = drive.kappa_real * b + drive.kappa_imaginary * a
     real, imaginary = u, v
     for n in range(1, d.size):
-        d[n] += forms[0, i, 0, j] * real - forms[0, i, 1, j] * imaginary
-        u, v = F[0, k] * u - F[1, k] * v, F[0, k] * v + F[1, k] * u
+        d[n] += form[Z1, j] * real - form[Z2, j] * imaginary
+        u, v = flow.alpha[k] * u - flow.nu[k] * v, flow.alpha[k] * v + flow.nu[k] * u
         grown = alpha * real - nu * imaginary + u
         imaginary = alpha * imaginary + nu * real + v
         real = grown
 
 
 @inline
-def rates(F: Floats, split: Integers, Z: Floats, c: int, out: Floats, o: int) -> None:
-    """Fill in the rate of the state Z[c], pushes included, as out[o]."""
-    for j in range(split[0]):
-        a, b = Z[c, 0, j], Z[c, 1, j]
-        out[o, 0, j] = F[0, j] * a + F[1, j] * b
-        out[o, 1, j] = F[0, j] * b - F[1, j] * a
-    for j in range(split[0], split[1]):
-        a, b = Z[c, 0, j], Z[c, 1, j]
-        out[o, 0, j] = F[0, j] * a + F[1, j] * b
-        out[o, 1, j] = F[0, j] * b + F[1, j] * a
-    for j in range(split[1], F.shape[1]):
-        a, b = Z[c, 0, j], Z[c, 1, j]
-        out[o, 0, j] = F[0, j] * a + b
-        out[o, 1, j] = F[0, j] * b + F[3, j]
-    for row in range(4, F.shape[0], 2):
-        j, k = int(F[row, 0]), int(F[row, 1])
-        a, b = Z[c, 0, k], -Z[c, 1, k]
-        out[o, 0, j] += F[row + 1, 0] * a - F[row + 1, 1] * b
-        out[o, 1, j] -= F[row + 1, 0] * b + F[row + 1, 1] * a
+def set_rate(flow: Flow, z: Floats, out: Floats) -> None:
+    """Fill in the rate of a state, pushes included."""
+    alpha, nu, push = flow.alpha, flow.nu, flow.push
+    for j in range(flow.rotations):
+        a, b = z[Z1, j], z[Z2, j]
+        out[Z1, j] = alpha[j] * a + nu[j] * b
+        out[Z2, j] = alpha[j] * b - nu[j] * a
+    for j in range(flow.rotations, flow.hyperbolas_end):
+        a, b = z[Z1, j], z[Z2, j]
+        out[Z1, j] = alpha[j] * a + nu[j] * b
+        out[Z2, j] = alpha[j] * b + nu[j] * a
+    for j in range(flow.hyperbolas_end, alpha.size):
+        a, b = z[Z1, j], z[Z2, j]
+        out[Z1, j] = alpha[j] * a + b
+        out[Z2, j] = alpha[j] * b + push[j]
+    for k in range(flow.drives.size):
+        drive = flow.drives[k]
+        a, b = z[Z1, drive.driving], -z[Z2, drive.driving]
+        out[Z1, drive.driven] += drive.kappa_real * a - drive.kappa_imaginary * b
+        out[Z2, drive.driven] -= drive.kappa_real * b + drive.kappa_imaginary * a
 
 
 @inline
-def product(forms: Floats, kind: int, i: int, Z: Floats, c: int) -> float:
-    """Return the value of the linear form forms[kind, i] at the state Z[c]."""
+def product(form: Floats, z: Floats) -> float:
+    """Return the value of a linear form at a state."""
     s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
     t0, t1, t2, t3 = 0.0, 0.0, 0.0, 0.0
-    n = Z.shape[2]
+    n = z.shape[1]
     whole = n - n % 4
     for j in range(0, whole, 4):
-        s0 += forms[kind, i, 0, j] * Z[c, 0, j]
-        s1 += forms[kind, i, 0, j + 1] * Z[c, 0, j + 1]
-        s2 += forms[kind, i, 0, j + 2] * Z[c, 0, j + 2]
-        s3 += forms[kind, i, 0, j + 3] * Z[c, 0, j + 3]
-        t0 += forms[kind, i, 1, j] * Z[c, 1, j]
-        t1 += forms[kind, i, 1, j + 1] * Z[c, 1, j + 1]
-        t2 += forms[kind, i, 1, j + 2] * Z[c, 1, j + 2]
-        t3 += forms[kind, i, 1, j + 3] * Z[c, 1, j + 3]
+        s0 += form[Z1, j] * z[Z1, j]
+        s1 += form[Z1, j + 1] * z[Z1, j + 1]
+        s2 += form[Z1, j + 2] * z[Z1, j + 2]
+        s3 += form[Z1, j + 3] * z[Z1, j + 3]
+        t0 += form[Z2, j] * z[Z2, j]
+        t1 += form[Z2, j + 1] * z[Z2, j + 1]
+        t2 += form[Z2, j + 2] * z[Z2, j + 2]
+        t3 += form[Z2, j + 3] * z[Z2, j + 3]
     for j in range(whole, n):
-        s0 += forms[kind, i, 0, j] * Z[c, 0, j]
-        t0 += forms[kind, i, 1, j] * Z[c, 1, j]
+        s0 += form[Z1, j] * z[Z1, j]
+        t0 += form[Z2, j] * z[Z2, j]
     return ((s0 + t0) + (s1 + t1)) + ((s2 + t2) + (s3 + t3))
 
 
@@ -200,25 +256,25 @@ def _added(total: float, lost: float, factor: float, value: float) -> tuple[floa
 
 
 @inline
-def exact_product(forms: Floats, kind: int, i: int, Z: Floats, c: int) -> tuple[float, float]:
+def exact_product(form: Floats, z: Floats) -> tuple[float, float]:
     """Return what `product` does and, of long forms, what rounding took from it (Dot2).
 
     The roundings of `product` are the same at every impact of a periodic motion, and so is what
     they take from its energy; in sums of few numbers they are no more than other roundings.
     """
-    n = Z.shape[2]
+    n = z.shape[1]
     if n < _LONG:
-        return product(forms, kind, i, Z, c), 0.0
+        return product(form, z), 0.0
     s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
     l0, l1, l2, l3 = 0.0, 0.0, 0.0, 0.0
     for j in range(0, n - n % 2, 2):
-        s0, l0 = _added(s0, l0, forms[kind, i, 0, j], Z[c, 0, j])
-        s1, l1 = _added(s1, l1, forms[kind, i, 0, j + 1], Z[c, 0, j + 1])
-        s2, l2 = _added(s2, l2, forms[kind, i, 1, j], Z[c, 1, j])
-        s3, l3 = _added(s3, l3, forms[kind, i, 1, j + 1], Z[c, 1, j + 1])
+        s0, l0 = _added(s0, l0, form[Z1, j], z[Z1, j])
+        s1, l1 = _added(s1, l1, form[Z1, j + 1], z[Z1, j + 1])
+        s2, l2 = _added(s2, l2, form[Z2, j], z[Z2, j])
+        s3, l3 = _added(s3, l3, form[Z2, j + 1], z[Z2, j + 1])
     for j in range(n - n % 2, n):
-        s0, l0 = _added(s0, l0, forms[kind, i, 0, j], Z[c, 0, j])
-        s2, l2 = _added(s2, l2, forms[kind, i, 1, j], Z[c, 1, j])
+        s0, l0 = _added(s0, l0, form[Z1, j], z[Z1, j])
+        s2, l2 = _added(s2, l2, form[Z2, j], z[Z2, j])
     s0, l0 = _added(s0, l0, 1.0, s1)
     s2, l2 = _added(s2, l2, 1.0, s3)
     s0, l0 = _added(s0, l0, 1.0, s2)
@@ -228,55 +284,46 @@ def exact_product(forms: Floats, kind: int, i: int, Z: Floats, c: int) -> tuple[
 
 
 @inline
-def _start(F: Floats, split: Integers, forms: Floats, i: int, Z: Floats, c: int, j: int) -> Any:
+def _start(flow: Flow, form: Floats, z: Floats, j: int) -> Any:
     """Return the part of a coordinate that pair j makes, its rate, 2 alpha and their product.
 
     Every pair obeys ``y'' = 2 alpha y' - (alpha^2 +- nu^2) y``.
     """
-    sign = 1.0 if j < split[0] else (-1.0 if j < split[1] else 0.0)
-    turn = F[1, j] if j < split[1] else 1.0
-    first, second, alpha = forms[0, i, 0, j], forms[0, i, 1, j], F[0, j]
-    a = first * Z[c, 0, j] + second * Z[c, 1, j]
-    b = alpha * a + turn * (first * Z[c, 1, j] - sign * second * Z[c, 0, j])
+    sign = 1.0 if j < flow.rotations else (-1.0 if j < flow.hyperbolas_end else 0.0)
+    turn = flow.nu[j] if j < flow.hyperbolas_end else 1.0
+    first, second, alpha = form[Z1, j], form[Z2, j], flow.alpha[j]
+    a = first * z[Z1, j] + second * z[Z2, j]
+    b = alpha * a + turn * (first * z[Z2, j] - sign * second * z[Z1, j])
     return a, b, 2.0 * alpha, -(alpha * alpha + sign * turn * turn)
 
 
 @inline
-def _push(F: Floats, split: Integers, forms: Floats, i: int, Z: Floats, c: int, d: Floats) -> None:
+def _add_loads(flow: Flow, form: Floats, z: Floats, d: Floats) -> None:
     """Add what pushes and drives do to derivatives."""
-    for row in range(4, F.shape[0], 2):
-        _driven(F, row, forms, i, Z, c, d)
-    for j in range(split[1], F.shape[1]):
-        if F[3, j] != 0.0:
+    for row in range(flow.drives.size):
+        _driven(flow, row, form, z, d)
+    for j in range(flow.hyperbolas_end, flow.push.size):
+        if flow.push[j] != 0.0:
             # The push moves z2 alone; only parabolas without damping carry one.
-            d[1] += forms[0, i, 1, j] * F[3, j]
-            d[2] += forms[0, i, 0, j] * F[3, j]
+            d[1] += form[Z2, j] * flow.push[j]
+            d[2] += form[Z1, j] * flow.push[j]
 
 
 @inner
-def derivatives(
-    F: Floats, split: Integers, forms: Floats, i: int, Z: Floats, c: int, d: Floats
-) -> None:
-    """Fill in the derivatives 0 ... 11 of a watched coordinate along the flow.
+def derivatives(flow: Flow, form: Floats, z: Floats, d: Floats) -> None:
+    """Fill in the derivatives 0 ... 11 of a coordinate along the flow, shape (12,).
 
     The sums stand in variables of their own: in an array they would go through memory.
-
-    Parameters
-    ----------
-    F, split, forms, Z : array
-        See the module.
-    i, c : int
-        Which coordinate, and at which state.
-    d : array, shape (12,)
     """
+    nu = flow.nu
     d0, d1, d2, d3, d4, d5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     d6, d7, d8, d9, d10, d11 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    turning = 0 if split[2] else split[0]
+    turning = 0 if flow.damped else flow.rotations
     for j in range(turning):
-        first, second = forms[0, i, 0, j], forms[0, i, 1, j]
-        a = first * Z[c, 0, j] + second * Z[c, 1, j]
-        b = F[1, j] * (first * Z[c, 1, j] - second * Z[c, 0, j])
-        square = -F[1, j] * F[1, j]
+        first, second = form[Z1, j], form[Z2, j]
+        a = first * z[Z1, j] + second * z[Z2, j]
+        b = nu[j] * (first * z[Z2, j] - second * z[Z1, j])
+        square = -nu[j] * nu[j]
         d0 += a
         d1 += b
         a *= square
@@ -299,8 +346,8 @@ def derivatives(
         b *= square
         d10 += a
         d11 += b
-    for j in range(turning, F.shape[1]):
-        a, b, twice, square = _start(F, split, forms, i, Z, c, j)
+    for j in range(turning, nu.size):
+        a, b, twice, square = _start(flow, form, z, j)
         d0 += a
         d1 += b
         a = twice * b + square * a
@@ -325,127 +372,119 @@ def derivatives(
         d11 += b
     d[0], d[1], d[2], d[3], d[4], d[5] = d0, d1, d2, d3, d4, d5
     d[6], d[7], d[8], d[9], d[10], d[11] = d6, d7, d8, d9, d10, d11
-    _push(F, split, forms, i, Z, c, d)
+    _add_loads(flow, form, z, d)
 
 
 @inner
-def near_derivatives(
-    F: Floats, split: Integers, forms: Floats, i: int, Z: Floats, c: int, d: Floats
-) -> None:
-    """Fill in the derivatives 0 ... 3 of a watched coordinate; see `derivatives`."""
+def near_derivatives(flow: Flow, form: Floats, z: Floats, d: Floats) -> None:
+    """Fill in the derivatives 0 ... 3 of a coordinate, shape (4,); see `derivatives`."""
+    nu = flow.nu
     d1, d2, d3 = 0.0, 0.0, 0.0
-    turning = 0 if split[2] else split[0]
+    turning = 0 if flow.damped else flow.rotations
     for j in range(turning):
-        first, second = forms[0, i, 0, j], forms[0, i, 1, j]
-        a = first * Z[c, 0, j] + second * Z[c, 1, j]
-        b = F[1, j] * (first * Z[c, 1, j] - second * Z[c, 0, j])
-        square = -F[1, j] * F[1, j]
+        first, second = form[Z1, j], form[Z2, j]
+        a = first * z[Z1, j] + second * z[Z2, j]
+        b = nu[j] * (first * z[Z2, j] - second * z[Z1, j])
+        square = -nu[j] * nu[j]
         d1 += b
         d2 += square * a
         d3 += square * b
-    for j in range(turning, F.shape[1]):
-        a, b, twice, square = _start(F, split, forms, i, Z, c, j)
+    for j in range(turning, nu.size):
+        a, b, twice, square = _start(flow, form, z, j)
         d1 += b
         a = twice * b + square * a
         d2 += a
         d3 += twice * a + square * b
-    if Z.shape[2] < _VERY_LONG:
-        value = product(forms, 0, i, Z, c)
+    if z.shape[1] < _VERY_LONG:
+        value = product(form, z)
     else:
-        value, _ = exact_product(forms, 0, i, Z, c)
+        value, _ = exact_product(form, z)
     d[0], d[1], d[2], d[3] = value, d1, d2, d3
-    _push(F, split, forms, i, Z, c, d)
+    _add_loads(flow, form, z, d)
 
 
 @inline
-def magnitudes(split: Integers, Z: Floats, c: int, out: Floats) -> None:
+def set_lengths(flow: Flow, z: Floats, lengths: Floats) -> None:
     """Fill in |z_j| of every pair, shape (pair,); |z1| + |z2| where it is not a rotation."""
-    for j in range(split[0]):
-        out[j] = math.sqrt(Z[c, 0, j] * Z[c, 0, j] + Z[c, 1, j] * Z[c, 1, j])
-    for j in range(split[0], Z.shape[2]):
-        out[j] = abs(Z[c, 0, j]) + abs(Z[c, 1, j])
+    for j in range(flow.rotations):
+        lengths[j] = math.sqrt(z[Z1, j] * z[Z1, j] + z[Z2, j] * z[Z2, j])
+    for j in range(flow.rotations, lengths.size):
+        lengths[j] = abs(z[Z1, j]) + abs(z[Z2, j])
 
 
 @inline
-def _weighted(sizes: Floats, kind: int, i: int, size: Floats, n: int) -> float:
-    """Return the sum of ``sizes[kind, i, j] size[j]`` over the first n pairs."""
+def _weighted(sizes: Floats, lengths: Floats, n: int) -> float:
+    """Return the sum of ``sizes_j lengths_j`` over the first n pairs."""
     s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
     whole = n - n % 4
     for j in range(0, whole, 4):
-        s0 += sizes[kind, i, j] * size[j]
-        s1 += sizes[kind, i, j + 1] * size[j + 1]
-        s2 += sizes[kind, i, j + 2] * size[j + 2]
-        s3 += sizes[kind, i, j + 3] * size[j + 3]
+        s0 += sizes[j] * lengths[j]
+        s1 += sizes[j + 1] * lengths[j + 1]
+        s2 += sizes[j + 2] * lengths[j + 2]
+        s3 += sizes[j + 3] * lengths[j + 3]
     for j in range(whole, n):
-        s0 += sizes[kind, i, j] * size[j]
+        s0 += sizes[j] * lengths[j]
     return (s0 + s1) + (s2 + s3)
 
 
 @inline
 def bound(
-    F: Floats,
-    split: Integers,
-    forms: Floats,
-    sizes: Floats,
-    i: int,
-    Z: Floats,
-    c: int,
-    size: Floats,
-    kind: int,
-    order: int,
-    H: float,
+    flow: Flow, watched: Watched, i: int, z: Floats, lengths: Floats, high: bool, H: float
 ) -> float:
-    """Return a bound of the derivative `order` (at least 3) of a coordinate in the next H.
+    """Return a bound of a derivative of coordinate i in the next H, which is finite.
 
-    Parameters
-    ----------
-    F, split, forms, sizes, Z : array
-        See the module.
-    i, c : int
-        Which coordinate, and from which state on.
-    size : array, shape (pair,)
-        As `magnitudes` returns it.
-    kind, order : int
-        The row of `sizes` and the derivative that it is for.
-    H : float
-        Finite.
+    Of order `ORDER` where high, otherwise `LOW`; lengths are those of z (`set_lengths`).
     """
-    largest = _weighted(sizes, kind, i, size, split[0])
-    for j in range(split[0], split[1]):
-        largest += sizes[kind, i, j] * size[j] * math.exp(max(0.0, F[0, j] + F[1, j]) * H)
-    for j in range(split[1], F.shape[1]):
-        rate = abs(F[0, j])
-        if rate > 0.0:
-            # (alpha + N)^order = alpha^order + order alpha^(order-1) N on e^(alpha h)(z1 + h z2).
-            slides = abs(forms[0, i, 0, j] * Z[c, 1, j])
-            first = abs(forms[0, i, 0, j] * Z[c, 0, j]) + H * slides
-            first += abs(forms[0, i, 1, j] * Z[c, 1, j])
-            growth = math.exp(max(0.0, F[0, j]) * H)
-            largest += growth * rate ** (order - 1) * (rate * first + order * slides)
-    for row in range(4, F.shape[0], 2):
-        j, k = int(F[row, 0]), int(F[row, 1])
-        force = math.hypot(F[row + 1, 0], F[row + 1, 1]) * size[k]
-        rate = max(math.hypot(F[0, j], F[1, j]), math.hypot(F[0, k], F[1, k]))
-        longest = sizes[kind, i, j] * H + sizes[1, i, j] * order * rate ** (order - 1)
-        largest += force * longest * math.exp(max(0.0, F[0, j], F[0, k]) * H)
+    sizes, order = (watched.size_high, ORDER) if high else (watched.size_low, LOW)
+    largest = _weighted(sizes[i], lengths, flow.rotations)
+    if flow.rotations < lengths.size or flow.drives.size > 0:
+        largest += _other_growth(flow, watched, i, z, lengths, order, H)
     return largest
 
 
 @inline
-def reach(
-    F: Floats, split: Integers, sizes: Floats, i: int, Z: Floats, c: int, size: Floats, H: float
+def _other_growth(
+    flow: Flow, watched: Watched, i: int, z: Floats, lengths: Floats, order: int, H: float
 ) -> float:
-    """Return a bound of the magnitude of a coordinate in the next H; arguments as of `bound`."""
-    largest = _weighted(sizes, 1, i, size, split[0])
-    for j in range(split[0], split[1]):
-        if sizes[1, i, j] * size[j] > 0.0:
-            largest += sizes[1, i, j] * size[j] * math.exp(max(0.0, F[0, j] + F[1, j]) * H)
-    for j in range(split[1], F.shape[1]):
-        if sizes[1, i, j] > 0.0:
-            moved = abs(Z[c, 0, j]) + H * abs(Z[c, 1, j]) + 0.5 * H * H * abs(F[3, j])
-            largest += sizes[1, i, j] * math.exp(max(0.0, F[0, j]) * H) * moved
-    for row in range(4, F.shape[0], 2):
-        j, k = int(F[row, 0]), int(F[row, 1])
-        force = math.hypot(F[row + 1, 0], F[row + 1, 1]) * size[k]
-        largest += sizes[1, i, j] * H * force * math.exp(max(0.0, F[0, j], F[0, k]) * H)
+    """Return what all but the rotations, and drives, add to the bound of a derivative."""
+    alpha, nu, form = flow.alpha, flow.nu, watched.coordinate[i]
+    sizes = watched.size_high[i] if order == ORDER else watched.size_low[i]
+    largest = 0.0
+    for j in range(flow.rotations, flow.hyperbolas_end):
+        largest += sizes[j] * lengths[j] * math.exp(max(0.0, alpha[j] + nu[j]) * H)
+    for j in range(flow.hyperbolas_end, alpha.size):
+        rate = abs(alpha[j])
+        if rate > 0.0:
+            # (alpha + N)^order = alpha^order + order alpha^(order-1) N on e^(alpha h)(z1 + h z2).
+            slides = abs(form[Z1, j] * z[Z2, j])
+            first = abs(form[Z1, j] * z[Z1, j]) + H * slides
+            first += abs(form[Z2, j] * z[Z2, j])
+            growth = math.exp(max(0.0, alpha[j]) * H)
+            largest += growth * rate ** (order - 1) * (rate * first + order * slides)
+    for row in range(flow.drives.size):
+        drive = flow.drives[row]
+        j, k = drive.driven, drive.driving
+        force = math.hypot(drive.kappa_real, drive.kappa_imaginary) * lengths[k]
+        rate = max(math.hypot(alpha[j], nu[j]), math.hypot(alpha[k], nu[k]))
+        longest = sizes[j] * H + watched.size[i, j] * order * rate ** (order - 1)
+        largest += force * longest * math.exp(max(0.0, alpha[j], alpha[k]) * H)
+    return largest
+
+
+@inline
+def reach(flow: Flow, sizes: Floats, z: Floats, lengths: Floats, H: float) -> float:
+    """Return a bound of the magnitude of a coordinate in the next H; sizes: those of its form."""
+    largest, alpha, push = _weighted(sizes, lengths, flow.rotations), flow.alpha, flow.push
+    for j in range(flow.rotations, flow.hyperbolas_end):
+        if sizes[j] * lengths[j] > 0.0:
+            largest += sizes[j] * lengths[j] * math.exp(max(0.0, alpha[j] + flow.nu[j]) * H)
+    for j in range(flow.hyperbolas_end, alpha.size):
+        if sizes[j] > 0.0:
+            moved = abs(z[Z1, j]) + H * abs(z[Z2, j]) + 0.5 * H * H * abs(push[j])
+            largest += sizes[j] * math.exp(max(0.0, alpha[j]) * H) * moved
+    for row in range(flow.drives.size):
+        drive = flow.drives[row]
+        j, k = drive.driven, drive.driving
+        force = math.hypot(drive.kappa_real, drive.kappa_imaginary) * lengths[k]
+        largest += sizes[j] * H * force * math.exp(max(0.0, alpha[j], alpha[k]) * H)
     return largest

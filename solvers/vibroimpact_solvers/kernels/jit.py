@@ -27,12 +27,17 @@ def _compiled(function: Function, **options: Any) -> Function:
     return cast(Function, njit(nogil=True, error_model="numpy", **options)(function))
 
 
-def kernel(function: Function) -> Function:
+def kernel(function: Function, **options: Any) -> Function:
     """Compile a function that Python calls, at its first call, and keep it on disk."""
     if _FOLDER is None:
-        return _compiled(function)
+        return _compiled(function, **options)
     with cache.kept_in(_FOLDER):
-        return _compiled(function, cache=True)
+        return _compiled(function, cache=True, **options)
+
+
+def bare(function: Function) -> Function:
+    """Compile a `kernel` that makes no arrays, without counts of references (`inner`)."""
+    return kernel(function, _nrt=False)
 
 
 def inner(function: Function) -> Function:
@@ -53,6 +58,14 @@ def inline(function: Function) -> Function:
     known, and then infer them and lower it again in each caller.
     """
     return _compiled(function, forceinline=True, **_INNER)
+
+
+def once(function: Function) -> Function:
+    """Copy an `inner` function that has one caller into it, before types are known.
+
+    LLVM would otherwise optimise everything that it calls twice.
+    """
+    return _compiled(function, inline="always", **_INNER)
 
 
 _INNER: Final = {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}

@@ -6,50 +6,69 @@ last longer than a motion with its impacts.
 
 from __future__ import annotations
 
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
 from vibroimpact_solvers.arrays import Floats, Integers
-from vibroimpact_solvers.kernels.jit import inner
+from vibroimpact_solvers.kernels.flow import Z1, Z2
+from vibroimpact_solvers.kernels.jit import inner, once
 
 SMALLEST, LARGEST = 1e-100, 1e100
 """Range of magnitudes whose squares double precision can represent."""
 
 
-@inner
-def state_of(
-    x: Floats,
-    v: Floats,
-    unit: float,
-    weighted: Floats,
-    normal: Floats,
-    place: Integers,
-    W: Floats,
-    limits: Floats,
-    Z: Floats,
-    own: Floats,
-) -> bool:
-    """Fill in the state Z[0] and return whether it is finite, within range and the limits.
+class Modal(NamedTuple):
+    """Modes that are a pair each, and the limits of the constrained coordinates."""
 
-    Parameters
-    ----------
-    x, v : array, shape (dof,)
-        Displacements and velocities.
-    unit : float
-        The unit of time of the pairs.
-    weighted : array, shape (dof, mode)
-        ``M E``.
-    normal : array, shape (3, mode)
-        Of every mode: its coordinate at rest, the factor of z1 and delta (`kernels.flow`).
-    place : array of int, shape (mode,)
-        The pair of every mode.
-    W : array, shape (constraint, dof)
-    limits : array, shape (2, constraint)
-        Lower limits, as distances, and upper ones.
-    Z : array, shape (1 + column, 2, pair)
-        Zero at the pairs that belong to no mode.
-    own : array, shape (2, mode) or with longer rows
-        Overwritten.
+    scale: float  # velocities of x over those of the pairs
+    weighted: Floats  # (dof, mode): M E
+    shapes: Floats  # (dof, mode): E
+    still: Floats  # (mode,): coordinates at rest
+    stretch: Floats  # (mode,): z1 over the coordinate
+    delta: Floats  # (mode,): half the damping
+    place: Integers  # (mode,): the pair of every mode
+    W: Floats  # (constraint, dof)
+    lower: Floats  # (constraint,): distances, infinite where there is no wall
+    upper: Floats  # (constraint,)
+
+
+_STILL, _STRETCH, _DELTA = range(3)
+_LOWER, _UPPER = range(2)
+
+
+def handed_over(modal: Modal) -> tuple[Any, ...]:
+    """Return what `modal_of` gives names to: few arrays, as each takes time to hand over."""
+    scale, weighted, shapes, still, stretch, delta, place, W, lower, upper = modal
+    normal, limits = np.array([still, stretch, delta]), np.array([lower, upper])
+    return scale, weighted, shapes, normal, place, W, limits
+
+
+@once
+def modal_of(given: tuple[Any, ...]) -> Modal:
+    """Give names to what `handed_over` returns."""
+    scale, weighted, shapes, normal, place, W, limits = given
+    still, stretch, delta = normal[_STILL], normal[_STRETCH], normal[_DELTA]
+    lower, upper = limits[_LOWER], limits[_UPPER]
+    return Modal(scale, weighted, shapes, still, stretch, delta, place, W, lower, upper)
+
+
+_NUMBERS, _TABLE, _INDICES = np.zeros(0), np.zeros((0, 0)), np.zeros(0, np.int64)
+_NO_MODES = 1.0, _TABLE, _TABLE, np.zeros((3, 0)), _INDICES, _TABLE, np.zeros((2, 0))
+NOTHING: Final = (_NO_MODES, _NUMBERS, _NUMBERS, (_INDICES, _TABLE, _TABLE))
+"""In place of modes, displacements, velocities and a history: the motion goes on from its state."""
+
+
+@inner
+def state_of(modal: Modal, x: Floats, v: Floats, z: Floats, scratch: Floats) -> bool:
+    """Fill in the state of displacements and velocities, each (dof,).
+
+    Returns whether these are finite, and within the range of double precision and the limits. The
+    scratch has room for (2, mode).
     """
+    weighted, W = modal.weighted, modal.W
     n, modes = weighted.shape
-    q, rate, checked = own[0], own[1], 0.0
+    q, rate, checked, unit = scratch[Z1], scratch[Z2], 0.0, 1.0 / modal.scale
     far, fast = 0.0, 0.0
     for j in range(modes):
         q[j] = rate[j] = 0.0
@@ -64,51 +83,34 @@ def state_of(
         if largest != 0.0 and not SMALLEST <= largest <= LARGEST:
             return False
     for j in range(modes):
-        moved = q[j] - normal[0, j]
-        Z[0, 0, place[j]] = moved * normal[1, j]
-        Z[0, 1, place[j]] = rate[j] + normal[2, j] * moved
+        moved = q[j] - modal.still[j]
+        z[Z1, modal.place[j]] = moved * modal.stretch[j]
+        z[Z2, modal.place[j]] = rate[j] + modal.delta[j] * moved
     for i in range(W.shape[0]):
         y, size = 0.0, 0.0
         for k in range(n):
             y += W[i, k] * x[k]
             size += abs(W[i, k] * x[k])
-        if not -limits[0, i] - 1e-14 * size <= y <= limits[1, i] + 1e-14 * size:
+        rounding = 1e-14 * size
+        if not -modal.lower[i] - rounding <= y <= modal.upper[i] + rounding:
             return False
     return checked == 0.0
 
 
 @inner
-def motion_of(
-    samples: Floats,
-    scale: float,
-    shapes: Floats,
-    dofs: Integers,
-    normal: Floats,
-    place: Integers,
-    x: Floats,
-    v: Floats,
-    own: Floats,
+def displacements_of(
+    modal: Modal, samples: Floats, dofs: Integers, x: Floats, v: Floats, scratch: Floats
 ) -> None:
-    """Fill in displacements and velocities, shape (time, dof), of states (time, 2, pair).
-
-    Parameters
-    ----------
-    scale : float
-        Factor from velocities in units of the pairs to those of v.
-    shapes : array, shape (dof, mode)
-    dofs : array of int
-        Degrees of freedom of x and v.
-    normal, place, own : array
-        As of `state_of`.
-    """
+    """Fill in displacements and velocities, shape (time, dof), of states (time, 2, pair)."""
+    shapes = modal.shapes
     modes = shapes.shape[1]
-    q, rate = own[0], own[1]
+    q, rate = scratch[Z1], scratch[Z2]
     whole = modes - modes % 4
     for t in range(samples.shape[0]):
         for j in range(modes):
-            moved = samples[t, 0, place[j]] / normal[1, j]
-            q[j] = moved + normal[0, j]
-            rate[j] = samples[t, 1, place[j]] - normal[2, j] * moved
+            moved = samples[t, Z1, modal.place[j]] / modal.stretch[j]
+            q[j] = moved + modal.still[j]
+            rate[j] = samples[t, Z2, modal.place[j]] - modal.delta[j] * moved
         for k in range(dofs.size):
             i = dofs[k]
             s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
@@ -126,4 +128,4 @@ def motion_of(
                 s0 += shapes[i, j] * q[j]
                 t0 += shapes[i, j] * rate[j]
             x[t, k] = (s0 + s2) + (s1 + s3)
-            v[t, k] = scale * ((t0 + t2) + (t1 + t3))
+            v[t, k] = modal.scale * ((t0 + t2) + (t1 + t3))

@@ -6,9 +6,11 @@ longer than the motion.
 
 from __future__ import annotations
 
+from typing import Any
+
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels.jit import kernel
-from vibroimpact_solvers.kernels.modal import motion_of, state_of
+from vibroimpact_solvers.kernels.modal import displacements_of, modal_of, state_of
 from vibroimpact_solvers.kernels.taylor import follow
 
 REFUSED = -1
@@ -19,13 +21,7 @@ REFUSED = -1
 def whole_soft_motion(
     x: Floats,
     v: Floats,
-    scale: float,
-    weighted: Floats,
-    normal: Floats,
-    place: Integers,
-    W: Floats,
-    limits: Floats,
-    shapes: Floats,
+    modes: Any,
     dofs: Integers,
     F: Floats,
     split: Integers,
@@ -49,12 +45,9 @@ def whole_soft_motion(
     ----------
     x, v : array, shape (dof,)
         Initial displacements and velocities.
-    scale : float
-        Factor from velocities in units of the pairs to those of x and v.
-    weighted, normal, place, W, shapes, dofs : array
-        See `kernels.modal`.
-    limits : array, shape (2, constraint)
-        Infinite: soft limiters may be passed.
+    modes : tuple
+        What `kernels.modal.modal_of` takes, with infinite limits: soft limiters may be passed.
+    dofs : array of int
     F, split, forms, levels, laws, weights, settings, output_times : array
     clock, counts, samples, work : array
         See `kernels.taylor.follow`.
@@ -63,7 +56,8 @@ def whole_soft_motion(
     xs, vs : array, shape (time, dof)
         The history at the first of the output times, filled in at the end.
     """
-    if not state_of(x, v, 1.0 / scale, weighted, normal, place, W, limits, z, samples[0]):
+    modal = modal_of(modes)
+    if not state_of(modal, x, v, z[0], samples[0]):
         return REFUSED
     stop = follow(
         F,
@@ -81,5 +75,5 @@ def whole_soft_motion(
         work,
     )
     if stop == 0 and xs.shape[0] > 0:
-        motion_of(samples[: xs.shape[0]], scale, shapes, dofs, normal, place, xs, vs, z[1])
+        displacements_of(modal, samples[: xs.shape[0]], dofs, xs, vs, z[1])
     return stop

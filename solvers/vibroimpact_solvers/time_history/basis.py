@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.errors import PlanError
+from vibroimpact_solvers.kernels.flow import DRIVE, Flow
 from vibroimpact_solvers.kernels.passages import LOW, ORDER
 
 ILL: Final = 1e8
@@ -99,8 +100,8 @@ class Basis:
 
     Attributes
     ----------
-    rates, split : array
-        F and split of `kernels.flow`.
+    flow : Flow
+        How the pairs move.
     condition : float
         Condition number of the complex modes; 1 where there are none.
     """
@@ -119,18 +120,21 @@ class Basis:
         pairs += self._load_pairs(damping, load, unit)
         pairs.append(_padding(sum(p.kind.size for p in pairs)))
         self._order = np.argsort(np.concatenate([p.kind for p in pairs]), kind="stable")
-        self.rates: Floats = np.ascontiguousarray(
-            [
-                np.concatenate([getattr(p, name) for p in pairs])[self._order]
-                for name in ("alpha", "nu", "rest", "push")
-            ]
+        self.alpha, self.nu, rest, self.push = (
+            np.concatenate([getattr(p, name) for p in pairs])[self._order]
+            for name in ("alpha", "nu", "rest", "push")
         )
-        self.alpha, self.nu, _, self.push = self.rates
-        self._drives = self._driven_pairs()
-        self.rates = np.ascontiguousarray(np.concatenate([self.rates, self._drives]))
         kinds = np.concatenate([p.kind for p in pairs])
-        counts = [(kinds == 0).sum(), (kinds <= 1).sum(), self.alpha.any()]
-        self.split: Integers = np.array([int(c) for c in counts], dtype=np.int64)
+        self.flow = Flow(
+            self.alpha,
+            self.nu,
+            rest,
+            self.push,
+            self._driven_pairs(),
+            int((kinds == 0).sum()),
+            int((kinds <= 1).sum()),
+            bool(self.alpha.any()),
+        )
 
     # -- construction of the pairs --
 
@@ -242,23 +246,20 @@ class Basis:
             pairs.append(_Pairs(np.full(1, 2), none, none, none, none))
         return pairs
 
-    def _driven_pairs(self) -> Floats:
-        """Return the rows of driven pairs (`kernels.flow`), shape (2 drive, pair)."""
+    def _driven_pairs(self) -> NDArray[np.void]:
+        """Return the pairs that others drive."""
         first = self._single.size
         drives = [(first + i, first + k, kappa) for i, k, kappa in self._chains]
         for mode, load in np.argwhere(self._near).tolist():
             start = first + self._coupled.size
             drives.append((mode, start + load, complex(self._couplings[mode, load])))
-        rows, place = np.zeros((2 * len(drives), self.nu.size)), np.argsort(self._order)
-        for row, (i, k, kappa) in enumerate(drives):
-            rows[2 * row, :2] = place[i], place[k]
-            rows[2 * row + 1, :2] = kappa.real, kappa.imag
-        return rows
+        place = np.argsort(self._order)
+        rows = [(place[i], place[k], kappa.real, kappa.imag) for i, k, kappa in drives]
+        return np.array(rows, DRIVE)
 
     def drives(self) -> Iterator[tuple[int, int, float, float]]:
         """Return the pair, the load's pair and kappa of every drive."""
-        for places, kappa in zip(self._drives[0::2], self._drives[1::2], strict=True):
-            yield int(places[0]), int(places[1]), float(kappa[0]), float(kappa[1])
+        yield from self.flow.drives.tolist()
 
     # -- arrays for the kernels --
 
@@ -288,10 +289,15 @@ class Basis:
         """Whether every pair is a mode: no harmonic loads, no modes that damping couples."""
         return bool(self._loads.stop == self._single.size)
 
-    @cached_property
-    def normal(self) -> Floats:
-        """Coordinates at rest, factors of z1 and delta of the modes, shape (3, mode)."""
-        return np.ascontiguousarray([self.still, self._stretch, self._delta])
+    @property
+    def stretch(self) -> Floats:
+        """Of every mode, z1 over its coordinate, shape (mode,)."""
+        return self._stretch
+
+    @property
+    def delta(self) -> Floats:
+        """Half the damping of every mode, shape (mode,)."""
+        return self._delta
 
     @cached_property
     def place(self) -> Integers:
@@ -299,7 +305,7 @@ class Basis:
         return np.argsort(self._order)[: self._single.size].astype(np.int64)
 
     @cached_property
-    def noise(self) -> Floats:
+    def signs(self) -> Floats:
         """Signs drawn at random, none on the average, shape (row, 2, pair)."""
         signs = np.random.default_rng(0).integers(0, 2, (_NOISE // 2, 2, self.pairs)) * 2.0 - 1.0
         return np.concatenate([signs, -signs])
@@ -320,7 +326,7 @@ class Basis:
         signs = np.random.default_rng(1).choice([-1.0, 1.0], drifts.shape)
         return np.ascontiguousarray((signs * drifts)[:, self._order])
 
-    def bends(self, slopes: Floats, kicks: Floats) -> Floats:
+    def kick_errors(self, slopes: Floats, kicks: Floats) -> Floats:
         """Return errors of kicks, in units of 2^-52, shape (column, row, 2, pair).
 
         They change no velocity of the constraint itself, whose mobility is made of the same
@@ -328,16 +334,16 @@ class Basis:
         """
         shape_error = 2.0 * (1.0 + self.modes.shape_error / _EPS)
         signs = np.random.default_rng(2).choice([-1.0, 1.0], (COLUMNS, *kicks.shape))
-        bends = shape_error * signs * kicks
+        errors = shape_error * signs * kicks
         own = (slopes * kicks).sum(axis=(1, 2))
-        along = (slopes * bends).sum(axis=(2, 3)) / np.where(own == 0.0, 1.0, own)
-        bends -= along[..., np.newaxis, np.newaxis] * kicks
-        return np.ascontiguousarray(bends)
+        along = (slopes * errors).sum(axis=(2, 3)) / np.where(own == 0.0, 1.0, own)
+        errors -= along[..., np.newaxis, np.newaxis] * kicks
+        return np.ascontiguousarray(errors)
 
     @cached_property
     def longest(self) -> float:
         """The longest time of the basis in which no pair grows more than e-fold."""
-        hyperbolas = slice(int(self.split[0]), int(self.split[1]))
+        hyperbolas = slice(self.flow.rotations, self.flow.hyperbolas_end)
         rates = np.concatenate([self.alpha, (self.alpha + self.nu)[hyperbolas]])
         growth = float(rates.max(initial=0.0))
         return 1.0 / growth if growth > 0.0 else math.inf
@@ -494,15 +500,19 @@ class Basis:
     @property
     def _turns(self) -> tuple[Floats, Floats]:
         index = np.arange(self.pairs)
-        there = np.where(index < self.split[1], self.nu, 1.0)
-        back = np.where(index < self.split[0], -self.nu, np.where(index < self.split[1], there, 0))
+        there = np.where(index < self.flow.hyperbolas_end, self.nu, 1.0)
+        back = np.where(
+            index < self.flow.rotations,
+            -self.nu,
+            np.where(index < self.flow.hyperbolas_end, there, 0),
+        )
         return there, back
 
     def weight(self, forms: Floats) -> Floats:
         """Return |row_j| rate_j^n of forms for n = ORDER, 0 and LOW, shape (3, row, pair)."""
         index = np.arange(self.pairs)
-        rotates = index < self.split[0]
-        apart = np.abs(self.alpha) + np.where(index < self.split[1], self.nu, 0.0)
+        rotates = index < self.flow.rotations
+        apart = np.abs(self.alpha) + np.where(index < self.flow.hyperbolas_end, self.nu, 0.0)
         rate = np.where(rotates, np.hypot(self.alpha, self.nu), apart)
         size = np.where(rotates, np.hypot(forms[:, 0], forms[:, 1]), np.abs(forms).max(axis=1))
         return np.ascontiguousarray([size * rate**ORDER, size, size * rate**LOW])

@@ -32,7 +32,8 @@ def impulses(configuration: Configuration, z: Floats, span: float) -> Floats:
     """
     first = len(configuration.free)
     integral = _integral(configuration, z, span)
-    forms, levels = configuration.forms[0, first:], configuration.walls[0, first:]
+    kernel = configuration.kernel
+    forms, levels = kernel.watched.coordinate[first:], kernel.walls["lower"][first:]
     return np.asarray((forms * integral).sum(axis=(1, 2)) + levels * span)
 
 
@@ -42,7 +43,7 @@ def _integral(configuration: Configuration, z: Floats, span: float) -> Floats:
     Written with ``(exp(x) - 1)/x``, so that nothing cancels in short contacts.
     """
     basis = configuration.basis
-    turning, apart = int(basis.split[0]), int(basis.split[1])
+    turning, apart = basis.flow.rotations, basis.flow.hyperbolas_end
     alpha, nu, a, b = basis.alpha, basis.nu, z[0], z[1]
     integral = np.empty_like(z)
     some = slice(0, turning)
@@ -69,7 +70,7 @@ def _integral(configuration: Configuration, z: Floats, span: float) -> Floats:
     return integral
 
 
-def _mean(x: Floats) -> Floats:
+def _mean(x: Any) -> Any:
     """Return the mean of exp(x u) over 0 <= u <= 1."""
     small = x == 0.0
     return np.asarray(np.where(small, 1.0, np.expm1(x) / np.where(small, 1.0, x)))

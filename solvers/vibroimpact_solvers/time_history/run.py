@@ -4,28 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ConvergenceError
-from vibroimpact_solvers.kernels.free_motion import (
-    Stop,
-    advance,
-    estimated_error,
-    impulses,
-    start_deviations,
-    workspace,
-)
+from vibroimpact_solvers.kernels.deviations import SAFETY
+from vibroimpact_solvers.kernels.impact_law import impulses
+from vibroimpact_solvers.kernels.modal import NOTHING
+from vibroimpact_solvers.kernels.rigid_motion import Stop, follow
+from vibroimpact_solvers.kernels.rigid_state import IMPACT, PROGRESS, Rows, workspace
 from vibroimpact_solvers.time_history.basis import COLUMNS, Basis
 from vibroimpact_solvers.time_history.contact_impulses import impulses as impulses_at_rest
 from vibroimpact_solvers.time_history.structure import Configuration, Contact, Structure
 
 Tick = Callable[[int, int], None]
 Take = Callable[[Configuration, Floats, int], None]
-Table = tuple[Floats, Integers, Floats]
 
 CHATTER: Final = 1e-8
 """Remaining time of a chatter, in units of the fastest mode, below which it is one sum."""
@@ -42,22 +38,17 @@ def budget(basis: Basis) -> int:
     return max(1000, int(_EXPANSIONS / max(1, basis.pairs)))
 
 
-def new_table(structure: Structure) -> Table:
-    """Return an empty table of impacts (`kernels.free_motion.advance`)."""
-    rows = _ROWS + len(structure.system.constraints)
-    return np.empty((rows, 2)), np.empty((rows, 2), np.int64), np.empty((rows, 3))
+def new_table(structure: Structure) -> Rows:
+    """Return an empty table of impacts, of `rigid_state.IMPACT`."""
+    return np.empty(_ROWS + len(structure.system.constraints), IMPACT)
 
 
-@dataclass
-class Impacts:
-    """The table of impacts, in pieces."""
-
-    keep: bool
-    count: int = 0
-    at: list[Floats] = field(default_factory=list)
-    where: list[Integers] = field(default_factory=list)
-    what: list[Floats] = field(default_factory=list)
-    growth: list[Floats] = field(default_factory=list)
+def new_progress(t_end: float, longest: float, expansions: int) -> Rows:
+    """Return the progress of a motion that begins, of `rigid_state.PROGRESS`."""
+    progress = np.zeros(1, PROGRESS)
+    progress["end"], progress["longest"], progress["chatter"] = t_end, longest, CHATTER
+    progress["budget"], progress["released"] = expansions, -1
+    return progress
 
 
 @dataclass
@@ -93,8 +84,6 @@ class Run:
         In these units too.
     take : callable
         Called with the configuration, states (time, 2, pair) and the index of the first of them.
-    keep : bool
-        Whether the table of impacts is kept.
     estimate : bool
         Whether errors are estimated.
     """
@@ -107,7 +96,6 @@ class Run:
         t_end: float,
         take: Take,
         *,
-        keep: bool,
         estimate: bool = True,
         tick: Tick | None = None,
     ) -> None:
@@ -115,26 +103,24 @@ class Run:
         self.configuration = structure.configuration()
         self.scale = structure.scale
         self.output_times = output_times
-        self.columns = COLUMNS if estimate else 0
-        self.clock = np.zeros(8)
-        self.Z = np.empty((1 + self.columns, *z.shape))
+        self.Z = np.empty((1 + (COLUMNS if estimate else 0), *z.shape))
         self.Z[0] = z
         basis = self.configuration.basis
-        start_deviations(self.Z, basis.noise, basis.own, self.clock)
-        self.clock[2], self.clock[4] = t_end, CHATTER
-        self.counts = np.zeros(11, dtype=np.int64)
-        self.impacts, self.intervals = Impacts(keep), list[ContactInterval]()
+        self.progress = new_progress(t_end, basis.longest, budget(basis))
+        self.impacts, self.intervals = list[Rows](), list[ContactInterval]()
         self.contacts: dict[Contact, ContactInterval] = {}
         self._samples(self.configuration)
         self._table = new_table(structure)
         self._switched: tuple[float, int] = (-1.0, 0)
 
-    def adopt(
-        self, Z: Floats, clock: Floats, counts: Integers, table: Table, samples: Floats
-    ) -> None:
+    def adopt(self, Z: Floats, progress: Rows, table: Rows, samples: Floats) -> None:
         """Continue a motion that the compiled loop has stopped, without contacts."""
-        self.Z, self.clock, self.counts, self._table = Z, clock, counts, table
-        self._buffer = samples
+        self.Z, self.progress, self._table, self._buffer = Z, progress, table, samples
+
+    @property
+    def at(self) -> np.void:
+        """The row of the progress."""
+        return self.progress[0]  # type: ignore[no-any-return]
 
     # -- the loop --
 
@@ -142,7 +128,7 @@ class Run:
         """Follow the motion to its end; stop is why the compiled loop returned, if it has run."""
         while True:
             if stop is None:
-                place = (self.clock[0], self.clock[1], self.counts[10])
+                place = self._place
                 stop = self._advance()
                 if stop is Stop.PAUSE:
                     self._check_progress(place)
@@ -150,44 +136,43 @@ class Run:
             self._flush_table(last=stop is Stop.END)
             if stop is Stop.END:
                 break
+            watched, side = int(self.at["coordinate"]), int(self.at["side"])
             if stop is Stop.CONTACT:
-                self._rest(int(self.counts[5]), int(self.counts[6]), float(self.clock[5]))
+                self._rest(watched, side, float(self.at["chatter_left"]))
             elif stop is Stop.RELEASE:
-                self._release(int(self.counts[5]))
+                self._release(watched)
             elif stop is Stop.STRUCK:
-                self._impact(int(self.counts[5]), int(self.counts[6]))
+                self._impact(watched, side)
             stop = None
         for rest in self.contacts.values():
-            rest.stop = self.clock[2]
+            rest.stop = self.end
         if self.tick is not None:
             self.tick(1000, 1000)
 
     def _advance(self) -> Stop:
         if self.tick is not None:
-            self.tick(int(1e3 * self.clock[0] / self.clock[2]), 1000)
+            self.tick(int(1e3 * float(self.at["time"]) / self.end), 1000)
         configuration, basis = self.configuration, self.configuration.basis
         self._check_walls_distinguishable()
-        self.counts[3] = self.counts[2] + budget(basis)
-        self.counts[7] = bool(self.contacts)
-        self.clock[3] = basis.longest
+        now = self.at
+        now["budget"] = now["expansions"] + budget(basis)
+        now["stops_at_impacts"], now["longest"] = bool(self.contacts), basis.longest
         before = (self.now, self.Z[0].copy()) if self.contacts else None
-        stop = Stop(
-            advance(
-                basis.rates, basis.split, configuration.forms, configuration.sizes,
-                configuration.walls, configuration.mobility, self.Z, basis.noise, basis.drifts,
-                configuration.bends, basis.own, self.clock, self.counts, *self._table,
-                self.output_times, self._buffer, *self._workspace,
-            )
+        motion = (
+            self.Z[0], self.Z[1:], self.progress, self._table, self.output_times, self._buffer,
         )  # fmt: skip
+        stop, *_ = follow(configuration.arguments, motion, self._scratch, *NOTHING)
         if before is not None:
             self._add_contact_impulses(*before)
-        return stop
+        return Stop(stop)
 
     def _check_walls_distinguishable(self) -> None:
         """Refuse a motion so large that its rounding exceeds the distance of its walls."""
         configuration, count = self.configuration, len(self.configuration.free)
-        sizes = np.abs(configuration.forms[0, :count] * self.Z[0]).sum(axis=(1, 2))
-        apart = configuration.walls[0, :count] + configuration.walls[1, :count]
+        walls = configuration.kernel.walls[:count]
+        coordinates = configuration.kernel.watched.coordinate[:count]
+        sizes = np.abs(coordinates * self.Z[0]).sum(axis=(1, 2))
+        apart = walls["lower"] + walls["upper"]
         for place in np.flatnonzero(_EPS * sizes >= apart):
             raise indistinguishable_walls(
                 configuration.free[place], float(apart[place]), _EPS * float(sizes[place])
@@ -195,48 +180,48 @@ class Run:
 
     def _check_progress(self, before: tuple[float, float, int]) -> None:
         """Refuse a motion that keeps grazing a wall at one instant, within rounding."""
-        if before == (self.clock[0], self.clock[1], self.counts[10]):
+        if before == self._place:
             message = f"the motion keeps grazing at t = {self.now / self.scale!r}"
             raise ConvergenceError(message)
 
     @property
+    def _place(self) -> tuple[float, float, int]:
+        now = self.at
+        return float(now["time"]), float(now["time_rest"]), int(now["impacts"])
+
+    @property
     def now(self) -> float:
         """The time, in units of the basis."""
-        return float(self.clock[0] + self.clock[1])
+        return float(self.at["time"] + self.at["time_rest"])
+
+    @property
+    def end(self) -> float:
+        """The end of the motion, in units of the basis."""
+        return float(self.at["end"])
 
     # -- samples and impacts from the compiled loop --
 
     def _samples(self, configuration: Configuration) -> None:
         rows = max(1, min(self.output_times.size, _BUFFER // max(1, 2 * configuration.basis.pairs)))
-        self._buffer = np.empty((rows, 2, configuration.basis.pairs))
-        self._workspace = workspace(configuration.basis.pairs, configuration.walls.shape[1])
+        pairs, watched = configuration.basis.pairs, configuration.kernel.walls.size
+        self._buffer = np.empty((rows, 2, pairs))
+        self._scratch = workspace(pairs, watched)
 
     def _flush_samples(self) -> None:
-        first, count = int(self.counts[4]), int(self.counts[1])
+        first, count = int(self.at["first_sample"]), int(self.at["samples"])
         if count > first:
             self.take(self.configuration, self._buffer[: count - first], first)
-        self.counts[4] = count
+        self.at["first_sample"] = count
 
     def _flush_table(self, *, last: bool) -> None:
-        count = int(self.counts[0])
+        count = int(self.at["rows"])
         if count:
-            at, where, what = self._table
-            at, where, what = at[:count], where[:count], what[:count]
-            if not last:
-                at, where, what = at.copy(), where.copy(), what.copy()
+            rows = self._table[:count] if last else self._table[:count].copy()
             if self.configuration.contacts:
-                where[:, 0] = np.array(self.configuration.free, dtype=np.int64)[where[:, 0]]
-            self._keep(at, where, what)
-        self.counts[0] = 0
-
-    def _keep(self, at: Floats, where: Integers, what: Floats) -> None:
-        table = self.impacts
-        table.count += at.shape[0]
-        table.growth.append(what[:, 2])
-        table.at.append(at)
-        if table.keep:
-            table.where.append(where)
-            table.what.append(what)
+                free = np.array(self.configuration.free, dtype=np.int64)
+                rows["constraint"] = free[rows["constraint"]]
+            self.impacts.append(rows)
+        self.at["rows"] = 0
 
     # -- contacts --
 
@@ -265,7 +250,7 @@ class Run:
             raise ConvergenceError(message)
 
     def _begin_contact(self, contact: Contact, duration: float) -> None:
-        rest = ContactInterval(contact, self.now, min(self.now + duration, self.clock[2]))
+        rest = ContactInterval(contact, self.now, min(self.now + duration, self.end))
         self.contacts[contact] = rest
         self.intervals.append(rest)
 
@@ -304,14 +289,14 @@ class Run:
                 break
             self._end_contact(pulled[0])
             released = pulled[0][0]
-            self.counts[9] = 0
+            self.at["released"] = -1
             if not self.contacts or released is not None:
                 self._mark_released(released)
         self._continue_from(x, v, contacts)
 
     def _mark_released(self, constraint: int) -> None:
         configuration = self.structure.configuration(frozenset(self.contacts))
-        self.counts[9] = 1 + configuration.free.index(constraint)
+        self.at["released"] = configuration.free.index(constraint)
 
     def _release(self, watched: int) -> None:
         x, v = self._displacements()
@@ -336,9 +321,8 @@ class Run:
         growth = self.growth
         for (index, s), P, speed in zip(struck, given, speeds, strict=True):
             if P > 0.0:
-                at = self.clock[np.newaxis, :2].copy()
-                what = np.array([[s * speed, P, growth]])
-                self._keep(at, np.array([[index, s]]), what)
+                now = self.at["time"], self.at["time_rest"]
+                self.impacts.append(np.array([(*now, s * speed, P, growth, index, s)], IMPACT))
         after = -sides * (W @ v)
         rounding = 1e-14 * float(np.abs(speeds).max())
         for contact, leaving in list(zip(struck, after, strict=True))[1:]:
@@ -363,4 +347,6 @@ class Run:
     @property
     def growth(self) -> float:
         """The error of the state relative to the motion, in units of 2^-52."""
-        return float(estimated_error(self.Z, self.configuration.basis.own, self.clock[7]))
+        own, largest = self.configuration.basis.own, float(self.at["largest"])
+        squares = (own * self.Z[1:] ** 2).sum(axis=(1, 2))
+        return SAFETY * math.sqrt(squares.max(initial=0.0)) / largest if largest > 0.0 else 0.0

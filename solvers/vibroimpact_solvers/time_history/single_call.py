@@ -9,22 +9,34 @@ from typing import Any, Final
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.kernels.free_motion import Stop, workspace
-from vibroimpact_solvers.kernels.whole_motion import REFUSED, whole_motion
+from vibroimpact_solvers.kernels.modal import handed_over
+from vibroimpact_solvers.kernels.rigid_motion import Stop, follow
+from vibroimpact_solvers.kernels.rigid_state import PROGRESS, Rows, workspace
 from vibroimpact_solvers.results.time_history import Result
 from vibroimpact_solvers.time_history import result_values
 from vibroimpact_solvers.time_history.basis import COLUMNS
 from vibroimpact_solvers.time_history.problem import Problem, State
-from vibroimpact_solvers.time_history.run import CHATTER, Table, budget, new_table
+from vibroimpact_solvers.time_history.run import budget, new_progress, new_table
 from vibroimpact_solvers.time_history.structure import Structure
 
 MOST: Final = 4
 """Output times up to which the history is filled in by the same call."""
-_STOPS = tuple(Stop)
 
 
-class Scratch:
-    """What the compiled function writes to: arrays as of `kernels.whole_motion.whole_motion`.
+_END, _REFUSED = int(Stop.END), int(Stop.REFUSED)
+_COLUMNS: Final = {
+    "impact_time": "time",
+    "impact_condition": "deviation",
+    "impact_velocity": "velocity",
+    "impact_impulse": "impulse",
+    "impact_constraint": "constraint",
+    "impact_side": "side",
+}
+"""Fields of the result, and columns of the table of impacts."""
+
+
+class Arrays:
+    """What the compiled function writes to (`kernels.rigid_state.Motion`).
 
     Parameters
     ----------
@@ -36,16 +48,14 @@ class Scratch:
     def __init__(self, structure: Structure, columns: int) -> None:
         pairs = structure.configuration().basis.pairs
         self.Z = np.empty((1 + columns, 2, pairs))
-        self.clock, self.counts = np.empty(8), np.empty(11, dtype=np.int64)
-        self.table: Table = new_table(structure)
-        self.samples = np.empty((MOST, 2, pairs))
-        rows = self.table[0].shape[0]
-        self.numbers, self.places = np.empty((4, rows)), np.empty((2, rows), dtype=np.int64)
-        own = workspace(pairs, len(structure.system.constraints))
-        self.arrays: tuple[Any, ...] = (
-            self.Z, self.clock, self.counts, *self.table, self.samples, *own, self.numbers,
-            self.places,
-        )  # fmt: skip
+        self.progress: Rows = np.zeros(1, PROGRESS)
+        self.table, self.samples = new_table(structure), np.empty((MOST, 2, pairs))
+        self.work = workspace(pairs, len(structure.system.constraints))
+        # Views that would take as long to make as a short motion: the numbers of the progress, and
+        # the columns of the table.
+        self.progress_bytes = self.progress.view(np.uint8)
+        self.columns = tuple(self.table[name] for name in _COLUMNS.values())
+        self.state = self.Z[0], self.Z[1:], self.progress, self.table
 
 
 @dataclass(slots=True)
@@ -56,39 +66,44 @@ class Unfinished:
     ----------
     stop : Stop
         Why it stopped.
-    scratch : Scratch
+    arrays : Arrays
         The arrays from which it can be continued.
     """
 
     stop: Stop
-    scratch: Scratch
+    arrays: Arrays
 
 
 @dataclass(slots=True)
 class _Shared:
-    """Constant arrays that all motions of a structure share, and work arrays not in use.
+    """What all motions of a structure share.
 
     Parameters
     ----------
-    before, after : tuple
-        Arguments of `kernels.whole_motion.whole_motion` before and after the output dofs.
-    longest, expansions : float
+    modal : tuple
+        `kernels.modal.Modal`.
+    arguments : tuple
+        `kernels.rigid_state.Structure`.
+    longest : float
+        Of an expansion.
+    expansions : int
+        How many may pass in one call.
     free : dict
         Work arrays not in use by the number of deviations; threads take from and return to them.
     """
 
-    before: tuple[Any, ...]
-    after: tuple[Any, ...]
+    modal: tuple[Any, ...]
+    arguments: tuple[Any, ...]
     longest: float
-    expansions: float
-    free: dict[int, list[Scratch]] = field(default_factory=lambda: {0: [], COLUMNS: []})
+    expansions: int
+    free: dict[int, list[Arrays]] = field(default_factory=lambda: {0: [], COLUMNS: []})
 
 
 _SHARED: weakref.WeakKeyDictionary[Structure, _Shared | None] = weakref.WeakKeyDictionary()
 
 
 def _shared_by(structure: Structure) -> _Shared | None:
-    """Return the arrays that motions of a structure share, None where its modes are coupled."""
+    """Return what motions of a structure share, None where its modes are coupled."""
     if structure not in _SHARED:
         _SHARED[structure] = _prepared(structure) if structure.configuration().basis.plain else None
     return _SHARED[structure]
@@ -96,15 +111,10 @@ def _shared_by(structure: Structure) -> _Shared | None:
 
 def _prepared(structure: Structure) -> _Shared:
     configuration = structure.configuration()
-    basis, modes = configuration.basis, configuration.basis.modes
-    before = (
-        modes.weighted, basis.normal, basis.place, structure.W, structure.limits, modes.shapes,
-    )  # fmt: skip
-    after = (
-        basis.rates, basis.split, configuration.forms, configuration.sizes, configuration.walls,
-        configuration.mobility, basis.noise, basis.drifts, configuration.bends, basis.own,
-    )  # fmt: skip
-    return _Shared(before, after, basis.longest, float(budget(basis)))
+    basis = configuration.basis
+    return _Shared(
+        handed_over(structure.modal), configuration.arguments, basis.longest, budget(basis)
+    )
 
 
 class SingleCall:
@@ -124,11 +134,11 @@ class SingleCall:
     ) -> None:
         self._structure, self._problem = structure, problem
         scale = structure.scale
-        settings = np.array(
-            [scale, problem.t_end * scale, shared.longest, CHATTER, shared.expansions]
-        )
-        dofs = problem.output_dofs
-        self._shared = (settings, *shared.before, dofs, *shared.after, output_times * scale)
+        begin = new_progress(problem.t_end * scale, shared.longest, shared.expansions)
+        self._begin = begin.view(np.uint8)
+        self._structure_arguments, self._modal = shared.arguments, shared.modal
+        self._times, self._dofs = output_times * scale, problem.output_dofs
+        dofs = self._dofs
         self._columns = COLUMNS if problem.estimate else 0
         self._free = shared.free[self._columns]
         self._shape, self._history = (problem.system.n,), (output_times.size, dofs.size)
@@ -156,27 +166,32 @@ class SingleCall:
         if x.shape != self._shape or v.shape != self._shape:
             self._problem.check(initial)
         try:
-            scratch = self._free.pop()
+            arrays = self._free.pop()
         except IndexError:
-            scratch = Scratch(self._structure, self._columns)
+            arrays = Arrays(self._structure, self._columns)
         xs, vs = np.empty(self._history), np.empty(self._history)
-        outcome = whole_motion(x, v, xs, vs, *self._shared, *scratch.arrays)
-        if outcome[0] == 0:
-            result = self._result(outcome, xs, vs, scratch)
-            self._free.append(scratch)
+        arrays.progress_bytes[:] = self._begin
+        motion = (*arrays.state, self._times, arrays.samples)
+        outcome = follow(
+            self._structure_arguments, motion, arrays.work, self._modal, x, v,
+            (self._dofs, xs, vs),
+        )  # fmt: skip
+        if outcome[0] == _END:
+            result = self._result(outcome, xs, vs, arrays)
+            self._free.append(arrays)
             return result
-        if outcome[0] == REFUSED:
-            self._free.append(scratch)
+        if outcome[0] == _REFUSED:
+            self._free.append(arrays)
             self._problem.check(initial)
             return None
-        return Unfinished(_STOPS[outcome[0]], scratch)
+        return Unfinished(Stop(outcome[0]), arrays)
 
     def _result(
         self,
         outcome: tuple[int, int, int, int, float, float],
         xs: Floats,
         vs: Floats,
-        scratch: Scratch,
+        arrays: Arrays,
     ) -> Result:
         """Return the result of a motion that reached its end."""
         _, rows, grazings, expansions, penetration, growth = outcome
@@ -186,17 +201,14 @@ class SingleCall:
         if self._v:
             values["v"] = vs
         if self._impacts:
-            numbers, places = scratch.numbers[:, :rows].copy(), scratch.places[:, :rows].copy()
-            # Unpacking an array would end in an IndexError raised and caught by the interpreter.
-            values["impact_time"], values["impact_velocity"] = numbers[0], numbers[1]
-            values["impact_impulse"], values["impact_condition"] = numbers[2], numbers[3]
-            values["impact_constraint"], values["impact_side"] = places[0], places[1]
+            for name, column in zip(_COLUMNS, arrays.columns, strict=True):
+                values[name] = column[:rows].copy()
         values["count_impacts"] = rows
         values["count_grazings"], values["count_expansions"] = grazings, expansions
         if not penetration < self._gap:
             result_values.checked_penetration(self._problem, penetration)
         values["error_penetration"] = penetration
         if self._estimate:
-            times, condition = scratch.numbers[0, :rows], scratch.numbers[3, :rows]
-            result_values.set_condition(values, growth, times, condition)
+            times, deviations = (column[:rows] for column in arrays.columns[:2])
+            result_values.set_condition(values, growth, times, deviations)
         return Result(**values)

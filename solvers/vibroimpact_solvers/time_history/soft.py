@@ -10,12 +10,13 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.errors import ConvergenceError
+from vibroimpact_solvers.kernels.modal import handed_over
 from vibroimpact_solvers.kernels.taylor import LARGEST, Stop, follow, room
 from vibroimpact_solvers.kernels.whole_soft_motion import whole_soft_motion
 from vibroimpact_solvers.time_history.limiters import Power
 from vibroimpact_solvers.time_history.run import Tick
 from vibroimpact_solvers.time_history.single_call import MOST
-from vibroimpact_solvers.time_history.structure import Structure
+from vibroimpact_solvers.time_history.structure import Configuration, Structure
 
 _EPS: Final = 2.0**-52
 _STEP: Final = 1e-2
@@ -107,18 +108,15 @@ class SoftMotion:
         self._tolerance, self._estimate, self._scale = tolerance, estimate, scale
         self._basis, self._own, self._weights = basis, basis.own, basis.weights
         self._fixed = structure.level(configuration), _laws(structure, law), basis.weights
-        self._exact = basis.rates, basis.split, configuration.forms
+        self._exact = _flow(configuration)
         self._whole = float(law.exponent <= LARGEST and law.exponent == int(law.exponent))
         self._exponent = float(law.exponent)
         self._scene = configuration
         self._budget = float(max(100, _WORK // (basis.pairs + 20)))
-        modes = basis.modes
         self._shared = None
         if basis.plain and not estimate and output_times.size <= MOST:
-            free = np.full((2, len(structure.system.constraints)), np.inf)
-            self._shared = (
-                scale, modes.weighted, basis.normal, basis.place, structure.W, free, modes.shapes,
-            )  # fmt: skip
+            free = np.full(len(structure.system.constraints), np.inf)
+            self._shared = handed_over(structure.modal._replace(lower=free, upper=free))
 
     def follow(self, z: Floats, tick: Tick | None = None) -> SoftRun:
         """Compute a motion from a state, shape (2, pair).
@@ -164,7 +162,7 @@ class SoftMotion:
         pairs, times = self._basis.pairs, self._times.size
         xs, vs = np.empty((times - 1, dofs.size)), np.empty((times - 1, dofs.size))
         stop = whole_soft_motion(
-            x, v, *self._shared, dofs, *self._exact, *self._fixed, settings, self._times,
+            x, v, self._shared, dofs, *self._exact, *self._fixed, settings, self._times,
             np.zeros((2, 2, pairs)), clock, counts, np.empty((times, 2, pairs)), work, xs, vs,
         )  # fmt: skip
         if stop != Stop.END:
@@ -217,10 +215,10 @@ class SoftMotion:
         start[0] = z
         if off:
             basis = self._basis
-            start[0] += _EPS * float((np.abs(z) * weights).max()) * basis.noise[0] * self._own
+            start[0] += _EPS * float((np.abs(z) * weights).max()) * basis.signs[0] * self._own
             rates, forms = rates.copy(), forms.copy()
             rates[1] += _EPS * basis.drifts[0]
-            forms[2] += _EPS * self._scene.bends[0]
+            forms[2] += _EPS * self._scene.kernel.errors.kicks[0]
         settings, clock, counts, work = self._arrays(eps)
         while True:
             stop = follow(
@@ -238,6 +236,18 @@ class SoftMotion:
                 raise ConvergenceError(message)
             if tick is not None:
                 tick(int(1e3 * (begin + (end - begin) * part)), 1000)
+
+
+def _flow(configuration: Configuration) -> tuple[Floats, Integers, Floats]:
+    """Return the flow and the forms as `kernels.taylor.follow` takes them."""
+    flow, watched = configuration.kernel.flow, configuration.kernel.watched
+    rows = np.zeros((2 * flow.drives.size, flow.nu.size))
+    for row, (i, k, real, imaginary) in enumerate(flow.drives.tolist()):
+        rows[2 * row, :2] = i, k
+        rows[2 * row + 1, :2] = real, imaginary
+    rates = np.concatenate([[flow.alpha, flow.nu, flow.rest, flow.push], rows])
+    split = np.array([flow.rotations, flow.hyperbolas_end, flow.damped], dtype=np.int64)
+    return np.ascontiguousarray(rates), split, np.ascontiguousarray(watched[:4])
 
 
 def _laws(structure: Structure, law: Power) -> Floats:

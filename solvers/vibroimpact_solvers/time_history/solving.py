@@ -9,6 +9,7 @@ import numpy as np
 
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.kernels.rigid_state import IMPACT
 from vibroimpact_solvers.plan import Plan, Stage
 from vibroimpact_solvers.results.time_history import Result
 from vibroimpact_solvers.time_history import reference
@@ -121,10 +122,10 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
 
 def _continued(prepared: Prepared, unfinished: Unfinished, tick: Tick | None) -> Result:
     """Return the result of a motion that the single call did not compute to its end."""
-    problem, scratch = prepared.problem, unfinished.scratch
+    problem, arrays = prepared.problem, unfinished.arrays
     history = History(problem, prepared.structure)
-    run = _run(prepared, scratch.Z[0], history, tick)
-    run.adopt(scratch.Z, scratch.clock, scratch.counts, scratch.table, scratch.samples)
+    run = _run(prepared, arrays.Z[0], history, tick)
+    run.adopt(arrays.Z, arrays.progress, arrays.table, arrays.samples)
     run.finish(unfinished.stop)
     return result_of(problem, run, history)
 
@@ -153,7 +154,6 @@ def _run(prepared: Prepared, z: Floats, history: History, tick: Tick | None) -> 
         prepared.output_times * structure.scale,
         problem.t_end * structure.scale,
         history.take,
-        keep="impacts" in problem.outputs,
         estimate=problem.estimate,
         tick=tick,
     )
@@ -248,19 +248,18 @@ def _add_history(values: dict[str, Any], history: History) -> None:
 
 def result_of(problem: Problem, run: Run, history: History) -> Result:
     """Return the result of a motion with rigid limiters that reached its end."""
-    values, scale, table = values_of_exact_motion(problem), run.scale, run.impacts
+    values, scale = values_of_exact_motion(problem), run.scale
     _add_history(values, history)
-    at, growth = _joined(table.at, (0, 2)), _joined(table.growth, (0,))
-    times = (at[:, 0] + at[:, 1]) / scale
+    impacts = np.concatenate(run.impacts) if run.impacts else np.zeros(0, IMPACT)
+    times, growth = (impacts["time"] + impacts["time_rest"]) / scale, impacts["deviation"].copy()
     if "impacts" in problem.outputs:
-        where, what = _joined(table.where, (0, 2)), _joined(table.what, (0, 3))
         values.update(
             impact_time=times,
-            impact_constraint=where[:, 0].astype(np.int64),
-            impact_side=where[:, 1].astype(np.int64),
-            impact_velocity=what[:, 0] * scale,
-            impact_impulse=what[:, 1] * scale,
-            impact_condition=what[:, 2].copy(),
+            impact_constraint=impacts["constraint"].copy(),
+            impact_side=impacts["side"].copy(),
+            impact_velocity=impacts["velocity"] * scale,
+            impact_impulse=impacts["impulse"] * scale,
+            impact_condition=growth,
         )
     if "contacts" in problem.outputs and run.intervals:
         intervals = run.intervals
@@ -272,19 +271,10 @@ def result_of(problem: Problem, run: Run, history: History) -> Result:
             contact_side=np.array([r.contact[1] for r in intervals], dtype=np.int64),
             contact_impulse=np.array([r.impulse for r in intervals]) / scale,
         )
-    _, _, expansions, _, _, _, _, _, grazings, _, _ = run.counts.tolist()
-    values["count_impacts"] = table.count
-    values["count_grazings"], values["count_expansions"] = grazings, expansions
-    largest = max(1.0, run.growth, float(growth.max(initial=0.0)))
-    values["error_penetration"] = checked_penetration(problem, float(run.clock[6]))
+    values["count_impacts"], values["count_grazings"] = impacts.size, int(run.at["grazings"])
+    values["count_expansions"] = int(run.at["expansions"])
+    values["error_penetration"] = checked_penetration(problem, float(run.at["penetration"]))
     if problem.estimate:
+        largest = max(1.0, run.growth, float(growth.max(initial=0.0)))
         set_condition(values, largest, times, growth)
-    elif "impacts" in problem.outputs:
-        values["impact_condition"] = np.full(times.size, math.nan)
     return Result(**values)
-
-
-def _joined(pieces: list[Any], shape: tuple[int, ...]) -> Any:
-    if len(pieces) == 1:
-        return pieces[0]
-    return np.concatenate(pieces) if pieces else np.zeros(shape)

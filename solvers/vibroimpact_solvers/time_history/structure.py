@@ -5,13 +5,17 @@ from __future__ import annotations
 import math
 import weakref
 from dataclasses import dataclass
-from typing import Final
+from functools import cached_property
+from typing import Any, Final
 
 import numpy as np
 import scipy.linalg
 
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.kernels import rigid_state
+from vibroimpact_solvers.kernels.flow import Watched
+from vibroimpact_solvers.kernels.modal import Modal
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.spectrum import Spectrum
 from vibroimpact_solvers.time_history.basis import Basis, Modes, exponent_of
@@ -26,7 +30,7 @@ _Key = tuple[spectrum.Method, tuple[Harmonic, ...], float]
 _PREPARED: weakref.WeakKeyDictionary[System, dict[_Key, Structure]] = weakref.WeakKeyDictionary()
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False)
 class Configuration:
     """The structure with given constraints in contact: its modal basis, and what is watched.
 
@@ -38,18 +42,23 @@ class Configuration:
     free : tuple of int
         The other constraints, in the order in which they are watched; contact forces are
         watched after them.
-    forms, sizes, walls, mobility, bends : array
-        As `kernels.free_motion.advance` takes them.
+    kernel : rigid_state.Structure
+        What the compiled loop takes.
     """
 
     basis: Basis
     contacts: tuple[Contact, ...]
     free: tuple[int, ...]
-    forms: Floats
-    sizes: Floats
-    walls: Floats
-    mobility: Floats
-    bends: Floats
+    kernel: rigid_state.Structure
+
+    @cached_property
+    def arguments(self) -> tuple[Any, ...]:
+        """The same as `kernels.rigid_motion.follow` takes it."""
+        flow, watched, walls, mobility, errors = self.kernel
+        rates = np.ascontiguousarray([flow.alpha, flow.nu, flow.rest, flow.push])
+        kinds = flow.rotations, flow.hyperbolas_end, flow.damped
+        forms, sizes = np.ascontiguousarray(watched[:4]), np.ascontiguousarray(watched[4:])
+        return rates, flow.drives, kinds, forms, sizes, walls, mobility, tuple(errors)
 
 
 class Structure:
@@ -153,7 +162,8 @@ class Structure:
         first = len(configuration.free)
         forces = []
         for k, contact in enumerate(configuration.contacts, start=first):
-            form, level = configuration.forms[0, k], configuration.walls[0, k]
+            form = configuration.kernel.watched.coordinate[k]
+            level = float(configuration.kernel.walls["lower"][k])
             rounding = 64.0 * _EPS * float(np.abs(form * z).sum() + abs(level))
             forces.append((contact, float((form * z).sum() + level), rounding))
         return forces
@@ -163,8 +173,18 @@ class Structure:
     ) -> float:
         """Return the acceleration of a free constraint towards a wall."""
         index, side = contact
-        slope = configuration.forms[1, configuration.free.index(index)]
+        slope = configuration.kernel.watched.velocity[configuration.free.index(index)]
         return side * float((slope * configuration.basis.rate(z)).sum())
+
+    @cached_property
+    def modal(self) -> Modal:
+        """The modes without contacts, for the conversion of initial states in kernels."""
+        basis = self.configuration().basis
+        modes, (lower, upper) = basis.modes, self.limits
+        return Modal(
+            self.scale, modes.weighted, modes.shapes, basis.still, basis.stretch, basis.delta,
+            basis.place, self.W, lower, upper,
+        )  # fmt: skip
 
     def mass_solve(self, b: Floats) -> Floats:
         """Return ``M^-1 b``."""
@@ -262,16 +282,17 @@ class Structure:
         fill = np.zeros(len(contacts))
         factor, rest = (np.concatenate([part, fill]) for part in (factor, rest))
         jumps = (slopes * basis.drift(kicks)).sum(axis=(1, 2))
-        return Configuration(
-            basis,
-            contacts,
-            free,
-            np.ascontiguousarray([forms, slopes, kicks, basis.drift(kicks)]),
-            basis.weight(forms),
-            np.ascontiguousarray([lower, upper, restitution, sizes, factor, rest, jumps]),
-            mobility,
-            basis.bends(slopes, kicks),
+        walls = np.empty(restitution.size, rigid_state.WALL)
+        walls["lower"], walls["upper"], walls["restitution"] = lower, upper, restitution
+        walls["size"], walls["factor"], walls["factor_rest"] = sizes, factor, rest
+        walls["bend"] = jumps
+        high, size, low = (np.ascontiguousarray(part) for part in basis.weight(forms))
+        watched = Watched(forms, slopes, kicks, basis.drift(kicks), size, high, low)
+        errors = basis.signs, basis.drifts, basis.kick_errors(slopes, kicks), basis.own
+        kernel = rigid_state.Structure(
+            basis.flow, watched, walls, mobility, rigid_state.Errors(*errors)
         )
+        return Configuration(basis, contacts, free, kernel)
 
     def _contact_force_forms(
         self, basis: Basis, contacts: tuple[Contact, ...]

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import Floats, Integers, along, declared
+from vibroimpact_solvers.kernels.rigid_state import PROGRESS
 from vibroimpact_solvers.plan import Plan, Stage
 from vibroimpact_solvers.results.time_history import Result
 from vibroimpact_solvers.time_history import solving
@@ -78,8 +79,8 @@ class Part:
     late_row, late_stop, late_impulse : array, shape (late,)
         Contacts of earlier windows that end in this one, by their rows in the whole table.
     seed_state : array, shape (1 + deviation, 2, pair)
-    seed_clock, seed_counts : array
-        Clock and counts of the compiled loop.
+    seed_progress : array, shape (number,)
+        The numbers of `kernels.rigid_state.PROGRESS`.
     seed_open : array, shape (open, 5)
         Contacts that continue: constraint, side, row, time of rest, impulse so far.
     contacts : int
@@ -105,8 +106,7 @@ class Part:
     late_stop: Floats
     late_impulse: Floats
     seed_state: Floats
-    seed_clock: Floats
-    seed_counts: Integers
+    seed_progress: Floats
     seed_open: Floats
     contacts: int
     count_impacts: int
@@ -233,7 +233,6 @@ class _WindowRun(Run):
             output_times * scale,
             window.stop * scale,
             history.take,
-            keep="impacts" in problem.outputs,
             estimate=problem.estimate,
             tick=tick,
         )
@@ -256,11 +255,11 @@ class _WindowRun(Run):
         self.configuration = self.structure.configuration(frozenset(self.contacts))
         self._samples(self.configuration)
         self.Z = before.seed_state.copy()
-        stop = float(self.clock[2])
-        self.clock[:] = before.seed_clock
-        self.clock[2] = stop
-        self.counts[:] = before.seed_counts
-        self.counts[[0, 1, 4]] = 0
+        now, stop = self.at, self.end
+        for name, number in zip(PROGRESS.names or (), before.seed_progress, strict=True):
+            now[name] = number
+        now["end"] = stop
+        now["rows"] = now["samples"] = now["first_sample"] = 0
         self._switched = (-1.0, 0)
 
     def _begin_contact(self, contact: Contact, lasts: float) -> None:
@@ -285,8 +284,7 @@ class _WindowRun(Run):
             late_stop=np.array([rest.stop for rest in late], dtype=np.float64) / scale,
             late_impulse=np.array([rest.impulse for rest in late], dtype=np.float64) / scale,
             seed_state=self.Z,
-            seed_clock=self.clock,
-            seed_counts=self.counts,
+            seed_progress=np.array(self.at.tolist(), dtype=np.float64),
             seed_open=np.array(
                 [
                     [*contact, places[id(rest)], rest.rest, rest.impulse]

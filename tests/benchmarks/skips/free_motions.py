@@ -10,22 +10,30 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from inspect import signature
 from threading import Lock
+from types import ModuleType
 from typing import Any, Final
 from unittest import mock
 
 import numpy as np
 
-from vibroimpact_solvers.kernels import free_motion, whole_motion
+from tests.solvers.kernels.compiled import compiled
+from vibroimpact_solvers.kernels import flow, modal, next_impact, rigid_motion, rigid_state
 from vibroimpact_solvers.time_history import run, single_call
 
 _COUNTED: Final = {
     "derivatives": "coordinates expanded",
     "near_derivatives": "coordinates expanded",
-    "take": "states advanced",
+    "propagate": "states advanced",
+    "propagate_state": "states advanced",
 }
 """What is counted when the loop calls a function of `kernels.flow`."""
+_NAMING: Final = ("flow_of", "watched_of", "scratch_of", "modal_of")
+_LOOPS: Final[dict[ModuleType, tuple[str, ...]]] = {
+    next_impact: ("next_event", "_expanded", "_closing_in"),
+    rigid_motion: ("_take_samples", "_move", "_advance"),
+}
+"""The functions that the interpreter runs."""
 
 LOCK: Final = Lock()
 """Held while numbers are counted: several threads may."""
@@ -34,18 +42,19 @@ LOCK: Final = Lock()
 @contextmanager
 def counted(counts: Counter[str]) -> Iterator[None]:
     """Count in the loop: expansions of one coordinate, and states taken to another time."""
+    interpreted = {name for names in _LOOPS.values() for name in names} | {*_NAMING}
     with ExitStack() as stack:
-        for name, what in _COUNTED.items():
-            function = _counter(getattr(free_motion, name), what, counts)
-            stack.enter_context(mock.patch.object(free_motion, name, function))
-        for name in _loops():
-            plain = getattr(free_motion, name).py_func
-            stack.enter_context(mock.patch.object(free_motion, name, plain))
-        loop = _quietly(free_motion.advance)
-        stack.enter_context(mock.patch.object(whole_motion, "advance", loop))
-        stack.enter_context(mock.patch.object(run, "advance", loop))
-        plain = vars(whole_motion)["whole_motion"].py_func
-        stack.enter_context(mock.patch.object(single_call, "whole_motion", plain))
+        for module in _LOOPS:
+            for name, function in list(vars(module).items()):
+                if not hasattr(function, "py_func"):
+                    continue
+                replaced = _FUNCTIONS[name] if name in interpreted else compiled(function)
+                if name in _COUNTED:
+                    replaced = _counter(replaced, _COUNTED[name], counts)
+                stack.enter_context(mock.patch.object(module, name, replaced))
+        loop = _quietly(_FUNCTIONS["follow"])
+        stack.enter_context(mock.patch.object(run, "follow", loop))
+        stack.enter_context(mock.patch.object(single_call, "follow", loop))
         yield
 
 
@@ -55,15 +64,22 @@ def watching_all() -> Iterator[None]:
 
     Only inside `counted`, which lets Python's interpreter run the loop.
     """
-    search = vars(free_motion)["_next_event"]
-    place = list(signature(search).parameters).index("out_of_reach")
+    search = next_impact.next_event
 
-    def awake(*args: Any) -> Any:
-        args[place][:] = False
-        return search(*args)
+    def awake(structure: Any, motion: Any, scratch: Any) -> Any:
+        scratch.in_reach[:] = True
+        return search(structure, motion, scratch)
 
-    with mock.patch.object(free_motion, "_next_event", awake):
+    with mock.patch.object(rigid_motion, "next_event", awake):
         yield
+
+
+_FUNCTIONS: Final = {
+    name: value.py_func
+    for module in (flow, modal, rigid_state, *_LOOPS)
+    for name, value in vars(module).items()
+    if hasattr(value, "py_func")
+}
 
 
 def _counter(function: Any, what: str, counts: Counter[str]) -> Callable[..., Any]:
@@ -75,25 +91,20 @@ def _counter(function: Any, what: str, counts: Counter[str]) -> Callable[..., An
     return called
 
 
+def _named_rows(given: Any) -> Any:
+    """Return tuples of arrays with attributes for columns, as compiled functions have them."""
+    if isinstance(given, tuple):
+        return tuple(_named_rows(item) for item in given)
+    if isinstance(given, np.ndarray) and given.dtype.names:
+        return given.view(np.recarray)
+    return given
+
+
 def _quietly(function: Any) -> Callable[..., Any]:
     """Let a function divide by zero without a warning, as compiled ones do."""
 
     def called(*args: Any) -> Any:
         with np.errstate(all="ignore"):
-            return function(*args)
+            return function(*(_named_rows(argument) for argument in args))
 
     return called
-
-
-def _loops() -> list[str]:
-    """Return the functions that have to be run by the interpreter: all that call counted ones."""
-    own = {
-        name: set(value.py_func.__code__.co_names)
-        for name, value in vars(free_motion).items()
-        if getattr(value, "py_func", None) is not None and value.__module__ == free_motion.__name__
-    }
-    names, known = set[str](), set(_COUNTED)
-    while more := {name for name, called in own.items() if called & known} - names:
-        names |= more
-        known |= more
-    return sorted(names)

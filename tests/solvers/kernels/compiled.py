@@ -9,10 +9,7 @@ import numba
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a function that Python can call, in place of an inner function of kernels."""
-
-    def call(*arguments: Any) -> Any:
-        return function(*arguments)
-
-    wrapped: Callable[..., Any] = numba.njit(error_model="numpy")(call)
-    return wrapped
+    """Return an inner function of kernels, compiled so that Python can call it."""
+    plain: Any = function
+    callable_one: Callable[..., Any] = numba.njit(error_model="numpy")(plain.py_func)
+    return callable_one

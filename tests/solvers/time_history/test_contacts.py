@@ -13,7 +13,8 @@ from vibroimpact_solvers import presets
 from vibroimpact_solvers import time_history as th
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ConvergenceError, ModelError
-from vibroimpact_solvers.kernels.free_motion import Stop, impulses
+from vibroimpact_solvers.kernels.impact_law import impulses
+from vibroimpact_solvers.kernels.rigid_motion import Stop
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.plan import Stage
 from vibroimpact_solvers.time_history import run
@@ -289,6 +290,6 @@ def test_a_search_that_does_not_get_on_is_given_up(monkeypatch: pytest.MonkeyPat
         t=np.linspace(0.0, 50.0, 201),
         outputs=frozenset({"x"}),
     )
-    monkeypatch.setattr(run, "advance", lambda *_: Stop.PAUSE)
+    monkeypatch.setattr(run, "follow", lambda *_: (Stop.PAUSE, 0, 0, 0, 0.0, 1.0))
     with pytest.raises(ConvergenceError, match=r"keeps grazing at t = 0\.0"):
         th.solve(problem, th.plan(problem))

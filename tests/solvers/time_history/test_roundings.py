@@ -24,7 +24,7 @@ def test_frequencies_keep_what_rounding_takes_from_them() -> None:
     system = presets.chain(13, [Constraint.at(5, GAP)])
     structure = Structure.of(system, spectrum.Method.CLOSED_FORM, 1.0)
     basis = structure.configuration().basis
-    nu, rest = basis.rates[1, basis.place], basis.rates[2, basis.place]
+    nu, rest = basis.flow.nu[basis.place], basis.flow.rest[basis.place]
     with mp.workdps(40):
         for j in range(13):
             true = 2 * mp.sin(mp.pi * (j + 1) / 28) / structure.scale

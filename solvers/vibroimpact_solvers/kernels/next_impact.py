@@ -1,0 +1,277 @@
+"""The next impact of a structure in free motion: none is missed.
+
+The free motion is exact (`kernels.flow`), so a watched coordinate y has known derivatives at any
+instant, and a bound B of its n-th derivative for as long as the instant's expansion is used. The
+envelopes ``p(h) -+ B h^n / n!`` of `kernels.passages` prove that no wall is passed before the
+first of their roots, where the next expansion starts; close to a wall the remainder sinks below
+rounding, and the root is the impact. Times are sums of two doubles.
+
+One undamped mode needs no search: its state turns on a circle, and a wall is a line across it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from vibroimpact_solvers.kernels.flow import (
+    Z1,
+    Z2,
+    bound,
+    derivatives,
+    near_derivatives,
+    propagate_state,
+    reach,
+    set_lengths,
+    set_propagator,
+)
+from vibroimpact_solvers.kernels.jit import fma, inline, once
+from vibroimpact_solvers.kernels.passages import (
+    first_passage,
+    horizon,
+    near_passage,
+    near_remainder,
+    remainder,
+    stays,
+)
+from vibroimpact_solvers.kernels.rigid_state import Motion, Rows, Scratch, Structure
+
+END: Final = -1
+PAUSE: Final = -2
+UNDECIDED: Final = -3
+"""What may end a free motion in place of a watched coordinate: the end of the time, the number of
+expansions, and nothing that is known."""
+
+ROUNDING: Final = 2.0 * 2.0**-52
+"""Rounding of a watched coordinate, relative to the sum of magnitudes it is made of."""
+SIMULTANEOUS: Final = 16.0
+"""Roundings within which two coordinates are at their walls at one time."""
+_EXACT = 2.0**-8  # remainder at an impact, in roundings
+_COARSE = 0.3  # remainder of a first expansion, relative to the room
+_NEAR = 1e-3  # remainder, relative to the room, at which envelopes of low degree close in
+_CLEAR = 1e-6  # squared speeds at a wall, relative to the motion, that are no grazing
+_TURN = 6.283185307179586  # 2 pi
+_NEVER = 1e300
+
+
+@inline
+def two_sum(a: float, b: float) -> tuple[float, float]:
+    """Return a + b rounded, and what rounding took from it."""
+    s = a + b
+    part = s - a
+    return s, (a - (s - part)) + (b - part)
+
+
+@inline
+def remaining(progress: Rows) -> float:
+    """Return the time until the end of the motion."""
+    now = progress[0]
+    return float((now.end - now.time) - now.time_rest)
+
+
+@once
+def find_reach(structure: Structure, motion: Motion, scratch: Scratch) -> None:
+    """Fill in how well the watched coordinates are known, and whether they may reach a wall."""
+    flow, watched, walls, z = structure.flow, structure.watched, structure.walls, motion.z
+    lengths, left = scratch.lengths, remaining(motion.progress)
+    grows = flow.rotations < lengths.size or flow.drives.size > 0
+    set_lengths(flow, z, lengths)
+    for i in range(walls.size):
+        close = far = reach(flow, watched.size[i], z, lengths, 0.0)
+        if grows:
+            far = reach(flow, watched.size[i], z, lengths, left)
+        rounding = ROUNDING * (close + walls[i].size)
+        scratch.rounding[i] = rounding
+        scratch.in_reach[i] = not far + rounding < min(walls[i].lower, walls[i].upper)
+
+
+@inline
+def _distance(room: float, slope: float, bend: float, rounding: float) -> float:
+    """Return the distance to a wall as an expansion may use it; negative: the wall is met.
+
+    slope and bend are the first two derivatives towards the wall.
+    """
+    if room > rounding:
+        return room
+    if slope < 0.0:
+        return 0.0
+    if bend < 0.0 and slope * slope <= -2.0 * bend * rounding:
+        return 2.0 * rounding  # grazes within rounding: leaves by itself
+    return room if room > 0.0 else -1.0
+
+
+@inline
+def _room(walls: Rows, i: int, rounding: float) -> float:
+    """Return the distance between the walls of a coordinate, or what its motion takes of it."""
+    return float(min(walls[i].lower + walls[i].upper, rounding / ROUNDING))
+
+
+@inline
+def _expanded(
+    structure: Structure, scratch: Scratch, i: int, left: bool, best: float, ahead: float
+) -> tuple[float, float, int]:
+    """Return a time before which a coordinate passes no wall, the remainder, the wall it may pass.
+
+    left: it was just released from a wall. The time is negative where the wall is met already,
+    and only times before best matter.
+    """
+    flow, watched, walls = structure.flow, structure.watched, structure.walls
+    d, rounding = scratch.derivatives, scratch.rounding[i]
+    derivatives(flow, watched.coordinate[i], scratch.z, d)
+    above = _distance(walls[i].upper - d[0], d[1], d[2], rounding)
+    below = _distance(walls[i].lower + d[0], -d[1], -d[2], rounding)
+    if left:
+        # It leaves with a speed that is rounding.
+        above = max(above, SIMULTANEOUS * rounding)
+        below = max(below, SIMULTANEOUS * rounding)
+    elif above < 0.0 or below < 0.0:
+        return -1.0, 0.0, (1 if above < 0.0 else -1)
+    B = bound(flow, watched, i, scratch.z, scratch.lengths, True, ahead)
+    H = min(horizon(B, _COARSE * _room(walls, i, rounding)), min(ahead, best))
+    h, side = first_passage(d, B, H, above, below, scratch.roots, 2.0 * _EXACT * rounding)
+    return h, remainder(B, h), side
+
+
+@inline
+def _closing_in(
+    structure: Structure, scratch: Scratch, i: int, first: bool, H: float
+) -> tuple[float, float, int]:
+    """Return what `_expanded` does, by envelopes of low degree; a negative time: they do not do.
+
+    The first one runs straight to its wall. Of the others it is only told that they pass none
+    before H, which is their time then.
+    """
+    flow, walls, low = structure.flow, structure.walls, scratch.low
+    near_derivatives(flow, structure.watched.coordinate[i], scratch.z, low)
+    above, below = walls[i].upper - low[0], walls[i].lower + low[0]
+    if min(above, below) > scratch.rounding[i]:
+        B = bound(flow, structure.watched, i, scratch.z, scratch.lengths, False, H)
+        if not first:
+            return (H if stays(low, B, H, above, below) else -1.0), 0.0, 0
+        h, side = near_passage(low, B, above, below)
+        return h, near_remainder(B, h), side
+    return -1.0, 0.0, 0
+
+
+@inline
+def next_event(
+    structure: Structure, motion: Motion, scratch: Scratch
+) -> tuple[float, float, int, int]:
+    """Return how long the motion is free (two doubles), what ends it, and at which wall.
+
+    It is ended by a watched coordinate (>= 0), `END` or, provisionally, `PAUSE`.
+    """
+    flow, walls, z = structure.flow, structure.walls, scratch.z
+    rounding, progress, m = scratch.rounding, motion.progress[0], structure.walls.size
+    changes = flow.damped or flow.rotations < scratch.lengths.size
+    s, ds, close = 0.0, 0.0, -1
+    for j in range(z.shape[1]):
+        z[Z1, j], z[Z2, j] = motion.z[Z1, j], motion.z[Z2, j]
+    while True:
+        left = remaining(motion.progress) - s - ds
+        if left <= 0.0:
+            return s, ds, END, 0
+        best, rest, who, side = left, 0.0, END, 0
+        if s > 0.0 and changes:
+            set_lengths(flow, z, scratch.lengths)
+        ahead = min(left, progress.longest)
+        for k in range(m):
+            # The coordinate that is close to its wall first: the others have no time then.
+            i = (max(close, 0) + k) % m
+            if not scratch.in_reach[i]:
+                continue
+            if close >= 0:
+                H = min(ahead, best)
+                h, more, at = _closing_in(structure, scratch, i, k == 0, H)
+                if k > 0 and h >= 0.0:
+                    continue
+                if 0.0 <= h < best:
+                    best, side, rest, who = h, at, more, i
+                    continue
+            released = progress.released == i and s == 0.0
+            h, more, at = _expanded(structure, scratch, i, released, best, ahead)
+            if h < 0.0:
+                best, rest, who, side = 0.0, 0.0, i, at
+                break
+            if h < best or (at != 0 and who < 0):
+                best, side, rest = h, at, more
+                who = i if at != 0 else END
+        progress.expansions += 1
+        s, lost = two_sum(s, best)
+        ds += lost
+        # The envelope meets the wall early by the remainder: always, and so as to add up.
+        if who >= 0 and rest <= _EXACT * rounding[who]:
+            return s, ds, who, side
+        if who < 0 and best >= left:
+            return s, ds, END, 0
+        if progress.expansions >= progress.budget:
+            return s, ds, PAUSE, 0
+        close = -1
+        if who >= 0 and rest <= _NEAR * _room(walls, who, rounding[who]):
+            close = who
+        set_propagator(flow, s, ds, scratch.propagator)
+        propagate_state(flow, scratch.propagator, s + ds, motion.z, z)
+
+
+@inline
+def has_one_undamped_mode(structure: Structure) -> bool:
+    """Return whether a motion can use `next_crossing`."""
+    flow, watched = structure.flow, structure.watched
+    alone = flow.alpha.size == 1 and flow.rotations == 1 and not flow.damped
+    if alone:
+        for i in range(structure.walls.size):
+            alone = alone and watched.coordinate[i, Z2, 0] == 0.0
+    return alone
+
+
+@inline
+def next_crossing(
+    structure: Structure, motion: Motion, scratch: Scratch
+) -> tuple[float, float, int, int]:
+    """Return what `next_event` does, for one mode without damping, in closed form.
+
+    Where a wall is all but touched, which rounding may decide, it is `UNDECIDED`.
+    """
+    walls, progress = structure.walls, motion.progress[0]
+    nu, nu_rest = structure.flow.nu[0], structure.flow.rest[0]
+    a, b = motion.z[Z1, 0], motion.z[Z2, 0]
+    circle = a * a + b * b
+    best, who, side = _NEVER, END, 0
+    for i in range(walls.size):
+        form = structure.watched.coordinate[i, Z1, 0]
+        if not scratch.in_reach[i] or form == 0.0:
+            continue
+        if progress.released == i:
+            return 0.0, 0.0, UNDECIDED, 0
+        # The wall that it moves towards comes first, if it gets there at all.
+        ahead = form * b > 0.0
+        for turned in range(2):
+            upper = ahead if turned == 0 else not ahead
+            wall = walls[i].upper if upper else walls[i].lower
+            if wall == math.inf:
+                continue
+            towards = form if upper else -form
+            c = wall / towards
+            squared = b * b + (a - c) * (a + c)
+            if abs(squared) <= _CLEAR * circle:
+                return 0.0, 0.0, UNDECIDED, 0
+            if squared < 0.0:
+                continue
+            if wall - towards * a <= scratch.rounding[i] and towards * b > 0.0:
+                return 0.0, 0.0, UNDECIDED, 0  # there already
+            speed = math.copysign(math.sqrt(squared), towards)
+            angle = math.atan2(b * c - a * speed, a * c + b * speed)
+            if angle < 0.0:
+                angle += _TURN
+            if angle < best:
+                best, who, side = angle, i, (1 if upper else -1)
+            break
+    progress.expansions += 1
+    left = remaining(motion.progress)
+    if left <= 0.0:
+        return 0.0, 0.0, END, 0
+    s = best / nu
+    if s >= left:
+        return left, 0.0, END, 0
+    ds = (fma(-s, nu, best) - s * nu_rest) / nu
+    return s, ds, who, side

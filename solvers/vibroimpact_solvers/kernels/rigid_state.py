@@ -1,0 +1,169 @@
+"""What describes a motion with rigid limiters in kernels: the structure, the motion and scratch.
+
+Everything is in units of the structure's own time (`time_history.basis`), in which powers of its
+frequencies stay within the range of double precision.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.kernels.flow import Z1, Flow, Watched
+from vibroimpact_solvers.kernels.jit import once
+from vibroimpact_solvers.kernels.passages import DEPTH, LOW, ORDER
+
+Rows = NDArray[np.void]
+
+WALL: Final = np.dtype(
+    [
+        # Distances to the lower and the upper wall from the zero of the coordinate, infinite
+        # where there is none.
+        ("lower", "f8"),
+        ("upper", "f8"),
+        # Negative for a contact force: where it vanishes, a contact ends.
+        ("restitution", "f8"),
+        # What its rounding is relative to, beside the motion.
+        ("size", "f8"),
+        # (1 + restitution) over the diagonal of the mobility, as the sum of two doubles.
+        ("factor", "f8"),
+        ("factor_rest", "f8"),
+        # Change of the coordinate's acceleration by a unit impulse.
+        ("bend", "f8"),
+    ]
+)
+"""The walls of a watched coordinate."""
+
+IMPACT: Final = np.dtype(
+    [
+        ("time", "f8"),
+        ("time_rest", "f8"),
+        ("velocity", "f8"),  # before the impact
+        ("impulse", "f8"),
+        ("deviation", "f8"),  # relative to the motion
+        ("constraint", "i8"),
+        ("side", "i8"),
+    ]
+)
+"""An impact; its time is the sum of two doubles."""
+
+PROGRESS: Final = np.dtype(
+    [
+        # Given, and never changed by the loop.
+        ("end", "f8"),
+        ("longest", "f8"),  # of an expansion
+        ("chatter", "f8"),  # remaining time of a chatter that is not followed impact by impact
+        ("budget", "i8"),  # expansions after which the loop pauses
+        ("first_sample", "i8"),  # in the buffer
+        ("stops_at_impacts", "i8"),
+        # Kept from call to call.
+        ("begun", "i8"),  # whether the deviations are set
+        ("time", "f8"),
+        ("time_rest", "f8"),
+        ("largest", "f8"),  # length of the state so far
+        ("penetration", "f8"),  # largest distance between a wall and the place of an impact at it
+        ("rows", "i8"),  # in the table of impacts
+        ("samples", "i8"),
+        ("expansions", "i8"),
+        ("grazings", "i8"),
+        ("impacts", "i8"),  # of all
+        ("released", "i8"),  # the watched coordinate that was just released, or -1
+        # Returned: what ended the loop.
+        ("coordinate", "i8"),
+        ("side", "i8"),
+        ("chatter_left", "f8"),  # remaining time of a chatter that ends at its wall
+    ]
+)
+"""How far a motion is; an array of one row."""
+
+STRUCK: Final = np.dtype(
+    [
+        ("coordinate", "i8"),
+        ("side", "f8"),
+        ("restitution", "f8"),
+        ("speed", "f8"),  # towards the wall, before the impact
+        ("speed_rest", "f8"),  # what rounding took from it
+        ("impulse", "f8"),  # away from the wall
+    ]
+)
+"""A coordinate at a wall."""
+
+
+class Errors(NamedTuple):
+    """Sizes of the errors that deviations stand for, in units of 2^-52."""
+
+    signs: Floats  # (row, 2, pair): random, of size 1
+    drifts: Floats  # (column, pair): of the frequencies
+    kicks: Floats  # (column, watched, 2, pair): of the changes of state by unit impulses
+    own: Floats  # (pair,): 0 for the pairs of loads, 1 for the others
+
+
+class Structure(NamedTuple):
+    """A structure with rigid limiters, some constraints possibly in contact."""
+
+    flow: Flow
+    watched: Watched
+    walls: Rows  # (watched,), of `WALL`
+    mobility: Floats  # (watched, watched): W M^-1 W^T
+    errors: Errors
+
+
+class Motion(NamedTuple):
+    """A motion: its present state, and where impacts and samples are written."""
+
+    z: Floats  # (2, pair)
+    deviations: Floats  # (column, 2, pair), in units of 2^-52; none: no errors are estimated
+    progress: Rows  # (1,), of `PROGRESS`
+    impacts: Rows  # (row,), of `IMPACT`
+    output_times: Floats  # (sample,), ascending
+    samples: Floats  # (buffer, 2, pair): the states there
+
+
+class Scratch(NamedTuple):
+    """Arrays that functions overwrite."""
+
+    z: Floats  # (2, pair): the state at which a coordinate is expanded
+    rate: Floats  # (2, pair)
+    propagator: Floats  # (2, pair)
+    lengths: Floats  # (pair,)
+    rounding: Floats  # (watched,): of the coordinates
+    right: Floats  # (watched,): right-hand side of `equations`, and their solution
+    solution: Floats  # (watched,)
+    in_reach: Integers  # (watched,)
+    basic: Integers  # (watched,)
+    derivatives: Floats  # (ORDER,)
+    low: Floats  # (LOW,)
+    roots: Floats  # (DEPTH + 5, DEPTH + 2), of `passages.first_passage`
+    struck: Rows  # (watched,), of `STRUCK`
+    equations: Floats  # (2 watched, watched + 1)
+
+
+_Z, _RATE, _PROPAGATOR, _LENGTHS = range(4)
+_ROUNDING, _RIGHT, _SOLUTION = range(3)
+_IN_REACH, _BASIC = range(2)
+
+
+def workspace(pairs: int, watched: int) -> tuple[Any, ...]:
+    """Return what `scratch_of` gives names to: few arrays, as each takes time to hand over."""
+    return (
+        np.empty((4, 2, pairs)),
+        np.empty((3, watched)),
+        np.empty((2, watched), dtype=np.int64),
+        np.empty((DEPTH + 7, DEPTH + 2)),
+        np.empty(watched, STRUCK),
+        np.empty((2 * watched, watched + 1)),
+    )
+
+
+@once
+def scratch_of(given: tuple[Any, ...]) -> Scratch:
+    """Give names to the arrays of `workspace`."""
+    states, numbers, marks, search, struck, equations = given
+    return Scratch(
+        states[_Z], states[_RATE], states[_PROPAGATOR], states[_LENGTHS, Z1], numbers[_ROUNDING],
+        numbers[_RIGHT], numbers[_SOLUTION], marks[_IN_REACH], marks[_BASIC], search[-2, :ORDER],
+        search[-1, :LOW], search[:-2], struck, equations,
+    )  # fmt: skip
