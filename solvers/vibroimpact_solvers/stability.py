@@ -203,7 +203,6 @@ class PeriodMap:
         orbits, f, scale = self.orbits, self.f, self.scale
         acceleration = orbits.load - orbits.roots * np.abs(orbits.roots) * side.position[f]
         velocity = sign * side.velocity[f]
-        none = np.zeros(orbits.roots.size)
         force_error = self._force_error(side)
         for row in side.rows:
             approach = float(row @ velocity)
@@ -211,7 +210,7 @@ class PeriodMap:
             if not np.isfinite(curvature):
                 self.grazes = True
                 return
-            saltation.strike(self.X, row, scale, curvature, none, 1.0)
+            saltation.strike(self.X, row, scale, curvature)
             relative = orbits.error[f] + orbits.row_error + 4.0 * EPS
             roundings = 4.0 * EPS * float(np.abs(row) @ np.abs(acceleration))
             off = (float(np.abs(row) @ force_error) + roundings) / abs(approach)

@@ -18,7 +18,7 @@ from numpy.polynomial import chebyshev
 from scipy.special import spence
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.kernels.jit import kernel
+from vibroimpact_solvers.kernels.jit import inner
 
 # The inverse has its nearest singularities at +-i pi^2/8, so that on panels of this width
 # polynomials of degree 12 leave less than rounding.
@@ -72,7 +72,7 @@ def table() -> Floats:
     return rows
 
 
-@kernel
+@inner
 def log_tangent(y: float, rows: Floats) -> float:
     """Return ln z for y = Ti2(z), y > 0; `rows` is `table()`."""
     if y >= _FAR:

@@ -28,7 +28,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats, Integers
-from vibroimpact_solvers.kernels.jit import inner, kernel
+from vibroimpact_solvers.kernels.jit import inline, inner, kernel
 from vibroimpact_solvers.kernels.phases import sine_cosine
 
 UNDECIDED: Final = 0
@@ -233,7 +233,7 @@ def _clear(cell: _Cell) -> float:
     return min(2.0 * first / (second + math.sqrt(second * second + 4.0 * first * third)), 2.0)
 
 
-@inner
+@inline
 def _near_pole(cell: _Cell, a: int, j: int, tau: float, width: float) -> _Bounds:
     """Return the bounds of the term of a mode near its pole, in one limit."""
     modes, q, half = cell.modes, cell.q, cell.half
@@ -266,7 +266,7 @@ def _near_pole(cell: _Cell, a: int, j: int, tau: float, width: float) -> _Bounds
     return _Bounds(bracket / scale, low, high, least, noise / scale)
 
 
-@inner
+@inline
 def _box(cell: _Cell, a: int, tau: float, width: float) -> _Bounds:
     """Return bounds of P of one limit over a box of the cell and ``tau +- width``."""
     root, modes, sums, q, half = cell.margin.root, cell.modes, cell.sums, cell.q, cell.half
@@ -302,17 +302,19 @@ def _decide(
 
     The hint is where P was smallest in the cell before, and of which limit.
     """
-    if _box(cell, hinted, hint, 0.0).high < 0.0:
-        return _Verdict(PHANTOM, hint, hinted, top, 1, False)
     clear = 1.0 - _clear(cell)
-    examined, end, smallest, settled = 1, top, np.inf, False
+    examined, end, smallest, settled = 0, top, np.inf, False
     best, whose_best = hint, hinted
-    for k in range(bottom, top):
-        a, depth = waiting.limit[k], 0
-        stack.low[depth], stack.high[depth] = waiting.low[k], waiting.high[k]
-        if a == cell.margin.struck:
-            stack.high[depth] = min(waiting.high[k], clear)
-        depth += stack.low[depth] < stack.high[depth]
+    # First the hint, as a box without width.
+    for k in range(bottom - 1, top):
+        a, depth = hinted, 0
+        stack.low[depth] = stack.high[depth] = hint
+        if k >= bottom:
+            a = waiting.limit[k]
+            stack.low[depth], stack.high[depth] = waiting.low[k], waiting.high[k]
+            if a == cell.margin.struck:
+                stack.high[depth] = min(waiting.high[k], clear)
+        depth += k < bottom or stack.low[depth] < stack.high[depth]
         while depth > 0:
             depth -= 1
             low_tau, high_tau = stack.low[depth], stack.high[depth]
@@ -320,10 +322,10 @@ def _decide(
             bounds = _box(cell, a, tau, width)
             value, low = bounds.value, bounds.low
             examined += 1
-            if bounds.least > 0.0:
-                continue
             if bounds.high < 0.0:
                 return _Verdict(PHANTOM, tau, a, top, examined, False)
+            if bounds.least > 0.0 or k < bottom:
+                continue
             if value < smallest:
                 smallest, best, whose_best = value, tau, a
             # Divided along tau as long as its width in tau is what keeps the box undecided; where

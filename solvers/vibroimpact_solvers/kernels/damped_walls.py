@@ -1,4 +1,11 @@
-"""A damped oscillator between elastic walls: its impacts, and closed forms of its slow flow."""
+"""A damped oscillator between elastic walls: its impacts, and closed forms of its slow flow.
+
+Between impacts ``x'' + 2 delta x' + Omega0^2 x = 0`` has its elementary solution. The coordinate
+rises towards a wall until its velocity vanishes, at a time known in closed form: up to there it is
+monotonic, and Newton's method with bisection finds the impact to the last bit. The slow flow is
+that of eq. 10.13-10.18: the elastic solution, eq. 10.14, with gamma as it decreases. The
+series of eq. 10.18 is cut off where its terms are below rounding.
+"""
 
 from __future__ import annotations
 
@@ -7,14 +14,14 @@ import math
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.kernels.jit import fma, kernel
+from vibroimpact_solvers.kernels.jit import fma, inner, kernel
 from vibroimpact_solvers.kernels.phases import sine_cosine
 from vibroimpact_solvers.kernels.waves import fold
 
 _LANES = 64  # times of a block
 
 
-@kernel
+@inner
 def state(
     x: float, v: float, delta: float, root: float, square: float, s: float
 ) -> tuple[float, float]:
@@ -30,7 +37,7 @@ def state(
     )
 
 
-@kernel
+@inner
 def crossing(x: float, v: float, delta: float, root: float, square: float, wall: float) -> float:
     """Return when x reaches a wall above it from a state with v > 0; -1 where it turns before."""
     top = math.atan2(v * root, delta * v + square * x) / root

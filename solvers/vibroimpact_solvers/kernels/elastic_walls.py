@@ -1,21 +1,50 @@
-"""Motion of a linear structure, one coordinate of which strikes elastic walls."""
+"""Motion of a linear structure of unit mass, one coordinate of which strikes elastic walls.
+
+Between impacts the first-order state is a sum of eigenvectors, and the constrained coordinate
+
+    y(s) = Re sum_k w_k exp(rho_k s)
+
+with the eigenvalues rho of the first-order system. The next impact is sought in steps that are
+short against the fastest vibration, so that at most one turn lies in each, and located by
+bisection to the last bit. Of all states with the coordinate at a wall one has the least energy:
+below it no wall is ever reached again.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.kernels.jit import kernel
+from vibroimpact_solvers.kernels.jit import inner, kernel
 
 Complex = NDArray[np.complex128]
 
 
-@kernel
-def coordinate(weights: Complex, rates: Complex, s: float) -> tuple[float, float]:
+class Structure(NamedTuple):
+    """The free motion, and the energy."""
+
+    modes: Complex  # eigenvectors of the first-order system, (2 n, 2 n)
+    inverse: Complex  # of the modes, (2 n, 2 n)
+    rates: Complex  # eigenvalues of the first-order system, (2 n,)
+    stiffness: Floats  # (n, n)
+
+
+class Walls(NamedTuple):
+    """Walls on both sides, and the search for impacts."""
+
+    dof: int  # the constrained degree of freedom
+    distance: float  # of the walls
+    least: float  # energy below which no wall is ever reached again
+    step: float  # of the search
+    until: float  # last time
+
+
+@inner
+def _coordinate(weights: Complex, rates: Complex, s: float) -> tuple[float, float]:
     """Return the constrained coordinate and its rate; weights and rates have shape (2 n,)."""
     y, slope = 0.0, 0.0
     for j in range(rates.size):
@@ -27,17 +56,17 @@ def coordinate(weights: Complex, rates: Complex, s: float) -> tuple[float, float
     return y, slope
 
 
-@kernel
+@inner
 def _halve(
-    weights: Complex, rates: Complex, low: float, high: float, level: float, turning: bool
+    weights: Complex, rates: Complex, side: float, low: float, high: float, wall: float
 ) -> float:
-    """Return where the coordinate passes a level upwards, or turns from rising to falling."""
+    """Return where the coordinate passes a wall on one side, or turns back if it is infinite."""
     for _ in range(200):
         middle = 0.5 * (low + high)
-        if middle in (low, high):
+        if not low < middle < high:
             break
-        y, slope = coordinate(weights, rates, middle)
-        early = slope > 0.0 if turning else y < level
+        y, slope = _coordinate(weights, rates, middle)
+        early = side * slope > 0.0 if wall == math.inf else side * y < wall
         if early:
             low = middle
         else:
@@ -45,69 +74,85 @@ def _halve(
     return high
 
 
-@kernel
-def next_impact(weights: Complex, rates: Complex, wall: float, step: float, until: float) -> Any:
+@inner
+def _next_impact(
+    weights: Complex, rates: Complex, wall: float, step: float, until: float
+) -> tuple[float, float]:
     """Return the time of the next impact and its side, or `until` and 0.
 
-    Steps are short against the fastest vibration, so that at most one turn lies in each; a turn
-    is located, so that a short stay beyond a wall is not missed.
+    A turn is located, so that a short stay beyond a wall is not missed.
     """
-    y, slope = coordinate(weights, rates, 0.0)
+    y, slope = _coordinate(weights, rates, 0.0)
     s = 0.0
     while s < until:
         following = min(s + step, until)
-        y1, slope1 = coordinate(weights, rates, following)
-        for side in (1.0, -1.0):
+        y1, slope1 = _coordinate(weights, rates, following)
+        for k in range(2):
+            side = 1.0 - 2.0 * k
             end, top = following, side * y1
             if side * slope > 0.0 and side * slope1 <= 0.0:
-                end = _halve(side * weights, rates, s, following, 0.0, True)
-                top = side * coordinate(weights, rates, end)[0]
+                end = _halve(weights, rates, side, s, following, math.inf)
+                top = side * _coordinate(weights, rates, end)[0]
             # Just after an impact the coordinate is at the wall and leaves it.
             if top >= wall and side * y < wall:
-                return _halve(side * weights, rates, s, end, wall, False), side
+                return _halve(weights, rates, side, s, end, wall), side
         s, y, slope = following, y1, slope1
     return until, 0.0
 
 
+@inner
+def _energy(y: Floats, stiffness: Floats) -> float:
+    """Return the energy of a state."""
+    n, energy = stiffness.shape[0], 0.0
+    for i in range(n):
+        force = 0.0
+        for k in range(n):
+            force += stiffness[i, k] * y[k]
+        energy += 0.5 * (y[n + i] * y[n + i] + y[i] * force)
+    return energy
+
+
 @kernel
 def impacts(
-    state: Floats, modes: Complex, inverse: Complex, rates: Complex, dof: int, wall: float,
-    step: float, until: float, least: float, stiffness: Floats, times: Floats, states: Floats,
-) -> int:  # fmt: skip
-    """Follow a structure of unit mass from impact to impact; return the number of impacts.
+    state: Floats, structure: Structure, walls: Walls, times: Floats, states: Floats
+) -> int:
+    """Follow a structure from impact to impact; return the number of impacts.
 
     Parameters
     ----------
     state : array, shape (2 n,)
         Displacements and velocities at time 0.
-    modes, inverse, rates : arrays, shape (2 n, 2 n) twice and (2 n,), complex
-        Eigenvectors of the first-order system, their inverse, and its eigenvalues.
-    dof : int
-        The constrained degree of freedom.
-    wall, step, until : float
-        Distance of the walls, step of the search and last time.
-    least : float
-        Energy below which no wall is ever reached again.
-    stiffness : array, shape (n, n)
-        K, for the energy.
+    structure : Structure
+    walls : Walls
     times, states : arrays, shape (impact,) and (impact, 2 n)
         Written: times of impacts and the states after them.
     """
-    n = state.size // 2
-    y, now = state.copy(), 0.0
+    modes, inverse, rates, stiffness = structure
+    dof, now, size = walls.dof, 0.0, state.size
+    weights, seen = np.empty(size, np.complex128), np.empty(size, np.complex128)
+    y = state
     for count in range(times.size):
-        energy = 0.5 * (np.dot(y[n:], y[n:]) + np.dot(y[:n], np.dot(stiffness, y[:n])))
-        if energy < least or now >= until:
+        if _energy(y, stiffness) < walls.least or now >= walls.until:
             return count
-        weights = np.dot(inverse, y.astype(np.complex128))
-        seen = modes[dof] * weights
-        s, side = next_impact(seen, rates, wall, step, until - now)
+        for j in range(size):
+            weight = complex(0.0, 0.0)
+            for k in range(size):
+                weight += inverse[j, k] * y[k]
+            weights[j], seen[j] = weight, modes[dof, j] * weight
+        s, side = _next_impact(seen, rates, walls.distance, walls.step, walls.until - now)
         if side == 0.0:
             return count
-        y = np.dot(modes, weights * np.exp(rates * s)).real.copy()
         now += s
-        y[dof] = side * wall
-        y[n + dof] = -y[n + dof]
+        for j in range(size):
+            decay = math.exp(rates[j].real * s)
+            weights[j] *= complex(
+                decay * math.cos(rates[j].imag * s), decay * math.sin(rates[j].imag * s)
+            )
+        y = states[count]
+        for i in range(size):
+            y[i] = 0.0
+            for j in range(size):
+                y[i] += (modes[i, j] * weights[j]).real
+        y[dof], y[size // 2 + dof] = side * walls.distance, -y[size // 2 + dof]
         times[count] = now
-        states[count] = y
     return times.size

@@ -239,14 +239,13 @@ def check(
     waves = _Waves(
         np.empty(n), np.empty(n), np.empty(n), np.empty(n, np.int64), np.empty(n), np.empty(n)
     )
-    mu, force, place = np.empty(n), np.empty(n), np.zeros(n)
+    mu, force, place = np.empty(n), np.empty(n), np.empty(n)
     for f in range(motions.omega.size):
         omega, witness[f], certified[f] = motions.omega[f], np.nan, True
         for j in range(n):
             gamma = motions.roots[j] / omega
             mu[j], force[j] = gamma * abs(gamma), motions.load[j] / (omega * omega)
-            if symmetric:
-                place[j] = motions.U[f, j]
+            place[j] = motions.U[f, j] if symmetric else 0.0
         modes = _Modes(mu, force, motions.D[f], place)
         for a in range(limits.lower.size):
             row = limits.rows[a]

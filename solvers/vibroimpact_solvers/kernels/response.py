@@ -97,6 +97,11 @@ def _amplitudes_one(
     modes = roots.size
     step = max(1, _PHASES // max(modes, 1))
     phase, rest = np.empty(step * modes), np.empty(step * modes)
+    root, root_rest = np.empty(modes), np.empty(modes)
+    for j in range(modes):
+        # The amplitude of an unstable mode is that of one at rest.
+        root[j] = max(roots[j], 0.0)
+        root_rest[j] = root[j] * rests[j]
     for first in range(0, omega.size, step):
         count = min(step, omega.size - first)
         for f in range(count):
@@ -104,19 +109,28 @@ def _amplitudes_one(
             q = 1.0 / omega[first + f]
             q_rest = q * (fma(-q, omega[first + f], 1.0) - omega_rests[first + f])
             for j in range(modes):
-                root = roots[j] if roots[j] > 0.0 else 0.0
-                x = root * q
-                lost = fma(root, q_rest, fma(root, q, -x))
-                some[j], some_rest[j] = x, fma(root * rests[j], q, lost)
-        for i in range(count * modes):
-            phase[i] = 1.0 / sine_cosine(phase[i], rest[i])[1]
+                x = root[j] * q
+                lost = fma(root[j], q_rest, fma(root[j], q, -x))
+                some[j], some_rest[j] = x, fma(root_rest[j], q, lost)
+        _secants(phase[: count * modes], rest[: count * modes])
         for s in range(scale.shape[0]):
             for f in range(count):
                 secant, factor = phase[f * modes : (f + 1) * modes], scale[s, first + f]
                 amplitude = D[s, first + f]
-                for j in range(modes):
-                    # Nothing moves where the response vanishes.
-                    amplitude[j] = row[j] * factor * secant[j] if factor != 0.0 else 0.0
+                if factor == 0.0:
+                    # Nothing moves where the response is infinite; its secant may be.
+                    for j in range(modes):
+                        amplitude[j] = 0.0
+                else:
+                    for j in range(modes):
+                        amplitude[j] = row[j] * factor * secant[j]
+
+
+@inner
+def _secants(phase: Floats, rest: Floats) -> None:
+    """Replace phases by 1/cos."""
+    for i in range(phase.size):
+        phase[i] = 1.0 / sine_cosine(phase[i], rest[i])[1]
 
 
 def response_one(

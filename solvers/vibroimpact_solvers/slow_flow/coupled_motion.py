@@ -41,12 +41,11 @@ class CoupledMotion:
         step = 2.0 * math.pi / (_STEPS * float(np.abs(free.rates).max()))
         modes = np.ascontiguousarray(free.modes)
         inverse = np.ascontiguousarray(np.linalg.inv(modes))
+        structure = elastic_walls.Structure(modes, inverse, free.rates, stiffness)
+        walls = elastic_walls.Walls(0, parameters.Delta, least, step, until)
         while True:
             times, states = np.empty(size), np.empty((size, 4))
-            count = elastic_walls.impacts(
-                start, modes, inverse, free.rates, 0, parameters.Delta, step, until, least,
-                stiffness, times, states,
-            )  # fmt: skip
+            count = elastic_walls.impacts(start, structure, walls, times, states)
             if count < size:
                 return cls(free, start, times[:count].copy(), states[:count].copy())
             if size > _MOST:

@@ -172,18 +172,19 @@ class Restitution(Model):
                 return _State(lam, self.Omega / lam, phi, x, v)
 
     def _corrected(self, later: Floats, second: bool, shapes: bool) -> _State:
-        out = np.empty((4 if shapes else 2, later.size))
-        rows, clock = arctangent.table(), self.Omega * later
+        lam, phi = np.empty((2, later.size))
+        x, v = np.empty((2, later.size if shapes else 0))
         y0 = float(arctangent.inverse_tangent_integral(np.array(self.z0)))
-        w0, kappa = math.log(self.z0), self.kappa
+        rows, w0 = arctangent.table(), math.log(self.z0)
+        clock = lossy_walls.Clock(rows, y0, w0, self.kappa, second)
+        times, into = self.Omega * later, lossy_walls.SlowFlow(lam, phi, x, v)
 
         def piece(start: int, stop: int) -> None:
-            lossy_walls.slow_flow(
-                clock, start, stop, rows, y0, w0, kappa, second, shapes, out
-            )  # fmt: skip
+            part = lossy_walls.SlowFlow(*(array[start:stop] for array in into))
+            lossy_walls.slow_flow(times[start:stop], clock, part)
 
         over_ranges(piece, later.size, _STEPS * later.size * (4.0 if second else 1.0))
-        return self._scaled(out[0], out[1], *(out[2:] if shapes else (None, None)))
+        return self._scaled(lam, phi, *((x, v) if shapes else (None, None)))
 
     def _printed(self, later: Floats, shapes: bool) -> _State:
         lam0, eps = np.array(math.atan(self.z0)), self.eps
@@ -192,7 +193,7 @@ class Restitution(Model):
         if not shapes:
             return self._scaled(lam, phi, None, None)
         x, v = np.empty_like(lam), np.empty_like(lam)
-        lossy_walls.printed_shapes(lam, phi, eps, 0, lam.size, x, v)
+        lossy_walls.printed_shapes(lam, phi, eps, x, v)
         return self._scaled(lam, phi, x, v)
 
     def _scaled(self, lam: Floats, phi: Floats, x: Floats | None, v: Floats | None) -> _State:
