@@ -41,7 +41,8 @@ def state(
 def crossing(x: float, v: float, delta: float, root: float, square: float, wall: float) -> float:
     """Return when x reaches a wall above it from a state with v > 0; -1 where it turns before."""
     top = math.atan2(v * root, delta * v + square * x) / root
-    if state(x, v, delta, root, square, top)[0] <= wall:
+    highest, _ = state(x, v, delta, root, square, top)
+    if highest <= wall:
         return -1.0
     low, high = 0.0, top
     # Without damping the walls would be met at the middle of the phase plane's arc.

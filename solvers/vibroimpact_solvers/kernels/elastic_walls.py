@@ -92,7 +92,8 @@ def _next_impact(
             end, top = following, side * y1
             if side * slope > 0.0 and side * slope1 <= 0.0:
                 end = _halve(weights, rates, side, s, following, math.inf)
-                top = side * _coordinate(weights, rates, end)[0]
+                top, _ = _coordinate(weights, rates, end)
+                top *= side
             # Just after an impact the coordinate is at the wall and leaves it.
             if top >= wall and side * y < wall:
                 return _halve(weights, rates, side, s, end, wall), side
