@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numba
 import pytest
+from llvmlite import binding
 
 from vibroimpact_solvers.kernels import cache
 
@@ -166,6 +167,58 @@ def test_without_a_writable_package_the_caches_of_the_user_serve(tmp_path: Path)
     nowhere = tmp_path / "file"
     nowhere.touch()
     assert cache.folder(package, nowhere) is None
+
+
+@pytest.mark.parametrize("ending", ["nbi", "nbc"])
+def test_files_that_a_crash_cut_short_are_removed(tmp_path: Path, ending: str) -> None:
+    copy = tmp_path / "vibroimpact_solvers"
+    shutil.copytree(SOLVERS, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    write(copy, "kernel", 6.0)
+    assert answer(tmp_path) == (6.0, 0)
+    (folder,) = (copy / "kernels" / "__pycache__").glob("compiled-*")
+    files = list(folder.glob(f"*/caller*.{ending}"))
+    assert files
+    for content in (b"", files[0].read_bytes()[:-20], bytes(files[0].stat().st_size)):
+        (folder / "sweep.warm").write_text("0.1.0")
+        files[0].write_bytes(content)
+        assert answer(tmp_path) == (6.0, 0)
+        assert answer(tmp_path) == (6.0, 1)
+        assert not (folder / "sweep.warm").exists()
+
+
+def test_kernels_of_a_package_that_cannot_be_written_to_are_copied(tmp_path: Path) -> None:
+    """As in an image: root compiled them, another user runs the service."""
+    package, user = tmp_path / "package", tmp_path / "user"
+    package.mkdir()
+    inside = cache.folder(package, user)
+    assert inside is not None
+    assert inside.parent.parent == package
+    (inside / "kernels").mkdir()
+    (inside / "kernels" / "a.nbi").write_bytes(b"x.")
+    (inside / "sweep.warm").write_text("0.1.0")
+    (inside / "used").unlink()
+    (inside / "used").symlink_to(tmp_path / "nothing" / "there")  # whoever runs this
+    for _ in range(2):
+        place = cache.folder(package, user)
+        assert place == user / inside.name
+        assert (place / "kernels" / "a.nbi").read_bytes() == b"x."
+        assert (place / "sweep.warm").read_text() == "0.1.0"
+        assert [folder.name for folder in user.iterdir()] == [inside.name]
+
+
+def test_a_processor_that_lacks_what_numba_is_told_of_gets_code_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = cache.fingerprint(tmp_path)
+    there = {name for name, is_there in binding.get_host_cpu_features().items() if is_there}
+    some = ",".join(f"+{name}" for name in sorted(there)[:3])
+    monkeypatch.setattr("numba.config.CPU_NAME", "x86-64-v3")
+    monkeypatch.setattr("numba.config.CPU_FEATURES", some)
+    told = cache.fingerprint(tmp_path)
+    assert told != own
+    assert cache.fingerprint(tmp_path) == told
+    monkeypatch.setattr("numba.config.CPU_FEATURES", f"{some},+no-such-feature")
+    assert cache.fingerprint(tmp_path) == own
 
 
 def test_the_folder_that_numba_is_given_is_used(
