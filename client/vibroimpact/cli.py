@@ -24,6 +24,7 @@ _HELP = {
     "keys": "Create and revoke API keys.",
     "scheduler": "Run the scheduler of a cluster.",
     "serve": "Run the service.",
+    "warm": "Compile the kernels of all computations beforehand.",
     "worker": "Run a worker of a cluster.",
 }
 """Help texts of the commands that are not imported to show them."""

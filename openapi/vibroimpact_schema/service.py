@@ -12,6 +12,12 @@ class Health(Document):
 
     status: str = Field(examples=["ok"])
     checks: dict[str, str] = Field(description="Part of the service -> ok, or what is wrong.")
+    kernels: str | None = Field(
+        None,
+        description="Whether all compiled code is there: warm, warming (computations whose code "
+        "is missing become jobs), or failed and for which kinds.",
+        examples=["warm"],
+    )
 
 
 class ServiceLimits(Document):

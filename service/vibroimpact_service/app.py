@@ -35,6 +35,7 @@ from vibroimpact_service.jobs.queue import JobQueue
 from vibroimpact_service.metrics import Metrics
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
+from vibroimpact_service.warming import Warming
 
 _DESCRIPTION: Final = (
     "Indices count from 0. Frequencies are Omega, the fundamental angular frequency "
@@ -54,7 +55,11 @@ _ROUTERS: Final = (
 )
 
 
-def create_app(settings: Settings | None = None, queue: JobQueue | None = None) -> FastAPI:
+def create_app(
+    settings: Settings | None = None,
+    queue: JobQueue | None = None,
+    warming: Warming | None = None,
+) -> FastAPI:
     """Return the application.
 
     Parameters
@@ -63,6 +68,8 @@ def create_app(settings: Settings | None = None, queue: JobQueue | None = None) 
         Absent: from the environment.
     queue : JobQueue, optional
         Absent: one of its own.
+    warming : Warming, optional
+        Absent: kernels are compiled where they are needed first.
     """
     chosen = settings or Settings()
     store = Store(chosen.store_url)
@@ -75,7 +82,7 @@ def create_app(settings: Settings | None = None, queue: JobQueue | None = None) 
         authenticator=authenticator,
         budget=Budget(chosen),
         metrics=metrics,
-        evaluation=Evaluation(chosen, store, jobs_queue, metrics),
+        evaluation=Evaluation(chosen, store, jobs_queue, metrics, warming),
         body_memory=BodyMemory(chosen.max_bodies_bytes),
     )
 

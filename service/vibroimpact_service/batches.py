@@ -33,6 +33,7 @@ async def answer(
     settings: Settings,
     threads: Threads,
     engine: Engine,
+    is_warm: Callable[[str], bool],
 ) -> bytes:
     """Return the results of the requests of a batch, in their order, as one document.
 
@@ -42,7 +43,7 @@ async def answer(
     ------
     ProblemError
         422 where the batch as a whole is wrong; what is wrong with one of its requests
-        stands in the place of its result.
+        stands in the place of its result. 503 where neither workers nor kernels are there yet.
     """
 
     def read() -> tuple[str, list[Any]]:
@@ -61,6 +62,10 @@ async def answer(
         try:
             return list(await engine.run(compute, *arguments))
         except (EngineUnavailableError, WorkerLostError):
+            if not is_warm(kind):
+                detail = "The kernels are being compiled."
+                headers = {"Retry-After": "1"}
+                raise ProblemError(problems.UNAVAILABLE, detail, headers=headers) from None
             return await threads.run(lambda: compute(*arguments, None))
 
     parts = _parts(contents, 2 * max(1, engine.workers))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Sequence
 from contextlib import closing
 from functools import lru_cache
@@ -196,8 +195,7 @@ def explain(error: BaseException) -> dict[str, Any]:
 def prepare() -> None:
     """Load the numerical libraries before the first job needs them."""
     logs.to_stderr()
-    for module in loading.NUMERICAL:
-        importlib.import_module(module)
+    loading.load()
 
 
 WORK: Final = Work(

@@ -1,4 +1,4 @@
-"""The commands of the service: serve, scheduler, worker, certificates, and the contract."""
+"""The commands of the service: serve, scheduler, worker, warm, certificates, the contract."""
 
 from __future__ import annotations
 
@@ -70,16 +70,20 @@ def serve(
         # It loads the numerical libraries while this process loads those of HTTP.
         forkserver.start(loading.NUMERICAL)
     from vibroimpact_service.app import create_app
+    from vibroimpact_service.warming import Warming
 
     logs.to_stderr()
     for name in unknown(os.environ):
         log.warning("there is no such setting", variable=name)
     for old, new in renamed(os.environ).items():
         log.warning("the setting has a new name", variable=old, now=new)
+    loading.load()
     # By default, Python would let threads keep the event loop waiting for 5 ms at a time.
     sys.setswitchinterval(0.001)
-    server = Server(create_app(settings), settings)
-    server.run()
+    warming = Warming()
+    server = Server(create_app(settings, warming=warming), settings)
+    with warming.in_background():
+        server.run()
     _end_threads()
     if not server.started:
         raise typer.Exit(3)
@@ -113,13 +117,44 @@ def worker(
     """
     from vibroimpact_service import chunks
     from vibroimpact_service.jobs import cluster
+    from vibroimpact_service.warming import Warming
 
     settings = _cluster_settings(tls, scheduler=address, workers=workers)
     if settings.scheduler is None or not settings.scheduler.startswith("tls://"):
         typer.echo("the address of the scheduler must be given, as tls://host:port", err=True)
         raise typer.Exit(2)
     logs.to_stderr()
-    cluster.work(settings, chunks.WORK.modules, lambda count: typer.echo(f"{count} workers"))
+    with Warming().in_background():
+        cluster.work(settings, chunks.WORK.modules, lambda count: typer.echo(f"{count} workers"))
+
+
+@app.command()
+def warm() -> None:
+    """Compile the kernels of all kinds of computations and keep them on disk.
+
+    Services and workers do so by themselves, in the background. This command does it beforehand,
+    as when an image is built, and ends at once where all is compiled.
+    """
+    from vibroimpact_service.warming import FolderNotWritableError, Warming
+
+    logs.to_stderr()
+    warming = Warming()
+    try:
+        place = warming.start()
+    except FolderNotWritableError as error:
+        typer.echo(f"{error}; NUMBA_CACHE_DIR can name one", err=True)
+        raise typer.Exit(3) from None
+    try:
+        with typer.progressbar(length=len(warming.states), label="Compiling kernels") as bar:
+            for done in warming.progress():
+                bar.update(done - bar.pos)
+    finally:
+        warming.close()
+    failed = [kind for kind, state in warming.states.items() if state != "warm"]
+    if failed:
+        typer.echo(f"not compiled: {', '.join(failed)}", err=True)
+        raise typer.Exit(1)
+    typer.echo(f"Kernels are kept in {place}")
 
 
 @app.command()

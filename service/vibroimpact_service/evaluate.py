@@ -11,6 +11,7 @@ from typing import Final
 import structlog
 
 from vibroimpact_schema.plans import Plan as PlanDocument
+from vibroimpact_schema.sweeps import SweepRequest
 from vibroimpact_service import execute, problems
 from vibroimpact_service.documents import digest, parse, planning, requests
 from vibroimpact_service.documents.planning import Planned
@@ -28,6 +29,7 @@ from vibroimpact_service.results.representations import Representation
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 from vibroimpact_service.threads import Threads
+from vibroimpact_service.warming import Warming
 from vibroimpact_solvers.plan import Plan
 
 log = structlog.get_logger("vibroimpact.evaluate")
@@ -76,8 +78,16 @@ class Answer:
 class Evaluation:
     """Answers requests of all kinds."""
 
-    def __init__(self, settings: Settings, store: Store, queue: JobQueue, metrics: Metrics) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        store: Store,
+        queue: JobQueue,
+        metrics: Metrics,
+        warming: Warming | None = None,
+    ) -> None:
         self._settings, self._metrics = settings, metrics
+        self.warming = warming or Warming()
         self.store, self.queue = store, queue
         self.threads = Threads(settings, self._computed)
         self.results = Results(store)
@@ -110,24 +120,29 @@ class Evaluation:
         """Return the result of a request, or the job that will have it.
 
         An idempotency key is kept with the job; a result needs none, being named by its request.
+        While kernels are missing it becomes a job: this process would not answer anybody else
+        while it compiled them. The caller waits for the job as long as for a result.
         """
-        planned = None
+        planned, wait = None, preference.wait
         if not preference.respond_async:
             stored = await self.results.get(request.digest, media_type)
             if stored is not None:
                 self._metrics.result(request.kind.name, "hit")
                 return Answer(stored, "hit")
-            try:
-                outcome = await self._now(request, media_type, admission)
-            except StoppedError:
-                log.warning("longer than planned: becomes a job", kind=request.kind.name)
+            if not self._is_warm(request):
+                wait = self._settings.inline_overrun_seconds if wait is None else wait
             else:
-                if isinstance(outcome, Answer):
-                    return outcome
-                planned = outcome
+                try:
+                    outcome = await self._now(request, media_type, admission)
+                except StoppedError:
+                    log.warning("longer than planned: becomes a job", kind=request.kind.name)
+                else:
+                    if isinstance(outcome, Answer):
+                        return outcome
+                    planned = outcome
         job = await self.submit(request, admission, key, planned=planned)
-        if preference.wait is not None:
-            job = await self.queue.wait(request.owner, job.id, preference.wait) or job
+        if wait is not None:
+            job = await self.queue.wait(request.owner, job.id, wait) or job
             if job.state == "succeeded":
                 result = await self.results.get(request.digest, media_type)
                 if result is not None:
@@ -158,7 +173,8 @@ class Evaluation:
             if planned is None:
                 planned = await self.threads.run(lambda: self._plan(request))
             seconds = planned.seconds
-            if self.threads.accepts(seconds) and not self.queue.computes(request.digest):
+            at_once = self._is_warm(request) and self.threads.accepts(seconds)
+            if at_once and not self.queue.computes(request.digest):
                 work = self._work(request, planned)
             else:
                 await self._check_unfinished(request.owner)
@@ -245,6 +261,13 @@ class Evaluation:
                 "The result was computed but is not in the store; send the request again.",
             )
         return Answer(result, _CACHE_STATUS[how], outcome.seconds)
+
+    def _is_warm(self, request: Request) -> bool:
+        """Whether the kernels for a request are compiled; those of a sweep are its base's too."""
+        kinds = [request.kind.name]
+        if isinstance(request.document, SweepRequest):
+            kinds.append(request.document.root.kind)
+        return self.warming.is_warm(*kinds)
 
     def _plan(self, request: Request) -> Planned:
         return planning.plan(self.store, request.kind, request.document, self._settings)

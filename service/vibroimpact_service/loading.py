@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from typing import Final
 
 NUMERICAL: Final = (
@@ -11,3 +12,9 @@ NUMERICAL: Final = (
     "vibroimpact_service.results.encode",
 )
 """Modules that workers are born with."""
+
+
+def load() -> None:
+    """Import the modules into this process, where no request has to wait for it."""
+    for module in NUMERICAL:
+        importlib.import_module(module)

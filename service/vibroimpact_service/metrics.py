@@ -74,6 +74,10 @@ class Metrics:
         self._ready = Gauge(
             "vibroimpact_ready", "Whether the service accepts work.", registry=self._registry
         )
+        self._kernels = Gauge(
+            "vibroimpact_kernels_warm", "Whether the kernels of a kind are compiled.", ("kind",),
+            registry=self._registry,
+        )  # fmt: skip
 
     async def watch_loop(self) -> None:
         """Measure continuously how late the event loop wakes, by what blocked it."""
@@ -106,10 +110,14 @@ class Metrics:
         self._solves.labels(kind, "+".join(dict.fromkeys(methods))).observe(seconds)
         self._planned.labels(kind).inc(planned)
 
-    def text(self, jobs: Mapping[str, int], workers: int, ready: bool) -> bytes:
-        """Return all metrics, with the present state of jobs and workers."""
+    def text(
+        self, jobs: Mapping[str, int], workers: int, ready: bool, kernels: Mapping[str, str]
+    ) -> bytes:
+        """Return all metrics, with the present state of jobs, workers and kernels."""
         for state, count in jobs.items():
             self._jobs.labels(state).set(count)
         self._workers.set(workers)
         self._ready.set(ready)
+        for kind, state in kernels.items():
+            self._kernels.labels(kind).set(state == "warm")
         return generate_latest(self._registry)

@@ -67,7 +67,11 @@ def _closed_figures() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def start() -> Iterator[Callable[..., Service]]:
-    """Return the function that starts a service; what still runs at the end is stopped."""
+    """Return the function that starts a service; what still runs at the end is stopped.
+
+    Kernels are compiled before, for else requests that need them would become jobs.
+    """
+    subprocess.run([sys.executable, "-m", "vibroimpact_service.cli", "warm"], check=True)
     started: list[Service] = []
 
     def starting(data: Path, **environment: str) -> Service:

@@ -9,7 +9,6 @@ were asked for.
 from __future__ import annotations
 
 import argparse
-import http.client
 import json
 import os
 import re
@@ -20,10 +19,6 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
-
-from vibroimpact_schema import examples
-from vibroimpact_service.kinds import KINDS
 
 HERE = Path(__file__).parent
 USERS = ("ann", "bob")
@@ -71,21 +66,6 @@ def start(data: Path) -> tuple[subprocess.Popen[bytes], str, dict[str, str]]:
             sys.exit((data / "stderr.txt").read_text())
         time.sleep(0.05)
     return process, json.loads(note.read_text())["url"], users
-
-
-def warm(url: str, authorization: str) -> None:
-    """Have every kernel compiled, by the examples, before a case has to wait for it."""
-    connection = http.client.HTTPConnection(urlsplit(url).netloc, timeout=300)
-    headers = {"Content-Type": "application/json", "Authorization": authorization}
-    for kind in KINDS:
-        for name, example in examples.requests(kind).items():
-            body = json.dumps(example["request"])
-            connection.request("POST", f"/v1/compute/{kind}", body, headers)
-            answer = connection.getresponse()
-            text = answer.read()
-            if answer.status not in (200, 202):
-                sys.exit(f"the example {kind}.{name} is answered {answer.status}: {text[:500]!r}")
-    connection.close()
 
 
 def run(url: str, users: Path, phases: str, number: int, seed: int) -> tuple[int, int]:
@@ -142,11 +122,12 @@ def main() -> None:
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(len(PHASES)) as pool:
         data = Path(folder)
+        began = time.monotonic()
+        # Before a case has to wait for a kernel.
+        subprocess.run([sys.executable, "-m", "vibroimpact_service.cli", "warm"], check=True)
         process, url, users = start(data)
         file = data / "users.json"
         file.write_text(json.dumps({"auth": [identity(*user) for user in users.items()]}))
-        began = time.monotonic()
-        warm(url, users[USERS[0]])
         print(f"kernels ready after {time.monotonic() - began:.0f} s", flush=True)
         runs = [
             pool.submit(run, url, file, phases, given.examples, given.seed) for phases in PHASES

@@ -155,6 +155,12 @@ async def batch(request: Request) -> Response:
     evaluation, settings = services(request).evaluation, services(request).settings
     charge, engine = admission(request).charge, evaluation.queue.engine
     content = await batches.answer(
-        owner(request), body, charge, settings, evaluation.threads, engine
+        owner(request),
+        body,
+        charge,
+        settings,
+        evaluation.threads,
+        engine,
+        evaluation.warming.is_warm,
     )
     return Response(content, media_type=representations.JSON)

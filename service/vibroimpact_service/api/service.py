@@ -49,8 +49,9 @@ async def health_live() -> Response:
     },
 )
 async def health_ready(request: Request) -> Response:
-    """Whether records, store and workers accept work."""
-    queue = services(request).evaluation.queue
+    """Whether records, store and workers accept work; what needs cold kernels becomes a job."""
+    evaluation = services(request).evaluation
+    queue = evaluation.queue
     checks = {
         "records": "ok" if queue.healthy else "the job queue has stopped",
         "workers": "ok" if queue.engine.ready else queue.engine.failure or "starting",
@@ -60,7 +61,8 @@ async def health_ready(request: Request) -> Response:
     if faults:
         detail = "; ".join(faults)
         raise ProblemError(problems.UNAVAILABLE, detail, headers={"Retry-After": "1"})
-    return answers.document(Health(status="ok", checks=checks))
+    kernels = evaluation.warming.summary
+    return answers.document(Health(status="ok", checks=checks, kernels=kernels))
 
 
 @router.get(
@@ -125,8 +127,9 @@ async def get_version(request: Request) -> Response:
 )
 async def get_metrics(request: Request) -> Response:
     """Return requests, queue, workers, cache and solve times, in the format of Prometheus."""
-    metrics, queue = services(request).metrics, services(request).evaluation.queue
-    text = metrics.text(await queue.waiting(), queue.engine.workers, queue.engine.ready)
+    metrics, evaluation = services(request).metrics, services(request).evaluation
+    queue, kernels = evaluation.queue, evaluation.warming.states
+    text = metrics.text(await queue.waiting(), queue.engine.workers, queue.engine.ready, kernels)
     return Response(text, media_type=MEDIA_TYPE)
 
 

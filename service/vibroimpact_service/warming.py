@@ -1,0 +1,242 @@
+"""Compiling kernels before a request needs them, in processes of their own.
+
+A process of low priority solves problems of one kind of computation after another, so that every
+kernel they need is compiled and kept on disk (`kernels.cache`); a file beside the kernels marks
+that a kind is warm. While it compiles a kind, a process holds a lock on that file: several
+services that start at the same time share the work.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import multiprocessing
+import os
+import signal
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from importlib.metadata import version
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import Any, Final, Literal
+
+import structlog
+
+from vibroimpact_schema import examples
+from vibroimpact_service import loading, logs
+from vibroimpact_service.documents import planning, requests
+from vibroimpact_service.jobs import forkserver
+from vibroimpact_service.kinds import KINDS
+from vibroimpact_service.store import Store
+from vibroimpact_service.warming_problems import PROBLEMS
+from vibroimpact_solvers.kernels import cache, threads
+
+State = Literal["warming", "warm", "failed"]
+
+log = structlog.get_logger("vibroimpact.warming")
+
+_NICENESS: Final = 10
+_PROGRESS_SECONDS: Final = 0.2
+_ATTEMPTS: Final = 2
+"""A process that was killed, for its memory perhaps, gets another chance."""
+_SHARED: Final = (
+    ("time-history", "ensemble"),
+    ("impact-modes", "existence-bands", "resonances", "sweep"),
+)
+"""Kinds that need the same kernels, to be compiled one after the other; the longest first."""
+_VERSION: Final = version("vibroimpact")
+
+
+def problems(kind: str) -> list[Mapping[str, Any]]:
+    """Return requests of a kind that together need all of its kernels."""
+    shown = [example["request"] for example in examples.requests(kind).values()]
+    return [*shown, *PROBLEMS.get(kind, ())]
+
+
+def solve_problems(kind: str) -> None:
+    """Solve the problems of a kind."""
+    with tempfile.TemporaryDirectory() as folder:
+        store = Store(folder)
+        for content in problems(kind):
+            request = requests.read("warming", KINDS[kind], content)
+            planned = planning.plan(store, request.kind, request.document)
+            planned.kind.solver.solve(planned.problem, planned.plan)
+
+
+class FolderNotWritableError(OSError):
+    """Kernels cannot be kept anywhere."""
+
+
+class Warming:
+    """Compiles the kernels of all kinds that are not warm yet, in background processes.
+
+    Before `start` all kinds count as warm: kernels that are not are then compiled where they are
+    needed first.
+
+    Parameters
+    ----------
+    solve : callable
+        Solves the problems of a kind, in a process of its own.
+
+    Attributes
+    ----------
+    states : dict
+        Name of a kind -> "warming", "warm" or "failed".
+    """
+
+    def __init__(self, solve: Callable[[str], None] = solve_problems) -> None:
+        self._solve = solve
+        self.states: dict[str, State] = dict.fromkeys(KINDS, "warm")
+        self._threads: list[threading.Thread] = []
+        self._processes: set[BaseProcess] = set()
+        self._lock, self._closed = threading.Lock(), False
+
+    def start(self) -> Path:
+        """Begin.
+
+        Returns
+        -------
+        Path
+            The folder in which kernels are kept.
+
+        Raises
+        ------
+        FolderNotWritableError
+            Where there is none; all kinds have failed then.
+        """
+        place = cache.folder()
+        if place is None:
+            self.states = dict.fromkeys(KINDS, "failed")
+            raise FolderNotWritableError("no folder for compiled kernels can be written to")
+        cold = {kind for kind in KINDS if not is_warm(place, kind)}
+        if not cold:
+            return place
+        self.states |= dict.fromkeys(cold, "warming")
+        forkserver.start(loading.NUMERICAL)
+        tracks: SimpleQueue[Sequence[str]] = SimpleQueue()
+        alone = [(kind,) for kind in KINDS if not any(kind in track for track in _SHARED)]
+        for track in (*_SHARED, *alone):
+            tracks.put([kind for kind in track if kind in cold])
+        for _ in range(threads.cores()):
+            thread = threading.Thread(
+                target=self._run, args=(place, tracks), name="warming", daemon=True
+            )
+            thread.start()
+            self._threads.append(thread)
+        return place
+
+    def is_warm(self, *kinds: str) -> bool:
+        """Whether the kernels of kinds are compiled."""
+        return all(self.states.get(kind, "warm") == "warm" for kind in kinds)
+
+    @property
+    def summary(self) -> str:
+        """The state of all kinds: warm, warming, or which failed."""
+        failed = [kind for kind, state in self.states.items() if state == "failed"]
+        if failed:
+            return f"failed: {', '.join(failed)}"
+        return "warm" if self.is_warm(*self.states) else "warming"
+
+    def progress(self) -> Iterator[int]:
+        """Yield how many kinds are warm or have failed, now and then, until all are."""
+        while (left := list(self.states.values()).count("warming")) > 0:
+            yield len(self.states) - left
+            time.sleep(_PROGRESS_SECONDS)
+        yield len(self.states)
+
+    @contextmanager
+    def in_background(self) -> Iterator[None]:
+        """Start, and stop in the end; where no kernels can be kept, the log says so."""
+        try:
+            self.start()
+        except FolderNotWritableError as error:
+            log.warning("kernels are compiled anew in each process", reason=str(error))
+        try:
+            yield
+        finally:
+            self.close()
+
+    def close(self) -> None:
+        """Stop: what is compiled stays on disk."""
+        with self._lock:
+            self._closed = True
+            for process in self._processes:
+                process.terminate()
+        for thread in self._threads:
+            thread.join()
+
+    def _run(self, place: Path, tracks: SimpleQueue[Sequence[str]]) -> None:
+        with suppress(Empty):
+            while not self._closed:
+                for kind in tracks.get_nowait():
+                    self._compile(place, kind)
+
+    def _compile(self, place: Path, kind: str) -> None:
+        """Compile a kind, and take note of the outcome."""
+        for _ in range(_ATTEMPTS):
+            self._process(place, kind)
+            if self._closed:
+                return
+            # Not by its exit code, which another thread that starts a process may have taken.
+            if is_warm(place, kind):
+                self.states[kind] = "warm"
+                return
+        log.error("kernels cannot be compiled", kind=kind)
+        self.states[kind] = "failed"
+
+    def _process(self, place: Path, kind: str) -> None:
+        """Compile a kind in a process of its own."""
+        context = multiprocessing.get_context("forkserver")
+        process = context.Process(target=compile_kind, args=(place, kind, self._solve), daemon=True)
+        with self._lock:
+            if self._closed:
+                return
+            process.start()
+            self._processes.add(process)
+        process.join()
+        with self._lock:
+            self._processes.discard(process)
+
+
+def is_warm(place: Path, kind: str) -> bool:
+    """Whether the kernels of a kind are in a folder, compiled by this version."""
+    try:
+        return _mark(place, kind).read_text() == _VERSION
+    except OSError:
+        return False
+
+
+def compile_kind(place: Path, kind: str, solve: Callable[[str], None]) -> None:
+    """Compile the kernels of a kind in this process, unless another one does or has.
+
+    Parameters
+    ----------
+    place : Path
+        Folder of the kernels.
+    kind : str
+    solve : callable
+        Solves the problems of a kind.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process ends this one
+    logs.to_stderr()
+    os.nice(_NICENESS)
+    with _locked(_mark(place, kind)):
+        if not is_warm(place, kind):
+            solve(kind)
+            _mark(place, kind).write_text(_VERSION)
+
+
+def _mark(place: Path, kind: str) -> Path:
+    return place / f"{kind}{cache.WARM}"
+
+
+@contextmanager
+def _locked(file: Path) -> Iterator[None]:
+    """Hold a lock on a file, where its file system knows locks."""
+    with file.open("a") as opened:
+        with suppress(OSError):
+            fcntl.flock(opened, fcntl.LOCK_EX)
+        yield

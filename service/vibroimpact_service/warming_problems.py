@@ -1,0 +1,70 @@
+"""Requests that need kernels which no example in the contract needs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+_OSCILLATOR: Final = {"preset": "oscillator", "Omega0": 1, "constraints": [{"dof": 0, "gap": 1}]}
+_DAMPED: Final = {**_OSCILLATOR, "zeta": 0.01}
+_LOSSY: Final = {**_OSCILLATOR, "constraints": [{"dof": 0, "gap": 1, "restitution": 0.95}]}
+_TWO_MASSES: Final = {**_DAMPED, "preset": "two_mass", "coupling": 1}
+_CHAIN: Final = {"preset": "chain", "n": 13, "constraints": [{"dof": 5, "gap": 0.2}]}
+_TIMES: Final = {"start": 0, "stop": 2, "num": 5}
+
+PROBLEMS: Final[Mapping[str, Sequence[Mapping[str, Any]]]] = {
+    "impact-modes": (
+        {
+            "system": _CHAIN,
+            "frequency": {"values": [1.0, 2.5]},
+            "tau": [0, 0.5],
+            "outputs": [
+                "impulse", "exists", "shape", "waveform", "energy", "stability", "harmonics"
+            ],
+        },
+    ),
+    "time-history": (
+        # An impact of one mass while the other one rests at its wall.
+        {
+            "system": {
+                "M": {"scalar": 1, "n": 2},
+                "K": [[2, -1], [-1, 2]],
+                "C": [[0.2, -0.1], [-0.1, 0.3]],
+                "constraints": [
+                    {"dof": 0, "gap": {"lower": None, "upper": 0.05}, "restitution": 0},
+                    {"dof": 1, "gap": {"lower": 0.1, "upper": 0.5}, "restitution": 0},
+                ],
+            },
+            "initial": {"x": [0, 0], "v": [0.2, 0]},
+            "load": [
+                {"dof": 0, "amplitude": 0.6, "frequency": 0.5},
+                {"dof": 1, "amplitude": -0.5, "frequency": 0.35, "phase": 0.4},
+            ],
+            "t_end": 40,
+            "outputs": ["impacts", "contacts"],
+        },
+    ),
+    "slow-flow": (
+        {
+            "system": _DAMPED,
+            "model": "damped",
+            "variant": "truncated",
+            "initial": {"gamma": 0.2},
+            "t": _TIMES,
+        },
+        {
+            "system": _TWO_MASSES,
+            "model": "two_oscillator",
+            "variant": "exact",
+            "initial": {"gamma": 0.2},
+            "t": _TIMES,
+        },
+        {
+            "system": _LOSSY,
+            "model": "restitution",
+            "variant": "printed",
+            "initial": {"omega": 5},
+            "t": _TIMES,
+        },
+    ),
+}  # fmt: skip

@@ -1,0 +1,212 @@
+"""Kernels are compiled beforehand, in processes that may fail, be killed, or meet others."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import orjson
+import pytest
+from starlette.testclient import TestClient
+from typer.testing import CliRunner
+
+from tests.service.compiling import failing, killed, noted
+from vibroimpact_service import cli, warming
+from vibroimpact_service.app import create_app
+from vibroimpact_service.documents import parse, planning, requests
+from vibroimpact_service.evaluate import Admission, Answer, Evaluation, Preference
+from vibroimpact_service.jobs.tables import JobRow
+from vibroimpact_service.kinds import KINDS
+from vibroimpact_service.metrics import Metrics
+from vibroimpact_service.results.representations import JSON
+from vibroimpact_service.settings import Settings
+from vibroimpact_service.store import Store
+from vibroimpact_service.warming import Warming, is_warm
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the folder of the kernels."""
+    folder = tmp_path / "kernels"
+    folder.mkdir()
+    monkeypatch.setattr("vibroimpact_solvers.kernels.cache.folder", lambda: folder)
+    return folder
+
+
+@pytest.fixture
+def runner(monkeypatch: pytest.MonkeyPatch) -> CliRunner:
+    """Return what runs commands, whose log would go on to a stream that is closed by then."""
+    monkeypatch.setattr("vibroimpact_service.logs.to_stderr", lambda: None)
+    return CliRunner()
+
+
+@pytest.fixture
+def notes(tmp_path: Path) -> Path:
+    """Return the folder in which attempts are counted."""
+    folder = tmp_path / "notes"
+    folder.mkdir()
+    return folder
+
+
+def attempts(notes: Path) -> dict[str, int]:
+    return {file.name: file.stat().st_size for file in notes.iterdir()}
+
+
+def run(*several: Warming) -> None:
+    for each in several:
+        each.start()
+    for each in several:
+        assert list(each.progress())[-1] == len(KINDS)
+        each.close()
+
+
+def test_every_kind_is_compiled_once(place: Path, notes: Path) -> None:
+    first, second = Warming(partial(noted, notes)), Warming(partial(noted, notes))
+    assert first.summary == "warm"  # nobody compiles anything beforehand
+    assert first.start() == place
+    assert first.summary == "warming"
+    assert not first.is_warm("impact-modes", "time-history")
+    run(first, second)
+    assert first.summary == second.summary == "warm"
+    assert attempts(notes) == dict.fromkeys(KINDS, 1)
+    third = Warming(partial(noted, notes))
+    third.start()
+    assert third.summary == "warm"  # at once
+    assert attempts(notes) == dict.fromkeys(KINDS, 1)
+
+
+def test_two_services_that_start_at_once_share_the_work(place: Path, notes: Path) -> None:
+    run(*(Warming(partial(noted, notes, seconds=0.1)) for _ in range(2)))
+    assert all(is_warm(place, kind) for kind in KINDS)
+    assert attempts(notes) == dict.fromkeys(KINDS, 1)
+
+
+def test_a_kind_that_cannot_be_compiled_does_not_stop_the_others(place: Path, notes: Path) -> None:
+    some = Warming(partial(failing, notes))
+    run(some)
+    assert some.summary == "failed: time-history"
+    assert [kind for kind in KINDS if not some.is_warm(kind)] == ["time-history"]
+    assert not is_warm(place, "time-history")
+    later = Warming(partial(noted, notes))  # the next start tries again, and that kind alone
+    run(later)
+    assert later.summary == "warm"
+    assert attempts(notes) == dict.fromkeys(KINDS, 1) | {"time-history": 3}
+
+
+@pytest.mark.parametrize(("times", "state"), [(1, "warm"), (2, "failed: slow-flow")])
+def test_a_process_that_is_killed_is_started_once_more(
+    place: Path, notes: Path, times: int, state: str
+) -> None:
+    some = Warming(partial(killed, notes, times))
+    run(some)
+    assert some.summary == state
+    assert is_warm(place, "slow-flow") == (state == "warm")
+    assert attempts(notes) == dict.fromkeys(KINDS, 1) | {"slow-flow": 2}
+
+
+def test_a_service_that_stops_does_not_wait(place: Path, notes: Path) -> None:
+    some, began = Warming(partial(noted, notes, seconds=60.0)), time.monotonic()
+    with some.in_background():
+        while not attempts(notes):
+            time.sleep(0.01)
+    assert time.monotonic() - began < 30
+    assert not any(is_warm(place, kind) for kind in KINDS)
+
+
+def test_half_a_mark_marks_nothing(place: Path) -> None:
+    (place / "sweep.warm").write_text("0.")
+    assert not is_warm(place, "sweep")
+
+
+def test_nowhere_to_keep_kernels(runner: CliRunner, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("vibroimpact_solvers.kernels.cache.folder", lambda: None)
+    outcome = runner.invoke(cli.app, ["warm"])
+    assert outcome.exit_code == 3
+    assert "NUMBA_CACHE_DIR" in outcome.output
+    with Warming().in_background():  # a service starts nevertheless
+        pass
+
+
+def test_the_command_names_what_was_not_compiled(
+    place: Path, notes: Path, runner: CliRunner, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(warming, "Warming", lambda: Warming(partial(failing, notes)))
+    outcome = runner.invoke(cli.app, ["warm"])
+    assert outcome.exit_code == 1
+    assert "not compiled: time-history" in outcome.output
+    monkeypatch.setattr(warming, "Warming", lambda: Warming(partial(noted, notes)))
+    outcome = runner.invoke(cli.app, ["warm"])
+    assert outcome.exit_code == 0
+    assert str(place) in outcome.output
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_problems_of_a_kind_can_be_solved(kind: str, tmp_path: Path) -> None:
+    asked = [requests.read("warming", KINDS[kind], each) for each in warming.problems(kind)]
+    assert asked
+    for each in asked:
+        assert planning.plan(Store(str(tmp_path)), each.kind, each.document).plan.steps
+
+
+def test_what_needs_missing_kernels_becomes_a_job(
+    settings: Settings, store: Store, queue: Any, request_body: dict[str, Any]
+) -> None:
+    cold = Warming()
+    cold.states["impact-modes"] = "warming"
+    chosen = settings.model_copy(
+        update={"inline_overrun_seconds": 0.05, "on_submission_seconds": 1.0}
+    )
+    use = Evaluation(chosen, store, queue, Metrics(), cold)
+    free = Admission(lambda *_: asyncio.sleep(0), True)
+    sweep = {
+        "kind": "impact-modes",
+        "base": request_body,
+        "axes": [{"path": "system.constraints.0.gap", "values": [0.1, 0.2]}],
+    }
+
+    def asked(content: dict[str, Any], kind: str = "impact-modes") -> requests.Request:
+        return requests.read("ann", KINDS[kind], parse.json(orjson.dumps(content)))
+
+    async def main() -> None:
+        for question in (asked(request_body), asked(sweep, "sweep")):
+            outcome = await use.compute(question, Preference(), JSON, free)
+            assert isinstance(outcome, JobRow)
+            assert outcome.state == "queued"
+            queue.run(outcome.id)
+            assert isinstance(await use.compute(question, Preference(), JSON, free), Answer)
+        queue.at_once = True  # the job is done before the time is up
+        other = asked({**request_body, "outputs": ["impulse"]})
+        assert isinstance(await use.compute(other, Preference(), JSON, free), Answer)
+        resonances = {"system": request_body["system"], "constraint": 0, "odd_max": 3}
+        answer = await use.compute(asked(resonances, "resonances"), Preference(), JSON, free)
+        assert isinstance(answer, Answer)
+        assert answer.cache == "fwd=miss"
+
+    asyncio.run(main())
+    use.close()
+    assert len(queue.rows) == 3  # the kernels of resonances were there
+
+
+def test_a_service_says_what_is_missing(
+    settings: Settings, queue: Any, request_body: dict[str, Any]
+) -> None:
+    cold = Warming()
+    with TestClient(create_app(settings, queue, cold)) as http:
+        for state, summary in (
+            ("warming", "warming"),
+            ("failed", "failed: impact-modes"),
+            ("warm", "warm"),
+        ):
+            cold.states["impact-modes"] = state  # type: ignore[assignment]
+            ready = http.get("/v1/health/ready")
+            assert ready.status_code == 200
+            assert ready.json()["kernels"] == summary
+            figure = f'vibroimpact_kernels_warm{{kind="impact-modes"}} {float(state == "warm")}'
+            assert figure in http.get("/metrics").text
+            # There are no workers here, which could compute it.
+            batch = {"kind": "impact-modes", "requests": [request_body]}
+            answer = http.post("/v1/batch", json=batch)
+            assert answer.status_code == (200 if state == "warm" else 503)
