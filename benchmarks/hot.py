@@ -61,10 +61,10 @@ class Watched:
 
 
 def _copied(argument: Any) -> Any:
-    """Return an argument of a kernel, its arrays copied, those of a named tuple as well."""
+    """Return an argument of a kernel, its arrays copied, those of tuples as well."""
     if isinstance(argument, tuple):
         parts = map(_copied, argument)
-        return type(argument)._make(parts) if hasattr(argument, "_make") else tuple(parts)
+        return type(argument)(*parts) if hasattr(argument, "_fields") else tuple(parts)
     return argument.copy() if isinstance(argument, np.ndarray) else argument
 
 
