@@ -65,7 +65,12 @@ def _copied(argument: Any) -> Any:
     if isinstance(argument, tuple):
         parts = map(_copied, argument)
         return type(argument)(*parts) if hasattr(argument, "_fields") else tuple(parts)
-    return argument.copy() if isinstance(argument, np.ndarray) else argument
+    if not isinstance(argument, np.ndarray):
+        return argument
+    if argument.dtype.names is None:
+        return argument.copy()
+    # Rows of several types are copied number by number, bytes are not.
+    return argument.view(np.uint8).copy().view(argument.dtype)
 
 
 @kernel
