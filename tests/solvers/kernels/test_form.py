@@ -13,6 +13,7 @@ from vibroimpact_solvers import kernels
 PENDING = {
     "flow",
     "modal",
+    "next_impact",
     "passages",
     "taylor",
     "series",
@@ -26,8 +27,10 @@ NUMBERED = {"shape", "strides"}
 """Attributes whose places have a meaning of their own: the axes of an array."""
 FIRST = {"sine_cosine", "_evaluate"}
 """Functions that return a pair of which a caller may take one: sine and cosine, value and slope."""
-RECORDS = {"progress"}
-"""Arrays of one record, in which a kernel writes the fields that its caller reads."""
+RECORDS = {"progress", "struck"}
+"""Arrays of records, whose fields have names."""
+ORDERS = {"d"}
+"""Derivatives, by their order."""
 ADDRESSES = {"address", "item", "put"}
 
 MODULES = sorted(Path(kernels.__file__).parent.glob("*.py"))
@@ -51,7 +54,7 @@ def numbered(function: ast.FunctionDef) -> Iterator[str]:
         called = of.func if isinstance(of, ast.Call) else None
         if isinstance(called, ast.Name) and called.id in FIRST:
             continue
-        if ast.unparse(of).rpartition(".")[2] in NUMBERED | RECORDS:
+        if ast.unparse(of).rpartition(".")[2] in NUMBERED | RECORDS | ORDERS:
             continue
         places = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
         for place in places:
