@@ -414,24 +414,24 @@ def survey(margin: Margin, start: float, stop: float, resolution: float, budget:
             q, half = 0.5 * (left + right), 0.5 * (right - left)
             near = _prepare(margin, modes, far, sums, q, half)
             cell = _Cell(margin, modes, far, sums, q, half, near)
-            found = _decide(cell, hint, hinted, waiting, stack, bottom, tops[depth])
-            hint, hinted, spent = found.tau, found.limit, spent + found.boxes
+            verdict = _decide(cell, hint, hinted, waiting, stack, bottom, tops[depth])
+            hint, hinted, spent = verdict.tau, verdict.limit, spent + verdict.boxes
             wide = right - left > resolution * right and left < q < right
-            more = wide and not found.settled and spent <= budget and depth < _CELLS - 5
-            if found.status == UNDECIDED and more:
+            more = wide and not verdict.settled and spent <= budget and depth < _CELLS - 5
+            if verdict.status == UNDECIDED and more:
                 # The left half is next, with the boxes that are left.
                 bottom = tops[depth]
                 lefts[depth], rights[depth] = q, right
                 lefts[depth + 1], rights[depth + 1] = left, q
-                bottoms[depth], tops[depth] = bottom, found.top
-                bottoms[depth + 1], tops[depth + 1] = bottom, found.top
+                bottoms[depth], tops[depth] = bottom, verdict.top
+                bottoms[depth + 1], tops[depth + 1] = bottom, verdict.top
                 depth += 2
-            elif count > 0 and (status[count - 1] == found.status or count == _SEGMENTS - 1):
-                if status[count - 1] != found.status:
+            elif count > 0 and (status[count - 1] == verdict.status or count == _SEGMENTS - 1):
+                if status[count - 1] != verdict.status:
                     status[count - 1] = UNDECIDED
                 bounds[count] = right
             else:
-                status[count], witness[count], limit[count] = found.status, hint, hinted
+                status[count], witness[count], limit[count] = verdict.status, hint, hinted
                 count += 1
                 bounds[count] = right
     return Survey(bounds[: count + 1], status[:count], witness[:count], limit[:count], spent)

@@ -170,7 +170,7 @@ def _safe_time(slope: float, room: float, curvature: float) -> float:
 
 
 @inner
-def _walk(
+def _excess_time(
     path: _Path, tau: float, end: float, bottom: float, top: float, tolerance: float
 ) -> tuple[float, bool, int]:
     """Return a time up to the end at which a limit is passed or nan, and whether that is sure.
@@ -195,7 +195,7 @@ def _walk(
 
 @inner
 def _verdict(path: _Path, limits: Limits, a: int, uncertainty: float) -> tuple[float, bool, int]:
-    """Return what `_walk` does from impact to impact, for a coordinate of some uncertainty."""
+    """Return what `_excess_time` does from impact to impact, for an uncertain coordinate."""
     bottom, top, tolerance = -limits.lower[a], limits.upper[a], limits.tolerance[a]
     tau, end, steps = -1.0, 1.0, 0
     if not path.symmetric:
@@ -210,7 +210,7 @@ def _verdict(path: _Path, limits: Limits, a: int, uncertainty: float) -> tuple[f
     for k in range(3):
         # Passed for certain, passed at all, nearly passed.
         shift = (1 - k) * uncertainty if matters else 0.0
-        witness, sure, more = _walk(path, tau, end, bottom - shift, top + shift, tolerance)
+        witness, sure, more = _excess_time(path, tau, end, bottom - shift, top + shift, tolerance)
         steps += more
         passed = not math.isnan(witness)
         if not matters or (passed and k < 2):

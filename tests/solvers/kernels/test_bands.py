@@ -103,5 +103,5 @@ def test_what_the_budget_does_not_reach_is_undecided() -> None:
     weight2 = np.full(12, 1.0 / 12)
     poles = np.sort(np.outer(0.5 * np.pi / root, [1.0, 3.0, 5.0]).ravel())
     zero = bands.sign_change(root, weight2, 0.0, poles[12], poles[13])
-    found = bands.survey(margins(root, weight2, weight2), zero, poles[13], 1e-12, 1)
-    assert bands.UNDECIDED in found.status
+    result = bands.survey(margins(root, weight2, weight2), zero, poles[13], 1e-12, 1)
+    assert bands.UNDECIDED in result.status
