@@ -65,9 +65,9 @@ def _copied(argument: Any) -> Any:
     if isinstance(argument, tuple):
         parts = map(_copied, argument)
         return type(argument)(*parts) if hasattr(argument, "_fields") else tuple(parts)
-    if not isinstance(argument, np.ndarray):
+    if not isinstance(argument, np.ndarray | np.void):
         return argument
-    if argument.dtype.names is None:
+    if isinstance(argument, np.void) or argument.dtype.names is None:
         return argument.copy()
     # Rows of several types are copied number by number, bytes are not.
     return argument.view(np.uint8).copy().view(argument.dtype)

@@ -8,10 +8,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels.jit import kernel
 from vibroimpact_solvers.kernels.modal import displacements_of, modal_of, state_of
-from vibroimpact_solvers.kernels.taylor import follow
+from vibroimpact_solvers.kernels.soft_forces import Limiters
+from vibroimpact_solvers.kernels.taylor import Linear, follow
 
 REFUSED = -1
 """What `whole_soft_motion` returns where an initial state is not finite or not within range."""
@@ -19,61 +22,40 @@ REFUSED = -1
 
 @kernel
 def whole_soft_motion(
-    x: Floats,
-    v: Floats,
     modes: Any,
     dofs: Integers,
-    F: Floats,
-    split: Integers,
-    forms: Floats,
-    levels: Floats,
-    laws: Floats,
-    weights: Floats,
-    settings: Floats,
+    linear: Linear,
+    limiters: Limiters,
+    precision: tuple[int, float],
     output_times: Floats,
-    z: Floats,
-    clock: Floats,
-    counts: Integers,
-    samples: Floats,
-    work: Floats,
-    xs: Floats,
-    vs: Floats,
+    progress: Any,
+    start: tuple[Floats, Floats],
+    history: tuple[Floats, Floats],
 ) -> int:
     """Compute a motion; return why it stopped, as `kernels.taylor.follow` does, or `REFUSED`.
 
     Parameters
     ----------
-    x, v : array, shape (dof,)
-        Initial displacements and velocities.
     modes : tuple
         What `kernels.modal.modal_of` takes, with infinite limits: soft limiters may be passed.
-    dofs : array of int
-    F, split, forms, levels, laws, weights, settings, output_times : array
-    clock, counts, samples, work : array
+    dofs : array
+        Degrees of freedom of the history.
+    linear, limiters, output_times, progress
         See `kernels.taylor.follow`.
-    z : array, shape (2, 2, pair)
-        Zero; overwritten.
-    xs, vs : array, shape (time, dof)
-        The history at the first of the output times, filled in at the end.
+    precision : tuple
+        The order of the series, and the error of a step.
+    start : tuple of array, each of shape (dof,)
+        Initial displacements and velocities.
+    history : tuple of array, each of shape (time, dof)
+        Displacements and velocities at the first of the output times, filled in at the end.
     """
-    modal = modal_of(modes)
-    if not state_of(modal, x, v, z[0], samples[0]):
+    (x, v), (xs, vs), (order, error) = start, history, precision
+    modal, pairs = modal_of(modes), linear.pairs.size
+    z, lost = np.zeros((2, pairs)), np.zeros((2, pairs))
+    if not state_of(modal, x, v, z, np.zeros((2, pairs))):
         return REFUSED
-    stop = follow(
-        F,
-        split,
-        forms,
-        levels,
-        laws,
-        weights,
-        settings,
-        output_times,
-        z,
-        clock,
-        counts,
-        samples,
-        work,
-    )
+    samples = np.empty((output_times.size, 2, pairs))
+    stop = follow(linear, limiters, order, error, output_times, progress, z, lost, samples)
     if stop == 0 and xs.shape[0] > 0:
-        displacements_of(modal, samples[: xs.shape[0]], dofs, xs, vs, z[1])
+        displacements_of(modal, samples[: xs.shape[0]], dofs, xs, vs, lost)
     return stop

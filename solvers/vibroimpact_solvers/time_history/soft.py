@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.kernels.modal import handed_over
-from vibroimpact_solvers.kernels.taylor import LARGEST, Stop, follow, room
+from vibroimpact_solvers.kernels.soft_forces import LARGEST, LAW, Limiters
+from vibroimpact_solvers.kernels.taylor import PAIR, PROGRESS, Linear, Stop, follow
 from vibroimpact_solvers.kernels.whole_soft_motion import whole_soft_motion
 from vibroimpact_solvers.time_history.limiters import Power
 from vibroimpact_solvers.time_history.run import Tick
@@ -102,21 +103,18 @@ class SoftMotion:
         tolerance: float,
         estimate: bool,
     ) -> None:
-        configuration, scale = structure.configuration(), structure.scale
-        basis = configuration.basis
+        scene, scale = structure.configuration(), structure.scale
+        basis = scene.basis
         self._times, self._end = np.append(output_times, t_end) * scale, t_end * scale
         self._tolerance, self._estimate, self._scale = tolerance, estimate, scale
-        self._basis, self._own, self._weights = basis, basis.own, basis.weights
-        self._fixed = structure.level(configuration), _laws(structure, law), basis.weights
-        self._exact = _flow(configuration)
-        self._whole = float(law.exponent <= LARGEST and law.exponent == int(law.exponent))
-        self._exponent = float(law.exponent)
-        self._scene = configuration
-        self._budget = float(max(100, _WORK // (basis.pairs + 20)))
-        self._shared = None
+        self._scene, self._basis = scene, basis
+        self._linear, self._limiters = _linear(scene), _limiters(structure, scene, law)
+        self._budget = max(100, _WORK // (basis.pairs + 20))
+        self._modes: Any = None
+        self._dofs = structure.system.n
         if basis.plain and not estimate and output_times.size <= MOST:
             free = np.full(len(structure.system.constraints), np.inf)
-            self._shared = handed_over(structure.modal._replace(lower=free, upper=free))
+            self._modes = handed_over(structure.modal._replace(lower=free, upper=free))
 
     def follow(self, z: Floats, tick: Tick | None = None) -> SoftRun:
         """Compute a motion from a state, shape (2, pair).
@@ -127,7 +125,7 @@ class SoftMotion:
             Where the limiters are too stiff to be followed.
         """
         if not self._estimate:
-            return self._run(z, max(_STEP * self._tolerance, _FINEST), tick, 0.0, 1.0)
+            return self._run(z, self._error, tick, 0.0, 1.0)
         rough, begin = max(_STEP * self._tolerance, 8.0 * _FINEST), 0.0
         while True:
             fine = max(_STEP * rough, _FINEST)
@@ -155,49 +153,44 @@ class SoftMotion:
         dofs : array of int
             Degrees of freedom of the history.
         """
-        if self._shared is None or x.shape != v.shape or x.shape != self._shared[1].shape[:1]:
+        if self._modes is None or not x.shape == v.shape == (self._dofs,):
             return None
-        eps = max(_STEP * self._tolerance, _FINEST)
-        settings, clock, counts, work = self._arrays(eps)
-        pairs, times = self._basis.pairs, self._times.size
-        xs, vs = np.empty((times - 1, dofs.size)), np.empty((times - 1, dofs.size))
+        progress, error = self._progress(), self._error
+        shape = self._times.size - 1, dofs.size
+        history = np.empty(shape), np.empty(shape)
         stop = whole_soft_motion(
-            x, v, self._shared, dofs, *self._exact, *self._fixed, settings, self._times,
-            np.zeros((2, 2, pairs)), clock, counts, np.empty((times, 2, pairs)), work, xs, vs,
+            self._modes, dofs, self._linear, self._limiters, (order_of(error), error), self._times,
+            progress, (x, v), history,
         )  # fmt: skip
         if stop != Stop.END:
             return None
-        return SoftHistory(xs, vs, float(clock[4]), int(counts[0]))
+        return SoftHistory(*history, float(progress["deepest"]), int(progress["steps"]))
 
-    def _arrays(self, eps: float) -> tuple[Floats, Floats, Integers, Floats]:
-        """Return settings, clock, counts and work array for `kernels.taylor.follow`."""
-        order = order_of(eps)
-        settings = np.array([self._exponent, self._whole, order, eps])
-        clock = np.array([0.0, 0.0, self._end, _FIRST, 0.0, self._budget])
-        work = np.empty(room(self._basis.pairs, self._fixed[0].size, order))
-        return settings, clock, np.zeros(3, dtype=np.int64), work
+    @property
+    def _error(self) -> float:
+        """The error of a step of a motion without estimate."""
+        return max(_STEP * self._tolerance, _FINEST)
+
+    def _progress(self) -> Any:
+        """Return a motion's progress at its beginning, for `kernels.taylor.follow`."""
+        begun = (0.0, 0.0, self._end, _FIRST, 0.0, 0, 0, self._budget)
+        return np.array([begun], dtype=PROGRESS)[0]
 
     def _judged(self, run: SoftRun, other: SoftRun) -> SoftRun:
         """Return a run with its difference to another one as its estimated error."""
-        weights = self._weights[np.newaxis]
+        weights = self._basis.weights[np.newaxis]
         # Loads count by what they move: their series end somewhere, too.
         apart = (np.abs(run.states - other.states) * weights).max(axis=(1, 2))
         largest = float((np.abs(run.states) * weights).max(initial=0.0))
         apart = apart / largest if largest > 0.0 else apart
         late = np.flatnonzero(~(apart <= self._tolerance))
         until = self._times[late[0]] if late.size else self._end
-        return SoftRun(
-            run.states,
-            run.compression,
-            run.steps,
-            float(apart.max()),
-            float(until) / self._scale,
-        )
+        return replace(run, difference=float(apart.max()), known_until=float(until) / self._scale)
 
     def _run(
         self,
         z: Floats,
-        eps: float,
+        error: float,
         tick: Tick | None,
         begin: float,
         end: float,
@@ -208,27 +201,24 @@ class SoftMotion:
 
         Its progress counts from one part of the whole work to another.
         """
-        rates, split, forms = self._exact
-        levels, laws, weights = self._fixed
+        linear, limiters, basis, scene = self._linear, self._limiters, self._basis, self._scene
         states = np.empty((self._times.size, *z.shape))
-        start = np.zeros((2, *z.shape))
-        start[0] = z
+        state, lost = z.copy(), np.zeros_like(z)
         if off:
-            basis = self._basis
-            start[0] += _EPS * float((np.abs(z) * weights).max()) * basis.signs[0] * self._own
-            rates, forms = rates.copy(), forms.copy()
-            rates[1] += _EPS * basis.drifts[0]
-            forms[2] += _EPS * self._scene.kernel.errors.kicks[0]
-        settings, clock, counts, work = self._arrays(eps)
+            size = float((np.abs(z) * basis.weights).max())
+            state += _EPS * size * basis.signs[0] * basis.own
+            linear = _linear(scene, _EPS * basis.drifts[0])
+            limiters = limiters._replace(kicks=limiters.kicks + _EPS * scene.kernel.errors.kicks[0])
+        progress = self._progress()
         while True:
             stop = follow(
-                rates, split, forms, levels, laws, weights, settings, self._times, start, clock,
-                counts, states, work,
+                linear, limiters, order_of(error), error, self._times, progress, state, lost,
+                states,
             )  # fmt: skip
             if stop == Stop.END:
-                return SoftRun(states, float(clock[4]), int(counts[0]))
-            part = float(clock[0]) / self._end
-            if stop == Stop.STIFF or not counts[0] < _MOST_STEPS * part:
+                return SoftRun(states, float(progress["deepest"]), int(progress["steps"]))
+            part = float(progress["time"]) / self._end
+            if stop == Stop.STIFF or not progress["steps"] < _MOST_STEPS * part:
                 message = (
                     "the limiters are so stiff that the motion needs more than "
                     f"{_MOST_STEPS:g} steps"
@@ -238,23 +228,34 @@ class SoftMotion:
                 tick(int(1e3 * (begin + (end - begin) * part)), 1000)
 
 
-def _flow(configuration: Configuration) -> tuple[Floats, Integers, Floats]:
-    """Return the flow and the forms as `kernels.taylor.follow` takes them."""
-    flow, watched = configuration.kernel.flow, configuration.kernel.watched
-    rows = np.zeros((2 * flow.drives.size, flow.nu.size))
-    for row, (i, k, real, imaginary) in enumerate(flow.drives.tolist()):
-        rows[2 * row, :2] = i, k
-        rows[2 * row + 1, :2] = real, imaginary
-    rates = np.concatenate([[flow.alpha, flow.nu, flow.rest, flow.push], rows])
-    split = np.array([flow.rotations, flow.hyperbolas_end, flow.damped], dtype=np.int64)
-    return np.ascontiguousarray(rates), split, np.ascontiguousarray(watched[:4])
+def _linear(scene: Configuration, drift: Floats | float = 0.0) -> Linear:
+    """Return a structure without its limiters, its frequencies changed by some drift."""
+    flow = scene.kernel.flow
+    nu, index = flow.nu + drift, np.arange(flow.nu.size)
+    rotates, swells = index < flow.rotations, index < flow.hyperbolas_end
+    pairs = np.zeros(index.size, PAIR)
+    pairs["alpha"], pairs["push"], pairs["weight"] = flow.alpha, flow.push, scene.basis.weights
+    pairs["turn"] = np.where(swells, nu, 1.0)
+    pairs["back"] = np.where(rotates, -nu, np.where(swells, nu, 0.0))
+    pairs["rest"] = np.where(rotates, flow.rest, 0.0)
+    return Linear(pairs, flow.drives)
 
 
-def _laws(structure: Structure, law: Power) -> Floats:
-    """Return the laws of the limiters for `kernels.taylor.follow`, shape (5, constraint)."""
+def _limiters(structure: Structure, scene: Configuration, law: Power) -> Limiters:
+    """Return the limiters for `kernels.taylor.follow`."""
+    forms, slopes, kicks = scene.kernel.watched[:3]
     sizes = law.sizes(structure.system)
     unit = sizes.min(axis=0, initial=np.inf)
-    ratios = unit / sizes
+    forms, slopes = (part / unit[:, np.newaxis, np.newaxis] for part in (forms, slopes))
     stiffness = law.stiffness * math.ldexp(1.0, -2 * structure.exponent)
-    gains = stiffness * np.array([[1.0], [-1.0]]) * ratios**law.exponent
-    return np.ascontiguousarray(np.concatenate([1.0 / unit[np.newaxis], gains, ratios]))
+    ratios = unit / sizes
+    weights = scene.basis.weights
+    felt = weights > 0.0
+    laws = np.zeros(unit.size, LAW)
+    laws["level"] = structure.level(scene) / unit
+    laws["below"], laws["above"] = stiffness * np.array([[1.0], [-1.0]]) * ratios**law.exponent
+    laws["low"], laws["high"] = ratios
+    laws["strength"] = (weights * np.abs(kicks)).max(axis=(1, 2), initial=0.0)
+    laws["grain"] = (np.abs(forms)[..., felt] / weights[felt]).sum(axis=(1, 2))
+    whole = int(law.exponent) if law.exponent in range(1, LARGEST + 1) else 0
+    return Limiters(forms, slopes, np.ascontiguousarray(kicks), laws, float(law.exponent), whole)

@@ -15,9 +15,6 @@ PENDING = {
     "modal",
     "next_impact",
     "passages",
-    "taylor",
-    "series",
-    "whole_soft_motion",
 }
 """Modules whose state is still numbered, or whose functions are still long."""
 

@@ -10,29 +10,45 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.kernels.jit import address
-from vibroimpact_solvers.kernels.series import power, product, raised, square, summed
-from vibroimpact_solvers.kernels.taylor import side_kept
+from vibroimpact_solvers.kernels.series import (
+    LONGEST,
+    PADDED,
+    place_of,
+    power,
+    product,
+    raised,
+    square,
+    summed,
+)
+from vibroimpact_solvers.kernels.soft_forces import side_kept
 
 TERMS = 24
 TERM = st.floats(-1.0, 1.0).filter(lambda a: a == 0.0 or abs(a) > 1e-6)
 
 
 @numba.njit(error_model="numpy")  # type: ignore[untyped-decorator]
-def grown(u: Floats, spare: Floats, f: Floats, exponent: float) -> None:
-    n = u.size + 3
-    v, w = address(spare) + 8 * 3, address(spare) + 8 * (n + 3)
+def grown(u: Floats, f: Floats, exponent: float) -> None:
+    rising, past = np.zeros(PADDED), np.zeros(PADDED)
     for k in range(1, u.size):
-        spare[3 + k], spare[n + 3 + k] = k * u[k], u[k]
-        f[k] = power(address(u), v, w, address(f), k, exponent, 1.0 / k, 1.0 / u[0])
+        if k > 1:
+            rising[place_of(k)], past[place_of(k)] = k * u[k], u[k]
+        f[k] = power(u[k], u[1], rising, past, f, k, exponent, 1.0 / k, 1.0 / u[0])
 
 
 @numba.njit(error_model="numpy")  # type: ignore[untyped-decorator]
-def multiplied(u: Floats, v: Floats, squares: Floats, products: Floats) -> float:
+def multiplied(
+    u: Floats, v: Floats, u_past: Floats, v_past: Floats, squares: Floats, products: Floats
+) -> float:
     for k in range(u.size):
-        squares[k] = square(address(u), k)
-        products[k] = product(address(u), address(v), k)
-    return summed(address(u), u.size, 0.5)
+        squares[k] = square(u, u_past, k)
+        products[k] = product(u, v, v_past, k)
+    return summed(u, u.size - 1, 0.5)
+
+
+def in_reverse(u: Floats) -> Floats:
+    past = np.zeros(PADDED)
+    past[LONGEST - u.size + 1 : LONGEST + 1] = u[::-1]
+    return past
 
 
 @numba.njit(error_model="numpy")  # type: ignore[untyped-decorator]
@@ -43,7 +59,7 @@ def whole_power(base: float, exponent: int) -> float:
 def test_products_and_sums_against_polynomials() -> None:
     u, v = np.random.default_rng(1).standard_normal((2, TERMS))
     squares, products = np.empty((2, TERMS))
-    total = multiplied(u, v, squares, products)
+    total = multiplied(u, v, in_reverse(u), in_reverse(v), squares, products)
     np.testing.assert_allclose(squares, np.convolve(u, u)[:TERMS], rtol=0.0, atol=1e-13)
     np.testing.assert_allclose(products, np.convolve(u, v)[:TERMS], rtol=0.0, atol=1e-13)
     assert total == pytest.approx(np.polynomial.polynomial.polyval(0.5, u), rel=1e-14)
@@ -53,9 +69,9 @@ def test_products_and_sums_against_polynomials() -> None:
 def test_powers_against_mpmath(exponent: float) -> None:
     u = np.random.default_rng(2).standard_normal(TERMS) * 0.3 ** np.arange(TERMS)
     u[0] = 0.9
-    f = np.zeros(TERMS + 3)
+    f = np.zeros(PADDED)
     f[0] = 2.5 * u[0] ** exponent
-    grown(u, np.zeros(2 * (TERMS + 3)), f, exponent)
+    grown(u, f, exponent)
     with mpmath.workdps(40):
         terms = [mpmath.mpf(a) for a in u.tolist()]
 
