@@ -22,6 +22,8 @@ from vibroimpact_solvers.kernels.jit import fma, inline, inner, kernel
 from vibroimpact_solvers.kernels.next_impact import SIMULTANEOUS, two_sum
 from vibroimpact_solvers.kernels.rigid_state import STRUCK, Motion, Rows, Scratch, Structure
 
+_ALONE = 0  # the row of a coordinate that is struck alone
+
 
 @inline
 def _add_impulse(z: float, impulse: float, taken: float, form: float) -> float:
@@ -145,7 +147,7 @@ def _write(motion: Motion, struck: Rows, a: int) -> None:
 @inline
 def _strike_one(structure: Structure, motion: Motion, scratch: Scratch, row: int) -> bool:
     """Apply the impact of one coordinate alone; return whether it comes to rest at its wall."""
-    one, z, progress = scratch.struck[0], motion.z, motion.progress[0]
+    one, z, progress = scratch.struck[_ALONE], motion.z, motion.progress[0]
     i, wall = one.coordinate, structure.walls[one.coordinate]
     set_rate(structure.flow, z, scratch.rate)
     bend = product(structure.watched.velocity[i], scratch.rate)
@@ -165,10 +167,10 @@ def _strike_one(structure: Structure, motion: Motion, scratch: Scratch, row: int
         z[Z1, j] = _add_impulse(z[Z1, j], impulse, taken, kick[Z1, j])
         z[Z2, j] = _add_impulse(z[Z2, j], impulse, taken, kick[Z2, j])
     one.impulse = abs(impulse)
-    _write(motion, scratch.struck, 0)
+    _write(motion, scratch.struck, _ALONE)
     # Without the rounding of sums.
     speed, push = wall.restitution * speed, one.side * (bend + impulse * wall.bend)
-    return _rests(motion, scratch, 0, speed, push)
+    return _rests(motion, scratch, _ALONE, speed, push)
 
 
 @inner

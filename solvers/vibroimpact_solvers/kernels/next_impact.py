@@ -52,6 +52,7 @@ _NEAR = 1e-3  # remainder, relative to the room, at which envelopes of low degre
 _CLEAR = 1e-6  # squared speeds at a wall, relative to the motion, that are no grazing
 _TURN = 6.283185307179586  # 2 pi
 _NEVER = 1e300
+_ONLY = 0  # the pair of a structure with one mode
 
 
 @inline
@@ -220,7 +221,7 @@ def has_one_undamped_mode(structure: Structure) -> bool:
     alone = flow.alpha.size == 1 and flow.rotations == 1 and not flow.damped
     if alone:
         for i in range(structure.walls.size):
-            alone = alone and watched.coordinate[i, Z2, 0] == 0.0
+            alone = alone and watched.coordinate[i, Z2, _ONLY] == 0.0
     return alone
 
 
@@ -233,12 +234,12 @@ def next_crossing(
     Where a wall is all but touched, which rounding may decide, it is `UNDECIDED`.
     """
     walls, progress = structure.walls, motion.progress[0]
-    nu, nu_rest = structure.flow.nu[0], structure.flow.rest[0]
-    a, b = motion.z[Z1, 0], motion.z[Z2, 0]
+    nu, nu_rest = structure.flow.nu[_ONLY], structure.flow.rest[_ONLY]
+    a, b = motion.z[Z1, _ONLY], motion.z[Z2, _ONLY]
     circle = a * a + b * b
     best, who, side = _NEVER, END, 0
     for i in range(walls.size):
-        form = structure.watched.coordinate[i, Z1, 0]
+        form = structure.watched.coordinate[i, Z1, _ONLY]
         if not scratch.in_reach[i] or form == 0.0:
             continue
         if progress.released == i:

@@ -30,6 +30,8 @@ _BERNSTEIN = np.array(
     [[math.comb(i, k) / math.comb(ORDER, k) for i in range(ORDER + 1)] for k in range(ORDER + 1)]
 )
 _NEVER = 2.0
+# Rows of the work array; a stack of up to DEPTH intervals lies between them.
+_POWERS, _BERNSTEIN_ROW, _STACK, _LEFTS, _ENDS = 0, 1, 2, DEPTH + 3, DEPTH + 4
 
 
 @inline
@@ -107,7 +109,7 @@ def first_passage(
     h = _straight(d, bound, H, above, below, ORDER, fine)
     if h >= 0.0:
         return h, (0 if h >= H else (1 if d[1] > 0.0 else -1))
-    c, b = work[0], work[1]
+    c, b = work[_POWERS], work[_BERNSTEIN_ROW]
     power = 1.0
     c[0] = 0.0
     moved = 0.0
@@ -179,15 +181,15 @@ def _straight(
 @inner
 def _first_root(b: Floats, c: Floats, rest: float, sign: float, room: float, work: Floats) -> float:
     """Return the first root in (0, 1] of ``sign p(t) + rest t^n - room``, or _NEVER."""
-    n, top = ORDER, 2
-    lefts, ends = work[DEPTH + 3], work[DEPTH + 4]
+    n, top = ORDER, _STACK
+    lefts, ends = work[_LEFTS], work[_ENDS]
     for i in range(n + 1):
         work[top, i] = sign * b[i] - room
     work[top, n] += rest
-    lefts[0], ends[0] = 0.0, 1.0
+    lefts[top - _STACK], ends[top - _STACK] = 0.0, 1.0
     # Intervals wait on a stack, the leftmost on top.
-    while top >= 2:
-        f, left, end = work[top], lefts[top - 2], ends[top - 2]
+    while top >= _STACK:
+        f, left, end = work[top], lefts[top - _STACK], ends[top - _STACK]
         changes, last = 0, 0.0
         for i in range(n + 1):
             if f[i] != 0.0:
@@ -205,7 +207,7 @@ def _first_root(b: Floats, c: Floats, rest: float, sign: float, room: float, wor
             return _bracketed(c, rest, sign, room, left, end, left + first * (end - left))
         if changes == 0:
             top -= 1
-        elif top == DEPTH + 2:
+        elif top == _STACK + DEPTH:
             return float(left)
         else:
             # de Casteljau: f keeps the right half, the left one goes on top of it.
@@ -216,8 +218,9 @@ def _first_root(b: Floats, c: Floats, rest: float, sign: float, room: float, wor
                     f[i] = 0.5 * (f[i] + f[i + 1])
                 g[j] = f[0]
             middle = 0.5 * (left + end)
-            lefts[top - 1], ends[top - 1] = left, middle
-            lefts[top - 2] = middle
+            place = top - _STACK
+            lefts[place + 1], ends[place + 1] = left, middle
+            lefts[place] = middle
             top += 1
     return _NEVER
 

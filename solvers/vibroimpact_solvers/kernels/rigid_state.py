@@ -144,6 +144,7 @@ class Scratch(NamedTuple):
 _Z, _RATE, _PROPAGATOR, _LENGTHS = range(4)
 _ROUNDING, _RIGHT, _SOLUTION = range(3)
 _IN_REACH, _BASIC = range(2)
+_DERIVATIVES, _LOW = -2, -1
 
 
 def workspace(pairs: int, watched: int) -> tuple[Any, ...]:
@@ -162,8 +163,13 @@ def workspace(pairs: int, watched: int) -> tuple[Any, ...]:
 def scratch_of(given: tuple[Any, ...]) -> Scratch:
     """Give names to the arrays of `workspace`."""
     states, numbers, marks, search, struck, equations = given
+    derivatives, low, roots = (
+        search[_DERIVATIVES, :ORDER],
+        search[_LOW, :LOW],
+        search[:_DERIVATIVES],
+    )
     return Scratch(
         states[_Z], states[_RATE], states[_PROPAGATOR], states[_LENGTHS, Z1], numbers[_ROUNDING],
-        numbers[_RIGHT], numbers[_SOLUTION], marks[_IN_REACH], marks[_BASIC], search[-2, :ORDER],
-        search[-1, :LOW], search[:-2], struck, equations,
+        numbers[_RIGHT], numbers[_SOLUTION], marks[_IN_REACH], marks[_BASIC], derivatives, low,
+        roots, struck, equations,
     )  # fmt: skip
