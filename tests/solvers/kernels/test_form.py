@@ -20,7 +20,6 @@ ORDERS = {"d", "low", "b", "c", "f", "g", "_FACTORIALS", "_BERNSTEIN"}
 """Arrays whose places are orders: of derivatives, of coefficients of polynomials."""
 RECORDS = {"progress"}
 """Arrays of one record, in which a kernel writes the fields that its caller reads."""
-ADDRESSES = {"address", "item", "put"}
 
 MODULES = sorted(Path(kernels.__file__).parent.glob("*.py"))
 
@@ -77,19 +76,6 @@ def test_short_functions(module: ast.Module) -> None:
 def test_places_have_names(module: ast.Module) -> None:
     for function in functions(module):
         assert list(numbered(function)) == [], function.name
-
-
-@pytest.mark.parametrize("path", MODULES, ids=lambda path: path.stem)
-def test_no_addresses(path: Path) -> None:
-    if path.stem in PENDING | {"jit"}:
-        return
-    module = ast.parse(path.read_text(encoding="utf-8"))
-    used = {node.id for node in ast.walk(module) if isinstance(node, ast.Name)}
-    assert not used & ADDRESSES
-
-
-def test_what_is_pending_exists() -> None:
-    assert {path.stem for path in MODULES} >= PENDING
 
 
 def test_numbered_places_are_found() -> None:
