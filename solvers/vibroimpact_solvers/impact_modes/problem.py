@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from vibroimpact_solvers.arrays import Booleans, Floats, Integers
 from vibroimpact_solvers.checks import check_indices, check_outputs, check_tolerance
 from vibroimpact_solvers.errors import ModelError
-from vibroimpact_solvers.kernels.phases import conversion_rests
 from vibroimpact_solvers.model import RANGE, Constraint, System, within_range
 
 KIND: Final = "impact-modes"
@@ -92,9 +91,9 @@ class Problem:
         Omega = 0.5 * np.pi * omega if self.Omega is None else self.Omega
         rounding = np.zeros(omega.size) if self.rounding is None else self.rounding
         if self.rounding is None and self.Omega is not None:
-            rounding = conversion_rests(
-                np.ravel(np.asarray(Omega, dtype=np.float64)), np.ravel(omega)
-            )
+            Omega = np.asarray(Omega, dtype=np.float64)
+            if Omega.shape == omega.shape:  # else it is refused below
+                rounding = conversion_rests(Omega, omega)
         tau = np.zeros(0) if self.tau is None else self.tau
         completed = {
             "active": tuple(self.active) or tuple(range(count)),
@@ -172,3 +171,32 @@ class Problem:
         """The frequencies with their rounding errors."""
         assert self.rounding is not None
         return Frequencies(self.omega, self.rounding)
+
+
+_TURNS = 0.6366197723675814  # 2/pi, and what rounding took from it
+_TURNS_LOW = -3.935735335036497e-17
+_SPLIT = 2.0**27 + 1.0
+
+
+def conversion_rests(Omega: Floats, omega: Floats) -> Floats:
+    """Return the relative rounding error of omega, ``(2/pi Omega - omega)/omega``.
+
+    Where both differ by more than rounding, omega is taken as exact and the error is 0. The
+    product is the sum of two doubles (Veltkamp, Dekker): a plan must not wait for a compiler.
+    """
+    with np.errstate(all="ignore"):  # of frequencies that are refused afterwards
+        unit, exponent = np.frexp(omega)
+        scaled = np.ldexp(Omega, -exponent)
+        product = scaled * _TURNS
+        high, turns_high = _upper_half(scaled), _upper_half(_TURNS)
+        low, turns_low = scaled - high, _TURNS - turns_high
+        missing = ((high * turns_high - product) + high * turns_low + low * turns_high) + (
+            low * turns_low
+        )
+        rest = (((product - unit) + missing) + scaled * _TURNS_LOW) / unit
+        return np.where(np.abs(rest) < 1e-15, rest, 0.0)
+
+
+def _upper_half(x: Any) -> Any:
+    """Return the first 26 bits of a double's significand."""
+    return x * _SPLIT - (x * _SPLIT - x)

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from typing import Final
 
-import numpy as np
-
-from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.kernels.jit import fma, inline, is_odd_bit, kernel
+from vibroimpact_solvers.kernels.jit import fma, inline, is_odd_bit
 
 LARGEST: Final = 2.0**50
 """Phases beyond it are not reduced: neighbouring numbers are a radian apart."""
 
 _TURNS = 0.6366197723675814  # 2/pi
-_TURNS_LOW = -3.935735335036497e-17
 # pi/2 in three parts: products with whole numbers up to 2^50 lose nothing that matters.
 _HIGH, _MIDDLE, _LOW = 1.5707963267948966, 6.123233995736766e-17, -1.4973849048591833e-33
 # Adding it and taking it away rounds to a whole number.
@@ -91,17 +87,3 @@ def sine_cosine(x: float, rest: float) -> tuple[float, float]:
     flip = ((pair + _WHOLE) - _WHOLE) != pair
     sign = -1.0 if flip else 1.0
     return sign * (cosine if odd else sine), sign * (-sine if odd else cosine)
-
-
-@kernel
-def conversion_rests(Omega: Floats, omega: Floats) -> Floats:
-    """Return the relative rounding error of omega, ``(2/pi Omega - omega)/omega``.
-
-    Where both differ by more than rounding, omega is taken as exact and the error is 0.
-    """
-    rests = np.empty(omega.size)
-    for f in range(omega.size):
-        lost = fma(Omega[f], _TURNS, -omega[f]) + Omega[f] * _TURNS_LOW
-        rest = lost / omega[f]
-        rests[f] = rest if abs(rest) < 1e-15 else 0.0
-    return rests

@@ -9,6 +9,7 @@ import mpmath
 import numpy as np
 import pytest
 
+from vibroimpact_solvers.impact_modes.problem import conversion_rests
 from vibroimpact_solvers.kernels import phases
 from vibroimpact_solvers.kernels.jit import kernel
 
@@ -79,7 +80,7 @@ def test_sine_and_cosine(largest: float) -> None:
 def test_conversion_of_frequencies() -> None:
     Omega = np.concatenate([10.0 ** np.arange(-280.0, 300.0, 7.0), phases_up_to(10.0, 100)])
     omega = Omega * (2.0 / np.pi)
-    rests = phases.conversion_rests(Omega, omega)
+    rests = conversion_rests(Omega, omega)
     with mpmath.workdps(60):
         for each, w, rest in zip(Omega, omega, rests, strict=True):
             exact = 2 * mpmath.mpf(float(each)) / mpmath.pi / mpmath.mpf(float(w)) - 1
@@ -87,4 +88,4 @@ def test_conversion_of_frequencies() -> None:
 
 
 def test_a_frequency_that_is_not_the_other_one_is_meant() -> None:
-    assert phases.conversion_rests(np.array([1.0]), np.array([0.64])) == 0.0
+    assert conversion_rests(np.array([1.0]), np.array([0.64])) == 0.0
