@@ -16,7 +16,7 @@ import math
 from typing import Final
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.kernels.flow import Z1, Z2
+from vibroimpact_solvers.kernels.flow import Z1, Z2, Flow
 from vibroimpact_solvers.kernels.jit import inline, inner, once
 from vibroimpact_solvers.kernels.rigid_state import Errors, Motion, Rows
 
@@ -55,10 +55,11 @@ def start_deviations(motion: Motion, errors: Errors) -> None:
 
 
 @once
-def add_rounding(motion: Motion, errors: Errors, row: int, s: float) -> None:
+def add_rounding(flow: Flow, motion: Motion, errors: Errors, row: int, s: float) -> None:
     """Add the rounding of a free motion of duration s to the deviations.
 
-    That of a pair has any sign, that of a frequency the same one from impact to impact.
+    That of a pair has any sign, that of a frequency the same one from impact to impact: it turns
+    rotations, ``dz = s dnu (z2, -z1)``, and stretches hyperbolas, ``dz = s dnu (z2, z1)``.
     """
     z, deviations, signs, drifts = motion.z, motion.deviations, errors.signs, errors.drifts
     progress = motion.progress[0]
@@ -71,6 +72,8 @@ def add_rounding(motion: Motion, errors: Errors, row: int, s: float) -> None:
             turned = s * drifts[c, j]
             deviations[c, Z1, j] += rounding * signs[at, Z1, j] + turned * b
             deviations[c, Z2, j] += rounding * signs[at, Z2, j] - turned * a
+        for j in range(flow.rotations, flow.hyperbolas_end):
+            deviations[c, Z2, j] += 2.0 * s * drifts[c, j] * z[Z1, j]
 
 
 @inline
@@ -78,5 +81,7 @@ def estimated_error(deviations: Floats, own: Floats, progress: Rows) -> float:
     """Return the error estimated from the deviations, relative to the length of the motion."""
     largest, size = 0.0, progress[0].largest
     for c in range(deviations.shape[0]):
-        largest = max(largest, length(deviations[c], own))
+        longest = length(deviations[c], own)
+        if longest > largest or math.isnan(longest):  # after which nothing is larger
+            largest = longest
     return SAFETY * largest / size if size > 0.0 else 0.0

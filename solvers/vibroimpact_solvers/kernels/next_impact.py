@@ -164,7 +164,7 @@ def next_event(
     """
     flow, walls, z = structure.flow, structure.walls, scratch.z
     rounding, progress, m = scratch.rounding, motion.progress[0], structure.walls.size
-    changes = flow.damped or flow.rotations < scratch.lengths.size
+    changes = flow.damped or flow.rotations < scratch.lengths.size or flow.drives.size > 0
     s, ds, close = 0.0, 0.0, -1
     for j in range(z.shape[1]):
         z[Z1, j], z[Z2, j] = motion.z[Z1, j], motion.z[Z2, j]
@@ -186,7 +186,7 @@ def next_event(
                 h, more, at = _closing_in(structure, scratch, i, k == 0, H)
                 if k > 0 and h >= 0.0:
                     continue
-                if 0.0 <= h < best:
+                if 0.0 <= h <= H and h < best:
                     best, side, rest, who = h, at, more, i
                     continue
             released = progress.released == i and s == 0.0

@@ -100,7 +100,8 @@ def _move(structure: Structure, motion: Motion, scratch: Scratch, s: float, ds: 
     now.time_rest += lost + ds
     now.released = -1
     if deviations.shape[0] > 0:
-        add_rounding(motion, structure.errors, random_row(now.impacts + 1, signs.shape[0]), s)
+        row = random_row(now.impacts + 1, signs.shape[0])
+        add_rounding(flow, motion, structure.errors, row, s)
 
 
 @once

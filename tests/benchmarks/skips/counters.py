@@ -91,7 +91,7 @@ def _structures(*_: Any) -> Tally:
 
 
 def _steps(_: Any, *args: Any) -> Tally:
-    yield "steps between soft limiters", args[10][0]
+    yield "steps between soft limiters", int(args[5]["steps"])
 
 
 def _history(_: Any, history: Any, scene: Any, samples: Any, first: Any) -> Tally:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import mpmath as mp
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from tests.solvers.time_history.test_free_motion import compare
 from vibroimpact_solvers import presets, spectrum
@@ -100,3 +101,24 @@ def test_release_from_a_wall_at_resonance() -> None:
         release = mp.findroot(moved, (0.4, 1.2), "anderson")
     assert result.contact_stop is not None
     np.testing.assert_allclose(result.contact_stop[0], float(release), rtol=1e-14)
+
+
+@pytest.mark.parametrize(("periods", "part"), [(20, 1e-4), (50, 1e-3), (200, 1e-6)])
+def test_a_motion_that_grows_in_resonance_does_not_pass_its_wall(periods: int, part: float) -> None:
+    """From rest under 2 cos t the motion is t sin t; its maximum just reaches the wall."""
+    top = brentq(
+        lambda t: np.sin(t) + t * np.cos(t), 2 * np.pi * periods + 1.0, 2 * np.pi * periods + 2.5
+    )
+    wall = top * np.sin(top) * (1.0 - part)
+    exact = brentq(lambda t: t * np.sin(t) - wall, top - 1.0, top, xtol=1e-14)
+    problem = th.Problem(
+        presets.oscillator([Constraint.at(0, wall)], 1.0),
+        th.State(np.zeros(1), np.zeros(1)),
+        top + 2.0,
+        load=(th.Harmonic(0, 2.0, 1.0),),
+        outputs=frozenset({"impacts"}),
+    )
+    result = th.solve(problem, th.plan(problem))
+    assert result.impact_time is not None
+    # A time of 1e-13 relative at a slope that vanishes with the distance to the maximum.
+    np.testing.assert_allclose(result.impact_time[0], exact, rtol=0.0, atol=1e-11)

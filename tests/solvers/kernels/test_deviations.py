@@ -1,0 +1,51 @@
+"""Deviations against differences of exact motions with other data."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tests.solvers.kernels.compiled import compiled
+from vibroimpact_solvers.kernels import deviations, flow
+from vibroimpact_solvers.kernels.rigid_state import IMPACT, PROGRESS, Errors, Motion
+
+PAIRS = 2  # a rotation and a hyperbola
+
+
+def flow_of(nu: np.ndarray) -> flow.Flow:
+    none = np.zeros(PAIRS)
+    return flow.Flow(none, nu, none, none, np.zeros(0, flow.DRIVE), 1, 2, False)
+
+
+def moved(nu: np.ndarray, z: np.ndarray, s: float) -> np.ndarray:
+    propagator, out = np.zeros((2, PAIRS)), np.zeros((2, PAIRS))
+    compiled(flow.set_propagator)(flow_of(nu), s, 0.0, propagator)
+    compiled(flow.propagate)(flow_of(nu), propagator, s, z, out)
+    return out
+
+
+def test_errors_of_frequencies_turn_rotations_and_stretch_hyperbolas() -> None:
+    nu, drift, s = np.array([1.3, 0.7]), np.array([0.9, 0.4]), 2.1
+    z0, step = np.array([[0.3, 0.5], [-0.8, 0.6]]), 1e-6
+    z = moved(nu, z0, s)
+    expected = (moved(nu + step * drift, z0, s) - moved(nu - step * drift, z0, s)) / (2.0 * step)
+    motion = Motion(
+        z,
+        np.zeros((1, 2, PAIRS)),
+        np.zeros(1, PROGRESS),
+        np.zeros(1, IMPACT),
+        np.zeros(0),
+        np.zeros((0, 2, PAIRS)),
+    )
+    errors = Errors(
+        np.zeros((4, 2, PAIRS)), drift[np.newaxis], np.zeros((1, 1, 2, PAIRS)), np.ones(PAIRS)
+    )
+    compiled(deviations.add_rounding)(flow_of(nu), motion, errors, 0, s)
+    np.testing.assert_allclose(motion.deviations[0], expected, rtol=1e-8)
+
+
+def test_an_error_that_is_not_a_number_stays() -> None:
+    progress = np.zeros(1, PROGRESS)
+    progress["largest"] = 1.0
+    columns = np.ones((3, 2, PAIRS))
+    columns[1, 0, 0] = np.nan
+    assert np.isnan(compiled(deviations.estimated_error)(columns, np.ones(PAIRS), progress))
