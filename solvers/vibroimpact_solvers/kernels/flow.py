@@ -285,9 +285,9 @@ def exact_product(form: Floats, z: Floats) -> tuple[float, float]:
 
 @inline
 def _start(flow: Flow, form: Floats, z: Floats, j: int) -> Any:
-    """Return the part of a coordinate that pair j makes, its rate, 2 alpha and their product.
+    """Return the part y of a coordinate that pair j makes, y', and the numbers c1 and c0.
 
-    Every pair obeys ``y'' = 2 alpha y' - (alpha^2 +- nu^2) y``.
+    Every pair obeys ``y'' = c1 y' + c0 y`` with c1 = 2 alpha and c0 = -(alpha^2 +- nu^2).
     """
     sign = 1.0 if j < flow.rotations else (-1.0 if j < flow.hyperbolas_end else 0.0)
     turn = flow.nu[j] if j < flow.hyperbolas_end else 1.0

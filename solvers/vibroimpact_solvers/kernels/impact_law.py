@@ -35,30 +35,31 @@ def _add_impulse(z: float, impulse: float, taken: float, form: float) -> float:
 
 @inline
 def _turn_deviations(
-    structure: Structure, motion: Motion, i: int, speed: float, bend: float, row: int
+    structure: Structure, motion: Motion, i: int, speed: float, acceleration: float, row: int
 ) -> None:
     """Take the deviations through the impact of one coordinate (saltation).
 
-    speed and bend are its velocity before the impact and its acceleration. Deviations get the
-    rounding of the place of the wall and of the kick on their way.
+    speed and acceleration are those of the coordinate before the impact. On their way deviations
+    get the rounding of the place of the wall and of the kick; the formula is that of
+    `kernels.deviations`.
     """
     deviations, errors = motion.deviations, structure.errors
     watched, wall = structure.watched, structure.walls[i]
     kick, kick_rate = watched.kick[i], watched.kick_rate[i]
     factor, impulse = wall.factor, -wall.factor * speed
     for c in range(deviations.shape[0]):
-        dz, error = deviations[c], errors.kicks[c, i]
-        place = product(watched.coordinate[i], dz)
-        place += -wall.size if c & 1 else wall.size
-        turn = factor * (bend * place / speed - product(watched.velocity[i], dz))
-        place *= factor
-        sign = errors.signs[(row + c + 1) % errors.signs.shape[0]]
+        dz, kick_error = deviations[c], errors.kicks[c, i]
+        dy = product(watched.coordinate[i], dz)
+        dy += -wall.size if c & 1 else wall.size
+        dP = factor * (acceleration * dy / speed - product(watched.velocity[i], dz))
+        dy *= factor
+        signs = errors.signs[(row + c + 1) % errors.signs.shape[0]]
         for j in range(dz.shape[1]):
-            kicked = turn + impulse * sign[Z1, j]
-            dz[Z1, j] += kicked * kick[Z1, j] - place * kick_rate[Z1, j]
-            dz[Z2, j] += kicked * kick[Z2, j] - place * kick_rate[Z2, j]
-            dz[Z1, j] += impulse * error[Z1, j]
-            dz[Z2, j] += impulse * error[Z2, j]
+            kicked = dP + impulse * signs[Z1, j]  # one rounding: of the impulse
+            dz[Z1, j] += kicked * kick[Z1, j] - dy * kick_rate[Z1, j]
+            dz[Z2, j] += kicked * kick[Z2, j] - dy * kick_rate[Z2, j]
+            dz[Z1, j] += impulse * kick_error[Z1, j]
+            dz[Z2, j] += impulse * kick_error[Z2, j]
 
 
 @kernel
@@ -150,14 +151,14 @@ def _strike_one(structure: Structure, motion: Motion, scratch: Scratch, row: int
     one, z, progress = scratch.struck[_ALONE], motion.z, motion.progress[0]
     i, wall = one.coordinate, structure.walls[one.coordinate]
     set_rate(structure.flow, z, scratch.rate)
-    bend = product(structure.watched.velocity[i], scratch.rate)
-    speed, towards, rounding = one.speed, one.side * bend, scratch.rounding[i]
+    acceleration = product(structure.watched.velocity[i], scratch.rate)
+    speed, towards, rounding = one.speed, one.side * acceleration, scratch.rounding[i]
     if speed <= 0.0 or (towards < 0.0 and speed * speed <= -2.0 * towards * rounding):
         progress.grazings += towards < 0.0
         progress.chatter_left = 0.0
         return bool(towards >= 0.0)
     velocity, factor = one.side * speed, wall.factor
-    _turn_deviations(structure, motion, i, velocity, bend, row)
+    _turn_deviations(structure, motion, i, velocity, acceleration, row)
     impulse = -factor * velocity
     # What rounding takes from an impulse it takes from the energy, at each impact the same.
     taken = fma(-factor, velocity, -impulse)
@@ -169,8 +170,8 @@ def _strike_one(structure: Structure, motion: Motion, scratch: Scratch, row: int
     one.impulse = abs(impulse)
     _write(motion, scratch.struck, _ALONE)
     # Without the rounding of sums.
-    speed, push = wall.restitution * speed, one.side * (bend + impulse * wall.bend)
-    return _rests(motion, scratch, _ALONE, speed, push)
+    speed, push = wall.restitution * speed, one.side * (acceleration + impulse * wall.acceleration)
+    return _comes_to_rest(motion, scratch, _ALONE, speed, push)
 
 
 @inner
@@ -195,8 +196,8 @@ def _strike_several(
         if one.impulse > 0.0:
             if one.speed > 0.0:
                 # The deviations go through one after the other.
-                bend = product(watched.velocity[i], rate)
-                _turn_deviations(structure, motion, i, one.side * one.speed, bend, row + a)
+                acceleration = product(watched.velocity[i], rate)
+                _turn_deviations(structure, motion, i, one.side * one.speed, acceleration, row + a)
             _write(motion, struck, a)
         for j in range(z.shape[1]):
             z[Z1, j] -= one.side * one.impulse * kick[Z1, j]
@@ -206,13 +207,13 @@ def _strike_several(
         one = struck[a]
         velocity = watched.velocity[one.coordinate]
         speed, push = -one.side * product(velocity, z), one.side * product(velocity, rate)
-        if _rests(motion, scratch, a, speed, push):
+        if _comes_to_rest(motion, scratch, a, speed, push):
             return True
     return False
 
 
 @inline
-def _rests(motion: Motion, scratch: Scratch, a: int, speed: float, push: float) -> bool:
+def _comes_to_rest(motion: Motion, scratch: Scratch, a: int, speed: float, push: float) -> bool:
     """Return whether a coordinate that leaves with some speed and is pressed to its wall rests.
 
     Its bounces last ``2 speed / (push (1 - k))`` in all, the sum of a geometric series: once that

@@ -36,8 +36,8 @@ from vibroimpact_solvers.kernels.passages import (
 )
 from vibroimpact_solvers.kernels.rigid_state import Motion, Rows, Scratch, Structure
 
-END: Final = -1
-PAUSE: Final = -2
+AT_END: Final = -1
+OUT_OF_BUDGET: Final = -2
 UNDECIDED: Final = -3
 """What may end a free motion in place of a watched coordinate: the end of the time, the number of
 expansions, and nothing that is known."""
@@ -78,57 +78,62 @@ def find_reach(structure: Structure, motion: Motion, scratch: Scratch) -> None:
     grows = flow.rotations < lengths.size or flow.drives.size > 0
     set_lengths(flow, z, lengths)
     for i in range(walls.size):
-        close = far = reach(flow, watched.size[i], z, lengths, 0.0)
+        now = far = reach(flow, watched.size[i], z, lengths, 0.0)
         if grows:
             far = reach(flow, watched.size[i], z, lengths, left)
-        rounding = ROUNDING * (close + walls[i].size)
+        rounding = ROUNDING * (now + walls[i].size)
         scratch.rounding[i] = rounding
         scratch.in_reach[i] = not far + rounding < min(walls[i].lower, walls[i].upper)
 
 
 @inline
-def _distance(room: float, slope: float, bend: float, rounding: float) -> float:
-    """Return the distance to a wall as an expansion may use it; negative: the wall is met.
+def _distance(room: float, slope: float, acceleration: float, rounding: float) -> float:
+    """Return the distance to a wall as an expansion may use it.
 
-    slope and bend are the first two derivatives towards the wall.
+    slope and acceleration are the first two derivatives towards the wall. Within rounding of it:
+    0 where the coordinate leaves; two roundings where it turns by itself within one, which is
+    where its speed is no more than that of a fall from there; -1 where it moves on into the wall.
     """
     if room > rounding:
         return room
     if slope < 0.0:
         return 0.0
-    if bend < 0.0 and slope * slope <= -2.0 * bend * rounding:
-        return 2.0 * rounding  # grazes within rounding: leaves by itself
+    if acceleration < 0.0 and slope * slope <= -2.0 * acceleration * rounding:
+        return 2.0 * rounding
     return room if room > 0.0 else -1.0
 
 
 @inline
-def _room(walls: Rows, i: int, rounding: float) -> float:
-    """Return the distance between the walls of a coordinate, or what its motion takes of it."""
+def _amplitude(walls: Rows, i: int, rounding: float) -> float:
+    """Return the distance between the walls of a coordinate, or the magnitude of its motion.
+
+    The latter is what `find_reach` made its rounding of.
+    """
     return float(min(walls[i].lower + walls[i].upper, rounding / ROUNDING))
 
 
 @inline
 def _expanded(
-    structure: Structure, scratch: Scratch, i: int, left: bool, best: float, ahead: float
+    structure: Structure, scratch: Scratch, i: int, released: bool, best: float, ahead: float
 ) -> tuple[float, float, int]:
     """Return a time before which a coordinate passes no wall, the remainder, the wall it may pass.
 
-    left: it was just released from a wall. The time is negative where the wall is met already,
-    and only times before best matter.
+    released: it has just left a wall. The time is negative where the wall is met already, and only
+    times before best matter.
     """
     flow, watched, walls = structure.flow, structure.watched, structure.walls
     d, rounding = scratch.derivatives, scratch.rounding[i]
     derivatives(flow, watched.coordinate[i], scratch.z, d)
     above = _distance(walls[i].upper - d[0], d[1], d[2], rounding)
     below = _distance(walls[i].lower + d[0], -d[1], -d[2], rounding)
-    if left:
+    if released:
         # It leaves with a speed that is rounding.
         above = max(above, SIMULTANEOUS * rounding)
         below = max(below, SIMULTANEOUS * rounding)
     elif above < 0.0 or below < 0.0:
         return -1.0, 0.0, (1 if above < 0.0 else -1)
     B = bound(flow, watched, i, scratch.z, scratch.lengths, True, ahead)
-    H = min(horizon(B, _COARSE * _room(walls, i, rounding)), min(ahead, best))
+    H = min(horizon(B, _COARSE * _amplitude(walls, i, rounding)), min(ahead, best))
     h, side = first_passage(d, B, H, above, below, scratch.roots, 2.0 * _EXACT * rounding)
     return h, remainder(B, h), side
 
@@ -160,7 +165,8 @@ def next_event(
 ) -> tuple[float, float, int, int]:
     """Return how long the motion is free (two doubles), what ends it, and at which wall.
 
-    It is ended by a watched coordinate (>= 0), `END` or, provisionally, `PAUSE`.
+    It is ended by a watched coordinate (>= 0), `AT_END` or, provisionally, `OUT_OF_BUDGET`. The
+    scratch holds what `find_reach` made of this state; expansions are counted in the progress.
     """
     flow, walls, z = structure.flow, structure.walls, scratch.z
     rounding, progress, m = scratch.rounding, motion.progress[0], structure.walls.size
@@ -171,8 +177,8 @@ def next_event(
     while True:
         left = remaining(motion.progress) - s - ds
         if left <= 0.0:
-            return s, ds, END, 0
-        best, rest, who, side = left, 0.0, END, 0
+            return s, ds, AT_END, 0
+        best, remains, who, side = left, 0.0, AT_END, 0
         if s > 0.0 and changes:
             set_lengths(flow, z, scratch.lengths)
         ahead = min(left, progress.longest)
@@ -187,28 +193,28 @@ def next_event(
                 if k > 0 and h >= 0.0:
                     continue
                 if 0.0 <= h <= H and h < best:
-                    best, side, rest, who = h, at, more, i
+                    best, side, remains, who = h, at, more, i
                     continue
             released = progress.released == i and s == 0.0
             h, more, at = _expanded(structure, scratch, i, released, best, ahead)
             if h < 0.0:
-                best, rest, who, side = 0.0, 0.0, i, at
+                best, remains, who, side = 0.0, 0.0, i, at
                 break
             if h < best or (at != 0 and who < 0):
-                best, side, rest = h, at, more
-                who = i if at != 0 else END
+                best, side, remains = h, at, more
+                who = i if at != 0 else AT_END
         progress.expansions += 1
         s, lost = two_sum(s, best)
         ds += lost
         # The envelope meets the wall early by the remainder: always, and so as to add up.
-        if who >= 0 and rest <= _EXACT * rounding[who]:
+        if who >= 0 and remains <= _EXACT * rounding[who]:
             return s, ds, who, side
         if who < 0 and best >= left:
-            return s, ds, END, 0
+            return s, ds, AT_END, 0
         if progress.expansions >= progress.budget:
-            return s, ds, PAUSE, 0
+            return s, ds, OUT_OF_BUDGET, 0
         close = -1
-        if who >= 0 and rest <= _NEAR * _room(walls, who, rounding[who]):
+        if who >= 0 and remains <= _NEAR * _amplitude(walls, who, rounding[who]):
             close = who
         set_propagator(flow, s, ds, scratch.propagator)
         propagate_state(flow, scratch.propagator, s + ds, motion.z, z)
@@ -237,7 +243,7 @@ def next_crossing(
     nu, nu_rest = structure.flow.nu[_ONLY], structure.flow.rest[_ONLY]
     a, b = motion.z[Z1, _ONLY], motion.z[Z2, _ONLY]
     circle = a * a + b * b
-    best, who, side = _NEVER, END, 0
+    best, who, side = _NEVER, AT_END, 0
     for i in range(walls.size):
         form = structure.watched.coordinate[i, Z1, _ONLY]
         if not scratch.in_reach[i] or form == 0.0:
@@ -245,9 +251,9 @@ def next_crossing(
         if progress.released == i:
             return 0.0, 0.0, UNDECIDED, 0
         # The wall that it moves towards comes first, if it gets there at all.
-        ahead = form * b > 0.0
+        rising = form * b > 0.0
         for turned in range(2):
-            upper = ahead if turned == 0 else not ahead
+            upper = rising if turned == 0 else not rising
             wall = walls[i].upper if upper else walls[i].lower
             if wall == math.inf:
                 continue
@@ -270,9 +276,9 @@ def next_crossing(
     progress.expansions += 1
     left = remaining(motion.progress)
     if left <= 0.0:
-        return 0.0, 0.0, END, 0
+        return 0.0, 0.0, AT_END, 0
     s = best / nu
     if s >= left:
-        return left, 0.0, END, 0
+        return left, 0.0, AT_END, 0
     ds = (fma(-s, nu, best) - s * nu_rest) / nu
     return s, ds, who, side

@@ -33,7 +33,7 @@ from vibroimpact_solvers.kernels.impact_law import strike
 from vibroimpact_solvers.kernels.jit import bare, once
 from vibroimpact_solvers.kernels.modal import displacements_of, modal_of, state_of
 from vibroimpact_solvers.kernels.next_impact import (
-    END,
+    AT_END,
     UNDECIDED,
     find_reach,
     has_one_undamped_mode,
@@ -53,17 +53,17 @@ from vibroimpact_solvers.kernels.rigid_state import (
 class Stop(IntEnum):
     """Why the loop returned."""
 
-    REFUSED = -1  # the initial state is not finite, or outside of its limits
+    REFUSED = -1  # the initial state is not finite, out of range, or outside of its limits
     END = 0  # the end of the time was reached
     TABLE = 1  # the table of impacts is full
-    SAMPLES = 2  # the buffer of samples is full
+    SAMPLES = 2  # the buffer of samples is full; the state has not moved
     PAUSE = 3  # the number of expansions agreed on was spent
-    CONTACT = 4  # a constraint came to rest at its wall
+    CONTACT = 4  # a constraint came to rest at its wall, after its impulse
     RELEASE = 5  # a contact force vanished
-    STRUCK = 6  # an impact while other constraints are in contact
+    IMPACT_IN_CONTACT = 6  # a wall is reached while others are in contact: no impulse as yet
 
 
-_REFUSED, _END, _TABLE, _SAMPLES, _PAUSE, _CONTACT, _RELEASE, _STRUCK = range(-1, 7)
+_REFUSED, _END, _TABLE, _SAMPLES, _PAUSE, _CONTACT, _RELEASE, _IMPACT_IN_CONTACT = range(-1, 7)
 
 
 @once
@@ -120,17 +120,17 @@ def _advance(structure: Structure, motion: Motion, scratch: Scratch) -> int:
             s, ds, who, side = next_crossing(structure, motion, scratch)
         if who == UNDECIDED:
             s, ds, who, side = next_event(structure, motion, scratch)
-        until = np.inf if who == END else (now.time + s) + (now.time_rest + ds)
+        until = np.inf if who == AT_END else (now.time + s) + (now.time_rest + ds)
         if not _take_samples(structure, motion, scratch, until):
             return _SAMPLES
         _move(structure, motion, scratch, s, ds)
         if who < 0:
-            return _END if who == END else _PAUSE
+            return _END if who == AT_END else _PAUSE
         now.coordinate, now.side = who, side
         if walls[who].restitution < 0.0:
             return _RELEASE
         if now.stops_at_impacts:
-            return _STRUCK
+            return _IMPACT_IN_CONTACT
         if strike(structure, motion, scratch):
             return _CONTACT
 
@@ -154,7 +154,8 @@ def follow(
     modal : tuple
         `Modal`, used where x is not empty.
     x, v : array, shape (dof,)
-        Initial displacements and velocities; empty: the motion goes on from its state.
+        Initial displacements and velocities, of a structure without loads' pairs and with a
+        progress that is new; empty: the motion goes on from its state.
     history : tuple
         Degrees of freedom, and displacements and velocities (time, dof) there, which are filled
         in at the end where a motion begins with x and reaches its end; impacts are then given in
@@ -165,10 +166,10 @@ def follow(
     stop : int
         A `Stop`; where it is not the end, another call goes on from there.
     rows, grazings, expansions : int
-        Impacts in the table, and counts.
+        Impacts in the table, and counts of the whole motion.
     penetration, growth : float
         Largest distance between a wall and the place of an impact at it; the largest of the
-        deviations, at least 1.
+        deviations in units of 2^-52, at least 1, where the motion began with x and reached its end.
     """
     rates, drives, kinds, forms, sizes, walls, mobility, errors = structure
     flow, watched = flow_of(rates, drives, kinds), watched_of(forms, sizes)

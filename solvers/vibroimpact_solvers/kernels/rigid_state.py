@@ -26,13 +26,13 @@ WALL: Final = np.dtype(
         ("upper", "f8"),
         # Negative for a contact force: where it vanishes, a contact ends.
         ("restitution", "f8"),
-        # What its rounding is relative to, beside the motion.
+        # Magnitude of the numbers that make the place of the wall: its error is relative to it.
         ("size", "f8"),
         # (1 + restitution) over the diagonal of the mobility, as the sum of two doubles.
         ("factor", "f8"),
         ("factor_rest", "f8"),
         # Change of the coordinate's acceleration by a unit impulse.
-        ("bend", "f8"),
+        ("acceleration", "f8"),
     ]
 )
 """The walls of a watched coordinate."""
@@ -41,9 +41,9 @@ IMPACT: Final = np.dtype(
     [
         ("time", "f8"),
         ("time_rest", "f8"),
-        ("velocity", "f8"),  # before the impact
-        ("impulse", "f8"),
-        ("deviation", "f8"),  # relative to the motion
+        ("velocity", "f8"),  # of the coordinate before the impact, with its sign
+        ("impulse", "f8"),  # its magnitude
+        ("deviation", "f8"),  # estimated error relative to the motion, in units of 2^-52
         ("constraint", "i8"),
         ("side", "i8"),
     ]
@@ -95,7 +95,7 @@ STRUCK: Final = np.dtype(
 class Errors(NamedTuple):
     """Sizes of the errors that deviations stand for, in units of 2^-52."""
 
-    signs: Floats  # (row, 2, pair): random, of size 1
+    signs: Floats  # (row, 2, pair): 1 or -1, at random
     drifts: Floats  # (column, pair): of the frequencies
     kicks: Floats  # (column, watched, 2, pair): of the changes of state by unit impulses
     own: Floats  # (pair,): 0 for the pairs of loads, 1 for the others

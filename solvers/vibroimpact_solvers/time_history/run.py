@@ -141,7 +141,7 @@ class Run:
                 self._rest(watched, side, float(self.at["chatter_left"]))
             elif stop is Stop.RELEASE:
                 self._release(watched)
-            elif stop is Stop.STRUCK:
+            elif stop is Stop.IMPACT_IN_CONTACT:
                 self._impact(watched, side)
             stop = None
         for rest in self.contacts.values():

@@ -285,7 +285,7 @@ class Structure:
         walls = np.empty(restitution.size, rigid_state.WALL)
         walls["lower"], walls["upper"], walls["restitution"] = lower, upper, restitution
         walls["size"], walls["factor"], walls["factor_rest"] = sizes, factor, rest
-        walls["bend"] = jumps
+        walls["acceleration"] = jumps
         high, size, low = (np.ascontiguousarray(part) for part in basis.weight(forms))
         watched = Watched(forms, slopes, kicks, basis.drift(kicks), size, high, low)
         errors = basis.signs, basis.drifts, basis.kick_errors(slopes, kicks), basis.own
