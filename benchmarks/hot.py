@@ -65,12 +65,10 @@ def _copied(argument: Any) -> Any:
     if isinstance(argument, tuple):
         parts = map(_copied, argument)
         return type(argument)(*parts) if hasattr(argument, "_fields") else tuple(parts)
-    if not isinstance(argument, np.ndarray | np.void):
-        return argument
-    if isinstance(argument, np.void) or argument.dtype.names is None:
-        return argument.copy()
-    # Rows of several types are copied number by number, bytes are not.
-    return argument.view(np.uint8).copy().view(argument.dtype)
+    if isinstance(argument, np.ndarray) and argument.dtype.names is not None:
+        # Rows of several types are copied number by number, bytes are not.
+        return argument.view(np.uint8).copy().view(argument.dtype)
+    return argument.copy() if hasattr(argument, "copy") else argument
 
 
 @kernel
