@@ -120,7 +120,7 @@ def _times(
 
 _REASONS: Final = {
     "B: chain N=13, elastic, 1 period": "two impacts: of a prepared call compiled code is a "
-    "quarter, the way of some forty arrays into it a tenth, and the rest makes the result",
+    "quarter, the way of some thirty arrays into it another, and the rest makes the result",
     "S: ": "Taylor series against Taylor series: a third fewer steps, in loops over limiters and "
     "orders where heyoka's code is unrolled for these two masses; forces are checked at every step",
 }

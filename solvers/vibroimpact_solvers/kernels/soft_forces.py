@@ -27,7 +27,7 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.kernels.flow import Z1, Z2
-from vibroimpact_solvers.kernels.jit import fma, inline, inner, kernel
+from vibroimpact_solvers.kernels.jit import fma, inline, inner
 from vibroimpact_solvers.kernels.series import (
     FIRST,
     PADDED,
@@ -256,7 +256,7 @@ def coefficient(now: Any, part: float, exponent: float, whole: int) -> float:
 
 
 @inner
-def _side_kept(u: Floats, last: int, s: float, side: float) -> float:
+def side_kept(u: Floats, last: int, s: float, side: float) -> float:
     """Return the time at which a series changes sides for the first time, s if not before.
 
     ``q(t + d) >= q + q' d - B d^2 / 2``, B being a bound of |q''|: while this is positive q keeps
@@ -289,21 +289,6 @@ def _side_kept(u: Floats, last: int, s: float, side: float) -> float:
     return kept
 
 
-@kernel
-def side_kept(u: Floats, s: float, side: float) -> float:
-    """Return the time at which a series changes sides for the first time, s if not before.
-
-    Parameters
-    ----------
-    u : array, shape (term,)
-    s : float
-        Positive; the end of the interval from 0.
-    side : float
-        1 or -1: that of the series from 0 on.
-    """
-    return _side_kept(u, u.size - 1, s, side)
-
-
 @inline
 def sides_kept(limiters: Limiters, branches: Any, order: int, s: float) -> float:
     """Return the part of a step up to s in which every law stays the same function."""
@@ -312,7 +297,7 @@ def sides_kept(limiters: Limiters, branches: Any, order: int, s: float) -> float
         law, now = limiters.laws[i], branches[i]
         differ = whole > 0 and (whole % 2 == 0 or law.below != -law.above)
         if differ or now.gain == 0.0:
-            s = _side_kept(branches[i].powers[Q], order, s, now.side)
+            s = side_kept(branches[i].powers[Q], order, s, now.side)
     return s
 
 

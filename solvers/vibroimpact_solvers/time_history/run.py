@@ -118,7 +118,7 @@ class Run:
         self.Z, self.progress, self._table, self._buffer = Z, progress, table, samples
 
     @property
-    def at(self) -> np.void:
+    def progress_row(self) -> np.void:
         """The row of the progress."""
         return self.progress[0]  # type: ignore[no-any-return]
 
@@ -136,9 +136,9 @@ class Run:
             self._flush_table(last=stop is Stop.END)
             if stop is Stop.END:
                 break
-            watched, side = int(self.at["coordinate"]), int(self.at["side"])
+            watched, side = int(self.progress_row["coordinate"]), int(self.progress_row["side"])
             if stop is Stop.CONTACT:
-                self._rest(watched, side, float(self.at["chatter_left"]))
+                self._rest(watched, side, float(self.progress_row["chatter_left"]))
             elif stop is Stop.RELEASE:
                 self._release(watched)
             elif stop is Stop.IMPACT_IN_CONTACT:
@@ -151,10 +151,10 @@ class Run:
 
     def _advance(self) -> Stop:
         if self.tick is not None:
-            self.tick(int(1e3 * float(self.at["time"]) / self.end), 1000)
+            self.tick(int(1e3 * float(self.progress_row["time"]) / self.end), 1000)
         configuration, basis = self.configuration, self.configuration.basis
         self._check_walls_distinguishable()
-        now = self.at
+        now = self.progress_row
         now["budget"] = now["expansions"] + budget(basis)
         now["stops_at_impacts"], now["longest"] = bool(self.contacts), basis.longest
         before = (self.now, self.Z[0].copy()) if self.contacts else None
@@ -186,18 +186,18 @@ class Run:
 
     @property
     def _place(self) -> tuple[float, float, int]:
-        now = self.at
+        now = self.progress_row
         return float(now["time"]), float(now["time_rest"]), int(now["impacts"])
 
     @property
     def now(self) -> float:
         """The time, in units of the basis."""
-        return float(self.at["time"] + self.at["time_rest"])
+        return float(self.progress_row["time"] + self.progress_row["time_rest"])
 
     @property
     def end(self) -> float:
         """The end of the motion, in units of the basis."""
-        return float(self.at["end"])
+        return float(self.progress_row["end"])
 
     # -- samples and impacts from the compiled loop --
 
@@ -208,20 +208,20 @@ class Run:
         self._scratch = workspace(pairs, watched)
 
     def _flush_samples(self) -> None:
-        first, count = int(self.at["first_sample"]), int(self.at["samples"])
+        first, count = int(self.progress_row["first_sample"]), int(self.progress_row["samples"])
         if count > first:
             self.take(self.configuration, self._buffer[: count - first], first)
-        self.at["first_sample"] = count
+        self.progress_row["first_sample"] = count
 
     def _flush_table(self, *, last: bool) -> None:
-        count = int(self.at["rows"])
+        count = int(self.progress_row["rows"])
         if count:
             rows = self._table[:count] if last else self._table[:count].copy()
             if self.configuration.contacts:
                 free = np.array(self.configuration.free, dtype=np.int64)
                 rows["constraint"] = free[rows["constraint"]]
             self.impacts.append(rows)
-        self.at["rows"] = 0
+        self.progress_row["rows"] = 0
 
     # -- contacts --
 
@@ -289,14 +289,14 @@ class Run:
                 break
             self._end_contact(pulled[0])
             released = pulled[0][0]
-            self.at["released"] = -1
+            self.progress_row["released"] = -1
             if not self.contacts or released is not None:
                 self._mark_released(released)
         self._continue_from(x, v, contacts)
 
     def _mark_released(self, constraint: int) -> None:
         configuration = self.structure.configuration(frozenset(self.contacts))
-        self.at["released"] = configuration.free.index(constraint)
+        self.progress_row["released"] = configuration.free.index(constraint)
 
     def _release(self, watched: int) -> None:
         x, v = self._displacements()
@@ -321,7 +321,7 @@ class Run:
         growth = self.growth
         for (index, s), P, speed in zip(struck, given, speeds, strict=True):
             if P > 0.0:
-                now = self.at["time"], self.at["time_rest"]
+                now = self.progress_row["time"], self.progress_row["time_rest"]
                 self.impacts.append(np.array([(*now, s * speed, P, growth, index, s)], IMPACT))
         after = -sides * (W @ v)
         rounding = 1e-14 * float(np.abs(speeds).max())
@@ -347,6 +347,6 @@ class Run:
     @property
     def growth(self) -> float:
         """The error of the state relative to the motion, in units of 2^-52."""
-        own, largest = self.configuration.basis.own, float(self.at["largest"])
+        own, largest = self.configuration.basis.own, float(self.progress_row["largest"])
         squares = (own * self.Z[1:] ** 2).sum(axis=(1, 2))
         return SAFETY * math.sqrt(squares.max(initial=0.0)) / largest if largest > 0.0 else 0.0

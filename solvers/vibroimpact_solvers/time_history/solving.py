@@ -271,9 +271,14 @@ def result_of(problem: Problem, run: Run, history: History) -> Result:
             contact_side=np.array([r.contact[1] for r in intervals], dtype=np.int64),
             contact_impulse=np.array([r.impulse for r in intervals]) / scale,
         )
-    values["count_impacts"], values["count_grazings"] = impacts.size, int(run.at["grazings"])
-    values["count_expansions"] = int(run.at["expansions"])
-    values["error_penetration"] = checked_penetration(problem, float(run.at["penetration"]))
+    values["count_impacts"], values["count_grazings"] = (
+        impacts.size,
+        int(run.progress_row["grazings"]),
+    )
+    values["count_expansions"] = int(run.progress_row["expansions"])
+    values["error_penetration"] = checked_penetration(
+        problem, float(run.progress_row["penetration"])
+    )
     if problem.estimate:
         largest = max(1.0, run.growth, float(growth.max(initial=0.0)))
         set_condition(values, largest, times, growth)

@@ -255,7 +255,7 @@ class _WindowRun(Run):
         self.configuration = self.structure.configuration(frozenset(self.contacts))
         self._samples(self.configuration)
         self.Z = before.seed_state.copy()
-        now, stop = self.at, self.end
+        now, stop = self.progress_row, self.end
         for name, number in zip(PROGRESS.names or (), before.seed_progress, strict=True):
             now[name] = number
         now["end"] = stop
@@ -284,7 +284,7 @@ class _WindowRun(Run):
             late_stop=np.array([rest.stop for rest in late], dtype=np.float64) / scale,
             late_impulse=np.array([rest.impulse for rest in late], dtype=np.float64) / scale,
             seed_state=self.Z,
-            seed_progress=np.array(self.at.tolist(), dtype=np.float64),
+            seed_progress=np.array(self.progress_row.tolist(), dtype=np.float64),
             seed_open=np.array(
                 [
                     [*contact, places[id(rest)], rest.rest, rest.impulse]

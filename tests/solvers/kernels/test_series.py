@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.solvers.kernels.compiled import compiled
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.kernels.series import (
     LONGEST,
@@ -23,6 +24,7 @@ from vibroimpact_solvers.kernels.series import (
 from vibroimpact_solvers.kernels.soft_forces import side_kept
 
 TERMS = 24
+first_change = compiled(side_kept)
 TERM = st.floats(-1.0, 1.0).filter(lambda a: a == 0.0 or abs(a) > 1e-6)
 
 
@@ -101,7 +103,7 @@ def test_the_first_change_of_sides_is_not_missed(terms: list[float], s: float) -
     if abs(series[0]) < 1e-3:
         series[0] = 0.25
     side = 1.0 if series[0] > 0.0 else -1.0
-    found = side_kept(series, s, side)
+    found = first_change(series, series.size - 1, s, side)
     assert 0.0 < found <= s
     rounding = 1e-14 * float(np.abs(series) @ s ** np.arange(series.size))
     before = np.polynomial.polynomial.polyval(np.linspace(0.0, found, 2001), series)
@@ -112,5 +114,6 @@ def test_the_first_change_of_sides_is_not_missed(terms: list[float], s: float) -
 
 def test_a_dip_within_a_series_is_found() -> None:
     """(t - 0.5)^2 - 1e-10 is below zero for the fifty-thousandth of the time."""
-    assert side_kept(np.array([0.25 - 1e-10, -1.0, 1.0]), 1.0, 1.0) == pytest.approx(0.5 - 1e-5)
-    assert side_kept(np.array([0.25 + 1e-10, -1.0, 1.0]), 1.0, 1.0) == 1.0
+    dip, none = np.array([0.25 - 1e-10, -1.0, 1.0]), np.array([0.25 + 1e-10, -1.0, 1.0])
+    assert first_change(dip, 2, 1.0, 1.0) == pytest.approx(0.5 - 1e-5)
+    assert first_change(none, 2, 1.0, 1.0) == 1.0
