@@ -240,3 +240,17 @@ class System:
             constraint = self.constraints[index]
             row[list(constraint.dofs)] = constraint.weights
         return rows
+
+    def losses(self, active: Sequence[int]) -> list[str]:
+        """Return a sentence for each cause of energy loss, which motions without loss neglect."""
+        sentences = []
+        if self.C is not None and self.C.data.any():
+            sentences.append("the damping C is neglected: the motions have no energy loss")
+        lossy = [str(i) for i in active if self.constraints[i].restitution < 1.0]
+        if lossy:
+            listed = ", ".join(lossy)
+            sentences.append(
+                f"the restitution of constraints {listed} is taken as 1: the motions have no "
+                "energy loss"
+            )
+        return sentences

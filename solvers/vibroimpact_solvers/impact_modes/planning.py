@@ -291,7 +291,7 @@ def _skips(problem: Problem, family: Family, steps: tuple[Step, ...]) -> Iterato
         if _exists_above_spectrum(problem, family):
             why = "with one constraint and Omega > Omega_N every impact mode exists"
             yield Skip("path check above the spectrum", why)
-    if problem.system.C is not None or any(c.restitution < 1.0 for c in problem.struck):
+    if problem.system.losses(problem.active):
         yield Skip("damping and restitution", "impact modes are motions without energy loss")
     if "stability" in problem.outputs:
         if any(step.stage is Stage.STABILITY for step in steps):

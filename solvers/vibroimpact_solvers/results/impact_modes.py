@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, Final
 import numpy as np
 
 from vibroimpact_solvers.arrays import Booleans, Floats, Group, Integers, Quantity, along
-from vibroimpact_solvers.results.shared import EXISTS, WITHIN, Dofs, Statement
+from vibroimpact_solvers.results.shared import EXISTS, WITHIN, Dofs, Neglected, Statement
 
 
 class Reason(IntEnum):
@@ -186,6 +186,7 @@ class Result:
         ),
     ]
     error_statement: Statement
+    neglected: Neglected
 
 
 _AXIS_FIELDS: Final = along(Result, "frequency")

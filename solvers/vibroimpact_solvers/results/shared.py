@@ -18,3 +18,8 @@ Dofs = Annotated[Integers | None, Quantity(("dof",), "1", "index of the degree o
 Statement = Annotated[
     str, Quantity((), "1", "how the errors were obtained", path="error/statement")
 ]
+Neglected = Annotated[
+    list[str] | None,
+    Quantity((), "1", "what of the structure has no effect, and why", path="neglected"),
+]
+"""Absent where all of it has."""
