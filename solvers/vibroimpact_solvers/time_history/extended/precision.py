@@ -1,20 +1,19 @@
 """Extended precision: real and complex numbers of any number of digits, and eigenvalues.
 
-Numbers are balls of FLINT: a number and a bound of its rounding. Their precision is a setting of
-the process, so that one computation runs at a time.
+Numbers are balls of FLINT: a number and a bound of its rounding.
 """
 
 from __future__ import annotations
 
 import math
-import threading
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from typing import Any, Final
 
 import flint
 import numpy as np
 
+from vibroimpact_solvers import precision
 from vibroimpact_solvers.arrays import Floats
 
 Real = Any
@@ -26,19 +25,11 @@ Rows = list[list[Any]]
 
 GUARD: Final = 12
 """Guard digits of the arithmetic."""
-_ONE_AT_A_TIME = threading.Lock()
 
 
-@contextmanager
-def working(digits: int) -> Iterator[None]:
-    """Set the precision to a number of digits and the guard digits."""
-    with _ONE_AT_A_TIME:
-        before = flint.ctx.dps
-        flint.ctx.dps = digits + GUARD
-        try:
-            yield
-        finally:
-            flint.ctx.dps = before
+def working(digits: int) -> AbstractContextManager[None]:
+    """Compute with a number of digits and the guard digits."""
+    return precision.working(math.ceil((digits + GUARD + 1) * math.log2(10.0)))
 
 
 def real(value: float) -> Real:
