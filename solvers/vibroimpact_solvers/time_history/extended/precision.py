@@ -29,7 +29,7 @@ GUARD: Final = 12
 
 def working(digits: int) -> AbstractContextManager[None]:
     """Compute with a number of digits and the guard digits."""
-    return precision.working(math.ceil((digits + GUARD + 1) * math.log2(10.0)))
+    return precision.working(round((digits + GUARD + 1) * math.log2(10.0)))
 
 
 def real(value: float) -> Real:
