@@ -91,12 +91,12 @@ def _distance(room: float, slope: float, acceleration: float, rounding: float) -
     """Return the distance to a wall as an expansion may use it.
 
     slope and acceleration are the first two derivatives towards the wall. Within rounding of it:
-    0 where the coordinate leaves; two roundings where it turns by itself within one, which is
-    where its speed is no more than that of a fall from there; -1 where it moves on into the wall.
+    0 where the coordinate leaves or stays; two roundings where it turns by itself within one, where
+    its speed is no more than that of a fall from there; -1 where it moves on into the wall.
     """
     if room > rounding:
         return room
-    if slope < 0.0:
+    if slope < 0.0 or (slope == 0.0 and acceleration <= 0.0):
         return 0.0
     if acceleration < 0.0 and slope * slope <= -2.0 * acceleration * rounding:
         return 2.0 * rounding

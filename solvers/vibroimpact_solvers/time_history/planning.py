@@ -14,7 +14,7 @@ import numpy as np
 from vibroimpact_solvers import impact_modes, spectrum
 from vibroimpact_solvers.cost import BYTES_PER_SECOND, FLOPS_PER_SECOND
 from vibroimpact_solvers.errors import ModelError, PlanError
-from vibroimpact_solvers.matrices import Form
+from vibroimpact_solvers.matrices import Form, SymmetricMatrix
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 from vibroimpact_solvers.time_history.problem import (
@@ -28,6 +28,7 @@ from vibroimpact_solvers.time_history.problem import (
 from vibroimpact_solvers.time_history.start import impact_mode_problem
 
 _MOST = 2**20  # windows
+_DOUBT = 1e-10  # of the diagonal of K, within which it may be singular
 _FEW = 500  # degrees of freedom up to which a full K is factorized for a plan
 
 
@@ -241,13 +242,17 @@ def _reaches(system: System) -> tuple[tuple[float, ...], float]:
     And a lower bound of the mass that moves with any degree of freedom.
     """
     dense = Form.DENSE in {system.K.form, system.M.form}
-    if (dense and system.n > _FEW) or not system.K.is_positive_definite():
+    if dense and system.n > _FEW:
+        return (), 0.0
+    # Less than K by more than roundings: positive definite, it is so beyond doubt.
+    less = system.K.plus(-_DOUBT, SymmetricMatrix.diagonal(system.K.main_diagonal))
+    if not less.is_positive_definite():
         return (), 0.0
     lightest = float(system.M.data[0].min()) if system.M.form is Form.DIAGONAL else 0.0
     W = system.directions(range(len(system.constraints)))
     if not len(W):
         return (), 0.0
-    compliance = np.einsum("ij,ij->i", W, system.K.factorize()(np.ascontiguousarray(W.T)).T)
+    compliance = np.einsum("ij,ij->i", W, less.factorize()(np.ascontiguousarray(W.T)).T)
     walls = [
         min(np.inf if wall is None else wall for wall in (c.lower, c.upper))
         for c in system.constraints

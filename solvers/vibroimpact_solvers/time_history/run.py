@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
@@ -16,15 +15,13 @@ from vibroimpact_solvers.kernels.impact_law import impulses
 from vibroimpact_solvers.kernels.modal import NOTHING
 from vibroimpact_solvers.kernels.rigid_motion import Stop, follow
 from vibroimpact_solvers.kernels.rigid_state import IMPACT, PROGRESS, Rows, workspace
+from vibroimpact_solvers.time_history.at_walls import CHATTER, AtWalls
 from vibroimpact_solvers.time_history.basis import COLUMNS, Basis
 from vibroimpact_solvers.time_history.contact_impulses import impulses as impulses_at_rest
 from vibroimpact_solvers.time_history.structure import Configuration, Contact, Structure
 
 Tick = Callable[[int, int], None]
 Take = Callable[[Configuration, Floats, int], None]
-
-CHATTER: Final = 1e-8
-"""Remaining time of a chatter, in units of the fastest mode, below which it is one sum."""
 
 _EPS = float(np.finfo(np.float64).eps)
 _ROWS = 4096  # of the table that the compiled loop fills
@@ -199,6 +196,11 @@ class Run:
         """The end of the motion, in units of the basis."""
         return float(self.progress_row["end"])
 
+    @property
+    def _latest(self) -> float:
+        """The time after which nothing happens."""
+        return self.end
+
     # -- samples and impacts from the compiled loop --
 
     def _samples(self, configuration: Configuration) -> None:
@@ -249,11 +251,6 @@ class Run:
             message = f"contacts begin and end without end at t = {self.now / self.scale!r}"
             raise ConvergenceError(message)
 
-    def _begin_contact(self, contact: Contact, duration: float) -> None:
-        rest = ContactInterval(contact, self.now, min(self.now + duration, self.end))
-        self.contacts[contact] = rest
-        self.intervals.append(rest)
-
     def _add_contact_impulses(self, since: float, z: Floats) -> None:
         """Add the impulses of the walls on the coordinates at rest, from their rest on."""
         whole = impulses_at_rest(self.configuration, z, self.now - since)
@@ -269,30 +266,34 @@ class Run:
         self.contacts.pop(contact).stop = self.now
 
     def _rest(self, watched: int, side: int, duration: float) -> None:
-        """Begin the contact of a constraint that comes to rest at its wall."""
+        """Begin the contact of a constraint that comes to rest at its wall, and of others with it.
+
+        duration is that of its remaining chatter.
+        """
         x, v = self._displacements()
-        self._begin_contact((self.configuration.free[watched], side), duration)
+        contact = self.configuration.free[watched], side
+        self._begin_contacts(self._at_walls(x, v), contact, {contact: duration})
         self._resolve_contacts(x, v)
+
+    def _at_walls(self, x: Floats, v: Floats) -> AtWalls:
+        return AtWalls(self.structure, x, v, self.configuration.basis.loads_of(self.Z[0]))
+
+    def _begin_contacts(
+        self, at_walls: AtWalls, struck: Contact, known: dict[Contact, float]
+    ) -> None:
+        """Begin the contacts of coordinates that come to rest, those known to do so among them."""
+        for contact, duration in (at_walls.come_to_rest(self.contacts, struck) | known).items():
+            rest = ContactInterval(contact, self.now, min(self.now + duration, self._latest))
+            self.contacts[contact] = rest
+            self.intervals.append(rest)
 
     def _resolve_contacts(self, x: Floats, v: Floats) -> None:
         """Continue with the present contacts except those whose force would have to be tensile."""
-        while True:
-            contacts = frozenset(self.contacts)
-            configuration = self.structure.configuration(contacts)
-            z = self.structure.state_of(
-                configuration, x, v, self.configuration.basis.loads_of(self.Z[0])
-            )
-            forces = self.structure.contact_forces(configuration, z)
-            # A force that is rounding may still grow: the search decides about it.
-            pulled = [c for c, f, rounding in forces if f < -rounding]
-            if not pulled:
-                break
-            self._end_contact(pulled[0])
-            released = pulled[0][0]
-            self.progress_row["released"] = -1
-            if not self.contacts or released is not None:
-                self._mark_released(released)
-        self._continue_from(x, v, contacts)
+        stays = self._at_walls(x, v).forces(self.contacts)
+        for contact in sorted(set(self.contacts) - set(stays)):
+            self._end_contact(contact)
+            self._mark_released(contact[0])
+        self._continue_from(x, v, frozenset(self.contacts))
 
     def _mark_released(self, constraint: int) -> None:
         configuration = self.structure.configuration(frozenset(self.contacts))
@@ -318,30 +319,18 @@ class Run:
         restitution = np.array([c.restitution for c in structure.system.constraints])
         given = impulses(structure.mobility, restitution, indices, sides, speeds)
         v = v - structure.mass_solve(W.T @ (sides * given))
-        growth = self.growth
-        for (index, s), P, speed in zip(struck, given, speeds, strict=True):
-            if P > 0.0:
-                now = self.progress_row["time"], self.progress_row["time_rest"]
-                self.impacts.append(np.array([(*now, s * speed, P, growth, index, s)], IMPACT))
+        (index, s), *held = struck
+        now = self.progress_row["time"], self.progress_row["time_rest"]
+        row = (*now, s * speeds[0], given[0], self.growth, index, s)
+        self.impacts.append(np.array([row], IMPACT))
         after = -sides * (W @ v)
         rounding = 1e-14 * float(np.abs(speeds).max())
-        for contact, leaving in list(zip(struck, after, strict=True))[1:]:
+        for contact, P, leaving in zip(held, given[1:], after[1:], strict=True):
+            # Impulses of contacts are forces by time, this one is mass by velocity.
+            self.contacts[contact].impulse += float(P) * self.scale**2
             if leaving > rounding:
                 self._end_contact(contact)
-        # Does it come to rest too?
-        configuration = structure.configuration(frozenset(self.contacts))
-        loads = self.configuration.basis.loads_of(self.Z[0])
-        pressed = structure.acceleration_towards(
-            configuration, structure.state_of(configuration, x, v, loads), struck[0]
-        )
-        k, leaving = restitution[struck[0][0]], max(float(after[0]), 0.0)
-        if speeds[0] <= 0.0 or leaving <= rounding:
-            leaving = 0.0
-        duration = 0.0 if leaving == 0.0 else math.inf
-        if leaving > 0.0 and pressed > 0.0 and k < 1.0:
-            duration = 2.0 * leaving / (pressed * (1.0 - k))
-        if pressed >= 0.0 and duration <= CHATTER:
-            self._begin_contact(struck[0], duration)
+        self._begin_contacts(self._at_walls(x, v), struck[0], {})
         self._resolve_contacts(x, v)
 
     @property

@@ -155,27 +155,6 @@ class Structure:
         modes = configuration.basis.modes
         return np.asarray(configuration.basis.level(rows @ modes.shapes) + rows @ modes.base)
 
-    def contact_forces(
-        self, configuration: Configuration, z: Floats
-    ) -> list[tuple[Contact, float, float]]:
-        """Return the contacts, their contact forces and the roundings of these."""
-        first = len(configuration.free)
-        forces = []
-        for k, contact in enumerate(configuration.contacts, start=first):
-            form = configuration.kernel.watched.coordinate[k]
-            level = float(configuration.kernel.walls["lower"][k])
-            rounding = 64.0 * _EPS * float(np.abs(form * z).sum() + abs(level))
-            forces.append((contact, float((form * z).sum() + level), rounding))
-        return forces
-
-    def acceleration_towards(
-        self, configuration: Configuration, z: Floats, contact: Contact
-    ) -> float:
-        """Return the acceleration of a free constraint towards a wall."""
-        index, side = contact
-        slope = configuration.kernel.watched.velocity[configuration.free.index(index)]
-        return side * float((slope * configuration.basis.rate(z)).sum())
-
     @cached_property
     def modal(self) -> Modal:
         """The modes without contacts, for the conversion of initial states in kernels."""

@@ -262,10 +262,9 @@ class _WindowRun(Run):
         now["rows"] = now["samples"] = now["first_sample"] = 0
         self._switched = (-1.0, 0)
 
-    def _begin_contact(self, contact: Contact, lasts: float) -> None:
-        super()._begin_contact(contact, lasts)
-        rest = self.contacts[contact]
-        rest.rest = min(self.now + lasts, self._end)  # which may lie in the next window
+    @property
+    def _latest(self) -> float:
+        return self._end  # a chatter may end in the next window
 
     def part(self, result: Result, before: Part | None) -> Part:
         """Return the result of the window."""
