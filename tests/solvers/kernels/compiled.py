@@ -3,13 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from functools import cache
+from typing import Any, Final
 
 import numba
 
+from vibroimpact_solvers.kernels.cache import folder, kept_in
 
+_FOLDER: Final = folder()
+
+
+@cache
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return an inner function of kernels, compiled so that Python can call it."""
-    plain: Any = function
-    callable_one: Callable[..., Any] = numba.njit(error_model="numpy")(plain.py_func)
-    return callable_one
+    """Return an inner function of kernels, compiled so that Python can call it.
+
+    It is kept beside the kernels, and compiled anew where one of them changed.
+    """
+    inner: Any = function
+    if _FOLDER is None:
+        plain: Callable[..., Any] = numba.njit(error_model="numpy")(inner.py_func)
+        return plain
+    with kept_in(_FOLDER):
+        kept: Callable[..., Any] = numba.njit(error_model="numpy", cache=True)(inner.py_func)
+    return kept
