@@ -7,6 +7,7 @@ import shutil
 import signal
 import socket
 import subprocess
+import sys
 import tempfile
 import time
 import uuid
@@ -22,6 +23,26 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
 
 GIVEN = "VIBROIMPACT_TEST_POSTGRESQL"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _each_kernel_has_one_signature() -> Iterator[None]:
+    """Fail where a kernel was called with arrays of another type or layout than those before.
+
+    It would be compiled once more, for seconds, in the midst of a request: `vibroimpact warm`
+    does not know of it.
+    """
+    yield
+    several = {
+        f"{module}.{name}": function.signatures
+        for module, content in tuple(sys.modules.items())
+        if module.startswith("vibroimpact_solvers.kernels.")
+        for name, function in vars(content).items()
+        if getattr(function, "__module__", None) == module
+        and len(getattr(function, "signatures", ())) > 1
+        and "no_cpython_wrapper" not in function.targetoptions  # called by Python
+    }
+    assert not several
 
 
 class PostgreSQL:

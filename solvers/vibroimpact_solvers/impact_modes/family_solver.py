@@ -99,9 +99,8 @@ class FamilySolver:
     def __init__(self, problem: Problem, plan: Plan, natural: Spectrum | None = None) -> None:
         self.plan, self.family = plan, Family.of(problem)
         self.evaluator, self._largest = _evaluator(problem, plan, self.family, natural)
-        self._orders = np.arange(0, problem.highest_harmonic + 1)
-        if self.family.kind is Kind.ANTISYMMETRIC:
-            self._orders = self._orders[1::2]
+        first, step = (1, 2) if self.family.kind is Kind.ANTISYMMETRIC else (0, 1)
+        self._orders = np.arange(first, problem.highest_harmonic + 1, step)
         stages = (Stage.SHAPE, Stage.WAVEFORM, Stage.ENERGY, Stage.HARMONICS, Stage.STABILITY)
         self.needs_motion = any(plan.step(stage) is not None for stage in stages)
         existence = plan.step(Stage.EXISTENCE)

@@ -254,9 +254,9 @@ def _solve(
     )
 
     def piece(start: int, stop: int) -> None:
-        some = slice(start, stop)
-        part = families.Solutions(*(array[:, some] for array in into))
-        families.solutions(modes, system, at.omega[some], at.rounding[some], part)
+        # Whole arrays: those of a part would be of another type, and compiled for that once more.
+        omega, rests = at.omega[start:stop], at.rounding[start:stop]
+        families.solutions(modes, system, omega, rests, start, into)
 
     over_ranges(piece, at.size, 100.0 * of.roots.size * at.size * len(walls))
 

@@ -559,8 +559,9 @@ def _multiply(rows: Floats, products: Floats) -> None:
 
 @kernel
 def solutions(
-    modes: Modes, system: LinearSystem, omega: Floats, omega_rests: Floats, into: Solutions
-) -> None:
+    modes: Modes, system: LinearSystem, omega: Floats, omega_rests: Floats, first: int,
+    into: Solutions,
+) -> None:  # fmt: skip
     """Compute impulses and modal amplitudes, for several sets of walls at once.
 
     The sets share all but the right-hand sides, which is computed once for each frequency; the
@@ -574,6 +575,8 @@ def solutions(
         Triangle-wave frequencies.
     omega_rests : array, shape (frequency,)
         What rounding took from them, relative to them.
+    first : int
+        Where the results of the first frequency belong.
     into : Solutions
         Receives the results.
     """
@@ -619,7 +622,8 @@ def solutions(
             _border(bordered, sums, n + k, rows, parity, phases, room.near[k] // 2)
         sound = _invert(bordered, n + kept)
         for s in range(sets):
-            z, error, D, U = into.z[s, f], into.error[s, f], into.D[s, f], into.U[s, f]
+            z, error = into.z[s, first + f], into.error[s, first + f]
+            D, U = into.D[s, first + f], into.U[s, first + f]
             if sound:
                 _solve(bordered, n + kept, s, z, error)
                 _amplitudes(modes, system, phases, room, bordered.v, kept, omega[f], D, U)
