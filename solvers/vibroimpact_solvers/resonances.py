@@ -172,23 +172,25 @@ class _Part:
         push = modes.T @ self.stiff - natural.eigenvalues * (modes.T @ self.heavy)
         size = np.abs(modes.T) @ np.abs(self.stiff)
         size += np.abs(natural.eigenvalues) * (np.abs(modes.T) @ np.abs(self.heavy))
-        excited = np.abs(push) > _UNEXCITED * size + _mixed(natural, np.abs(push))
+        # The matrices of the part are computed from those of the structure.
+        errors = spectrum.sensitivity(self.system, natural)
+        excited = np.abs(push) > _UNEXCITED * size + _mixed(natural, np.abs(push), *errors)
         chosen = excited & (natural.roots > 0.0)
-        relative = natural.uncertainty / np.abs(natural.eigenvalues[chosen]) + natural.norms
+        relative = errors[0] / np.abs(natural.eigenvalues[chosen]) + errors[1]
         return np.asarray(natural.roots[chosen]), np.minimum(0.5 * relative + 4.0 * EPS, 1.0)
 
 
-def _mixed(natural: spectrum.Spectrum, push: Floats) -> Floats:
+def _mixed(natural: spectrum.Spectrum, push: Floats, uncertainty: float, norms: float) -> Floats:
     """Return the largest error of the excitation of each mode by errors of the modes, (mode,).
 
     An error of M or K mixes two modes by its ratio to the distance of their eigenvalues.
     """
     values, errors = natural.eigenvalues, np.zeros(push.size)
-    if natural.uncertainty == natural.norms == 0.0:
+    if uncertainty == norms == 0.0:
         return errors
     for start in range(0, push.size, _ROWS):
         own = values[start : start + _ROWS, np.newaxis]
-        error = natural.uncertainty + natural.norms * np.maximum(np.abs(own), np.abs(values))
+        error = uncertainty + norms * np.maximum(np.abs(own), np.abs(values))
         apart = np.maximum(np.abs(own - values), error)
         turned = np.minimum(error / apart, _MAX_MIXED)
         turned[own == values] = 0.0

@@ -20,6 +20,7 @@ from vibroimpact_solvers.spectrum.methods import (
     choose,
     flops,
     nbytes,
+    sensitivity,
     spectrum,
     step,
 )
@@ -40,6 +41,7 @@ __all__ = [
     "largest_frequency",
     "modes_between",
     "nbytes",
+    "sensitivity",
     "spectrum",
     "step",
 ]

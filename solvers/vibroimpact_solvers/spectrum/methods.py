@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import weakref
+from dataclasses import replace
 from enum import StrEnum
 from typing import Final
 
@@ -12,15 +13,18 @@ import scipy.linalg
 from scipy.linalg import lapack
 
 from vibroimpact_solvers.arrays import EPS, Floats, Integers
+from vibroimpact_solvers.kernels import doubled
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix, frozen
 from vibroimpact_solvers.model import ChainShape, System
 from vibroimpact_solvers.plan import Stage, Step
+from vibroimpact_solvers.spectrum import refinement
 from vibroimpact_solvers.spectrum.cache import CACHE
 from vibroimpact_solvers.spectrum.modes import Spectrum
 
 MEMORY: Final = 16e9
 """Largest size of a spectrum, bytes."""
 
+_NOISE = 4.0  # roundings of a mode's own elastic terms below which it counts as rigid
 _HALF_PI = np.longdouble("1.5707963267948966192313216916397514421")
 
 
@@ -112,13 +116,54 @@ def _compute(system: System, method: Method) -> Spectrum:
     if method is Method.DIAGONAL:
         return _diagonal(system.M.data[0], system.K.data[0])
     if method is Method.DENSE:
-        eigenvalues, modes = scipy.linalg.eigh(
-            system.K.to_dense(), system.M.to_dense(), check_finite=False
-        )
-        magnitude, condition = _full(system)
-        return _numerical(np.asarray(eigenvalues), np.asarray(modes), magnitude, condition)
-    eigenvalues, modes = _mass_scaled(system.M.data[0], system.K, method)
-    return _numerical(np.asarray(eigenvalues), np.asarray(modes))
+        _, modes = scipy.linalg.eigh(system.K.to_dense(), system.M.to_dense(), check_finite=False)
+    else:
+        modes = _mass_scaled(system.M.data[0], system.K, method)
+    if system.n <= refinement.LARGEST:
+        return _refined(system, np.asarray(modes))
+    magnitude, condition = _full(system) if method is Method.DENSE else (0.0, 1.0)
+    return _numerical(system, np.asarray(modes), magnitude, condition)
+
+
+def sensitivity(system: System, natural: Spectrum) -> tuple[float, float]:
+    """Return how roundings of the entries of M and K change eigenvalues and modes.
+
+    An absolute error of the eigenvalues, and a relative one, which is also that of the norms of
+    the modes; for structures whose matrices were computed.
+    """
+    method = choose(system)
+    if method in {Method.CLOSED_FORM, Method.DIAGONAL}:
+        return 0.0, 0.0
+    magnitude, condition = _full(system) if method is Method.DENSE else (0.0, 1.0)
+    scale = max(natural.largest_frequency**2, magnitude)
+    return max(natural.uncertainty, 2.0 * EPS * scale), (1.0 + condition) * EPS
+
+
+def _refined(system: System, modes: Floats) -> Spectrum:
+    """Return a spectrum with proved errors."""
+    M = system.M.data[0] if system.M.form is Form.DIAGONAL else system.M.to_dense()
+    refined = refinement.refine(M, system.K.to_dense(), modes)
+    values, low, errors = refined.eigenvalues, refined.eigenvalues_low, refined.errors
+    rigid = np.abs(values) <= np.maximum(errors, _NOISE * EPS * _own_sizes(system.K, refined.modes))
+    errors = np.where(rigid, errors + np.abs(values), errors)
+    order = np.argsort(np.where(rigid, 0.0, values), kind="stable")
+    roots, rests = doubled.roots(np.where(rigid, 0.0, values)[order], low[order])
+    return Spectrum(
+        frozen(roots),
+        frozen(np.ascontiguousarray(refined.modes[:, order])),
+        system.n,
+        float(errors.max(initial=0.0)),
+        rounding=frozen(rests),
+        errors=frozen(errors[order]),
+        angles=frozen(refined.angles[order]),
+        modal_matrix_low=frozen(np.ascontiguousarray(refined.modes_low[:, order])),
+    )
+
+
+def _own_sizes(K: SymmetricMatrix, modes: Floats) -> Floats:
+    """Return ``|e|^T |K| |e|`` of each mode e, (mode,)."""
+    magnitudes, stiffness = np.abs(modes), replace(K, data=np.abs(K.data))
+    return np.asarray((magnitudes * (stiffness @ magnitudes)).sum(axis=0))
 
 
 def _full(system: System) -> tuple[float, float]:
@@ -139,19 +184,33 @@ def _full(system: System) -> tuple[float, float]:
     return float(np.linalg.norm(K * outer, 1)) * condition / size, condition
 
 
-def _numerical(
-    eigenvalues: Floats, modes: Floats, magnitude: float = 0.0, condition: float = 1.0
-) -> Spectrum:
+def _numerical(system: System, modes: Floats, magnitude: float, condition: float) -> Spectrum:
     """Return a spectrum whose eigenvalues are known to a few roundings of the largest."""
-    n = eigenvalues.size
+    eigenvalues = (modes * (system.K @ modes)).sum(axis=0)
+    eigenvalues /= (modes * (system.M @ modes)).sum(axis=0)
     scale = max(float(np.abs(eigenvalues).max()), magnitude)
-    # A computed eigenvalue below it is rounding noise: a rigid-body mode.
-    floor = max(16.0, np.sqrt(n)) * EPS * scale
-    noise = np.abs(eigenvalues) <= floor
-    eigenvalues[noise] = 0.0
-    columns = frozen(np.ascontiguousarray(modes))
-    uncertainty = floor if noise.any() else 2.0 * EPS * scale
-    return Spectrum(_roots(eigenvalues), columns, n, uncertainty, norms=(1.0 + condition) * EPS)
+    # One below the errors of its own terms is a rigid-body mode.
+    small = np.flatnonzero(np.abs(eigenvalues) <= max(16.0, np.sqrt(system.n)) * EPS * scale)
+    own = _own_sizes(system.K, modes[:, small])
+    rigid = small[np.abs(eigenvalues[small]) <= _NOISE * np.sqrt(system.n) * EPS * own]
+    eigenvalues[rigid] = 0.0
+    order = np.argsort(eigenvalues, kind="stable")
+    roots = _roots(eigenvalues[order])
+    errors = np.full(system.n, (max(16.0, np.sqrt(system.n)) if rigid.size else 2.0) * EPS * scale)
+    gaps = np.full(system.n + 1, np.inf)
+    gaps[1:-1] = np.diff(eigenvalues[order])
+    gap = np.minimum(gaps[:-1], gaps[1:])
+    angles = 2.0 * EPS * scale / np.maximum(gap, EPS * scale) + (1.0 + condition) * EPS
+    return Spectrum(
+        roots,
+        frozen(np.ascontiguousarray(modes[:, order])),
+        system.n,
+        float(errors.max()),
+        norms=(1.0 + condition) * EPS,
+        errors=errors,
+        angles=np.minimum(angles, 1.0),
+        proved=False,
+    )
 
 
 def _roots(eigenvalues: Floats) -> Floats:
@@ -189,7 +248,7 @@ def _chain(shape: ChainShape) -> Spectrum:
 
 def _diagonal(mass: Floats, stiffness: Floats) -> Spectrum:
     """Modes of uncoupled coordinates."""
-    eigenvalues = stiffness / mass
+    eigenvalues, rests = doubled.quotients(stiffness, mass)
     order = np.argsort(eigenvalues, kind="stable")
     place = np.empty_like(order)
     place[order] = np.arange(mass.size)
@@ -199,10 +258,11 @@ def _diagonal(mass: Floats, stiffness: Floats) -> Spectrum:
         entries[np.arange(dofs.size), place[dofs]] = 1.0 / np.sqrt(mass[dofs])
         return entries
 
-    return Spectrum(_roots(eigenvalues[order]), rows, mass.size)
+    roots, rounding = doubled.roots(eigenvalues[order], rests[order])
+    return Spectrum(frozen(roots), rows, mass.size, rounding=frozen(rounding))
 
 
-def _mass_scaled(mass: Floats, K: SymmetricMatrix, method: Method) -> tuple[Floats, Floats]:
+def _mass_scaled(mass: Floats, K: SymmetricMatrix, method: Method) -> Floats:
     """Modes for a diagonal M, from the matrix M^(-1/2) K M^(-1/2) of K's own structure."""
     root = np.sqrt(mass)
     scaled = np.zeros_like(K.data)
@@ -213,4 +273,4 @@ def _mass_scaled(mass: Floats, K: SymmetricMatrix, method: Method) -> tuple[Floa
         pairs = scipy.linalg.eigh_tridiagonal(scaled[0], scaled[1, :-1], check_finite=False)
     else:
         pairs = scipy.linalg.eig_banded(scaled, lower=True, check_finite=False)
-    return np.asarray(pairs[0]), np.asarray(pairs[1]) / root[:, np.newaxis]
+    return np.asarray(pairs[1]) / root[:, np.newaxis]

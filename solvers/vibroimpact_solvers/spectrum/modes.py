@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.arrays import EPS, Floats, Integers
+from vibroimpact_solvers.kernels import doubled
 from vibroimpact_solvers.model import Constraint
 
 
@@ -27,6 +28,13 @@ class Spectrum:
     # Error of the norms of the modes and of their orthogonality, and relative error of the
     # eigenvalues, besides rounding
     norms: float = 0.0
+    # Absolute errors of the eigenvalues, besides what `rounding` states, and errors of the modes
+    # in the norm of M, besides the rounding of their entries; zeros if absent, (mode,)
+    errors: Floats | None = None
+    angles: Floats | None = None
+    # What rounding took from the entries of the modal matrix, where it is known, (dof, mode)
+    modal_matrix_low: Floats | None = None
+    proved: bool = True  # whether these errors are bounds, or else estimates
 
     @property
     def eigenvalues(self) -> Floats:
@@ -51,13 +59,35 @@ class Spectrum:
 
     def along(self, constraints: Iterable[Constraint]) -> Floats:
         """Return ``W E``: the participations of the modes, shape (constraint, mode)."""
-        rows = []
-        for constraint in constraints:
-            dofs, weights = zip(*constraint.coordinate, strict=True)
-            rows.append(np.array(weights) @ self.rows(np.array(dofs)))
-        return np.array(rows).reshape(len(rows), self.roots.size)
+        return self.participations(constraints)[0]
+
+    def participations(self, constraints: Iterable[Constraint]) -> tuple[Floats, Floats]:
+        """Return ``W E`` and its errors, each (constraint, mode).
+
+        A participation below its error is 0: the mode has a node at the constraint.
+        """
+        lines = [constraint.coordinate for constraint in constraints]
+        rows, errors = np.zeros((2, len(lines), self.roots.size))
+        for row, error, line in zip(rows, errors, lines, strict=True):
+            dofs, weights = (np.array(part) for part in zip(*line, strict=True))
+            entries = self.rows(dofs)
+            size = np.abs(weights) @ np.abs(entries)
+            if self.modal_matrix_low is None:
+                row[:] = weights @ entries
+                error[:] = 0.5 * EPS * dofs.size * size
+            else:
+                low, none = self.modal_matrix_low[dofs], np.zeros((0, 0))
+                row[:] = doubled.product(weights[np.newaxis], none, entries, low, False)[0][0]
+                error[:] = doubled.roundings(dofs.size) * size
+            if self.angles is not None:
+                error += np.linalg.norm(row) * self.angles
+            small = np.abs(row) <= error
+            row[small] = 0.0
+            error[:] = np.where(small, 2.0 * error, error + 0.5 * EPS * np.abs(row))
+        return rows, errors
 
     @property
     def nbytes(self) -> int:
         """Memory held."""
-        return self.roots.nbytes + (0 if callable(self.modal_matrix) else self.modal_matrix.nbytes)
+        parts = (self.roots, self.modal_matrix, self.modal_matrix_low)
+        return sum(part.nbytes for part in parts if isinstance(part, np.ndarray))
