@@ -80,6 +80,17 @@ def fuzz(session: nox.Session) -> None:
 
 
 @nox.session
+def truth(session: nox.Session) -> None:
+    """Compare random cases with references of more digits that share no formula with the solvers.
+
+    Hours. ``nox -s truth -- members histories --count 2000 --seed 7 --jobs 2`` for a part;
+    ``--folder FOLDER`` keeps what was done, to go on later; ``--show INDEX`` prints one case.
+    """
+    install(session, "-e", ".[test]")
+    session.run("python", "-m", "tests.truth", *session.posargs)
+
+
+@nox.session
 def browser(session: nox.Session) -> None:
     """Look at the pages of the service in a real Chromium (Debian: apt install chromium)."""
     install(session, "-e", ".[browser]")

@@ -1,0 +1,493 @@
+"""Motions with impacts, contacts and rest to more than sixty digits, from event to event.
+
+Between events a motion is ``z' = A z``; it is followed in steps, through Taylor polynomials whose
+remainder is below all digits, and the first root of every distance to a wall and of every contact
+force within a step is isolated by Bernstein coefficients: none can be missed. Impacts obey
+Newton's law, simultaneous ones the complementarity of impulses and velocities, contacts that of
+forces and accelerations. A chatter is followed until what is left of it cannot be told from its
+geometric sum.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import flint
+import numpy as np
+from flint import arb, arb_mat, arb_poly
+
+from tests.reference.balls import (
+    Flow,
+    Structure,
+    UndecidedError,
+    bernstein,
+    halves,
+    matrix,
+    mobility_times,
+    power_to_bernstein,
+)
+from tests.reference.members import Limiter
+
+PRECISION = 256
+_DEGREE = 75
+_FEW = 40
+_SAME = 2.0**-120  # what is nearer to a wall than this, relative, is at it
+_REST = 2.0**-160  # what is slower than this, relative, rests
+_CHATTER = 1e-18  # duration of the rest of a chatter, over the shortest time
+
+
+@dataclass(frozen=True, slots=True)
+class Impact:
+    """One impact; the velocity is that of the coordinate before it."""
+
+    time: Any
+    constraint: int
+    side: int
+    velocity: Any
+    impulse: Any
+
+
+@dataclass(slots=True)
+class Contact:
+    """Times during which a coordinate rests at its wall."""
+
+    constraint: int
+    side: int
+    rest: Any
+    stop: Any = None
+
+
+@dataclass
+class Motion:
+    """What happened."""
+
+    impacts: list[Impact] = field(default_factory=list)
+    contacts: list[Contact] = field(default_factory=list)
+    states: list[Any] = field(default_factory=list)  # at the output times
+
+
+@dataclass(frozen=True)
+class _Watched:
+    """A distance to a wall, or a contact force, as ``constant + row z``."""
+
+    constraint: int
+    side: int
+    contact: bool
+    constant: Any
+    rows: Any  # Taylor rows
+
+
+class _Configuration:
+    """The structure with some coordinates held at their walls."""
+
+    def __init__(self, flight: Flight, held: tuple[tuple[int, int], ...]) -> None:
+        s, n = flight.structure, flight.structure.n
+        A = flight.A
+        forces = arb_mat(0, 0)
+        if held:
+            W = matrix(flight.rows[[a for a, _ in held]])
+            m = arb_mat([[r[a] for a, _ in held] for r in flight.mobility.tolist()])
+            pull = W * arb_mat(A.tolist()[n : 2 * n])
+            forces = (W * m).solve(pull)
+            less = m * forces
+            A = arb_mat(A.tolist())
+            for i in range(n):
+                for j in range(s.size):
+                    A[n + i, j] -= less[i, j]
+        self.A = A.mid()
+        self.flow = Flow(self.A, degree=_DEGREE)
+        self.watched = []
+        lasting = {a for a, _ in held}
+        for a, limiter in enumerate(flight.limiters):
+            if a in lasting:
+                continue
+            for side, wall in ((1, limiter.upper), (-1, limiter.lower)):
+                if wall is not None:
+                    row = arb_mat(
+                        [
+                            [arb(-side * float(w)) for w in limiter.row]
+                            + [0] * (n + 1 + 2 * len(s.load))
+                        ]
+                    )
+                    rows = self.flow.taylor_rows(row)
+                    self.watched.append(_Watched(a, side, False, arb(wall), rows))
+        for k, (a, side) in enumerate(held):
+            row = arb_mat([[x * side for x in forces.tolist()[k]]])
+            rows = self.flow.taylor_rows(row)
+            self.watched.append(_Watched(a, side, True, arb(0), rows))
+
+    @cached_property
+    def E(self) -> Any:
+        return self.flow.E.mid()
+
+    def at(self, z: Any, s: Any) -> Any:
+        """Return the state after a part s of a step."""
+        h = s * arb(self.flow.H)
+        grown = abs(float(h)) * self.flow.weights[1]
+        terms, size = 1, grown
+        while size > 1e-70 and terms < _DEGREE:
+            terms += 1
+            size *= grown / terms
+        Ah, term, total = self.A * h, z, z
+        for k in range(1, terms + 1):
+            term = (Ah * term) * (arb(1) / k)
+            total = total + term
+        return total.mid()
+
+
+class Flight:
+    """The motion of a structure from an initial state."""
+
+    def __init__(
+        self,
+        structure: Structure,
+        limiters: Sequence[Limiter],
+        restitution: Sequence[float],
+        x: Any,
+        v: Any,
+        patience: int = 30_000,
+        chatter: float = _CHATTER,
+    ) -> None:
+        flint.ctx.prec = PRECISION
+        self.structure, self.limiters, self.k = structure, limiters, [arb(k) for k in restitution]
+        self.rows = np.array([li.row for li in limiters], dtype=np.float64).reshape(-1, structure.n)
+        self.A = structure.generator().mid()
+        self.mobility = mobility_times(structure.M, self.rows).mid() if len(limiters) else None
+        if len(limiters):
+            self.G = (matrix(self.rows) * self.mobility).mid()
+        self.z, self.t = structure.state(x, v).mid(), arb(0)
+        self.held: tuple[tuple[int, int], ...] = ()
+        self.leaving: dict[tuple[int, int], int] = {}
+        self.motion, self.patience, self.chatter = Motion(), patience, chatter
+        self._configurations: dict[tuple[tuple[int, int], ...], _Configuration] = {}
+        self._open: dict[tuple[int, int], Contact] = {}
+
+    @property
+    def configuration(self) -> _Configuration:
+        """The structure as it is held now."""
+        if self.held not in self._configurations:
+            self._configurations[self.held] = _Configuration(self, self.held)
+        return self._configurations[self.held]
+
+    def run(self, t_end: float, times: Sequence[float]) -> Motion:
+        """Follow the motion to its end."""
+        self.times, self.end = [arb(float(t)) for t in times], arb(t_end)
+        self._start()
+        while self.t < self.end:
+            self._step()
+            self.patience -= 1
+            if self.patience < 0:
+                raise UndecidedError("too many events")
+        for contact in self._open.values():
+            contact.stop = self.end
+        return self.motion
+
+    # One step
+
+    def _step(self) -> None:
+        configuration = self.configuration
+        polynomials, part = [], 1.0
+        for watched in configuration.watched:
+            c = (watched.rows * self.z).entries()
+            c[0] = c[0] + watched.constant
+            deflated = self.leaving.get((watched.constraint, watched.side), 0)
+            c = [x.mid() for x in c[deflated:]]
+            polynomials.append((watched, c))
+            if float(c[0]) > 0.0 > float(c[1]):
+                near = 3.0 * float(c[0]) / -float(c[1])
+                if near < 1e-3:
+                    part = min(part, near)
+        first: tuple[Any, _Watched] | None = None
+        for watched, c in polynomials:
+            if part < 1.0:
+                power, scaled = arb(1), []
+                for x in c:
+                    scaled.append(x * power)
+                    power = power * part
+                c = scaled
+            root = first_root(c)
+            if root is not None and (first is None or root * part < first[0]):
+                first = (root * part, watched)
+        until = arb(part) if first is None else first[0]
+        H = arb(configuration.flow.H)
+        self._sample(until * H)
+        if self.t + until * H >= self.end:
+            self.t = self.end
+            return
+        if first is None and part == 1.0:
+            self.z = (configuration.E * self.z).mid()
+        else:
+            self.z = configuration.at(self.z, until)
+        self.t = (self.t + until * H).mid()
+        self.leaving = {}
+        if first is not None:
+            self._event(first[1])
+
+    def _sample(self, duration: Any) -> None:
+        """Note the states at the output times until the end of a duration."""
+        states, H = self.motion.states, arb(self.configuration.flow.H)
+        while len(states) < len(self.times) and self.times[len(states)] <= self.t + duration:
+            s = (self.times[len(states)] - self.t) / H
+            states.append(self.configuration.at(self.z, s.mid()))
+
+    # Events
+
+    def _event(self, watched: _Watched) -> None:
+        if watched.contact:
+            self._release((watched.constraint, watched.side))
+        else:
+            self._impact()
+
+    def _value(self, a: int, order: int, A: Any = None) -> Any:
+        """Return a derivative of a coordinate, in a configuration or as it is now."""
+        n, z = self.structure.n, self.z
+        if order >= 2:
+            B = self.configuration.A if A is None else A
+            for _ in range(order - 1):
+                z = B * z
+            order = 1
+        part = z.tolist()[order * n : (order + 1) * n]
+        return (matrix(self.rows[a]) * arb_mat(part))[0, 0].mid()
+
+    def _at_walls(self) -> list[tuple[int, int]]:
+        size = arb(_SAME) * self._length
+        found = []
+        for a, limiter in enumerate(self.limiters):
+            y = self._value(a, 0)
+            for side, wall in ((1, limiter.upper), (-1, limiter.lower)):
+                if wall is not None and abs(arb(wall) - side * y) <= size:
+                    found.append((a, side))
+        return found
+
+    @cached_property
+    def _length(self) -> Any:
+        walls = [w for li in self.limiters for w in (li.upper, li.lower) if w]
+        walls += [float(x) for x in self.z.entries()[: self.structure.n]]
+        return arb(max(map(abs, walls), default=1.0) or 1.0)
+
+    @property
+    def _speed(self) -> Any:
+        """A velocity to compare with: that of the fastest coordinate, or of the slowest change."""
+        n = self.structure.n
+        fastest = max(abs(x) for x in self.z.entries()[n : 2 * n])
+        return fastest + self._length * arb(1e-6 * self.configuration.flow.weights[1])
+
+    def _start(self) -> None:
+        if self._at_walls():
+            self._impact()
+
+    def _impact(self) -> None:
+        """Apply the law of impact to all coordinates at walls, and find what rests then."""
+        struck, n = self._at_walls(), self.structure.n
+        tiny = arb(_REST) * self._speed
+        u = {key: key[1] * self._value(key[0], 1) for key in struck}
+        u = {key: arb(0) if abs(value) <= tiny else value for key, value in u.items()}
+        if any(value > 0 for value in u.values()):
+            give = {key: u[key] + self.k[key[0]] * max(u[key], arb(0)) for key in struck}
+            P = self._complementary(struck, give, tiny)
+            for key in struck:
+                if P[key] > 0:
+                    a, side = key
+                    before = side * u[key]
+                    self.motion.impacts.append(Impact(self.t, a, side, before, P[key]))
+                    for i in range(n):
+                        self.z[n + i, 0] -= self.mobility[i, a] * side * P[key]
+            self.z = self.z.mid()
+            u = {key: key[1] * self._value(key[0], 1) for key in struck}
+            u = {key: arb(0) if abs(value) <= tiny * 16 else value for key, value in u.items()}
+        self._settle(struck, u)
+        self._sum_chatter(u)
+
+    def _settle(self, struck: list[tuple[int, int]], u: dict[tuple[int, int], Any]) -> None:
+        """Hold what is pressed to its wall; let go what recedes."""
+        resting = [key for key in struck if u[key] == 0]
+        press = {key: key[1] * self._value(key[0], 2, self.A) for key in resting}
+        tiny = arb(2.0**-120) * self._speed * arb(self.configuration.flow.weights[1])
+        if any(abs(p) <= tiny for p in press.values()):
+            if len(resting) > 1:
+                raise UndecidedError("forces balance at a wall")
+            jerk = resting[0][1] * self._value(resting[0][0], 3, self.A)
+            if abs(jerk) <= tiny * arb(self.configuration.flow.weights[1]):
+                raise UndecidedError("forces balance at a wall")
+            forces = {resting[0]: arb(1) if jerk > 0 else arb(0)}
+            order = 3
+        else:
+            forces, order = self._complementary(resting, press, tiny), 2
+        held = tuple(sorted(key for key in resting if forces[key] > 0))
+        self.leaving = {key: 1 for key in struck if u[key] < 0}
+        self.leaving.update({key: order for key in resting if forces[key] == 0})
+        self._hold(held)
+
+    def _hold(self, held: tuple[tuple[int, int], ...]) -> None:
+        for key in [k for k in self._open if k not in held]:
+            self._open.pop(key).stop = self.t
+        for key in held:
+            if key not in self._open:
+                self._open[key] = Contact(*key, self.t)
+                self.motion.contacts.append(self._open[key])
+        self.held = held
+
+    def _release(self, key: tuple[int, int]) -> None:
+        held = tuple(k for k in self.held if k != key)
+        self._hold(held)
+        self.leaving = {key: 3}
+        if not key[1] * self._value(key[0], 3) < 0:
+            raise UndecidedError("a contact ends and does not")
+
+    def _complementary(
+        self, keys: list[tuple[int, int]], give: dict[tuple[int, int], Any], tiny: Any
+    ) -> dict[tuple[int, int], Any]:
+        """Return ``P >= 0`` with ``G P - give >= 0`` and one of both zero for each key."""
+
+        def coupling(p: tuple[int, int], q: tuple[int, int]) -> Any:
+            return self.G[p[0], q[0]] * (p[1] * q[1])
+
+        for count in range(len(keys) + 1):
+            for chosen in itertools.combinations(keys, count):
+                P = {key: arb(0) for key in keys}
+                if chosen:
+                    G = arb_mat([[coupling(p, q) for q in chosen] for p in chosen])
+                    try:
+                        solution = G.solve(arb_mat([[give[p]] for p in chosen]))
+                    except ZeroDivisionError:
+                        continue
+                    P.update({p: solution[i, 0].mid() for i, p in enumerate(chosen)})
+                if any(P[p] < 0 for p in chosen):
+                    continue
+                rests = [
+                    sum((coupling(p, q) * P[q] for q in chosen), arb(0)) - give[p]
+                    for p in keys if p not in chosen
+                ]  # fmt: skip
+                if all(rest >= -tiny for rest in rests):
+                    return P
+        raise UndecidedError("no impulses are complementary")
+
+    def _sum_chatter(self, u: dict[tuple[int, int], Any]) -> None:
+        """Bring to rest what would bounce for the shortest time only, all of it or nothing."""
+        leaving = [key for key, velocity in u.items() if velocity < 0]
+        lasts = [self._lasts(key, u[key]) for key in leaving]
+        if not leaving or any(left is None for left in lasts):
+            return
+        n, held = self.structure.n, tuple(sorted({*self.held, *leaving}))
+        G = arb_mat([[self.G[p[0], q[0]] for q in held] for p in held])
+        P = G.solve(arb_mat([[self._value(p[0], 1)] for p in held]))
+        for j, p in enumerate(held):
+            for i in range(n):
+                self.z[n + i, 0] -= self.mobility[i, p[0]] * P[j, 0]
+        self.z, self.leaving = self.z.mid(), {}
+        before, self.held = self.held, held
+        left = max(lasts)
+        self._sample(left)
+        self.z = self.configuration.at(self.z, (left / arb(self.configuration.flow.H)).mid())
+        self.t = (self.t + left).mid()
+        self.held = before
+        self._hold(held)
+
+    def _lasts(self, key: tuple[int, int], velocity: Any) -> Any | None:
+        """Return how long a coordinate will bounce; None: long, or it does not come back."""
+        a, side = key
+        press = side * self._value(a, 2)
+        if self.k[a] >= 1 or not press > 0:
+            return None
+        left = -2 * velocity / (press * (1 - self.k[a]))
+        return left if left * arb(self.configuration.flow.weights[1]) < self.chatter else None
+
+
+def first_root(c: list[Any]) -> Any | None:
+    """Return the first root in [0, 1] of a polynomial that is positive at the start."""
+    d = np.array([float(x) for x in c[: _FEW + 1]])
+    size = float(np.abs(d).sum())
+    if size == 0.0:
+        return None
+    rest = sum(abs(float(x)) for x in c[_FEW + 1 :])
+    bracket = _bracket(d, rest + 2.0**-46 * size)
+    if bracket == ():
+        return None
+    if bracket is None:
+        bracket = _exact_bracket(c)
+        if bracket is None:
+            return None
+    return _refined(c, *bracket)
+
+
+def _bracket(d: Any, pad: float) -> Any:
+    """Return an interval with one root, () if there is none, None if doubles cannot tell."""
+    low, high = _halving(len(d) - 1)
+    stack = [(power_to_bernstein(len(d) - 1) @ d, 0.0, 1.0)]
+    while stack:
+        b, left, right = stack.pop()
+        if b.min() > pad:
+            continue
+        if b[0] > pad and b[-1] < -pad and np.diff(b).max() < -2.0 * pad / len(d):
+            return left, right
+        if right - left < 1e-6 or b[0] <= pad:
+            return None
+        middle = 0.5 * (left + right)
+        stack.append((high @ b, middle, right))
+        stack.append((low @ b, left, middle))
+    return ()
+
+
+_halvings: dict[int, tuple[Any, Any]] = {}
+
+
+def _halving(degree: int) -> tuple[Any, Any]:
+    """Return the matrices of de Casteljau's algorithm at 1/2."""
+    if degree not in _halvings:
+        low = np.zeros((degree + 1, degree + 1))
+        for i in range(degree + 1):
+            for j in range(i + 1):
+                low[i, j] = math.comb(i, j) * 0.5**i
+        _halvings[degree] = (low, low[::-1, ::-1].copy())
+    return _halvings[degree]
+
+
+def _exact_bracket(c: list[Any]) -> tuple[float, float] | None:
+    """Return an interval with one root in all digits, None if there is none."""
+    size = sum((abs(x) for x in c), arb(0))
+    beyond = size * arb(2.0**-180)
+    b = bernstein(c)
+    if abs(c[0]) <= beyond and c[1] < 0:
+        return 0.0, 0.0
+    stack, patience = [(b, 0.0, 1.0)], 600
+    while stack:
+        b, left, right = stack.pop()
+        patience -= 1
+        if all(x > beyond for x in b):
+            continue
+        differences = [q - p for p, q in itertools.pairwise(b)]
+        if b[0] > beyond and b[-1] < -beyond and all(x < 0 for x in differences):
+            return left, right
+        if right - left < 2.0**-100 or patience < 0 or b[0] < -beyond:
+            raise UndecidedError("a coordinate touches its wall and no digit tells how")
+        middle = 0.5 * (left + right)
+        first, second = halves(b)
+        stack.append((second, middle, right))
+        stack.append((first, left, middle))
+    return None
+
+
+def _refined(c: list[Any], left: float, right: float) -> Any:
+    """Return the root in an interval on which the polynomial falls."""
+    p = arb_poly(c)
+    slope = p.derivative()
+    s = arb(0.5 * (left + right))
+    low, high = arb(left), arb(right)
+    for _ in range(200):
+        value = p(s).mid()
+        if value > 0:
+            low = s
+        else:
+            high = s
+        following = (s - value / slope(s)).mid()
+        if not low <= following <= high:
+            following = ((low + high) / 2).mid()
+        if abs(following - s) <= abs(s) * arb(2.0**-230) + arb(2.0**-245):
+            return following
+        s = following
+    return s

@@ -1,0 +1,361 @@
+"""Random motions between rigid limiters, and what their results state against what is true."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from flint import arb
+
+from tests.reference.balls import UndecidedError
+from tests.reference.flights import Flight, Motion
+from tests.truth import structures
+from tests.truth.structures import Document
+from tests.truth.verdicts import ROUNDING, Case, Report, stated_error
+from vibroimpact_solvers import time_history
+from vibroimpact_solvers.errors import ModelError
+
+SOLVER_LIMIT = 60.0  # seconds, kernels being compiled apart
+
+
+def plain(rng: np.random.Generator) -> Document:
+    """Return a structure of some kind with limiters, and a state inside."""
+    kind = str(rng.choice(["dense", "diagonal", "chain", "mirror", "free", "indefinite"]))
+    document = structures.structure(rng, kind, 4)
+    if len(document["M"]) > 4:
+        document = structures.structure(rng, "diagonal", 4)
+    n = len(document["M"])
+    document["constraints"] = structures.constraints(rng, n)
+    _restitution(rng, document)
+    scale = min(w for c in document["constraints"] for w in (c["lower"], c["upper"]) if w)
+    document["x"] = (rng.uniform(-0.2, 0.2, n) * scale).tolist()
+    document["v"] = (rng.normal(size=n) * scale * _fastest(document) * 0.7).tolist()
+    return document
+
+
+def _restitution(rng: np.random.Generator, document: Document) -> None:
+    for c in document["constraints"]:
+        c["restitution"] = float(
+            1.0 if rng.random() < 0.45 else (0.0 if rng.random() < 0.15 else rng.uniform(0.2, 0.98))
+        )
+
+
+def _fastest(document: Document) -> float:
+    values = np.linalg.eigvals(np.linalg.solve(document["M"], document["K"]))
+    top = float(np.sqrt(np.abs(values).max()))
+    return top if top > 1e-6 else 1.0
+
+
+def damped(rng: np.random.Generator) -> Document:
+    """Add damping that does not couple the modes."""
+    document = plain(rng)
+    M, K = np.array(document["M"]), np.array(document["K"])
+    a, b = rng.uniform(0.0, 0.3, 2) * (rng.random(2) < 0.7)
+    document["C"] = (a * M + b * K).tolist()
+    return document
+
+
+def coupled(rng: np.random.Generator) -> Document:
+    """Add damping that couples the modes."""
+    document = plain(rng)
+    n = len(document["M"])
+    C = np.zeros((n, n))
+    for _ in range(int(rng.integers(1, n + 1))):
+        w = np.eye(n)[int(rng.integers(n))]
+        if n > 1 and rng.random() < 0.5:
+            w = w - np.eye(n)[int(rng.integers(n))]
+        C += np.outer(w, w) * 10.0 ** rng.uniform(-3, 0.5)
+    document["C"] = C.tolist()
+    return document
+
+
+def loaded(rng: np.random.Generator) -> Document:
+    """Add loads, constant and harmonic, in resonance too."""
+    document = (plain, damped, coupled)[int(rng.integers(3))](rng)
+    n, fastest = len(document["M"]), _fastest(document)
+    size = fastest**2 * float(np.diag(document["M"]).mean())
+    if rng.random() < 0.6:
+        document["force"] = (rng.normal(size=n) * size * 0.3).tolist()
+    load = []
+    for _ in range(int(rng.integers(0, 3))):
+        frequency = float(fastest * rng.uniform(0.1, 2.0))
+        if rng.random() < 0.3:
+            values = np.abs(np.linalg.eigvals(np.linalg.solve(document["M"], document["K"])))
+            frequency = float(np.sqrt(rng.choice(values))) or frequency
+        amplitude, phase = float(rng.normal() * size * 0.3), float(rng.uniform(-3, 3))
+        load.append([int(rng.integers(n)), amplitude, frequency, phase])
+    document["load"] = load
+    return document
+
+
+def pressed(rng: np.random.Generator) -> Document:
+    """Start at a wall: at rest, receding, or towards it; with a force."""
+    document = loaded(rng)
+    n = len(document["M"])
+    c = document["constraints"][0]
+    c.update(dofs=[c["dofs"][0]], weights=[1.0])
+    document["constraints"] = [c] + [
+        other for other in document["constraints"][1:] if len(other["dofs"]) == 1
+        and other["dofs"] != c["dofs"]
+    ]  # fmt: skip
+    side = 1 if c["upper"] is not None else -1
+    x = np.zeros(n)
+    x[c["dofs"][0]] = c["upper"] if side > 0 else -c["lower"]
+    document["x"] = x.tolist()
+    v = np.array(document["v"])
+    choice = rng.random()
+    v[c["dofs"][0]] = 0.0 if choice < 0.5 else side * rng.normal() * 10.0 ** rng.uniform(-9, 0)
+    document["v"] = (v * (0.0 if rng.random() < 0.3 else 1.0)).tolist()
+    if rng.random() < 0.6:
+        force = np.array(document.get("force") or np.zeros(n))
+        force[c["dofs"][0]] += side * abs(rng.normal()) * np.diag(document["M"]).mean() * 2.0
+        document["force"] = force.tolist()
+    return document
+
+
+def grazing(rng: np.random.Generator) -> Document:
+    """Start so that the first turning point is at a wall, nearly."""
+    document = (plain, damped, loaded)[int(rng.integers(3))](rng)
+    reference = Flight(
+        structures.reference(document), (), (), document["x"], document["v"]
+    )  # fmt: skip
+    T = 6.0 / _fastest(document)
+    states = reference.run(T, np.linspace(0, T, 200)[:-1].tolist()).states
+    n = len(document["M"])
+    x = np.array([[float(z[i, 0]) for i in range(n)] for z in states])
+    c = document["constraints"][0]
+    y = x @ structures.row(document, c)
+    k = int(np.argmax(np.abs(y)))
+    if 0 < k < len(y) - 1:
+        below, mid, above = y[k - 1 : k + 2]
+        bend = below - 2 * mid + above
+        top = abs(mid - (above - below) ** 2 / (8 * bend)) if bend else abs(mid)
+    else:
+        top = abs(y[k])
+    gap = float(top * (1.0 + rng.choice([-1, 1]) * 10.0 ** rng.uniform(-16, -2)))
+    if gap > 1e-3:
+        c.update(lower=gap, upper=gap)
+    return document
+
+
+def small_gaps(rng: np.random.Generator) -> Document:
+    """Let gaps be small against the motion."""
+    document = (plain, damped, loaded)[int(rng.integers(3))](rng)
+    for c in document["constraints"]:
+        small = 10.0 ** rng.uniform(-4, -1)
+        for wall in ("lower", "upper"):
+            if c[wall] is not None:
+                c[wall] = float(c[wall] * small)
+    document["x"] = [0.0] * len(document["M"])
+    return document
+
+
+def free(rng: np.random.Generator) -> Document:
+    """Return bodies that hang on nothing."""
+    n = int(rng.integers(1, 5))
+    M = np.diag(rng.uniform(0.5, 2.0, n)) if rng.random() < 0.6 else np.eye(n) * 1.3
+    K = np.zeros((n, n))
+    if n > 1 and rng.random() < 0.8:
+        a = rng.uniform(0.5, 2.0, n - 1)
+        for i in range(n - 1):
+            d = np.zeros(n)
+            d[i], d[i + 1] = 1.0, -1.0
+            K += a[i] * np.outer(d, d)
+    document: Document = {"M": M.tolist(), "K": K.tolist()}
+    document["constraints"] = structures.constraints(rng, n)
+    _restitution(rng, document)
+    if rng.random() < 0.5:
+        document["force"] = (rng.normal(size=n) * 0.5).tolist()
+    if rng.random() < 0.3:
+        document["C"] = (K * 0.1 + (np.eye(n) * 0.1 if rng.random() < 0.5 else 0.0)).tolist()
+    document["x"] = [0.0] * n
+    document["v"] = rng.normal(size=n).tolist()
+    return document
+
+
+def simultaneous(rng: np.random.Generator) -> Document:
+    """Strike two walls at the same time, or nearly."""
+    n = int(rng.integers(2, 4))
+    M = np.eye(n) if rng.random() < 0.5 else np.eye(n) + 0.3 * (np.ones((n, n)) - np.eye(n))
+    K = (np.ones((n, n)) + np.eye(n) * 1.0) if rng.random() < 0.7 else np.zeros((n, n))
+    k = float(rng.choice([0.0, 0.5, 0.8, 1.0]))
+    document: Document = {"M": M.tolist(), "K": K.tolist()}
+    document["constraints"] = [
+        {"dofs": [i], "weights": [1.0], "lower": 1.0, "upper": 1.0, "restitution": k}
+        for i in range(2)
+    ]
+    off = float(rng.choice([0.0, 10.0 ** rng.uniform(-16, -10)]))
+    v = np.full(n, 2.5)
+    v[1] += off
+    document.update(x=[0.0] * n, v=v.tolist())
+    if rng.random() < 0.4:
+        document["force"] = [1.0] * n
+    return document
+
+
+MAKERS: dict[str, Callable[[np.random.Generator], Document]] = {
+    maker.__name__: maker
+    for maker in (
+        plain, damped, coupled, loaded, pressed, grazing, small_gaps, free, simultaneous
+    )
+}  # fmt: skip
+
+
+def case(rng: np.random.Generator) -> Case:
+    """Return a random motion."""
+    name = str(rng.choice(list(MAKERS)))
+    document = MAKERS[name](rng)
+    T = float(10.0 ** rng.uniform(0.0, 1.4)) * 2.0 / _fastest(document)
+    count = int(rng.choice([1, 3, 10]))
+    document["t"] = np.sort(rng.uniform(0.0, T, count)).tolist()
+    document["t_end"] = T
+    return Case(name, document)
+
+
+def problem_of(document: Document, **more: Any) -> time_history.Problem:
+    """Return the solvers' problem."""
+    load = tuple(time_history.Harmonic(*term) for term in document.get("load", ()))
+    return time_history.Problem(
+        structures.system(document),
+        time_history.State(np.array(document["x"]), np.array(document["v"])),
+        document["t_end"],
+        t=np.array(document["t"]),
+        outputs=frozenset({"x", "v", "impacts", "contacts", "energy"}),
+        load=load,
+        **more,
+    )
+
+
+def truth(document: Document) -> Motion:
+    """Return the motion of the reference."""
+    flight = Flight(
+        structures.reference(document),
+        structures.limiters(document),
+        [c["restitution"] for c in document["constraints"]],
+        document["x"],
+        document["v"],
+    )
+    return flight.run(document["t_end"], document["t"])
+
+
+def check(case: Case, report: Report, **more: Any) -> None:
+    """Compare the motion of a case with its reference."""
+    document = case.document
+    try:
+        problem = problem_of(document, **more)
+    except ModelError as error:
+        if error.code == "outside_limits":
+            report.count("starts outside")
+            return
+        raise
+    report.phase("solver", SOLVER_LIMIT)
+    try:
+        result = time_history.solve(problem, time_history.plan(problem))
+        refused = None
+    except ModelError as error:
+        refused = error
+    report.phase("reference")
+    try:
+        motion = truth(document)
+    except UndecidedError as error:
+        report.count(f"undecided: {error}")
+        return
+    if refused is not None:
+        report.fail("refused", f"{case.name}: {refused}")
+        return
+    compare(case, result, motion, report)
+
+
+def compare(case: Case, result: time_history.Result, motion: Motion, report: Report) -> None:
+    """Compare a result with the motion of the reference, up to its horizon."""
+    document, horizon = case.document, result.error_predictable_until
+    n, t = len(document["M"]), np.array(document["t"])
+    known = int(np.searchsorted(t, horizon, side="left")) if horizon < document["t_end"] else t.size
+    report.count("horizon at the end" if horizon >= document["t_end"] else "horizon before")
+    known = min(known, len(motion.states))
+    if known:
+        _states(case, result, motion.states[:known], report, n)
+    _impacts(result, motion, horizon, report, case)
+
+
+def _states(
+    case: Case, result: time_history.Result, states: list[Any], report: Report, n: int
+) -> None:
+    assert result.x is not None
+    assert result.v is not None
+    true_x = [[z[i, 0] for i in range(n)] for z in states]
+    true_v = [[z[n + i, 0] for i in range(n)] for z in states]
+    errors = stated_error(result, "x"), stated_error(result, "v")
+    for name, stated, true, error in (
+        ("x", result.x, true_x, errors[0]),
+        ("v", result.v, true_v, errors[1]),
+    ):
+        if error is not None:
+            bounds = np.broadcast_to(error, stated.shape)[: len(states)]
+            flat = [x for r in true for x in r]
+            report.compare(name, np.ravel(stated[: len(states)]), flat, np.ravel(bounds))
+    if errors[0] is not None:
+        return
+    # Up to now the error is that of the state in a norm of energy, relative to its largest.
+    document = case.document
+    M, K = np.array(document["M"]), np.array(document["K"])
+    values, vectors = np.linalg.eigh(K)
+    stiff = (vectors * np.abs(values)) @ vectors.T + 0.01 * _fastest(document) ** 2 * M
+    size = max(
+        float(np.sqrt(x @ stiff @ x + v @ M @ v))
+        for x, v in [
+            (np.array(document["x"]), np.array(document["v"])),
+            *((np.array(list(map(float, a))), np.array(list(map(float, b))))
+              for a, b in zip(true_x, true_v, strict=True)),
+        ]
+    )  # fmt: skip
+    dx = np.array([[float(a - arb(float(b))) for a, b in zip(r, s, strict=True)]
+                   for r, s in zip(true_x, result.x, strict=False)])  # fmt: skip
+    dv = np.array([[float(a - arb(float(b))) for a, b in zip(r, s, strict=True)]
+                   for r, s in zip(true_v, result.v, strict=False)])  # fmt: skip
+    off = np.sqrt(((dx @ stiff) * dx).sum(axis=1) + ((dv @ M) * dv).sum(axis=1))
+    worst = float(off.max())
+    stated_now = result.error_condition * ROUNDING * size
+    report.compare("state", [worst], [arb(0)], stated_now)
+
+
+def _impacts(
+    result: time_history.Result, motion: Motion, horizon: float, report: Report, case: Case
+) -> None:
+    """Compare the table of impacts, up to the first contact and the horizon."""
+    assert result.impact_time is not None
+    assert result.impact_constraint is not None
+    assert result.impact_side is not None
+    assert result.impact_velocity is not None
+    contacts = [float(c.rest) for c in motion.contacts]
+    stop = min([horizon * (1 - 1e-9), *contacts]) if contacts else horizon * (1 - 1e-9)
+    first = result.contact_start
+    if first is not None and first.size:
+        stop = min(stop, float(first.min()))
+    true = [i for i in motion.impacts if float(i.time) < stop * (1 - 1e-9) and abs(i.velocity) > 0]
+    size = max((abs(float(i.velocity)) for i in motion.impacts), default=0.0)
+    stated = [
+        k for k in range(result.impact_time.size)
+        if result.impact_time[k] < stop * (1 - 1e-9)
+    ]  # fmt: skip
+    if any(result.impact_velocity[k] == 0.0 for k in stated):
+        report.fail("impact of velocity 0", f"at {result.impact_time[stated[0]]!r}")
+    stated = [k for k in stated if result.impact_velocity[k] != 0.0]
+    strong = [i for i in true if abs(float(i.velocity)) > 1e-7 * size]
+    condition = result.impact_condition
+    kept = [k for k in stated if abs(result.impact_velocity[k]) > 1e-7 * size]
+    pairs_true = sorted((i.constraint, i.side, float(i.time)) for i in strong)
+    pairs = sorted(
+        (int(result.impact_constraint[k]), int(result.impact_side[k]), float(result.impact_time[k]))
+        for k in kept
+    )
+    if [p[:2] for p in pairs] != [p[:2] for p in pairs_true]:
+        report.fail("impacts", f"{len(pairs)} stated, {len(pairs_true)} true before {stop!r}; "
+                    f"predictable until {horizon!r}")  # fmt: skip
+        return
+    for stated_impact, true_impact in zip(pairs, pairs_true, strict=True):
+        if abs(stated_impact[2] - true_impact[2]) > 1e-4 * case.document["t_end"]:
+            report.fail("impacts", f"{stated_impact} but {true_impact}")
+            return
+    del condition

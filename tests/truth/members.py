@@ -1,0 +1,206 @@
+"""Random members of families, and what their results state against what is true."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from flint import arb
+
+from tests.reference.balls import UndecidedError
+from tests.reference.members import Member, solved
+from tests.truth import structures
+from tests.truth.verdicts import Case, Report, stated_error
+from vibroimpact_solvers import impact_modes
+from vibroimpact_solvers.arrays import EPS
+
+OUTPUTS = ("impulse", "shape", "waveform", "energy", "harmonics", "stability")
+ORDERS = 5
+SOLVER_LIMIT = 30.0  # seconds, kernels being compiled apart
+TAU = (-0.73, 0.31, 0.9)
+
+
+def case(rng: np.random.Generator) -> Case:
+    """Return a random member."""
+    kind = str(rng.choice(structures.KINDS))
+    document = structures.structure(rng, kind)
+    n = len(document["M"])
+    document["constraints"] = structures.constraints(rng, n)
+    if kind == "mirror" and rng.random() < 0.6:
+        middle = n // 2 if rng.random() < 0.5 else None
+        document["constraints"][0] = structures.constraint(rng, n, middle, "equal")
+        struck = document["constraints"][0]["dofs"]
+        others = [c for c in document["constraints"][1:] if c["dofs"] != struck]
+        document["constraints"][1:] = others
+    if kind != "free" and rng.random() < 0.2:
+        document["force"] = (rng.normal(size=n) * 0.3).tolist()
+    count = len(document["constraints"])
+    some = rng.permutation(count)[: int(rng.integers(1, count + 1))]
+    active = sorted(int(a) for a in some)
+    Omega, near = _frequency(rng, document)
+    document.update(active=active, Omega=Omega)
+    name = f"{kind}, {near}"
+    if count > len(active) and rng.random() < 0.3 and _graze(rng, document):
+        name += ", grazing"
+    return Case(name, document)
+
+
+def _frequency(rng: np.random.Generator, document: structures.Document) -> tuple[float, str]:
+    M, K = np.array(document["M"]), np.array(document["K"])
+    values = np.linalg.eigvals(np.linalg.solve(M, K)).real
+    natural = np.sqrt(values[values > 1e-10 * np.abs(values).max()])
+    if not natural.size:
+        return float(10.0 ** rng.uniform(-1, 1)), "anywhere"
+    top = natural.max()
+    low = max(natural.min(), top * 1e-4)
+    choice = rng.random()
+    off = 1.0 + float(rng.choice([-1, 1])) * 10.0 ** rng.uniform(-14, -1)
+    if choice < 0.4:
+        return float(np.exp(rng.uniform(np.log(0.3 * low), np.log(3.0 * top)))), "anywhere"
+    if choice < 0.5:
+        return float(top * (1.0 + 10.0 ** rng.uniform(-12, 0))), "above spectrum"
+    natural = natural[natural >= low]
+    if choice < 0.75:
+        return float(rng.choice(natural) * off), "at natural frequency"
+    return float(rng.choice(natural) / rng.integers(1, 5) * off), "at internal resonance"
+
+
+def _graze(rng: np.random.Generator, document: structures.Document) -> bool:
+    """Put the wall of an idle limiter near the turning point of its coordinate."""
+    idle = [a for a in range(len(document["constraints"])) if a not in document["active"]]
+    a = int(rng.choice(idle))
+    problem = problem_of(document, frozenset({"waveform"}), np.linspace(-1, 1, 401))
+    x = impact_modes.solve(problem, impact_modes.plan(problem)).waveform
+    assert x is not None
+    limiter = document["constraints"][a]
+    y = x[0] @ structures.row(document, limiter)
+    highest = float(np.abs(y).max()) * (
+        1.0 + float(rng.choice([-1, 1])) * 10.0 ** rng.uniform(-14, -3)
+    )
+    if not 1e-6 < highest < 1e6:
+        return False
+    limiter.update(lower=highest, upper=highest)
+    return True
+
+
+def problem_of(
+    document: structures.Document, outputs: frozenset[str], tau: Any = TAU
+) -> impact_modes.Problem:
+    """Return the solvers' problem."""
+    Omega = np.array([document["Omega"]])
+    return impact_modes.Problem(
+        structures.system(document),
+        Omega * (2.0 / np.pi),
+        tuple(document["active"]),
+        outputs,
+        tau=np.array(tau),
+        Omega=Omega,
+        highest_harmonic=ORDERS,
+    )
+
+
+def check(case: Case, report: Report) -> None:
+    """Compare the member of a case with its reference."""
+    document = case.document
+    commuting = len(document["active"]) == 1
+    outputs = frozenset(OUTPUTS) | {"exists", "reason"}
+    problem = problem_of(document, outputs)
+    report.phase("solver", SOLVER_LIMIT)
+    result = impact_modes.solve(problem, impact_modes.plan(problem))
+    report.phase("reference")
+    try:
+        member = solved(
+            structures.reference(document, conservative=True),
+            structures.limiters(document),
+            tuple(document["active"]),
+            document["Omega"],
+        )
+    except UndecidedError:
+        member = None
+    if member is None:
+        report.count("undecided members")
+        return
+    _check_existence(member, result, report)
+    if result.reason is not None and result.reason[0] == impact_modes.Reason.SINGULAR:
+        report.count("singular members")
+        return
+    _check_numbers(member, result, report)
+    if commuting and result.stability is not None and np.isfinite(result.stability[0]):
+        true = member.radius()
+        error = stated_error(result, "stability")
+        if error is None:
+            assert result.stability_error is not None
+            error = result.stability_error * result.stability
+        report.compare("stability", [result.stability[0]], [arb(true)], np.ravel(error)[0])
+
+
+def _check_existence(member: Member, result: impact_modes.Result, report: Report) -> None:
+    assert result.exists is not None
+    assert result.certified is not None
+    assert result.reason is not None
+    exists, certified = bool(result.exists[0]), bool(result.certified[0])
+    true = member.exists()
+    reason = result.reason[0]
+    label = "certified" if certified else "not certified"
+    report.count(f"existence {label}")
+    if true is None:
+        report.count("existence undecided by the reference")
+        smallest = min(float(abs(p).upper()) for p in member.impulse.values() or [arb(1)])
+        if exists and certified and smallest < 1e-25:
+            report.fail("existence", "exists and certified with an impulse of zero")
+        return
+    if exists != true:
+        loose = member.exists(allowance=1e-10)
+        kind = "existence" if certified else "existence, not certified"
+        if certified and exists and loose is not False:
+            kind = "existence, within 1e-10"
+        message = f"exists {exists} ({impact_modes.REASONS[reason]}) but in truth {true}"
+        report.fail(kind, message)
+    elif exists is False and certified and reason == impact_modes.Reason.NEGATIVE_IMPULSE:
+        n = len(member.impulse) + len(member.impulse_lower)
+        if not any(member.pushes[2 * k] < 0 for k in range(n)):
+            report.fail("reason", "no impulse is negative")
+
+
+def _check_numbers(member: Member, result: impact_modes.Result, report: Report) -> None:
+    p_true = [member.impulse.get(a, arb(0)) for a in member.active]
+    low_true = [member.impulse_lower.get(a, arb(0)) for a in member.active]
+    assert result.impulse is not None
+    stated = [*result.impulse[0]]
+    true = list(p_true)
+    if result.impulse_lower is not None:
+        stated += [*result.impulse_lower[0]]
+        true += low_true
+    largest = max(abs(p) for p in stated)
+    relative = float(result.impulse_error[0])
+    report.compare("impulse", stated, true, relative * largest)
+    fallback = None if relative >= 1.0 else relative
+    outputs: dict[str, tuple[Any, list[Any]]] = {
+        "shape": (result.shape, member.displacement(1.0)),
+        "waveform": (result.waveform, [x for t in TAU for x in member.displacement(t)]),
+        "energy": (result.energy, [member.energy]),
+    }
+    if result.harmonics is not None:
+        assert result.harmonic is not None
+        try:
+            harmonics = [x for order in result.harmonic for x in member.harmonic(int(order))]
+            outputs["harmonics"] = (result.harmonics, harmonics)
+        except UndecidedError:
+            report.count("undecided harmonics")
+    for name, (values, true_values) in outputs.items():
+        if values is None:
+            continue
+        error = stated_error(result, name)
+        if error is None:
+            if fallback is None:
+                continue
+            size = max(float(abs(x).upper()) for x in true_values)
+            report.compare(
+                f"{name} (by the error of impulses)",
+                np.ravel(values),
+                true_values,
+                4.0 * (fallback + 8 * EPS) * size,
+            )
+        else:
+            shape = np.broadcast_to(np.asarray(error)[0], np.asarray(values)[0].shape)
+            report.compare(name, np.ravel(values), true_values, np.ravel(shape))

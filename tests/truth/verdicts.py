@@ -1,0 +1,86 @@
+"""What comparing a result with a reference gives: failures, and ratios of stated to true errors."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from flint import arb
+
+from vibroimpact_solvers.arrays import declared
+
+ROUNDING = 2.0**-52
+
+
+@dataclass(frozen=True)
+class Case:
+    """A random case: its kind in words, and the whole of its data, fit for JSON."""
+
+    name: str
+    document: dict[str, Any]
+
+
+@dataclass
+class Report:
+    """What the cases of one set gave."""
+
+    counts: Counter[str] = field(default_factory=Counter)
+    failures: list[tuple[str, str]] = field(default_factory=list)
+    ratios: dict[str, list[float]] = field(default_factory=dict)
+    tell: Callable[..., None] | None = None
+
+    def phase(self, name: str, limit: float | None = None) -> None:
+        """Tell who is at work, the solver or the reference, and how many seconds it may take."""
+        if self.tell is not None:
+            self.tell(name, limit)
+
+    def plain(self, name: str) -> dict[str, Any]:
+        """Return all of it, fit for JSON."""
+        counts, ratios = dict(self.counts), self.ratios
+        return {"name": name, "counts": counts, "failures": self.failures, "ratios": ratios}
+
+    def count(self, what: str) -> None:
+        """Count something that is no failure."""
+        self.counts[what] += 1
+
+    def fail(self, kind: str, message: str) -> None:
+        """Note a failure."""
+        self.failures.append((kind, message))
+
+    def compare(self, what: str, stated: Sequence[Any], true: Sequence[Any], error: Any) -> None:
+        """Compare numbers with their enclosures and stated absolute errors.
+
+        The smallest ratio of stated to true error, but at most 1e6 where the truth is nearer than
+        that, goes into the table of pessimism; below one it is a failure.
+        """
+        errors = np.broadcast_to(np.asarray(error, dtype=np.float64), (len(true),))
+        worst, message = math.inf, ""
+        for k, (value, exact, bound) in enumerate(zip(stated, true, errors, strict=True)):
+            if math.isnan(bound) or bound == math.inf:
+                self.count(f"{what}: no error stated")
+                return
+            if not math.isfinite(value):
+                self.fail(what, f"{value!r}")
+                return
+            off = float((arb(float(value)) - exact).abs_lower())
+            bound = float(bound)
+            ratio = bound / off if off > 0.0 else math.inf
+            if ratio < worst:
+                worst = ratio
+                message = f"[{k}] {float(value)!r}, true {exact.str(20, radius=False)}, "
+                message += f"off by {off:.3g}, stated {bound:.3g}"
+        self.ratios.setdefault(what, []).append(min(worst, 1e30))
+        if worst < 1.0:
+            self.fail(what, message)
+
+
+def stated_error(result: Any, name: str) -> Any | None:
+    """Return the absolute error of an output, ``error/<output>``; None: there is no such field."""
+    for field_name, entry in declared(type(result)).items():
+        if entry.path == f"error/{name}" and name not in {"impulse", "stability"}:
+            return getattr(result, field_name)
+    return None
