@@ -25,6 +25,14 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 GIVEN = "VIBROIMPACT_TEST_POSTGRESQL"
 
 
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile all kernels once, before each process of the whole suite would for itself."""
+    config = session.config
+    whole = config.args_source is pytest.Config.ArgsSource.TESTPATHS
+    if whole and not hasattr(config, "workerinput") and not config.option.collectonly:
+        subprocess.run([sys.executable, "-m", "vibroimpact_service.cli", "warm"], check=True)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _each_kernel_has_one_signature() -> Iterator[None]:
     """Fail where a kernel was called with arrays of another type or layout than those before.
