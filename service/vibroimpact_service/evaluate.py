@@ -56,6 +56,14 @@ class Admission:
     free: bool = False
 
 
+async def _nothing(_plan: Plan, _seconds: float) -> None:
+    """Charge nothing."""
+
+
+_PAID: Final = Admission(_nothing, free=True)
+"""For what was charged before."""
+
+
 @dataclass(frozen=True, slots=True)
 class Preference:
     """Preferences of Prefer (RFC 7240): an answer by a job, and the wait before it."""
@@ -226,10 +234,11 @@ class Evaluation:
         request = requests.read(job.owner, KINDS[job.kind], parse.json(canonical))
         if request.digest != job.result:
             return None  # it was computed by other solvers than these
-        planned = await self.threads.run(lambda: self._plan(request))
-        work = self._work(request, planned, media_type)
-        await self.threads.once(request.digest, work)
-        return await self.results.get(job.result, media_type)
+        outcome = await self.compute(request, Preference(), media_type, _PAID)
+        if isinstance(outcome, Answer):
+            return outcome.representation
+        detail = "The result was lost and is being computed again."
+        raise ProblemError(problems.UNAVAILABLE, detail, headers={"Retry-After": "5"})
 
     async def _now(
         self, request: Request, media_type: str, admission: Admission

@@ -279,6 +279,25 @@ def test_the_result_of_a_quick_job_that_a_power_failure_took_is_computed_again(
     run(main)
 
 
+def test_a_lost_result_whose_kernels_are_missing_is_left_to_the_workers(
+    use: Evaluation, queue: Any, store: Store, request_body: dict[str, Any], free: Admission
+) -> None:
+    async def main() -> None:
+        question = asked(request_body)
+        quick = replace(await use.submit(question, free, None), queue="quick", state="succeeded")
+        use.warming.states["impact-modes"] = "warming"
+        with pytest.raises(ProblemError) as error:
+            await use.result_of(quick, JSON)
+        assert error.value.type is problems.UNAVAILABLE
+        assert not list(store.results.entries())  # nothing was compiled or computed here
+        queue.at_once = True
+        result = await use.result_of(quick, JSON)
+        assert result is not None
+        assert orjson.loads(result.data)["digest"] == question.digest
+
+    run(main)
+
+
 def test_a_failed_computation_is_a_problem_for_all_and_may_be_tried_again(
     use: Evaluation, request_body: dict[str, Any], free: Admission, store: Store
 ) -> None:
