@@ -100,6 +100,51 @@ def _candidates(connection: Connection, queue: str, room: int) -> list[JobRow]:
     return candidates
 
 
+def ahead(connection: Connection, asked: Sequence[JobRow]) -> dict[str, int]:
+    """Return how many queued jobs `claim` takes before each of some queued jobs.
+
+    Owners take turns: the n-th job of one comes before the job of another that then has more than
+    n jobs, running ones included. With as many, chance decides, and it does not count.
+    """
+    running, before = _running_jobs(connection), _before_own(connection, asked)
+    count = sa.func.count().label("jobs")
+    query = sa.select(jobs.c.queue, jobs.c.owner, count).where(QUEUED)
+    waiting = connection.execute(query.group_by(jobs.c.queue, jobs.c.owner)).all()
+    positions = {}
+    for job in asked:
+        turn = running.get(job.owner, 0) + before[job.id]
+        others = (
+            min(each.jobs, max(0, turn - running.get(each.owner, 0)))
+            for each in waiting
+            if each.lane == job.queue and each.owner != job.owner
+        )
+        positions[job.id] = before[job.id] + sum(others)
+    return positions
+
+
+def _before_own(connection: Connection, asked: Sequence[JobRow]) -> dict[str, int]:
+    """Return how many queued jobs of the same owner and queue come before each of some jobs.
+
+    The records between neighbouring jobs are counted once, so that a page of jobs costs no more
+    than its last job.
+    """
+    before = {}
+    for queue, owner, priority in {(job.queue, job.owner, job.priority) for job in asked}:
+        alike = QUEUED & (jobs.c.queue == queue) & (jobs.c.owner == owner)
+        count, last = _count(connection, alike & (jobs.c.priority > priority)), 0
+        for job in sorted(asked, key=lambda job: job.seq):
+            if (job.queue, job.owner, job.priority) == (queue, owner, priority):
+                between = (jobs.c.seq >= last) & (jobs.c.seq < job.seq)
+                count += _count(connection, alike & (jobs.c.priority == priority) & between)
+                before[job.id], last = count, job.seq
+    return before
+
+
+def _count(connection: Connection, where: sa.ColumnElement[bool]) -> int:
+    query = sa.select(sa.func.count()).select_from(jobs).where(where)
+    return int(connection.execute(query).scalar_one())
+
+
 def _locked(connection: Connection, query: sa.Select[Any], limit: int) -> list[JobRow]:
     rows = connection.execute(query.limit(limit).with_for_update(skip_locked=True))
     return [row(each) for each in rows.all()]

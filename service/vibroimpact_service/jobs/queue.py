@@ -160,11 +160,11 @@ class JobQueue:
                 self._ended.popitem(last=False)
 
     async def positions(self, jobs: Sequence[JobRow]) -> dict[str, int]:
-        """Return how many jobs precede each of those jobs that are queued."""
+        """Return how many jobs are claimed before each of those jobs that are queued."""
         queued = [job for job in jobs if job.state == "queued"]
         if not queued:
             return {}
-        return await self._records.read(records.ahead, queued)
+        return await self._records.read(claims.ahead, queued)
 
     async def list(
         self, owner: str, state: str | None, kind: str | None, before: int | None, limit: int

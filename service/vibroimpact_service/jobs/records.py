@@ -179,29 +179,6 @@ def page(
     return [row(each) for each in rows]
 
 
-def ahead(connection: Connection, asked: Sequence[JobRow]) -> dict[str, int]:
-    """Return how many queued jobs precede each of some queued jobs.
-
-    The records between neighbouring jobs are counted once, so that a page of jobs costs no more
-    than its last job.
-    """
-    positions = {}
-    for priority in {job.priority for job in asked}:
-        same = sorted((j for j in asked if j.priority == priority), key=lambda j: j.seq)
-        preceding = _count(connection, jobs.c.priority > priority)
-        last = 0
-        for job in same:
-            between = (jobs.c.seq >= last) & (jobs.c.seq < job.seq)
-            preceding += _count(connection, (jobs.c.priority == priority) & between)
-            positions[job.id], last = preceding, job.seq
-    return positions
-
-
-def _count(connection: Connection, where: sa.ColumnElement[bool]) -> int:
-    query = sa.select(sa.func.count()).select_from(jobs).where(QUEUED, where)
-    return int(connection.execute(query).scalar_one())
-
-
 def unfinished(connection: Connection, owner: str, most: int) -> int:
     """Return how many jobs of an owner are queued or running; counting ends at `most`."""
     own = sa.select(jobs.c.seq).where(jobs.c.owner == owner, jobs.c.state.in_(UNFINISHED))

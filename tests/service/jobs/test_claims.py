@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import random
 from pathlib import Path
 
 import sqlalchemy as sa
 
 from vibroimpact_service.jobs import claims
 from vibroimpact_service.jobs.database import open_database, reader
-from vibroimpact_service.jobs.records import NewJob, find, insert
+from vibroimpact_service.jobs.records import NewJob, find, insert, page
 from vibroimpact_service.jobs.tables import jobs
 
 
@@ -94,3 +95,29 @@ def test_only_its_owner_cancels_a_job(tmp_path: Path) -> None:
         cancelled = claims.cancel(connection, "ann", job)
         assert cancelled is not None
         assert cancelled.state == "cancelled"
+
+
+def test_positions_are_those_in_which_jobs_are_claimed(tmp_path: Path) -> None:
+    engine, owners = _engine(tmp_path), random.Random(1)
+    for number in range(60):
+        owner = owners.choice(["ann", "ann", "ann", "bob", "eve"])
+        seconds, priority = owners.choice([0.01, 5.0]), owners.choice([0, 0, 1])
+        name = f"{number:064}"
+        new = NewJob(f"job_{number:032}", owner, "busy", name, name, priority, seconds, False)
+        with engine.begin() as connection:
+            insert(connection, new)
+    for queue in ("quick", "bulk", "bulk"):  # owners run different numbers of jobs from then on
+        with engine.begin() as connection:
+            claims.claim(connection, "here", queue, 3, float("inf"))
+    with engine.begin() as connection:
+        waiting = page(connection, "ann", "queued", None, None, 60)
+        assert {job.queue for job in waiting} == {"quick", "bulk"}
+        positions = claims.ahead(connection, waiting)
+    for queue in ("quick", "bulk"):
+        with engine.connect() as connection:  # never committed
+            order = [job.id for job in claims.claim(connection, "here", queue, 60, float("inf"))]
+        places = {job.id: order.index(job.id) for job in waiting if job.queue == queue}
+        for job, place in places.items():
+            # Where two owners run as many jobs, chance decides: at most one of each of the others.
+            assert positions[job] <= place <= positions[job] + 2
+        assert sorted(places, key=positions.__getitem__) == sorted(places, key=places.__getitem__)
