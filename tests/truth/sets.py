@@ -7,13 +7,16 @@ from typing import Final
 
 import numpy as np
 
-from tests.truth import histories, members
+from tests.truth import bands, digits, histories, members, soft
 from tests.truth.verdicts import Case, Report
 
 SETS: Final[dict[str, tuple[Callable[[np.random.Generator], Case], Callable[[Case, Report], None]]]]
 SETS = {
     "members": (members.case, members.check),
+    "bands": (bands.case, bands.check),
     "histories": (histories.case, histories.check),
+    "digits": (digits.case, digits.check),
+    "soft": (soft.case, soft.check),
 }
 
 USUAL: Final = {

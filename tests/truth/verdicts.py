@@ -43,9 +43,9 @@ class Report:
         counts, ratios = dict(self.counts), self.ratios
         return {"name": name, "counts": counts, "failures": self.failures, "ratios": ratios}
 
-    def count(self, what: str) -> None:
+    def count(self, what: str, times: int = 1) -> None:
         """Count something that is no failure."""
-        self.counts[what] += 1
+        self.counts[what] += times
 
     def fail(self, kind: str, message: str) -> None:
         """Note a failure."""
