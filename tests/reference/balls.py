@@ -15,7 +15,6 @@ from typing import Any
 
 import flint
 import numpy as np
-import scipy.linalg
 from flint import arb, arb_mat
 
 REACH = 4.0  # norm of A times the length of a step
@@ -117,11 +116,15 @@ class Flow:
     @cached_property
     def weights(self) -> tuple[Any, float]:
         """Weights of the entries of z, and the norm of A that belongs to them."""
-        A = np.abs(doubles(self.A)) * (1.0 + 1e-12) + 1e-300
-        tiny = np.abs(doubles(self.A)) == 0.0
-        A[tiny] = 0.0
-        _, (scaling, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
-        norm = float((A * scaling[np.newaxis, :] / scaling[:, np.newaxis]).sum(axis=1).max())
+        A = np.abs(doubles(self.A))
+        scaling = np.ones(len(A))
+        for _ in range(30):  # balancing, by powers of two
+            for i in range(len(A)):
+                row = float((A[i] * scaling).sum() - A[i, i] * scaling[i]) / scaling[i]
+                column = float((A[:, i] / scaling).sum() - A[i, i] / scaling[i]) * scaling[i]
+                if row > 0.0 and column > 0.0:
+                    scaling[i] *= 2.0 ** round(0.5 * math.log2(row / column))
+        norm = float((A * scaling / scaling[:, np.newaxis]).sum(axis=1).max())
         return scaling, max(norm * (1.0 + 1e-12), 1e-300)
 
     @cached_property
@@ -134,12 +137,12 @@ class Flow:
         """``exp(A H)``."""
         return (self.A * arb(self.H)).exp()
 
-    def taylor_rows(self, row: Any, H: float | None = None) -> Any:
-        """Return the rows ``r (A H)^k / k!``, shape (degree + 1, size)."""
-        AH, r, rows = self.A * arb(self.H if H is None else H), row, []
+    def taylor_rows(self, row: Any, length: Any = None) -> Any:
+        """Return the rows ``r (A h)^k / k!`` of a step h, shape (degree + 1, size)."""
+        Ah, r, rows = self.A * (arb(self.H) if length is None else length), row, []
         for k in range(self.degree + 1):
             rows.append(r.entries())
-            r = (r * AH) * (arb(1) / (k + 1))
+            r = (r * Ah) * (arb(1) / (k + 1))
         return arb_mat(rows)
 
     def remainder(self, row: Any, z: Any) -> float:
@@ -157,14 +160,6 @@ class Flow:
             * grown
             * math.exp(d * math.log(max(grown, 1e-300)) - math.lgamma(d + 1))
         )
-
-    def at(self, z: Any, s: Any) -> Any:
-        """Return ``exp(A s) z`` for a ball s in a step."""
-        As, term, total = self.A * s, z, z
-        for k in range(1, self.degree + 1):
-            term = (As * term) * (arb(1) / k)
-            total = total + term
-        return total
 
 
 # Polynomials on [0, 1]

@@ -189,33 +189,27 @@ class Member:
                 yield a, -1
 
     @cached_property
-    def _flow(self) -> Flow:
-        h = float(self.h.mid())
+    def _steps(self) -> tuple[Flow, int]:
+        """The flow, and the number of its steps from one end to the other."""
         flow = Flow(self.A)
-        count = max(1, int(np.ceil(2.0 * h / flow.H)))
+        count = max(1, int(np.ceil(2.0 * float(self.h.mid()) / flow.H)))
         if count > _MOST_STEPS:
             raise UndecidedError(f"{count} steps")
-        self._count = count
-        return Flow(self.A, longest=flow.H)
-
-    def _states(self, direction: int) -> Any:
-        """Return the states at the starts of the steps from one end to the other, in columns.
-
-        Steps of the length ``2 h/count``, the last one ends at the other end.
-        """
-        flow = self._flow
-        step = (self.A * (self.h * 2 * direction / self._count)).exp()
-        Z = self.ends[0 if direction > 0 else 1]
-        while Z.ncols() < self._count:
-            more = step * Z
-            Z = arb_mat([a + b for a, b in zip(Z.tolist(), more.tolist(), strict=True)])
-            step = step * step
-        del flow
-        return arb_mat([row[: self._count] for row in Z.tolist()])
+        return flow, count
 
     @cached_property
-    def _from_ends(self) -> dict[int, Any]:
-        return {}
+    def _states(self) -> dict[int, Any]:
+        """States at the starts of the steps, in columns: from tau = -1 on (1), and back (-1)."""
+        _, count = self._steps
+        states = {}
+        for direction, end in ((1, self.ends[0]), (-1, self.ends[1])):
+            step, Z = (self.A * (self.h * 2 * direction / count)).exp(), end
+            while Z.ncols() < count:
+                more = step * Z
+                Z = arb_mat([a + b for a, b in zip(Z.tolist(), more.tolist(), strict=True)])
+                step = step * step
+            states[direction] = arb_mat([row[:count] for row in Z.tolist()])
+        return states
 
     def _kept(self, a: int, side: int, allowance: float) -> bool | None:
         """Tell whether ``side y_a`` stays at or below its wall.
@@ -232,13 +226,10 @@ class Member:
         else:
             wall_room = abs(wall)
         direction = -side
-        flow = self._flow
-        if direction not in self._from_ends:
-            self._from_ends[direction] = self._states(direction)
-        Z = self._from_ends[direction]
-        length = self.h * 2 * direction / self._count
+        flow, count = self._steps
+        Z, length = self._states[direction], self.h * 2 * direction / count
         row = matrix(self.rows[a] * side).tolist()[0] + [0] * (self.structure.n + 1)
-        rows = _taylor(flow, arb_mat([row]), length)
+        rows = flow.taylor_rows(arb_mat([row]), length)
         Y = few(rows) * Z
         off = 2.0 * flow.remainder(doubles(arb_mat([row])), doubles(Z))
         c = -doubles(Y).T
@@ -264,7 +255,7 @@ class Member:
 
     def radius(self) -> float:
         """Return the spectral radius of the map over half a period, from that over the period."""
-        n, s = self.structure.n, self.structure
+        n = self.structure.n
         size = 2 * n
         flight = (self.A * (2 * self.h)).exp()
         Phi = arb_mat([r[:size] for r in flight.tolist()[:size]])
@@ -282,10 +273,8 @@ class Member:
                 v = v - m * gain
             if place == 0:
                 total = Phi * total
-        del s
-        balls = acb_mat(total.mid())
-        values = balls.eig(algorithm="approx")
-        largest = max(float((abs(v)).mid()) for v in values)
+        values = acb_mat(total.mid()).eig(algorithm="approx")
+        largest = max(float(abs(v).mid()) for v in values)
         return max(1.0, largest**0.5)
 
     def _mass(self, a: int) -> Any:
@@ -312,14 +301,6 @@ class Member:
 
 def _some_rows(end: Any, n: int) -> Any:
     return arb_mat(end.tolist()[:n])
-
-
-def _taylor(flow: Flow, row: Any, length: Any) -> Any:
-    AH, r, rows = flow.A * length, row, []
-    for k in range(flow.degree + 1):
-        rows.append(r.entries())
-        r = (r * AH) * (arb(1) / (k + 1))
-    return arb_mat(rows)
 
 
 def solved(

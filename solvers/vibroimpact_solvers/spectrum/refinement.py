@@ -121,7 +121,7 @@ def _couplings(M: Floats, K: Floats, X: Floats, low: Floats) -> _Couplings:
 
 def _form(A: Floats, X: Floats, low: Floats) -> tuple[Floats, Floats]:
     """Return ``X^T A X`` in two parts."""
-    full = np.diag(A) if A.ndim == 1 else A
+    full = np.array(np.diag(A) if A.ndim == 1 else A)  # writable: one signature of the kernel
     Y, Y_low = doubled.product(full, _NONE, X, low, False)
     return doubled.product(np.ascontiguousarray(X.T), np.ascontiguousarray(low.T), Y, Y_low, True)
 

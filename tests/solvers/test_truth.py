@@ -1,0 +1,65 @@
+"""A slice of ``nox -s truth``: random cases against references that share no formula with us."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from tests.truth.campaign import generator
+from tests.truth.sets import SETS
+from tests.truth.verdicts import Case, Report
+
+SEED = 1
+
+
+def outcome(name: str, count: int, chosen: Callable[[Case], bool]) -> Report:
+    """Return what the first cases of a set give, those that are chosen."""
+    make, check = SETS[name]
+    report, index = Report(), 0
+    while count:
+        case = make(generator(name, SEED, index))
+        if chosen(case):
+            before = len(report.failures)
+            check(case, report)
+            new = [(kind, f"{index}: {text}") for kind, text in report.failures[before:]]
+            report.failures[before:] = new
+            count -= 1
+        index += 1
+    return report
+
+
+def median(report: Report, what: str) -> float:
+    values = sorted(report.ratios[what])
+    return values[len(values) // 2]
+
+
+def kind(case: Case) -> str:
+    return case.name.split(",")[0]
+
+
+def test_members_are_what_they_are_said_to_be() -> None:
+    report = outcome("members", 40, lambda case: kind(case) in {"dense", "diagonal", "indefinite"})
+    stated = [f for f in report.failures if "by the error of impulses" not in f[0]]
+    assert not stated
+    assert median(report, "impulse") < 100.0
+    assert report.counts["existence certified"] > 25
+
+
+def test_modes_exist_in_bands_and_nowhere_else() -> None:
+    report = outcome("bands", 10, lambda case: kind(case) in {"dense", "diagonal", "chain"})
+    stated = [f for f in report.failures if "not certified" not in f[0]]
+    assert not stated
+    assert report.counts["verdicts"] > 50
+
+
+@pytest.mark.parametrize("maker", ["plain", "damped", "coupled", "loaded"])
+def test_motions_are_what_they_are_said_to_be(maker: str) -> None:
+    report = outcome("histories", 6, lambda case: case.name == maker)
+    assert not report.failures
+    assert report.counts["horizon at the end"] >= 4
+
+
+def test_motions_between_soft_limiters_are_what_they_are_said_to_be() -> None:
+    report = outcome("soft", 6, lambda case: kind(case) in {"plain", "damped"})
+    assert not report.failures
