@@ -167,19 +167,19 @@ def _launch(n: int, t_end: float) -> Watched:
     """Return a motion of one mass with loss, or of a chain without."""
     from vibroimpact_solvers import presets
     from vibroimpact_solvers.model import Constraint
-    from vibroimpact_solvers.time_history import single_call
+    from vibroimpact_solvers.time_history import rigid_motions
 
     if n > 1:
-        return recorded(single_call, "follow", _chain_motion(n, t_end, n))
+        return recorded(rigid_motions, "follow", _chain_motion(n, t_end, n))
     system = presets.oscillator([Constraint.at(0, 1.0, 0.999)], 1.0)
-    return recorded(single_call, "follow", _motion(system, np.array([5.0]), t_end))
+    return recorded(rigid_motions, "follow", _motion(system, np.array([5.0]), t_end))
 
 
-def _samples() -> Watched:
-    from vibroimpact_solvers.time_history import run
+def _samples(times: int) -> Watched:
+    from vibroimpact_solvers.time_history import rigid_motions
 
-    t, outputs = np.linspace(0.0, 100.0, 1001), frozenset({"x", "v"})
-    return recorded(run, "follow", _chain_motion(13, 100.0, 0, t=t, outputs=outputs))
+    t, outputs = np.linspace(0.0, 100.0, times), frozenset({"x", "v"})
+    return recorded(rigid_motions, "follow", _chain_motion(13, 100.0, 0, t=t, outputs=outputs))
 
 
 def _soft() -> Watched:
@@ -226,7 +226,8 @@ HOT: Final[Mapping[str, Callable[[], Watched]]] = {
     "time history, N=1": partial(_launch, 1, 2000.0),
     "time history, N=13": partial(_launch, 13, 100.0),
     "time history, N=100": partial(_launch, 100, 10.0),
-    "time history with samples, N=13": _samples,
+    "time history with 10 samples, N=13": partial(_samples, 10),
+    "time history with samples, N=13": partial(_samples, 1001),
     "soft limiters": _soft,
     "slow flow, closed form": partial(
         slow_flow, "lossy_walls", "slow_flow", "restitution", "corrected"

@@ -7,7 +7,7 @@ in the order of the points.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -98,13 +98,13 @@ class Assembly:
                 self._failures.append(f"{self._label(index)}: {outcome}")
             return
         values = {name: getattr(outcome, name) for name in self._fields}
-        self._statements |= dict.fromkeys(values[name] for name in self._texts)
+        self._state(values[name] for name in self._texts)
         self._add(place, values, 0)
 
-    def put_many(self, first: int, outcomes: Sequence[Any]) -> None:
-        """Add the outcomes of successive points of a grid with one axis; as `put`, but faster."""
+    def put_many(self, points: Sequence[int], outcomes: Sequence[Any]) -> None:
+        """Add the outcomes of some points of a grid with one axis; as `put`, but faster."""
         results: dict[int, Any] = {}
-        for index, outcome in enumerate(outcomes, first):
+        for index, outcome in zip(points, outcomes, strict=True):
             if isinstance(outcome, SolverError):
                 self.put((index,), outcome)
             else:
@@ -116,7 +116,7 @@ class Assembly:
         for name, field in self._fields.items():
             column = [getattr(result, name) for result in results.values()]
             if field.scalar is str and not field.array:
-                self._statements |= dict.fromkeys(column)
+                self._state(set(column))
             elif name in in_tables and column[0] is not None:
                 values[name] = np.concatenate(column)
                 counts = np.array([len(rows) for rows in column])
@@ -129,19 +129,24 @@ class Assembly:
 
     def put_piece(
         self,
-        place: tuple[slice, ...],
+        place: tuple[slice | Integers, ...],
         arrays: Mapping[str, Any],
         statement: str,
         failures: Sequence[str],
     ) -> None:
-        """Add the result of a piece of the grid, as `arrays` of another assembly returned it.
+        """Add the result of a piece of the grid, as `arrays` of an assembly returns it.
 
         Raise `ModelError` if the sizes of its arrays differ from those of the pieces before.
         """
         self.status[place] = arrays["status"]
-        self._statements |= dict.fromkeys(part for part in statement.split(_AND) if part)
+        self._state([statement])
         self._failures += failures
         self._add(place, arrays, len(place))
+
+    def _state(self, statements: Iterable[str]) -> None:
+        """Add statements about errors, as far as they are new."""
+        parts = (part for statement in statements for part in statement.split(_AND))
+        self._statements |= dict.fromkeys(part for part in parts if part)
 
     def arrays(self) -> dict[str, Array]:
         """Return the status, the counts and offsets of tables, and all fields in their order."""

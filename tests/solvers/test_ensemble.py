@@ -14,6 +14,7 @@ from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import Cancelled, ModelError, PlanError
 from vibroimpact_solvers.model import Constraint, System
 from vibroimpact_solvers.plan import Stage
+from vibroimpact_solvers.time_history import rigid_motions
 
 ALL = frozenset(time_history.OUTPUTS)
 OSCILLATOR = presets.oscillator([Constraint.at(0, 1.0, 0.9)], 1.0)
@@ -97,19 +98,13 @@ def test_an_ensemble_may_be_wrong_throughout() -> None:
 def test_a_motion_that_cannot_be_followed_is_reported_with_the_member(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    follow = time_history.Prepared.solve
+    def refusing(*_: Any) -> None:
+        raise PlanError("this one cannot be followed")
 
-    def refusing(
-        prepared: time_history.Prepared, initial: time_history.State, *args: Any
-    ) -> time_history.Result:
-        if initial.x[0] == 0.5:
-            raise PlanError("this one cannot be followed")
-        return follow(prepared, initial, *args)
-
-    monkeypatch.setattr(time_history.Prepared, "solve", refusing)
-    x = np.array([[0.0], [0.5], [0.1]])
-    result = solved(problem(OSCILLATOR, x, np.ones((3, 1))))
-    assert result.status.tolist() == [0, 2, 0]
+    monkeypatch.setattr(rigid_motions.Run, "finish", refusing)
+    ball = presets.bouncing_ball([Constraint((0,), (1.0,), 0.0, None, 0.5)])
+    result = solved(problem(ball, np.array([[1e3], [0.1], [900.0]]), np.zeros((3, 1))))
+    assert result.status.tolist() == [0, 2, 0]  # the second one comes to rest
     assert result.error_failures == ["member 1: this one cannot be followed"]
 
 

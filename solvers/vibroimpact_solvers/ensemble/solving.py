@@ -15,7 +15,7 @@ from vibroimpact_solvers.ensemble.problem import Problem
 from vibroimpact_solvers.errors import Status, attempt
 from vibroimpact_solvers.plan import Plan, Tick
 from vibroimpact_solvers.results.ensemble import Result
-from vibroimpact_solvers.time_history import Outcome, solve_states
+from vibroimpact_solvers.time_history import Piece, solve_states
 
 _FIELDS: Final = declared(Result)
 _NUMBERS: Final = tuple(
@@ -25,8 +25,6 @@ _NUMBERS: Final = tuple(
 )
 """Arrays of the numbers that every motion has."""
 _TABLES: Final = ("impact", "contact")
-_BATCH: Final = 4096
-"""Members whose single results are in memory at a time."""
 
 
 def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
@@ -42,16 +40,17 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
         Called with (done, total) members; may raise `Cancelled`.
     """
     assembly = _assembly(problem)
-    for start in range(0, problem.size, _BATCH):
-        stop = min(start + _BATCH, problem.size)
 
-        def report(done: int = start) -> None:
-            if tick is not None:
-                tick(done, problem.size)
+    def report(done: int = 0) -> None:
+        if tick is not None:
+            tick(done, problem.size)
 
-        assembly.put_many(start, list(_outcomes(problem.piece(start, stop), report)))
-    if tick is not None:
-        tick(problem.size, problem.size)
+    for piece in _pieces(problem, report):
+        if piece.places.size:
+            statement = piece.arrays["error_statement"]
+            assembly.put_piece((piece.places,), piece.arrays, statement, ())
+        assembly.put_many(list(piece.others), list(piece.others.values()))
+    report(problem.size)
     return _result(problem, assembly)
 
 
@@ -73,11 +72,12 @@ def _assembly(problem: Problem) -> Assembly:
     return Assembly(time_history.Result, (problem.size,), label, _TABLES)
 
 
-def _outcomes(problem: Problem, report: Callable[[], None]) -> Iterable[Outcome]:
-    """Compute some members; return the motion of each, or its error."""
+def _pieces(problem: Problem, report: Callable[[], None]) -> Iterable[Piece]:
+    """Compute the members; return their motions, or their errors."""
     pattern = problem.pattern
     if pattern.system is not problem.system:
-        return [attempt(problem.member, index) for index in range(problem.size)]
+        errors = {index: attempt(problem.member, index) for index in range(problem.size)}
+        return [Piece(np.zeros(0, np.int64), {}, errors)]
     # The methods are those of the whole ensemble. The windows of time depend on these members
     # alone, so that ensembles which have a piece in common share its numbers.
     return solve_states(pattern, time_history.plan(pattern), problem.x, problem.v, report)

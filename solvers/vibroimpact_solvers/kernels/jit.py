@@ -60,6 +60,14 @@ def inline(function: Function) -> Function:
     return _compiled(function, forceinline=True, **_INNER)
 
 
+def product(function: Function) -> Function:
+    """Compile an `inner` function that consists of a matrix product by BLAS.
+
+    Numba's own code for it counts references.
+    """
+    return _compiled(function, **_INNER | {"_nrt": True})
+
+
 def once(function: Function) -> Function:
     """Copy an `inner` function that has one caller into it, before types are known.
 

@@ -2,8 +2,9 @@
 
 Between impacts the motion is exact; the next impact is found by certified expansions
 (`kernels.next_impact`) and applied by Newton's law (`kernels.impact_law`), while sampled
-deviations keep account of rounding (`kernels.deviations`). The loop returns to Python where the
-equations change: contacts begin and end.
+deviations keep account of rounding (`kernels.deviations`). The history at the output times is
+written as the motion goes on (`kernels.modal`). Many motions are followed in one call, one after
+the other; the loop returns to Python where the equations change: contacts begin and end.
 """
 
 from __future__ import annotations
@@ -30,8 +31,16 @@ from vibroimpact_solvers.kernels.flow import (
     watched_of,
 )
 from vibroimpact_solvers.kernels.impact_law import strike
-from vibroimpact_solvers.kernels.jit import bare, once
-from vibroimpact_solvers.kernels.modal import displacements_of, modal_of, state_of
+from vibroimpact_solvers.kernels.jit import bare, inner, once
+from vibroimpact_solvers.kernels.modal import (
+    SAMPLES,
+    Modal,
+    coordinates_of,
+    displacements_of,
+    keep_coordinates,
+    modal_of,
+    state_of,
+)
 from vibroimpact_solvers.kernels.next_impact import (
     AT_END,
     UNDECIDED,
@@ -43,11 +52,14 @@ from vibroimpact_solvers.kernels.next_impact import (
 )
 from vibroimpact_solvers.kernels.rigid_state import (
     Errors,
+    History,
     Motion,
     Scratch,
     Structure,
     scratch_of,
 )
+
+_EPS = 2.0**-52
 
 
 class Stop(IntEnum):
@@ -56,31 +68,50 @@ class Stop(IntEnum):
     REFUSED = -1  # the initial state is not finite, out of range, or outside of its limits
     END = 0  # the end of the time was reached
     TABLE = 1  # the table of impacts is full
-    SAMPLES = 2  # the buffer of samples is full; the state has not moved
-    PAUSE = 3  # the number of expansions agreed on was spent
-    CONTACT = 4  # a constraint came to rest at its wall, after its impulse
-    RELEASE = 5  # a contact force vanished
-    IMPACT_IN_CONTACT = 6  # a wall is reached while others are in contact: no impulse as yet
+    PAUSE = 2  # the number of expansions agreed on was spent
+    CONTACT = 3  # a constraint came to rest at its wall, after its impulse
+    RELEASE = 4  # a contact force vanished
+    IMPACT_IN_CONTACT = 5  # a wall is reached while others are in contact: no impulse as yet
 
 
-_REFUSED, _END, _TABLE, _SAMPLES, _PAUSE, _CONTACT, _RELEASE, _IMPACT_IN_CONTACT = range(-1, 7)
+_REFUSED, _END, _TABLE, _PAUSE, _CONTACT, _RELEASE, _IMPACT_IN_CONTACT = range(-1, 6)
 
 
 @once
-def _take_samples(structure: Structure, motion: Motion, scratch: Scratch, until: float) -> bool:
-    """Take the samples of a free motion; return whether the buffer had room for them."""
-    flow, times, samples = structure.flow, motion.output_times, motion.samples
+def _take_samples(
+    structure: Structure,
+    motion: Motion,
+    scratch: Scratch,
+    modal: Modal,
+    history: History,
+    until: float,
+) -> None:
+    """Take the samples of a free motion, and write the history of all whose block is full."""
+    flow, times, energy = structure.flow, motion.output_times, history.energy
     now = motion.progress[0]
     while now.samples < times.size and times[now.samples] <= until:
-        place = now.samples - now.first_sample
-        if place == samples.shape[0]:
-            return False
         since, lost = two_sum(times[now.samples], -now.time)
         lost -= now.time_rest
         set_propagator(flow, since, lost, scratch.propagator)
-        propagate_state(flow, scratch.propagator, since + lost, motion.z, samples[place])
+        propagate_state(flow, scratch.propagator, since + lost, motion.z, scratch.z)
+        held = coordinates_of(modal, scratch.z, scratch.rate)
+        if energy.size > 0:
+            energy[now.samples] = held
+        place, x, v = now.samples - now.written, history.x.size > 0, history.v.size > 0
+        keep_coordinates(scratch.rate, scratch.block, place, x, v)
         now.samples += 1
-    return True
+        if now.samples - now.written == SAMPLES:
+            _write_history(motion, scratch, modal, history)
+
+
+@inner
+def _write_history(motion: Motion, scratch: Scratch, modal: Modal, history: History) -> None:
+    """Write the displacements and velocities of the samples taken since the last time."""
+    now = motion.progress[0]
+    x, v = history.x[now.written : now.samples], history.v[now.written : now.samples]
+    count = now.samples - now.written
+    displacements_of(modal, scratch.block, scratch.sums, count, x, v)
+    now.written = now.samples
 
 
 @once
@@ -105,7 +136,9 @@ def _move(structure: Structure, motion: Motion, scratch: Scratch, s: float, ds: 
 
 
 @once
-def _advance(structure: Structure, motion: Motion, scratch: Scratch) -> int:
+def _advance(
+    structure: Structure, motion: Motion, scratch: Scratch, modal: Modal, history: History
+) -> int:
     """Advance a motion to its end, or to an event that the caller has to handle (`Stop`)."""
     walls, now = structure.walls, motion.progress[0]
     circular = has_one_undamped_mode(structure)
@@ -121,8 +154,7 @@ def _advance(structure: Structure, motion: Motion, scratch: Scratch) -> int:
         if who == UNDECIDED:
             s, ds, who, side = next_event(structure, motion, scratch)
         until = np.inf if who == AT_END else (now.time + s) + (now.time_rest + ds)
-        if not _take_samples(structure, motion, scratch, until):
-            return _SAMPLES
+        _take_samples(structure, motion, scratch, modal, history, until)
         _move(structure, motion, scratch, s, ds)
         if who < 0:
             return _END if who == AT_END else _PAUSE
@@ -135,11 +167,29 @@ def _advance(structure: Structure, motion: Motion, scratch: Scratch) -> int:
             return _CONTACT
 
 
+@once
+def _finish(structure: Structure, motion: Motion, modal: Modal, first: int, ended: bool) -> None:
+    """Give impacts from a row on in the units of x, and find the largest of the errors."""
+    now = motion.progress[0]
+    for place in range(first, now.rows):
+        row = motion.impacts[place]
+        row.time = (row.time + row.time_rest) / modal.scale
+        row.velocity *= modal.scale
+        row.impulse *= modal.scale
+        if not row.deviation <= now.growth:
+            now.growth = row.deviation
+        if not row.deviation * _EPS <= now.tolerance and now.known_until == np.inf:
+            now.known_until = row.time
+    if ended:
+        error = estimated_error(motion.deviations, structure.errors.own, motion.progress)
+        now.growth = max(now.growth, error)
+
+
 @bare
 def follow(
     structure: Any, motion: Any, work: Any, modal: Any, x: Floats, v: Floats, history: Any
-) -> tuple[int, int, int, int, float, float]:
-    """Follow a motion from its present state, or from displacements and velocities, to its end.
+) -> tuple[int, int]:
+    """Follow motions from displacements and velocities, or one from its present state, to the end.
 
     NamedTuples arrive as plain tuples of few arrays: numba looks at each at every call.
 
@@ -148,56 +198,47 @@ def follow(
     structure : tuple
         `Structure`, as `flow_of` and `watched_of` take it.
     motion : tuple
-        `Motion`; what it refers to is changed.
+        `Motion`; what it refers to is changed. The progress has a row for each motion; rows of
+        impacts follow one another, in the units of x.
     work : tuple
         Of `rigid_state.workspace`.
     modal : tuple
-        `Modal`, used where x is not empty.
-    x, v : array, shape (dof,)
-        Initial displacements and velocities, of a structure without loads' pairs and with a
-        progress that is new; empty: the motion goes on from its state.
+        `Modal`, as `modal_of` takes it.
+    x, v : array, shape (motion, dof)
+        Initial displacements and velocities, without contacts, of motions whose progress is new;
+        none: one motion goes on from its state.
     history : tuple
-        Degrees of freedom, and displacements and velocities (time, dof) there, which are filled
-        in at the end where a motion begins with x and reaches its end; impacts are then given in
-        the units of x.
+        `History`, with arrays of one more axis, in front, for the motions.
 
     Returns
     -------
     stop : int
         A `Stop`; where it is not the end, another call goes on from there.
-    rows, grazings, expansions : int
-        Impacts in the table, and counts of the whole motion.
-    penetration, growth : float
-        Largest distance between a wall and the place of an impact at it; the largest of the
-        deviations in units of 2^-52, at least 1, where the motion began with x and reached its end.
+    place : int
+        Which motion is the last that was followed: all before reached their ends.
     """
     rates, drives, kinds, forms, sizes, walls, mobility, errors = structure
     flow, watched = flow_of(rates, drives, kinds), watched_of(forms, sizes)
     named = Structure(flow, watched, walls, mobility, Errors(*errors))
-    current, conversion, scratch = Motion(*motion), modal_of(modal), scratch_of(work)
-    dofs, xs, vs = history
-    now, z = current.progress[0], current.z
-    begins = x.size > 0
-    if begins:
-        for j in range(z.shape[1]):
-            z[Z1, j] = z[Z2, j] = 0.0
-        if not state_of(conversion, x, v, z, scratch.rate):
-            return _REFUSED, 0, 0, 0, 0.0, 0.0
-    if not now.begun:
-        start_deviations(current, named.errors)
-        now.begun = 1
-    stop, growth = _advance(named, current, scratch), 1.0
-    if begins and stop == _END:
-        some = current.samples[: xs.shape[0]]
-        displacements_of(conversion, some, dofs, xs, vs, scratch.rate)
-        growth = max(
-            growth, estimated_error(current.deviations, named.errors.own, current.progress)
-        )
-        for place in range(now.rows):
-            row = current.impacts[place]
-            row.time = (row.time + row.time_rest) / conversion.scale
-            row.velocity *= conversion.scale
-            row.impulse *= conversion.scale
-            if not row.deviation <= growth:
-                growth = row.deviation
-    return stop, now.rows, now.grazings, now.expansions, now.penetration, growth
+    z, deviations, progress, impacts, output_times = motion
+    conversion, scratch = modal_of(modal), scratch_of(work)
+    xs, vs, energies = history
+    place, rows, spent = 0, progress[0].rows, 0
+    while True:
+        current = Motion(z, deviations, progress[place : place + 1], impacts, output_times)
+        written, now = History(xs[place], vs[place], energies[place]), progress[place]
+        now.rows = rows
+        if x.shape[0] > 0:
+            now.first_row = rows
+            if not state_of(conversion, x[place], v[place], z, scratch.rate):
+                return _REFUSED, place
+        if not now.begun:
+            start_deviations(current, named.errors)
+            now.begun = 1
+        stop = _advance(named, current, scratch, conversion, written)
+        _write_history(current, scratch, conversion, written)
+        _finish(named, current, conversion, rows, stop == _END)
+        rows, spent = now.rows, spent + now.expansions
+        if stop != _END or place + 1 >= x.shape[0] or spent >= now.budget:
+            return stop, place
+        place += 1

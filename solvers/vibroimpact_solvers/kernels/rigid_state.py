@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels.flow import Z1, Flow, Watched
 from vibroimpact_solvers.kernels.jit import once
+from vibroimpact_solvers.kernels.modal import SAMPLES
 from vibroimpact_solvers.kernels.passages import DEPTH, LOW, ORDER
 
 Rows = NDArray[np.void]
@@ -56,8 +57,8 @@ PROGRESS: Final = np.dtype(
         ("end", "f8"),
         ("longest", "f8"),  # of an expansion
         ("chatter", "f8"),  # remaining time of a chatter that is not followed impact by impact
+        ("tolerance", "f8"),  # of the error of the state, relative to it
         ("budget", "i8"),  # expansions after which the loop pauses
-        ("first_sample", "i8"),  # in the buffer
         ("stops_at_impacts", "i8"),
         # Kept from call to call.
         ("begun", "i8"),  # whether the deviations are set
@@ -65,8 +66,12 @@ PROGRESS: Final = np.dtype(
         ("time_rest", "f8"),
         ("largest", "f8"),  # length of the state so far
         ("penetration", "f8"),  # largest distance between a wall and the place of an impact at it
-        ("rows", "i8"),  # in the table of impacts
+        ("growth", "f8"),  # largest of the estimated errors, in units of 2^-52, at least 1
+        ("known_until", "f8"),  # time of the first impact at which the tolerance is exceeded
+        ("first_row", "i8"),  # of the motion in the table of impacts
+        ("rows", "i8"),  # in the table of impacts, those of motions before it included
         ("samples", "i8"),
+        ("written", "i8"),  # samples in the history
         ("expansions", "i8"),
         ("grazings", "i8"),
         ("impacts", "i8"),  # of all
@@ -77,7 +82,7 @@ PROGRESS: Final = np.dtype(
         ("chatter_left", "f8"),  # remaining time of a chatter that ends at its wall
     ]
 )
-"""How far a motion is; an array of one row."""
+"""How far a motion is; an array of a row for each motion."""
 
 STRUCK: Final = np.dtype(
     [
@@ -112,14 +117,21 @@ class Structure(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """A motion: its present state, and where impacts and samples are written."""
+    """A motion: its present state, and where its impacts are written."""
 
     z: Floats  # (2, pair)
     deviations: Floats  # (column, 2, pair), in units of 2^-52; none: no errors are estimated
     progress: Rows  # (1,), of `PROGRESS`
     impacts: Rows  # (row,), of `IMPACT`
     output_times: Floats  # (sample,), ascending
-    samples: Floats  # (buffer, 2, pair): the states there
+
+
+class History(NamedTuple):
+    """What is written at the output times; arrays that are not asked for are empty."""
+
+    x: Floats  # (time, dof)
+    v: Floats  # (time, dof)
+    energy: Floats  # (time,)
 
 
 class Scratch(NamedTuple):
@@ -139,6 +151,8 @@ class Scratch(NamedTuple):
     roots: Floats  # (DEPTH + 5, DEPTH + 2), of `passages.first_passage`
     struck: Rows  # (watched,), of `STRUCK`
     equations: Floats  # (2 watched, watched + 1)
+    block: Floats  # (2 SAMPLES, mode): of `modal.displacements_of`
+    sums: Floats  # (2 SAMPLES output dof,)
 
 
 _Z, _RATE, _PROPAGATOR, _LENGTHS = range(4)
@@ -147,7 +161,7 @@ _IN_REACH, _BASIC = range(2)
 _DERIVATIVES, _LOW = -2, -1
 
 
-def workspace(pairs: int, watched: int) -> tuple[Any, ...]:
+def workspace(pairs: int, watched: int, modes: int, dofs: int) -> tuple[Any, ...]:
     """Return what `scratch_of` gives names to: few arrays, as each takes time to hand over."""
     return (
         np.empty((4, 2, pairs)),
@@ -156,13 +170,14 @@ def workspace(pairs: int, watched: int) -> tuple[Any, ...]:
         np.empty((DEPTH + 7, DEPTH + 2)),
         np.empty(watched, STRUCK),
         np.empty((2 * watched, watched + 1)),
+        (np.empty((2 * SAMPLES, modes)), np.empty(2 * SAMPLES * dofs)),
     )
 
 
 @once
 def scratch_of(given: tuple[Any, ...]) -> Scratch:
     """Give names to the arrays of `workspace`."""
-    states, numbers, marks, search, struck, equations = given
+    states, numbers, marks, search, struck, equations, history = given
     derivatives, low, roots = (
         search[_DERIVATIVES, :ORDER],
         search[_LOW, :LOW],
@@ -171,5 +186,5 @@ def scratch_of(given: tuple[Any, ...]) -> Scratch:
     return Scratch(
         states[_Z], states[_RATE], states[_PROPAGATOR], states[_LENGTHS, Z1], numbers[_ROUNDING],
         numbers[_RIGHT], numbers[_SOLUTION], marks[_IN_REACH], marks[_BASIC], derivatives, low,
-        roots, struck, equations,
+        roots, struck, equations, *history,
     )  # fmt: skip

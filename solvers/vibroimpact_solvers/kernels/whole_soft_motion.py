@@ -10,9 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.kernels.jit import kernel
-from vibroimpact_solvers.kernels.modal import displacements_of, modal_of, state_of
+from vibroimpact_solvers.kernels.modal import (
+    SAMPLES,
+    coordinates_of,
+    displacements_of,
+    keep_coordinates,
+    modal_of,
+    state_of,
+)
 from vibroimpact_solvers.kernels.soft_forces import Limiters
 from vibroimpact_solvers.kernels.taylor import Linear, follow
 
@@ -23,7 +30,6 @@ REFUSED = -1
 @kernel
 def whole_soft_motion(
     modes: Any,
-    dofs: Integers,
     linear: Linear,
     limiters: Limiters,
     precision: tuple[int, float],
@@ -38,8 +44,6 @@ def whole_soft_motion(
     ----------
     modes : tuple
         What `kernels.modal.modal_of` takes, with infinite limits: soft limiters may be passed.
-    dofs : array
-        Degrees of freedom of the history.
     linear, limiters, output_times, progress
         See `kernels.taylor.follow`.
     precision : tuple
@@ -56,6 +60,13 @@ def whole_soft_motion(
         return REFUSED
     samples = np.empty((output_times.size, 2, pairs))
     stop = follow(linear, limiters, order, error, output_times, progress, z, lost, samples)
-    if stop == 0 and xs.shape[0] > 0:
-        displacements_of(modal, samples[: xs.shape[0]], dofs, xs, vs, lost)
+    block, sums = np.empty((2 * SAMPLES, modal.place.size)), np.empty(2 * SAMPLES * xs.shape[1])
+    first = 0
+    for place in range(xs.shape[0] if stop == 0 else 0):
+        coordinates_of(modal, samples[place], lost)
+        keep_coordinates(lost, block, place - first, True, True)
+        if place + 1 - first == SAMPLES or place + 1 == xs.shape[0]:
+            some = slice(first, place + 1)
+            displacements_of(modal, block, sums, place + 1 - first, xs[some], vs[some])
+            first = place + 1
     return stop

@@ -25,11 +25,12 @@ from vibroimpact_solvers.time_history.problem import (
     EXACT,
     KIND,
     OUTPUTS,
+    TOLERANCE,
     ImpactMode,
     Problem,
     State,
 )
-from vibroimpact_solvers.time_history.result_values import TOLERANCE
+from vibroimpact_solvers.time_history.rigid_motions import Piece
 from vibroimpact_solvers.time_history.run import Tick
 from vibroimpact_solvers.time_history.solving import Prepared, prepare
 from vibroimpact_solvers.time_history.windows import (
@@ -52,6 +53,7 @@ __all__ = [
     "ImpactMode",
     "Outcome",
     "Part",
+    "Piece",
     "Power",
     "Prepared",
     "Problem",

@@ -62,7 +62,7 @@ class AtWalls:
         """
         if not contacts:
             return {}
-        index, side = np.array(sorted(contacts), dtype=np.int64).T
+        index, side = np.ascontiguousarray(np.array(sorted(contacts), dtype=np.int64).T)
         towards, sides = side * self._accelerations[index], side.astype(np.float64)
         inelastic = np.zeros(self._restitution.size)
         forces = impulses(self._mobility, inelastic, index, sides, towards)

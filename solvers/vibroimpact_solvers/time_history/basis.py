@@ -284,25 +284,63 @@ class Basis:
         weights[self._loads] = np.concatenate([moves, np.abs(self._creep).max(axis=0, initial=0.0)])
         return weights[self._order]
 
-    @property
-    def plain(self) -> bool:
-        """Whether every pair is a mode: no harmonic loads, no modes that damping couples."""
-        return bool(self._loads.stop == self._single.size)
-
-    @property
+    @cached_property
     def stretch(self) -> Floats:
-        """Of every mode, z1 over its coordinate, shape (mode,)."""
-        return self._stretch
+        """Of every mode, z1 over its coordinate, shape (mode,); 1 where it is not one pair."""
+        return self._of_modes(self._stretch, 1.0)
 
-    @property
+    @cached_property
     def delta(self) -> Floats:
-        """Half the damping of every mode, shape (mode,)."""
-        return self._delta
+        """Half the damping of every mode that is one pair, shape (mode,)."""
+        return self._of_modes(self._delta, 0.0)
 
     @cached_property
     def place(self) -> Integers:
-        """The pairs of the modes, shape (mode,)."""
-        return np.argsort(self._order)[: self._single.size].astype(np.int64)
+        """The pairs of the modes, shape (mode,); negative where it is not one pair."""
+        return self._of_modes(self._places[: self._single.size], -1.0).astype(np.int64)
+
+    @cached_property
+    def others(self) -> Integers:
+        """The pairs of loads and of modes that damping couples, shape (other,)."""
+        return self._places[self._single.size : self._loads.stop].astype(np.int64)
+
+    def made_by_others(self) -> Floats:
+        """Return coordinates and rates that `others` make, shape (2 other, 2 mode)."""
+        count = self.others.size
+        if count == 0:
+            return np.zeros((0, 2 * self._roots.size))
+        units = np.zeros((2, count, 2, self.pairs))
+        each = np.arange(count)
+        for of in (0, 1):
+            units[of, each, of, self.others] = 1.0
+        return np.concatenate(self.coordinates(units.reshape(-1, 2, self.pairs)), axis=1)
+
+    def start_of_others(self) -> Floats:
+        """Return how `others` start, shape (2 other, 2 mode + 1).
+
+        Of the coordinates and the rates that the loads leave to them, and of 1.
+        """
+        modes, count = self._roots.size, self.others.size
+        start = np.zeros((2 * count, 2 * modes + 1))
+        if count:
+            some, first = self._coupled, slice(0, self._coupled.size)
+            rows = start.reshape(2, count, 2 * modes + 1)
+            inverse = self._inverse.reshape(2, some.size, 2 * some.size)
+            rows[:, first, some] = inverse[..., : some.size]
+            rows[:, first, modes + some] = inverse[..., some.size :]
+            rows[:, some.size :, -1] = self.loads(0.0)
+        return start
+
+    def _of_modes(self, values: Any, otherwise: float) -> Floats:
+        """Return values of the modes that are one pair, and others otherwise, shape (mode,)."""
+        every = np.full(self._roots.size, otherwise)
+        every[self._single] = values
+        return every
+
+    @cached_property
+    def _places(self) -> Integers:
+        """Where the pairs are, by their order of construction."""
+        return np.argsort(self._order)
 
     @cached_property
     def signs(self) -> Floats:

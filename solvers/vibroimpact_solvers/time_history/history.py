@@ -1,70 +1,71 @@
-"""Displacements, velocities and energies at the output times, filled in as the motion goes on."""
+"""Histories: displacements, velocities and energies at the output times."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.time_history.problem import Problem
-from vibroimpact_solvers.time_history.structure import Configuration, Structure
+from vibroimpact_solvers.time_history.structure import Structure
+
+History = tuple[Floats, Floats, Floats]
+"""Displacements and velocities (motion, time, dof) and energies (motion, time), as
+`kernels.rigid_motion.follow` fills them in; empty where not requested."""
 
 
-class History:
-    """Arrays of displacements, velocities and energies at the output times."""
+def new_history(problem: Problem, motions: int) -> History:
+    """Return the arrays of the history of some motions."""
+    times, outputs = problem.times.size, problem.outputs
+    whole = motions, times, problem.output_dofs.size
+    x, v = (np.empty(whole if name in outputs else (motions, 0, 0)) for name in ("x", "v"))
+    return x, v, np.empty((motions, times if "energy" in outputs else 0))
 
-    def __init__(self, problem: Problem, structure: Structure) -> None:
-        self.problem, self.structure = problem, structure
-        times, outputs = problem.times.size, problem.outputs
-        shape = (times, problem.output_dofs.size)
-        self.x = np.empty(shape) if "x" in outputs else None
-        self.v = np.empty(shape) if "v" in outputs else None
-        dofs = problem.output_dofs
-        self._all = dofs.size == problem.system.n and bool((dofs == np.arange(dofs.size)).all())
-        self.energy = np.empty(times) if "energy" in outputs else None
 
-    def take(self, configuration: Configuration, samples: Floats, first: int) -> None:
-        """Fill in the outputs at consecutive times from states, shape (time, 2, pair)."""
-        basis, modes = configuration.basis, configuration.basis.modes
-        scale, some = self.structure.scale, slice(first, first + samples.shape[0])
-        q, rate = basis.coordinates(samples)
-        q += basis.still
-        rate *= scale
-        dofs = self.problem.output_dofs
-        shapes, base = modes.shapes, modes.base
-        if self.energy is None and not self._all:
-            shapes, base = shapes[dofs], base[dofs]
-        if (self.x is not None and self.v is not None) or self.energy is not None:
-            both = np.concatenate([q, rate]) @ shapes.T  # one pass over a large matrix
-            self.fill(both[: q.shape[0]] + base, both[q.shape[0] :], some)
-        elif self.x is not None:
-            self.x[some] = q @ shapes.T + base
-        elif self.v is not None:
-            self.v[some] = rate @ shapes.T
+def some_of(history: History, motions: slice | Integers) -> History:
+    """Return the history of some of the motions."""
+    x, v, energy = history
+    return x[motions], v[motions], energy[motions]
 
-    def fill(self, x: Floats, v: Floats, some: slice) -> None:
-        """Fill in the outputs from x and v, of all degrees of freedom where energy is an output."""
-        dofs = self.problem.output_dofs
-        whole = x.shape[1] == self.problem.system.n
-        if self.x is not None:
-            self.x[some] = x[:, dofs] if whole else x
-        if self.v is not None:
-            self.v[some] = v[:, dofs] if whole else v
-        if self.energy is not None:
-            system, law = self.problem.system, self.problem.limiter
-            force = self.structure.force
-            energy = 0.5 * (v * (system.M @ v.T).T).sum(axis=1)
-            energy += (x * (0.5 * (system.K @ x.T).T - force)).sum(axis=1)
-            if law is not None:
-                energy += law.potential(x @ self.structure.W.T, law.sizes(system))
-            self.energy[some] = energy
 
-    @property
-    def drift(self) -> float | None:
-        """The largest change of the energy relative to it, where it is conserved."""
-        if self.energy is None or self.energy.size == 0 or not conserves(self.problem):
-            return None
-        size = float(np.abs(self.energy).max())
-        return float(np.abs(self.energy - self.energy[0]).max()) / size if size > 0.0 else 0.0
+def requested(problem: Problem, history: History) -> dict[str, Any]:
+    """Return the fields of the result, of all motions, with the drift of their energies."""
+    x, v, energy = history
+    outputs, values = problem.outputs, dict[str, Any]()
+    if "x" in outputs:
+        values["x"] = x
+    if "v" in outputs:
+        values["v"] = v
+    if "energy" in outputs:
+        values["energy"] = energy
+        if conserves(problem):
+            values["error_energy_drift"] = _drift(energy)
+    return values
+
+
+def requested_of_one(
+    problem: Problem, structure: Structure, x: Floats, v: Floats
+) -> dict[str, Any]:
+    """Return the fields of the result from x and v, of all dofs where energy is an output."""
+    outputs, system, law = problem.outputs, problem.system, problem.limiter
+    dofs, energy = problem.output_dofs, np.empty(0)
+    if "energy" in outputs:
+        energy = 0.5 * (v * (system.M @ v.T).T).sum(axis=1)
+        energy += (x * (0.5 * (system.K @ x.T).T - structure.force)).sum(axis=1)
+        if law is not None:
+            energy += law.potential(x @ structure.W.T, law.sizes(system))
+    if x.shape[1] == system.n:
+        x, v = x[:, dofs], v[:, dofs]
+    values = requested(problem, (x[np.newaxis], v[np.newaxis], energy[np.newaxis]))
+    return {name: value[0] for name, value in values.items()}
+
+
+def _drift(energies: Floats) -> Floats:
+    """Return the largest change of each motion's energy, relative to its largest."""
+    size = np.abs(energies).max(axis=1, initial=0.0)
+    change = np.abs(energies - energies[:, :1]).max(axis=1, initial=0.0)
+    return np.asarray(change / np.where(size > 0.0, size, 1.0))
 
 
 def conserves(problem: Problem) -> bool:

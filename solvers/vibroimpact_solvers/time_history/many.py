@@ -1,7 +1,7 @@
 """Many motions in parallel: each as it would be alone, in as many threads as there are cores.
 
-The compiled loops release the GIL, the Python code around them does not: threads pay where the
-loops last long compared with it.
+The compiled loop follows many motions in one call and releases the GIL for as long; motions with
+contacts or soft limiters return to Python on their way, where threads wait for each other.
 """
 
 from __future__ import annotations
@@ -10,16 +10,21 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from threading import Event
+from typing import TypeVar
+
+import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.errors import Cancelled, SolverError
+from vibroimpact_solvers.errors import Cancelled, SolverError, attempt
 from vibroimpact_solvers.kernels.threads import cores
 from vibroimpact_solvers.plan import Plan
 from vibroimpact_solvers.results.time_history import Result
 from vibroimpact_solvers.time_history.planning import plan as plan_of
 from vibroimpact_solvers.time_history.planning import windows
 from vibroimpact_solvers.time_history.problem import Problem, State
+from vibroimpact_solvers.time_history.rigid_motions import Piece
 from vibroimpact_solvers.time_history.run import Tick
 from vibroimpact_solvers.time_history.solving import prepare
 from vibroimpact_solvers.time_history.windows import solve
@@ -27,7 +32,8 @@ from vibroimpact_solvers.time_history.windows import solve
 Outcome = Result | SolverError
 """A motion, or why there is none."""
 
-_PIECE = 16  # motions that a thread takes at a time
+_T = TypeVar("_T")
+_FEWEST, _MOST = 16, 512  # motions that a thread takes at a time
 _LOOK_SECONDS = 0.05  # between two calls of the caller's report
 
 
@@ -49,15 +55,17 @@ def solve_many(
         its error. Few of them are in memory at a time.
     """
 
-    def one(place: int, tick: Tick) -> Result:
-        return solve(problems[place], plan_of(problems[place]), tick)
+    def some(start: int, stop: int, tick: Tick) -> list[Outcome]:
+        given = problems[start:stop]
+        return [attempt(lambda one=one: solve(one, plan_of(one), tick)) for one in given]
 
-    return in_threads(one, len(problems), report)
+    for outcomes in _in_threads(some, len(problems), report):
+        yield from outcomes
 
 
 def solve_states(
     problem: Problem, plan: Plan, x: Floats, v: Floats, report: Callable[[], None] | None = None
-) -> Iterator[Outcome]:
+) -> Iterator[Piece]:
     """Compute the motion of a problem from many initial states.
 
     Parameters
@@ -72,8 +80,9 @@ def solve_states(
 
     Yields
     ------
-    Result or SolverError
-        As `solve_many` does.
+    Piece
+        The motions from some of the states, in their order, each equal to the last bit to that
+        of `solve` alone.
     """
     prepared = prepare(problem, plan)
     long = windows(plan) > 1
@@ -84,52 +93,48 @@ def solve_states(
             return solve(replace(problem, initial=initial), plan, tick)
         return prepared.solve(initial, tick)
 
-    return in_threads(one, x.shape[0], report)
+    def some(start: int, stop: int, tick: Tick) -> Piece:
+        if prepared.rigid is not None and not long:
+            return prepared.rigid.solve_some(x, v, start, stop, partial(tick, 0, 1))
+        others = {place: attempt(one, place, tick) for place in range(start, stop)}
+        return Piece(np.zeros(0, np.int64), {}, others)
+
+    return _in_threads(some, x.shape[0], report)
 
 
-def in_threads(
-    one: Callable[[int, Tick], Result], count: int, report: Callable[[], None] | None
-) -> Iterator[Outcome]:
-    """Yield ``one(0, tick)``, ``one(1, tick)``, … or their errors; ticks raise `Cancelled`."""
+def _in_threads(
+    some: Callable[[int, int, Tick], _T], count: int, report: Callable[[], None] | None
+) -> Iterator[_T]:
+    """Yield ``some(0, 1, tick)``, ``some(1, …, tick)``, … to the count; ticks raise `Cancelled`."""
     stopped = Event()
 
     def check(done: int, total: int) -> None:
         if stopped.is_set():
             raise Cancelled
 
-    def safely(place: int) -> Outcome:
-        try:
-            return one(place, check)
-        except Cancelled:
-            raise
-        except SolverError as error:
-            return error
-
-    def some(start: int) -> list[Outcome]:
-        return [safely(place) for place in range(start, min(start + _PIECE, count))]
-
     if count == 0:
         return
     # The first one alone: it prepares everything that the others share.
-    yield safely(0)
-    threads = max(1, min(cores(), count // _PIECE))
-    starts = iter(range(1, count, _PIECE))
+    yield some(0, 1, check)
+    threads = max(1, min(cores(), count // _FEWEST))
+    size = max(_FEWEST, min(_MOST, count // (8 * threads)))
+    starts = iter(range(1, count, size))
     with ThreadPoolExecutor(threads) as pool:
-        free: deque[Future[list[Outcome]]] = deque()
+        pieces: deque[Future[_T]] = deque()
         try:
             while True:
-                while len(free) < 2 * threads and (start := next(starts, None)) is not None:
-                    free.append(pool.submit(some, start))
-                if not free:
+                while len(pieces) < 2 * threads and (start := next(starts, None)) is not None:
+                    pieces.append(pool.submit(some, start, min(start + size, count), check))
+                if not pieces:
                     return
-                yield from _awaited(free.popleft(), report)
+                yield _awaited(pieces.popleft(), report)
         finally:
             stopped.set()
-            for piece in free:
+            for piece in pieces:
                 piece.cancel()
 
 
-def _awaited(piece: Future[list[Outcome]], report: Callable[[], None] | None) -> list[Outcome]:
+def _awaited(piece: Future[_T], report: Callable[[], None] | None) -> _T:
     """Wait for a piece, calling `report` meanwhile."""
     while True:
         if report is not None:

@@ -23,6 +23,8 @@ DIGITS: Final = (17, 1000)
 """Smallest and largest number of digits."""
 MOST_DOFS: Final = 200
 """Degrees of freedom up to which extended precision is available."""
+TOLERANCE: Final = 1e-6
+"""Tolerance where the problem names none."""
 OUTPUTS: Final = ("x", "v", "impacts", "energy", "contacts")
 
 
@@ -236,10 +238,20 @@ class Problem:
         return self.t
 
     @property
+    def history_times(self) -> Floats:
+        """Times at which the state is needed, shape (time,)."""
+        return self.times if self.outputs & {"x", "v", "energy"} else self.times[:0]
+
+    @property
     def output_dofs(self) -> Integers:
         """Degrees of freedom of the history, shape (dof,)."""
         assert self.dofs is not None
         return self.dofs
+
+
+def tolerance_of(problem: Problem) -> float:
+    """Return the required accuracy, that of the problem or `TOLERANCE`."""
+    return TOLERANCE if problem.tolerance is None else problem.tolerance
 
 
 def _check_magnitude(pointer: tuple[str | int, ...], value: float) -> None:

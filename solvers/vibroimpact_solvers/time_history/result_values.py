@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from operator import itemgetter
 from typing import Any, Final
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import Floats, along, declared, nothing
+from vibroimpact_solvers.arrays import along, declared, nothing
+from vibroimpact_solvers.errors import Status
+from vibroimpact_solvers.kernels.rigid_state import PROGRESS, Rows
 from vibroimpact_solvers.results.time_history import Result
-from vibroimpact_solvers.time_history.problem import Problem
-from vibroimpact_solvers.time_history.run import indistinguishable_walls
-
-TOLERANCE: Final = 1e-6
-"""Tolerance where the problem names none."""
+from vibroimpact_solvers.time_history.history import History, requested
+from vibroimpact_solvers.time_history.problem import Problem, tolerance_of
+from vibroimpact_solvers.time_history.run import ContactInterval, indistinguishable_walls
+from vibroimpact_solvers.time_history.structure import Structure
 
 EPS: Final = float(np.finfo(np.float64).eps)
 _STATEMENT = (
@@ -38,7 +41,7 @@ def default_values(problem: Problem) -> dict[str, Any]:
     values["count_impacts"] = values["count_grazings"] = values["count_expansions"] = 0
     values["error_condition"], values["error_penetration"] = 1.0, 0.0
     values["error_predictable_until"] = problem.t_end
-    values["error_tolerance"] = TOLERANCE if problem.tolerance is None else problem.tolerance
+    values["error_tolerance"] = tolerance_of(problem)
     values["error_statement"] = ""
     return values
 
@@ -52,44 +55,90 @@ def values_of_exact_motion(problem: Problem) -> dict[str, Any]:
     return values
 
 
-def set_condition(values: dict[str, Any], largest: float, times: Floats, growth: Floats) -> None:
-    """Fill in the largest deviation, and the time until which the motion is predictable.
+def result_of(
+    values: dict[str, Any],
+    problem: Problem,
+    structure: Structure,
+    progress: np.void,
+    impacts: Rows,
+    history: History,
+    intervals: Sequence[ContactInterval] = (),
+) -> Result:
+    """Return the result of a motion with rigid limiters that reached its end.
 
     Parameters
     ----------
     values : dict
-        As of `values_of_exact_motion`, with errors estimated.
-    largest : float
-        The largest deviation.
-    times, growth : array, shape (impact,)
-        Times of impacts, and deviations there.
+        `values_of_exact_motion`, which become those of the result.
+    problem : Problem
+    structure : Structure
+    progress, impacts : array
+        See `kernels.rigid_state`.
+    history : tuple
+    intervals : sequence of ContactInterval
     """
-    values["error_condition"] = largest
-    if not largest * EPS <= values["error_tolerance"]:
-        lost = np.flatnonzero(~(growth * EPS <= values["error_tolerance"]))
-        if lost.size:
-            values["error_predictable_until"] = float(times[lost[0]])
+    for name, value in requested(problem, history).items():
+        values[name] = value[0]
+    if "impacts" in problem.outputs:
+        for name, column in _COLUMNS.items():
+            values[name] = impacts[column].copy()
+    if intervals and "contacts" in problem.outputs:
+        scale = structure.scale
+        values.update(
+            contact_start=np.array([r.start for r in intervals]) / scale,
+            contact_rest=np.array([r.rest for r in intervals]) / scale,
+            contact_stop=np.array([r.stop for r in intervals]) / scale,
+            contact_constraint=np.array([r.contact[0] for r in intervals], dtype=np.int64),
+            contact_side=np.array([r.contact[1] for r in intervals], dtype=np.int64),
+            contact_impulse=np.array([r.impulse for r in intervals]) / scale,
+        )
+    values["count_impacts"] = impacts.size
+    penetration, growth, known_until, grazings, expansions = _numbers(progress.item())
+    values["count_grazings"], values["count_expansions"] = grazings, expansions
+    if not penetration < structure.narrowest_gap:
+        checked_penetration(problem, penetration)
+    values["error_penetration"] = penetration
+    if problem.estimate:
+        values["error_condition"] = growth
+        if known_until < math.inf:
+            values["error_predictable_until"] = known_until
+    return Result(**values)
 
 
-def narrowest_gap(problem: Problem) -> float:
-    """Return the smallest distance between the two walls of a coordinate, infinite for one wall."""
-    return min((apart for _, apart in _gaps(problem)), default=math.inf)
+def arrays_of(
+    values: dict[str, Any], problem: Problem, progress: Rows, impacts: Rows, history: History
+) -> dict[str, Any]:
+    """Return the values of many motions that reached their ends, as `results.ensemble` has them.
+
+    Parameters are those of `result_of`, with rows of the progress and of the history for all.
+    """
+    outputs, size = problem.outputs, progress.size
+    arrays = {name: values[name] for name in ("t", "dof", "error_statement")}
+    arrays |= requested(problem, history) | {"status": np.full(size, Status.OK)}
+    if "impacts" in outputs:
+        arrays |= {name: impacts[column] for name, column in _COLUMNS.items()}
+        arrays["impact_count"] = progress["rows"] - progress["first_row"]
+    if "contacts" in outputs:
+        arrays |= _TABLES["contacts"] | {"contact_count": np.zeros(size, dtype=np.int64)}
+    for name in ("error_condition", "error_predictable_until"):
+        arrays[name] = np.full(size, values[name])
+    if problem.estimate:
+        known = progress["known_until"]
+        arrays["error_condition"] = progress["growth"]
+        arrays["error_predictable_until"] = np.where(known < math.inf, known, problem.t_end)
+    arrays["count_impacts"] = progress["rows"] - progress["first_row"]
+    arrays["count_grazings"] = progress["grazings"]
+    arrays["count_expansions"] = progress["expansions"]
+    arrays["error_penetration"] = progress["penetration"]
+    return arrays
 
 
-def checked_penetration(problem: Problem, penetration: float) -> float:
-    """Return the penetration of walls by rounding, which must be smaller than their distance."""
-    for index, apart in _gaps(problem):
-        if not penetration < apart:
+def checked_penetration(problem: Problem, penetration: float) -> None:
+    """Refuse a penetration of walls by rounding that is not smaller than their distance."""
+    for index, constraint in enumerate(problem.system.constraints):
+        apart = (constraint.lower or 0.0) + (constraint.upper or 0.0)
+        if None not in (constraint.lower, constraint.upper) and not penetration < apart:
             raise indistinguishable_walls(index, apart, penetration)
-    return penetration
-
-
-def _gaps(problem: Problem) -> list[tuple[int, float]]:
-    return [
-        (index, constraint.lower + constraint.upper)
-        for index, constraint in enumerate(problem.system.constraints)
-        if constraint.lower is not None and constraint.upper is not None
-    ]
 
 
 _NOTHING: Final = nothing(Result)
@@ -97,3 +146,16 @@ _TABLES: Final = {
     f"{dim}s": {name: np.zeros(0, declared(Result)[name].scalar) for name in along(Result, dim)}
     for dim in ("impact", "contact")
 }
+_COLUMNS: Final = {
+    "impact_time": "time",
+    "impact_constraint": "constraint",
+    "impact_side": "side",
+    "impact_velocity": "velocity",
+    "impact_impulse": "impulse",
+    "impact_condition": "deviation",
+}
+"""Fields of the result, and columns of the table of impacts."""
+_NAMES: Final[tuple[str, ...]] = PROGRESS.names or ()
+_numbers: Final = itemgetter(
+    *map(_NAMES.index, ("penetration", "growth", "known_until", "grazings", "expansions"))
+)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, Final
 
 import numpy as np
 
@@ -12,20 +13,22 @@ from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.kernels.deviations import SAFETY
 from vibroimpact_solvers.kernels.impact_law import impulses
-from vibroimpact_solvers.kernels.modal import NOTHING
 from vibroimpact_solvers.kernels.rigid_motion import Stop, follow
 from vibroimpact_solvers.kernels.rigid_state import IMPACT, PROGRESS, Rows, workspace
 from vibroimpact_solvers.time_history.at_walls import CHATTER, AtWalls
-from vibroimpact_solvers.time_history.basis import COLUMNS, Basis
+from vibroimpact_solvers.time_history.basis import Basis
 from vibroimpact_solvers.time_history.contact_impulses import impulses as impulses_at_rest
+from vibroimpact_solvers.time_history.history import History
+from vibroimpact_solvers.time_history.problem import Problem, tolerance_of
 from vibroimpact_solvers.time_history.structure import Configuration, Contact, Structure
 
 Tick = Callable[[int, int], None]
-Take = Callable[[Configuration, Floats, int], None]
+
+NO_START: Final = np.zeros((0, 0))
+"""In place of initial displacements and velocities: the motion goes on from its state."""
 
 _EPS = float(np.finfo(np.float64).eps)
 _ROWS = 4096  # of the table that the compiled loop fills
-_BUFFER = 2**21  # numbers in the buffer of samples
 _EXPANSIONS = 2e7  # pairs expanded between two ticks
 _SWITCHES = 50  # contacts that may begin and end at one and the same time
 
@@ -35,17 +38,43 @@ def budget(basis: Basis) -> int:
     return max(1000, int(_EXPANSIONS / max(1, basis.pairs)))
 
 
-def new_table(structure: Structure) -> Rows:
-    """Return an empty table of impacts, of `rigid_state.IMPACT`."""
-    return np.empty(_ROWS + len(structure.system.constraints), IMPACT)
-
-
-def new_progress(t_end: float, longest: float, expansions: int) -> Rows:
+def new_progress(structure: Structure, problem: Problem, t_end: float) -> Rows:
     """Return the progress of a motion that begins, of `rigid_state.PROGRESS`."""
-    progress = np.zeros(1, PROGRESS)
-    progress["end"], progress["longest"], progress["chatter"] = t_end, longest, CHATTER
-    progress["budget"], progress["released"] = expansions, -1
+    basis, progress = structure.configuration().basis, np.zeros(1, PROGRESS)
+    progress["end"], progress["longest"] = t_end * structure.scale, basis.longest
+    progress["chatter"], progress["budget"] = CHATTER, budget(basis)
+    progress["tolerance"] = tolerance_of(problem)
+    progress["growth"], progress["known_until"], progress["released"] = 1.0, math.inf, -1
     return progress
+
+
+class Arrays:
+    """What the compiled loop writes to, besides the history (`kernels.rigid_state`).
+
+    Parameters
+    ----------
+    structure : Structure
+    columns : int
+        Number of deviations that are carried along for error estimates.
+    dofs : int
+        Number of degrees of freedom of the history.
+    """
+
+    def __init__(self, structure: Structure, columns: int, dofs: int) -> None:
+        configuration = structure.configuration()
+        self.Z = np.empty((1 + columns, 2, configuration.basis.pairs))
+        self.progress: Rows = np.zeros(1, PROGRESS)
+        self.table = np.empty(_ROWS + len(structure.system.constraints), IMPACT)
+        self.work = work_arrays(configuration, dofs)
+        # Views that would take as long to make as a short motion.
+        self.progress_bytes = self.progress.view(np.uint8)
+        self.state = self.Z[0], self.Z[1:], self.progress, self.table
+
+
+def work_arrays(configuration: Configuration, dofs: int) -> tuple[Any, ...]:
+    """Return the arrays of `rigid_state.workspace` for a configuration."""
+    modes = configuration.basis.modes.roots.size
+    return workspace(configuration.basis.pairs, configuration.kernel.walls.size, modes, dofs)
 
 
 @dataclass
@@ -68,51 +97,35 @@ def indistinguishable_walls(index: int, apart: float, known: float) -> Convergen
 
 
 class Run:
-    """A motion with rigid limiters.
+    """A motion with rigid limiters that goes on from a state.
 
     Parameters
     ----------
     structure : Structure
-    z : array, shape (2, pair)
-        Initial state, without contacts.
-    output_times : array, shape (time,)
-        Times at which `take` is given the state, in units of the basis.
-    t_end : float
-        In these units too.
-    take : callable
-        Called with the configuration, states (time, 2, pair) and the index of the first of them.
-    estimate : bool
-        Whether errors are estimated.
+    arrays : Arrays
+        Its state and its progress, without contacts.
+    problem : Problem
+        Of which the output times and the degrees of freedom of the history are used.
+    history : tuple
+    tick : callable, optional
     """
 
     def __init__(
         self,
         structure: Structure,
-        z: Floats,
-        output_times: Floats,
-        t_end: float,
-        take: Take,
-        *,
-        estimate: bool = True,
+        arrays: Arrays,
+        problem: Problem,
+        history: History,
         tick: Tick | None = None,
     ) -> None:
-        self.structure, self.take, self.tick = structure, take, tick
-        self.configuration = structure.configuration()
-        self.scale = structure.scale
-        self.output_times = output_times
-        self.Z = np.empty((1 + (COLUMNS if estimate else 0), *z.shape))
-        self.Z[0] = z
-        basis = self.configuration.basis
-        self.progress = new_progress(t_end, basis.longest, budget(basis))
+        self.structure, self.history, self.tick = structure, history, tick
+        self.configuration, self.scale = structure.configuration(), structure.scale
+        self.output_times, self.dofs = problem.history_times * self.scale, problem.output_dofs
+        self.Z, self.progress, self._table = arrays.Z, arrays.progress, arrays.table
+        self._work = arrays.work
         self.impacts, self.intervals = list[Rows](), list[ContactInterval]()
         self.contacts: dict[Contact, ContactInterval] = {}
-        self._samples(self.configuration)
-        self._table = new_table(structure)
         self._switched: tuple[float, int] = (-1.0, 0)
-
-    def adopt(self, Z: Floats, progress: Rows, table: Rows, samples: Floats) -> None:
-        """Continue a motion that the compiled loop has stopped, without contacts."""
-        self.Z, self.progress, self._table, self._buffer = Z, progress, table, samples
 
     @property
     def progress_row(self) -> np.void:
@@ -129,8 +142,7 @@ class Run:
                 stop = self._advance()
                 if stop is Stop.PAUSE:
                     self._check_progress(place)
-            self._flush_samples()
-            self._flush_table(last=stop is Stop.END)
+            self._flush_table()
             if stop is Stop.END:
                 break
             watched, side = int(self.progress_row["coordinate"]), int(self.progress_row["side"])
@@ -155,10 +167,11 @@ class Run:
         now["budget"] = now["expansions"] + budget(basis)
         now["stops_at_impacts"], now["longest"] = bool(self.contacts), basis.longest
         before = (self.now, self.Z[0].copy()) if self.contacts else None
-        motion = (
-            self.Z[0], self.Z[1:], self.progress, self._table, self.output_times, self._buffer,
-        )  # fmt: skip
-        stop, *_ = follow(configuration.arguments, motion, self._scratch, *NOTHING)
+        motion = self.Z[0], self.Z[1:], self.progress, self._table, self.output_times
+        modal = self.structure.modal(configuration, self.dofs)
+        stop, _ = follow(
+            configuration.arguments, motion, self._work, modal, NO_START, NO_START, self.history
+        )
         if before is not None:
             self._add_contact_impulses(*before)
         return Stop(stop)
@@ -201,29 +214,21 @@ class Run:
         """The time after which nothing happens."""
         return self.end
 
-    # -- samples and impacts from the compiled loop --
+    # -- impacts from the compiled loop --
 
-    def _samples(self, configuration: Configuration) -> None:
-        rows = max(1, min(self.output_times.size, _BUFFER // max(1, 2 * configuration.basis.pairs)))
-        pairs, watched = configuration.basis.pairs, configuration.kernel.walls.size
-        self._buffer = np.empty((rows, 2, pairs))
-        self._scratch = workspace(pairs, watched)
+    def _flush_table(self) -> None:
+        now = self.progress_row
+        rows = self._table[now["first_row"] : now["rows"]].copy()
+        if self.configuration.contacts:
+            free = np.array(self.configuration.free, dtype=np.int64)
+            rows["constraint"] = free[rows["constraint"]]
+        self.impacts.append(rows)
+        now["first_row"] = now["rows"] = 0
 
-    def _flush_samples(self) -> None:
-        first, count = int(self.progress_row["first_sample"]), int(self.progress_row["samples"])
-        if count > first:
-            self.take(self.configuration, self._buffer[: count - first], first)
-        self.progress_row["first_sample"] = count
-
-    def _flush_table(self, *, last: bool) -> None:
-        count = int(self.progress_row["rows"])
-        if count:
-            rows = self._table[:count] if last else self._table[:count].copy()
-            if self.configuration.contacts:
-                free = np.array(self.configuration.free, dtype=np.int64)
-                rows["constraint"] = free[rows["constraint"]]
-            self.impacts.append(rows)
-        self.progress_row["rows"] = 0
+    @property
+    def all_impacts(self) -> Rows:
+        """The table of all impacts."""
+        return np.concatenate(self.impacts)
 
     # -- contacts --
 
@@ -243,7 +248,7 @@ class Run:
             for c, (dx, dv) in enumerate(moved, start=1):
                 self.Z[c] = self.structure.state_of(configuration, dx, dv)
             self.configuration = configuration
-            self._samples(configuration)
+            self._work = work_arrays(configuration, self.dofs.size)
         self.Z[0] = self.structure.state_of(configuration, x, v, loads)
         time, count = self._switched
         self._switched = (self.now, count + 1 if self.now == time else 1)
@@ -320,9 +325,7 @@ class Run:
         given = impulses(structure.mobility, restitution, indices, sides, speeds)
         v = v - structure.mass_solve(W.T @ (sides * given))
         (index, s), *held = struck
-        now = self.progress_row["time"], self.progress_row["time_rest"]
-        row = (*now, s * speeds[0], given[0], self.growth, index, s)
-        self.impacts.append(np.array([row], IMPACT))
+        self._add_impact(self.scale * s * speeds[0], self.scale * given[0], self.growth, index, s)
         after = -sides * (W @ v)
         rounding = 1e-14 * float(np.abs(speeds).max())
         for contact, P, leaving in zip(held, given[1:], after[1:], strict=True):
@@ -332,6 +335,18 @@ class Run:
                 self._end_contact(contact)
         self._begin_contacts(self._at_walls(x, v), struck[0], {})
         self._resolve_contacts(x, v)
+
+    def _add_impact(
+        self, velocity: float, impulse: float, growth: float, constraint: int, side: int
+    ) -> None:
+        """Add a row to the table of impacts."""
+        now, time = self.progress_row, self.now / self.scale
+        row = time, 0.0, velocity, impulse, growth, constraint, side
+        self.impacts.append(np.array([row], IMPACT))
+        if not growth <= now["growth"]:
+            now["growth"] = growth
+        if not growth * _EPS <= now["tolerance"] and now["known_until"] == math.inf:
+            now["known_until"] = time
 
     @property
     def growth(self) -> float:

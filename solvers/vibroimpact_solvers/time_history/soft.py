@@ -10,13 +10,11 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.errors import ConvergenceError
-from vibroimpact_solvers.kernels.modal import handed_over
 from vibroimpact_solvers.kernels.soft_forces import LARGEST, LAW, Limiters
 from vibroimpact_solvers.kernels.taylor import PAIR, PROGRESS, Linear, Stop, follow
 from vibroimpact_solvers.kernels.whole_soft_motion import whole_soft_motion
 from vibroimpact_solvers.time_history.limiters import Power
 from vibroimpact_solvers.time_history.run import Tick
-from vibroimpact_solvers.time_history.single_call import MOST
 from vibroimpact_solvers.time_history.structure import Configuration, Structure
 
 _EPS: Final = 2.0**-52
@@ -92,6 +90,8 @@ class SoftMotion:
         Difference of states, relative to the largest, at which steps are short enough.
     estimate : bool
         Whether a second run estimates the error of the first.
+    dofs : array of int
+        Degrees of freedom of the history.
     """
 
     def __init__(
@@ -102,6 +102,7 @@ class SoftMotion:
         t_end: float,
         tolerance: float,
         estimate: bool,
+        dofs: Integers,
     ) -> None:
         scene, scale = structure.configuration(), structure.scale
         basis = scene.basis
@@ -111,10 +112,10 @@ class SoftMotion:
         self._linear, self._limiters = _linear(scene), _limiters(structure, scene, law)
         self._budget = max(100, _WORK // (basis.pairs + 20))
         self._modes: Any = None
-        self._dofs = structure.system.n
-        if basis.plain and not estimate and output_times.size <= MOST:
-            free = np.full(len(structure.system.constraints), np.inf)
-            self._modes = handed_over(structure.modal._replace(lower=free, upper=free))
+        self._shape, self._dofs = (structure.system.n,), dofs
+        if not estimate:
+            *modes, limits = structure.modal(scene, dofs)
+            self._modes = (*modes, np.full_like(limits, np.inf))
 
     def follow(self, z: Floats, tick: Tick | None = None) -> SoftRun:
         """Compute a motion from a state, shape (2, pair).
@@ -142,7 +143,7 @@ class SoftMotion:
             rough = max(finer * rough, 8.0 * _FINEST)
             begin = end
 
-    def single_call(self, x: Floats, v: Floats, dofs: Integers) -> SoftHistory | None:
+    def single_call(self, x: Floats, v: Floats) -> SoftHistory | None:
         """Compute a motion from displacements and velocities in one call, without estimate.
 
         None where that was not possible: `follow` can do it, or raises the error.
@@ -150,16 +151,14 @@ class SoftMotion:
         Parameters
         ----------
         x, v : array, shape (dof,)
-        dofs : array of int
-            Degrees of freedom of the history.
         """
-        if self._modes is None or not x.shape == v.shape == (self._dofs,):
+        if self._modes is None or not x.shape == v.shape == self._shape:
             return None
         progress, error = self._progress(), self._error
-        shape = self._times.size - 1, dofs.size
+        shape = self._times.size - 1, self._dofs.size
         history = np.empty(shape), np.empty(shape)
         stop = whole_soft_motion(
-            self._modes, dofs, self._linear, self._limiters, (order_of(error), error), self._times,
+            self._modes, self._linear, self._limiters, (order_of(error), error), self._times,
             progress, (x, v), history,
         )  # fmt: skip
         if stop != Stop.END:

@@ -12,10 +12,10 @@ import numpy as np
 import scipy.linalg
 
 from vibroimpact_solvers import spectrum
-from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels import rigid_state
 from vibroimpact_solvers.kernels.flow import Watched
-from vibroimpact_solvers.kernels.modal import Modal
+from vibroimpact_solvers.kernels.modal import Modal, handed_over
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.spectrum import Spectrum
 from vibroimpact_solvers.time_history.basis import Basis, Modes, exponent_of
@@ -99,6 +99,7 @@ class Structure:
         self.exponent = exponent_of(rates, t_end)
         self.scale = math.ldexp(1.0, self.exponent)
         self._configurations: dict[frozenset[Contact], Configuration] = {}
+        self._modal: dict[tuple[Contact, ...], tuple[Any, ...]] = {}
         self._modes = self._without_contacts()
         rows = self.W @ self._modes.shapes
         self.mobility = np.asarray(rows @ rows.T)
@@ -156,13 +157,29 @@ class Structure:
         return np.asarray(configuration.basis.level(rows @ modes.shapes) + rows @ modes.base)
 
     @cached_property
-    def modal(self) -> Modal:
-        """The modes without contacts, for the conversion of initial states in kernels."""
-        basis = self.configuration().basis
-        modes, (lower, upper) = basis.modes, self.limits
+    def narrowest_gap(self) -> float:
+        """The smallest distance between the two walls of a coordinate, infinite for one wall."""
+        return float(self.limits.sum(axis=0).min(initial=np.inf))
+
+    def modal(self, configuration: Configuration, dofs: Integers) -> tuple[Any, ...]:
+        """Return how kernels convert states and displacements of some dofs (`kernels.modal`)."""
+        known = self._modal.get(configuration.contacts)
+        if known is None:
+            known = self._modal[configuration.contacts] = handed_over(self._modes_of(configuration))
+        if dofs.size == self.system.n and bool((dofs[1:] > dofs[:-1]).all()):
+            return known
+        sizes, (weighted, shapes, *matrices), base, *rest = known
+        return sizes, (weighted, shapes[dofs], *matrices), base[dofs], *rest
+
+    def _modes_of(self, configuration: Configuration) -> Modal:
+        basis, (lower, upper) = configuration.basis, self.limits
+        modes, base = basis.modes, basis.modes.base
+        level = base @ (0.5 * (self.system.K @ base) - self.force)
+        roots = modes.roots * (1.0 + modes.rests)
         return Modal(
-            self.scale, modes.weighted, modes.shapes, basis.still, basis.stretch, basis.delta,
-            basis.place, self.W, lower, upper,
+            self.scale, float(level), modes.weighted, modes.shapes, base, basis.still,
+            basis.stretch, basis.delta, roots * np.abs(roots), modes.load, basis.place,
+            basis.others, basis.made_by_others(), basis.start_of_others(), self.W, lower, upper,
         )  # fmt: skip
 
     def mass_solve(self, b: Floats) -> Floats:

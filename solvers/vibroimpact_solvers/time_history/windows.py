@@ -23,10 +23,19 @@ from vibroimpact_solvers.kernels.rigid_state import PROGRESS
 from vibroimpact_solvers.plan import Plan, Stage
 from vibroimpact_solvers.results.time_history import Result
 from vibroimpact_solvers.time_history import solving
-from vibroimpact_solvers.time_history.history import History, conserves
+from vibroimpact_solvers.time_history.basis import COLUMNS
+from vibroimpact_solvers.time_history.history import History, conserves, new_history
 from vibroimpact_solvers.time_history.planning import Method, windows
 from vibroimpact_solvers.time_history.problem import Problem
-from vibroimpact_solvers.time_history.run import ContactInterval, Run, Tick
+from vibroimpact_solvers.time_history.result_values import result_of, values_of_exact_motion
+from vibroimpact_solvers.time_history.run import (
+    Arrays,
+    ContactInterval,
+    Run,
+    Tick,
+    new_progress,
+    work_arrays,
+)
 from vibroimpact_solvers.time_history.start import initial_state
 from vibroimpact_solvers.time_history.structure import Contact, Structure
 
@@ -197,11 +206,14 @@ def follow(window: Window, plan: Plan, before: Part | None, tick: Tick | None = 
     structure = Structure.of(
         problem.system, spectrum.Method(step.method), problem.t_end, problem.load
     )
-    history = History(problem, structure)
-    output_times = problem.times if plan.step(Stage.HISTORY) else np.zeros(0)
-    run = _WindowRun(window, structure, output_times, history, before, tick)
+    history = new_history(problem, 1)
+    run = _WindowRun(window, problem, structure, history, before, tick)
     run.finish()
-    return run.part(solving.result_of(problem, run, history), before)
+    values = values_of_exact_motion(problem)
+    result = result_of(
+        values, problem, structure, run.progress_row, run.all_impacts, history, run.intervals
+    )
+    return run.part(result, before)
 
 
 def _within(problem: Problem, times: slice) -> Problem:
@@ -217,25 +229,18 @@ class _WindowRun(Run):
     def __init__(
         self,
         window: Window,
+        problem: Problem,
         structure: Structure,
-        output_times: Floats,
         history: History,
         before: Part | None,
         tick: Tick | None,
     ) -> None:
-        problem, scale = window.problem, structure.scale
-        z = np.zeros((2, structure.configuration().basis.pairs))
+        dofs = problem.output_dofs.size
+        arrays = Arrays(structure, COLUMNS if problem.estimate else 0, dofs)
+        arrays.progress[:] = new_progress(structure, problem, window.stop)
         if before is None:
-            z = initial_state(problem, problem.initial, structure)
-        super().__init__(
-            structure,
-            z,
-            output_times * scale,
-            window.stop * scale,
-            history.take,
-            estimate=problem.estimate,
-            tick=tick,
-        )
+            arrays.Z[0] = initial_state(problem, problem.initial, structure)
+        super().__init__(structure, arrays, problem, history, tick)
         self._end = problem.t_end * self.scale
         self._last = window.index + 1 == window.count
         self._rows: dict[int, int] = {}
@@ -253,13 +258,13 @@ class _WindowRun(Run):
             self._rows[id(interval)] = int(row)
         self._carried = dict(self.contacts)
         self.configuration = self.structure.configuration(frozenset(self.contacts))
-        self._samples(self.configuration)
+        self._work = work_arrays(self.configuration, self.dofs.size)
         self.Z = before.seed_state.copy()
         now, stop = self.progress_row, self.end
         for name, number in zip(PROGRESS.names or (), before.seed_progress, strict=True):
             now[name] = number
         now["end"] = stop
-        now["rows"] = now["samples"] = now["first_sample"] = 0
+        now["first_row"] = now["rows"] = now["samples"] = now["written"] = 0
         self._switched = (-1.0, 0)
 
     @property

@@ -21,8 +21,7 @@ from vibroimpact_solvers.matrices import SymmetricMatrix
 from vibroimpact_solvers.receptance import TriangleWaveResponse
 from vibroimpact_solvers.slow_flow import MODELS
 from vibroimpact_solvers.spectrum import Spectrum, methods
-from vibroimpact_solvers.time_history import soft
-from vibroimpact_solvers.time_history.history import History
+from vibroimpact_solvers.time_history import rigid_motions, soft
 from vibroimpact_solvers.time_history.structure import Structure
 
 Tally = Iterator[tuple[str, int]]
@@ -94,11 +93,11 @@ def _steps(_: Any, *args: Any) -> Tally:
     yield "steps between soft limiters", int(args[5]["steps"])
 
 
-def _history(_: Any, history: Any, scene: Any, samples: Any, first: Any) -> Tally:
-    whole = history.energy is not None
-    dofs = history.problem.system.n if whole else history.problem.output_dofs.size
-    wanted = 2 if whole else (history.x is not None) + (history.v is not None)
-    yield "displacements", samples.shape[0] * dofs * wanted
+def _history(_: Any, structure: Any, motion: Any, work: Any, modal: Any, *rest: Any) -> Tally:
+    written = int(motion[2]["written"].sum())  # since the progress was new
+    _, _, (x, v, _) = rest
+    dofs = max(x.shape[-1], v.shape[-1])
+    yield "displacements", written * dofs * ((x.size > 0) + (v.size > 0))
 
 
 _COUNTED: tuple[tuple[Any, str, Callable[..., Tally]], ...] = (
@@ -115,7 +114,7 @@ _COUNTED: tuple[tuple[Any, str, Callable[..., Tally]], ...] = (
     (stability, "PeriodMap", _maps),
     (bands, "survey", _survey),
     (Structure, "__init__", _structures),
-    (History, "take", _history),
+    (rigid_motions, "follow", _history),
     (soft, "follow", _steps),
     *((model, "motion", _motions) for model in MODELS.values()),
 )

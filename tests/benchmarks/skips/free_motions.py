@@ -19,7 +19,7 @@ import numpy as np
 
 from tests.solvers.kernels.compiled import compiled
 from vibroimpact_solvers.kernels import flow, modal, next_impact, rigid_motion, rigid_state
-from vibroimpact_solvers.time_history import run, single_call
+from vibroimpact_solvers.time_history import rigid_motions, run
 
 _COUNTED: Final = {
     "derivatives": "coordinates expanded",
@@ -54,7 +54,7 @@ def counted(counts: Counter[str]) -> Iterator[None]:
                 stack.enter_context(mock.patch.object(module, name, replaced))
         loop = _quietly(_FUNCTIONS["follow"])
         stack.enter_context(mock.patch.object(run, "follow", loop))
-        stack.enter_context(mock.patch.object(single_call, "follow", loop))
+        stack.enter_context(mock.patch.object(rigid_motions, "follow", loop))
         yield
 
 

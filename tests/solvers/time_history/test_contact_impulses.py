@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -217,20 +218,20 @@ def test_a_motion_started_on_an_impact_mode_is_the_mode() -> None:
 
 
 class Counter:
-    """How often states are turned into displacements."""
+    """How many states are turned into displacements or energies."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        from vibroimpact_solvers.time_history.basis import Basis
+        from vibroimpact_solvers.time_history import rigid_motions
 
         self.samples = 0
-        real = Basis.coordinates
+        real = rigid_motions.follow
 
-        def counted(basis: Basis, z: Floats) -> tuple[Floats, Floats]:
-            if z.ndim == 3:
-                self.samples += z.shape[0]
-            return real(basis, z)
+        def counted(structure: object, motion: tuple[Any, ...], *args: object) -> tuple[int, int]:
+            stop = real(structure, motion, *args)
+            self.samples += int(motion[2]["samples"].sum())
+            return stop
 
-        monkeypatch.setattr(Basis, "coordinates", counted)
+        monkeypatch.setattr(rigid_motions, "follow", counted)
 
 
 @pytest.mark.parametrize(

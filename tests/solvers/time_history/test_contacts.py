@@ -17,7 +17,7 @@ from vibroimpact_solvers.kernels.impact_law import impulses
 from vibroimpact_solvers.kernels.rigid_motion import Stop
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.plan import Stage
-from vibroimpact_solvers.time_history import run
+from vibroimpact_solvers.time_history import rigid_motions, run
 
 ALL = frozenset(th.OUTPUTS)
 
@@ -290,6 +290,7 @@ def test_a_search_that_does_not_get_on_is_given_up(monkeypatch: pytest.MonkeyPat
         t=np.linspace(0.0, 50.0, 201),
         outputs=frozenset({"x"}),
     )
-    monkeypatch.setattr(run, "follow", lambda *_: (Stop.PAUSE, 0, 0, 0, 0.0, 1.0))
+    for module in (rigid_motions, run):
+        monkeypatch.setattr(module, "follow", lambda *_: (Stop.PAUSE, 0))
     with pytest.raises(ConvergenceError, match=r"keeps grazing at t = 0\.0"):
         th.solve(problem, th.plan(problem))

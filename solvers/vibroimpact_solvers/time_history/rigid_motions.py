@@ -1,0 +1,191 @@
+"""Motions with rigid limiters from different initial states: one, or many in one call.
+
+The compiled loop follows a motion from displacements and velocities to its end and writes its
+history on the way; `run.Run` takes over where contacts begin.
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.errors import SolverError, attempt
+from vibroimpact_solvers.kernels.rigid_motion import Stop, follow
+from vibroimpact_solvers.kernels.rigid_state import Rows
+from vibroimpact_solvers.results.time_history import Result
+from vibroimpact_solvers.time_history import result_values
+from vibroimpact_solvers.time_history.basis import COLUMNS
+from vibroimpact_solvers.time_history.history import History, new_history, some_of
+from vibroimpact_solvers.time_history.problem import ImpactMode, Problem, State
+from vibroimpact_solvers.time_history.run import Arrays, Run, Tick, new_progress
+from vibroimpact_solvers.time_history.start import initial_state
+from vibroimpact_solvers.time_history.structure import Structure
+
+_END, _TABLE, _REFUSED = int(Stop.END), int(Stop.TABLE), int(Stop.REFUSED)
+_FREE: weakref.WeakKeyDictionary[Structure, dict[tuple[int, int], list[Arrays]]] = (
+    weakref.WeakKeyDictionary()
+)
+"""Work arrays not in use, by the numbers of deviations and of output dofs; threads share them."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Piece:
+    """Motions from some of many initial states.
+
+    Parameters
+    ----------
+    places : array of int
+        The motions in `arrays`, by the places of their initial states.
+    arrays : mapping
+        As in `results.ensemble.Result`, of these motions.
+    others : mapping
+        Results of other motions, or their errors, by place.
+    """
+
+    places: Integers
+    arrays: Mapping[str, Any]
+    others: Mapping[int, Result | SolverError]
+
+
+class RigidMotions:
+    """Solver for the motions of one structure with rigid limiters.
+
+    Parameters
+    ----------
+    structure : Structure
+    problem : Problem
+    """
+
+    def __init__(self, structure: Structure, problem: Problem) -> None:
+        self._structure, self._problem = structure, problem
+        configuration = structure.configuration()
+        self._arguments = configuration.arguments
+        self._modal = structure.modal(configuration, problem.output_dofs)
+        self._begin = new_progress(structure, problem, problem.t_end)
+        self._begin_bytes = self._begin.view(np.uint8)
+        self._times = problem.history_times * structure.scale
+        self._size = COLUMNS if problem.estimate else 0, problem.output_dofs.size
+        self._free = _FREE.setdefault(structure, {}).setdefault(self._size, [])
+        self._bare = result_values.values_of_exact_motion(problem)
+        self._shape = (problem.system.n,)
+
+    def _taken(self) -> Arrays:
+        try:
+            return self._free.pop()
+        except IndexError:
+            return Arrays(self._structure, *self._size)
+
+    def solve(self, initial: State | ImpactMode, tick: Tick | None = None) -> Result:
+        """Compute a motion.
+
+        Raises
+        ------
+        ModelError
+            Where the initial state is not finite, or outside of the limits.
+        """
+        arrays, history, stop = self._taken(), new_history(self._problem, 1), _REFUSED
+        arrays.progress_bytes[:] = self._begin_bytes
+        if isinstance(initial, State):
+            x, v = initial.x, initial.v
+            if x.shape != self._shape or v.shape != self._shape:
+                self._problem.check(initial)
+            stop, _ = follow(
+                self._arguments, (*arrays.state, self._times), arrays.work, self._modal,
+                x[np.newaxis], v[np.newaxis], history,
+            )  # fmt: skip
+        if stop == _END:
+            if tick is not None:
+                tick(1000, 1000)
+            progress = arrays.progress[0]
+            impacts = arrays.table[: progress["rows"]]
+            result = result_values.result_of(
+                self._bare.copy(), self._problem, self._structure, progress, impacts, history
+            )
+        else:
+            result = self._continued(initial, arrays, history, stop, tick)
+        self._free.append(arrays)
+        return result
+
+    def _continued(
+        self,
+        initial: State | ImpactMode,
+        arrays: Arrays,
+        history: History,
+        stop: int,
+        tick: Tick | None,
+    ) -> Result:
+        """Return the result of a motion that the loop stopped, or did not begin."""
+        problem, structure, reason = self._problem, self._structure, None
+        if stop == _REFUSED:  # though perhaps by a rounding only
+            arrays.Z[0] = initial_state(problem, initial, structure)
+        else:
+            reason = Stop(stop)
+        run = Run(structure, arrays, problem, history, tick)
+        run.finish(reason)
+        return result_values.result_of(
+            self._bare.copy(), problem, structure, run.progress_row, run.all_impacts, history,
+            run.intervals,
+        )  # fmt: skip
+
+    def solve_some(
+        self, x: Floats, v: Floats, start: int, stop: int, check: Callable[[], None]
+    ) -> Piece:
+        """Compute the motions from some of many initial states, each (motion, dof).
+
+        `check` is called now and then, and may raise to stop.
+        """
+        x, v, count = x[start:stop], v[start:stop], stop - start
+        progress, history = np.repeat(self._begin, count), new_history(self._problem, count)
+        tables, others = list[Rows](), dict[int, Result | SolverError]()
+        arrays, place = self._taken(), 0
+        while place < count:
+            check()
+            given = arrays.Z[0], arrays.Z[1:], progress[place:], arrays.table, self._times
+            why, last = follow(
+                self._arguments, given, arrays.work, self._modal, x[place:], v[place:],
+                some_of(history, slice(place, None)),
+            )  # fmt: skip
+            last += place
+            now = progress[last]
+            ended = int(now["rows" if why == _END else "first_row"])
+            tables.append(arrays.table[:ended].copy())
+            place = last + 1
+            if why == _TABLE and ended > 0:
+                progress[last], place = self._begin[0], last  # again, with an empty table
+            elif why == _REFUSED:
+                others[last] = attempt(self.solve, State(x[last], v[last]))
+            elif why != _END:
+                arrays.progress[0] = now
+                state, own = State(x[last], v[last]), some_of(history, slice(last, last + 1))
+                others[last] = attempt(self._continued, state, arrays, own, why, None)
+        self._free.append(arrays)
+        return self._piece(start, progress, history, np.concatenate(tables), others)
+
+    def _piece(
+        self,
+        start: int,
+        progress: Rows,
+        history: History,
+        impacts: Rows,
+        others: dict[int, Result | SolverError],
+    ) -> Piece:
+        """Return the motions that reached their ends, and the others."""
+        problem, structure = self._problem, self._structure
+        ended = np.ones(progress.size, dtype=bool)
+        ended[list(others)] = False
+        wide = progress["penetration"] < structure.narrowest_gap
+        for place in np.flatnonzero(ended & ~wide).tolist():
+            penetration = float(progress["penetration"][place])
+            others[place] = attempt(result_values.checked_penetration, problem, penetration)
+        counts = progress["rows"] - progress["first_row"]
+        impacts = impacts[np.repeat(wide[ended], counts[ended])]
+        places = np.flatnonzero(ended & wide)
+        arrays = result_values.arrays_of(
+            self._bare, problem, progress[places], impacts, some_of(history, places)
+        )
+        return Piece(start + places, arrays, {start + i: other for i, other in others.items()})
