@@ -170,8 +170,8 @@ def _motion_step(problem: Problem, count: int, history: Step | None) -> Step:
             "in double precision first; where its predictability ends before the motion does, the "
             f"whole motion again with {problem.digits} decimal digits"
         )
-        each = 6e5 + 6e4 * system.n * (1.0 + problem.digits / 50.0)
-        flops = (20.0 + turns) * each + 5e3 * float(system.n) ** 3
+        each = 1e6 + 1e4 * float(system.n) ** 2 * (1.0 + problem.digits / 50.0)
+        flops = (20.0 + turns + _crossings(problem)) * each + 5e3 * float(system.n) ** 3
         return Step(Stage.FREE_MOTION, Method.EXTENDED, reason, flops, 48.0 * turns)
     # An expansion lasts about the time of the fastest mode; an impact takes two at least.
     expansions = 10.0 + 2.0 * (turns + _crossings(problem))

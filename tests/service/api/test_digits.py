@@ -76,12 +76,18 @@ def test_wrong_digits_are_named(
 def test_what_only_the_motion_tells_is_refused_too(
     http: TestClient, content: dict[str, Any]
 ) -> None:
-    coupled = {
-        "M": {"scalar": 1, "n": 2}, "K": [[2, -1], [-1, 2]], "C": [[0.2, -0.1], [-0.1, 0.3]],
-        "constraints": [{"dof": 0, "gap": 0.1}],
+    corner = {
+        "M": {"scalar": 1, "n": 2}, "K": [[0, 0], [0, 0]],
+        "constraints": [
+            {"dof": 0, "gap": {"upper": 1}},
+            {"direction": {"dofs": [0, 1], "weights": [0.6, 0.8]}, "gap": {"upper": 1}},
+        ],
     }  # fmt: skip
-    initial = {"x": [0, 0], "v": [1, 0]}
-    body = {**content, "system": coupled, "initial": initial, "tolerance": 1e-15, "dofs": [0]}
+    initial = {"x": [0, 0], "v": [1, 0.5]}
+    body = {
+        **content, "system": corner, "initial": initial, "tolerance": 1e-15, "dofs": [0],
+        "t_end": 2.0, "t": [2.0],
+    }  # fmt: skip
     answer = http.post(COMPUTE, json=body)
     assert answer.status_code == 422, answer.text
-    assert "damping couples the modes" in answer.json()["detail"]
+    assert "in which order constraints 0 and 1 strike" in answer.json()["detail"]

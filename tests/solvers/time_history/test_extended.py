@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
+import contextlib
 import threading
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,6 +13,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
+from tests.solvers.time_history.contact_flights import DIGITS, Flights
 from tests.solvers.time_history.reference_motion import ReferenceMotion as Reference
 from tests.solvers.time_history.reference_motion import Stop
 from vibroimpact_solvers import presets
@@ -21,9 +22,8 @@ from vibroimpact_solvers.errors import ConvergenceError, ModelError, PlanError
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.plan import Plan, Stage
 from vibroimpact_solvers.time_history import extended, solving
-from vibroimpact_solvers.time_history.extended import configuration, precision
-from vibroimpact_solvers.time_history.extended.free_motion import leaving_step, safe_step
-from vibroimpact_solvers.time_history.extended.motion import Motion, _impulses
+from vibroimpact_solvers.time_history.extended import precision
+from vibroimpact_solvers.time_history.extended.motion import Motion
 from vibroimpact_solvers.time_history.extended.solving import motion
 
 ALL = frozenset(th.OUTPUTS)
@@ -43,7 +43,7 @@ def problem(
 
 def followed(asked: th.Problem, digits: int) -> Motion:
     with precision.working(digits):
-        return motion(asked, digits)
+        return motion(asked)
 
 
 def chaotic(t_end: float, **other: object) -> th.Problem:
@@ -78,7 +78,7 @@ def test_the_chaotic_case_converges_with_digits() -> None:
     size = 5.0  # of rates and coordinates
     assert len(runs[60].impacts) > 250
     for digits in (30, 40):
-        stated = runs[digits].deviations.condition * runs[digits].unit
+        stated = runs[digits].condition
         assert stated < 1e-9
         assert distance(runs[digits], runs[60]) < size * stated
     assert distance(runs[40], runs[60]) < 1e-9 * distance(runs[30], runs[60])
@@ -107,9 +107,9 @@ def test_digits_are_used_where_doubles_do_not_hold() -> None:
     assert found.error_predictable_until == 150.0
     assert found.error_condition * 2.0**-52 < 1e-12
     assert "40 decimal digits" in found.error_statement
-    few = chaotic(150.0, digits=17, tolerance=1e-13)
+    few = chaotic(180.0, digits=17, tolerance=1e-13)
     predictable = th.solve(few, th.plan(few)).error_predictable_until
-    assert solving.solve(few, plan_of_doubles(few)).error_predictable_until < predictable < 150.0
+    assert solving.solve(few, plan_of_doubles(few)).error_predictable_until < predictable < 180.0
 
 
 def plan_of_doubles(asked: th.Problem) -> Plan:
@@ -207,35 +207,6 @@ def test_a_symmetric_pair_strikes_together_to_all_digits() -> None:
         assert {one.constraint, other.constraint} == {0, 1}
 
 
-def test_impulses_of_coupled_constraints_satisfy_the_laws() -> None:
-    with precision.working(30):
-        G = [[flint.arb(1), flint.arb("0.8")], [flint.arb("0.8"), flint.arb(1)]]
-        half = [flint.arb("0.5")] * 2
-        P = _impulses(G, [flint.arb(1), flint.arb("0.1")], half)
-        assert [float(value) for value in P] == pytest.approx([1.5, 0.0])
-        P = _impulses(G, [flint.arb(1), flint.arb(1)], half)
-        left = [1 - sum(g * p for g, p in zip(row, P, strict=True)) for row in G]
-        assert [float(value) for value in left] == pytest.approx([-0.5, -0.5])
-
-
-def test_modes_of_equal_frequency_are_found_to_all_digits() -> None:
-    """Two equal pendulums beside a third one: a double eigenvalue, and M that is not diagonal."""
-    M = np.diag([2.0, 2.0, 1.0]) + 0.25
-    K = 3.0 * M
-    K[2, 2] += 1.0
-    with precision.working(80):
-        exact = [precision.exact(values) for values in (M, K)]
-        values, rows = precision.modes(*exact, 80)
-        E = precision.matrix(rows)
-        gram = (E.transpose() * exact[0] * E).tolist()
-        stiff = (E.transpose() * exact[1] * E).tolist()
-        for i, j in itertools.product(range(3), repeat=2):
-            assert abs(gram[i][j] - (i == j)) < flint.arb(10) ** -85
-            assert abs(stiff[i][j] - (values[i] if i == j else 0)) < flint.arb(10) ** -84
-        assert abs(values[0] - 3) < flint.arb(10) ** -84
-        assert abs(values[1] - 3) < flint.arb(10) ** -84
-
-
 def test_impacts_far_below_the_rounding_of_doubles_are_found() -> None:
     """x^2 + v^2 = 1 + excess: the wall at 1 is passed by half of that, or missed by it."""
     v = 0.8
@@ -254,47 +225,114 @@ def test_impacts_far_below_the_rounding_of_doubles_are_found() -> None:
     assert missed.grazings == 0
 
 
-@pytest.mark.parametrize(
-    ("room", "slope", "bend", "bound"),
-    [(1.0, 1.0, 1.0, 1.0), (1e-45, 1.0, -3.0, 2.0), (1e-30, 0.0, 1.0, 5.0), (0.3, 2.0, -9.0, 4.0),
-     (0.3, -2.0, 5.0, 4.0), (1e-12, 1e-7, -1.0, 1.0), (2.0, 1.0, 0.0, 0.0)],
-)  # fmt: skip
-def test_steps_end_at_the_first_root_of_the_bound(
-    room: float, slope: float, bend: float, bound: float
-) -> None:
-    step = safe_step(room, slope, bend, bound, 10.0)
-
-    def left(h: mp.mpf) -> mp.mpf:
-        return room - h * (slope + h * (mp.mpf(bend) / 2 + h * mp.mpf(bound) / 6))
-
-    with mp.workdps(60):
-        inside = [mp.mpf(step) * k / 4000 for k in range(4000)]
-        assert all(left(h) > 0 for h in inside)
-        assert step == 10.0 or left(mp.mpf(step) * (1 + mp.mpf(10) ** -12)) < 0
+def enclosed(asked: th.Problem, digits: int, dt: float = 0.01) -> int:
+    """Compare the end of a motion with independent flights; return the number of impacts."""
+    assert isinstance(asked.initial, th.State)
+    run = followed(asked, digits)
+    with precision.working(DIGITS):
+        x, v, impacts = Flights(asked.system, asked.load).follow(
+            asked.initial.x.tolist(), asked.initial.v.tolist(), asked.t_end, dt
+        )
+        mine = run.state()
+        for ball, value in zip((*mine[0], *mine[1]), (*x, *v), strict=True):
+            # The flights' own error is below 1e-38.
+            assert precision.within(ball, flint.arb(1e-38)).contains(value.mid()), (ball, value)
+    return len(impacts)
 
 
-def test_a_coordinate_that_leaves_stays_away_for_a_while() -> None:
-    step = leaving_step(-0.5, 3.0, 7.0, 10.0)
-    assert -0.5 + 1.5 * step + 7.0 / 6.0 * step**2 == pytest.approx(0.0, abs=1e-12)
-    assert leaving_step(0.0, -3.0, 7.0, 10.0) == pytest.approx(9.0 / 7.0)
-    assert leaving_step(-1.0, 0.0, 0.0, 10.0) == 10.0
+def test_the_other_wall_is_not_left_with_the_first() -> None:
+    """An impact at one wall says nothing of the other: 0.1.0 went through it."""
+    one = System(dense([[1.0]]), dense([[1.0]]), STOPS_AT_1, force=np.array([-3.0]))
+    asked = problem(one, [0.0], [6.0], 1.0, digits=30, tolerance=1e-15)
+    result = th.solve(asked, th.plan(asked))
+    assert result.x is not None
+    assert result.x[-1, 0] == pytest.approx(0.13525798301210204, abs=1e-15)
+    assert result.error_condition * 2.0**-52 < 1e-28
+    assert enclosed(asked, 30) == 3
+    assert enclosed(problem(one, [0.0], [6.0], 10.0), 30) == 30
+
+
+STOPS_AT_1 = (Constraint.at(0, 1.0),)
+ONE = dense([[1.0]])
+DAMPED = (Constraint.at(0, 0.3, 0.6),)
+FORMER_REFUSALS = {
+    "coupled damping": (
+        System(dense(np.eye(2)), K, STOPS[1:], C=dense([[0.2, -0.1], [-0.1, 0.3]])), (), [1.0, 0.9],
+    ),
+    "critical damping": (System(ONE, ONE, DAMPED, C=dense([[2.0]])), (), [2.0]),
+    "resonance": (System(ONE, ONE, DAMPED), (th.Harmonic(0, 1.0, 1.0),), [0.1]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FORMER_REFUSALS)
+def test_no_modes_are_needed(name: str) -> None:
+    system, load, v = FORMER_REFUSALS[name]
+    assert enclosed(problem(system, [0.0] * system.n, v, 5.0, load=load), 30) >= 1
+
+
+def random_motion(seed: int) -> th.Problem:
+    """Return a motion of any kind: walls, restitution, damping, loads, coordinates."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.choice([1, 1, 2, 2, 3, 4]))
+    B, D, H = rng.standard_normal((3, n, n))
+    M = np.diag(rng.uniform(0.5, 2.0, n)) if rng.random() < 0.6 else 0.3 * B @ B.T + np.eye(n)
+    stiff = D @ D.T + 0.3 * np.eye(n) * (rng.random() < 0.8)
+    C = None
+    if (kind := rng.random()) < 0.35:
+        C = dense(0.1 * H @ H.T if kind < 0.25 else 0.05 * M + 0.02 * stiff)
+    stops = []
+    for dof in rng.permutation(n)[: 1 if n == 1 else int(rng.choice([1, 1, 2]))].tolist():
+        k = float(rng.choice([0.0, 1.0, 1.0, 0.8, 0.5, rng.random()]))
+        gap = float(rng.choice([0.5, 0.2, 0.01, 0.05]) * rng.uniform(0.5, 1.5))
+        single = n == 1 or bool(stops) or rng.random() < 0.7
+        dofs, weights = ((dof,), (1.0,)) if single else ((dof, (dof + 1) % n), (1.0, -1.0))
+        lower = None if rng.random() < 0.3 else gap * rng.uniform(0.5, 1.5)
+        stops.append(Constraint(dofs, weights, lower, gap, k))
+    force = 0.3 * rng.standard_normal(n) if rng.random() < 0.5 else None
+    load = tuple(
+        th.Harmonic(int(rng.integers(n)), float(rng.standard_normal()),
+                    float(rng.uniform(0.3, 3.0)), float(rng.uniform(0.0, 6.0)))
+        for _ in range(int(rng.choice([0, 0, 1, 2])))
+    )  # fmt: skip
+    system = System(dense(M), dense(0.5 * (stiff + stiff.T)), tuple(stops), C=C, force=force)
+    v = rng.standard_normal(n).tolist()
+    return problem(system, [0.0] * n, v, float(rng.uniform(2.0, 8.0)), load=load)
+
+
+# Other seeds were compared by the hundreds; these have contacts, chatter and many impacts.
+@pytest.mark.parametrize("seed", [1, 4, 6, 8, 11, 20, 28, 37, 38, 41])
+@pytest.mark.parametrize("digits", [-2, 30])
+def test_random_motions_are_enclosed(seed: int, digits: int) -> None:
+    """Where eighteen digits do not tell what happens they say so, and never anything wrong."""
+    with contextlib.suppress(*((PlanError,) if digits < 0 else ())):
+        enclosed(random_motion(seed), digits, 0.02)
 
 
 def test_what_cannot_be_is_refused_with_a_reason() -> None:
-    coupled = System(dense(np.eye(2)), K, STOPS, C=dense([[0.2, -0.1], [-0.1, 0.3]]))
-    with pytest.raises(PlanError, match="couples"):
-        extended.solve(problem(coupled, [0, 0], [1, 0], 5.0), 30, 1e-6)
-    critical = System(dense(np.eye(1)), dense([[1.0]]), STOPS[:1], C=dense([[2.0]]))
-    with pytest.raises(PlanError, match="critically"):
-        extended.solve(problem(critical, [0], [1], 5.0), 30, 1e-6)
-    oscillator = presets.oscillator([Constraint.at(0, 1.0)], 1.0)
-    driven = problem(oscillator, [0], [1], 5.0, load=(th.Harmonic(0, 1.0, 1.0),))
-    with pytest.raises(PlanError, match="resonance"):
-        extended.solve(driven, 30, 1e-6)
+    tilted = (Constraint((0,), (1.0,), None, 1.0), Constraint((0, 1), (0.6, 0.8), None, 1.0))
+    corner = System(dense(np.eye(2)), dense(np.zeros((2, 2))), tilted)
+    with pytest.raises(PlanError, match="in which order constraints 0 and 1 strike"):
+        extended.solve(problem(corner, [0, 0], [1, 0.5], 2.0), 30, 1e-6)
+    # The digits tell an order that doubles do not.
+    v = 0.5 + 64 * 2.0**-53
+    result = extended.solve(problem(corner, [0, 0], [1, v], 2.0), 30, 1e-6)
+    assert result.x is not None
+    np.testing.assert_allclose(result.x[-1], [0.8, -0.6], atol=1e-13)
     pair = (Constraint((0,), (1.0,), None, 0.05, 0.0), Constraint((0, 1), (1.0, -1.0), 0.2, 0.3))
     free = System(SYSTEMS["free"].M, SYSTEMS["free"].K, pair, force=SYSTEMS["free"].force)
     with pytest.raises(ConvergenceError, match="accumulate"):
         extended.solve(problem(free, [0, 0], [0.2, 0], 20.0, load=LOAD), 20, 1e-6)
+
+
+def test_a_touch_that_no_digits_decide_is_enclosed() -> None:
+    """cos t touches its wall at 1 each turn; it may strike with the root of the rounding."""
+    system = presets.oscillator([Constraint.at(0, 1.0)], 1.0)
+    run = followed(problem(system, [1.0], [0.0], 4.0), 40)
+    assert (run.grazings, len(run.impacts)) == (1, 0)
+    with precision.working(60):
+        (x,), _ = run.state()
+        assert (x - flint.arb(4).cos()).contains(0)
+        assert 1e-40 < float(x.rad()) < 1e-25
 
 
 @pytest.mark.parametrize(
@@ -330,4 +368,3 @@ def test_two_threads_may_ask_for_different_digits() -> None:
         thread.join()
     for digits, one in alone.items():
         assert [i.time for i in one.impacts] == [i.time for i in found[digits].impacts]
-    assert configuration.Body(asked.system, (), 20).digits == 20

@@ -1,46 +1,53 @@
-"""A motion in extended precision from event to event: impacts, chatter, contacts, releases."""
+"""A motion in extended precision from event to event: impacts, chatter, contacts, releases.
+
+The motion and all that its roundings cannot be told from are followed together (`enclosure`), and
+every decision is one that holds for all of them, or the motion is refused.
+"""
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Final
 
 import flint
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.errors import ConvergenceError, PlanError
-from vibroimpact_solvers.time_history.extended.configuration import (
-    Body,
-    Configuration,
-    Contact,
-    as_doubles,
-)
-from vibroimpact_solvers.time_history.extended.deviations import Deviations
-from vibroimpact_solvers.time_history.extended.free_motion import MEANT, FreeMotion, Search, Watch
+from vibroimpact_solvers.errors import ConvergenceError
+from vibroimpact_solvers.time_history.extended.enclosure import Enclosure, flow
+from vibroimpact_solvers.time_history.extended.flight import Approach, Event, Flight
+from vibroimpact_solvers.time_history.extended.impact_law import Blow, blows
 from vibroimpact_solvers.time_history.extended.precision import (
-    GUARD,
+    Matrix,
     Real,
-    Row,
-    dot,
-    matrix,
-    middle,
-    rows_of,
-    times,
+    above,
+    column,
+    doubles,
+    norm,
+    radii,
+    real,
+    undecided,
+    widened,
+    within,
+    working_digits,
 )
+from vibroimpact_solvers.time_history.extended.search import WHOLE, first_events
+from vibroimpact_solvers.time_history.extended.structure import REACH, Body, Configuration, Contact
 from vibroimpact_solvers.time_history.run import Tick
 
-MOST_SIMULTANEOUS: Final = 8
-"""Largest number of simultaneous impacts."""
 _SWITCHES: Final = 50
+_LOST: Final = 1e3  # deviations over the motion that are followed at most
 _ACCUMULATED: Final = 40  # impacts within a millionth of the time of the fastest mode
+_EPS: Final = 2.0**-52
+_GROWTH: Final = math.exp(REACH) * (1.0 + 1e-9)
 
 
 @dataclass(slots=True)
 class Impact:
-    """An impact: condition is the error of the state, relative to it."""
+    """An impact: condition is the bound of the error of the state, relative to it."""
 
     time: Real
     constraint: int
@@ -61,13 +68,24 @@ class ContactInterval:
     impulse: Real
 
 
+@dataclass(slots=True)
+class _Places:
+    """A state as displacements and velocities: that of the centre, and those of all motions."""
+
+    x: Matrix
+    v: Matrix
+    all_x: Matrix
+    all_v: Matrix
+    force: Matrix
+
+
 class Motion:
     """A motion in extended precision.
 
     Parameters
     ----------
     body : Body
-    x, v : list of arb, shape (dof,)
+    x, v : array, shape (dof,)
         Initial state.
     t_end : float
     output_times : array, shape (time,)
@@ -78,148 +96,426 @@ class Motion:
     def __init__(
         self,
         body: Body,
-        x: Row,
-        v: Row,
+        x: Floats,
+        v: Floats,
         t_end: float,
         output_times: Floats,
         tick: Tick | None = None,
     ) -> None:
         self.body, self._tick = body, tick
-        self._end, self._output_times = flint.arb(t_end), output_times
+        self._end, self._output_times = real(t_end), output_times
         self.now: Real = flint.arb(0)
-        self.configuration = body.configuration()
-        self.q, self.rate = self.configuration.state_of(x, v)
-        self.samples: list[tuple[Configuration, Row, Row]] = []
+        self.samples: list[tuple[Matrix, Matrix]] = []
         self.impacts: list[Impact] = []
         self.intervals: list[ContactInterval] = []
-        self._contacts: dict[Contact, ContactInterval] = {}
-        self._leaving: frozenset[int] = frozenset()
-        self._inertia = body.system.M.to_dense()
-        self._restitution = [flint.arb(c.restitution) for c in body.system.constraints]
-        self.deviations = Deviations(self.configuration, *self._doubles())
-        self.unit = 10.0 ** -(body.digits + MEANT)
+        self.errors: list[tuple[Real, float]] = []
         self.grazings = self.expansions = 0
-        largest = float(np.abs(self.configuration.rates).max(initial=0.0))
-        fastest = 1.0 / largest if largest > 0.0 else t_end
-        self._chatter = flint.arb(fastest) * flint.arb(10) ** (-(body.digits // 2) - 1)
-        self._accumulation_time = flint.arb(1e-6 * fastest)
+        self._contacts: dict[Contact, ContactInterval] = {}
+        self._leaving: dict[Contact, int] = {}
+        self._struck: list[Contact] = []
+        self._size = 0.0
         self._switched: tuple[float, int] = (-1.0, 0)
+        self.configuration = body.configuration()
+        fastest = 1.0 / self.configuration.rate
+        self._chatter = real(fastest) * flint.arb(10) ** (-(working_digits() // 2) - 1)
+        self._accumulation_time = real(1e-6 * fastest)
+        self._begin(x, v)
 
     def finish(self) -> None:
         """Follow the motion to its end."""
-        while True:
+        while self._struck or self.now < self._end:
             if self._tick is not None:
                 self._tick(int(1000 * float(self.now) / float(self._end)), 1000)
-            free_motion = FreeMotion(self.configuration, self.q, self.rate, self.now)
-            watches = self._watches()
-            search = Search(free_motion, watches, self.body.digits)
-            leaving = frozenset(i for i, w in enumerate(watches) if w.constraint in self._leaving)
-            s, which = search.first(self._end - self.now, leaving)
-            self.expansions += search.expansions
-            self._sample(free_motion, s, last=which is None)
-            self._advance(free_motion, s, last=which is None)
-            if which is None:
-                break
-            watch = watches[which]
-            if watch.constraint < 0:
-                self._release(self.configuration.contacts[-1 - watch.constraint])
-            else:
-                self._impact(search, s, which)
+            flight = Flight(self.configuration, self.q, self.v, self.now)
+            self._account(flight)
+            if self._struck:
+                struck, self._struck = self._struck, []
+                zero = flint.arb(0)
+                self._impact(flight, zero, zero, zero, struck)
+                continue
+            self._step(flight)
         for rest in self._contacts.values():
             rest.stop = self._end
         if self._tick is not None:
             self._tick(1000, 1000)
 
-    def state(self) -> tuple[Row, Row]:
-        """Return displacements and velocities now."""
-        return self.configuration.displacements(self.q, self.rate, range(self.body.system.n))
+    def state(self) -> tuple[list[Real], list[Real]]:
+        """Return displacements and velocities now: balls that enclose all motions."""
+        box, weights = self._enclosure.box, self.configuration.weights.tolist()
+        q = widened(self.q, [b / w for b, w in zip(box, weights, strict=False)])
+        v = widened(self.v, box[len(weights) :])
+        return tuple(part.entries() for part in self.configuration.displacements(q, v))
+
+    @property
+    def condition(self) -> float:
+        """A bound of the error of the state, relative to the largest so far."""
+        return above(self._enclosure.size) / self._size if self._size > 0.0 else 0.0
+
+    # -- the beginning --
+
+    def _begin(self, x: Floats, v: Floats) -> None:
+        """Take the initial state; decide what constraints at their walls do."""
+        at_rest, constraints = [], self.body.system.constraints
+        for index, constraint in enumerate(constraints):
+            y, u = (
+                sum(Fraction(w) * Fraction(float(z[dof])) for dof, w in constraint.coordinate)
+                for z in (x, v)
+            )
+            for side, wall in ((1, constraint.upper), (-1, constraint.lower)):
+                # A start beyond the wall by the rounding of y counts as one at the wall.
+                if wall is None or side * y < Fraction(wall):
+                    continue
+                if u * side > 0:
+                    self._struck.append((index, side))
+                elif u != 0:
+                    self._leaving[(index, side)] = 1
+                else:
+                    at_rest.append((index, side))
+        places = [column(list(map(real, z.tolist()))) for z in (x, v)]
+        force = self.body.force_series(self.now, 1.0, 1)[0]
+        self.q, self.v = self.configuration.states(*places)
+        self._enclosure = Enclosure(self._radii(self.configuration, self.q, self.v))
+        if at_rest:
+            state = _Places(places[0], places[1], places[0], places[1], force)
+            configuration = self._settled((), at_rest, {}, state)
+            self.q, self.v = configuration.states(*places)
+            self._enclosure = Enclosure(self._radii(configuration, self.q, self.v))
+            self.configuration = configuration
+        self.q, self.v = self.q.mid(), self.v.mid()
 
     # -- free motion --
 
-    def _watches(self) -> list[Watch]:
-        watches = []
-        in_contact = {index for index, _ in self._contacts}
-        for index, constraint in enumerate(self.body.system.constraints):
-            if index in in_contact:
-                continue
-            form = self.configuration.coordinate(index)
-            for side, wall in ((1, constraint.upper), (-1, constraint.lower)):
-                if wall is not None:
-                    watches.append(Watch(form, side, flint.arb(wall), index))
-        for place, form in enumerate(self.configuration.tensile_forces()):
-            watches.append(Watch(form, 1, flint.arb(0), -1 - place))
-        return watches
+    def _step(self, flight: Flight) -> None:
+        """Follow the motion to the next event, or for a step."""
+        stop, last = flint.arb(WHOLE), (self._end - self.now) / flight.h
+        ends = not last > stop
+        stop = last if ends else stop
+        spread, box = self._spread(), self._enclosure.box
+        watches = self.configuration.watches
+        approaches = [Approach(flight, watch, box, spread) for watch in watches]
+        events, left = first_events(approaches, stop, self._leaving, self.now)
+        self.expansions += 1
+        if not events:
+            self._sample(flight, stop, last=ends)
+            self._drift(flight, stop)
+            self._leaving = left
+            if ends:
+                self.now = self._end
+            return
+        sigma = events[0].sigma
+        tight, wide = flint.arb(0), flint.arb(0)
+        for event in events:
+            apart = abs(event.sigma - sigma)
+            tight, wide = tight.max(apart + event.tight), wide.max(apart + event.wide)
+        self._leaving = left
+        kinds = {(event.watch.force, event.most is None) for event in events}
+        self._sample(flight, sigma, last=False)
+        if kinds == {(False, True)}:
+            self._impact(flight, sigma, tight, wide, [e.watch.contact for e in events])
+        elif kinds == {(True, True)}:
+            self._release(flight, events, tight, wide)
+        elif kinds == {(False, False)} and len(events) == 1:
+            self._graze(flight, events[0])
+        else:
+            names = " and ".join(sorted({str(e.watch.contact[0]) for e in events}))
+            raise undecided(f"what happens first at constraints {names}", self.now)
 
-    def _sample(self, free_motion: FreeMotion, s: Real, *, last: bool) -> None:
-        stop = self.now + s
+    def _carry(self, J: Floats, errors: Floats, radii: Sequence[Real]) -> None:
+        """Apply a map to all motions."""
+        self._enclosure.map(J, errors, radii)
+        if not self._enclosure.size < _LOST * max(self._size, 1e-300):
+            raise undecided("where the motion is", self.now)
+
+    def _spread(self) -> Real:
+        """Return a bound of the size of deviations during the next step."""
+        return (self._enclosure.size * flint.arb(_GROWTH)).upper()
+
+    def _account(self, flight: Flight) -> None:
+        self._size = max(self._size, float(flight.size))
+        self.errors.append((self.now, self.condition))
+
+    def _sample(self, flight: Flight, sigma: Real, *, last: bool) -> None:
+        stop = float((self.now + sigma * flight.h).mid())
         while len(self.samples) < self._output_times.size:
-            time = flint.arb(float(self._output_times[len(self.samples)]))
-            if not last and not time <= stop:
+            time = float(self._output_times[len(self.samples)])
+            if not last and time > stop:
                 break
-            q, rate = free_motion.state(time - self.now)
-            self.samples.append((self.configuration, q, rate))
-
-    def _advance(self, free_motion: FreeMotion, s: Real, *, last: bool) -> None:
+            q, v = flight.state((real(time) - self.now) / flight.h)
+            x, v = self.configuration.displacements(q, v)
+            self.samples.append((x.mid(), v.mid()))
         if self._contacts:
-            self._add_contact_impulses(free_motion, s)
-        self.q, self.rate = free_motion.state(s)
-        self.now = self._end if last else middle(self.now + s)
-        self.deviations.advance(*self._doubles(), float(s))
-        self._leaving = frozenset()
+            self._add_contact_impulses(flight, sigma)
 
-    def _add_contact_impulses(self, free_motion: FreeMotion, s: Real) -> None:
+    def _add_contact_impulses(self, flight: Flight, sigma: Real) -> None:
         """Add the impulses of the walls on the coordinates at rest, from their rest on."""
-        forms = self.configuration.tensile_forces()
-        for form, contact in zip(forms, self.configuration.contacts, strict=True):
-            rest = self._contacts[contact]
-            early = min(max(rest.rest - self.now, flint.arb(0)), s)
-            search = Search(free_motion, [Watch(form, 1, flint.arb(0), -1)], self.body.digits)
-            rest.impulse = middle(rest.impulse - search.integral(0, early, s))
+        none = flint.arb(0)
+        for watch in self.configuration.watches:
+            if watch.force:
+                rest = self._contacts[watch.contact]
+                early = ((rest.rest - self.now) / flight.h).max(none).min(sigma)
+                force = Approach(flight, watch, [], none)
+                # The quantity is the tensile force over its level.
+                pressed = watch.wall * (sigma - early) - force.integral(early, sigma)
+                rest.impulse += pressed * flight.h
 
-    def _doubles(self) -> tuple[Floats, Floats]:
-        return as_doubles(self.q), as_doubles(self.rate)
+    def _drift(self, flight: Flight, sigma: Real) -> None:
+        """Move all motions on by a part of the step."""
+        F = self._flow(flight, sigma, flint.arb(0))
+        q, v = flight.state(sigma)
+        self._carry(*F, self._radii(self.configuration, q, v))
+        self.q, self.v, self.now = q.mid(), v.mid(), self.now + sigma * flight.h
+
+    def _flow(self, flight: Flight, sigma: Real, wide: Real) -> tuple[Floats, Floats]:
+        """Return the derivative of the state after a part of the step by that at its start."""
+        configuration = self.configuration
+        F, errors = flow(configuration.matrix, configuration.step * float(sigma.mid()))
+        rounded = wide + 16.0 * _EPS * sigma  # also of the matrix
+        return F, errors + self._shift(configuration, np.abs(F) + errors, rounded)
+
+    def _shift(self, configuration: Configuration, sizes: Floats, wide: Real) -> Floats:
+        """Return how a derivative changes within the time of an event."""
+        late = above(wide) * configuration.step * (1.0 + 1e-9)
+        most = np.abs(configuration.matrix) * late
+        if float(most.sum(axis=1).max()) > 0.5:
+            raise undecided("when an impact is", self.now)
+        # exp(M) - 1 <= M/(1 - M), entry by entry.
+        return np.asarray(1.01 * most @ np.abs(np.linalg.inv(np.eye(len(most)) - most)) @ sizes)
+
+    def _radii(self, configuration: Configuration, q: Matrix, v: Matrix) -> list[Real]:
+        """Return the radii of a state, in the size of states."""
+        weights = configuration.weights.tolist()
+        return [real(w) * r for w, r in zip(weights, radii(q), strict=True)] + radii(v)
+
+    def _radii_at(
+        self, configuration: Configuration, q: Matrix, v: Matrix, force: Matrix, late: Real
+    ) -> list[Real]:
+        """Return the radii of a state that is that of a time uncertain by `late`."""
+        a = configuration.accelerations(q, v, force)
+        q = widened(q, [(2 * late * (abs(b) + late * abs(c))).upper()
+                        for b, c in zip(v.entries(), a.entries(), strict=True)])  # fmt: skip
+        v = widened(v, [(2 * late * abs(c)).upper() for c in a.entries()])
+        return self._radii(configuration, q, v)
 
     # -- impacts --
 
-    def _impact(self, search: Search, s: Real, which: int) -> None:
-        """Apply the impacts of all constraints that are at their walls."""
-        who = search.watches[which]
-        near = flint.arb(10) ** (-self.body.digits)
-        struck = [(who.constraint, who.sign)]
-        for i, watch in enumerate(search.watches):
-            if i == which or watch.constraint < 0:
-                continue
-            if search.room(i, s) <= near * flint.arb(float(search.sizes[i])):
-                struck.append((watch.constraint, watch.sign))
+    def _places(
+        self, flight: Flight, sigma: Real, tight: Real, wide: Real
+    ) -> tuple[Matrix, Matrix, _Places]:
+        """Return the modal state of all motions at an event, and displacements and velocities."""
+        q, v = flight.state(within(sigma, tight))
+        off = self._spread() + flight.speed * flight.h * wide
+        all_q, all_v = widened(q, [off / w for w in flight.weights]), widened(v, [off] * v.nrows())
+        configuration = self.configuration
+        x, v = configuration.displacements(q, v)
+        all_x, all_velocities = configuration.displacements(all_q, all_v)
+        force = flight.force(within(sigma, wide))
+        return all_q, all_v, _Places(x, v, all_x, all_velocities, force)
+
+    def _impact(
+        self, flight: Flight, sigma: Real, tight: Real, wide: Real, fresh: list[Contact]
+    ) -> None:
+        """Apply the impacts of the constraints that meet their walls."""
+        self.now += sigma * flight.h
         self._require_progress()
-        x, v = self.state()
-        fresh = len(struck)
-        struck += self.configuration.contacts
-        if len(struck) > MOST_SIMULTANEOUS:
-            raise PlanError(f"more than {MOST_SIMULTANEOUS} constraints strike at one instant")
-        speeds = [side * dot(self.body.W[index], v) for index, side in struck]
-        speeds[fresh:] = [flint.arb(0)] * (len(struck) - fresh)
-        if self._grazes(search, s, which, speeds):
-            return
-        rows = [[side * value for value in self.body.W[index]] for index, side in struck]
-        velocity_changes = rows_of(self.body.M.solve(matrix(rows).transpose()).transpose())
-        G = [times(rows, change) for change in velocity_changes]
-        k = [self._restitution[index] for index, _ in struck]
-        given = _impulses(G, speeds, k)
-        after = list(v)
-        for P, change in zip(given, velocity_changes, strict=True):
-            after = [middle(a - P * b) for a, b in zip(after, change, strict=True)]
-        self._saltate(struck, speeds, given, after)
-        for (index, side), P, speed in zip(struck, given, speeds, strict=True):
-            if P > 0:
-                condition = self.deviations.condition * self.unit
-                self.impacts.append(
-                    Impact(self.now, index, side, side * speed, middle(P), condition)
-                )
-        left = [-dot(row, after) for row in rows]
-        if fresh == 1 and len(struck) == 1:
-            left = [k[0] * speeds[0]]  # without the rounding of the sum
-        self._part(struck, fresh, left, x, after)
+        before = self.configuration
+        all_q, all_v, state = self._places(flight, sigma, tight, wide)
+        given = blows(self.body, fresh, before.contacts, state.all_v, self.now)
+        speeds = [(self.body.row(c) * state.v)[0, 0] for c in fresh]
+        all_speeds = [(self.body.row(c) * state.all_v)[0, 0] for c in fresh]
+        after = _Places(
+            state.x,
+            _changed(given, state.v),
+            state.all_x,
+            _changed(given, state.all_v),
+            state.force,
+        )
+        left = {c for blow in given for c in blow.released}
+        for contact in left:
+            self._end_contact(contact)
+            self._leaving[contact] = 1
+        arrivals = {c: self._restitution(c) * u for c, u in zip(fresh, all_speeds, strict=True)}
+        first = len(self.intervals)
+        configuration = self._settled(
+            tuple(c for c in before.contacts if c not in left), fresh, arrivals, after
+        )
+        q, v = configuration.states(after.x, after.v)
+        radii = self._radii_at(configuration, q, v, state.force, tight * flight.h)
+        for interval in self.intervals[first:]:
+            more = self._chatter_error(configuration, interval, arrivals)
+            radii = [r + more for r in radii]
+        J = self._saltation(configuration, given, all_speeds, (all_q, all_v), after, wide)
+        self._carry(*_product(J, self._flow(flight, sigma, wide)), radii)
+        condition = self.condition
+        for blow, u in zip(given, speeds, strict=True):
+            impulses = (blow.impulses * state.v).entries()
+            for (index, side), P in zip(blow.active, impulses, strict=True):
+                speed = side * u if (index, side) == blow.contact else flint.arb(0)
+                self.impacts.append(Impact(self.now.mid(), index, side, speed, P, condition))
+        self.configuration, self.q, self.v = configuration, q.mid(), v.mid()
+
+    def _saltation(
+        self,
+        configuration: Configuration,
+        given: list[Blow],
+        speeds: list[Real],
+        modal: tuple[Matrix, Matrix],
+        after: _Places,
+        wide: Real,
+    ) -> tuple[Floats, Floats]:
+        """Return the derivative of the state after the impacts by that before, and its errors.
+
+        ``S = J_0 + (F+ - J_0 F-) grad(y)^T / (grad(y) . F-)``. Two impacts at once that do not
+        change each other's velocities have the product in any order, but for accelerations in
+        between, which then count as unknown.
+        """
+        before, old, new = self.configuration, self.configuration.weights, configuration.weights
+        acceleration = before.accelerations(*modal, after.force)
+        later_q, later_v = configuration.states(after.all_x, after.all_v)
+        later = configuration.accelerations(later_q, later_v, after.force)
+        place = configuration.transform(before)
+        rate = place
+        for blow in given:
+            rate -= (configuration.T * blow.changes) * (blow.impulses * before.E)
+        m, k = len(new), len(old)
+        J = np.zeros((2 * m, 2 * k))
+        errors = J.copy()
+        J[:m, :k] = doubles(place) * new[:, np.newaxis] / old
+        J[m:, k:] = doubles(rate)
+        jump = later - rate * acceleration
+        for blow, speed in zip(given, speeds, strict=True):
+            row = doubles(self.body.row(blow.contact) * before.E)[0] / old
+            step = configuration.T * blow.change(before.E * modal[1]) / speed
+            kick = jump / speed if len(given) == 1 else flint.arb_mat(m, 1)
+            g = np.concatenate([doubles(step)[:, 0] * new, doubles(kick)[:, 0]])
+            J[:, :k] += np.multiply.outer(g, row)
+            off = [above(w * s.rad()) for w, s in zip(new.tolist(), step.entries(), strict=True)]
+            off += [above(value.rad()) for value in kick.entries()]
+            if len(given) > 1:
+                between = [above(a) for a in (*later.entries(), *acceleration.entries())]
+                damping = 0.0 if before.C is None else norm(doubles(before.C))
+                unknown = 2.0 * (math.hypot(*between) + damping * self._size)
+                off[m:] = [unknown * above(1 / speed)] * m
+            errors[:, :k] += np.multiply.outer(off, np.abs(row)) * (1.0 + 1e-9)
+        errors += 16.0 * (m + k) * _EPS * np.abs(J)
+        return J, errors + self._shift(configuration, np.abs(J) + errors, wide)
+
+    def _settled(
+        self,
+        held: tuple[Contact, ...],
+        landed: Iterable[Contact],
+        arrivals: dict[Contact, Real],
+        state: _Places,
+    ) -> Configuration:
+        """Decide which constraints rest at their walls, and return the new configuration.
+
+        Parameters
+        ----------
+        held : tuple
+            The contacts until now.
+        landed : iterable
+            Constraints at their walls.
+        arrivals : dict
+            Velocities with which those leave that were struck; none: they are at rest.
+        state : _Places
+        """
+        contacts, waiting, freed = set(held), list(landed), set[Contact]()
+        rests: dict[Contact, Real] = {}
+        for _ in range(_SWITCHES):
+            configuration = self.body.configuration(frozenset(contacts))
+            q, v = configuration.states(state.all_x, state.all_v)
+            changed = False
+            for watch in configuration.watches:
+                if not watch.force:
+                    continue
+                tension = (watch.by_q * q)[0, 0] - watch.wall
+                tension += (watch.drive * state.force)[0, 0]
+                if watch.by_v is not None:
+                    tension += (watch.by_v * v)[0, 0]
+                if tension < 0:
+                    continue
+                if not tension > 0:
+                    index = watch.contact[0]
+                    raise undecided(f"whether constraint {index} is pressed on its wall", self.now)
+                contacts.remove(watch.contact)
+                freed.add(watch.contact)
+                changed = True
+                break
+            if not changed:
+                acceleration = configuration.E * configuration.accelerations(q, v, state.force)
+                for contact in waiting:
+                    if contact in contacts or contact in freed:
+                        continue
+                    push = (self.body.row(contact) * acceleration)[0, 0]
+                    rest = self._rest(contact, arrivals.get(contact, flint.arb(0)), push)
+                    if rest is not None:
+                        rests[contact] = rest
+                        contacts.add(contact)
+                        changed = True
+                        break
+            if not changed:
+                break
+        else:
+            raise ConvergenceError(f"contacts begin and end without end at t = {float(self.now)!r}")
+        for contact in set(held) - contacts:
+            self._end_contact(contact)
+            self._leaving[contact] = 2
+        for contact in waiting:
+            if contact in contacts:
+                speed = (self.body.row(contact) * state.v)[0, 0]
+                rest = (self.now + rests[contact] * abs(speed)).min(self._end)
+                interval = ContactInterval(contact, self.now, rest, self._end, flint.arb(0))
+                self._contacts[contact] = interval
+                self.intervals.append(interval)
+            else:
+                arrived = arrivals.get(contact, flint.arb(0))
+                self._leaving[contact] = 1 if arrived > 0 else 2
+        return configuration
+
+    def _rest(self, contact: Contact, speed: Real, push: Real) -> Real | None:
+        """Return the time until a constraint at its wall rests there, per velocity.
+
+        None: it leaves.
+        """
+        k = self._restitution(contact)
+        if speed.is_zero():
+            if push > 0:
+                return flint.arb(0)
+            if push < 0:
+                return None
+            raise undecided(f"whether constraint {contact[0]} stays at its wall", self.now)
+        if not (k < 1 and push > 0):
+            return None
+        time = 2 / (push * (1 - k))
+        return time if time * speed <= self._chatter else None
+
+    def _chatter_error(
+        self, configuration: Configuration, interval: ContactInterval, arrivals: dict[Contact, Real]
+    ) -> Real:
+        """Return what a chatter changes in the other coordinates.
+
+        Its impulses do not act on them; they feel the stiffness and damping of the constrained
+        coordinate, which stays within ``u^2/p`` of its wall (u its velocity, p/2 what presses it
+        at least) and travels ``2 u^2/(p (1 - k^2))`` in all.
+        """
+        contact = interval.contact
+        speed = arrivals.get(contact, flint.arb(0))
+        if speed.is_zero():
+            return flint.arb(0)
+        k = self._restitution(contact)
+        duration = 2 * (interval.rest - interval.start)
+        push = 2 * speed / ((1 - k) * (interval.rest - interval.start))
+        far, path = speed * speed / push, 2 * speed * speed / (push * (1 - k * k))
+        place = configuration.contacts.index(contact)
+        held = column([row[place] for row in configuration.held.tolist()])
+        stiff = sum(map(abs, (configuration.onto * self.body.K * held).entries()), flint.arb(0))
+        total = stiff * far * duration
+        if self.body.C is not None:
+            damped = (configuration.onto * self.body.C * held).entries()
+            total += sum(map(abs, damped), flint.arb(0)) * path
+        return (4 * total).upper()
+
+    def _restitution(self, contact: Contact) -> Real:
+        return real(self.body.system.constraints[contact[0]].restitution)
 
     def _require_progress(self) -> None:
         """Raise where impacts accumulate, unless it is chatter of one lossy constraint."""
@@ -231,85 +527,83 @@ class Motion:
             message = f"impacts accumulate at t = {float(self.now)!r}"
             raise ConvergenceError(f"{message}: this is followed in double precision only")
 
-    def _grazes(self, search: Search, s: Real, which: int, speeds: list[Real]) -> bool:
-        """Whether the coordinate only touches its wall, within rounding."""
-        turned = [(sigma * s).exp() for sigma in search._sigma]
-        _, slope, bend = search._derivatives(which, s, turned)
-        speed, curve = middle(slope), middle(bend)
-        if len(speeds) > 1 or not (curve < 0 and speed * speed <= -2 * curve * search.tiny[which]):
-            return False
-        self.grazings += 1
-        self._leaving = frozenset({search.watches[which].constraint})
-        return True
+    def _graze(self, flight: Flight, event: Event) -> None:
+        """Enclose the motions with and without an impact at a touch of a wall.
 
-    def _part(self, struck: list[Contact], fresh: int, left: list[Real], x: Row, v: Row) -> None:
-        """Decide which constraints leave their walls and which come to rest there."""
-        rounding = flint.arb(10) ** (-self.body.digits) * max(
-            (abs(value) for value in v), default=flint.arb(0)
+        A coordinate that accelerates away from its wall strikes once at most, with a velocity
+        that is the root of how far it could pass it.
+        """
+        contact, configuration = event.watch.contact, self.configuration
+        assert event.most is not None
+        if any(not (self.body.row(c) * self.body.change(contact))[0, 0].is_zero()
+               for c in configuration.contacts):  # fmt: skip
+            raise undecided(f"whether constraint {contact[0]} strikes", self.now)
+        self.grazings += 1
+        stop = event.sigma + event.wide
+        restitution = self._restitution(contact)
+        change = self.body.change(contact)
+        impulse = (
+            (1 + restitution) * event.most / flight.h / (self.body.row(contact) * change)[0, 0]
         )
-        for contact, speed in list(zip(struck, left, strict=True))[fresh:]:
-            if speed > rounding:
-                self._end_contact(contact)
-        configuration = self.body.configuration(frozenset(self._contacts))
-        q, rate = configuration.state_of(x, v)
-        loads = [flint.acb(0, omega * self.now).exp() for omega in self.body.loads]
-        accelerations = configuration.displacements(
-            q, configuration.accelerations(q, rate, loads), range(self.body.system.n)
-        )[1]
-        leaving = set()
-        for contact, speed in list(zip(struck, left, strict=True))[:fresh]:
-            index, side = contact
-            push = side * dot(self.body.W[index], accelerations)
-            k = self._restitution[index]
-            speed = speed if speed > rounding or (speed > 0 and k > 0) else flint.arb(0)
-            duration = flint.arb(0)
-            if speed > 0:
-                duration = 2 * speed / (push * (1 - k)) if k < 1 and push > 0 else flint.arb("inf")
-            if push >= 0 and duration <= self._chatter:
-                rest = min(middle(self.now + duration), self._end)
-                self._contacts[contact] = interval = ContactInterval(
-                    contact, self.now, rest, self._end, flint.arb(0)
-                )
-                self.intervals.append(interval)
-            else:
-                leaving.add(index)
-        self._resolve_contacts(x, v, frozenset(leaving))
+        kick = [abs(a) for a in (configuration.T * change * impulse).entries()]
+        total = sum(kick, flint.arb(0))
+        time = 2 * event.wide * flight.h
+        # A deviation grows by its rate for this time, in the coordinate and in the rates.
+        grown = total * (real(configuration.rate) * time).exp()
+        q, v = flight.state(stop)
+        F = self._flow(flight, stop, flint.arb(0))
+        radii = self._radii(configuration, q, v)
+        weights = flight.weights
+        radii = [
+            r + (w * grown * time if j < len(weights) else kick[j - len(weights)]
+                 + grown * real(configuration.rate) * time)
+            for j, (r, w) in enumerate(zip(radii, [*weights, *weights], strict=True))
+        ]  # fmt: skip
+        self._carry(*F, radii)
+        self.q, self.v, self.now = q.mid(), v.mid(), self.now + stop * flight.h
 
     # -- contacts --
 
-    def _release(self, contact: Contact) -> None:
-        x, v = self.state()
-        self._end_contact(contact)
-        self._resolve_contacts(x, v, frozenset({contact[0]}))
+    def _release(self, flight: Flight, events: list[Event], tight: Real, wide: Real) -> None:
+        """End the contacts whose forces vanish."""
+        sigma, before = events[0].sigma, self.configuration
+        self.now += sigma * flight.h
+        all_q, all_v, state = self._places(flight, sigma, tight, wide)
+        ended = {event.watch.contact for event in events}
+        for contact in ended:
+            self._end_contact(contact)
+        configuration = self._settled(
+            tuple(c for c in before.contacts if c not in ended), (), {}, state
+        )
+        self._leaving |= dict.fromkeys(ended, 3)
+        q, v = configuration.states(state.x, state.v)
+        m, k = len(configuration.weights), len(before.weights)
+        J = np.zeros((2 * m, 2 * k))
+        turn = doubles(configuration.transform(before))
+        J[:m, :k] = turn * configuration.weights[:, np.newaxis] / before.weights
+        J[m:, k:] = turn
+        errors = 16.0 * (m + k) * _EPS * np.abs(J)
+        # The forces that vanish do so within the time of the event only.
+        after = configuration.states(state.all_x, state.all_v)
+        jump = configuration.accelerations(*after, state.force)
+        jump -= configuration.transform(before) * before.accelerations(all_q, all_v, state.force)
+        apart = np.array([0.0] * m + [above(value) for value in jump.entries()])
+        for event in events:
+            felt = np.zeros(2 * k)
+            felt[:k] = [above(value) for value in event.watch.by_q.entries()]
+            felt[:k] /= before.weights
+            if event.watch.by_v is not None:
+                felt[k:] = [above(value) for value in event.watch.by_v.entries()]
+            errors += np.multiply.outer(apart, felt) * above(flight.h / event.least)
+        errors += self._shift(configuration, np.abs(J) + errors, wide)
+        radii = self._radii_at(configuration, q, v, state.force, tight * flight.h)
+        self._carry(*_product((J, errors), self._flow(flight, sigma, wide)), radii)
+        self._count()
+        self.configuration, self.q, self.v = configuration, q.mid(), v.mid()
 
     def _end_contact(self, contact: Contact) -> None:
-        self._contacts.pop(contact).stop = self.now
-
-    def _resolve_contacts(self, x: Row, v: Row, leaving: frozenset[int]) -> None:
-        """Continue with the present contacts except those whose force would have to be tensile."""
-        while True:
-            configuration = self.body.configuration(frozenset(self._contacts))
-            q, rate = configuration.state_of(x, v)
-            free_motion = FreeMotion(configuration, q, rate, self.now)
-            watches = [
-                Watch(form, 1, flint.arb(0), -1 - k)
-                for k, form in enumerate(configuration.tensile_forces())
-            ]
-            search = Search(free_motion, watches, self.body.digits)
-            zero = flint.arb(0)
-            pulled = [
-                contact
-                for i, contact in enumerate(configuration.contacts)
-                if search.room(i, zero) < -search.tiny[i]
-            ]
-            if not pulled:
-                break
-            self._end_contact(pulled[0])
-            leaving |= {pulled[0][0]}
-        if configuration is not self.configuration:
-            self.deviations.transform(configuration, self._inertia)
-            self._count()
-        self.configuration, self.q, self.rate, self._leaving = configuration, q, rate, leaving
+        if contact in self._contacts:
+            self._contacts.pop(contact).stop = self.now
 
     def _count(self) -> None:
         now = float(self.now)
@@ -317,52 +611,18 @@ class Motion:
         if self._switched[1] > _SWITCHES:
             raise ConvergenceError(f"contacts begin and end without end at t = {now!r}")
 
-    # -- errors --
 
-    def _saltate(
-        self, struck: list[Contact], speeds: Sequence[Real], given: Sequence[Real], after: Row
-    ) -> None:
-        """Apply the saltation matrices of the impact to the deviations, one by one."""
-        configuration = self.configuration
-        loads = [flint.acb(0, omega * self.now).exp() for omega in self.body.loads]
-        acceleration_before = as_doubles(configuration.accelerations(self.q, self.rate, loads))
-        before = as_doubles(self.rate)
-        whole = configuration.shapes.T @ self._inertia @ as_doubles(after)
-        acceleration_after = as_doubles(
-            configuration.accelerations(self.q, [flint.arb(float(value)) for value in whole], loads)
-        )
-        hits = [c for c, P, u in zip(struck, given, speeds, strict=True) if P > 0 and u > 0]
-        for index, _ in hits:
-            row = configuration.shapes.T @ self.body.system.directions([index])[0]
-            square = float(row @ row)
-            if square <= 0.0:
-                continue
-            factor = (1.0 + self.body.system.constraints[index].restitution) / square
-            single = before - factor * (row @ before) * row if len(hits) > 1 else whole
-            self.deviations.strike(
-                row, before, single, factor, acceleration_before, acceleration_after
-            )
+def _product(one: tuple[Floats, Floats], other: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
+    """Return the product of two matrices with errors, and its errors."""
+    (J, e), (F, f) = one, other
+    rounding = 2.0 * max(J.shape) * _EPS
+    sizes = np.abs(F) + f
+    return J @ F, (e @ sizes + np.abs(J) @ (f + rounding * np.abs(F))) * (1.0 + 1e-9)
 
 
-def _impulses(G: list[Row], speeds: list[Real], restitution: list[Real]) -> Row:
-    """Return the impulses of a linear complementarity problem; see `kernels.free_motion.impulses`.
-
-    Of all sets of walls that give an impulse, the one is taken for which no impulse is negative
-    and no coordinate goes on into its wall: with positive definite G there is just one.
-    """
-    m = len(speeds)
-    q = [-u * (1 + k) if u > 0 else -u for u, k in zip(speeds, restitution, strict=True)]
-    scale = max((abs(value) for value in q), default=flint.arb(0))
-    tiny = scale * flint.arb(2) ** (GUARD - flint.ctx.prec)
-    for size in range(m + 1):
-        for active in itertools.combinations(range(m), size):
-            P = [flint.arb(0)] * m
-            if active:
-                small = matrix([[G[a][b] for b in active] for a in active])
-                solution = small.solve(matrix([[-q[a]] for a in active]))
-                for a, (value,) in zip(active, rows_of(solution), strict=True):
-                    P[a] = value
-            w = [value + dot(row, P) for value, row in zip(q, G, strict=True)]
-            if all(P[a] >= 0 for a in active) and all(middle(value) >= -tiny for value in w):
-                return P
-    raise ConvergenceError("no impulses satisfy the laws of impact")
+def _changed(given: Sequence[Blow], velocities: Matrix) -> Matrix:
+    """Return velocities after impacts that do not change each other's."""
+    after = velocities
+    for blow in given:
+        after += blow.change(velocities)
+    return after

@@ -1,6 +1,8 @@
-"""Extended precision: real and complex numbers of any number of digits, and eigenvalues.
+"""Extended precision: ball arithmetic with any number of digits.
 
-Numbers are balls of FLINT: a number and a bound of its rounding.
+A number is a ball of FLINT's Arb: a midpoint and a bound of its distance to the true number, which
+every operation rounds outwards. A comparison is true only where it is so for all numbers of its
+balls.
 """
 
 from __future__ import annotations
@@ -15,15 +17,14 @@ import numpy as np
 
 from vibroimpact_solvers import precision
 from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.errors import PlanError
 
 Real = Any
-"""A number of FLINT, `flint.arb`."""
-Complex = Any
-"""A complex number of FLINT, `flint.acb`."""
-Row = list[Any]
-Rows = list[list[Any]]
+"""A ball, `flint.arb`."""
+Matrix = Any
+"""A matrix of balls, `flint.arb_mat`."""
 
-GUARD: Final = 12
+GUARD: Final = 20
 """Guard digits of the arithmetic."""
 
 
@@ -32,132 +33,79 @@ def working(digits: int) -> AbstractContextManager[None]:
     return precision.working(round((digits + GUARD + 1) * math.log2(10.0)))
 
 
+def working_digits() -> int:
+    """Return the number of digits of the present precision, without the guard digits."""
+    return round(flint.ctx.prec / math.log2(10.0)) - GUARD - 1
+
+
+def undecided(what: str, now: Real) -> PlanError:
+    """Return the refusal of what the digits do not tell."""
+    return PlanError(
+        f"{working_digits()} digits do not tell {what} at t = {float(now.mid())!r}: give more digits, or a "
+        "t_end before it"
+    )
+
+
 def real(value: float) -> Real:
     """Return a number that is exactly a double."""
     return flint.arb(float(value))
 
 
-def middle(value: Real) -> Real:
-    """Return a number without the bound of its rounding.
-
-    Bounds that are carried from impact to impact would grow as if every rounding was the worst
-    possible, and be useless soon; the growth of errors is estimated otherwise (`deviations`).
-    """
-    return value.mid()
+def within(value: Real, radius: Real) -> Real:
+    """Return the ball of all numbers within a radius of those of a ball."""
+    return value + flint.arb(0, radius.upper())
 
 
-def dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
-    """Return the sum of products."""
-    total = flint.arb(0)
-    for x, y in zip(a, b, strict=True):
-        total += x * y
-    return total
-
-
-def times(A: Rows, x: Sequence[Any]) -> Row:
-    """Return the product of a matrix and a vector."""
-    return [dot(row, x) for row in A]
-
-
-def rows_of(matrix: Any) -> Rows:
-    """Return the rows of a matrix of FLINT, without bounds."""
-    return [[middle(value) for value in row] for row in matrix.tolist()]
-
-
-def matrix(rows: Sequence[Sequence[Any]]) -> Any:
-    """Return a matrix of FLINT."""
+def matrix(rows: Sequence[Sequence[Any]]) -> Matrix:
+    """Return a matrix of balls."""
     return flint.arb_mat([list(row) for row in rows])
 
 
-def exact(values: Floats) -> Any:
+def column(values: Sequence[Any]) -> Matrix:
+    """Return a matrix of one column."""
+    return flint.arb_mat([[value] for value in values])
+
+
+def exact(values: Floats) -> Matrix:
     """Return the matrix whose entries are exactly these doubles."""
-    return flint.arb_mat([[real(value) for value in row] for row in values.tolist()])
+    return matrix([[real(value) for value in row] for row in values.tolist()])
 
 
-def without_bounds(values: Any) -> Any:
-    """Return a matrix of FLINT without bounds of roundings."""
-    return matrix(rows_of(values))
+def joined(columns: Sequence[Matrix]) -> Matrix:
+    """Return the matrix of some columns."""
+    return flint.arb_mat([list(row) for row in zip(*(c.entries() for c in columns), strict=True)])
 
 
-def doubles(rows: Sequence[Sequence[Any]]) -> Floats:
-    """Return the doubles nearest to numbers, shape (row, column)."""
-    values = [[float(middle(value)) for value in row] for row in rows]
-    return np.array(values, dtype=np.float64).reshape(len(rows), len(rows[0]) if rows else 0)
+def widened(values: Matrix, radii: Sequence[Real]) -> Matrix:
+    """Return a column whose entries are within radii of those of another one."""
+    return column([within(v, r) for v, r in zip(values.entries(), radii, strict=True)])
 
 
-def lower(M: Any) -> Rows:
-    """Return the Cholesky factor L of a positive definite matrix, M = L L^T."""
-    n, entries = M.nrows(), M.tolist()
-    L: Rows = [[flint.arb(0)] * n for _ in range(n)]
-    for j in range(n):
-        L[j][j] = middle((entries[j][j] - dot(L[j][:j], L[j][:j])).sqrt())
-        for i in range(j + 1, n):
-            L[i][j] = middle((entries[i][j] - dot(L[i][:j], L[j][:j])) / L[j][j])
-    return L
+def radii(values: Matrix) -> list[Real]:
+    """Return the radii of a column."""
+    return [value.rad() for value in values.entries()]
 
 
-def modes(M: Any, K: Any, digits: int) -> tuple[Row, Rows]:
-    """Return eigenvalues and modes, ``K e = lambda M e``, ``e^T M e = 1``.
-
-    Returns
-    -------
-    eigenvalues : list
-    modes : list of rows, shape (dof, mode)
-    """
-    if M.nrows() == 0:
-        return [], []
-    inverse = matrix(lower(M)).inv()
-    A = without_bounds(inverse * K * inverse.transpose())
-    eigenvalues, V = _symmetric(A, digits)
-    return eigenvalues, rows_of(without_bounds(inverse.transpose()) * V)
+def doubles(values: Matrix) -> Floats:
+    """Return the doubles nearest to the midpoints."""
+    rows = [[float(value.mid()) for value in row] for row in values.tolist()]
+    return np.array(rows, dtype=np.float64).reshape(values.nrows(), values.ncols())
 
 
-def _symmetric(A: Any, digits: int) -> tuple[Row, Any]:
-    """Return eigenvalues and eigenvectors of a symmetric matrix.
-
-    Eigenvectors in double precision are made orthogonal to all digits; what is left beside the
-    diagonal then is 1e-15 of it, and each sweep of rotations squares that. Equal and almost
-    equal eigenvalues are no exception.
-    """
-    n = A.nrows()
-    scale = max((float(abs(value)) for row in A.tolist() for value in row), default=1.0) or 1.0
-    _, start = np.linalg.eigh(doubles(A.tolist()) / scale)
-    V = exact(start)
-    for _ in range(2 + math.ceil(math.log2(digits))):
-        excess = V.transpose() * V
-        V = without_bounds(V * (3 * _identity(n) - excess) / 2)
-    B = rows_of(V.transpose() * A * V)
-    columns = rows_of(V.transpose())
-    for _ in range(4 + math.ceil(math.log2(digits))):
-        if not _sweep(B, columns, real(scale) * flint.arb(10) ** (2 - digits - GUARD)):
-            break
-    return [B[i][i] for i in range(n)], matrix(columns).transpose()
+def above(value: Real) -> float:
+    """Return a double that is not below the magnitude of any number of a ball."""
+    return float(np.nextafter(float(value.abs_upper()) * (1.0 + 1e-15), np.inf))
 
 
-def _identity(n: int) -> Any:
-    return flint.arb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
+def largest_radius(values: Matrix) -> float:
+    """Return a double that is not below the radius of any entry."""
+    return max((above(value.rad()) for value in values.entries()), default=0.0)
 
 
-def _sweep(B: Rows, columns: Rows, tiny: Real) -> bool:
-    """Rotate away what is beside the diagonal, entry by entry; return whether there was any."""
-    n, turned = len(B), False
-    for p in range(n):
-        for q in range(p + 1, n):
-            off = B[p][q]
-            if abs(off) <= tiny:
-                continue
-            turned = True
-            half = (B[q][q] - B[p][p]) / (2 * off)
-            t = 1 / (abs(half) + (half * half + 1).sqrt())
-            if half < 0:
-                t = -t
-            c = middle(1 / (t * t + 1).sqrt())
-            s = middle(t * c)
-            for rows in (B, columns):
-                a, b = rows[p], rows[q]
-                rows[p] = [middle(c * x - s * y) for x, y in zip(a, b, strict=True)]
-                rows[q] = [middle(s * x + c * y) for x, y in zip(a, b, strict=True)]
-            for row in B:
-                x, y = row[p], row[q]
-                row[p], row[q] = middle(c * x - s * y), middle(s * x + c * y)
-    return turned
+def norm(values: Floats) -> float:
+    """Return an upper bound of the spectral norm of a matrix of doubles."""
+    if not values.size:
+        return 0.0
+    sizes = np.abs(values)
+    product = float(sizes.sum(axis=0).max()) * float(sizes.sum(axis=1).max())
+    return float(np.sqrt(product)) * (1.0 + 1e-12)
