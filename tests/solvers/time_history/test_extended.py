@@ -13,7 +13,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from tests.solvers.time_history.contact_flights import DIGITS, Flights
+from tests.solvers.time_history.contact_motion import DIGITS, ContactMotion
 from tests.solvers.time_history.reference_motion import ReferenceMotion as Reference
 from tests.solvers.time_history.reference_motion import Stop
 from vibroimpact_solvers import presets
@@ -226,16 +226,16 @@ def test_impacts_far_below_the_rounding_of_doubles_are_found() -> None:
 
 
 def enclosed(asked: th.Problem, digits: int, dt: float = 0.01) -> int:
-    """Compare the end of a motion with independent flights; return the number of impacts."""
+    """Compare the end of a motion with an independent motion; return the number of impacts."""
     assert isinstance(asked.initial, th.State)
     run = followed(asked, digits)
     with precision.working(DIGITS):
-        x, v, impacts = Flights(asked.system, asked.load).follow(
+        x, v, impacts = ContactMotion(asked.system, asked.load).follow(
             asked.initial.x.tolist(), asked.initial.v.tolist(), asked.t_end, dt
         )
         mine = run.state()
         for ball, value in zip((*mine[0], *mine[1]), (*x, *v), strict=True):
-            # The flights' own error is below 1e-38.
+            # Its own error is below 1e-38.
             assert precision.within(ball, flint.arb(1e-38)).contains(value.mid()), (ball, value)
     return len(impacts)
 

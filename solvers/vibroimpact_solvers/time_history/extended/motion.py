@@ -18,7 +18,7 @@ import numpy as np
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.time_history.extended.enclosure import Enclosure, flow
-from vibroimpact_solvers.time_history.extended.flight import Approach, Event, Flight
+from vibroimpact_solvers.time_history.extended.free_motion import Approach, Event, FreeMotion
 from vibroimpact_solvers.time_history.extended.impact_law import Blow, blows
 from vibroimpact_solvers.time_history.extended.precision import (
     Matrix,
@@ -126,14 +126,14 @@ class Motion:
         while self._struck or self.now < self._end:
             if self._tick is not None:
                 self._tick(int(1000 * float(self.now) / float(self._end)), 1000)
-            flight = Flight(self.configuration, self.q, self.v, self.now)
-            self._account(flight)
+            free_motion = FreeMotion(self.configuration, self.q, self.v, self.now)
+            self._account(free_motion)
             if self._struck:
                 struck, self._struck = self._struck, []
                 zero = flint.arb(0)
-                self._impact(flight, zero, zero, zero, struck)
+                self._impact(free_motion, zero, zero, zero, struck)
                 continue
-            self._step(flight)
+            self._step(free_motion)
         for rest in self._contacts.values():
             rest.stop = self._end
         if self._tick is not None:
@@ -185,19 +185,19 @@ class Motion:
 
     # -- free motion --
 
-    def _step(self, flight: Flight) -> None:
+    def _step(self, free_motion: FreeMotion) -> None:
         """Follow the motion to the next event, or for a step."""
-        stop, last = flint.arb(WHOLE), (self._end - self.now) / flight.h
+        stop, last = flint.arb(WHOLE), (self._end - self.now) / free_motion.h
         ends = not last > stop
         stop = last if ends else stop
         spread, box = self._spread(), self._enclosure.box
         watches = self.configuration.watches
-        approaches = [Approach(flight, watch, box, spread) for watch in watches]
+        approaches = [Approach(free_motion, watch, box, spread) for watch in watches]
         events, left = first_events(approaches, stop, self._leaving, self.now)
         self.expansions += 1
         if not events:
-            self._sample(flight, stop, last=ends)
-            self._drift(flight, stop)
+            self._sample(free_motion, stop, last=ends)
+            self._drift(free_motion, stop)
             self._leaving = left
             if ends:
                 self.now = self._end
@@ -209,13 +209,13 @@ class Motion:
             tight, wide = tight.max(apart + event.tight), wide.max(apart + event.wide)
         self._leaving = left
         kinds = {(event.watch.force, event.most is None) for event in events}
-        self._sample(flight, sigma, last=False)
+        self._sample(free_motion, sigma, last=False)
         if kinds == {(False, True)}:
-            self._impact(flight, sigma, tight, wide, [e.watch.contact for e in events])
+            self._impact(free_motion, sigma, tight, wide, [e.watch.contact for e in events])
         elif kinds == {(True, True)}:
-            self._release(flight, events, tight, wide)
+            self._release(free_motion, events, tight, wide)
         elif kinds == {(False, False)} and len(events) == 1:
-            self._graze(flight, events[0])
+            self._graze(free_motion, events[0])
         else:
             names = " and ".join(sorted({str(e.watch.contact[0]) for e in events}))
             raise undecided(f"what happens first at constraints {names}", self.now)
@@ -230,42 +230,42 @@ class Motion:
         """Return a bound of the size of deviations during the next step."""
         return (self._enclosure.size * flint.arb(_GROWTH)).upper()
 
-    def _account(self, flight: Flight) -> None:
-        self._size = max(self._size, float(flight.size))
+    def _account(self, free_motion: FreeMotion) -> None:
+        self._size = max(self._size, float(free_motion.size))
         self.errors.append((self.now, self.condition))
 
-    def _sample(self, flight: Flight, sigma: Real, *, last: bool) -> None:
-        stop = float((self.now + sigma * flight.h).mid())
+    def _sample(self, free_motion: FreeMotion, sigma: Real, *, last: bool) -> None:
+        stop = float((self.now + sigma * free_motion.h).mid())
         while len(self.samples) < self._output_times.size:
             time = float(self._output_times[len(self.samples)])
             if not last and time > stop:
                 break
-            q, v = flight.state((real(time) - self.now) / flight.h)
+            q, v = free_motion.state((real(time) - self.now) / free_motion.h)
             x, v = self.configuration.displacements(q, v)
             self.samples.append((x.mid(), v.mid()))
         if self._contacts:
-            self._add_contact_impulses(flight, sigma)
+            self._add_contact_impulses(free_motion, sigma)
 
-    def _add_contact_impulses(self, flight: Flight, sigma: Real) -> None:
+    def _add_contact_impulses(self, free_motion: FreeMotion, sigma: Real) -> None:
         """Add the impulses of the walls on the coordinates at rest, from their rest on."""
         none = flint.arb(0)
         for watch in self.configuration.watches:
             if watch.force:
                 rest = self._contacts[watch.contact]
-                early = ((rest.rest - self.now) / flight.h).max(none).min(sigma)
-                force = Approach(flight, watch, [], none)
+                early = ((rest.rest - self.now) / free_motion.h).max(none).min(sigma)
+                force = Approach(free_motion, watch, [], none)
                 # The quantity is the tensile force over its level.
                 pressed = watch.wall * (sigma - early) - force.integral(early, sigma)
-                rest.impulse += pressed * flight.h
+                rest.impulse += pressed * free_motion.h
 
-    def _drift(self, flight: Flight, sigma: Real) -> None:
+    def _drift(self, free_motion: FreeMotion, sigma: Real) -> None:
         """Move all motions on by a part of the step."""
-        F = self._flow(flight, sigma, flint.arb(0))
-        q, v = flight.state(sigma)
+        F = self._flow(free_motion, sigma, flint.arb(0))
+        q, v = free_motion.state(sigma)
         self._carry(*F, self._radii(self.configuration, q, v))
-        self.q, self.v, self.now = q.mid(), v.mid(), self.now + sigma * flight.h
+        self.q, self.v, self.now = q.mid(), v.mid(), self.now + sigma * free_motion.h
 
-    def _flow(self, flight: Flight, sigma: Real, wide: Real) -> tuple[Floats, Floats]:
+    def _flow(self, free_motion: FreeMotion, sigma: Real, wide: Real) -> tuple[Floats, Floats]:
         """Return the derivative of the state after a part of the step by that at its start."""
         configuration = self.configuration
         F, errors = flow(configuration.matrix, configuration.step * float(sigma.mid()))
@@ -299,26 +299,29 @@ class Motion:
     # -- impacts --
 
     def _places(
-        self, flight: Flight, sigma: Real, tight: Real, wide: Real
+        self, free_motion: FreeMotion, sigma: Real, tight: Real, wide: Real
     ) -> tuple[Matrix, Matrix, _Places]:
         """Return the modal state of all motions at an event, and displacements and velocities."""
-        q, v = flight.state(within(sigma, tight))
-        off = self._spread() + flight.speed * flight.h * wide
-        all_q, all_v = widened(q, [off / w for w in flight.weights]), widened(v, [off] * v.nrows())
+        q, v = free_motion.state(within(sigma, tight))
+        off = self._spread() + free_motion.speed * free_motion.h * wide
+        all_q, all_v = (
+            widened(q, [off / w for w in free_motion.weights]),
+            widened(v, [off] * v.nrows()),
+        )
         configuration = self.configuration
         x, v = configuration.displacements(q, v)
         all_x, all_velocities = configuration.displacements(all_q, all_v)
-        force = flight.force(within(sigma, wide))
+        force = free_motion.force(within(sigma, wide))
         return all_q, all_v, _Places(x, v, all_x, all_velocities, force)
 
     def _impact(
-        self, flight: Flight, sigma: Real, tight: Real, wide: Real, fresh: list[Contact]
+        self, free_motion: FreeMotion, sigma: Real, tight: Real, wide: Real, fresh: list[Contact]
     ) -> None:
         """Apply the impacts of the constraints that meet their walls."""
-        self.now += sigma * flight.h
+        self.now += sigma * free_motion.h
         self._require_progress()
         before = self.configuration
-        all_q, all_v, state = self._places(flight, sigma, tight, wide)
+        all_q, all_v, state = self._places(free_motion, sigma, tight, wide)
         given = blows(self.body, fresh, before.contacts, state.all_v, self.now)
         speeds = [(self.body.row(c) * state.v)[0, 0] for c in fresh]
         all_speeds = [(self.body.row(c) * state.all_v)[0, 0] for c in fresh]
@@ -339,12 +342,12 @@ class Motion:
             tuple(c for c in before.contacts if c not in left), fresh, arrivals, after
         )
         q, v = configuration.states(after.x, after.v)
-        radii = self._radii_at(configuration, q, v, state.force, tight * flight.h)
+        radii = self._radii_at(configuration, q, v, state.force, tight * free_motion.h)
         for interval in self.intervals[first:]:
             more = self._chatter_error(configuration, interval, arrivals)
             radii = [r + more for r in radii]
         J = self._saltation(configuration, given, all_speeds, (all_q, all_v), after, wide)
-        self._carry(*_product(J, self._flow(flight, sigma, wide)), radii)
+        self._carry(*_product(J, self._flow(free_motion, sigma, wide)), radii)
         condition = self.condition
         for blow, u in zip(given, speeds, strict=True):
             impulses = (blow.impulses * state.v).entries()
@@ -527,7 +530,7 @@ class Motion:
             message = f"impacts accumulate at t = {float(self.now)!r}"
             raise ConvergenceError(f"{message}: this is followed in double precision only")
 
-    def _graze(self, flight: Flight, event: Event) -> None:
+    def _graze(self, free_motion: FreeMotion, event: Event) -> None:
         """Enclose the motions with and without an impact at a touch of a wall.
 
         A coordinate that accelerates away from its wall strikes once at most, with a velocity
@@ -543,32 +546,34 @@ class Motion:
         restitution = self._restitution(contact)
         change = self.body.change(contact)
         impulse = (
-            (1 + restitution) * event.most / flight.h / (self.body.row(contact) * change)[0, 0]
+            (1 + restitution) * event.most / free_motion.h / (self.body.row(contact) * change)[0, 0]
         )
         kick = [abs(a) for a in (configuration.T * change * impulse).entries()]
         total = sum(kick, flint.arb(0))
-        time = 2 * event.wide * flight.h
+        time = 2 * event.wide * free_motion.h
         # A deviation grows by its rate for this time, in the coordinate and in the rates.
         grown = total * (real(configuration.rate) * time).exp()
-        q, v = flight.state(stop)
-        F = self._flow(flight, stop, flint.arb(0))
+        q, v = free_motion.state(stop)
+        F = self._flow(free_motion, stop, flint.arb(0))
         radii = self._radii(configuration, q, v)
-        weights = flight.weights
+        weights = free_motion.weights
         radii = [
             r + (w * grown * time if j < len(weights) else kick[j - len(weights)]
                  + grown * real(configuration.rate) * time)
             for j, (r, w) in enumerate(zip(radii, [*weights, *weights], strict=True))
         ]  # fmt: skip
         self._carry(*F, radii)
-        self.q, self.v, self.now = q.mid(), v.mid(), self.now + stop * flight.h
+        self.q, self.v, self.now = q.mid(), v.mid(), self.now + stop * free_motion.h
 
     # -- contacts --
 
-    def _release(self, flight: Flight, events: list[Event], tight: Real, wide: Real) -> None:
+    def _release(
+        self, free_motion: FreeMotion, events: list[Event], tight: Real, wide: Real
+    ) -> None:
         """End the contacts whose forces vanish."""
         sigma, before = events[0].sigma, self.configuration
-        self.now += sigma * flight.h
-        all_q, all_v, state = self._places(flight, sigma, tight, wide)
+        self.now += sigma * free_motion.h
+        all_q, all_v, state = self._places(free_motion, sigma, tight, wide)
         ended = {event.watch.contact for event in events}
         for contact in ended:
             self._end_contact(contact)
@@ -594,10 +599,10 @@ class Motion:
             felt[:k] /= before.weights
             if event.watch.by_v is not None:
                 felt[k:] = [above(value) for value in event.watch.by_v.entries()]
-            errors += np.multiply.outer(apart, felt) * above(flight.h / event.least)
+            errors += np.multiply.outer(apart, felt) * above(free_motion.h / event.least)
         errors += self._shift(configuration, np.abs(J) + errors, wide)
-        radii = self._radii_at(configuration, q, v, state.force, tight * flight.h)
-        self._carry(*_product((J, errors), self._flow(flight, sigma, wide)), radii)
+        radii = self._radii_at(configuration, q, v, state.force, tight * free_motion.h)
+        self._carry(*_product((J, errors), self._flow(free_motion, sigma, wide)), radii)
         self._count()
         self.configuration, self.q, self.v = configuration, q.mid(), v.mid()
 

@@ -40,10 +40,8 @@ def working_digits() -> int:
 
 def undecided(what: str, now: Real) -> PlanError:
     """Return the refusal of what the digits do not tell."""
-    return PlanError(
-        f"{working_digits()} digits do not tell {what} at t = {float(now.mid())!r}: give more digits, or a "
-        "t_end before it"
-    )
+    known = f"{working_digits()} digits do not tell {what} at t = {float(now.mid())!r}"
+    return PlanError(f"{known}: give more digits, or a t_end before it")
 
 
 def real(value: float) -> Real:

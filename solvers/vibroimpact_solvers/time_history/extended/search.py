@@ -15,7 +15,7 @@ import flint
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.time_history.extended.flight import CELLS, Approach, Event
+from vibroimpact_solvers.time_history.extended.free_motion import CELLS, Approach, Event
 from vibroimpact_solvers.time_history.extended.precision import Real, undecided
 from vibroimpact_solvers.time_history.extended.structure import Contact
 

@@ -51,7 +51,7 @@ def terms_of(bits: int) -> int:
     return k
 
 
-class Flight:
+class FreeMotion:
     """The motion from a state, for one step.
 
     Parameters
@@ -163,7 +163,7 @@ class Approach:
 
     Parameters
     ----------
-    flight : Flight
+    free_motion : FreeMotion
     watch : Watch
     box : list of arb
         Deviations of the enclosed motions at the beginning of the step.
@@ -171,38 +171,40 @@ class Approach:
         Size of their deviations at any time of it.
     """
 
-    def __init__(self, flight: Flight, watch: Watch, box: Sequence[Real], spread: Real) -> None:
+    def __init__(
+        self, free_motion: FreeMotion, watch: Watch, box: Sequence[Real], spread: Real
+    ) -> None:
         self.watch = watch
-        configuration, h = flight.configuration, flight.h
-        coefficients = (watch.by_q * flight.series).entries()
+        configuration, h = free_motion.configuration, free_motion.h
+        coefficients = (watch.by_q * free_motion.series).entries()
         by_q = [above(v) for v in watch.by_q.entries()]
         far = math.hypot(*(b / w for b, w in zip(by_q, configuration.weights, strict=True)))
         fast = float(configuration.step) * math.hypot(*by_q)
         loads = flint.arb(0)
         if watch.by_v is not None:
-            for k, value in enumerate((watch.by_v * flight.series).entries()[1:], start=1):
+            for k, value in enumerate((watch.by_v * free_motion.series).entries()[1:], start=1):
                 coefficients[k - 1] += value * k / h
             by_v = math.hypot(*(above(v) for v in watch.by_v.entries()))
             far, fast = far + by_v, fast + REACH * by_v
         if watch.drive is not None:
-            for k, force in enumerate(flight.forces):
+            for k, force in enumerate(free_motion.forces):
                 coefficients[k] += (watch.drive * force)[0, 0]
             # What the series of the loads leave out.
             amplitude = sum(
                 (abs((watch.drive * part)[0, 0]) for load in configuration.body.loads
                  for part in (load.cosine, load.sine)), flint.arb(0),
             )  # fmt: skip
-            p = flight.count - 1
+            p = free_motion.count - 1
             loads = 2 * amplitude * flint.arb(REACH) ** p / flint.arb(p + 1).gamma()
         self.poly = flint.arb_poly(coefficients)
         self.first, self.second = self.poly.derivative(), self.poly.derivative().derivative()
-        more = 4 * (flight.count + 4)
-        tail, loads = flight.tail, loads * more * more
+        more = 4 * (free_motion.count + 4)
+        tail, loads = free_motion.tail, loads * more * more
         place, rate = flint.arb(far * (1.0 + 1e-12)), flint.arb(fast * (1.0 + 1e-12))
         self.tight = (place * tail + loads).upper()
         self._drift = (rate * spread).upper()
-        q = [b / w for b, w in zip(box, flight.weights, strict=False)]
-        v = box[len(flight.weights) :]
+        q = [b / w for b, w in zip(box, free_motion.weights, strict=False)]
+        v = box[len(free_motion.weights) :]
         start, left = _felt(watch.by_q, q), rate * spread
         if watch.by_v is None:
             left = _felt(watch.by_q, v) * h

@@ -29,7 +29,7 @@ def _arb(values: Any) -> Any:
 
 
 @dataclass
-class Flights:
+class ContactMotion:
     """Motions of a system; to be used at a precision of `DIGITS`.
 
     Parameters
