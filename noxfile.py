@@ -83,7 +83,7 @@ def fuzz(session: nox.Session) -> None:
 def truth(session: nox.Session) -> None:
     """Compare random cases with references of more digits that share no formula with the solvers.
 
-    Hours. ``nox -s truth -- members histories --count 2000 --seed 7 --jobs 2`` for a part;
+    Hours. ``nox -s truth -- impact-modes histories --count 2000 --seed 7 --jobs 2`` for a part;
     ``--folder FOLDER`` keeps what was done, to go on later; ``--show INDEX`` prints one case.
     """
     install(session, "-e", ".[test]")

@@ -47,7 +47,7 @@ class Spring:
         return c if side > 0 or self.exponent % 2 == 1 else -c
 
 
-class SoftFlight:
+class SoftMotion:
     """The motion of a structure with soft limiters."""
 
     def __init__(self, structure: Structure, springs: Sequence[Spring], x: Any, v: Any) -> None:

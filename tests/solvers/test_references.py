@@ -8,9 +8,9 @@ import pytest
 from flint import arb
 
 from tests.reference.balls import Structure, UndecidedError, sign
-from tests.reference.flights import Flight
-from tests.reference.members import Limiter, Member, solved
-from tests.reference.soft import SoftFlight, Spring
+from tests.reference.impact_modes import Limiter, Solution, solved
+from tests.reference.rigid import RigidMotion
+from tests.reference.soft import SoftMotion, Spring
 
 ONE = np.array([1.0])
 
@@ -20,12 +20,14 @@ def near(ball: arb, exact: arb, digits: int) -> bool:
 
 
 def test_impulse_of_an_oscillator_is_that_of_the_chapter() -> None:
-    member = solved(Structure([[1.0]], [[1.0]]), (Limiter(ONE, 1.0, 1.0),), (0,), float(np.pi / 2))
+    solution = solved(
+        Structure([[1.0]], [[1.0]]), (Limiter(ONE, 1.0, 1.0),), (0,), float(np.pi / 2)
+    )
     omega = arb(float(np.pi / 2)) * 2 / arb.pi()
     gamma = 1 / omega
-    assert near(member.impulse[0], omega**2 * gamma * gamma.cot(), 25)
-    assert member.exists() is True
-    assert member.radius() == pytest.approx(1.0, abs=1e-20)
+    assert near(solution.impulse[0], omega**2 * gamma * gamma.cot(), 25)
+    assert solution.exists() is True
+    assert solution.radius() == pytest.approx(1.0, abs=1e-20)
 
 
 def test_the_idle_limiter_beside_a_silent_resonance_is_passed() -> None:
@@ -34,17 +36,19 @@ def test_the_idle_limiter_beside_a_silent_resonance_is_passed() -> None:
         Limiter(np.eye(3)[0], 3.9470906885203574, 3.9470906885203574),
         Limiter(np.eye(3)[1], 1.0, 1.0),
     )
-    member = solved(Structure(np.eye(3), K), limiters, (1,), float(np.sqrt(2) * (1 + 1e-12)))
-    assert member.exists() is False
+    solution = solved(Structure(np.eye(3), K), limiters, (1,), float(np.sqrt(2) * (1 + 1e-12)))
+    assert solution.exists() is False
 
 
 def test_harmonics_sum_to_the_waveform() -> None:
-    member = Member(Structure([[1.0]], [[1.0]], force=[0.2]), (Limiter(ONE, None, 1.0),), (0,), 1.3)
+    solution = Solution(
+        Structure([[1.0]], [[1.0]], force=[0.2]), (Limiter(ONE, None, 1.0),), (0,), 1.3
+    )
     n = 400
-    orders = [float(member.harmonic(k)[0]) for k in range(n)]
+    orders = [float(solution.harmonic(k)[0]) for k in range(n)]
     t = 0.4 * np.pi / (2 * 1.3)  # tau = 0.4
     values = [orders[k] * (np.sin(k * 1.3 * t) if k % 2 else np.cos(k * 1.3 * t)) for k in range(n)]
-    assert sum(values) == pytest.approx(float(member.displacement(0.4)[0]), abs=1e-4)
+    assert sum(values) == pytest.approx(float(solution.displacement(0.4)[0]), abs=1e-4)
 
 
 def test_sign_of_a_polynomial_that_touches_zero_is_undecided() -> None:
@@ -56,18 +60,18 @@ def test_sign_of_a_polynomial_that_touches_zero_is_undecided() -> None:
 
 
 def test_a_bouncing_ball_rests_in_time() -> None:
-    flight = Flight(
+    motion = RigidMotion(
         Structure([[1.0]], [[0.0]], force=[-1.0]), [Limiter(ONE, 0.0, None)], [0.5], [0.5], [0.0]
     )
-    motion = flight.run(5.0, [4.0])
-    assert near(motion.contacts[0].rest, arb(3), 30)  # sqrt(2 H/g) (1 + k)/(1 - k)
-    assert near(motion.states[0][0, 0], arb(0), 70)
+    history = motion.run(5.0, [4.0])
+    assert near(history.contacts[0].rest, arb(3), 30)  # sqrt(2 H/g) (1 + k)/(1 - k)
+    assert near(history.states[0][0, 0], arb(0), 70)
 
 
 def test_impacts_of_an_oscillator_follow_the_arccotangents() -> None:
     k = arb(0.5)
-    flight = Flight(Structure([[1.0]], [[1.0]]), [Limiter(ONE, 1.0, 1.0)], [0.5], [0.0], [3.0])
-    impacts = flight.run(3.0, [3.0]).impacts
+    motion = RigidMotion(Structure([[1.0]], [[1.0]]), [Limiter(ONE, 1.0, 1.0)], [0.5], [0.0], [3.0])
+    impacts = motion.run(3.0, [3.0]).impacts
     v = arb(8).sqrt()
     assert near(impacts[0].time, (arb(1) / 3).asin(), 60)
     assert near(impacts[0].velocity, v, 60)
@@ -77,11 +81,11 @@ def test_impacts_of_an_oscillator_follow_the_arccotangents() -> None:
 
 def test_order_decides_between_coupled_limiters() -> None:
     limiters = [Limiter(np.array([1.0, 0.0]), None, 1.0), Limiter(np.array([0.6, 0.8]), None, 1.0)]
-    flight = Flight(
+    motion = RigidMotion(
         Structure(np.eye(2), np.zeros((2, 2))), limiters, [1.0, 1.0], [0.0, 0.0],
         [1.0, 0.5 + 64 * 2.0**-53],
     )  # fmt: skip
-    state = flight.run(2.5, [2.0]).states[0]
+    state = motion.run(2.5, [2.0]).states[0]
     assert near(state[0, 0], arb(8) / 10, 13)
     assert near(state[1, 0], arb(-6) / 10, 13)
 
@@ -89,31 +93,30 @@ def test_order_decides_between_coupled_limiters() -> None:
 def test_a_contact_is_released_by_its_load() -> None:
     """A mass pressed to its wall by cos t leaves at pi/2."""
     structure = Structure([[1.0]], [[0.0]], load=((0, 1.0, 1.0, 0.0),))
-    motion: Motion = Flight(structure, [Limiter(ONE, None, 0.0)], [0.5], [0.0], [0.0]).run(
-        3.0, [2.0]
-    )
-    assert near(motion.contacts[0].stop, arb.pi() / 2, 60)
+    motion = RigidMotion(structure, [Limiter(ONE, None, 0.0)], [0.5], [0.0], [0.0])
+    history = motion.run(3.0, [2.0])
+    assert near(history.contacts[0].stop, arb.pi() / 2, 60)
     # x'' = cos t from pi/2: x = -cos t - (t - pi/2)
-    assert near(motion.states[0][0, 0], -arb(2).cos() - (arb(2) - arb.pi() / 2), 60)
+    assert near(history.states[0][0, 0], -arb(2).cos() - (arb(2) - arb.pi() / 2), 60)
 
 
 def test_grazing_that_no_digit_decides_is_said_so() -> None:
-    flight = Flight(Structure([[1.0]], [[1.0]]), [Limiter(ONE, 1.0, 1.0)], [1.0], [0.0], [1.0])
+    motion = RigidMotion(Structure([[1.0]], [[1.0]]), [Limiter(ONE, 1.0, 1.0)], [1.0], [0.0], [1.0])
     with pytest.raises(UndecidedError, match="touches"):
-        flight.run(3.0, [3.0])
+        motion.run(3.0, [3.0])
 
 
 def test_linear_soft_limiters_are_springs() -> None:
     spring = Spring(ONE, arb(1), arb(1), 3.0, 1)
-    flight = SoftFlight(Structure([[1.0]], [[1.0]]), [spring], [0.0], [1.0])
-    (state,) = flight.run([2.0])
+    motion = SoftMotion(Structure([[1.0]], [[1.0]]), [spring], [0.0], [1.0])
+    (state,) = motion.run([2.0])
     assert near(state[0, 0], arb(4).sin() / 2, 25)
 
 
 def test_soft_limiters_conserve_energy_where_their_laws_change_sides() -> None:
     spring = Spring(ONE, None, arb(1), 3.0, 4)
-    flight = SoftFlight(Structure([[1.0]], [[1.0]]), [spring], [0.0], [1.5])
-    for state in flight.run([1.0, 3.0, 9.0]):
+    motion = SoftMotion(Structure([[1.0]], [[1.0]]), [spring], [0.0], [1.5])
+    for state in motion.run([1.0, 3.0, 9.0]):
         x, v = state[0, 0], state[1, 0]
         energy = (x**2 + v**2) / 2 + (3 * x**5 / 5 if x > 0 else arb(0))
         assert near(energy, arb(9) / 8, 24)

@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 import pytest
 
-from tests.truth.campaign import generator
 from tests.truth.sets import SETS
 from tests.truth.verdicts import Case, Report
 
@@ -15,13 +14,12 @@ SEED = 1
 
 def outcome(name: str, count: int, chosen: Callable[[Case], bool]) -> Report:
     """Return what the first cases of a set give, those that are chosen."""
-    make, check = SETS[name]
     report, index = Report(), 0
     while count:
-        case = make(generator(name, SEED, index))
+        case = SETS[name].case(SEED, index)
         if chosen(case):
             before = len(report.failures)
-            check(case, report)
+            SETS[name].check(case, report)
             new = [(kind, f"{index}: {text}") for kind, text in report.failures[before:]]
             report.failures[before:] = new
             count -= 1
@@ -38,8 +36,10 @@ def kind(case: Case) -> str:
     return case.name.split(",")[0]
 
 
-def test_members_are_what_they_are_said_to_be() -> None:
-    report = outcome("members", 40, lambda case: kind(case) in {"dense", "diagonal", "indefinite"})
+def test_impact_modes_are_what_they_are_said_to_be() -> None:
+    report = outcome(
+        "impact-modes", 40, lambda case: kind(case) in {"dense", "diagonal", "indefinite"}
+    )
     stated = [f for f in report.failures if "by the error of impulses" not in f[0]]
     assert not stated
     assert median(report, "impulse") < 100.0

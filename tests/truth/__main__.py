@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.truth.campaign import Outcome, follow, generator
-from tests.truth.sets import SETS, USUAL
+from tests.truth.campaign import Outcome, follow
+from tests.truth.sets import SETS
 
 
 def main() -> int:
@@ -31,7 +31,7 @@ def main() -> int:
         return _show(names[0], arguments.seed, arguments.show)
     failed = False
     for name in names:
-        count = USUAL[name] if arguments.count is None else arguments.count
+        count = SETS[name].usual if arguments.count is None else arguments.count
         outcome = follow(name, arguments.seed, count, arguments.jobs, arguments.folder)
         print(summary(outcome, arguments.most))
         failed |= bool(outcome.failures)
@@ -41,11 +41,10 @@ def main() -> int:
 def _show(name: str, seed: int, index: int) -> int:
     from tests.truth.verdicts import Report
 
-    make, check = SETS[name]
-    case, report = make(generator(name, seed, index)), Report()
+    case, report = SETS[name].case(seed, index), Report()
     print(case.name)
     print(json.dumps(case.document))
-    check(case, report)
+    SETS[name].check(case, report)
     for kind, message in report.failures:
         print(f"{kind}: {message}")
     return int(bool(report.failures))

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from tests.reference.balls import UndecidedError
-from tests.reference.members import Member, solved
-from tests.truth import members, structures
+from tests.reference.impact_modes import Solution, solved
+from tests.truth import impact_modes, structures
 from tests.truth.verdicts import Case, Report
 from vibroimpact_solvers import existence_bands
 
@@ -17,7 +17,7 @@ SOLVER_LIMIT = 120.0  # seconds, kernels being compiled apart
 
 def case(rng: np.random.Generator) -> Case:
     """Return a random family with a range of frequencies and places to look at."""
-    made = members.case(rng)
+    made = impact_modes.case(rng)
     document = made.document
     Omega = document.pop("Omega")
     width = 10.0 ** rng.uniform(-2, 0.4)
@@ -27,7 +27,7 @@ def case(rng: np.random.Generator) -> Case:
 
 
 def check(case: Case, report: Report) -> None:
-    """Compare the bands of a case with the members at frequencies in and beside them."""
+    """Compare the bands of a case with the solutions at frequencies in and beside them."""
     document = case.document
     problem = existence_bands.Problem(
         structures.system(document),
@@ -67,13 +67,13 @@ def check(case: Case, report: Report) -> None:
 def _exists(document: structures.Document, Omega: float, report: Report) -> bool | None:
     report.phase("reference")
     try:
-        member: Member = solved(
+        solution: Solution = solved(
             structures.reference(document, conservative=True),
             structures.limiters(document),
             tuple(document["active"]),
             Omega,
         )
-        true = member.exists()
+        true = solution.exists()
     except UndecidedError:
         true = None
     report.count("verdicts" if true is not None else "verdicts undecided by the reference")

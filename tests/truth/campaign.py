@@ -14,8 +14,6 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from tests.truth.sets import SETS
 from tests.truth.verdicts import Report
 
@@ -49,21 +47,15 @@ class Outcome:
         return Counter(entry["kind"] for entry in self.failures)
 
 
-def generator(name: str, seed: int, index: int) -> np.random.Generator:
-    """Return the random numbers of a case."""
-    return np.random.default_rng([*name.encode(), seed, index])
-
-
 def _work(name: str, seed: int, indices: list[int], pipe: Connection) -> None:
     """Run cases one after the other and send what they give."""
     resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
-    make, check = SETS[name]
     for index in indices:
         report, case = Report(tell=lambda *phase: pipe.send(("phase", *phase))), None
         pipe.send(("begin", index))
         try:
-            case = make(generator(name, seed, index))
-            check(case, report)
+            case = SETS[name].case(seed, index)
+            SETS[name].check(case, report)
         except Exception as error:
             last = traceback.extract_tb(error.__traceback__)[-1]
             where = f"{Path(last.filename).name}:{last.lineno}"

@@ -9,7 +9,7 @@ import numpy as np
 from flint import arb
 
 from tests.reference.balls import UndecidedError
-from tests.reference.flights import Contact, Flight, Motion
+from tests.reference.rigid import Contact, History, RigidMotion
 from tests.truth import structures
 from tests.truth.structures import Document
 from tests.truth.verdicts import ROUNDING, Case, Report, stated_error
@@ -117,7 +117,7 @@ def pressed(rng: np.random.Generator) -> Document:
 def grazing(rng: np.random.Generator) -> Document:
     """Start so that the first turning point is at a wall, nearly."""
     document = (plain, damped, loaded)[int(rng.integers(3))](rng)
-    reference = Flight(
+    reference = RigidMotion(
         structures.reference(document), (), (), document["x"], document["v"]
     )  # fmt: skip
     T = 6.0 / top_frequency(document)
@@ -227,16 +227,16 @@ def problem_of(document: Document, **more: Any) -> time_history.Problem:
     )
 
 
-def truth(document: Document) -> Motion:
+def truth(document: Document) -> History:
     """Return the motion of the reference."""
-    flight = Flight(
+    motion = RigidMotion(
         structures.reference(document),
         structures.limiters(document),
         [c["restitution"] for c in document["constraints"]],
         document["x"],
         document["v"],
     )
-    return flight.run(document["t_end"], document["t"])
+    return motion.run(document["t_end"], document["t"])
 
 
 def check(case: Case, report: Report, expected: tuple[str, ...] = (), **more: Any) -> None:
@@ -270,13 +270,15 @@ def check(case: Case, report: Report, expected: tuple[str, ...] = (), **more: An
     compare(case, result, motion, report)
 
 
-def compare(case: Case, result: time_history.Result, motion: Motion, report: Report) -> None:
+def compare(case: Case, result: time_history.Result, motion: History, report: Report) -> None:
     """Compare a result with the motion of the reference, up to its horizon."""
     compare_states(case, result, motion, report)
     _impacts(result, motion, result.error_predictable_until, report, case)
 
 
-def compare_states(case: Case, result: time_history.Result, motion: Motion, report: Report) -> None:
+def compare_states(
+    case: Case, result: time_history.Result, motion: History, report: Report
+) -> None:
     """Compare displacements and velocities at the output times before the horizon."""
     document, horizon = case.document, result.error_predictable_until
     n, t = len(document["M"]), np.array(document["t"])
@@ -330,7 +332,7 @@ def _states(
 
 
 def _impacts(
-    result: time_history.Result, motion: Motion, horizon: float, report: Report, case: Case
+    result: time_history.Result, motion: History, horizon: float, report: Report, case: Case
 ) -> None:
     """Compare the table of impacts, up to the first contact and the horizon.
 
@@ -379,7 +381,7 @@ def _impacts(
     _columns(result, motion, stop, report)
 
 
-def _chatter_start(motion: Motion, contact: Contact) -> float:
+def _chatter_start(motion: History, contact: Contact) -> float:
     """Return a time before which no chatter that ends in this contact can have been summed."""
     bounces = [
         float(i.time)
@@ -404,7 +406,7 @@ def _clusters(
     return clusters
 
 
-def _columns(result: time_history.Result, motion: Motion, stop: float, report: Report) -> None:
+def _columns(result: time_history.Result, motion: History, stop: float, report: Report) -> None:
     """Compare times, velocities and impulses with their stated errors, where these exist."""
     true = [(float(i.time), i.constraint, i.side, i) for i in motion.impacts]
     assert result.impact_time is not None

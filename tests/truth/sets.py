@@ -3,26 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from tests.truth import bands, digits, histories, members, soft
+from tests.truth import bands, digits, histories, impact_modes, soft
 from tests.truth.verdicts import Case, Report
 
-SETS: Final[dict[str, tuple[Callable[[np.random.Generator], Case], Callable[[Case, Report], None]]]]
-SETS = {
-    "members": (members.case, members.check),
-    "bands": (bands.case, bands.check),
-    "histories": (histories.case, histories.check),
-    "digits": (digits.case, digits.check),
-    "soft": (soft.case, soft.check),
-}
 
-USUAL: Final = {
-    "members": 30_000,
-    "bands": 20_000,
-    "histories": 20_000,
-    "digits": 1_000,
-    "soft": 1_000,
+@dataclass(frozen=True, slots=True)
+class Set:
+    """A set of random cases."""
+
+    number: int  # in the seeds of its cases
+    make: Callable[[np.random.Generator], Case]
+    check: Callable[[Case, Report], None]
+    usual: int  # number of its cases
+
+    def case(self, seed: int, index: int) -> Case:
+        """Return one of its cases."""
+        return self.make(np.random.default_rng([self.number, seed, index]))
+
+
+SETS: Final = {
+    "impact-modes": Set(0, impact_modes.case, impact_modes.check, 30_000),
+    "bands": Set(1, bands.case, bands.check, 20_000),
+    "histories": Set(2, histories.case, histories.check, 20_000),
+    "digits": Set(3, digits.case, digits.check, 1_000),
+    "soft": Set(4, soft.case, soft.check, 1_000),
 }

@@ -6,8 +6,8 @@ import numpy as np
 from flint import arb
 
 from tests.reference.balls import UndecidedError
-from tests.reference.flights import Motion
-from tests.reference.soft import SoftFlight, Spring
+from tests.reference.rigid import History
+from tests.reference.soft import SoftMotion, Spring
 from tests.truth import histories, structures
 from tests.truth.verdicts import Case, Report
 from vibroimpact_solvers import time_history
@@ -66,9 +66,9 @@ def check(case: Case, report: Report) -> None:
         if c["lower"] == c["upper"]:
             object.__setattr__(spring, "lower", spring.upper)
     try:
-        flight = SoftFlight(structures.reference(document), springs, document["x"], document["v"])
-        states = flight.run(document["t"])
+        motion = SoftMotion(structures.reference(document), springs, document["x"], document["v"])
+        states = motion.run(document["t"])
     except UndecidedError as error:
         report.count(f"undecided: {error}")
         return
-    histories.compare_states(case, result, Motion(states=states), report)
+    histories.compare_states(case, result, History(states=states), report)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tests.reference.balls import Structure
-from tests.reference.members import Limiter
+from tests.reference.impact_modes import Limiter
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 
 Document = dict[str, Any]

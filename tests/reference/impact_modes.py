@@ -1,6 +1,6 @@
 """Impact modes without modes: boundary conditions, matrix exponentials and balls.
 
-A member of a family moves as ``x(t)``, ``-1/omega <= t <= 1/omega`` (tau = omega t), and back the
+A solution of a family moves as ``x(t)``, ``-1/omega <= t <= 1/omega`` (tau = omega t), and back the
 same way. Its state at t = 0 and the impulses follow from linear equations: the coordinates are at
 their walls at both ends, and what turns the velocities there comes from the walls. Everything
 follows from the state at t = 0 by the matrix exponential of the first-order equations.
@@ -47,7 +47,7 @@ class Limiter:
 
 
 @dataclass
-class Member:
+class Solution:
     """One solution of a family, at the precision in force when it was made."""
 
     structure: Structure
@@ -86,7 +86,7 @@ class Member:
         try:
             u = L.solve(right)
         except ZeroDivisionError as error:
-            raise UndecidedError("the equations of the member are singular") from error
+            raise UndecidedError("the equations of the solution are singular") from error
         self.middle = arb_mat(2 * n + 1, 1)
         for i in range(2 * n):
             self.middle[i, 0] = u[i, 0]
@@ -156,7 +156,7 @@ class Member:
 
     @cached_property
     def pushes(self) -> list[Any]:
-        """Impulses and approach velocities: all positive in real motions."""
+        """Impulses and approach velocities: all positive in motions of the structure."""
         n = self.structure.n
         values = []
         for z, struck, p in (
@@ -169,7 +169,7 @@ class Member:
         return values
 
     def exists(self, allowance: float = 0.0) -> bool | None:
-        """Tell whether the member is a motion of the structure; None: undecided.
+        """Tell whether the solution is a motion of the structure; None: undecided.
 
         Limits may be passed by `allowance` times the distance of the walls.
         """
@@ -257,8 +257,8 @@ class Member:
         """Return the spectral radius of the map over half a period, from that over the period."""
         n = self.structure.n
         size = 2 * n
-        flight = (self.A * (2 * self.h)).exp()
-        Phi = arb_mat([r[:size] for r in flight.tolist()[:size]])
+        motion = (self.A * (2 * self.h)).exp()
+        Phi = arb_mat([r[:size] for r in motion.tolist()[:size]])
         low, high = self.ends
         total = Phi
         for place, (z, struck, facing) in enumerate(((high, self.upper, 1), (low, self.lower, -1))):
@@ -308,15 +308,15 @@ def solved(
     limiters: tuple[Limiter, ...],
     active: tuple[int, ...],
     Omega: float,
-    enough: Callable[[Member], bool] | None = None,
-) -> Member:
-    """Return a member at the first precision at which its enclosures are narrow (and enough)."""
+    enough: Callable[[Solution], bool] | None = None,
+) -> Solution:
+    """Return a solution at the first precision at which its enclosures are narrow (and enough)."""
     for precision in PRECISIONS:
         flint.ctx.prec = precision
         try:
-            member = Member(structure, limiters, active, Omega)
+            solution = Solution(structure, limiters, active, Omega)
         except UndecidedError:
             continue
-        if member.narrow() and (enough is None or enough(member)):
-            return member
+        if solution.narrow() and (enough is None or enough(solution)):
+            return solution
     raise UndecidedError("no precision is enough")

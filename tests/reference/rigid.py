@@ -31,7 +31,7 @@ from tests.reference.balls import (
     mobility_times,
     power_to_bernstein,
 )
-from tests.reference.members import Limiter
+from tests.reference.impact_modes import Limiter
 
 PRECISION = 256
 _DEGREE = 75
@@ -63,7 +63,7 @@ class Contact:
 
 
 @dataclass
-class Motion:
+class History:
     """What happened."""
 
     impacts: list[Impact] = field(default_factory=list)
@@ -85,13 +85,13 @@ class _Watched:
 class _Configuration:
     """The structure with some coordinates held at their walls."""
 
-    def __init__(self, flight: Flight, held: tuple[tuple[int, int], ...]) -> None:
-        s, n = flight.structure, flight.structure.n
-        A = flight.A
+    def __init__(self, motion: RigidMotion, held: tuple[tuple[int, int], ...]) -> None:
+        s, n = motion.structure, motion.structure.n
+        A = motion.A
         forces = arb_mat(0, 0)
         if held:
-            W = matrix(flight.rows[[a for a, _ in held]])
-            m = arb_mat([[r[a] for a, _ in held] for r in flight.mobility.tolist()])
+            W = matrix(motion.rows[[a for a, _ in held]])
+            m = arb_mat([[r[a] for a, _ in held] for r in motion.mobility.tolist()])
             pull = W * arb_mat(A.tolist()[n : 2 * n])
             forces = (W * m).solve(pull)
             less = m * forces
@@ -103,7 +103,7 @@ class _Configuration:
         self.flow = Flow(self.A, degree=_DEGREE)
         self.watched = []
         lasting = {a for a, _ in held}
-        for a, limiter in enumerate(flight.limiters):
+        for a, limiter in enumerate(motion.limiters):
             if a in lasting:
                 continue
             for side, wall in ((1, limiter.upper), (-1, limiter.lower)):
@@ -140,7 +140,7 @@ class _Configuration:
         return total.mid()
 
 
-class Flight:
+class RigidMotion:
     """The motion of a structure from an initial state."""
 
     def __init__(
@@ -163,7 +163,7 @@ class Flight:
         self.z, self.t = structure.state(x, v).mid(), arb(0)
         self.held: tuple[tuple[int, int], ...] = ()
         self.leaving: dict[tuple[int, int], int] = {}
-        self.motion, self.patience, self.chatter = Motion(), patience, chatter
+        self.motion, self.patience, self.chatter = History(), patience, chatter
         self._configurations: dict[tuple[tuple[int, int], ...], _Configuration] = {}
         self._open: dict[tuple[int, int], Contact] = {}
 
@@ -174,7 +174,7 @@ class Flight:
             self._configurations[self.held] = _Configuration(self, self.held)
         return self._configurations[self.held]
 
-    def run(self, t_end: float, times: Sequence[float]) -> Motion:
+    def run(self, t_end: float, times: Sequence[float]) -> History:
         """Follow the motion to its end."""
         self.times, self.end = [arb(float(t)) for t in times], arb(t_end)
         self._start()

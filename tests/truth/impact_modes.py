@@ -1,4 +1,4 @@
-"""Random members of families, and what their results state against what is true."""
+"""Random solutions of families, and what their results state against what is true."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from flint import arb
 
 from tests.reference.balls import UndecidedError
-from tests.reference.members import Member, solved
+from tests.reference.impact_modes import Solution, solved
 from tests.truth import structures
 from tests.truth.verdicts import Case, Report, stated_error
 from vibroimpact_solvers import impact_modes
@@ -21,7 +21,7 @@ TAU = (-0.73, 0.31, 0.9)
 
 
 def case(rng: np.random.Generator) -> Case:
-    """Return a random member."""
+    """Return a random solution."""
     kind = str(rng.choice(structures.KINDS))
     document = structures.structure(rng, kind)
     n = len(document["M"])
@@ -100,7 +100,7 @@ def problem_of(
 
 
 def check(case: Case, report: Report) -> None:
-    """Compare the member of a case with its reference."""
+    """Compare the solution of a case with its reference."""
     document = case.document
     commuting = len(document["active"]) == 1
     outputs = frozenset(OUTPUTS) | {"exists", "reason"}
@@ -109,24 +109,24 @@ def check(case: Case, report: Report) -> None:
     result = impact_modes.solve(problem, impact_modes.plan(problem))
     report.phase("reference")
     try:
-        member = solved(
+        solution = solved(
             structures.reference(document, conservative=True),
             structures.limiters(document),
             tuple(document["active"]),
             document["Omega"],
         )
     except UndecidedError:
-        member = None
-    if member is None:
-        report.count("undecided members")
+        solution = None
+    if solution is None:
+        report.count("undecided solutions")
         return
-    _check_existence(member, result, report)
+    _check_existence(solution, result, report)
     if result.reason is not None and result.reason[0] == impact_modes.Reason.SINGULAR:
-        report.count("singular members")
+        report.count("singular solutions")
         return
-    _check_numbers(member, result, report)
+    _check_numbers(solution, result, report)
     if commuting and result.stability is not None and np.isfinite(result.stability[0]):
-        true = member.radius()
+        true = solution.radius()
         error = stated_error(result, "stability")
         if error is None:
             assert result.stability_error is not None
@@ -134,37 +134,37 @@ def check(case: Case, report: Report) -> None:
         report.compare("stability", [result.stability[0]], [arb(true)], np.ravel(error)[0])
 
 
-def _check_existence(member: Member, result: impact_modes.Result, report: Report) -> None:
+def _check_existence(solution: Solution, result: impact_modes.Result, report: Report) -> None:
     assert result.exists is not None
     assert result.certified is not None
     assert result.reason is not None
     exists, certified = bool(result.exists[0]), bool(result.certified[0])
-    true = member.exists()
+    true = solution.exists()
     reason = result.reason[0]
     label = "certified" if certified else "not certified"
     report.count(f"existence {label}")
     if true is None:
         report.count("existence undecided by the reference")
-        smallest = min(float(abs(p).upper()) for p in member.impulse.values() or [arb(1)])
+        smallest = min(float(abs(p).upper()) for p in solution.impulse.values() or [arb(1)])
         if exists and certified and smallest < 1e-25:
             report.fail("existence", "exists and certified with an impulse of zero")
         return
     if exists != true:
-        loose = member.exists(allowance=1e-10)
+        loose = solution.exists(allowance=1e-10)
         kind = "existence" if certified else "existence, not certified"
         if certified and exists and loose is not False:
             kind = "existence, within 1e-10"
         message = f"exists {exists} ({impact_modes.REASONS[reason]}) but in truth {true}"
         report.fail(kind, message)
     elif exists is False and certified and reason == impact_modes.Reason.NEGATIVE_IMPULSE:
-        n = len(member.impulse) + len(member.impulse_lower)
-        if not any(member.pushes[2 * k] < 0 for k in range(n)):
+        n = len(solution.impulse) + len(solution.impulse_lower)
+        if not any(solution.pushes[2 * k] < 0 for k in range(n)):
             report.fail("reason", "no impulse is negative")
 
 
-def _check_numbers(member: Member, result: impact_modes.Result, report: Report) -> None:
-    p_true = [member.impulse.get(a, arb(0)) for a in member.active]
-    low_true = [member.impulse_lower.get(a, arb(0)) for a in member.active]
+def _check_numbers(solution: Solution, result: impact_modes.Result, report: Report) -> None:
+    p_true = [solution.impulse.get(a, arb(0)) for a in solution.active]
+    low_true = [solution.impulse_lower.get(a, arb(0)) for a in solution.active]
     assert result.impulse is not None
     stated = [*result.impulse[0]]
     true = list(p_true)
@@ -176,14 +176,14 @@ def _check_numbers(member: Member, result: impact_modes.Result, report: Report) 
     report.compare("impulse", stated, true, relative * largest)
     fallback = None if relative >= 1.0 else relative
     outputs: dict[str, tuple[Any, list[Any]]] = {
-        "shape": (result.shape, member.displacement(1.0)),
-        "waveform": (result.waveform, [x for t in TAU for x in member.displacement(t)]),
-        "energy": (result.energy, [member.energy]),
+        "shape": (result.shape, solution.displacement(1.0)),
+        "waveform": (result.waveform, [x for t in TAU for x in solution.displacement(t)]),
+        "energy": (result.energy, [solution.energy]),
     }
     if result.harmonics is not None:
         assert result.harmonic is not None
         try:
-            harmonics = [x for order in result.harmonic for x in member.harmonic(int(order))]
+            harmonics = [x for order in result.harmonic for x in solution.harmonic(int(order))]
             outputs["harmonics"] = (result.harmonics, harmonics)
         except UndecidedError:
             report.count("undecided harmonics")
