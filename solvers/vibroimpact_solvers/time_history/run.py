@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
@@ -40,12 +41,18 @@ def budget(basis: Basis) -> int:
 
 def new_progress(structure: Structure, problem: Problem, t_end: float) -> Rows:
     """Return the progress of a motion that begins, of `rigid_state.PROGRESS`."""
-    basis, progress = structure.configuration().basis, np.zeros(1, PROGRESS)
-    progress["end"], progress["longest"] = t_end * structure.scale, basis.longest
-    progress["chatter"], progress["budget"] = CHATTER, budget(basis)
-    progress["tolerance"] = tolerance_of(problem)
-    progress["growth"], progress["known_until"], progress["released"] = 1.0, math.inf, -1
+    known = _BEGINNINGS.get(structure)
+    if known is None:
+        basis = structure.configuration().basis
+        known = _BEGINNINGS[structure] = np.zeros(1, PROGRESS)
+        known["longest"], known["chatter"], known["budget"] = basis.longest, CHATTER, budget(basis)
+        known["growth"], known["known_until"], known["released"] = 1.0, math.inf, -1
+    progress = known.copy()
+    progress["end"], progress["tolerance"] = t_end * structure.scale, tolerance_of(problem)
     return progress
+
+
+_BEGINNINGS: weakref.WeakKeyDictionary[Structure, Rows] = weakref.WeakKeyDictionary()
 
 
 class Arrays:
