@@ -70,6 +70,7 @@ BENCHMARKS: Final[tuple[Benchmark, ...]] = (
         "against numpy",
         (
             "peers.ahead.ahead",
+            "peers.outputs.outputs",
             "peers.ahead.rest",
             "error_against_time.impact_modes.against_numpy",
         ),

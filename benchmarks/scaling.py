@@ -14,7 +14,7 @@ from benchmarks.harness import Work, measure
 from benchmarks.peers import ours
 from benchmarks.peers.cases import from_mode
 from benchmarks.tables import Goal, Plot, Table, Trend
-from vibroimpact_solvers import spectrum
+from vibroimpact_solvers import ensemble, spectrum
 from vibroimpact_solvers.spectrum import methods
 
 _MICRO = 1e6
@@ -98,6 +98,7 @@ def threads() -> Table:
     cases: dict[str, Work] = {
         "impulse, 20 000 frequencies": partial(solve, system, Omega),
         "energy, 2000 frequencies": partial(solve, system, few, frozenset({"energy"})),
+        "motions of 13 masses from 10 000 initial states": _ensemble(10_000),
     }
     rows: list[tuple[Any, ...]] = []
     for title, work in cases.items():
@@ -110,10 +111,16 @@ def threads() -> Table:
                 os.sched_setaffinity(0, everywhere)
             alone = alone or seconds
             rows.append(
-                (title, count, seconds, alone / seconds, 0.8 * count if count > 1 else None)
+                (
+                    title,
+                    count,
+                    seconds,
+                    alone / seconds,
+                    _share(title) * count if count > 1 else None,
+                )
             )
     return Table(
-        "Threads, chain of 1000 masses",
+        "Threads, chains of 1000 and of 13 masses",
         ("work", "cores", "clock [s]", "speed-up", "goal"),
         rows,
         "Least time on the clock of seven; neighbours of the benchmark share the cores.",
@@ -124,6 +131,20 @@ def threads() -> Table:
             "at 4 ms"
         },
     )
+
+
+def _share(title: str) -> float:
+    """Return the speed-up for each core that a work should have."""
+    return 0.9 if title.startswith("motions") else 0.8
+
+
+def _ensemble(members: int) -> Work:
+    """Return motions of a chain from random initial states, with 20 impacts and 4 outputs each."""
+    random, system = np.random.default_rng(0), chain(13)
+    x, v = 0.1 * random.uniform(-1.0, 1.0, (members, 13)), random.standard_normal((members, 13))
+    t, outputs = np.linspace(0.0, 10.0, 4), frozenset({"impacts", "x", "v"})
+    problem = ensemble.Problem(system, x, v, 10.0, t, outputs=outputs)
+    return lambda: ensemble.solve(problem, ensemble.plan(problem))
 
 
 def _clock(work: Work) -> float:

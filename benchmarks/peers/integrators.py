@@ -154,8 +154,11 @@ def restarted(scene: Scene, advance: Advance) -> Outcome:
     return Outcome(tuple(times), y)
 
 
-def heyoka_events(scene: Scene) -> Solver:
-    """Return heyoka's Taylor integrator with its own events; compiled for each tolerance."""
+def heyoka_events(scene: Scene, times: Floats | None = None) -> Solver:
+    """Return heyoka's Taylor integrator with its own events; compiled for each tolerance.
+
+    Its state at given times, the end last, comes from its dense output.
+    """
     import heyoka as hy
 
     n, K, C, force = scene.n, scene.stiffness, scene.damping, scene.system.force
@@ -180,13 +183,13 @@ def heyoka_events(scene: Scene) -> Solver:
         terms += [] if C is None else [-C[i, j] * v[j] for j in np.flatnonzero(C[i])]
         terms += [hy.expression(0.0 if force is None else float(force[i]))]
         rates.append((v[i], hy.sum(terms)))
-    times: list[float] = []
+    struck: list[float] = []
 
     def event(wall: Any) -> Any:
         def impact(integrator: Any, sign: int) -> bool:
-            times.append(integrator.time)
+            struck.append(integrator.time)
             integrator.state[n + wall.dof] *= -wall.restitution
-            return len(times) < scene.most
+            return len(struck) < scene.most
 
         room = wall.side * x[wall.dof] - wall.gap
         return hy.t_event(room, callback=impact, direction=hy.event_direction.positive)
@@ -200,15 +203,18 @@ def heyoka_events(scene: Scene) -> Solver:
                 rates, state=again.state, t_events=events, tol=tolerance, compact_mode=n > 20
             )
         integrator = made[tolerance]
-        times.clear()
+        struck.clear()
         integrator.time = 0.0
         integrator.state[:] = again.state
         if events:
             integrator.reset_cooldowns()
         limit = {} if math.isinf(again.step) else {"max_delta_t": again.step}
-        integrator.propagate_until(again.t_end, **limit)
-        end = "stalls" if len(times) >= again.most else ""
-        return Outcome(tuple(times), np.array(integrator.state), end)
+        if times is None:
+            integrator.propagate_until(again.t_end, **limit)
+        else:
+            integrator.propagate_grid(np.append(0.0, times), **limit)
+        end = "stalls" if len(struck) >= again.most else ""
+        return Outcome(tuple(struck), np.array(integrator.state), end)
 
     return solve
 

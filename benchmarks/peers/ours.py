@@ -8,17 +8,24 @@ import numpy as np
 
 from benchmarks.peers.scene import Outcome, Scene
 from vibroimpact_solvers import time_history
+from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.time_history import Problem, Result, State
 
 
-def problem(scene: Scene, tolerance: float | None = None, *, estimate: bool = True) -> Problem:
-    """Return the problem of a scene: the impacts, and the state at the end."""
+def problem(
+    scene: Scene,
+    tolerance: float | None = None,
+    *,
+    estimate: bool = True,
+    times: Floats | None = None,
+) -> Problem:
+    """Return the problem of a scene: the impacts, and the state at the end, or at some times."""
     rigid = {"impacts", "contacts"} if scene.limiter is None else set()
     return Problem(
         scene.system,
         _state(scene),
         scene.t_end,
-        t=np.array([scene.t_end]),
+        t=np.array([scene.t_end]) if times is None else times,
         outputs=frozenset({"x", "v"} | rigid),
         tolerance=tolerance,
         load=scene.load,
@@ -27,14 +34,18 @@ def problem(scene: Scene, tolerance: float | None = None, *, estimate: bool = Tr
     )
 
 
-def whole(scene: Scene, tolerance: float | None = None) -> Outcome:
+def whole(scene: Scene, tolerance: float | None = None, *, times: Floats | None = None) -> Outcome:
     """Plan and solve, as the service does, with estimates of errors."""
-    motion_problem = problem(scene, tolerance)
+    motion_problem = problem(scene, tolerance, times=times)
     return _outcome(time_history.solve(motion_problem, time_history.plan(motion_problem)))
 
 
 def prepared(
-    scene: Scene, tolerance: float | None = None, *, estimate: bool = False
+    scene: Scene,
+    tolerance: float | None = None,
+    *,
+    estimate: bool = False,
+    times: Floats | None = None,
 ) -> Callable[[], Outcome]:
     """Return what solves a motion that was planned and prepared beforehand, as peers are.
 
@@ -44,8 +55,10 @@ def prepared(
     tolerance : float, optional
     estimate : bool
         Whether errors are estimated, which no peer does.
+    times : array, optional
+        Output times; absent: the end.
     """
-    motion_problem = problem(scene, tolerance, estimate=estimate)
+    motion_problem = problem(scene, tolerance, estimate=estimate, times=times)
     motion = time_history.prepare(motion_problem, time_history.plan(motion_problem))
     # The peers get their state anew each time; so does this.
     again = _state(scene)
@@ -63,4 +76,4 @@ def _outcome(result: Result) -> Outcome:
     rests = result.contact_rest
     if rests is not None and rests.size:
         times += rests.tolist()
-    return Outcome(tuple(times), np.concatenate((result.x[0], result.v[0])))
+    return Outcome(tuple(times), np.concatenate((result.x[-1], result.v[-1])))
