@@ -138,7 +138,7 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     Omega = (natural[:, np.newaxis] / odd).ravel()
     order = np.argsort(Omega, kind="stable")
     error = np.repeat(np.concatenate(errors), odd.size)[order]
-    outputs = problem.outputs
+    outputs, system = problem.outputs, problem.system
     return Result(
         Omega=Omega[order] if "Omega" in outputs else None,
         harmonic=np.tile(odd, natural.size)[order] if "harmonic" in outputs else None,
@@ -147,6 +147,7 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
         error_natural=error,
         within_tolerance=None if problem.tolerance is None else error <= problem.tolerance,
         error_statement=_STATEMENT,
+        neglected=system.losses(()) or None,
     )
 
 

@@ -24,6 +24,7 @@ class Method(StrEnum):
 
     CERTIFIED = "branch and bound"
     SEARCH = "search"
+    ONE_SOLUTION = "one solution"
 
 
 def plan(problem: Problem) -> Plan:
@@ -53,6 +54,13 @@ def _steps(problem: Problem, *, grows: bool) -> Iterator[Step]:
     system = problem.system
     phase = spectrum.largest_frequency(system) / problem.start
     _check_poles(0.5 * phase)
+    if not (system.K.data.any() or system.loaded):
+        yield spectrum.step(system, spectrum.choose(system))
+        reason = "without stiffness and load each solution is admissible at all frequencies or none"
+        yield Step(Stage.BANDS, Method.ONE_SOLUTION, reason, 1e4 * system.n, 64.0)
+        if grows:
+            yield _stability_step(system.n, 2.0)
+        return
     partial = _partial_step(problem)
     if partial is not None:
         yield partial
@@ -80,9 +88,13 @@ def _steps(problem: Problem, *, grows: bool) -> Iterator[Step]:
         flops = poles * 20.0 * system.n * (100.0 + 50.0 * phase) * limits
         yield Step(Stage.BANDS, Method.SEARCH, reason, flops, 64.0 * poles)
     if grows:
-        reason = "multipliers of the half-period map at frequencies of every band"
-        flops = 0.5 * poles * _SAMPLES * 25.0 * (2.0 * system.n) ** 3
-        yield Step(Stage.STABILITY, "half-period map", reason, flops, 64.0 * poles)
+        yield _stability_step(system.n, poles)
+
+
+def _stability_step(n: int, poles: float) -> Step:
+    reason = "multipliers of the half-period map at frequencies of every band"
+    flops = 0.5 * poles * _SAMPLES * 25.0 * (2.0 * n) ** 3
+    return Step(Stage.STABILITY, "half-period map", reason, flops, 64.0 * poles)
 
 
 def _check_poles(count: float) -> None:
@@ -139,6 +151,9 @@ def _skips(problem: Problem, steps: tuple[Step, ...], *, grows: bool) -> Iterato
         if len(problem.system.constraints) == 1:
             why = "with one limiter and Omega > Omega_N every impact mode exists"
             yield Skip("the proof above the spectrum", why)
+    if any(step.method == Method.ONE_SOLUTION for step in steps):
+        why = "without stiffness the paths between impacts are straight lines at every one"
+        yield Skip("other frequencies", why)
     yield from modes.inactive_constraints(problem.system.constraints, problem.active)
     if "stability" in problem.outputs and not grows:
         yield Skip("stability", stability.DIRECTION_DEPENDENT)

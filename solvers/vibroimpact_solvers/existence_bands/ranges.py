@@ -30,6 +30,7 @@ class Rejected:
     start: float
     stop: float
     reason: Edge
+    edge_error: float  # largest absolute error of the edges
     certified: bool  # whether the reason is proved throughout
     # A triangle-wave time at which a limit is exceeded; nan where unknown
     witness: float = math.nan

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Final
 
@@ -18,8 +19,12 @@ from vibroimpact_solvers.results.existence_bands import Edge
 from vibroimpact_solvers.spectrum import Spectrum
 
 STATEMENT: Final = (
-    "searched: impact modes at frequencies between all poles; a band or a gap narrower than the "
+    "estimated: impact modes at frequencies between all poles; a band or a gap narrower than the "
     "resolution could be missed, edges are enclosed between two frequencies"
+)
+
+STRAIGHT: Final = (
+    "certified: one solution decides all frequencies, as paths without stiffness are straight lines"
 )
 
 _BETWEEN = 16  # frequencies between neighbouring poles
@@ -62,6 +67,28 @@ def poles_near_harmonics(
     return np.concatenate(poles)
 
 
+def by_one_solution(problem: Problem) -> FrequencyRanges:
+    """Return the ranges of a structure without stiffness: its paths are straight lines.
+
+    They are the same at all frequencies but for the scale of time.
+    """
+    Omega = math.sqrt(problem.start) * math.sqrt(problem.stop)
+    one = problem.impact_modes_at(np.array([Omega]), _OUTPUTS)
+    result = modes.solve(one, modes.plan(one))
+    assert result.reason is not None
+    assert result.certified is not None
+    assert result.witness is not None
+    reason, certified = Reason(result.reason[0]), bool(result.certified[0])
+    ranges = FrequencyRanges(statement=STRAIGHT if certified else STATEMENT)
+    if reason is Reason.OK:
+        ends = problem.start, problem.stop, Edge.RANGE, Edge.RANGE
+        ranges.bands.append(Band(*ends, 0.0, certified))
+    elif reason in _REJECTED:
+        rejected = problem.start, problem.stop, Edge(int(reason)), 0.0, certified
+        ranges.rejected.append(Rejected(*rejected, witness=float(result.witness[0])))
+    return ranges
+
+
 class SearchedBands:
     """Search for the bands of one problem.
 
@@ -92,16 +119,16 @@ class SearchedBands:
         for k, (first, last) in enumerate(zip(starts, stops, strict=True)):
             reason = Reason(codes[first])
             start, stop = float(edges[k]), float(edges[k + 1])
+            error = float(max(errors[k], errors[k + 1])) + 4.0 * np.spacing(stop)
             if reason is Reason.OK:
                 below = Edge.RANGE if k == 0 else Edge(int(codes[first - 1]))
                 above = Edge.RANGE if k + 1 == starts.size else Edge(int(codes[last + 1]))
-                error = float(max(errors[k], errors[k + 1])) + 4.0 * np.spacing(stop)
                 ranges.bands.append(Band(start, stop, below, above, error, certified=False))
             elif reason in _REJECTED:
                 middle = witness[(first + last) // 2]
                 edge = Edge(int(reason))
                 ranges.rejected.append(
-                    Rejected(start, stop, edge, certified=False, witness=float(middle))
+                    Rejected(start, stop, edge, error, certified=False, witness=float(middle))
                 )
         return ranges
 

@@ -15,6 +15,7 @@ from vibroimpact_solvers.existence_bands.problem import Problem
 from vibroimpact_solvers.existence_bands.ranges import FrequencyRanges
 from vibroimpact_solvers.existence_bands.search import (
     SearchedBands,
+    by_one_solution,
     poles_near_harmonics,
     poles_of,
 )
@@ -43,6 +44,7 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     columns.update(
         error_resolution=ranges.resolution,
         error_statement=ranges.statement,
+        neglected=problem.system.losses(problem.active) or None,
         unresolved_start=np.array([start for start, _ in ranges.unresolved]),
         unresolved_stop=np.array([stop for _, stop in ranges.unresolved]),
     )
@@ -64,6 +66,8 @@ def _ranges(problem: Problem, plan: Plan, tick: Tick | None) -> FrequencyRanges:
         poles = poles_near_harmonics(problem, natural.settings, tick)
         return SearchedBands(problem, poles, impact_modes.partial_modes_plan).find(tick)
     modes = spectrum.spectrum(problem.system, spectrum.Method(natural.method))
+    if bands.method == Method.ONE_SOLUTION:
+        return by_one_solution(problem)
     if bands.method == Method.CERTIFIED:
         return CertifiedBands(problem, modes).find(tick)
     return SearchedBands(problem, poles_of(problem, modes)).find(tick)

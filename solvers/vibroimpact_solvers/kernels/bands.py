@@ -16,8 +16,18 @@ A range of q, the cell, is decided by boxes of q and tau. Over a box ``q0 +- hal
     |P - P0| <= half |P_q| + width |P_tau| + half^2/2 B_qq + half width B_qtau + width^2/2 B_tautau
 
 with bounds B of its second derivatives over the box. A mode near its pole is bounded by its
-bracket and its denominator apart, since the bracket, not the quotient, is smooth there. All bounds
-leave room for rounding, four roundings of each phase: they are proved, not estimated.
+bracket and its denominator apart, since the bracket, not the quotient, is smooth there.
+
+All bounds are outward. Each phase ``r q``, with a root r known to within d, and its sine and cosine
+are wrong by at most
+
+    blur = 2 eps (1 + r q) + d q
+
+(two roundings of the phase, one unit in the last place of the functions, and the root). With
+``size = |alpha| + |beta|``, known to within `doubt`, a bracket is wrong by ``doubt + size blur``, a
+quotient by the cosine by ``size blur/cos^2`` more, slopes by ``1/cos`` times as much; a sum of n
+terms adds ``n eps`` times their magnitudes. What is computed from such bounds in doubles is raised
+by `_UP`.
 """
 
 from __future__ import annotations
@@ -36,6 +46,7 @@ ADMISSIBLE: Final = 1
 PHANTOM: Final = 2
 
 _EPS = 2.220446049250313e-16
+_UP = 1.0 + 1e-10  # more than the roundings of a bound
 _NEAR = 0.3  # below this cosine a mode is bounded by its bracket
 _FIRST_CELL = 0.25  # its phase in the fastest mode
 _FIRST_BOX = 0.7
@@ -49,12 +60,16 @@ class Margin(NamedTuple):
     """The function P of every limit, see the module."""
 
     root: Floats  # natural frequencies Omega_j of the modes that take part, positive, (mode,)
-    # Each (limit, mode)
+    root_error: Floats  # their absolute errors, (mode,)
+    # Each (limit, mode); doubt is the error of ``|alpha| + |beta|``
     alpha: Floats
     beta: Floats
+    doubt: Floats
     # Their sums over rigid-body modes, (limit,)
     rigid_alpha: Floats
     rigid_beta: Floats
+    rigid_doubt: Floats
+    silent: Floats  # what modes left out can change, times q, (limit,)
     struck: int  # which limit is the struck one
 
 
@@ -74,6 +89,7 @@ class _Modes(NamedTuple):
     # Of the phase theta at the centre of the cell
     sine: Floats
     cosine: Floats
+    blur: Floats  # error of the phase, its sine and its cosine
     # The smallest and largest magnitude of the cosine over the cell
     smallest: Floats
     largest: Floats
@@ -101,7 +117,9 @@ class _Sums(NamedTuple):
     bend_q: Floats
     bend_mixed: Floats
     bend_tau: Floats
-    rounding: Floats  # uncertainty of the value
+    # Uncertainty of the value, and of the slopes: by q, and by tau over q
+    rounding: Floats
+    tilt: Floats
 
 
 class _Cell(NamedTuple):
@@ -147,51 +165,81 @@ class _Verdict(NamedTuple):
     settled: bool  # whether rounding, not the size of the cell, kept it undecided
 
 
-@kernel
-def sign_change(root: Floats, weight2: Floats, rigid: float, left: float, right: float) -> float:
-    """Return where the response vanishes between two neighbouring poles left and right.
+@inner
+def _response(margin: Margin, q: float) -> tuple[float, float]:
+    """Return the response of the struck coordinate and a bound of its error."""
+    a, n = margin.struck, margin.root.size
+    total, wrong = margin.rigid_beta[a] * q, margin.rigid_doubt[a] * q + margin.silent[a] / q
+    size = abs(total)
+    for j in range(n):
+        r = margin.root[j]
+        t, blur = math.tan(r * q), 2.0 * _EPS * (1.0 + r * q) + margin.root_error[j] * q
+        beta = margin.beta[a, j]
+        total += beta * t / r
+        size += abs(beta * t) / r
+        wrong += (margin.doubt[a, j] * abs(t) + 2.0 * beta * blur * (1.0 + t * t)) / r
+        if not blur * abs(t) < 0.25:
+            wrong = np.inf
+    return total, (wrong + (n + 4) * _EPS * size) * _UP
 
-    It rises there from minus to plus infinity. The result is the last number at which it is
-    not positive.
+
+@kernel
+def sign_change(margin: Margin, left: float, right: float) -> tuple[float, float]:
+    """Return where the response vanishes between two neighbouring poles, and the error of that.
+
+    It rises there from minus to plus infinity. The error encloses the zero: to both sides of it
+    the sign of the response is proved, unless a pole is closer.
     """
     low, high = left, right
-    while True:
-        middle = 0.5 * (low + high)
-        if not low < middle < high:
-            return low
-        total = rigid * middle
-        for j in range(root.size):
-            total += weight2[j] / root[j] * math.tan(root[j] * middle)
-        if total > 0.0:
+    middle = 0.5 * (low + high)
+    while low < middle < high:
+        value, wrong = _response(margin, middle)
+        if value > 0.0:
             high = middle
         else:
             low = middle
+        middle = 0.5 * (low + high)
+    error = 0.0
+    for side in (-1.0, 1.0):
+        step, known = _EPS * low, False
+        while not known:
+            place = min(max(low + side * step, left), right)
+            value, wrong = _response(margin, place)
+            known = side * value > wrong or not left < place < right
+            error = max(error, abs(place - low))
+            step *= 2.0
+    return low, error
 
 
 @inner
 def _prepare(margin: Margin, modes: _Modes, far: _Far, sums: _Sums, q: float, half: float) -> int:
     """Fill in terms common to all boxes of a cell ``q +- half``; return how many modes are near."""
-    count, last = 0, q + half
+    count, last, n = 0, q + half, margin.root.size
     for a in range(sums.value.size):
         alpha, beta = margin.rigid_alpha[a], margin.rigid_beta[a]
         sums.value[a], sums.drift[a] = alpha * q, alpha
         sums.bend_q[a], sums.bend_mixed[a], sums.bend_tau[a] = 0.0, abs(beta), 0.0
-        sums.rounding[a] = 4.0 * _EPS * (abs(alpha) + abs(beta)) * q
-    for j in range(margin.root.size):
+        sums.tilt[a] = n * _EPS * (abs(alpha) + abs(beta)) + margin.rigid_doubt[a]
+        sums.rounding[a] = sums.tilt[a] * last + margin.silent[a] / (q - half)
+    for j in range(n):
         r = margin.root[j]
-        phase = r * q
+        phase, off = r * q, margin.root_error[j] * last
         sine, cosine = math.sin(phase), math.cos(phase)
-        reach = r * half + 4.0 * _EPS * (1.0 + phase)
+        rough = 2.0 * _EPS * (1.0 + phase)
+        blur = rough + off
+        reach = r * half + blur
         smallest = max(abs(cosine) - reach, 0.0)
-        modes.sine[j], modes.cosine[j] = sine, cosine
+        modes.sine[j], modes.cosine[j], modes.blur[j] = sine, cosine, blur
         modes.smallest[j], modes.largest[j] = smallest, min(abs(cosine) + reach, 1.0)
         away = smallest > 0.5 * abs(cosine)
         is_far = away and abs(cosine) >= _NEAR
         if not is_far:
             modes.near[count] = j
             count += 1
+        # Brackets of slow modes, and so their roundings, are as small as their phases.
+        slow = min(1.0, 2.0 * phase)
         for a in range(sums.value.size):
-            alpha, beta = margin.alpha[a, j], margin.beta[a, j]
+            alpha, beta, doubt = margin.alpha[a, j], margin.beta[a, j], margin.doubt[a, j]
             b, size = abs(beta), abs(alpha) + abs(beta)
             far.value[a, j], far.slope[a, j], far.drift[a, j] = 0.0, 0.0, 0.0
             if away:
@@ -204,8 +252,11 @@ def _prepare(margin: Margin, modes: _Modes, far: _Far, sums: _Sums, q: float, ha
                 far.drift[a, j] = beta * sine * secant * secant
                 sums.value[a] += alpha * sine * secant / r
                 sums.drift[a] += alpha * secant * secant
+                spread = size * (blur * (1.0 + 2.0 * bound) + n * _EPS)
+                sums.tilt[a] += bound * bound * (doubt + spread)
                 sums.bend_q[a] += r * bound * (b + 2.0 * bound * (b + bound * size))
-                sums.rounding[a] += 4.0 * _EPS * size * (1.0 + phase) * abs(secant) / r
+                wrong = off * (1.0 + bound) + slow * (rough * (1.0 + bound) + n * _EPS)
+                sums.rounding[a] += (slow * doubt + size * wrong) * bound / r
     return count
 
 
@@ -217,20 +268,26 @@ def _clear(cell: _Cell) -> float:
     of which only a negative tangent and the cubic term of the sine can be negative.
     """
     margin, modes = cell.margin, cell.modes
-    beta, last = margin.beta[margin.struck], cell.q + cell.half
-    first, second, third = 0.0, 0.0, 0.0
-    for j in range(beta.size):
-        phase = margin.root[j] * last
-        first += beta[j]
-        third += beta[j] * phase * phase * last / 6.0
-        if modes.sine[j] * modes.cosine[j] < 0.0:
+    a, last = margin.struck, cell.q + cell.half
+    first, second, third = margin.rigid_beta[a] - margin.rigid_doubt[a], 0.0, 0.0
+    for j in range(margin.root.size):
+        beta, phase = margin.beta[a, j] + margin.doubt[a, j], margin.root[j] * last
+        first += margin.beta[a, j] - margin.doubt[a, j]
+        third += beta * phase * phase * last / 6.0
+        reach = margin.root[j] * cell.half + modes.blur[j]
+        # No pole lies inside the cell: the tangent changes its sign at a zero only.
+        if modes.sine[j] * modes.cosine[j] < modes.blur[j] or abs(modes.sine[j]) < reach:
             if modes.smallest[j] == 0.0:
                 return 0.0
-            second += 0.5 * beta[j] * phase * last / modes.smallest[j]
+            tangent = min(abs(modes.sine[j]) + reach, 1.0) / modes.smallest[j]
+            second += 0.5 * beta * tangent * phase * last
+    if first <= 0.0:
+        return 0.0
     if third == 0.0 and second == 0.0:
         return 2.0
-    first = float(first + margin.rigid_beta[margin.struck]) * (cell.q - cell.half)
-    return min(2.0 * first / (second + math.sqrt(second * second + 4.0 * first * third)), 2.0)
+    first *= cell.q - cell.half
+    time = 2.0 * first / (second + math.sqrt(second * second + 4.0 * first * third))
+    return float(min(time / _UP, 2.0))
 
 
 @inline
@@ -239,12 +296,15 @@ def _near_pole(cell: _Cell, a: int, j: int, tau: float, width: float) -> _Bounds
     modes, q, half = cell.modes, cell.q, cell.half
     r, alpha, beta = cell.margin.root[j], cell.margin.alpha[a, j], cell.margin.beta[a, j]
     sine, cosine, S, C = modes.sine[j], modes.cosine[j], modes.at_sine[j], modes.at_cosine[j]
-    smallest, largest = modes.smallest[j], modes.largest[j]
+    smallest, largest, doubt = modes.smallest[j], modes.largest[j], cell.margin.doubt[a, j]
     phase, last, size = r * q, q + half, abs(alpha) + abs(beta)
-    noise = 4.0 * _EPS * size * (1.0 + phase)
     bracket = (alpha * sine - beta * S) * (1.0 if cosine > 0.0 else -1.0)
-    drift = r * half * abs(alpha * cosine - beta * tau * C) + noise
+    drift = r * half * abs(alpha * cosine - beta * tau * C) + size * modes.blur[j]
     drift += 0.5 * r * r * half * half * size
+    is_struck = a == cell.margin.struck
+    # There alpha and beta are the same number, a factor of the bracket.
+    loose = doubt * (abs(bracket) + drift) / size if is_struck else doubt
+    drift, noise = (drift + loose) * _UP, size * modes.blur[j] + loose
     # A lower bound of a quotient has the largest denominator if it is positive, else the smallest;
     # where that is zero it is infinite.
     below, above = bracket - drift, bracket + drift
@@ -257,11 +317,12 @@ def _near_pole(cell: _Cell, a: int, j: int, tau: float, width: float) -> _Bounds
         below -= sway
         least = below / (r * (largest if below >= 0.0 else smallest))
     # The bracket is never smaller than minus, or larger than plus, the squared cosine.
-    floor = abs(beta) * largest / r
-    if alpha >= abs(beta) and sine * cosine > 0.0:
-        low, least = max(low, -floor), max(least, -floor)
-    elif alpha >= abs(beta):
-        high = min(high, floor)
+    floor = (abs(beta) + doubt) * largest / r
+    if is_struck or alpha - doubt >= abs(beta):
+        if sine * cosine > modes.blur[j]:
+            low, least = max(low, -floor), max(least, -floor)
+        elif sine * cosine < -modes.blur[j]:
+            high = min(high, floor)
     scale = r * max(abs(cosine), _EPS)
     return _Bounds(bracket / scale, low, high, least, noise / scale)
 
@@ -281,17 +342,25 @@ def _box(cell: _Cell, a: int, tau: float, width: float) -> _Bounds:
         drift += in_drift[j] * S
     value = sums.value[a] - value - cell.margin.rigid_beta[a] * tau * q
     slope_q, slope_tau = sums.drift[a] - drift - tau * slope, -q * slope
-    spread = half * (abs(slope_q) + 0.5 * half * sums.bend_q[a]) + sums.rounding[a]
-    low, high, least, rounding = value - spread, value + spread, value - spread, sums.rounding[a]
+    rounding = sums.rounding[a] + (cell.near + 4) * _EPS * abs(value)
+    spread = (half * (abs(slope_q) + sums.tilt[a] + 0.5 * half * sums.bend_q[a]) + rounding) * _UP
+    low, high, least = value - spread, value + spread, value - spread
+    each, tilt = (cell.near + 4) * _EPS, sums.tilt[a]
     for k in range(cell.near):
         j = modes.near[k]
         term = _near_pole(cell, a, j, tau, width)
         value, rounding = value + term.value, rounding + term.rounding
-        low, high, least = low + term.low, high + term.high, least + term.least
+        low += term.low - each * abs(term.low)
+        high += term.high + each * abs(term.high)
+        least += term.least - each * abs(term.least)
         if modes.smallest[j] > 0.5 * abs(modes.cosine[j]):
-            slope_tau -= cell.margin.beta[a, j] * q * modes.at_cosine[j] / modes.cosine[j]
+            beta, bound = cell.margin.beta[a, j], 1.0 / modes.smallest[j]
+            slope_tau -= beta * q * modes.at_cosine[j] / modes.cosine[j]
+            wrong = abs(beta) * (modes.blur[j] * (1.0 + bound) + each) + cell.margin.doubt[a, j]
+            tilt += wrong * bound
     bend = half * sums.bend_mixed[a] + 0.5 * width * sums.bend_tau[a]
-    return _Bounds(value, low, high, least - width * (abs(slope_tau) + bend), rounding)
+    steep = (abs(slope_tau) + (q + half) * tilt + bend) * _UP
+    return _Bounds(value, low, high, least - width * steep, rounding)
 
 
 @inner
@@ -382,13 +451,13 @@ def survey(margin: Margin, start: float, stop: float, resolution: float, budget:
     limits, n = margin.alpha.shape
     many = limits, n
     modes = _Modes(
-        np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n),
+        np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n),
         np.empty(n, np.int64),
     )  # fmt: skip
     far = _Far(np.empty(many), np.empty(many), np.empty(many))
     sums = _Sums(
         np.empty(limits), np.empty(limits), np.empty(limits), np.empty(limits), np.empty(limits),
-        np.empty(limits),
+        np.empty(limits), np.empty(limits),
     )  # fmt: skip
     waiting = _Boxes(np.empty(_BOXES), np.empty(_BOXES), np.empty(_BOXES, np.int64))
     stack = _Boxes(np.empty(_STACK), np.empty(_STACK), np.empty(0, np.int64))

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Final
 
 from vibroimpact_solvers.arrays import Booleans, Floats, Group, Integers, Quantity
 from vibroimpact_solvers.results.impact_modes import Reason
-from vibroimpact_solvers.results.shared import Statement
+from vibroimpact_solvers.results.shared import Neglected, Statement
 
 
 class Edge(IntEnum):
@@ -78,14 +78,30 @@ class Result:
         _column("bands/certified", "1", "whether existence is proved throughout", flags=_NO_YES),
     ]
     rejected_start: Annotated[
-        Floats | None, _column("rejected/start", "time-1", "lower edge of a rejected range, Omega")
+        Floats | None,
+        _column(
+            "rejected/start",
+            "time-1",
+            "lower edge of a rejected range, Omega",
+            error="rejected/edge_error",
+        ),
     ]
     rejected_stop: Annotated[
-        Floats | None, _column("rejected/stop", "time-1", "upper edge of a rejected range, Omega")
+        Floats | None,
+        _column(
+            "rejected/stop",
+            "time-1",
+            "upper edge of a rejected range, Omega",
+            error="rejected/edge_error",
+        ),
     ]
     rejected_reason: Annotated[
         Integers | None,
         _column("rejected/reason", "1", "why its solutions are phantoms", flags=EDGES),
+    ]
+    rejected_edge_error: Annotated[
+        Floats | None,
+        _column("rejected/edge_error", "time-1", "largest absolute error of the edges"),
     ]
     rejected_certified: Annotated[
         Booleans | None,
@@ -143,3 +159,4 @@ class Result:
         ),
     ]
     error_statement: Statement
+    neglected: Neglected

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar, Final
 
 from vibroimpact_solvers.arrays import Booleans, Floats, Group, Integers, Quantity
-from vibroimpact_solvers.results.shared import WITHIN, Statement
+from vibroimpact_solvers.results.shared import WITHIN, Neglected, Statement
 
 _RESONANCE: Final = ("resonance",)
 
@@ -46,6 +46,7 @@ class Result:
         ),
     ]
     error_statement: Statement
+    neglected: Neglected
     error_natural: Annotated[
         Floats,
         Quantity(_RESONANCE, "1", "relative error of the natural frequency", path="error/natural"),

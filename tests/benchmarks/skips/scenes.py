@@ -184,6 +184,13 @@ def _of_bands() -> Iterator[Scene]:
         ("the proof above the spectrum",),
     )
     yield Scene(
+        "bands without stiffness",
+        existence_bands,
+        lambda: existence_bands.Problem(_stiffless(), 1.0, 2.0),
+        _searched_all,
+        ("other frequencies",),
+    )
+    yield Scene(
         "stability of bands that depends on the order of impacts",
         existence_bands,
         partial(bands_problem, _coupled, outputs=frozenset({"bands", "stability"})),
@@ -191,6 +198,18 @@ def _of_bands() -> Iterator[Scene]:
         ("stability",),
     )
     yield bands_requested("only their stability requested", "stability")
+
+
+def _stiffless() -> System:
+    stops = (Constraint.at(0, 1.0), Constraint.at(1, 0.5))
+    masses, none = SymmetricMatrix.diagonal([1.0, 2.0]), SymmetricMatrix.diagonal([0.0, 0.0])
+    return System(masses, none, stops)
+
+
+def _searched_all() -> object:
+    """Search for the bands all the same."""
+    of = existence_bands.Problem(_stiffless(), 1.0, 2.0)
+    return search.SearchedBands(of, np.empty(0)).find(None)
 
 
 def _uneven() -> System:

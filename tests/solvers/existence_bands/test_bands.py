@@ -11,6 +11,7 @@ from vibroimpact_solvers import impact_modes as modes
 from vibroimpact_solvers import presets
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.existence_bands import Edge, Result
+from vibroimpact_solvers.existence_bands.search import SearchedBands
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 
 
@@ -233,3 +234,31 @@ def test_more_poles_than_can_be_listed_are_refused(n: int) -> None:
     with pytest.raises(ModelError, match="poles above it") as caught:
         bands.plan(far)
     assert caught.value.pointer == ("frequency", "start")
+
+
+@pytest.mark.parametrize("idle", [0.2, 3.0])
+def test_without_stiffness_one_solution_decides(idle: float) -> None:
+    """Both coordinates move along straight lines; M^-1 w tells where to."""
+    M = np.array([[2.0, 0.5], [0.5, 1.0]])
+    stops = (Constraint.at(0, 1.0), Constraint.at(1, idle))
+    system = System(SymmetricMatrix.dense(M), SymmetricMatrix.dense(np.zeros((2, 2))), stops)
+    problem = bands.Problem(system, 0.5, 2.0, active=(0,))
+    plan = bands.plan(problem)
+    assert "other frequencies" in {skip.what for skip in plan.skips}
+    result = bands.solve(problem, plan)
+    reach = np.linalg.solve(M, [1.0, 0.0])
+    is_admissible = abs(reach[1] / reach[0]) <= idle
+    assert result.band_start.tolist() == ([0.5] if is_admissible else [])
+    assert result.rejected_stop.tolist() == ([] if is_admissible else [2.0])
+    assert np.concatenate([result.band_certified, result.rejected_certified]).all()
+    searched = SearchedBands(problem, np.empty(0)).find(None)
+    assert len(searched.bands) == result.band_start.size
+
+
+def test_results_say_that_losses_are_neglected() -> None:
+    damping, stop = SymmetricMatrix.diagonal([0.1]), Constraint.at(0, 1.0, 0.8)
+    one = SymmetricMatrix.diagonal([1.0])
+    sentences = solved(System(one, one, (stop,), C=damping), 0.5, 2.0).neglected
+    assert sentences is not None
+    assert len(sentences) == 2
+    assert solved(System(one, one, (Constraint.at(0, 1.0),)), 0.5, 2.0).neglected is None
