@@ -1,4 +1,4 @@
-"""Certified edges against members in ball arithmetic, from M and K without natural modes."""
+"""Certified edges against impact modes in ball arithmetic, from M and K without natural modes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import flint
 import numpy as np
 import pytest
 
-from tests.reference import members
+from tests.reference import impact_modes
 from tests.reference.balls import Structure
 from vibroimpact_solvers import existence_bands as bands
 from vibroimpact_solvers.existence_bands import Edge, Result
@@ -41,11 +41,12 @@ def exists(system: System, Omega: float) -> bool:
         structure = Structure(system.M.to_dense(), system.K.to_dense())
         rows = system.directions(range(len(system.constraints)))
         limiters = tuple(
-            members.Limiter(row, c.lower, c.upper)
+            impact_modes.Limiter(row, c.lower, c.upper)
             for row, c in zip(rows, system.constraints, strict=True)
         )
-        member = members.solved(structure, limiters, (0,), Omega, lambda m: m.exists() is not None)
-        return bool(member.exists())
+        one = structure, limiters, (0,), Omega
+        solution = impact_modes.solved(*one, enough=lambda s: s.exists() is not None)
+        return bool(solution.exists())
     finally:
         flint.ctx.prec = before
 
