@@ -16,8 +16,6 @@ from tests.truth.verdicts import ROUNDING, Case, Report, stated_error
 from vibroimpact_solvers import time_history
 from vibroimpact_solvers.errors import ModelError, PlanError
 
-SOLVER_LIMIT = 60.0  # seconds, kernels being compiled apart
-
 
 def plain(rng: np.random.Generator) -> Document:
     """Return a structure of some kind with limiters, and a state inside."""
@@ -249,9 +247,10 @@ def check(case: Case, report: Report, expected: tuple[str, ...] = (), **more: An
             report.count("starts outside")
             return
         raise
-    report.phase("solver", SOLVER_LIMIT)
     try:
-        result = time_history.solve(problem, time_history.plan(problem))
+        plan = time_history.plan(problem)
+        report.work(plan)
+        result = time_history.solve(problem, plan)
         refused = None
     except (ModelError, PlanError) as error:
         refused = error

@@ -48,8 +48,9 @@ def check(case: Case, report: Report) -> None:
         limiter=time_history.Power(float(law["exponent"]), law["stiffness"], law["scale"]),
         tolerance=document.get("tolerance"),
     )
-    report.phase("solver", histories.SOLVER_LIMIT)
-    result = time_history.solve(problem, time_history.plan(problem))
+    plan = time_history.plan(problem)
+    report.work(plan)
+    result = time_history.solve(problem, plan)
     report.phase("reference")
     scale = arb(law["scale"])
     springs = [

@@ -12,8 +12,13 @@ import numpy as np
 from flint import arb
 
 from vibroimpact_solvers.arrays import declared
+from vibroimpact_solvers.cost import seconds
+from vibroimpact_solvers.plan import Plan
 
 ROUNDING = 2.0**-52
+
+COMPILED = 60.0  # seconds of the processor in which kernels are compiled, or read
+OVERDUE = 10.0  # times the price of its plan: a computation that takes longer hangs
 
 
 @dataclass(frozen=True)
@@ -37,6 +42,10 @@ class Report:
         """Tell who is at work, the solver or the reference, and how many seconds it may take."""
         if self.tell is not None:
             self.tell(name, limit)
+
+    def work(self, plan: Plan) -> None:
+        """Tell that the solver follows a plan, which its price limits."""
+        self.phase("solver", COMPILED + OVERDUE * seconds(plan))
 
     def plain(self, name: str) -> dict[str, Any]:
         """Return all of it, fit for JSON."""
