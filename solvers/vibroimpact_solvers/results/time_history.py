@@ -161,7 +161,7 @@ class Result:
         Quantity(
             (),
             "1",
-            "largest difference to a run of Taylor steps a hundred times less accurate, whose "
+            "largest difference to a run of Taylor steps 32 times less accurate, whose "
             "initial state, frequencies and limiters are off by their roundings, relative to the "
             "largest state",
             path="error/difference",

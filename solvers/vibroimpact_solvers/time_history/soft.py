@@ -19,8 +19,16 @@ from vibroimpact_solvers.time_history.structure import Configuration, Structure
 
 _EPS: Final = 2.0**-52
 _STEP: Final = 1e-2
-"""Error of a step over the tolerance; and of a step of the finer run over one of the other."""
+"""Error of a step over the tolerance."""
+_FINER: Final = 2.0**-5
+"""Error of a step of the finer run over one of the other."""
 _FINEST: Final = 2.0**-53
+_COARSEST_FINEST: Final = 8.0 * _FINEST
+"""Error of a step of the other run that is near the roundings of both."""
+_REPEATED: Final = 32.0
+"""Roundings over the difference of two runs that are off by one sample of them."""
+_CONVERTED: Final = 16.0
+"""Roundings of displacements and velocities, which two runs have in common."""
 _LEAST: Final = 1e-6
 """Smallest factor by which the error of a step is reduced at once."""
 _MOST_STEPS: Final = 1e10
@@ -44,8 +52,8 @@ class SoftRun:
         Steps of this run.
     difference : float
         Largest difference to the states of a run with longer steps, whose start, frequencies
-        and limiters are off by their roundings; relative to the largest state. nan: not
-        estimated.
+        and limiters are off by their roundings, and what roundings may add to it; relative to
+        the largest state. nan: not estimated.
     known_until : float
         Time until which this is no more than the tolerance; nan: not estimated.
     """
@@ -127,20 +135,20 @@ class SoftMotion:
         """
         if not self._estimate:
             return self._run(z, self._error, tick, 0.0, 1.0)
-        rough, begin = max(_STEP * self._tolerance, 8.0 * _FINEST), 0.0
+        rough, begin = max(_STEP * self._tolerance, _COARSEST_FINEST), 0.0
         while True:
-            fine = max(_STEP * rough, _FINEST)
+            fine = max(_FINER * rough, _FINEST)
             middle, end = 0.5 * (1.0 + begin), 0.5 * (1.0 + 0.5 * (1.0 + begin))
             other = self._run(z, rough, tick, begin, 0.5 * (begin + middle), off=True)
             run = self._run(z, fine, tick, 0.5 * (begin + middle), end)
-            run = self._judged(run, other)
+            run = self._judged(run, other, rough)
             if run.difference <= self._tolerance or fine == _FINEST:
                 if tick is not None:
                     tick(1000, 1000)
                 return run
             # As much finer as it was too rough, and some more.
             finer = max(_STEP * self._tolerance / run.difference, _LEAST)
-            rough = max(finer * rough, 8.0 * _FINEST)
+            rough = max(finer * rough, _COARSEST_FINEST)
             begin = end
 
     def single_call(self, x: Floats, v: Floats) -> SoftHistory | None:
@@ -175,13 +183,20 @@ class SoftMotion:
         begun = (0.0, 0.0, self._end, _FIRST, 0.0, 0, 0, self._budget)
         return np.array([begun], dtype=PROGRESS)[0]
 
-    def _judged(self, run: SoftRun, other: SoftRun) -> SoftRun:
-        """Return a run with its difference to another one as its estimated error."""
+    def _judged(self, run: SoftRun, other: SoftRun, rough: float) -> SoftRun:
+        """Return a run with its difference to another one as its estimated error.
+
+        As far as the difference comes from longer steps, it is many times the error. As far as it
+        comes from roundings, it is one sample of them, and less than others may be; those of the
+        states that are returned are in both runs.
+        """
         weights = self._basis.weights[np.newaxis]
         # Loads count by what they move: their series end somewhere, too.
         apart = (np.abs(run.states - other.states) * weights).max(axis=(1, 2))
         largest = float((np.abs(run.states) * weights).max(initial=0.0))
         apart = apart / largest if largest > 0.0 else apart
+        sampled = 1.0 + _REPEATED * _COARSEST_FINEST / rough
+        apart = np.where(apart > 0.0, sampled * apart + _CONVERTED * _EPS, 0.0)
         late = np.flatnonzero(~(apart <= self._tolerance))
         until = self._times[late[0]] if late.size else self._end
         return replace(run, difference=float(apart.max()), known_until=float(until) / self._scale)

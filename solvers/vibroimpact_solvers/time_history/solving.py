@@ -27,9 +27,10 @@ from vibroimpact_solvers.time_history.start import initial_state
 from vibroimpact_solvers.time_history.structure import Structure
 
 _TWICE = (
-    "estimate: difference to the same motion with longer steps, a hundred times the error each, "
-    "and with the initial state, frequencies and limiters off by their roundings, relative to "
-    "the largest state; penetration is the largest coordinate over scale times its gap"
+    "estimate: difference to the same motion with longer steps, 32 times the error each, and with "
+    "the initial state, frequencies and limiters off by their roundings, times the share of "
+    "roundings in it, relative to the largest state; penetration is the largest coordinate over "
+    "scale times its gap"
 )
 _NONE = "none: the integrator's own control of its steps; it can miss impacts"
 
