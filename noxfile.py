@@ -84,7 +84,8 @@ def truth(session: nox.Session) -> None:
     """Compare random cases with references of more digits that share no formula with the solvers.
 
     Hours. ``nox -s truth -- impact-modes histories --count 2000 --seed 7 --jobs 2`` for a part;
-    ``--folder FOLDER`` keeps what was done, to go on later; ``--show INDEX`` prints one case.
+    ``--folder FOLDER`` keeps what was done, to go on later; ``--show INDEX`` prints and checks one
+    case, ``--case FILE`` one that was printed.
     """
     install(session, "-e", ".[test]")
     session.run("python", "-m", "tests.truth", *session.posargs)

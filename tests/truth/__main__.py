@@ -11,6 +11,7 @@ import numpy as np
 
 from tests.truth.campaign import Outcome, follow
 from tests.truth.sets import SETS
+from tests.truth.verdicts import Case, Report
 
 
 def main() -> int:
@@ -22,13 +23,17 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--folder", type=Path, help="where outcomes are kept, to be continued")
     parser.add_argument("--show", type=int, metavar="INDEX", help="print one case and check it")
+    parser.add_argument("--case", type=Path, help="check one case, as --show prints it")
     parser.add_argument("--most", type=int, default=5, help="failures shown of each kind")
     arguments = parser.parse_args()
     names = arguments.sets or list(SETS)
     if set(names) - set(SETS):
         parser.error(f"sets are {', '.join(SETS)}")
+    if arguments.case is not None:
+        document = json.loads(arguments.case.read_text())
+        return _check(names[0], Case(arguments.case.stem, document))
     if arguments.show is not None:
-        return _show(names[0], arguments.seed, arguments.show)
+        return _check(names[0], SETS[names[0]].case(arguments.seed, arguments.show))
     failed = False
     for name in names:
         count = SETS[name].usual if arguments.count is None else arguments.count
@@ -38,15 +43,16 @@ def main() -> int:
     return int(failed)
 
 
-def _show(name: str, seed: int, index: int) -> int:
-    from tests.truth.verdicts import Report
-
-    case, report = SETS[name].case(seed, index), Report()
+def _check(name: str, case: Case) -> int:
+    """Print a case, check it and print what fails."""
+    report = Report()
     print(case.name)
     print(json.dumps(case.document))
     SETS[name].check(case, report)
     for kind, message in report.failures:
-        print(f"{kind}: {message}")
+        print(f"FAILED {kind}: {message}")
+    for what, (ratio,) in report.ratios.items():
+        print(f"{what}: stated / true error {ratio:.3g}")
     return int(bool(report.failures))
 
 
