@@ -55,8 +55,10 @@ class Side:
     rows: Floats
     position: Floats  # modal coordinates, (frequency, mode)
     # Modal velocities at the end of the rise or at its beginning: before the impacts at tau = 1,
-    # after those at tau = -1, (frequency, mode)
+    # after those at tau = -1; and bounds of them that their errors are relative to, each
+    # (frequency, mode). As impacts reverse the motion they are ``W E p/omega``.
     velocity: Floats
+    velocity_size: Floats
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -165,7 +167,7 @@ class PeriodMap:
     def multipliers(self) -> tuple[np.ndarray[tuple[int], np.dtype[np.complex128]], Floats]:
         """Return all multipliers but the two that are 1, and their errors."""
         orbits, f, scale = self.orbits, self.f, self.scale
-        within, turned = _without_trivial(self.X, orbits, f, scale, self._force_error(orbits.lower))
+        within, turned = _without_trivial(self.X, orbits, f, scale, self._force_error())
         error = self.error + (turned + 4.0 * EPS) * self.size
         error += 4.0 * EPS * float(np.linalg.norm(within))
         solution: Any = scipy.linalg.eig(within, left=True, right=True)
@@ -174,9 +176,14 @@ class PeriodMap:
         with np.errstate(divide="ignore"):
             return values.astype(np.complex128), np.asarray(error / cosines)
 
-    def _force_error(self, side: Side) -> Floats:
-        """Return the errors of the modal forces, (mode,)."""
+    def _force_error(self) -> Floats:
+        """Return the errors of the modal forces, (mode,).
+
+        They are relative to the antisymmetric and the symmetric component of the motion, whose
+        magnitudes add up to the larger of the displacements at both ends.
+        """
         orbits, f = self.orbits, self.f
+        size = np.maximum(np.abs(orbits.upper.position[f]), np.abs(orbits.lower.position[f]))
         turn, off = orbits.roots / orbits.omega[f], orbits.root_error / orbits.omega[f]
         with np.errstate(divide="ignore", invalid="ignore"):
             # Near a pole, where sin vanishes, the displacement depends strongly on the frequency.
@@ -184,7 +191,7 @@ class PeriodMap:
             own = np.where(turn == 0.0, 0.0, 2.0 * off / np.abs(turn))
         relative = orbits.error[f] + orbits.row_error + 4.0 * EPS + steep + own
         squares = np.square(orbits.roots)
-        return np.asarray(relative * (squares * np.abs(side.position[f]) + np.abs(orbits.load)))
+        return np.asarray(relative * (squares * size + np.abs(orbits.load)))
 
     def _free_motion(self) -> None:
         orbits, duration = self.orbits, 2.0 / float(self.orbits.omega[self.f])
@@ -203,7 +210,7 @@ class PeriodMap:
         orbits, f, scale = self.orbits, self.f, self.scale
         acceleration = orbits.load - orbits.roots * np.abs(orbits.roots) * side.position[f]
         velocity = sign * side.velocity[f]
-        force_error = self._force_error(side)
+        force_error = self._force_error()
         for row in side.rows:
             approach = float(row @ velocity)
             curvature = float(row @ acceleration) / approach if approach else np.inf
@@ -214,7 +221,8 @@ class PeriodMap:
             relative = orbits.error[f] + orbits.row_error + 4.0 * EPS
             roundings = 4.0 * EPS * float(np.abs(row) @ np.abs(acceleration))
             off = (float(np.abs(row) @ force_error) + roundings) / abs(approach)
-            off += abs(curvature) * relative * float(np.abs(row) @ np.abs(velocity)) / abs(approach)
+            size = float(np.abs(row) @ side.velocity_size[f])
+            off += abs(curvature) * relative * size / abs(approach)
             factor = 2.0 / float(row @ row)
             turn = factor * float(np.linalg.norm(row * scale) * np.linalg.norm(row / scale))
             bend = factor * float(np.linalg.norm(row) * np.linalg.norm(row / scale))
@@ -241,6 +249,7 @@ def _without_trivial(
     pair = np.stack([F / length, H / steepness], axis=1)
     basis = np.linalg.qr(pair, mode="complete")[0][:, 2:]
     relative = orbits.error[f] + orbits.row_error
-    turned = float(np.linalg.norm(force_error)) / length + relative
-    turned += float(np.linalg.norm(force_error / scale)) / steepness + relative
+    slow = relative * orbits.lower.velocity_size[f]
+    turned = float(np.linalg.norm(np.concatenate([scale * slow, force_error]))) / length
+    turned += float(np.linalg.norm(np.concatenate([slow, force_error / scale]))) / steepness
     return np.asarray(basis.T @ P @ basis), turned

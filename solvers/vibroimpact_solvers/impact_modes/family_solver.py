@@ -185,7 +185,7 @@ class FamilySolver:
         if "reason" in outputs:
             values["reason"] = reason
         if "stability" in outputs:
-            radii, errors = self._growth(exists, motion, np.minimum(impulses.error, 1.0))
+            radii, errors = self._growth(exists, motion, impulses)
             values.update(stability=radii, stability_error=errors)
         return values
 
@@ -223,13 +223,16 @@ class FamilySolver:
         decided = np.where(reason == Reason.NEGATIVE_IMPULSE, pulls, decided)
         return np.asarray((impulses.error < _CERTAIN) & decided)
 
-    def _growth(self, exists: Booleans, motion: Any, error: Floats) -> tuple[Floats, Floats]:
+    def _growth(self, exists: Booleans, motion: Any, impulses: Impulses) -> tuple[Floats, Floats]:
         """Return spectral radii of the half-period maps and errors, nan without a motion."""
         radii, errors = np.full((2, exists.size), np.nan)
+        error = np.minimum(impulses.error, 1.0)
         if exists.any() and self.plan.step(Stage.STABILITY):
             # Every plan with stability has all natural modes.
             assert isinstance(self.evaluator, ModalFamily)
-            orbits = self.evaluator.orbits(motion.at(exists), error[exists])
+            orbits = self.evaluator.orbits(
+                motion.at(exists), impulses.plus[exists], impulses.minus[exists], error[exists]
+            )
             radii[exists], errors[exists] = stability.growth(orbits)
         return radii, errors
 

@@ -103,23 +103,29 @@ class ModalFamily:
         """Return the total energies, shape (frequency,)."""
         return motions.energies(self._motions(motion))
 
-    def orbits(self, motion: Amplitudes, error: Floats) -> Orbits:
+    def orbits(self, motion: Amplitudes, plus: Floats, minus: Floats, error: Floats) -> Orbits:
         """Return what the stability of the motion depends on.
 
-        `error` is the relative error of the motion, shape (frequency,).
+        `plus` and `minus` are its impulses, (frequency, constraint), and `error` is their relative
+        error, shape (frequency,).
         """
         omega, amplitudes = motion.omega, self._motions(motion)
+        largest = np.maximum(plus, minus).max(axis=1)
 
-        def side(tau: float, struck: tuple[int, ...]) -> Side:
-            position, slope = motions.states(amplitudes, tau)
-            return Side(self.rows[list(struck)], position, slope * omega[:, np.newaxis])
+        def side(tau: float, struck: tuple[int, ...], p: Floats) -> Side:
+            place, _ = motions.states(amplitudes, tau)
+            rows = self.rows[list(struck)]
+            # Sums of the two components would cancel where impacts are slow.
+            velocity = (p[:, list(struck)] @ rows) / omega[:, np.newaxis]
+            size = np.outer(largest / omega, np.abs(rows).sum(axis=0))
+            return Side(rows, place, velocity, size)
 
         return Orbits(
             self.roots,
             self.load,
             omega,
-            upper=side(1.0, self.family.upper),
-            lower=side(-1.0, self.family.lower),
+            upper=side(1.0, self.family.upper, plus),
+            lower=side(-1.0, self.family.lower, minus),
             mirrored=self.family.kind is Kind.ANTISYMMETRIC,
             other_roots=np.delete(self.spectrum.roots, self.participating),
             root_error=self._root_error(),

@@ -162,8 +162,8 @@ def _all_maps(system: System) -> None:
     Omega = _BELOW if system.n == 13 else GRID
     at = problem(system, "stability", Omega)
     family = modal(at)
-    _, motion = family.solutions(at.frequencies, with_motion=True)
-    orbits = family.orbits(motion, np.zeros(Omega.size))
+    impulses, motion = family.solutions(at.frequencies, with_motion=True)
+    orbits = family.orbits(motion, impulses.plus, impulses.minus, np.zeros(Omega.size))
     for f in range(Omega.size):
         stability.PeriodMap(orbits, f, np.maximum(np.abs(orbits.roots), orbits.omega[f]))
 
@@ -242,8 +242,8 @@ def _all_maps_in_bands() -> object:
         solutions = of.impact_modes_at(Omega, frozenset({"stability"}))
         family = FamilySolver(solutions, impact_modes.plan(solutions)).evaluator
         assert isinstance(family, ModalFamily)
-        _, motion = family.solutions(solutions.frequencies, with_motion=True)
-        orbits = family.orbits(motion, np.zeros(Omega.size))
+        impulses, motion = family.solutions(solutions.frequencies, with_motion=True)
+        orbits = family.orbits(motion, impulses.plus, impulses.minus, np.zeros(Omega.size))
         for f in range(Omega.size):
             stability.PeriodMap(orbits, f, np.maximum(np.abs(orbits.roots), orbits.omega[f]))
     return result
