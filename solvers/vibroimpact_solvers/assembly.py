@@ -66,7 +66,8 @@ class Assembly:
         self._names: dict[Index, list[str]] = {}
         """Names of the arrays by the axes along which they change."""
         for name, field in self._fields.items():
-            if name not in in_tables and name not in self._texts:
+            # Lists of sentences are about one point, and have no place in a grid.
+            if name not in (*in_tables, *self._texts) and field.scalar != list[str]:
                 axes = (changes or {}).get(name, ()) if field.quantity.coordinate else whole
                 self._names.setdefault(axes, []).append(name)
         self._points = np.arange(math.prod(shape)).reshape(shape)
