@@ -73,6 +73,13 @@ def _check_parameter_grid(request: SweepRequest, settings: Settings) -> None:
         product = " x ".join(str(axis.count) for axis in request.root.axes)
         message = f"{product} = {request.points} points are more than {settings.max_sweep_points}"
         raise problems.too_large("/axes", "too_many_points", message)
+    frequencies = _points(getattr(request.base, "frequency", None))
+    if request.points * frequencies > settings.max_result_bytes:  # a byte each at the least
+        message = (
+            f"{request.points} points of {frequencies} frequencies have a result of more than "
+            f"{settings.max_result_bytes} bytes"
+        )
+        raise problems.too_large("/axes", "result_too_large", message)
 
 
 def check_plan(plan: Plan, settings: Settings) -> None:

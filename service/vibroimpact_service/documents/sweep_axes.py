@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
-from vibroimpact_schema import sweeps
+from vibroimpact_schema import grids, sweeps
 from vibroimpact_service import validation
 from vibroimpact_service.documents import decode
 from vibroimpact_service.kinds import KINDS
@@ -35,11 +35,16 @@ _VAGUE: Final = frozenset(
 """Names that tell nothing without the one before."""
 _SIZES: Final = frozenset({"n", "num", "shape"})
 _SORTS: Final = {NoneType: "null", bool: "true or false", str: "text", list: "a list"}
-_TRIED: Final = 10_000
+_VALUES_TRIED: Final = 64
+"""Values of an axis that are tried before the sweep is accepted: the least, the greatest, and some
+between, as what a field permits is an interval. What is wrong with others is said at their points.
+"""
+_POINTS_TRIED: Final = 256
 """Points at which a value is tried before it is taken to be wrong everywhere."""
 _OTHER_SIZE: Final = ModelError(
     (), "the results would have other sizes than those of the base", code="shapes_differ"
 )
+_LIMITERS_KEPT: Final = 10_000
 _KEPT: Final = 4
 """Structures without their limiters that are held at a time."""
 
@@ -67,8 +72,8 @@ def problem(request: sweeps.SweepRequest, system: System) -> sweep.Problem:
         raise error.under("base") from None
     axes = [_axis(base, place, axis) for place, axis in enumerate(request.root.axes)]
     _check_different(axes)
+    _Grid(kind, _thinned(base, axes), axes).check()
     grid = _Grid(kind, base, axes)
-    grid.check()
     return sweep.Problem(kind, tuple(_described(kind, base, axes)), grid.at, system)
 
 
@@ -106,6 +111,8 @@ class _Axis:
     whole: bool
     """Whether it is an integer."""
     values: list[float]
+    tried: Sequence[int]
+    """Positions of the values that are checked."""
 
     def set(self, base: Any, value: float) -> Any:
         """Return the request with another value, without checking it."""
@@ -115,8 +122,6 @@ class _Axis:
 
     def check(self, base: Any, value: float) -> None:
         """Raise where the field may not have that value."""
-        if self.whole and not value.is_integer():
-            raise ModelError((), "must be a whole number", code="wrong_type")
         changed = self.set(base, value)
         document = _innermost(changed, self.path)
         content = dict(document)
@@ -147,8 +152,17 @@ def _axis(base: Any, place: int, document: sweeps.AnyAxis) -> _Axis:
     if next(part for part in reversed(path) if isinstance(part, str)) in _SIZES:
         message = f"{text} is a size: results of differing sizes make no grid"
         raise ModelError(("axes", place, "path"), message, code="shapes_differ")
-    values = _values(document).tolist()
-    return _Axis(document, path, _mirror(base, path), isinstance(here, int), values)
+    values = _values(document)
+    mirror, whole = _mirror(base, path), isinstance(here, int)
+    return _Axis(document, path, mirror, whole, values.tolist(), _tried(values))
+
+
+def _tried(values: Floats) -> Sequence[int]:
+    """Return the positions of the values that are checked; see `_VALUES_TRIED`."""
+    if values.size <= _VALUES_TRIED:
+        return range(values.size)
+    spread = np.linspace(0.0, values.size - 1.0, _VALUES_TRIED - 2).astype(np.int64)
+    return sorted({int(values.argmin()), int(values.argmax()), *spread.tolist()})
 
 
 def _check_different(axes: Sequence[_Axis]) -> None:
@@ -216,6 +230,17 @@ def _mirror(base: Any, path: Path) -> Path | None:
 
 def _frequencies(request: Any) -> int:
     return int(getattr(getattr(request, "frequency", None), "count", 0))
+
+
+def _thinned(base: Any, axes: Sequence[_Axis]) -> Any:
+    """Return a request with few frequencies, which is possible where the whole one is.
+
+    That an axis changes their number is seen in the document alone.
+    """
+    grid = getattr(base, "frequency", None)
+    if not isinstance(grid, grids.FrequencyPoints):
+        return base
+    return base.model_copy(update={"frequency": grid.model_copy(update={"num": min(grid.num, 2)})})
 
 
 # -- Names --------------------------------------------------------------------------------
@@ -291,7 +316,7 @@ class _Grid:
         self._limiting = [i for i, path in paths if path[:2] == ("system", "constraints")]
         self._other = [i for i, path in paths if path[0] != "system"]
         self._structural = [i for i, _ in paths if i not in (*self._limiting, *self._other)]
-        self._limiters = lru_cache(_TRIED)(self._decoded_limiters)
+        self._limiters = lru_cache(_LIMITERS_KEPT)(self._decoded_limiters)
         self._structure = lru_cache(_KEPT)(self._decoded_structure)
 
     def at(self, index: Index) -> Any:
@@ -332,18 +357,22 @@ class _Grid:
     def check(self) -> None:
         """Refuse values with which no point is possible."""
         for place, axis in enumerate(self._axes):
-            for k, value in enumerate(axis.values[:_TRIED]):
+            broken = (k for k, value in enumerate(axis.values) if not value.is_integer())
+            if axis.whole and (k := next(broken, None)) is not None:
+                error = ModelError((), "must be a whole number", code="wrong_type")
+                raise self._wrong(place, k, error)
+            for k in axis.tried:
                 try:
-                    axis.check(self._base, value)
+                    axis.check(self._base, axis.values[k])
                 except ModelError as error:
                     raise self._wrong(place, k, error) from None
-        good = self._first_possible(self._all())
+        good = self._first_possible(self._some())
         if isinstance(good, ModelError):
             related = [_related(axis.path, good.pointer) for axis in self._axes]
             raise self._wrong(related.index(True) if any(related) else 0, 0, good)
         size = self._size(good)
         for place, axis in enumerate(self._axes):
-            for k in range(min(len(axis.values), _TRIED)):
+            for k in axis.tried:
                 neighbour = self._possible_beside(good, place, k)
                 if neighbour is not None and self._size(neighbour) != size:
                     raise self._wrong(place, k, _OTHER_SIZE)
@@ -354,7 +383,7 @@ class _Grid:
     def _possible_beside(self, good: Index, place: int, k: int) -> Index | None:
         """Return a possible point with a value, None where there are too many to try."""
         beside = (*good[:place], k, *good[place + 1 :])
-        points = itertools.chain([beside], (at for at in self._all() if at[place] == k))
+        points = itertools.chain([beside], self._some((place, k)))
         outcome = self._first_possible(points)
         if not isinstance(outcome, ModelError):
             return outcome
@@ -365,7 +394,7 @@ class _Grid:
     def _first_possible(self, points: Iterator[Index]) -> Index | ModelError:
         """Return the first possible one of some points, or the first error where there is none."""
         first: ModelError | None = None
-        for index in itertools.islice(points, _TRIED):
+        for index in itertools.islice(points, _POINTS_TRIED):
             try:
                 self.at(index)
             except ModelError as error:
@@ -375,8 +404,13 @@ class _Grid:
         assert first is not None
         return first
 
-    def _all(self) -> Iterator[Index]:
-        return itertools.product(*(range(len(axis.values)) for axis in self._axes))
+    def _some(self, fixed: tuple[int, int] | None = None) -> Iterator[Index]:
+        """Yield points of values that are tried; the position on one axis may be fixed."""
+        places = [axis.tried for axis in self._axes]
+        if fixed is not None:
+            axis, position = fixed
+            places[axis] = (position,)
+        return itertools.product(*places)
 
     def _wrong(self, place: int, k: int, error: ModelError) -> ModelError:
         axis = self._axes[place]
