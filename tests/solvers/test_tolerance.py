@@ -5,6 +5,7 @@ from __future__ import annotations
 import mpmath
 import numpy as np
 import pytest
+import scipy.optimize
 
 from vibroimpact_solvers import impact_modes, presets, resonances, slow_flow
 from vibroimpact_solvers.errors import ModelError
@@ -13,12 +14,23 @@ from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 GAP = 0.2
 
 
+SYSTEM = presets.chain(13, [Constraint.at(5, GAP)])
+
+
+def inverse_impulse(Omega: float) -> float:
+    problem = impact_modes.Problem(SYSTEM, np.array([Omega * (2.0 / np.pi)]))
+    impulse = impact_modes.solve(problem, impact_modes.plan(problem)).impulse
+    assert impulse is not None
+    return float(1.0 / impulse[0, 0])
+
+
 def solved(tolerance: float | None) -> impact_modes.Result:
-    system = presets.chain(13, [Constraint.at(5, GAP)])
-    # The second is beside a natural frequency by a billionth, where seven digits are lost.
-    Omega = np.array([1.1, 2.0 * np.sin(3.0 * np.pi / 28.0) * (1.0 + 1e-9), 2.5])
+    # The second is beside a frequency at which no impulse is large enough, by a billionth, where
+    # nine digits are lost.
+    singular = scipy.optimize.brentq(inverse_impulse, 1.12, 1.15)
+    Omega = np.array([1.2, singular * (1.0 + 1e-9), 2.5])
     problem = impact_modes.Problem(
-        system, Omega * (2.0 / np.pi), outputs=frozenset({"impulse"}), tolerance=tolerance
+        SYSTEM, Omega * (2.0 / np.pi), outputs=frozenset({"impulse"}), tolerance=tolerance
     )
     return impact_modes.solve(problem, impact_modes.plan(problem))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -17,6 +18,10 @@ from vibroimpact_solvers.receptance import (
     TriangleWaveResponse,
 )
 
+ROUNDED: Final = 64.0 * EPS
+"""Estimated relative rounding of an entry of a displacement."""
+
+_UNCERTAIN = 1e-13  # relative error of displacements, beside that of the impulses
 _POINTS = (
     65,
     257,
@@ -31,10 +36,11 @@ class Forces:
 
     omega: Floats
     p: Floats
+    error: Floats  # relative errors of the impulses, (frequency,)
 
     def at(self, chosen: Booleans) -> Forces:
         """Return those of some of the frequencies."""
-        return Forces(self.omega[chosen], self.p[chosen])
+        return Forces(self.omega[chosen], self.p[chosen], self.error[chosen])
 
 
 class DirectFamily:
@@ -83,7 +89,19 @@ class DirectFamily:
             change = 8.0 * EPS * slope[f] + remainder * np.abs(S[f]) + S_error[f]
             absolute = np.abs(inverse) @ (change @ np.abs(p[f]) + EPS * np.abs(self.gaps))
             error[f] = absolute.max() / np.abs(p[f]).max()
-        return Impulses(p, p, error), Forces(omega, p)
+        return Impulses(p, p, error), Forces(omega, p, error)
+
+    def motion_errors(self, motion: Forces, x: Floats, dofs: Integers) -> Floats:
+        """Return estimated errors of displacements x, (frequency, …, dof), as (frequency, dof)."""
+        size = largest_displacements(x)
+        largest = size.max(axis=1, initial=0.0)
+        error = np.minimum(motion.error, 1.0)
+        return np.asarray((error * largest)[:, np.newaxis] + ROUNDED * size)
+
+    def energy_errors(self, motion: Forces) -> Floats:
+        """Return estimated errors of the energies, shape (frequency,)."""
+        relative = 2.0 * np.minimum(motion.error, 1.0) + ROUNDED
+        return np.asarray(relative * np.abs(self.energy(motion)))
 
     def displacements(self, motion: Forces, tau: Floats, dofs: Integers) -> Floats:
         """Return displacements, shape (frequency, tau, dof)."""
@@ -109,45 +127,50 @@ class DirectFamily:
         return b
 
     def check_path(
-        self, motion: Forces, error: Floats, problem: Problem, excess: float
+        self, motion: Forces, error: Floats, problem: Problem
     ) -> tuple[Floats, Booleans]:
         """Return a time at which a limit is exceeded or nan, and whether that is certain.
 
-        `error` is the relative error of the motion, shape (frequency,).
+        `error` is the relative error of the impulses, shape (frequency,).
         """
         size = motion.omega.size
         witness, certified = np.full(size, np.nan), np.zeros(size, dtype=np.bool_)
         for f, omega in enumerate(motion.omega):
-            witness[f], certified[f] = self._check(float(omega), motion.p[f], problem, excess)
-        certified &= error < 0.1 * excess
+            witness[f], certified[f] = self._check(
+                float(omega), motion.p[f], float(error[f]), problem
+            )
         return witness, certified
 
-    def _check(
-        self, omega: float, p: Floats, problem: Problem, excess: float
-    ) -> tuple[float, bool]:
+    def _check(self, omega: float, p: Floats, error: float, problem: Problem) -> tuple[float, bool]:
         system = problem.system
         rows = self.limits
         walls = [(c.lower, c.upper) for c in system.constraints]
         limit = np.array([min(w for w in pair if w is not None) for pair in walls])
-        over = limit + excess * 2.0 * np.abs(limit)
+        doubt = 2.0 * (error + _UNCERTAIN) * np.abs(limit)
         curvature = self.response.curvature(omega, p, rows)
-        # Shortly before an impact the coordinate rises towards its wall: within this time the
-        # bound of its curvature excludes both a higher value and one beyond the other wall.
+        # Shortly before an impact the coordinate rises towards its wall: within twice this time
+        # the bound of its curvature excludes both a higher value and one beyond the other wall.
         end = np.ones(limit.size)
         slope = np.maximum(self.mobility @ p / omega**2, 0.0)
         for place, index in enumerate(problem.active):
             bend, room = curvature[index], 2.0 * limit[index]
             back = (np.sqrt(slope[place] ** 2 + 2.0 * bend * room) - slope[place]) / bend
-            end[index] -= min(2.0 * slope[place] / bend, back, 1.0)
+            end[index] -= 0.5 * min(2.0 * slope[place] / bend, back, 1.0)
         at, force = np.array([omega]), p[np.newaxis]
         for points in _POINTS:
             tau = np.linspace(0.0, 1.0, points)
             y = np.abs(self.response.displacements(at, force, tau, rows, IMPULSES)[0])
-            passed = np.argwhere((y > over) & (tau[:, np.newaxis] <= end))
+            passed = np.argwhere((y > limit + doubt) & (tau[:, np.newaxis] <= end))
             if passed.size:
                 return float(tau[passed[0, 0]]), True
             reach = np.maximum(y[1:], y[:-1]) + curvature / (8.0 * (points - 1) ** 2)
-            open_steps = (reach > over) & (tau[:-1, np.newaxis] < end)
+            open_steps = (reach > limit - doubt) & (tau[:-1, np.newaxis] < end)
             if not open_steps.any():
                 return np.nan, True
         return np.nan, False
+
+
+def largest_displacements(x: Floats) -> Floats:
+    """Return the largest magnitudes of displacements (frequency, …, dof), as (frequency, dof)."""
+    between = tuple(range(1, x.ndim - 1))
+    return np.asarray(np.abs(x).max(axis=between, initial=0.0) if between else np.abs(x))

@@ -22,10 +22,8 @@ from enum import StrEnum
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import Booleans, Floats
+from vibroimpact_solvers.arrays import EPS, Booleans, Floats
 from vibroimpact_solvers.impact_modes.problem import Problem
-
-_LARGE = 1e3  # impulses that grow without bound, times the usual magnitude
 
 
 class Kind(StrEnum):
@@ -104,10 +102,13 @@ class Family:
         minus[:, list(self.lower)] = z[:, len(self.upper) :]
         return plus, minus
 
-    def errors(self, errors: tuple[Floats, ...]) -> tuple[Floats, Floats]:
-        """Return the absolute errors of p+ and p- from those of the solutions."""
+    def errors(
+        self, unknowns: tuple[Floats, ...], errors: tuple[Floats, ...]
+    ) -> tuple[Floats, Floats]:
+        """Return the absolute errors of p+ and p- from the solutions and their errors."""
         if self.kind is Kind.SEPARATE:
-            return errors[0] + errors[1], errors[0] + errors[1]
+            rounding = EPS * (np.abs(unknowns[0]) + np.abs(unknowns[1]))
+            return errors[0] + errors[1] + rounding, errors[0] + errors[1] + rounding
         return self.sides(errors)
 
 
@@ -120,13 +121,11 @@ class Impulses:
     minus: Floats
     error: Floats  # relative error of the largest of them, infinite where singular, (frequency,)
 
-    def singular(self, usual: Floats) -> Booleans:
-        """Return where no impulse brings the structure to its walls.
+    @property
+    def singular(self) -> Booleans:
+        """Where no impulse brings the structure to its walls, or none that differs from zero.
 
-        There the impulses grow without bound until they are rounding errors. Near their zeros,
-        at natural frequencies, they are as uncertain but small. `usual` is the order of magnitude
-        of impulses, (frequency,).
+        There the impulses grow without bound, or balance to zero (momentum of free structures),
+        until they are errors.
         """
-        largest = np.maximum(np.abs(self.plus).max(axis=1), np.abs(self.minus).max(axis=1))
-        lost = (self.error >= 1.0) & (largest > _LARGE * usual)
-        return np.asarray(lost | ~np.isfinite(self.error))
+        return np.asarray(~(self.error < 1.0))

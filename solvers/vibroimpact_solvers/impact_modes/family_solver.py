@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -20,10 +20,8 @@ from vibroimpact_solvers.receptance import ExpansionSize, PartialModalResponse
 from vibroimpact_solvers.results.impact_modes import Reason, Result
 from vibroimpact_solvers.spectrum import Spectrum
 
-PENETRATION_TOLERANCE: Final = 1e-10
-"""A limit counts as exceeded from this part of the distance between the walls on."""
-
 _ONE = np.ones(1)
+_HARMONIC = 4.0 / np.pi  # error of a Fourier amplitude over that of the displacement
 _BLOCK = 2**21  # numbers in a block of frequencies
 _SINGULAR = 1e32  # stands for an infinite condition number
 _CERTAIN = 1e-6  # relative error of the impulses up to which their signs count as proved
@@ -144,18 +142,36 @@ class FamilySolver:
         if self.plan.step(Stage.EXISTENCE):
             values.update(self._existence(problem, impulses, motion, reason, paths))
         if self.plan.step(Stage.SHAPE):
-            values["shape"] = self.evaluator.displacements(motion, _ONE, dofs)[:, 0]
+            values.update(self._shape(problem, motion))
         if self.plan.step(Stage.WAVEFORM):
-            values["waveform"] = self.evaluator.displacements(motion, problem.times, dofs)
-            values["tau"] = problem.times
+            waveform = self.evaluator.displacements(motion, problem.times, dofs)
+            values.update(waveform=waveform, tau=problem.times)
+            values["waveform_error"] = self.evaluator.motion_errors(motion, waveform, dofs)
         if self.plan.step(Stage.HARMONICS):
-            values["harmonics"] = self.evaluator.harmonics(motion, self._orders, dofs)
-            values["harmonic"] = self._orders
+            harmonics = self.evaluator.harmonics(motion, self._orders, dofs)
+            values.update(harmonics=harmonics, harmonic=self._orders)
+            errors = self.evaluator.motion_errors(motion, harmonics, dofs)
+            values["harmonics_error"] = _HARMONIC * errors
         if outputs & {"shape", "waveform", "harmonics"}:
             values["dof"] = dofs
         if self.plan.step(Stage.ENERGY):
             values["energy"] = self.evaluator.energy(motion)
+            values["energy_error"] = self.evaluator.energy_errors(motion)
         return Result(**values)
+
+    def _shape(self, problem: Problem, motion: Any) -> dict[str, Floats]:
+        """Return shapes and their errors; a struck degree of freedom is at its wall."""
+        dofs = problem.output_dofs
+        shape = self.evaluator.displacements(motion, _ONE, dofs)[:, 0]
+        errors = self.evaluator.motion_errors(motion, shape, dofs)
+        moves = np.abs(motion.p).max(axis=1) > 0.0
+        for place in self.family.upper:
+            one = problem.struck[place]
+            if len(one.coordinate) == 1 and one.upper is not None:
+                ((dof, weight),) = one.coordinate
+                struck = np.ix_(moves, dofs == dof)
+                shape[struck], errors[struck] = one.upper / weight, EPS * abs(one.upper / weight)
+        return {"shape": shape, "shape_error": errors}
 
     def _statement(self) -> str:
         if has_all_modes(self.plan):
@@ -198,9 +214,7 @@ class FamilySolver:
         where = paths.where
         if where.any():
             error = np.minimum(impulses.error[where], 1.0)
-            witness[where], sure = self.evaluator.check_path(
-                paths.motion, error, problem, PENETRATION_TOLERANCE
-            )
+            witness[where], sure = self.evaluator.check_path(paths.motion, error, problem)
             certified[where] &= sure
             reason[~np.isnan(witness)] = Reason.PENETRATION
         return certified, witness
@@ -218,7 +232,7 @@ class FamilySolver:
             pulls |= (p[:, walls] <= -error).any(axis=1)
             towards, velocity_error = (p @ mobility)[:, walls], error * sums[walls]
             leaves |= (towards <= -velocity_error).any(axis=1)
-            firm &= (p[:, walls] > error).all(axis=1) & (towards > velocity_error).all(axis=1)
+            firm &= (p[:, walls] > error).all(axis=1) & (towards > 4.0 * velocity_error).all(axis=1)
         decided = np.where(reason == Reason.WRONG_VELOCITY, leaves, firm)
         decided = np.where(reason == Reason.NEGATIVE_IMPULSE, pulls, decided)
         return np.asarray((impulses.error < _CERTAIN) & decided)
@@ -246,9 +260,5 @@ class FamilySolver:
             codes[wrong & (codes == Reason.OK)] = Reason.WRONG_VELOCITY
         for p, struck in ((impulses.plus, self.family.upper), (impulses.minus, self.family.lower)):
             codes[~(p[:, struck] > 0.0).all(axis=1)] = Reason.NEGATIVE_IMPULSE
-        gap = max(abs(w) for c in problem.struck for w in (c.lower, c.upper) if w is not None)
-        fastest = np.maximum(1.0, self._largest / problem.omega)
-        load = 0.0 if problem.system.force is None else float(np.abs(problem.system.force).max())
-        usual = gap * problem.omega**2 * fastest / mobility.diagonal().min() + load
-        codes[impulses.singular(usual)] = Reason.SINGULAR
+        codes[impulses.singular] = Reason.SINGULAR
         return codes

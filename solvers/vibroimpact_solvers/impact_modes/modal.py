@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -16,7 +16,6 @@ from vibroimpact_solvers.kernels.threads import over_ranges
 from vibroimpact_solvers.spectrum import Spectrum
 from vibroimpact_solvers.stability import Orbits, Side
 
-_NOISE = 1e-13  # rounding of a modal load, relative to the sum of magnitudes of its terms
 _ROWS = 2**22  # entries of the modal matrix taken at a time
 
 
@@ -28,10 +27,13 @@ class Amplitudes:
     p: Floats
     D: Floats
     U: Floats
+    # Errors of the displacements at all times, in the norm of M, and of the energy, (frequency,)
+    motion_error: Floats
+    energy_error: Floats
 
     def at(self, chosen: Booleans) -> Amplitudes:
         """Return those of some of the frequencies."""
-        return Amplitudes(self.omega[chosen], self.p[chosen], self.D[chosen], self.U[chosen])
+        return Amplitudes(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
 
 class ModalFamily:
@@ -40,16 +42,24 @@ class ModalFamily:
     def __init__(self, problem: Problem, family: Family, spectrum: Spectrum) -> None:
         self.family, self.spectrum = family, spectrum
         self.equations = family.equations(problem)
-        rows = spectrum.along(problem.struck)
-        load = _modal_load(problem, spectrum)
+        rows, row_errors = spectrum.participations(problem.struck)
+        # A rigid-body mode that balances to rounding at a limiter is one that does so exactly.
+        row_errors[(rows == 0.0) & (spectrum.roots == 0.0)] = 0.0
+        load, load_errors = _modal_load(problem, spectrum)
         _require_balance(spectrum.roots, rows, load)
-        # A mode with a node at every constraint takes no part.
-        self.participating = np.flatnonzero(rows.any(axis=0) | (load != 0.0))
-        self.roots = np.ascontiguousarray(spectrum.roots[self.participating])
-        rounding = np.zeros(spectrum.roots.size) if spectrum.rounding is None else spectrum.rounding
-        self.rounding = np.ascontiguousarray(rounding[self.participating])
-        self.rows = np.ascontiguousarray(rows[:, self.participating])
-        self.load = np.ascontiguousarray(load[self.participating])
+        zeros = np.zeros(spectrum.roots.size)
+        # A mode with a node at every constraint takes no part, nor do errors.
+        moved = rows.any(axis=0) | row_errors.any(axis=0) | (load != 0.0) | (load_errors != 0.0)
+        self.participating = np.flatnonzero(moved)
+
+        def some(values: Floats | None) -> Floats:
+            whole = zeros if values is None else values
+            return np.ascontiguousarray(whole[..., self.participating])
+
+        self.roots, self.rounding = some(spectrum.roots), some(spectrum.rounding)
+        self.errors, self.angles = some(spectrum.errors), some(spectrum.angles)
+        self.rows, self.row_errors = some(rows), some(row_errors)
+        self.load, self.load_errors = some(load), some(load_errors)
 
     @property
     def mobility(self) -> Floats:
@@ -65,7 +75,7 @@ class ModalFamily:
     def impulses(self, unknowns: tuple[Floats, ...], errors: tuple[Floats, ...]) -> Impulses:
         """Return the impulses from the unknowns, each (frequency, unknown), and their errors."""
         plus, minus = self.family.sides(unknowns)
-        errors_plus, errors_minus = self.family.errors(errors)
+        errors_plus, errors_minus = self.family.errors(unknowns, errors)
         both = np.concatenate([plus, minus], axis=1)
         sound = np.isfinite(both).all(axis=1)
         plus = np.where(sound[:, np.newaxis], plus, 0.0)
@@ -75,6 +85,19 @@ class ModalFamily:
         with np.errstate(divide="ignore", invalid="ignore"):
             relative = np.where(absolute > 0.0, absolute / largest, 0.0)
         return Impulses(plus, minus, np.where(sound, relative, np.inf))
+
+    def motion_errors(self, motion: Amplitudes, x: Floats, dofs: Integers) -> Floats:
+        """Return errors of displacements x, (frequency, …, dof), as (frequency, dof)."""
+        return motion.motion_error[:, np.newaxis] * self._reach(self.spectrum.rows(dofs))
+
+    def energy_errors(self, motion: Amplitudes) -> Floats:
+        """Return errors of the energies, shape (frequency,)."""
+        return motion.energy_error
+
+    @staticmethod
+    def _reach(rows: Floats) -> Floats:
+        """Return the roots of ``w . M^-1 w`` of coordinates with given rows of all modes."""
+        return np.asarray(np.sqrt(np.square(rows).sum(axis=1)) * (1.0 + 1e-12))
 
     def displacements(self, motion: Amplitudes, tau: Floats, dofs: Integers) -> Floats:
         """Return displacements, shape (frequency, tau, dof)."""
@@ -133,25 +156,30 @@ class ModalFamily:
             error=error,
         )
 
+    @property
+    def root_errors(self) -> Floats:
+        """Errors of the natural frequencies relative to them; 0 of rigid-body modes, (mode,)."""
+        squares = np.square(self.roots)
+        return np.divide(0.5 * self.errors, squares, np.zeros(squares.size), where=squares > 0.0)
+
     def _root_error(self) -> Floats:
         """Return the errors of the participating natural frequencies, rounding apart."""
-        squares = np.square(self.roots)
-        errors = self.spectrum.uncertainty + self.spectrum.norms * squares
+        errors = self.errors + self.spectrum.norms * np.square(self.roots)
         errors[self.roots == 0.0] = 0.0
         with np.errstate(divide="ignore", invalid="ignore"):
             slope = np.where(errors > 0.0, 0.5 * errors / np.abs(self.roots), 0.0)
         return np.asarray(np.minimum(slope, np.sqrt(errors)))
 
     def check_path(
-        self, motion: Amplitudes, error: Floats, problem: Problem, excess: float
+        self, motion: Amplitudes, error: Floats, problem: Problem
     ) -> tuple[Floats, Booleans]:
         """Return a time at which a limit is exceeded or nan, and whether that is certain.
 
-        `error` is the relative error of the motion, shape (frequency,).
+        `error` is the relative error of the impulses, shape (frequency,).
         """
         constraints = problem.system.constraints
         place = {index: i for i, index in enumerate(problem.active)}
-        rows = np.ascontiguousarray(self.spectrum.along(constraints)[:, self.participating])
+        all_rows = self.spectrum.along(constraints)
         lower = np.array([np.inf if c.lower is None else c.lower for c in constraints])
         upper = np.array([np.inf if c.upper is None else c.upper for c in constraints])
         width = lower + upper
@@ -160,22 +188,23 @@ class ModalFamily:
         # In units of the largest width no square overflows or underflows.
         unit = float(size.max())
         limits = path_check.Limits(
-            rows,
+            np.ascontiguousarray(all_rows[:, self.participating]),
             lower / unit,
             upper / unit,
             np.array([place.get(i) in self.family.lower for i in range(width.size)]),
             np.array([place.get(i) in self.family.upper for i in range(width.size)]),
-            excess * size / unit,
+            self._reach(all_rows),
         )
+        doubt = motion.motion_error / unit
         count, scaled = motion.omega.size, self._motions(motion, unit)
         witness, certified = np.empty(count), np.empty(count, np.bool_)
 
         def piece(start: int, stop: int) -> None:
             some = slice(start, stop)
             part = scaled._replace(omega=scaled.omega[some], D=scaled.D[some], U=scaled.U[some])
-            path_check.check(part, limits, error[some], witness[some], certified[some])
+            path_check.check(part, limits, doubt[some], witness[some], certified[some])
 
-        over_ranges(piece, count, 1e3 * rows.size * count)
+        over_ranges(piece, count, 1e3 * all_rows.size * count)
         return witness, certified
 
 
@@ -188,73 +217,89 @@ def solutions(
     """
     first = of[0]
     if first.family.kind is not Kind.ANTISYMMETRIC or first.family.count > 1:
-        impulses, D, U = _bordered(of, at, with_motion=with_motion)
-    else:
-        impulses, D, U = _scalar(of, at, with_motion=with_motion)
-    return [(one, Amplitudes(at.omega, one.plus, D[i], U[i])) for i, one in enumerate(impulses)]
+        return _bordered(of, at, with_motion=with_motion)
+    return _scalar(of, at, with_motion=with_motion)
 
 
 def _scalar(
     of: Sequence[ModalFamily], at: Frequencies, *, with_motion: bool
-) -> tuple[list[Impulses], Floats, Floats]:
-    """Return the impulses of one constraint, and amplitudes as `_bordered` does."""
+) -> list[tuple[Impulses, Amplitudes]]:
+    """Return the impulses of one constraint, and the motions."""
     first = of[0]
-    uncertainty, norms = first.spectrum.uncertainty, first.spectrum.norms
+    row, row_error = first.rows[0], first.row_errors[0]
     S, condition = response.response_one(
-        first.roots, first.rounding, first.rows[0] ** 2, at.omega, at.rounding, uncertainty, norms
+        first.roots,
+        first.rounding,
+        row**2,
+        at.omega,
+        at.rounding,
+        first.errors,
+        (2.0 * np.abs(row) + row_error) * row_error,
     )
-    gaps = [float(one.equations[0].walls[0]) for one in of]
-    impulses = []
-    for gap in gaps:
-        p = response.impulses_of(S, at.omega, gap)[:, np.newaxis]
-        impulses.append(Impulses(p, p, EPS * condition))
-    D, U = np.zeros((2, len(of), at.size, 0))
+    error = EPS * (condition + 3.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        error = np.where(error < 1.0, error / (1.0 - error), np.inf)
+    gaps = np.array([float(one.equations[0].walls[0]) for one in of])
+    D, none = np.zeros((len(of), at.size, 0)), np.zeros((at.size, 0))
+    motion_error, energy_error = np.full((2, len(of), at.size), np.inf)
     if with_motion:
-        D = response.amplitudes_one(
-            first.roots,
-            first.rounding,
-            first.rows[0],
-            at.omega,
-            at.rounding,
-            np.divide.outer(gaps, S),
+        scale = np.divide.outer(gaps, S)
+        shapes = response.Participations(row, row_error, first.root_errors, first.angles)
+        D, sizes = response.amplitudes_one(
+            first.roots, first.rounding, shapes, at.omega, at.rounding, scale
         )
-    return impulses, D, U
+        with np.errstate(invalid="ignore", over="ignore"):
+            motion_error = np.abs(scale) * (sizes.motion_error + error * sizes.motion)
+            squares = np.square(scale * at.omega)
+            energy = 0.5 * squares * np.square(D).sum(axis=2) / np.square(scale)
+            energy_error = squares * sizes.energy_error + 2.0 * error * energy
+    found = []
+    for i, gap in enumerate(gaps):
+        p = response.impulses_of(S, at.omega, float(gap))[:, np.newaxis]
+        motion = Amplitudes(at.omega, p, D[i], none, motion_error[i], energy_error[i])
+        found.append((Impulses(p, p, error), motion))
+    return found
 
 
 def _bordered(
     of: Sequence[ModalFamily], at: Frequencies, *, with_motion: bool
-) -> tuple[list[Impulses], Floats, Floats]:
-    """Return impulses and the amplitudes D and U, shape (family, frequency, mode)."""
+) -> list[tuple[Impulses, Amplitudes]]:
+    """Return impulses and motions by systems of equations."""
     first = of[0]
     has_symmetric = with_motion and first.family.kind is not Kind.ANTISYMMETRIC
     D = np.zeros((len(of), at.size, first.roots.size if with_motion else 0))
     U = np.zeros((len(of), at.size, first.roots.size if has_symmetric else 0))
+    motion_error, energy_error = np.zeros((2, len(of), at.size))
     unknowns, errors = [], []
     for place, one in enumerate(first.equations):
         walls = np.array([family.equations[place].walls for family in of])
         z, error = np.empty((2, len(of), at.size, walls.shape[1]))
-        none = np.zeros((len(of), at.size, 0))
+        none, some_errors = np.zeros((len(of), at.size, 0)), np.empty((2, len(of), at.size))
         part_D, part_U = D if one.antisymmetric.size else none, U if one.symmetric.size else none
-        _solve(first, one, walls, at, families.Solutions(z, error, part_D, part_U))
+        into = families.Solutions(z, error, part_D, part_U, *some_errors)
+        _solve(first, one, walls, at, into)
         unknowns.append(z)
         errors.append(error)
-    impulses = [
-        family.impulses(tuple(z[i] for z in unknowns), tuple(error[i] for error in errors))
-        for i, family in enumerate(of)
-    ]
-    return impulses, D, U
+        motion_error += some_errors[0]
+        energy_error += some_errors[1]
+    found = []
+    for i, family in enumerate(of):
+        impulses = family.impulses(tuple(z[i] for z in unknowns), tuple(e[i] for e in errors))
+        motion = Amplitudes(at.omega, impulses.plus, D[i], U[i], motion_error[i], energy_error[i])
+        found.append((impulses, motion))
+    return found
 
 
 def _solve(
     of: ModalFamily, one: Equations, walls: Floats, at: Frequencies, into: families.Solutions
 ) -> None:
     """Fill in the unknowns of one system of equations and the motion that they cause."""
-    modes = families.Modes(
-        of.roots, of.rounding, of.load, of.spectrum.uncertainty, of.spectrum.norms
-    )
+    modes = families.Modes(of.roots, of.rounding, of.load, of.load_errors, of.errors, of.angles)
     system = families.LinearSystem(
         np.ascontiguousarray(one.antisymmetric @ of.rows),
         np.ascontiguousarray(one.symmetric @ of.rows),
+        np.ascontiguousarray(np.abs(one.antisymmetric) @ of.row_errors),
+        np.ascontiguousarray(np.abs(one.symmetric) @ of.row_errors),
         walls,
         one.share,
     )
@@ -271,15 +316,23 @@ def _finite(walls: Floats) -> Floats:
     return np.where(np.isfinite(walls), np.abs(walls), 0.0)
 
 
-def _modal_load(problem: Problem, spectrum: Spectrum) -> Floats:
-    """Return the static load of each mode, shape (mode,), with rounding errors set to zero."""
+def _modal_load(problem: Problem, spectrum: Spectrum) -> tuple[Floats, Floats]:
+    """Return the static loads of the modes and their errors, each (mode,).
+
+    A load below its error is 0, on a rigid-body mode exactly.
+    """
     force = problem.system.force
     if force is None or not force.any():
-        return np.zeros(spectrum.roots.size)
+        return np.zeros(spectrum.roots.size), np.zeros(spectrum.roots.size)
     loaded = np.flatnonzero(force)
     parts = force[loaded, np.newaxis] * spectrum.rows(loaded)
     load = parts.sum(axis=0)
-    return np.where(np.abs(load) > _NOISE * np.abs(parts).sum(axis=0), load, 0.0)
+    errors = (loaded.size + 2) * EPS * np.abs(parts).sum(axis=0)
+    if spectrum.angles is not None:
+        errors += spectrum.angles * np.linalg.norm(load)
+    small = np.abs(load) <= errors
+    errors[small & (spectrum.roots == 0.0)] = 0.0
+    return np.where(small, 0.0, load), np.where(small, 2.0 * errors, errors)
 
 
 def _require_balance(roots: Floats, rows: Floats, load: Floats) -> None:

@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import Booleans, Floats, Integers
-from vibroimpact_solvers.impact_modes.direct import DirectFamily, Forces
+from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers
+from vibroimpact_solvers.impact_modes.direct import (
+    ROUNDED,
+    DirectFamily,
+    Forces,
+    largest_displacements,
+)
 from vibroimpact_solvers.impact_modes.family import Family
 from vibroimpact_solvers.impact_modes.modal import Amplitudes, ModalFamily
 from vibroimpact_solvers.impact_modes.planning import SeriesRange
-from vibroimpact_solvers.impact_modes.problem import Problem
+from vibroimpact_solvers.impact_modes.problem import Frequencies, Problem
 from vibroimpact_solvers.spectrum import Spectrum
+
+_CLOSEST = 1e-3  # relative distance of the lowest frequency of the series from the spectrum
 
 
 class ModalWithSeriesFamily(ModalFamily):
@@ -30,7 +37,7 @@ class ModalWithSeriesFamily(ModalFamily):
         x = np.empty((motion.omega.size, tau.size, dofs.size))
         high = motion.omega >= self._start
         if high.any():
-            x[high] = self._direct.displacements(_forces(motion, high), tau, dofs)
+            x[high] = self._direct.displacements(self._forces(motion, high), tau, dofs)
         if not high.all():
             x[~high] = super().displacements(motion.at(~high), tau, dofs)
         return x
@@ -40,11 +47,21 @@ class ModalWithSeriesFamily(ModalFamily):
         b = np.empty((motion.omega.size, orders.size, dofs.size))
         high = (motion.omega >= self._start) & self._factorizes
         if high.any():
-            b[high] = self._direct.harmonics(_forces(motion, high), orders, dofs)
+            b[high] = self._direct.harmonics(self._forces(motion, high), orders, dofs)
         if not high.all():
             b[~high] = super().harmonics(motion.at(~high), orders, dofs)
         return b
 
+    def motion_errors(self, motion: Amplitudes, x: Floats, dofs: Integers) -> Floats:
+        """Return errors of displacements x, (frequency, …, dof), as (frequency, dof)."""
+        errors = super().motion_errors(motion, x, dofs)
+        high = motion.omega >= self._start
+        size = largest_displacements(x)[high]
+        apart = 1.0 + _CLOSEST - self._start / motion.omega[high]
+        errors[high] = (ROUNDED + 4.0 * EPS / apart)[:, np.newaxis] * size
+        return errors
 
-def _forces(motion: Amplitudes, chosen: Booleans) -> Forces:
-    return Forces(motion.omega[chosen], motion.p[chosen])
+    def _forces(self, motion: Amplitudes, chosen: Booleans) -> Forces:
+        """Return the impulses by the same sums as the displacements: common errors cancel."""
+        omega = motion.omega[chosen]
+        return self._direct.solutions(Frequencies(omega, np.zeros(omega.size)))[1]

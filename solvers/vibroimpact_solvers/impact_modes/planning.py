@@ -18,7 +18,7 @@ from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 
 _ALWAYS_MODAL: Final = 256
 """Degrees of freedom up to which all natural modes are always computed."""
-_SERIES_FROM = 1.0 + 1e-9  # start of the series, over the largest natural frequency
+_SERIES_FROM = 1.001  # start of the series, over the largest natural frequency
 _SERIES_FROM_WITHOUT_FACTORS = 1.1  # the same without factorizations
 _ALL_INTERVALS = 64  # harmonics per degree of freedom from which on all intervals are visited
 

@@ -24,14 +24,22 @@ def roundings(n: int) -> float:
     return 2.0 * ((n + 4) * _UNIT) ** 2
 
 
-@kernel
 def product(
     A: Floats, A_low: Floats, B: Floats, B_low: Floats, half: bool
 ) -> tuple[Floats, Floats]:
     """Return ``(A + A_low) (B + B_low)`` as the rounded entries and their roundings.
 
-    Of a symmetric product only a half is computed. A column (n, 0) stands for zeros.
+    Of a symmetric product only a half is computed. A matrix (0, 0) stands for zeros.
     """
+    # The kernel has one signature: writable arrays in rows.
+    a, a_low, b, b_low = (np.array(part, order="C") for part in (A, A_low, B, B_low))
+    return _product(a, a_low, b, b_low, half)
+
+
+@kernel
+def _product(
+    A: Floats, A_low: Floats, B: Floats, B_low: Floats, half: bool
+) -> tuple[Floats, Floats]:
     shape = A.shape[0], B.shape[1]
     high, low = np.zeros(shape), np.zeros(shape)
     for i in range(shape[0]):

@@ -23,9 +23,17 @@ drown the others is therefore not summed but keeps an unknown of its own,
 (v of a symmetric component leaves out the static displacement under the load). The bordered
 system is symmetric and stays well conditioned through the pole.
 
-With two bars for sizes, the error of z is ``|A^(-1)| (|dA| |z| + 2 eps |b|)`` to first order, with
-the errors dA that roundings, errors of eigenvalues and of modes cause in the matrix A; one step of
-iterative refinement keeps those of the inverse below.
+Errors dA and db of the equations come from roundings and from errors of eigenvalues,
+participations and loads. The computed z leaves a residual r, B is the computed inverse, and with
+
+    t = |B| (|r| + |dA| |z| + |db|) ,      kappa = max_i (|B| |dA| t)_i / t_i < 1
+
+the error of z is at most ``t/(1 - kappa)`` (from ``dz = B (r - dA z - db - dA dz)``).
+
+Modal amplitudes inherit it; beside it they have the errors of their own eigenvalue and
+participation, magnified by ``1/cos gamma`` or ``1/sin gamma``. As modes are orthogonal, the error
+of all displacements in the norm of M is the root of the sum of squares of those of the modal
+coordinates; a coordinate ``y = w . x`` errs by at most ``sqrt(w . M^-1 w)`` times as much.
 """
 
 from __future__ import annotations
@@ -48,6 +56,7 @@ from vibroimpact_solvers.kernels.triangle_time import (
 )
 
 _EPS = 2.220446049250313e-16
+_UNIT = 0.5 * _EPS
 
 # A mode is a candidate for the border where cos or sin of its gamma is smaller ...
 _NEAR = 0.0625
@@ -68,8 +77,9 @@ class Modes(NamedTuple):
     roots: Floats  # signed natural frequencies
     rests: Floats  # what rounding took from them, relative to them
     load: Floats  # static loads
-    uncertainty: float  # absolute error of the eigenvalues
-    norms: float  # error of norms and orthogonality, and relative one of eigenvalues
+    load_errors: Floats
+    errors: Floats  # of the eigenvalues, beside the rests
+    angles: Floats  # errors of the modes in the norm of M
 
 
 class LinearSystem(NamedTuple):
@@ -78,6 +88,9 @@ class LinearSystem(NamedTuple):
     # Rows of the two components; none where there is no such component, (unknown, mode)
     antisymmetric: Floats
     symmetric: Floats
+    # Their errors
+    antisymmetric_errors: Floats
+    symmetric_errors: Floats
     # Where each struck wall is, seen along its row; several sets at once, (set, unknown)
     walls: Floats
     share: float  # factor of the modal forces, 1 or 1/2
@@ -94,6 +107,10 @@ class Solutions(NamedTuple):
     # The symmetric component at tau = 0, static displacement included, or, for mu <= -1, U of
     # ``U cosh(g tau)/cosh(g)``; left out if it has no columns, (set, frequency, mode)
     U: Floats
+    # Errors of the displacements at all times, in the norm of M, and of the energy; (set,
+    # frequency)
+    motion_error: Floats
+    energy_error: Floats
 
 
 class _Phases(NamedTuple):
@@ -105,7 +122,9 @@ class _Phases(NamedTuple):
     # Of gamma; they mean nothing where mu is negative
     sine: Floats
     cosine: Floats
-    load: Floats  # over the share
+    # Over the share
+    load: Floats
+    load_error: Floats
 
 
 class _Sums(NamedTuple):
@@ -114,8 +133,16 @@ class _Sums(NamedTuple):
     S: Floats  # (n, n)
     dS: Floats  # errors of S, (n, n)
     right: Floats  # (n, set)
-    noise: float  # relative error of the products of rows
+    blur: Floats  # errors of the right-hand sides that the load causes, (n,)
+    noise: float  # relative rounding of the terms and their sums
     loaded: bool  # whether there are static loads
+
+
+class _Products(NamedTuple):
+    """Products of all pairs of rows, and their errors, each (pair, mode)."""
+
+    value: Floats
+    error: Floats
 
 
 class _Room(NamedTuple):
@@ -124,6 +151,7 @@ class _Room(NamedTuple):
     value: Floats
     change: Floats
     terms: Floats
+    lost: Floats
     others: Integers  # modes that are not plain, (mode,)
     # Components near their poles and their sizes: 2 j of mode j is the antisymmetric one, 2 j + 1
     # the symmetric one; (2 mode,)
@@ -146,6 +174,8 @@ class _Bordered(NamedTuple):
     v: Floats
     other: Floats
     spread: Floats
+    blur: Floats  # errors of the right-hand sides that the load causes
+    error: Floats  # errors of the unknowns
 
 
 @inner
@@ -184,7 +214,7 @@ def _response(parity: int, phases: _Phases, j: int) -> tuple[float, float]:
 @inner
 def _scale(modes: Modes, omega: float, omega_rest: float, phases: _Phases, terms: Floats) -> None:
     """Fill in the modes at one frequency; `terms` are room."""
-    largest, over, inverse = 0.0, modes.uncertainty / (omega * omega), 1.0 / omega
+    largest, over, inverse = 0.0, 1.0 / (omega * omega), 1.0 / omega
     for j in range(terms.size):
         gamma = modes.roots[j] / omega
         mu = gamma * abs(gamma)
@@ -192,7 +222,8 @@ def _scale(modes: Modes, omega: float, omega_rest: float, phases: _Phases, terms
         phases.rest[j] = 2.0 * fma(mu, modes.rests[j] - omega_rest, abs(gamma) * lost)
         phases.mu[j], terms[j] = mu, abs(gamma)
     for j in range(terms.size):
-        phases.uncertainty[j] = (_EPS + modes.norms) * abs(phases.mu[j]) + over
+        # Phases are known to the square of a rounding.
+        phases.uncertainty[j] = modes.errors[j] * over + 8.0 * _EPS * _EPS * abs(phases.mu[j])
         phases.sine[j], phases.cosine[j] = sine_cosine(terms[j], 0.0)
     for j in range(terms.size):
         largest = max(largest, terms[j])
@@ -202,19 +233,30 @@ def _scale(modes: Modes, omega: float, omega_rest: float, phases: _Phases, terms
 
 
 @inner
-def _add(sums: _Sums, rows: Floats, parity: int, phases: _Phases, j: int) -> None:
+def _add(
+    sums: _Sums, rows: Floats, row_errors: Floats, parity: int, phases: _Phases, j: int
+) -> None:
     """Add the response of mode j to the equations."""
     value, slope = _response(parity, phases, j)
-    value += slope * phases.rest[j]
+    moved = slope * phases.rest[j]
     change = abs(slope) * phases.uncertainty[j] + sums.noise * abs(value)
-    static = phases.load[j]
+    if value != 0.0:
+        change += moved / value * moved
+    value += moved
+    static, loose = phases.load[j], phases.load_error[j]
     for i in range(rows.shape[0]):
+        row, blur = rows[i, j], row_errors[i, j]
         for k in range(rows.shape[0]):
-            product = rows[i, j] * rows[k, j]
+            product = row * rows[k, j]
+            cross = abs(row) * row_errors[k, j] + blur * (abs(rows[k, j]) + row_errors[k, j])
             sums.S[i, k] += product * value
-            sums.dS[i, k] += abs(product) * change
-        for k in range(sums.right.shape[1] if parity == 1 and static != 0.0 else 0):
-            sums.right[i, k] -= rows[i, j] * static / phases.mu[j]
+            sums.dS[i, k] += abs(product) * change + cross * abs(value)
+        if parity == 1 and (static != 0.0 or loose != 0.0):
+            lifted, mu = static / phases.mu[j], abs(phases.mu[j])
+            spread = abs(lifted) * (sums.noise + phases.uncertainty[j] / mu) + loose / mu
+            sums.blur[i] += abs(row) * spread + blur * (abs(lifted) + loose / mu)
+            for k in range(sums.right.shape[1]):
+                sums.right[i, k] -= row * lifted
 
 
 @inner
@@ -247,34 +289,54 @@ def _evaluate_plain(parity: int, phases: _Phases, noise: float, room: _Room) -> 
 
 @inner
 def _add_plain(
-    sums: _Sums, rows: Floats, products: Floats, parity: int, phases: _Phases, room: _Room
+    sums: _Sums,
+    rows: Floats,
+    row_errors: Floats,
+    products: _Products,
+    parity: int,
+    phases: _Phases,
+    room: _Room,
 ) -> int:
     """Add the responses of all modes that are neither near their poles nor soft.
 
-    `products` are those of all pairs of rows. The others are listed, their number is returned.
+    The others are listed, their number is returned.
     """
     count = _evaluate_plain(parity, phases, sums.noise, room)
     value, change, terms, place = room.value, room.change, room.terms, 0
     for i in range(rows.shape[0]):
         for k in range(i, rows.shape[0]):
-            product = products[place]
+            product, cross = products.value[place], products.error[place]
             for j in range(terms.size):
                 terms[j] = product[j] * value[j]
             sums.S[i, k] += folded(terms)
             for j in range(terms.size):
-                terms[j] = abs(product[j]) * change[j]
+                terms[j] = abs(product[j]) * change[j] + cross[j] * abs(value[j])
             sums.dS[i, k] += folded(terms)
             sums.S[k, i], sums.dS[k, i] = sums.S[i, k], sums.dS[i, k]
             place += 1
         if parity == 1 and sums.loaded:
-            row = rows[i]
-            for j in range(terms.size):
-                lifted = row[j] * phases.load[j] / phases.mu[j]
-                terms[j] = lifted if change[j] != 0.0 else 0.0
-            total = folded(terms)
-            for k in range(sums.right.shape[1]):
-                sums.right[i, k] -= total
+            _add_loads(sums, rows[i], row_errors[i], i, phases, room)
     return count
+
+
+@inner
+def _add_loads(
+    sums: _Sums, row: Floats, row_error: Floats, i: int, phases: _Phases, room: _Room
+) -> None:
+    """Take the static displacement of all these modes from the distance of a wall."""
+    change, terms, mu = room.change, room.terms, phases.mu
+    for j in range(terms.size):
+        lifted = row[j] * phases.load[j] / mu[j]
+        terms[j] = lifted if change[j] != 0.0 else 0.0
+    total = folded(terms)
+    for k in range(sums.right.shape[1]):
+        sums.right[i, k] -= total
+    for j in range(terms.size):
+        size, loose = abs(phases.load[j]), phases.load_error[j]
+        spread = size * (sums.noise + phases.uncertainty[j] / abs(mu[j])) + loose
+        blur = (abs(row[j]) * spread + row_error[j] * (size + loose)) / abs(mu[j])
+        terms[j] = blur if change[j] != 0.0 else 0.0
+    sums.blur[i] += folded(terms)
 
 
 @inner
@@ -299,6 +361,14 @@ def _sort(system: LinearSystem, phases: _Phases, room: _Room, count: int) -> Non
 
 
 @inner
+def _add_mode(system: LinearSystem, sums: _Sums, parity: int, phases: _Phases, j: int) -> None:
+    if parity == 0:
+        _add(sums, system.antisymmetric, system.antisymmetric_errors, parity, phases, j)
+    else:
+        _add(sums, system.symmetric, system.symmetric_errors, parity, phases, j)
+
+
+@inner
 def _select_bordered(
     system: LinearSystem, sums: _Sums, phases: _Phases, room: _Room, count: int
 ) -> int:
@@ -320,8 +390,7 @@ def _select_bordered(
         small = surplus or magnitude[k] <= _DOMINANT * largest or largest == 0.0
         if magnitude[k] < np.inf and small:
             j, parity = near[k] // 2, near[k] % 2
-            rows = system.antisymmetric if parity == 0 else system.symmetric
-            _add(sums, rows, parity, phases, j)
+            _add_mode(system, sums, parity, phases, j)
         else:
             near[kept] = near[k]
             kept += 1
@@ -331,8 +400,8 @@ def _select_bordered(
 @inner
 def _sum(
     system: LinearSystem,
-    odd_products: Floats,
-    even_products: Floats,
+    odd_products: _Products,
+    even_products: _Products,
     sums: _Sums,
     phases: _Phases,
     room: _Room,
@@ -343,14 +412,15 @@ def _sum(
         rows = system.antisymmetric if parity == 0 else system.symmetric
         if rows.shape[0] == 0:
             continue
+        errors = system.antisymmetric_errors if parity == 0 else system.symmetric_errors
         products = odd_products if parity == 0 else even_products
-        for k in range(_add_plain(sums, rows, products, parity, phases, room)):
+        for k in range(_add_plain(sums, rows, errors, products, parity, phases, room)):
             j = room.others[k]
             if _is_near(parity, phases, j):
                 room.near[count] = 2 * j + parity
                 count += 1
             else:
-                _add(sums, rows, parity, phases, j)
+                _add_mode(system, sums, parity, phases, j)
     return _select_bordered(system, sums, phases, room, count) if count > 0 else 0
 
 
@@ -365,32 +435,49 @@ def _begin(system: _Bordered, sums: _Sums, size: int) -> None:
             system.dA[i, k] = sums.dS[i, k] if within else 0.0
         for k in range(sums.right.shape[1]):
             system.right[i, k] = sums.right[i, k] if i < n else 0.0
+        system.blur[i] = sums.blur[i] if i < n else 0.0
 
 
 @inner
 def _border(
-    system: _Bordered, sums: _Sums, n: int, rows: Floats, parity: int, phases: _Phases, j: int
+    system: _Bordered,
+    sums: _Sums,
+    n: int,
+    rows: Floats,
+    row_errors: Floats,
+    parity: int,
+    phases: _Phases,
+    j: int,
 ) -> None:
     """Give mode j its own unknown and equation, number n."""
     A, dA, right, mu, static = system.A, system.dA, system.right, phases.mu[j], phases.load[j]
     for i in range(rows.shape[0]):
         A[i, n] = A[n, i] = rows[i, j]
-        dA[i, n] = dA[n, i] = sums.noise * abs(rows[i, j])
+        dA[i, n] = dA[n, i] = sums.noise * abs(rows[i, j]) + row_errors[i, j]
     if parity == 0:
-        gamma = math.sqrt(mu)
-        cotangent = 1.0 / math.tan(gamma)
+        gamma, cotangent = math.sqrt(mu), phases.cosine[j] / phases.sine[j]
         A[n, n] = -gamma * cotangent
         slope = 0.5 * (1.0 + cotangent * cotangent - cotangent / gamma)
     else:
         ratio, _ = antisymmetric_response(mu)
+        if mu >= _SOFT:
+            ratio = phases.sine[j] / (phases.cosine[j] * math.sqrt(mu))
         A[n, n] = mu * ratio
         slope = 0.5 * (1.0 + mu * ratio * ratio + ratio)
+        size, loose = abs(static), phases.load_error[j]
+        spread = size * (sums.noise + phases.uncertainty[j]) + loose
+        system.blur[n] = spread * abs(sine(mu))
         for k in range(right.shape[1]):
             right[n, k] = static * sine(mu)
-            for i in range(rows.shape[0]):
+        for i in range(rows.shape[0]):
+            system.blur[i] += sag(mu) * (
+                abs(rows[i, j]) * spread + row_errors[i, j] * (size + loose)
+            )
+            for k in range(right.shape[1]):
                 right[i, k] -= rows[i, j] * static * sag(mu)
-    A[n, n] += slope * phases.rest[j]
-    dA[n, n] = abs(slope) * phases.uncertainty[j] + 2.0 * _EPS * abs(A[n, n])
+    moved = slope * phases.rest[j]
+    A[n, n] += moved
+    dA[n, n] = abs(slope) * phases.uncertainty[j] + 4.0 * _EPS * abs(A[n, n]) + moved * moved
 
 
 @inner
@@ -445,25 +532,50 @@ def _times(matrix: Floats, m: int, vector: Floats, out: Floats) -> None:
 @inner
 def _solve(system: _Bordered, m: int, s: int, z: Floats, error: Floats) -> None:
     """Solve for one set of walls with the inverse; fill in impulses and their errors."""
+    A, dA, inverse = system.A, system.dA, system.inverse
     b, v, other, spread = system.b, system.v, system.other, system.spread
     for i in range(m):
         b[i] = system.right[i, s]
-    _times(system.inverse, m, b, v)
+    _times(inverse, m, b, v)
     # What is left of the right-hand side corrects the solution.
-    _times(system.A, m, v, other)
+    _times(A, m, v, other)
     for i in range(m):
         other[i] = b[i] - other[i]
-    _times(system.inverse, m, other, spread)
+    _times(inverse, m, other, spread)
     for i in range(m):
         v[i] += spread[i]
-        other[i] = abs(v[i])
-    _times(system.dA, m, other, spread)
+    _times(A, m, v, other)
     for i in range(m):
-        spread[i] += 2.0 * _EPS * abs(b[i])
-    for i in range(z.size):
-        z[i], error[i] = v[i], 0.0
+        size = 0.0
         for k in range(m):
-            error[i] += abs(system.inverse[i, k]) * spread[k]
+            size += (dA[i, k] + (m + 1) * _UNIT * abs(A[i, k])) * abs(v[k])
+        spread[i] = abs(b[i] - other[i]) + size + system.blur[i] + 3.0 * _EPS * abs(b[i])
+    for i in range(m):
+        system.error[i] = 1e-300
+        for k in range(m):
+            system.error[i] += abs(inverse[i, k]) * spread[k]
+    part = _contraction(system, m)
+    for i in range(m):
+        system.error[i] *= 1.0 / (1.0 - part) if part < 1.0 else np.inf
+    for i in range(z.size):
+        z[i], error[i] = v[i], system.error[i]
+
+
+@inner
+def _contraction(system: _Bordered, m: int) -> float:
+    """Return kappa, see the module; the inverse is that of a matrix within a few roundings."""
+    A, dA, inverse, t, spread = system.A, system.dA, system.inverse, system.error, system.spread
+    for i in range(m):
+        spread[i] = 0.0
+        for k in range(m):
+            spread[i] += (dA[i, k] + 2.0 * m * _EPS * abs(A[i, k])) * t[k]
+    largest = 0.0
+    for i in range(m):
+        moved = 0.0
+        for k in range(m):
+            moved += abs(inverse[i, k]) * spread[k]
+        largest = max(largest, moved / t[i])
+    return largest
 
 
 @inner
@@ -513,6 +625,18 @@ def _symmetric_amplitudes(
 
 
 @inner
+def _magnitudes(rows: Floats, errors: Floats, v: Floats, v_error: Floats, out: Floats) -> None:
+    """Fill in errors of the modal forces ``rows . v``."""
+    for j in range(out.size):
+        out[j] = 0.0
+    for i in range(rows.shape[0]):
+        row, blur, size, error = rows[i], errors[i], abs(v[i]) + v_error[i], v_error[i]
+        loose = 2.0 * _EPS * size + error
+        for j in range(out.size):
+            out[j] += abs(row[j]) * loose + blur[j] * size
+
+
+@inner
 def _amplitudes(
     modes: Modes,
     system: LinearSystem,
@@ -541,19 +665,125 @@ def _amplitudes(
 
 
 @inner
+def _odd_errors(
+    system: LinearSystem, phases: _Phases, room: _Room, bordered: _Bordered, kept: int,
+    scale: float, D: Floats, out: Floats,
+) -> None:  # fmt: skip
+    """Fill in errors of the amplitudes D, roundings of the phase apart."""
+    mu, n = phases.mu, system.walls.shape[1]
+    force = room.value
+    _magnitudes(
+        system.antisymmetric, system.antisymmetric_errors, bordered.v, bordered.error, force
+    )
+    for j in range(mu.size):
+        low = 1.0
+        if mu[j] > _SOFT:
+            turned = 0.5 * phases.rest[j] / math.sqrt(mu[j])
+            low = abs(phases.cosine[j] - phases.sine[j] * turned)
+        steep = phases.uncertainty[j] / low
+        out[j] = scale * force[j] / low + abs(D[j]) * (steep / low + 3.0 * _EPS)
+    for k in range(kept):
+        if room.near[k] % 2 == 0:
+            j = room.near[k] // 2
+            low = abs(sine(mu[j]))
+            out[j] = bordered.error[n + k] * scale / low + abs(D[j]) * (
+                3.0 * _EPS + phases.uncertainty[j] / low
+            )
+
+
+@inner
+def _even_errors(
+    system: LinearSystem, phases: _Phases, room: _Room, bordered: _Bordered, kept: int,
+    scale: float, U: Floats, out: Floats,
+) -> None:  # fmt: skip
+    """Fill in errors of the amplitudes U, and of static displacements."""
+    mu, n = phases.mu, system.walls.shape[1]
+    force = room.value
+    _magnitudes(system.symmetric, system.symmetric_errors, bordered.v, bordered.error, force)
+    for j in range(mu.size):
+        size, low, change = abs(mu[j]), 1.0, phases.uncertainty[j]
+        if mu[j] > _SOFT:
+            turned = 0.5 * phases.cosine[j] * phases.rest[j]
+            low = abs(phases.sine[j] * math.sqrt(size) + turned)
+        elif mu[j] >= 0.0:
+            low = 0.5 * size
+        elif mu[j] < 0.0:
+            low = min(size, math.sqrt(size))
+        lifted = scale * (phases.load_error[j] + abs(phases.load[j]) * (3.0 * _EPS + change / size))
+        moved = abs(U[j]) + scale * abs(phases.load[j]) / size
+        steep = change * (1.0 + size) / min(low, size) + 3.0 * _EPS
+        out[j] = scale * force[j] / low + lifted / size + moved * steep
+        if U[j] == 0.0 and force[j] == 0.0 and phases.load_error[j] == 0.0:
+            out[j] = 0.0
+    for k in range(kept):
+        if room.near[k] % 2 == 1:
+            j = room.near[k] // 2
+            low, load = abs(cosine(mu[j])), scale * abs(phases.load[j])
+            loose = phases.load_error[j] * scale + load * (3.0 * _EPS + phases.uncertainty[j])
+            out[j] = (
+                bordered.error[n + k] * scale / low
+                + loose
+                + abs(U[j]) * (3.0 * _EPS + phases.uncertainty[j] / low)
+            )
+
+
+@inner
+def _motion_errors(
+    modes: Modes, system: LinearSystem, phases: _Phases, room: _Room, bordered: _Bordered,
+    kept: int, omega: float, D: Floats, U: Floats,
+) -> tuple[float, float]:  # fmt: skip
+    """Return errors of the motion in the norm of M and of its energy."""
+    scale, n = system.share / (omega * omega), modes.roots.size
+    squares, sizes, errors, mu = room.terms, room.change, room.lost, phases.mu
+    energy, rounding = 0.0, (n + 4) * _UNIT
+    summed = 3.0 + 0.5 * math.log2(n + 1.0)
+    for j in range(n):
+        squares[j], sizes[j] = 0.0, 0.0
+    if D.size > 0:
+        _odd_errors(system, phases, room, bordered, kept, scale, D, errors)
+        for j in range(n):
+            gamma = math.sqrt(abs(mu[j]))
+            least = 1.0 / max(1.0, gamma)
+            sizes[j] = abs(D[j]) * least
+            blur = errors[j] * least + 3.0 * _EPS * abs(D[j])
+            squares[j] = blur
+            energy += omega * omega * abs(D[j]) * (errors[j] + summed * _EPS * abs(D[j]))
+    if U.size > 0:
+        _even_errors(system, phases, room, bordered, kept, scale, U, errors)
+        for j in range(n):
+            gamma = math.sqrt(abs(mu[j]))
+            load, stiff = abs(modes.load[j]), abs(mu[j]) * omega * omega
+            static = load / (omega * omega) * min(0.5, 2.0 / max(abs(mu[j]), 1e-200))
+            sizes[j] += abs(U[j]) + static
+            squares[j] += errors[j] + 3.0 * _EPS * ((1.0 + gamma) * abs(U[j]) + static)
+            change = errors[j] + summed * _EPS * abs(U[j])
+            energy += (stiff * abs(U[j]) + load) * change + modes.load_errors[j] * abs(U[j])
+            energy += 0.5 * modes.errors[j] * U[j] * U[j]
+    total, size = 0.0, 0.0
+    for j in range(n):
+        turned = sizes[j] * modes.angles[j]
+        total += squares[j] * squares[j] + n * turned * turned
+        size += sizes[j] * sizes[j]
+    return 1.5 * math.sqrt(total) + rounding * math.sqrt(size), energy
+
+
+@inner
 def _fill(values: Floats, number: float) -> None:
     for j in range(values.size):
         values[j] = number
 
 
 @inner
-def _multiply(rows: Floats, products: Floats) -> None:
-    """Fill in the products of all pairs of rows, (pair, mode)."""
+def _multiply(rows: Floats, errors: Floats, products: _Products) -> None:
+    """Fill in the products of all pairs of rows."""
     place = 0
     for i in range(rows.shape[0]):
         for k in range(i, rows.shape[0]):
             for j in range(rows.shape[1]):
-                products[place, j] = rows[i, j] * rows[k, j]
+                products.value[place, j] = rows[i, j] * rows[k, j]
+                products.error[place, j] = (
+                    abs(rows[i, j]) * errors[k, j] + errors[i, j] * abs(rows[k, j])
+                ) + errors[i, j] * errors[k, j]
             place += 1
 
 
@@ -582,27 +812,34 @@ def solutions(
     """
     (sets, n), count, m = system.walls.shape, modes.roots.size, 0
     odd, even = system.antisymmetric.shape[0], system.symmetric.shape[0]
-    odd_products = np.empty((odd * (odd + 1) // 2, count))
-    even_products = np.empty((even * (even + 1) // 2, count))
-    _multiply(system.antisymmetric, odd_products)
-    _multiply(system.symmetric, even_products)
+    odd, even = odd * (odd + 1) // 2, even * (even + 1) // 2
+    odd_products = _Products(np.empty((odd, count)), np.empty((odd, count)))
+    even_products = _Products(np.empty((even, count)), np.empty((even, count)))
+    _multiply(system.antisymmetric, system.antisymmetric_errors, odd_products)
+    _multiply(system.symmetric, system.symmetric_errors, even_products)
     phases = _Phases(
         np.empty(count), np.empty(count), np.empty(count), np.empty(count), np.empty(count),
-        np.empty(count),
+        np.empty(count), np.empty(count),
     )  # fmt: skip
     room = _Room(
-        np.empty(count), np.empty(count), np.empty(count), np.empty(count, np.int64),
+        np.empty(count), np.empty(count), np.empty(count), np.empty(count),
+        np.empty(count, np.int64),
         np.empty(2 * count, np.int64), np.empty(2 * count),
     )  # fmt: skip
     loaded = False
     for j in range(count):
         phases.load[j] = modes.load[j] / system.share
-        loaded |= modes.load[j] != 0.0
-    noise = 2.0 * _EPS + modes.norms
-    sums = _Sums(np.empty((n, n)), np.empty((n, n)), np.empty((n, sets)), noise, loaded)
+        phases.load_error[j] = modes.load_errors[j] / system.share
+        loaded |= modes.load[j] != 0.0 or modes.load_errors[j] != 0.0
+    # Roundings of a term, and of sums that are folded.
+    noise = (3.0 + 0.5 * math.log2(count + 1.0)) * _EPS
+    sums = _Sums(
+        np.empty((n, n)), np.empty((n, n)), np.empty((n, sets)), np.empty(n), noise, loaded
+    )
     for f in range(omega.size):
         _scale(modes, omega[f], omega_rests[f], phases, room.terms)
         for i in range(n):
+            sums.blur[i] = 0.0
             for k in range(n):
                 sums.S[i, k], sums.dS[i, k] = 0.0, 0.0
             for s in range(sets):
@@ -613,13 +850,15 @@ def solutions(
             bordered = _Bordered(
                 np.empty((m, m)), np.empty((m, m)), np.empty((m, m)), np.empty((m, m)),
                 np.empty((m, sets)),
-                np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.empty(m),
+                np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.empty(m),
+                np.empty(m),
             )  # fmt: skip
         _begin(bordered, sums, n + kept)
         for k in range(kept):
             parity = room.near[k] % 2
             rows = system.antisymmetric if parity == 0 else system.symmetric
-            _border(bordered, sums, n + k, rows, parity, phases, room.near[k] // 2)
+            errors = system.antisymmetric_errors if parity == 0 else system.symmetric_errors
+            _border(bordered, sums, n + k, rows, errors, parity, phases, room.near[k] // 2)
         sound = _invert(bordered, n + kept)
         for s in range(sets):
             z, error = into.z[s, first + f], into.error[s, first + f]
@@ -627,7 +866,13 @@ def solutions(
             if sound:
                 _solve(bordered, n + kept, s, z, error)
                 _amplitudes(modes, system, phases, room, bordered.v, kept, omega[f], D, U)
+                motion_error, energy_error = _motion_errors(
+                    modes, system, phases, room, bordered, kept, omega[f], D, U
+                )
+                into.motion_error[s, first + f] = motion_error
+                into.energy_error[s, first + f] = energy_error
             else:
+                into.motion_error[s, first + f] = into.energy_error[s, first + f] = np.inf
                 _fill(z, np.nan)
                 _fill(error, np.inf)
                 _fill(D, 0.0)

@@ -9,10 +9,15 @@ functions of the triangle-wave time, see `motions`, so its second derivative has
 
 From a time at which value and slope are known, ``y + y' h + B h^2/2`` stays below the limit for a
 step h that can be computed (Taylor's theorem with Lagrange's remainder); such steps from impact
-to impact are the proof. A limit counts as passed where it is exceeded by more than a tolerance,
-which also bounds the steps from below. Rounding and the error of the motion move the
-coordinate by at most ``(1e-15 + 2 error) sum_j |row_j q_j|``: where that matters the limits are
-moved by as much, both ways, before the outcome counts as certain.
+to impact are the proof.
+
+A limit is passed where it is exceeded at all; to touch it is allowed. The motion is known to an
+error e, so that the proof keeps the coordinate below ``limit - e``, and a witness is a time at
+which it is above ``limit + e``. Between the two nothing is decided: the outcome is that of the
+computed motion and not certain. As every step is based on a value below ``limit - 2 e``, the
+error also bounds the steps from below. Shortly before an impact the coordinate rises to its wall
+with a velocity that is known: within ``y'(1)/B`` it cannot exceed the wall, however wrong it is
+elsewhere.
 """
 
 from __future__ import annotations
@@ -30,9 +35,7 @@ from vibroimpact_solvers.kernels.sums import folded
 from vibroimpact_solvers.kernels.triangle_time import cosine
 
 _STILL = 1e-200  # mu below which a mode only moves along
-_SHORTEST = 1e-12  # step
-_MOST = 20_000_000  # steps of one path
-_MATTERS = 0.1  # part of the tolerance from which on uncertainty matters
+_MOST = 1_000_000  # steps of one path
 
 
 class Limits(NamedTuple):
@@ -45,7 +48,7 @@ class Limits(NamedTuple):
     # Whether the solution touches the wall at tau = -1 and at tau = 1, (limit,)
     struck_lower: Booleans
     struck_upper: Booleans
-    tolerance: Floats  # excess that does not count, (limit,)
+    reach: Floats  # errors of the coordinates over that of the motion, (limit,)
 
 
 class _Modes(NamedTuple):
@@ -162,42 +165,62 @@ def _safe_time(slope: float, room: float, curvature: float) -> float:
     """Return for how long before an impact no limit can be passed.
 
     The coordinate rises towards its wall: the curvature alone cannot lift it over the wall
-    within ``2 slope / B``, nor can it have come from beyond the other wall.
+    within ``2 slope / B``, nor can it have come from beyond the other wall. Half that time is safe
+    whatever the errors of slope and curvature.
     """
     if slope <= 0.0:
         return 0.0
-    return min(min(2.0 * slope / curvature, _step(room, slope, curvature)), 1.0)
+    return 0.5 * min(min(2.0 * slope / curvature, _step(room, slope, curvature)), 1.0)
+
+
+@inner
+def _suspect_time(
+    path: _Path, tau: float, end: float, bottom: float, top: float, error: float
+) -> tuple[float, bool, int]:
+    """Return a time up to the end at which a limit is almost reached, or nan; in how many steps.
+
+    And whether it is proved that there is none before.
+    """
+    for steps in range(_MOST):
+        if tau >= end:
+            return np.nan, True, steps
+        y, slope = _evaluate(path, tau)
+        if not (y < top - 2.0 * error and y > bottom + 2.0 * error):
+            return tau, True, steps
+        up = _step(top - error - y, slope, path.curvature)
+        down = _step(y - bottom - error, -slope, path.curvature)
+        tau += min(up, down)
+    return np.nan, False, _MOST
 
 
 @inner
 def _excess_time(
-    path: _Path, tau: float, end: float, bottom: float, top: float, tolerance: float
+    path: _Path, tau: float, end: float, bottom: float, top: float, error: float
 ) -> tuple[float, bool, int]:
     """Return a time up to the end at which a limit is passed or nan, and whether that is sure.
 
     And in how many steps.
     """
-    sure = True
+    witness = np.nan
     for steps in range(_MOST):
         if tau >= end:
-            return np.nan, sure, steps
+            return witness, False, steps
         y, slope = _evaluate(path, tau)
-        if y - top > tolerance or bottom - y > tolerance:
-            return tau, sure, steps
-        up = _step(max(top - y, 0.0) + tolerance, slope, path.curvature)
-        down = _step(max(y - bottom, 0.0) + tolerance, -slope, path.curvature)
-        step = min(up, down)
-        # The proof would need shorter steps: the motion is sampled, and not certified.
-        sure = sure and step > _SHORTEST
-        tau += max(step, _SHORTEST)
-    return np.nan, False, _MOST
+        if y > top + error or y < bottom - error:
+            return tau, True, steps
+        if math.isnan(witness) and (y > top or y < bottom):
+            witness = tau
+        up = _step(top - y + 2.0 * error, slope, path.curvature)
+        down = _step(y - bottom + 2.0 * error, -slope, path.curvature)
+        tau += min(up, down)
+    return witness, False, _MOST
 
 
 @inner
-def _verdict(path: _Path, limits: Limits, a: int, uncertainty: float) -> tuple[float, bool, int]:
+def _verdict(path: _Path, limits: Limits, a: int, error: float) -> tuple[float, bool, int]:
     """Return what `_excess_time` does from impact to impact, for an uncertain coordinate."""
-    bottom, top, tolerance = -limits.lower[a], limits.upper[a], limits.tolerance[a]
-    tau, end, steps = -1.0, 1.0, 0
+    bottom, top = -limits.lower[a], limits.upper[a]
+    tau, end = -1.0, 1.0
     if not path.symmetric:
         # The other half is the mirror image.
         tau, top = 0.0, min(top, -bottom)
@@ -206,16 +229,13 @@ def _verdict(path: _Path, limits: Limits, a: int, uncertainty: float) -> tuple[f
         tau += _safe_time(_evaluate(path, -1.0)[1], top - bottom, path.curvature)
     if limits.struck_upper[a]:
         end -= _safe_time(_evaluate(path, 1.0)[1], top - bottom, path.curvature)
-    matters = uncertainty >= _MATTERS * tolerance
-    for k in range(3):
-        # Passed for certain, passed at all, nearly passed.
-        shift = (1 - k) * uncertainty if matters else 0.0
-        witness, sure, more = _excess_time(path, tau, end, bottom - shift, top + shift, tolerance)
-        steps += more
-        passed = not math.isnan(witness)
-        if not matters or (passed and k < 2):
-            return witness, sure and (k == 0), steps
-    return np.nan, sure and not passed, steps
+    if not error < np.inf:
+        return np.nan, False, 0
+    suspect, sure, steps = _suspect_time(path, tau, end, bottom, top, error)
+    if math.isnan(suspect):
+        return np.nan, sure, steps
+    witness, passed, more = _excess_time(path, suspect, end, bottom, top, error)
+    return witness, passed, steps + more
 
 
 @kernel
@@ -229,7 +249,7 @@ def check(
     motions : Motions
     limits : Limits
     error : array, shape (frequency,)
-        Relative error of the motion.
+        Error of the motion at all times, in the norm of M.
     witness : array, shape (frequency,)
         Receives a time at which a limit is passed, nan where there is none.
     certified : array of bool, shape (frequency,)
@@ -252,8 +272,8 @@ def check(
             curvature, size = _bounds(modes, row, symmetric, waves.values)
             constant, count = _separate(modes, row, symmetric, waves)
             path = _Path(modes, waves, row, constant, count, symmetric, curvature)
-            uncertainty = (1e-15 + 2.0 * error[f]) * size
-            witness[f], sure, more = _verdict(path, limits, a, uncertainty)
+            doubt = max(limits.reach[a] * error[f], 1e-16 * size)
+            witness[f], sure, more = _verdict(path, limits, a, doubt)
             steps += more
             if not math.isnan(witness[f]):
                 certified[f] = sure

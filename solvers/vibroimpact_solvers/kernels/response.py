@@ -10,13 +10,18 @@ Near a pole of a mode its term outgrows the others and p goes through zero with 
 floating-point phase is a pole. Phases are sums of two doubles, so that close to its poles p is as
 accurate as the data are.
 
-The error is that of the data, to first order: with relative errors d of an eigenvalue
-and e of the weights, roundings included, a term of a stable mode changes by at most
+The error has three causes. With relative errors d of an eigenvalue's root and an error of a squared
+weight, a term of a stable mode changes by at most
 
-    a^2 [(e + d) + d tan^2] + (e |tan| - d tan) a^2 omega / r
+    a^2 d [1 + tan^2 - tan/gamma] + |d(a^2)| |tan|/gamma ,
 
-as the derivative of ``gamma tan(gamma)/gamma`` by the frequency is ``1/cos^2``. The sum over all
-modes, over ``EPS |S|``, is the condition; sums of up to 32 terms keep rounding below it.
+as the derivative of ``gamma tan(gamma)/gamma`` by the frequency is ``1/cos^2``; rounding changes
+it by a few units of its last place, and the sum of n terms, 32 of which are summed at a time, by
+``(32 + n/32) u`` of the sum of their magnitudes. The sum over all modes, over ``EPS |S|``, is the
+condition.
+
+The amplitudes ``D = a gap/(S cos)`` have the error of S in common; apart from it they err by
+``gap/(|S cos|) [|da| + |a| (d gamma |tan| + 8 u)]``.
 """
 
 from __future__ import annotations
@@ -27,11 +32,14 @@ from typing import NamedTuple
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.kernels.jit import fma, inner, kernel
+from vibroimpact_solvers.kernels.jit import fma, inner, kernel, once
 from vibroimpact_solvers.kernels.phases import LARGEST, sine_cosine, tangent
+from vibroimpact_solvers.kernels.sums import folded
 from vibroimpact_solvers.kernels.threads import over_ranges
 
 _EPS = 2.220446049250313e-16
+_UNIT = 0.5 * _EPS
+_ROUNDED = 8.0 * _UNIT  # of an amplitude and its phase
 _LANES = 64  # frequencies of a block
 _PHASES = 512  # cosines of a block
 _MODES = 32  # terms that are summed before their sum joins the total, against rounding
@@ -44,15 +52,35 @@ def impulses_of(S: Floats, omega: Floats, gap: float) -> Floats:
     return np.where(np.isfinite(S), p, 0.0)
 
 
+class Participations(NamedTuple):
+    """One row of the modal matrix, and the errors of the modes, each (mode,)."""
+
+    row: Floats  # ``w^T e_j``
+    row_error: Floats
+    root_error: Floats  # relative to the natural frequencies
+    angle: Floats  # of the modes, in the norm of M
+
+
+class Sizes(NamedTuple):
+    """Sizes and errors of motions for a unit of gap over response, each (frequency,).
+
+    Displacements are bounded in the norm of M at all times, and energies over ``omega^2``.
+    """
+
+    motion: Floats  # norm of all displacements
+    motion_error: Floats  # of the displacements, beside that of the response
+    energy_error: Floats  # of the energy, beside that of the response
+
+
 def amplitudes_one(
     roots: Floats,
     rests: Floats,
-    row: Floats,
+    modes: Participations,
     omega: Floats,
     omega_rests: Floats,
     scale: Floats,
-) -> Floats:
-    """Return amplitudes of the motion that impulses at one coordinate cause.
+) -> tuple[Floats, Sizes]:
+    """Return amplitudes of the motion that impulses at one coordinate cause, and their errors.
 
     A solution of the family is ``q = D sin(gamma tau)/gamma``, eq. 10.48, with
     ``D = a gap/(S cos(gamma))``. Near a pole S grows as its mode's ``1/cos(gamma)`` does, and
@@ -62,8 +90,7 @@ def amplitudes_one(
     ----------
     roots, rests, omega, omega_rests
         As of `response_one`.
-    row : array, shape (mode,)
-        ``w^T e_j``.
+    modes : Participations
     scale : array, shape (set, frequency)
         Gaps over the response; where it is 0 nothing moves.
 
@@ -71,39 +98,42 @@ def amplitudes_one(
     -------
     D : array, shape (set, frequency, mode)
         Of unstable modes, the D of ``D sinh(g tau)/(g cosh(g))``.
+    sizes : Sizes
     """
     D = np.empty((scale.shape[0], omega.size, roots.size))
+    sizes = Sizes(np.empty(omega.size), np.empty(omega.size), np.empty(omega.size))
 
     def piece(start: int, stop: int) -> None:
-        some = slice(start, stop)
-        _amplitudes_one(
-            roots, rests, row, omega[some], omega_rests[some], scale[:, some], D[:, some]
-        )
+        _amplitudes_one(roots, rests, modes, omega, omega_rests, scale, D, sizes, (start, stop))
 
-    over_ranges(piece, omega.size, 2.0 * D.size)
-    return D
+    over_ranges(piece, omega.size, 4.0 * D.size)
+    return D, sizes
 
 
 @kernel
 def _amplitudes_one(
     roots: Floats,
     rests: Floats,
-    row: Floats,
+    shapes: Participations,
     omega: Floats,
     omega_rests: Floats,
     scale: Floats,
     D: Floats,
+    sizes: Sizes,
+    some_frequencies: tuple[int, int],
 ) -> None:
-    modes = roots.size
+    modes, (start, stop) = roots.size, some_frequencies
     step = max(1, _PHASES // max(modes, 1))
     phase, rest = np.empty(step * modes), np.empty(step * modes)
     root, root_rest = np.empty(modes), np.empty(modes)
+    room = _SizeRoom(np.empty(modes), np.empty(modes), np.empty(modes), np.empty(modes))
     for j in range(modes):
         # The amplitude of an unstable mode is that of one at rest.
         root[j] = max(roots[j], 0.0)
         root_rest[j] = root[j] * rests[j]
-    for first in range(0, omega.size, step):
-        count = min(step, omega.size - first)
+        room.inverse[j] = 1.0 / max(root[j], 1e-200)
+    for first in range(start, stop, step):
+        count = min(step, stop - first)
         for f in range(count):
             some, some_rest = phase[f * modes : (f + 1) * modes], rest[f * modes : (f + 1) * modes]
             q = 1.0 / omega[first + f]
@@ -113,6 +143,9 @@ def _amplitudes_one(
                 lost = fma(root[j], q_rest, fma(root[j], q, -x))
                 some[j], some_rest[j] = x, fma(root_rest[j], q, lost)
         _secants(phase[: count * modes], rest[: count * modes])
+        for f in range(count):
+            secant = phase[f * modes : (f + 1) * modes]
+            _measure(shapes, root, secant, omega[first + f], room, sizes, first + f)
         for s in range(scale.shape[0]):
             for f in range(count):
                 secant, factor = phase[f * modes : (f + 1) * modes], scale[s, first + f]
@@ -123,7 +156,49 @@ def _amplitudes_one(
                         amplitude[j] = 0.0
                 else:
                     for j in range(modes):
-                        amplitude[j] = row[j] * factor * secant[j]
+                        amplitude[j] = shapes.row[j] * factor * secant[j]
+
+
+class _SizeRoom(NamedTuple):
+    """Room for the terms of `Sizes`, each (mode,)."""
+
+    inverse: Floats  # of the natural frequencies
+    squares: Floats
+    errors: Floats
+    others: Floats
+
+
+@once
+def _measure(
+    modes: Participations,
+    root: Floats,
+    secant: Floats,
+    omega: float,
+    room: _SizeRoom,
+    sizes: Sizes,
+    f: int,
+) -> None:
+    """Fill in sizes and errors of the motion at one frequency."""
+    row, row_error, root_error, angle = modes
+    inverse, squares, errors, others = room
+    q, n = 1.0 / omega, row.size
+    for j in range(row.size):
+        s = abs(secant[j])
+        # Amplitudes D/gamma of displacements; those of soft modes are D at most.
+        least = min(1.0, omega * inverse[j])
+        size = abs(row[j]) * s
+        own = s * fma(size, root_error[j] * (1.0 + root[j] * q), row_error[j])
+        blur = fma(_ROUNDED, size, own * least)
+        others[j] = size * fma(_ROUNDED, size, own)
+        size *= least
+        turned = size * angle[j]
+        squares[j] = size * size
+        # The norms of what errors of modes cause add up: n squares are more than their square.
+        errors[j] = fma(turned, n * turned, blur * blur)
+    motion = math.sqrt(folded(squares))
+    sizes.motion[f] = motion
+    sizes.motion_error[f] = 1.5 * math.sqrt(folded(errors)) + (n + 4) * _UNIT * motion
+    sizes.energy_error[f] = 2.0 * folded(others)
 
 
 @inner
@@ -139,8 +214,8 @@ def response_one(
     weight2: Floats,
     omega: Floats,
     omega_rests: Floats,
-    uncertainty: float = 0.0,
-    norms: float = 0.0,
+    errors: Floats | None = None,
+    weight2_errors: Floats | None = None,
 ) -> tuple[Floats, Floats]:
     """Responses of one constrained coordinate to impulses at it.
 
@@ -156,13 +231,10 @@ def response_one(
         Triangle-wave frequencies, positive, rad per unit of time.
     omega_rests : array, shape (frequency,)
         What rounding took from them, relative to them.
-    uncertainty : float
-        Absolute error of the eigenvalues, beside the relative one of rounding. It may be that
-        of the matrices: an error of the modes changes the response no more than that of all
-        eigenvalues by the same amount.
-    norms : float
-        Error of the modes' norms and of their orthogonality, and relative one of eigenvalues,
-        beside that of rounding.
+    errors : array, shape (mode,), optional
+        Errors of the eigenvalues, beside `rests`.
+    weight2_errors : array, shape (mode,), optional
+        Errors of the squares.
 
     Returns
     -------
@@ -172,23 +244,28 @@ def response_one(
         vanishes, so that no impulse reaches the wall, or the phases of the modes are unknown.
     """
     S, condition = np.empty((2, omega.size))
+    weights = Weights(
+        weight2,
+        _EPS * weight2 if weight2_errors is None else weight2_errors,
+        np.zeros(roots.size) if errors is None else errors,
+    )
 
     def piece(start: int, stop: int) -> None:
         some = slice(start, stop)
         _response_one(
-            roots,
-            rests,
-            weight2,
-            omega[some],
-            omega_rests[some],
-            uncertainty,
-            2.0 + norms / _EPS,
-            S[some],
-            condition[some],
+            roots, rests, weights, omega[some], omega_rests[some], S[some], condition[some]
         )
 
     over_ranges(piece, omega.size, float(roots.size) * omega.size)
     return S, condition
+
+
+class Weights(NamedTuple):
+    """Squared weights of the modes, their errors, and those of the eigenvalues, each (mode,)."""
+
+    weight2: Floats
+    weight2_error: Floats
+    eigenvalue_error: Floats
 
 
 class _Stable(NamedTuple):
@@ -207,7 +284,8 @@ class _Unstable(NamedTuple):
 
     growth: Floats  # growth rates
     weight2: Floats  # squared weights
-    error: Floats  # relative errors of the eigenvalues, in roundings
+    noise: Floats  # their errors, roundings included, in roundings
+    error: Floats  # relative errors of the growth rates, in roundings
 
 
 class _Lanes(NamedTuple):
@@ -228,52 +306,54 @@ def _is_rigid(root: float, weight2: float) -> bool:
 
 @inner
 def _coefficients(
-    roots: Floats,
-    rests: Floats,
-    weight2: Floats,
-    uncertainty: float,
-    roundings: float,
-    stable: _Stable,
-    unstable: _Unstable,
-) -> tuple[float, float]:
-    """Fill in coefficients; return the weight of rigid-body modes, and the constant error."""
-    swings, grows, rigid, still = 0, 0, 0.0, 0.0
+    roots: Floats, rests: Floats, weights: Weights, stable: _Stable, unstable: _Unstable
+) -> tuple[float, float, float]:
+    """Fill in coefficients; return the weight of rigid-body modes, and two constant errors.
+
+    The second is that of the rigid-body modes' eigenvalues, over ``omega^2``.
+    """
+    swings, grows, rigid, still, soft = 0, 0, 0.0, 0.0, 0.0
+    # The terms, and sums of 32 of them and of these sums.
+    rounded = 3.0 + 0.5 * (min(roots.size, _MODES) + roots.size / _MODES)
     for j in range(roots.size):
-        root, square = abs(roots[j]), weight2[j]
+        root, square = abs(roots[j]), weights.weight2[j]
+        noise = rounded * square + weights.weight2_error[j] / _EPS
+        change = weights.eigenvalue_error[j] / (2.0 * _EPS)
         if _is_rigid(root, square):
             rigid += square
+            still += noise
+            soft += 2.0 * square * change
             continue
-        error = 0.5 * (roundings - 2.0) + uncertainty / (2.0 * _EPS * root * root)
+        # Phases are known to the square of a rounding.
+        error = change / (root * root) + 4.0 * _EPS
         if roots[j] > 0.0:
             stable.root[swings], stable.root_rest[swings] = root, root * rests[j]
             stable.over_root[swings] = square / root
-            stable.over_root_error[swings] = square / root * roundings
+            stable.over_root_error[swings] = noise / root
             stable.over_root_change[swings] = square / root * error
-            stable.weight2_error[swings] = square * (1.0 + error)
-            still += square * (1.0 + error)
+            stable.weight2_error[swings] = square * error
+            still += square * error
             swings += 1
         else:
             unstable.growth[grows], unstable.weight2[grows] = root, square
-            unstable.error[grows] = error
+            unstable.noise[grows], unstable.error[grows] = noise, error
             grows += 1
-    return rigid, still + roundings * rigid
+    return rigid, still, soft
 
 
 @kernel
 def _response_one(
     roots: Floats,
     rests: Floats,
-    weight2: Floats,
+    weights: Weights,
     omega: Floats,
     omega_rests: Floats,
-    uncertainty: float,
-    roundings: float,
     response: Floats,
     condition: Floats,
 ) -> None:
     swings, grows, largest = 0, 0, 0.0
     for j in range(roots.size):
-        if not _is_rigid(roots[j], weight2[j]):
+        if not _is_rigid(roots[j], weights.weight2[j]):
             swings += roots[j] > 0.0
             grows += roots[j] < 0.0
             largest = max(largest, roots[j])
@@ -281,11 +361,11 @@ def _response_one(
         np.empty(swings), np.empty(swings), np.empty(swings), np.empty(swings), np.empty(swings),
         np.empty(swings),
     )  # fmt: skip
-    unstable = _Unstable(np.empty(grows), np.empty(grows), np.empty(grows))
+    unstable = _Unstable(np.empty(grows), np.empty(grows), np.empty(grows), np.empty(grows))
     lanes = _Lanes(
         np.empty(_LANES), np.empty(_LANES), np.empty(_LANES), np.empty(_LANES), np.empty(_LANES)
     )
-    rigid, still = _coefficients(roots, rests, weight2, uncertainty, roundings, stable, unstable)
+    rigid, still, soft = _coefficients(roots, rests, weights, stable, unstable)
     some, w = np.empty(_LANES), np.empty(_LANES)
     q, q_rest, total, size, slope = lanes
     for first in range(0, omega.size, _LANES):
@@ -296,20 +376,19 @@ def _response_one(
             q_rest[lane] = q[lane] * (fma(-q[lane], w[lane], 1.0) - omega_rests[f])
         _sum_stable(stable, lanes, some)
         for lane in range(_LANES):
-            # What relative changes of weights and natural frequencies change: a^2 |T| and,
-            # as the derivative of gamma T is 1/cos^2, a^2 (|T| + 1/cos^2); what changes of
-            # eigenvalues change: a^2 (1/cos^2 - T)/(2 lambda), which is 1/3 of a^2/omega^2 for
-            # rigid-body modes.
+            # What changes of weights change: |T|; what changes of eigenvalues change:
+            # a^2 (1/cos^2 - T)/(2 lambda), which is 1/3 of a^2/omega^2 for rigid-body modes.
             spread = fma(size[lane], w[lane], still + slope[lane])
-            size[lane] = spread + rigid * uncertainty * q[lane] * q[lane] / (3.0 * _EPS)
+            size[lane] = spread + soft * q[lane] * q[lane] / 3.0
             total[lane] = fma(total[lane], w[lane], rigid)
         for j in range(grows):
             for lane in range(_LANES):
                 g = unstable.growth[j] * q[lane]
-                term = unstable.weight2[j] * math.tanh(g) / g
+                ratio = math.tanh(g) / g
+                term = unstable.weight2[j] * ratio
                 steep = unstable.weight2[j] / math.cosh(min(g, 300.0)) ** 2
                 total[lane] += term
-                size[lane] += roundings * term + steep + (term - steep) * unstable.error[j]
+                size[lane] += unstable.noise[j] * ratio + (term - steep) * unstable.error[j] + steep
         # Slices: no index into them can be negative, which loops over vectors must know.
         S, magnified = response[first : first + count], condition[first : first + count]
         for lane in range(count):

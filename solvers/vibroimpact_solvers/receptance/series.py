@@ -181,7 +181,7 @@ class TriangleWaveResponse:
         vector = self._solve_mass(self.directions)
         start, block = 0, [rows(vector)]
         for m in range(1, terms):
-            vector = self._solve_mass(self.system.K @ vector) / self.bound**2
+            vector = self._solve_mass(self.system.K @ vector) / (self.bound**2 or 1.0)
             if len(block) == _BLOCK:
                 yield start, np.array(block)
                 start, block = m, []

@@ -39,6 +39,7 @@ REASONS: Final = tuple(reason.name.lower() for reason in Reason)
 
 _FREQUENCY: Final = ("frequency",)
 _AT_WALLS: Final = ("frequency", "constraint")
+_OF_DOFS: Final = ("frequency", "dof")
 _ERROR_OF_IMPULSE: Final = "error/impulse"
 
 
@@ -51,7 +52,7 @@ class Result:
 
     GROUPS: ClassVar[Mapping[str, Group]] = {
         "frequency": Group("FrequencyAxis", "The frequencies, as Omega and as omega."),
-        "error": Group("ImpulseError", "Errors of the impulses and of the stability."),
+        "error": Group("ImpulseError", "Errors of the outputs."),
     }
 
     Omega: Annotated[
@@ -110,7 +111,7 @@ class Result:
         Quantity(
             _FREQUENCY,
             "1",
-            "whether that is proved, apart from rounding",
+            "whether that is proved, errors included",
             flags=("undecided", "proved"),
         ),
     ]
@@ -121,12 +122,17 @@ class Result:
         ),
     ]
     shape: Annotated[
-        Floats | None, Quantity(("frequency", "dof"), "length", "displacement at tau = 1")
+        Floats | None,
+        Quantity(_OF_DOFS, "length", "displacement at tau = 1", error="error/shape"),
     ]
     waveform: Annotated[
-        Floats | None, Quantity(("frequency", "tau", "dof"), "length", "displacement")
+        Floats | None,
+        Quantity(("frequency", "tau", "dof"), "length", "displacement", error="error/waveform"),
     ]
-    energy: Annotated[Floats | None, Quantity(_FREQUENCY, "mass length2 time-2", "total energy")]
+    energy: Annotated[
+        Floats | None,
+        Quantity(_FREQUENCY, "mass length2 time-2", "total energy", error="error/energy"),
+    ]
     stability: Annotated[
         Floats | None,
         Quantity(
@@ -143,6 +149,7 @@ class Result:
             ("frequency", "harmonic", "dof"),
             "length",
             "Fourier amplitude, of sin(n Omega t) for odd and cos(n Omega t) for even multiples n",
+            error="error/harmonics",
         ),
     ]
     impulse_error: Annotated[
@@ -150,7 +157,7 @@ class Result:
         Quantity(
             _FREQUENCY,
             "1",
-            "estimated relative error of the impulses",
+            "relative error of the impulses",
             path=_ERROR_OF_IMPULSE,
             missing="unknown",
         ),
@@ -173,6 +180,40 @@ class Result:
             "estimated relative error of the spectral radius",
             path="error/stability",
             missing="there is none, or it is unbounded",
+        ),
+    ]
+    shape_error: Annotated[
+        Floats | None,
+        Quantity(_OF_DOFS, "length", "error of the shape", path="error/shape", missing="unbounded"),
+    ]
+    waveform_error: Annotated[
+        Floats | None,
+        Quantity(
+            _OF_DOFS,
+            "length",
+            "error of the waveform at all times",
+            path="error/waveform",
+            missing="unbounded",
+        ),
+    ]
+    energy_error: Annotated[
+        Floats | None,
+        Quantity(
+            _FREQUENCY,
+            "mass length2 time-2",
+            "error of the total energy",
+            path="error/energy",
+            missing="unbounded",
+        ),
+    ]
+    harmonics_error: Annotated[
+        Floats | None,
+        Quantity(
+            _OF_DOFS,
+            "length",
+            "error of every Fourier amplitude",
+            path="error/harmonics",
+            missing="unbounded",
         ),
     ]
     within_tolerance: Annotated[

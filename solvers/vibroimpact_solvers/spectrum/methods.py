@@ -243,12 +243,21 @@ def _chain(shape: ChainShape) -> Spectrum:
         turns = np.minimum(turns, size - turns)
         return np.asarray(sign * entries[turns])
 
-    return Spectrum(frozen(frequencies), rows, shape.n, rounding=frozen(rounding))
+    precision = float(np.finfo(np.longdouble).eps)
+    errors = 8.0 * precision * np.square(frequencies)
+    return Spectrum(
+        frozen(frequencies),
+        rows,
+        shape.n,
+        float(errors.max()),
+        rounding=frozen(rounding),
+        errors=frozen(errors),
+    )
 
 
 def _diagonal(mass: Floats, stiffness: Floats) -> Spectrum:
     """Modes of uncoupled coordinates."""
-    eigenvalues, rests = doubled.quotients(stiffness, mass)
+    eigenvalues, rests = doubled.quotients(np.array(stiffness), np.array(mass))
     order = np.argsort(eigenvalues, kind="stable")
     place = np.empty_like(order)
     place[order] = np.arange(mass.size)

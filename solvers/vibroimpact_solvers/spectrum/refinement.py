@@ -123,7 +123,7 @@ def _form(A: Floats, X: Floats, low: Floats) -> tuple[Floats, Floats]:
     """Return ``X^T A X`` in two parts."""
     full = np.array(np.diag(A) if A.ndim == 1 else A)  # writable: one signature of the kernel
     Y, Y_low = doubled.product(full, _NONE, X, low, False)
-    return doubled.product(np.ascontiguousarray(X.T), np.ascontiguousarray(low.T), Y, Y_low, True)
+    return doubled.product(X.T, low.T, Y, Y_low, True)
 
 
 def _sizes(A: Floats, X: Floats) -> Floats:
@@ -171,8 +171,7 @@ def _turned(now: _Couplings, X: Floats, low: Floats) -> tuple[Floats, Floats]:
         # The eigenvalues differ by little: the first is taken from all.
         np.fill_diagonal(part, now.apart[some[0], some])
         _, turn = scipy.linalg.eigh(part)
-        pair = np.ascontiguousarray(X[:, some]), np.ascontiguousarray(low[:, some])
-        X[:, some], low[:, some] = doubled.product(*pair, np.ascontiguousarray(turn), _NONE, False)
+        X[:, some], low[:, some] = doubled.product(X[:, some], low[:, some], turn, _NONE, False)
     return X, low
 
 

@@ -37,7 +37,7 @@ from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.existence_bands import search
 from vibroimpact_solvers.existence_bands.certified import CertifiedBands
 from vibroimpact_solvers.impact_modes.family import Family, Kind
-from vibroimpact_solvers.impact_modes.family_solver import PENETRATION_TOLERANCE, FamilySolver
+from vibroimpact_solvers.impact_modes.family_solver import FamilySolver
 from vibroimpact_solvers.impact_modes.modal import ModalFamily
 from vibroimpact_solvers.kernels import bands
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
@@ -148,7 +148,7 @@ def _all_path_checks(system: System, Omega: Floats) -> None:
     at = problem(system, "exists", Omega)
     family = modal(at)
     impulses, motion = family.solutions(at.frequencies, with_motion=True)
-    family.check_path(motion, np.minimum(impulses.error, 1.0), at, PENETRATION_TOLERANCE)
+    family.check_path(motion, np.minimum(impulses.error, 1.0), at)
 
 
 def _coupled() -> System:
