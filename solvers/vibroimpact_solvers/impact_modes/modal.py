@@ -41,6 +41,7 @@ class ModalFamily:
 
     def __init__(self, problem: Problem, family: Family, spectrum: Spectrum) -> None:
         self.family, self.spectrum = family, spectrum
+        self._reaches = dict[bytes, Floats]()  # by degrees of freedom
         self.equations = family.equations(problem)
         rows, row_errors = spectrum.participations(problem.struck)
         # A rigid-body mode that balances to rounding at a limiter is one that does so exactly.
@@ -88,7 +89,10 @@ class ModalFamily:
 
     def motion_errors(self, motion: Amplitudes, x: Floats, dofs: Integers) -> Floats:
         """Return errors of displacements x, (frequency, …, dof), as (frequency, dof)."""
-        return motion.motion_error[:, np.newaxis] * self._reach(self.spectrum.rows(dofs))
+        key = dofs.tobytes()
+        if key not in self._reaches:
+            self._reaches[key] = self._reach(self.spectrum.rows(dofs))
+        return motion.motion_error[:, np.newaxis] * self._reaches[key]
 
     def energy_errors(self, motion: Amplitudes) -> Floats:
         """Return errors of the energies, shape (frequency,)."""

@@ -13,6 +13,8 @@ from vibroimpact_solvers.checks import check_indices, check_outputs, check_toler
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import RANGE, Constraint, System, within_range
 
+_DEPENDENT: Final = 1e-12  # smallest singular value of unit directions
+
 KIND: Final = "impact-modes"
 OUTPUTS: Final = (
     "impulse",
@@ -108,6 +110,7 @@ class Problem:
             object.__setattr__(self, name, value)
         self._check_frequencies()
         check_indices("active", np.array(self.active, dtype=np.int64), count)
+        self._check_independence()
         check_indices("dofs", self.output_dofs, self.system.n)
         self._check_outputs()
 
@@ -123,6 +126,21 @@ class Problem:
         if not self.system.constraints:
             message = "impact modes need a constraint"
             raise ModelError(("system", "constraints"), message, code="no_constraint")
+
+    def _check_independence(self) -> None:
+        """Refuse active constraints whose coordinates depend on each other."""
+        if len(self.active) < 2:
+            return
+        dofs = sorted({dof for c in self.struck for dof, _ in c.coordinate})
+        rows = self.system.directions(self.active)[:, dofs]
+        rows = rows / np.linalg.norm(rows, axis=1)[:, np.newaxis]
+        few = len(dofs) < len(self.active)
+        if few or np.linalg.svd(rows, compute_uv=False)[-1] < _DEPENDENT:
+            message = (
+                "the coordinates of the active constraints depend on each other: their impulses "
+                "are not unique"
+            )
+            raise ModelError(("active",), message, code="dependent_constraints")
 
     def _check_outputs(self) -> None:
         check_outputs(self.outputs, OUTPUTS)

@@ -8,10 +8,12 @@ from dataclasses import replace
 from enum import StrEnum
 from typing import Final
 
+import flint
 import numpy as np
 import scipy.linalg
 from scipy.linalg import lapack
 
+from vibroimpact_solvers import precision as precise
 from vibroimpact_solvers.arrays import EPS, Floats, Integers
 from vibroimpact_solvers.kernels import doubled
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix, frozen
@@ -24,6 +26,9 @@ from vibroimpact_solvers.spectrum.modes import Spectrum
 MEMORY: Final = 16e9
 """Largest size of a spectrum, bytes."""
 
+_EXACT_CHAIN: Final = 1024
+"""Masses of a chain up to which its frequencies are computed in ball arithmetic."""
+_SMALL = 1e-10  # eigenvalues below this part of the largest may be noise
 _NOISE = 4.0  # roundings of a mode's own elastic terms below which it counts as rigid
 _HALF_PI = np.longdouble("1.5707963267948966192313216916397514421")
 
@@ -144,7 +149,11 @@ def _refined(system: System, modes: Floats) -> Spectrum:
     M = system.M.data[0] if system.M.form is Form.DIAGONAL else system.M.to_dense()
     refined = refinement.refine(M, system.K.to_dense(), modes)
     values, low, errors = refined.eigenvalues, refined.eigenvalues_low, refined.errors
-    rigid = np.abs(values) <= np.maximum(errors, _NOISE * EPS * _own_sizes(system.K, refined.modes))
+    rigid = np.abs(values) <= errors
+    small = np.flatnonzero(np.abs(values) <= _SMALL * np.abs(values).max())
+    if small.size:
+        own = _own_sizes(system.K, refined.modes[:, small])
+        rigid[small] |= np.abs(values[small]) <= _NOISE * EPS * own
     errors = np.where(rigid, errors + np.abs(values), errors)
     order = np.argsort(np.where(rigid, 0.0, values), kind="stable")
     roots, rests = doubled.roots(np.where(rigid, 0.0, values)[order], low[order])
@@ -232,6 +241,10 @@ def _chain(shape: ChainShape) -> Spectrum:
     exact = 2.0 * omega0 * sines[1:size]
     frequencies = exact.astype(np.float64)
     rounding = ((exact - frequencies) / exact).astype(np.float64)
+    precision = float(np.finfo(np.longdouble).eps)
+    if shape.n <= _EXACT_CHAIN:
+        frequencies, rounding = _exact_chain_frequencies(shape)
+        precision = EPS * EPS
     # Rounded once: a rounded factor would scale all modes alike.
     factor = np.sqrt(2 / (size * np.longdouble(shape.mass)))
     entries = (factor * sines[::2]).astype(np.float64)
@@ -243,7 +256,6 @@ def _chain(shape: ChainShape) -> Spectrum:
         turns = np.minimum(turns, size - turns)
         return np.asarray(sign * entries[turns])
 
-    precision = float(np.finfo(np.longdouble).eps)
     errors = 8.0 * precision * np.square(frequencies)
     return Spectrum(
         frozen(frequencies),
@@ -253,6 +265,18 @@ def _chain(shape: ChainShape) -> Spectrum:
         rounding=frozen(rounding),
         errors=frozen(errors),
     )
+
+
+def _exact_chain_frequencies(shape: ChainShape) -> tuple[Floats, Floats]:
+    """Return the natural frequencies and what rounding took from them, relative to them."""
+    frequencies, rounding = np.empty((2, shape.n))
+    with precise.working(160):
+        factor = 2 * (flint.arb(shape.stiffness) / flint.arb(shape.mass)).sqrt()
+        for j in range(shape.n):
+            exact = factor * flint.arb.sin_pi_fmpq(flint.fmpq(j + 1, 2 * shape.n + 2))
+            frequencies[j] = rounded = float(exact.mid())
+            rounding[j] = float(((exact - rounded) / exact).mid())
+    return frequencies, rounding
 
 
 def _diagonal(mass: Floats, stiffness: Floats) -> Spectrum:

@@ -41,7 +41,7 @@ SAVED: Mapping[str, Mapping[str, tuple[int, int]]] = {
     # 400 frequencies; all outputs want a shape and 33 times of 100 degrees of freedom.
     "only impulses requested, N=100": {
         RESPONSES: (40_000, 80_000),
-        ROWS: (100, 30_200),
+        ROWS: (100, 40_200),
         PLACES: (0, 400 * 100 * 34),
         PATH_CHECKS: (0, 161),
         FACTORS: (0, 710),

@@ -1,0 +1,160 @@
+"""Every output of impact modes is within its error, and certificates are true."""
+
+from __future__ import annotations
+
+import warnings
+
+import flint
+import numpy as np
+import pytest
+
+from tests.reference.balls import Structure
+from tests.reference.impact_modes import Limiter, Solution, solved
+from vibroimpact_solvers import impact_modes as modes
+from vibroimpact_solvers import presets
+from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
+
+OUTPUTS = frozenset({"impulse", "exists", "reason", "shape", "waveform", "energy", "harmonics"})
+TAU = 0.37
+MIRROR = [[2.0, -1, 0], [-1, 2, -1], [0, -1, 2]]
+GRADED = [[5060000.0, -86, -1.7e7], [-86, 0.0332, 2700], [-1.7e7, 2700, 3.37e8]]
+
+
+def structure(M: list[float], K: list[list[float]], *limiters: Constraint) -> System:
+    return System(SymmetricMatrix.diagonal(M), SymmetricMatrix.dense(K), limiters)
+
+
+def solve(system: System, Omega: float, active: tuple[int, ...] = ()) -> modes.Result:
+    problem = modes.Problem(
+        system,
+        np.array([Omega]) * 2.0 / np.pi,
+        active,
+        OUTPUTS,
+        tau=np.array([TAU]),
+        Omega=np.array([Omega]),
+        highest_harmonic=3,
+    )
+    return modes.solve(problem, modes.plan(problem))
+
+
+def exact(system: System, Omega: float, active: tuple[int, ...]) -> Solution:
+    limiters = tuple(
+        Limiter(row, c.lower, c.upper)
+        for row, c in zip(
+            system.directions(range(len(system.constraints))), system.constraints, strict=True
+        )
+    )
+    plain = Structure(system.M.to_dense(), system.K.to_dense(), force=system.force)
+    return solved(plain, limiters, active or tuple(range(len(limiters))), Omega)
+
+
+def away(value: float, ball: object) -> float:
+    return abs(float((flint.arb(float(value)) - ball).mid()))
+
+
+def check(system: System, Omega: float, active: tuple[int, ...] = ()) -> modes.Result:
+    result, truth = solve(system, Omega, active), exact(system, Omega, active)
+    assert result.impulse is not None
+    assert result.certified is not None
+    assert result.exists is not None
+    largest = np.abs(result.impulse).max()
+    if result.impulse_lower is not None:
+        largest = max(largest, np.abs(result.impulse_lower).max())
+    error = result.impulse_error[0]
+    for k, a in enumerate(result.constraint):
+        if a in truth.impulse:
+            assert away(result.impulse[0, k], truth.impulse[a]) <= error * largest
+        if result.impulse_lower is not None and a in truth.impulse_lower:
+            assert away(result.impulse_lower[0, k], truth.impulse_lower[a]) <= error * largest
+    assert result.shape is not None
+    assert result.waveform is not None
+    assert result.harmonics is not None
+    assert result.harmonic is not None
+    assert result.energy is not None
+    at_wall, between = truth.displacement(1.0), truth.displacement(TAU)
+    amplitudes = [truth.harmonic(int(order)) for order in result.harmonic]
+    for i in range(system.n):
+        assert away(result.shape[0, i], at_wall[i]) <= result.shape_error[0, i]
+        assert away(result.waveform[0, 0, i], between[i]) <= result.waveform_error[0, i]
+        for k, amplitude in enumerate(amplitudes):
+            assert away(result.harmonics[0, k, i], amplitude[i]) <= result.harmonics_error[0, i]
+    assert away(result.energy[0], truth.energy) <= result.energy_error[0]
+    if result.certified[0]:
+        assert result.exists[0] == truth.exists()
+    return result
+
+
+def test_beside_the_resonance_of_a_silent_mode() -> None:
+    # 0.1.0 certified that it exists; the idle limiter is passed by 2e-4.
+    system = structure(
+        [1.0, 1.0, 1.0], MIRROR, Constraint.at(1, 1.0), Constraint.at(0, 3.9470906885203574)
+    )
+    result = check(system, np.sqrt(2.0) * (1.0 + 1e-12), (0,))
+    assert modes.REASONS[result.reason[0]] == "penetration"
+    assert result.certified[0]
+
+
+@pytest.mark.parametrize("away_by", [1e-15, 1e-12, 1e-9, 1e-6, -1e-12, -1e-9])
+def test_displacements_beside_the_resonance_of_a_silent_mode(away_by: float) -> None:
+    system = structure([1.0, 1.0, 1.0], MIRROR, Constraint.at(1, 1.0))
+    result = check(system, np.sqrt(2.0) * (1.0 + away_by))
+    assert result.shape_error.max() < 1e-11
+
+
+def test_soft_modes_of_graded_structures() -> None:
+    # 0.1.0 found 47.6213 at degree of freedom 1, without an error.
+    system = structure([100.0, 1e4, 10.0], GRADED, Constraint((2,), (1.0,), 0.0, 1.0))
+    result = check(system, 363.0)
+    assert result.shape[0, 1] == pytest.approx(47.7164, abs=5e-5)
+    assert result.shape_error[0, 1] < 1e-8
+
+
+@pytest.mark.parametrize("above", [1e-9, 1e-8, 1e-6, 1e-4, 2e-3])
+def test_just_above_the_spectrum(above: float) -> None:
+    # 0.1.0 left the struck mass at 1.000000185 and was not certain that the motion exists.
+    system = presets.chain(20, [Constraint.at(2, 1.0)])
+    result = check(system, 2.0 * np.sin(20.0 * np.pi / 42.0) * (1.0 + above))
+    assert result.shape[0, 2] == 1.0
+    assert result.impulse_error[0] < 1e-14
+    assert result.certified[0]
+    assert result.exists[0]
+
+
+@pytest.mark.parametrize("Omega", [0.3, 0.7, 1.3, 2.2, 5.0])
+def test_no_impulse_acts_on_free_bodies(Omega: float) -> None:
+    # 0.1.0 found impulses out of noise, some of them admissible: momentum is conserved.
+    chain = [[1.0, -1, 0], [-1, 2, -1], [0, -1, 1]]
+    system = structure([1.0, 1.0, 1.0], chain, Constraint((1,), (1.0,), None, 1.0))
+    result = solve(system, Omega)
+    assert modes.REASONS[result.reason[0]] == "singular"
+    assert not result.exists[0]
+
+
+def test_bounds_near_singular_frequencies() -> None:
+    # 0.1.0 stated 4.5e-2 and erred by 4.9e-2.
+    walls = Constraint((0,), (1.0,), 0.0, 3.2200620943787395)
+    system = structure([0.6801140002552635], [[1.4378109579437712]], walls)
+    check(system, 1.4540359330193162)
+
+
+@pytest.mark.parametrize("lower", [None, 1.0])
+def test_no_warning_without_stiffness(lower: float | None) -> None:
+    system = structure([1.0, 1.0], [[0.0, 0], [0, 0]], Constraint((0,), (1.0,), lower, 1.0))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        result = solve(system, 1.0)
+    assert result.exists[0] == (lower is not None)
+
+
+def test_dependent_limiters_are_refused() -> None:
+    # 0.1.0 answered with noise: the impulses at three limiters of two coordinates are not unique.
+    limiters = [
+        Constraint.at(0, 1.0),
+        Constraint.at(1, 1.0),
+        Constraint((0, 1), (1.0, 1.0), 2.0, 2.0),
+    ]
+    system = structure([1.0, 1.0], [[2.0, -1], [-1, 2]], *limiters)
+    with pytest.raises(ModelError, match="depend"):
+        solve(system, 1.0)
+    assert solve(system, 1.0, (0, 2)).impulse is not None
