@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from vibroimpact_solvers import impact_modes as modes
-from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.arrays import Booleans, Floats, Integers
 from vibroimpact_solvers.existence_bands.problem import Problem
 from vibroimpact_solvers.existence_bands.ranges import Band, FrequencyRanges, Rejected
 from vibroimpact_solvers.impact_modes import Reason
@@ -20,7 +20,8 @@ from vibroimpact_solvers.spectrum import Spectrum
 
 STATEMENT: Final = (
     "estimated: impact modes at frequencies between all poles; a band or a gap narrower than the "
-    "resolution could be missed, edges are enclosed between two frequencies"
+    "resolution could be missed, edges are enclosed between two frequencies whose reasons are "
+    "certain, if there are such within 1e-6"
 )
 
 STRAIGHT: Final = (
@@ -28,6 +29,7 @@ STRAIGHT: Final = (
 )
 
 _BETWEEN = 16  # frequencies between neighbouring poles
+_OUTWARDS = 32  # doublings of the distance from an edge, from a few roundings on
 _LEAST = 2000  # frequencies at least
 _MOST = 400_000  # frequencies at most
 _OUTPUTS: Final = frozenset({"reason"})
@@ -107,9 +109,11 @@ class SearchedBands:
     def find(self, tick: Tick | None) -> FrequencyRanges:
         """Return the ranges between changes of the reason on a grid of frequencies."""
         grid = self._grid()
-        codes, witness = self._reasons(grid, tick)
+        codes, witness, _ = self._reasons(grid, tick)
         changes = np.flatnonzero(codes[1:] != codes[:-1])
         low, high = self._bisect(grid, codes, changes)
+        ends = np.stack([low, high]), np.stack([codes[changes], codes[changes + 1]])
+        low, high = self._certain(*ends, np.stack([grid[changes], grid[changes + 1]]))
         ranges = FrequencyRanges(statement=STATEMENT)
         ranges.resolution = float((np.diff(grid) / grid[1:]).max())
         starts = np.concatenate([[0], changes + 1])
@@ -143,13 +147,33 @@ class SearchedBands:
         uniform = np.linspace(start, stop, _LEAST)
         return np.unique(np.concatenate([uniform, inside.ravel()]))
 
-    def _reasons(self, Omega: Floats, tick: Tick | None = None) -> tuple[Integers, Floats]:
-        """Return reason codes and witnesses, each (frequency,)."""
+    def _certain(self, ends: Floats, codes: Integers, limits: Floats) -> Floats:
+        """Move frequencies to both sides of edges apart until their reasons are certain.
+
+        All arrays are (side, edge); an end that is uncertain far from its edge stays where it was.
+        """
+        moved, step = ends.copy(), 4.0 * np.spacing(ends) * np.array([[-1.0], [1.0]])
+        waits = np.ones(ends.shape, dtype=np.bool_)
+        for _ in range(_OUTWARDS):
+            if not waits.any():
+                break
+            found, _, certain = self._reasons(moved[waits])
+            waits[waits] = ~(certain & (found == codes[waits]))
+            step *= 2.0
+            moved[waits] = (ends + step)[waits]
+            np.clip(moved, limits[0], limits[1], out=moved)
+        return np.where(waits, ends, moved)
+
+    def _reasons(
+        self, Omega: Floats, tick: Tick | None = None
+    ) -> tuple[Integers, Floats, Booleans]:
+        """Return reason codes, witnesses, and whether the codes are certain, each (frequency,)."""
         problem = self.problem.impact_modes_at(Omega, _OUTPUTS)
         result = modes.solve(problem, self.plan(problem), tick)
         assert result.reason is not None
         assert result.witness is not None
-        return result.reason, result.witness
+        assert result.certified is not None
+        return result.reason, result.witness, result.certified
 
     def _bisect(self, grid: Floats, codes: Integers, changes: Integers) -> tuple[Floats, Floats]:
         """Return neighbouring frequencies between which the reason changes."""
