@@ -162,6 +162,7 @@ class RigidMotion:
             self.G = (matrix(self.rows) * self.mobility).mid()
         self.z, self.t = structure.state(x, v).mid(), arb(0)
         self.held: tuple[tuple[int, int], ...] = ()
+        self.still: set[tuple[int, int]] = set()  # at their walls without a force
         self.leaving: dict[tuple[int, int], int] = {}
         self.motion, self.patience, self.chatter = History(), patience, chatter
         self._configurations: dict[tuple[tuple[int, int], ...], _Configuration] = {}
@@ -193,6 +194,8 @@ class RigidMotion:
         configuration = self.configuration
         polynomials, part = [], 1.0
         for watched in configuration.watched:
+            if (watched.constraint, watched.side) in self.still:
+                continue
             c = (watched.rows * self.z).entries()
             c[0] = c[0] + watched.constant
             deflated = self.leaving.get((watched.constraint, watched.side), 0)
@@ -308,6 +311,13 @@ class RigidMotion:
         resting = [key for key in struck if u[key] == 0]
         press = {key: key[1] * self._value(key[0], 2, self.A) for key in resting}
         tiny = arb(2.0**-120) * self._speed * arb(self.configuration.flow.weights[1])
+        still = self._balanced(resting, tiny)
+        if still:
+            resting = [key for key in resting if key not in still]
+            press = {key: press[key] for key in resting}
+            if any(p > 0 for p in press.values()):
+                raise UndecidedError("forces balance at one wall and not at another")
+        self.still = still
         if any(abs(p) <= tiny for p in press.values()):
             if len(resting) > 1:
                 raise UndecidedError("forces balance at a wall")
@@ -322,6 +332,16 @@ class RigidMotion:
         self.leaving = {key: 1 for key in struck if u[key] < 0}
         self.leaving.update({key: order for key in resting if forces[key] == 0})
         self._hold(held)
+
+    def _balanced(self, resting: list[tuple[int, int]], tiny: Any) -> set[tuple[int, int]]:
+        """Return the coordinates that stay at their walls without a force, now and later."""
+        fast, found = arb(self.configuration.flow.weights[1]), set()
+        for key in resting:
+            orders = range(2, self.structure.size + 2)
+            derivatives = (abs(self._value(key[0], k, self.A)) / fast ** (k - 2) for k in orders)
+            if all(d <= tiny for d in derivatives):
+                found.add(key)
+        return found
 
     def _hold(self, held: tuple[tuple[int, int], ...]) -> None:
         for key in [k for k in self._open if k not in held]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.truth.campaign import Outcome, follow
+from tests.truth.campaign import Outcome, checked, follow
 from tests.truth.sets import SETS
 from tests.truth.verdicts import Case, Report
 
@@ -48,9 +48,11 @@ def _check(name: str, case: Case) -> int:
     report = Report()
     print(case.name)
     print(json.dumps(case.document))
-    SETS[name].check(case, report)
+    checked(name, case, report)
     for kind, message in report.failures:
         print(f"FAILED {kind}: {message}")
+    for what in report.counts:
+        print(what)
     for what, (ratio,) in report.ratios.items():
         print(f"{what}: stated / true error {ratio:.3g}")
     return int(bool(report.failures))

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.truth.sets import SETS
-from tests.truth.verdicts import Report
+from tests.truth.verdicts import Case, Report
 
 _MEMORY = 6 * 2**30
 _REFERENCE_LIMIT = 60.0  # seconds of the processor after which a reference is given up
@@ -54,16 +54,21 @@ def _work(name: str, seed: int, indices: list[int], pipe: Connection) -> None:
     """Run cases one after the other and send what they give."""
     resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
     for index in indices:
-        report, case = Report(tell=lambda *phase: pipe.send(("phase", *phase))), None
+        report = Report(tell=lambda *phase: pipe.send(("phase", *phase)))
         pipe.send(("begin", index))
-        try:
-            case = SETS[name].case(seed, index)
-            SETS[name].check(case, report)
-        except Exception as error:
-            last = traceback.extract_tb(error.__traceback__)[-1]
-            where = f"{Path(last.filename).name}:{last.lineno}"
-            report.fail(f"{type(error).__name__}", f"{where}: {str(error)[:300]}")
-        pipe.send(("end", index, report.plain("?" if case is None else case.name)))
+        case = SETS[name].case(seed, index)
+        checked(name, case, report)
+        pipe.send(("end", index, report.plain(case.name)))
+
+
+def checked(name: str, case: Case, report: Report) -> None:
+    """Check a case; what it raises is a failure."""
+    try:
+        SETS[name].check(case, report)
+    except Exception as error:
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        where = f"{Path(last.filename).name}:{last.lineno}"
+        report.fail(type(error).__name__, f"{where}: {str(error)[:300]}")
 
 
 class _Worker:
