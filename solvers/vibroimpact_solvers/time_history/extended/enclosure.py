@@ -23,7 +23,9 @@ from vibroimpact_solvers.time_history.extended.precision import Real, above
 _EPS: Final = 2.0**-52
 _SURE: Final = 1.0 + 1e-12
 _COLUMNS: Final = 8
-"""Most columns per coordinate."""
+"""Most columns per coordinate,"""
+_FEWEST: Final = 192
+"""and of few coordinates."""
 _SQUARINGS: Final = 3
 _ORDER: Final = 14
 
@@ -70,13 +72,14 @@ class Enclosure:
         rounding = 2.0 * max(J.shape) * _EPS
         off = (rounding * np.abs(J) + errors) @ self._sums() * _SURE + self._in_units(radii)
         G, n = J @ self._G, len(J)
-        if G.shape[1] > (_COLUMNS - 1) * n:
+        most = max(_COLUMNS * n, _FEWEST)
+        if G.shape[1] > most - n:
             sizes = np.abs(G)
             felt = (sizes / np.maximum(sizes.sum(axis=1) + off, 1e-300)[:, np.newaxis]).max(axis=0)
             order = np.argsort(felt)
-            least, most = order[: -(_COLUMNS - 2) * n], order[-(_COLUMNS - 2) * n :]
-            off += sizes[:, least].sum(axis=1) * _SURE
-            G = G[:, most]
+            kept = most * 3 // 4
+            off += sizes[:, order[:-kept]].sum(axis=1) * _SURE
+            G = G[:, order[-kept:]]
         G = np.hstack([G, np.diag(off * _SURE)])
         exponent = max(0, math.frexp(float(np.abs(G).max(initial=0.0)))[1])
         self._G = np.ldexp(G, -exponent) + np.copysign(1e-300, G) * (G != 0.0)

@@ -202,7 +202,6 @@ class Approach:
         tail, loads = free_motion.tail, loads * more * more
         place, rate = flint.arb(far * (1.0 + 1e-12)), flint.arb(fast * (1.0 + 1e-12))
         self.tight = (place * tail + loads).upper()
-        self._drift = (rate * spread).upper()
         q = [b / w for b, w in zip(box, free_motion.weights, strict=False)]
         v = box[len(free_motion.weights) :]
         start, left = _felt(watch.by_q, q), rate * spread
@@ -210,6 +209,8 @@ class Approach:
             left = _felt(watch.by_q, v) * h
         else:
             start += _felt(watch.by_v, v)
+        # Deviations grow by those of the velocities, and these by what accelerates them.
+        self._drift, self._curve = (left + rate * tail).upper(), (rate * REACH * spread).upper()
         self._errors = [
             (start + place * tail + loads).upper(),
             (left + rate * tail + loads).upper(),
@@ -241,19 +242,24 @@ class Approach:
         total = float(np.abs(c).sum())
         wall = float(self.watch.wall.mid())
         rounding = 4.0 * _EPS * c.size * (total * c.size + abs(wall))
-        room = wall - c @ nodes[: c.size] - rounding - above(self._errors[0] + self._drift)
+        room = (
+            wall
+            - c @ nodes[: c.size]
+            - rounding
+            - above(self._errors[0] + self._drift + self._curve)
+        )
         slope = np.abs(c @ slopes[: c.size]) + rounding
-        slope += above(self._errors[1] + REACH * self._drift)
+        slope += above(self._errors[1] + self._curve)
         return (room > slope * half + 0.5 * above(self.bend_bound) * half * half).tolist()  # type: ignore[no-any-return]
 
     def room(self, sigma: Real) -> Real:
         """Return the distance from the wall."""
-        off = self._errors[0] + abs(sigma) * self._drift
+        off = self._errors[0] + abs(sigma) * (self._drift + abs(sigma) * self._curve)
         return within(self.watch.wall - self.poly(sigma), off)
 
     def slope(self, sigma: Real) -> Real:
         """Return the velocity towards the wall, per step."""
-        return within(self.first(sigma), self._errors[1] + REACH * abs(sigma) * self._drift)
+        return within(self.first(sigma), self._errors[1] + abs(sigma) * self._curve)
 
     def bend(self, sigma: Real) -> Real:
         """Return the acceleration towards the wall, per step squared."""

@@ -45,20 +45,20 @@ class Blow:
     impulses: Matrix
     changes: Matrix
 
-    def change(self, velocities: Matrix) -> Matrix:
-        """Return the change of velocities, or of several columns of them."""
-        return -(self.changes * (self.impulses * velocities))
-
 
 def blows(
-    body: Body, fresh: list[Contact], held: tuple[Contact, ...], velocities: Matrix, now: Real
+    body: Body,
+    fresh: list[Contact],
+    held: tuple[Contact, ...],
+    speeds: list[Real],
+    now: Real,
 ) -> list[Blow]:
     """Return the blows of the constraints that are struck.
 
     Parameters
     ----------
-    velocities : matrix, shape (dof, 1)
-        For all motions that are enclosed.
+    speeds : list of arb
+        Velocities of the struck constraints, of all motions that are enclosed.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def blows(
             names = " and ".join(sorted({str(index) for index, _ in fresh}))
             raise undecided(f"in which order constraints {names} strike, which matters", now)
         seen |= set(group)
-    return [_blow(body, group, velocities, now) for group in groups]
+    return [_blow(body, g, u, now) for g, u in zip(groups, speeds, strict=True)]
 
 
 def _pressed_on(
@@ -91,11 +91,10 @@ def _pressed_on(
     return group
 
 
-def _blow(body: Body, group: list[Contact], velocities: Matrix, now: Real) -> Blow:
+def _blow(body: Body, group: list[Contact], speed: Real, now: Real) -> Blow:
     """Return the one blow that satisfies the law: impulses push, and nobody goes on."""
     struck, held = group[0], group[1:]
     k = flint.arb(body.system.constraints[struck[0]].restitution)
-    speed = (body.row(struck) * velocities)[0, 0]
     for size in range(len(held) + 1):
         for pressed in itertools.combinations(held, size):
             active = (struck, *pressed)

@@ -20,6 +20,7 @@ from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.time_history.extended.enclosure import Enclosure, flow
 from vibroimpact_solvers.time_history.extended.free_motion import Approach, Event, FreeMotion
 from vibroimpact_solvers.time_history.extended.impact_law import Blow, blows
+from vibroimpact_solvers.time_history.extended.places import Places
 from vibroimpact_solvers.time_history.extended.precision import (
     Matrix,
     Real,
@@ -66,17 +67,6 @@ class ContactInterval:
     rest: Real
     stop: Real
     impulse: Real
-
-
-@dataclass(slots=True)
-class _Places:
-    """A state as displacements and velocities: that of the centre, and those of all motions."""
-
-    x: Matrix
-    v: Matrix
-    all_x: Matrix
-    all_v: Matrix
-    force: Matrix
 
 
 class Motion:
@@ -176,7 +166,7 @@ class Motion:
         self.q, self.v = self.configuration.states(*places)
         self._enclosure = Enclosure(self._radii(self.configuration, self.q, self.v))
         if at_rest:
-            state = _Places(places[0], places[1], places[0], places[1], force)
+            state = Places(self.configuration, self.q, self.v, self.q, self.v, force)
             configuration = self._settled((), at_rest, {}, state)
             self.q, self.v = configuration.states(*places)
             self._enclosure = Enclosure(self._radii(configuration, self.q, self.v))
@@ -298,21 +288,25 @@ class Motion:
 
     # -- impacts --
 
-    def _places(
-        self, free_motion: FreeMotion, sigma: Real, tight: Real, wide: Real
-    ) -> tuple[Matrix, Matrix, _Places]:
-        """Return the modal state of all motions at an event, and displacements and velocities."""
+    def _places(self, free_motion: FreeMotion, sigma: Real, tight: Real, wide: Real) -> Places:
+        """Return the state at an event."""
         q, v = free_motion.state(within(sigma, tight))
-        off = self._spread() + free_motion.speed * free_motion.h * wide
-        all_q, all_v = (
-            widened(q, [off / w for w in free_motion.weights]),
-            widened(v, [off] * v.nrows()),
-        )
-        configuration = self.configuration
-        x, v = configuration.displacements(q, v)
-        all_x, all_velocities = configuration.displacements(all_q, all_v)
-        force = free_motion.force(within(sigma, wide))
-        return all_q, all_v, _Places(x, v, all_x, all_velocities, force)
+        configuration, force = self.configuration, free_motion.force(within(sigma, wide))
+        F, errors = self._flow(free_motion, sigma, wide)
+        box, late = self._enclosure.box, wide * free_motion.h
+        rows = ((np.abs(F) + errors) * (1.0 + 1e-9)).tolist()
+        grown = [sum((b * f for b, f in zip(box, row, strict=True)), flint.arb(0)) for row in rows]
+        # By the velocities and accelerations within the time of the event.
+        bend = late * late * real(configuration.rate) * free_motion.speed
+        a = configuration.accelerations(q, v, force).entries()
+        m = len(a)
+        off_v = [abs(c) * late + bend + g for c, g in zip(a, grown[m:], strict=True)]
+        off_q = [
+            late * (abs(b) + o) + g / w
+            for b, o, g, w in zip(v.entries(), off_v, grown, free_motion.weights, strict=False)
+        ]
+        all_q, all_v = widened(q, off_q), widened(v, off_v)
+        return Places(configuration, q, v, all_q, all_v, force)
 
     def _impact(
         self, free_motion: FreeMotion, sigma: Real, tight: Real, wide: Real, fresh: list[Contact]
@@ -321,17 +315,11 @@ class Motion:
         self.now += sigma * free_motion.h
         self._require_progress()
         before = self.configuration
-        all_q, all_v, state = self._places(free_motion, sigma, tight, wide)
-        given = blows(self.body, fresh, before.contacts, state.all_v, self.now)
-        speeds = [(self.body.row(c) * state.v)[0, 0] for c in fresh]
-        all_speeds = [(self.body.row(c) * state.all_v)[0, 0] for c in fresh]
-        after = _Places(
-            state.x,
-            _changed(given, state.v),
-            state.all_x,
-            _changed(given, state.all_v),
-            state.force,
-        )
+        state = self._places(free_motion, sigma, tight, wide)
+        rows = [self.body.row(contact) for contact in fresh]
+        speeds = [state.speed(row) for row in rows]
+        all_speeds = [state.all_speeds(row) for row in rows]
+        given = blows(self.body, fresh, before.contacts, all_speeds, self.now)
         left = {c for blow in given for c in blow.released}
         for contact in left:
             self._end_contact(contact)
@@ -339,18 +327,18 @@ class Motion:
         arrivals = {c: self._restitution(c) * u for c, u in zip(fresh, all_speeds, strict=True)}
         first = len(self.intervals)
         configuration = self._settled(
-            tuple(c for c in before.contacts if c not in left), fresh, arrivals, after
+            tuple(c for c in before.contacts if c not in left), fresh, arrivals, state, given
         )
-        q, v = configuration.states(after.x, after.v)
+        q, v = state.after(configuration, given)
         radii = self._radii_at(configuration, q, v, state.force, tight * free_motion.h)
         for interval in self.intervals[first:]:
             more = self._chatter_error(configuration, interval, arrivals)
             radii = [r + more for r in radii]
-        J = self._saltation(configuration, given, all_speeds, (all_q, all_v), after, wide)
+        J = self._saltation(configuration, given, all_speeds, state, wide)
         self._carry(*_product(J, self._flow(free_motion, sigma, wide)), radii)
         condition = self.condition
         for blow, u in zip(given, speeds, strict=True):
-            impulses = (blow.impulses * state.v).entries()
+            impulses = (blow.impulses * before.E * state.v).entries()
             for (index, side), P in zip(blow.active, impulses, strict=True):
                 speed = side * u if (index, side) == blow.contact else flint.arb(0)
                 self.impacts.append(Impact(self.now.mid(), index, side, speed, P, condition))
@@ -361,8 +349,7 @@ class Motion:
         configuration: Configuration,
         given: list[Blow],
         speeds: list[Real],
-        modal: tuple[Matrix, Matrix],
-        after: _Places,
+        state: Places,
         wide: Real,
     ) -> tuple[Floats, Floats]:
         """Return the derivative of the state after the impacts by that before, and its errors.
@@ -372,9 +359,8 @@ class Motion:
         between, which then count as unknown.
         """
         before, old, new = self.configuration, self.configuration.weights, configuration.weights
-        acceleration = before.accelerations(*modal, after.force)
-        later_q, later_v = configuration.states(after.all_x, after.all_v)
-        later = configuration.accelerations(later_q, later_v, after.force)
+        acceleration = before.accelerations(state.all_q, state.all_v, state.force)
+        later = configuration.accelerations(*state.all_after(configuration, given), state.force)
         place = configuration.transform(before)
         rate = place
         for blow in given:
@@ -387,7 +373,8 @@ class Motion:
         jump = later - rate * acceleration
         for blow, speed in zip(given, speeds, strict=True):
             row = doubles(self.body.row(blow.contact) * before.E)[0] / old
-            step = configuration.T * blow.change(before.E * modal[1]) / speed
+            struck = blow.impulses * before.E * state.all_v
+            step = -(configuration.T * blow.changes) * struck / speed
             kick = jump / speed if len(given) == 1 else flint.arb_mat(m, 1)
             g = np.concatenate([doubles(step)[:, 0] * new, doubles(kick)[:, 0]])
             J[:, :k] += np.multiply.outer(g, row)
@@ -407,7 +394,8 @@ class Motion:
         held: tuple[Contact, ...],
         landed: Iterable[Contact],
         arrivals: dict[Contact, Real],
-        state: _Places,
+        state: Places,
+        given: Sequence[Blow] = (),
     ) -> Configuration:
         """Decide which constraints rest at their walls, and return the new configuration.
 
@@ -419,13 +407,15 @@ class Motion:
             Constraints at their walls.
         arrivals : dict
             Velocities with which those leave that were struck; none: they are at rest.
-        state : _Places
+        state : Places
+        given : sequence of Blow
+            The impacts.
         """
         contacts, waiting, freed = set(held), list(landed), set[Contact]()
         rests: dict[Contact, Real] = {}
         for _ in range(_SWITCHES):
             configuration = self.body.configuration(frozenset(contacts))
-            q, v = configuration.states(state.all_x, state.all_v)
+            q, v = state.all_after(configuration, given)
             changed = False
             for watch in configuration.watches:
                 if not watch.force:
@@ -464,7 +454,7 @@ class Motion:
             self._leaving[contact] = 2
         for contact in waiting:
             if contact in contacts:
-                speed = (self.body.row(contact) * state.v)[0, 0]
+                speed = self._restitution(contact) * state.speed(self.body.row(contact))
                 rest = (self.now + rests[contact] * abs(speed)).min(self._end)
                 interval = ContactInterval(contact, self.now, rest, self._end, flint.arb(0))
                 self._contacts[contact] = interval
@@ -573,7 +563,7 @@ class Motion:
         """End the contacts whose forces vanish."""
         sigma, before = events[0].sigma, self.configuration
         self.now += sigma * free_motion.h
-        all_q, all_v, state = self._places(free_motion, sigma, tight, wide)
+        state = self._places(free_motion, sigma, tight, wide)
         ended = {event.watch.contact for event in events}
         for contact in ended:
             self._end_contact(contact)
@@ -581,7 +571,7 @@ class Motion:
             tuple(c for c in before.contacts if c not in ended), (), {}, state
         )
         self._leaving |= dict.fromkeys(ended, 3)
-        q, v = configuration.states(state.x, state.v)
+        q, v = state.after(configuration)
         m, k = len(configuration.weights), len(before.weights)
         J = np.zeros((2 * m, 2 * k))
         turn = doubles(configuration.transform(before))
@@ -589,9 +579,9 @@ class Motion:
         J[m:, k:] = turn
         errors = 16.0 * (m + k) * _EPS * np.abs(J)
         # The forces that vanish do so within the time of the event only.
-        after = configuration.states(state.all_x, state.all_v)
-        jump = configuration.accelerations(*after, state.force)
-        jump -= configuration.transform(before) * before.accelerations(all_q, all_v, state.force)
+        jump = configuration.accelerations(*state.all_after(configuration), state.force)
+        acceleration = before.accelerations(state.all_q, state.all_v, state.force)
+        jump -= configuration.transform(before) * acceleration
         apart = np.array([0.0] * m + [above(value) for value in jump.entries()])
         for event in events:
             felt = np.zeros(2 * k)
@@ -623,11 +613,3 @@ def _product(one: tuple[Floats, Floats], other: tuple[Floats, Floats]) -> tuple[
     rounding = 2.0 * max(J.shape) * _EPS
     sizes = np.abs(F) + f
     return J @ F, (e @ sizes + np.abs(J) @ (f + rounding * np.abs(F))) * (1.0 + 1e-9)
-
-
-def _changed(given: Sequence[Blow], velocities: Matrix) -> Matrix:
-    """Return velocities after impacts that do not change each other's."""
-    after = velocities
-    for blow in given:
-        after += blow.change(velocities)
-    return after

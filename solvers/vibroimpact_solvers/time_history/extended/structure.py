@@ -301,6 +301,13 @@ class Configuration:
             self._transforms[before] = self.T * before.E
         return self._transforms[before]
 
+    def carried(self, before: Configuration, q: Matrix, v: Matrix) -> tuple[Matrix, Matrix]:
+        """Return q and q' of those of another configuration."""
+        if before is self:
+            return q, v
+        turn = self.transform(before)
+        return turn * q + self.T * (before.base - self.base), turn * v
+
     def states(self, x: Matrix, v: Matrix) -> tuple[Matrix, Matrix]:
         """Return q and q' of displacements and velocities."""
         return self.T * (x - self.base), self.T * v
