@@ -418,9 +418,7 @@ def _columns(result: time_history.Result, motion: History, stop: float, report: 
         report.count("impacts in another order")
         return
     for name in ("time", "velocity", "impulse"):
-        error = stated_error(result, f"impacts/{name}")
-        if error is None:
-            error = stated_error(result, f"impact_{name}")
+        error = stated_error(result, f"impact_{name}")
         if error is not None and len(order):
             values = getattr(result, f"impact_{name}")[order]
             exact = [getattr(entry[3], name) for entry in true]

@@ -18,6 +18,13 @@ from vibroimpact_solvers.plan import Plan
 ROUNDING = 2.0**-52
 
 COMPILED = 60.0  # seconds of the processor in which kernels are compiled, or read
+_RELATIVE = {
+    "error/impulse",
+    "error/stability",
+    "error/condition",
+    "error/energy_drift",
+    "impacts/condition",
+}
 OVERDUE = 10.0  # times the price of its plan: a computation that takes longer hangs
 
 
@@ -88,8 +95,13 @@ class Report:
 
 
 def stated_error(result: Any, name: str) -> Any | None:
-    """Return the absolute error of an output, ``error/<output>``; None: there is no such field."""
-    for field_name, entry in declared(type(result)).items():
-        if entry.path == f"error/{name}" and name not in {"impulse", "stability"}:
-            return getattr(result, field_name)
+    """Return the absolute error of an output, that its declaration names or ``error/<output>``.
+
+    None: there is no such field.
+    """
+    fields = declared(type(result))
+    paths = {entry.path: field_name for field_name, entry in fields.items()}
+    for path in (fields[name].quantity.error, f"error/{name}"):
+        if path in paths and path not in _RELATIVE:
+            return getattr(result, paths[path])
     return None
