@@ -5,6 +5,8 @@ from __future__ import annotations
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels.jit import inner
 
+_DEPENDENT = 1e-13  # pivots, relative to the diagonal, of what the rows before it decide already
+
 
 @inner
 def solve(G: Floats, q: Floats, z: Floats, basic: Integers, work: Floats) -> bool:
@@ -63,6 +65,10 @@ def _basic_solution(G: Floats, q: Floats, z: Floats, basic: Integers, work: Floa
             work[i, j] = G[i, j] if inside else (1.0 if i == j else 0.0)
         work[i, m] = -q[i] if basic[i] else 0.0
     for i in range(m):  # G is positive definite: the pivots need no exchange of rows
+        if not work[i, i] > _DEPENDENT * G[i, i]:
+            for j in range(i + 1, m + 1):
+                work[i, j] = 0.0
+            work[i, i] = 1.0
         for r in range(i + 1, m):
             factor = work[r, i] / work[i, i]
             if factor != 0.0:

@@ -7,7 +7,9 @@ errors, of random sign, obey the linearised flow and the saltation of impacts
 
     dz+ = dz- + kick dP - kick_rate (1 + k) m dy ,    dP = (1 + k) m (y'' dy / y' - dy') ,
 
-m being the mass that is struck. Four times the largest of three samples is the error estimate.
+m being the mass that is struck. Where y' is so slow that dy decides whether there is an impact, the
+first term is bounded by the root of ``2 y'' dy``. Four times the largest of three samples is the
+error estimate.
 """
 
 from __future__ import annotations
@@ -16,12 +18,21 @@ import math
 from typing import Final
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.kernels.flow import Z1, Z2, Flow
+from vibroimpact_solvers.kernels.flow import (
+    Z1,
+    Z2,
+    Flow,
+    propagate,
+    propagate_state,
+    set_propagator,
+)
 from vibroimpact_solvers.kernels.jit import inline, inner, once
-from vibroimpact_solvers.kernels.rigid_state import Errors, Motion, Rows
+from vibroimpact_solvers.kernels.rigid_state import Errors, Motion, Rows, Scratch, Structure
 
 SAFETY: Final = 4.0
 """Factor on the largest of the sampled deviations: errors do not exceed the product."""
+EPS: Final = 2.0**-52
+_SHARP = 2.0**-8  # how well the end of a tolerance is told, relative to the free motion
 _PROPAGATED = 2.0  # rounding of a pair by the free motion from one impact to the next
 
 
@@ -61,19 +72,27 @@ def add_rounding(flow: Flow, motion: Motion, errors: Errors, row: int, s: float)
     That of a pair has any sign, that of a frequency the same one from impact to impact: it turns
     rotations, ``dz = s dnu (z2, -z1)``, and stretches hyperbolas, ``dz = s dnu (z2, z1)``.
     """
-    z, deviations, signs, drifts = motion.z, motion.deviations, errors.signs, errors.drifts
-    progress = motion.progress[0]
+    z, deviations, progress = motion.z, motion.deviations, motion.progress[0]
     progress.largest = max(progress.largest, length(z, errors.own))
     for c in range(deviations.shape[0]):
-        at = (row + 7 * (c + 1)) % signs.shape[0]
-        for j in range(z.shape[1]):
-            a, b = z[Z1, j], z[Z2, j]
-            rounding = _PROPAGATED * (abs(a) + abs(b))
-            turned = s * drifts[c, j]
-            deviations[c, Z1, j] += rounding * signs[at, Z1, j] + turned * b
-            deviations[c, Z2, j] += rounding * signs[at, Z2, j] - turned * a
-        for j in range(flow.rotations, flow.hyperbolas_end):
-            deviations[c, Z2, j] += 2.0 * s * drifts[c, j] * z[Z1, j]
+        _add_rounding_to(flow, errors, z, deviations[c], c, row, s)
+
+
+@inline
+def _add_rounding_to(
+    flow: Flow, errors: Errors, z: Floats, dz: Floats, c: int, row: int, s: float
+) -> None:
+    """Add the rounding of a free motion to one column of the deviations."""
+    signs, drifts = errors.signs, errors.drifts
+    at = (row + 7 * (c + 1)) % signs.shape[0]
+    for j in range(z.shape[1]):
+        a, b = z[Z1, j], z[Z2, j]
+        rounding = _PROPAGATED * (abs(a) + abs(b))
+        turned = s * drifts[c, j]
+        dz[Z1, j] += rounding * signs[at, Z1, j] + turned * b
+        dz[Z2, j] += rounding * signs[at, Z2, j] - turned * a
+    for j in range(flow.rotations, flow.hyperbolas_end):
+        dz[Z2, j] += 2.0 * s * drifts[c, j] * z[Z1, j]
 
 
 @inline
@@ -84,4 +103,63 @@ def estimated_error(deviations: Floats, own: Floats, progress: Rows) -> float:
         longest = length(deviations[c], own)
         if longest > largest or math.isnan(longest):  # after which nothing is larger
             largest = longest
+    error = SAFETY * largest / size if size > 0.0 else 0.0
+    return float(max(error, progress[0].unresolved))
+
+
+@inline
+def lose(progress: Rows, error: float, time: float) -> None:
+    """Note the time at which an error exceeds the tolerance for the first time."""
+    now = progress[0]
+    if not error * EPS <= now.tolerance and now.known_until == math.inf:
+        now.known_until = time / now.scale
+
+
+@inline
+def set_spread(flow: Flow, deviations: Floats, spread: Floats) -> None:
+    """Fill in the lengths of pairs of the deviations, shape (pair,), the largest of all columns."""
+    for j in range(spread.size):
+        spread[j] = 0.0
+    for c in range(deviations.shape[0]):
+        dz = deviations[c]
+        for j in range(flow.rotations):
+            spread[j] = max(spread[j], dz[Z1, j] * dz[Z1, j] + dz[Z2, j] * dz[Z2, j])
+        for j in range(flow.rotations, spread.size):
+            spread[j] = max(spread[j], abs(dz[Z1, j]) + abs(dz[Z2, j]))
+    for j in range(flow.rotations):
+        spread[j] = math.sqrt(spread[j])
+
+
+@inner
+def error_after(structure: Structure, motion: Motion, scratch: Scratch, s: float) -> float:
+    """Return the estimated error of a free motion after a time s, at which nothing is changed."""
+    flow, errors, z, moved = structure.flow, structure.errors, scratch.z, scratch.rate
+    now, largest = motion.progress[0], 0.0
+    set_propagator(flow, s, 0.0, scratch.propagator)
+    propagate_state(flow, scratch.propagator, s, motion.z, z)
+    for c in range(motion.deviations.shape[0]):
+        propagate(flow, scratch.propagator, s, motion.deviations[c], moved)
+        _add_rounding_to(flow, errors, z, moved, c, 0, s)
+        largest = max(largest, length(moved, errors.own))
+    size = max(now.largest, length(z, errors.own))
     return SAFETY * largest / size if size > 0.0 else 0.0
+
+
+@inner
+def lose_on_the_way(structure: Structure, motion: Motion, scratch: Scratch, s: float) -> None:
+    """Note when in a free motion of duration s the tolerance is exceeded.
+
+    Errors that grow steadily: those of the frequencies, and of modes that grow.
+    """
+    now, good, bad = motion.progress[0], 0.0, s
+    if error_after(structure, motion, scratch, s) * EPS <= now.tolerance:
+        return
+    while bad - good > _SHARP * bad:
+        middle = 0.5 * (good + bad)
+        if middle <= good or middle >= bad:
+            break
+        if error_after(structure, motion, scratch, middle) * EPS <= now.tolerance:
+            good = middle
+        else:
+            bad = middle
+    now.known_until = (now.time + good) / now.scale

@@ -66,6 +66,7 @@ class Flow(NamedTuple):
     rotations: int
     hyperbolas_end: int
     damped: bool  # whether any alpha is not zero
+    growth: float  # the largest alpha of the rotations, at least 0
 
 
 class Watched(NamedTuple):
@@ -96,17 +97,17 @@ def set_propagator(flow: Flow, s: float, ds: float, propagator: Floats) -> None:
             even[j] *= decay
     time = s + ds
     for j in range(flow.rotations, flow.hyperbolas_end):
-        slow = math.exp((alpha[j] - nu[j]) * time)
-        twice = math.expm1(2.0 * nu[j] * time)
-        odd[j] = 0.5 * slow * twice
-        even[j] = slow + odd[j]
+        # Of the exponentials of (alpha + nu) s and (alpha - nu) s the first is the larger one.
+        larger = math.exp(((alpha[j] + nu[j]) + rest[j]) * time)
+        odd[j] = -0.5 * larger * math.expm1(-2.0 * nu[j] * time)
+        even[j] = larger - odd[j]
     for j in range(flow.hyperbolas_end, alpha.size):
         even[j] = math.exp(alpha[j] * time)
         odd[j] = even[j] * time
 
 
 @once
-def flow_of(rates: Floats, drives: NDArray[np.void], kinds: tuple[int, int, bool]) -> Flow:
+def flow_of(rates: Floats, drives: NDArray[np.void], kinds: tuple[int, int, bool, float]) -> Flow:
     """Give names to what comes from Python, rates of shape (4, pair)."""
     alpha, nu, rest, push = rates[ALPHA], rates[NU], rates[REST], rates[PUSH]
     return Flow(alpha, nu, rest, push, drives, *kinds)
@@ -413,7 +414,7 @@ def set_lengths(flow: Flow, z: Floats, lengths: Floats) -> None:
 
 
 @inline
-def _weighted(sizes: Floats, lengths: Floats, n: int) -> float:
+def weighted(sizes: Floats, lengths: Floats, n: int) -> float:
     """Return the sum of ``sizes_j lengths_j`` over the first n pairs."""
     s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
     whole = n - n % 4
@@ -436,7 +437,9 @@ def bound(
     Of order `ORDER` where high, otherwise `LOW`; lengths are those of z (`set_lengths`).
     """
     sizes, order = (watched.size_high, ORDER) if high else (watched.size_low, LOW)
-    largest = _weighted(sizes[i], lengths, flow.rotations)
+    largest = weighted(sizes[i], lengths, flow.rotations)
+    if flow.growth > 0.0:
+        largest *= math.exp(flow.growth * H)
     if flow.rotations < lengths.size or flow.drives.size > 0:
         largest += _other_growth(flow, watched, i, z, lengths, order, H)
     return largest
@@ -472,9 +475,18 @@ def _other_growth(
 
 
 @inline
+def grows(flow: Flow) -> bool:
+    """Return whether a coordinate may come to be larger than the lengths of its pairs."""
+    others = flow.rotations < flow.alpha.size or flow.drives.size > 0
+    return bool(others or flow.growth > 0.0)
+
+
+@inline
 def reach(flow: Flow, sizes: Floats, z: Floats, lengths: Floats, H: float) -> float:
     """Return a bound of the magnitude of a coordinate in the next H; sizes: those of its form."""
-    largest, alpha, push = _weighted(sizes, lengths, flow.rotations), flow.alpha, flow.push
+    largest, alpha, push = weighted(sizes, lengths, flow.rotations), flow.alpha, flow.push
+    if flow.growth > 0.0:
+        largest *= math.exp(flow.growth * H)
     for j in range(flow.rotations, flow.hyperbolas_end):
         if sizes[j] * lengths[j] > 0.0:
             largest += sizes[j] * lengths[j] * math.exp(max(0.0, alpha[j] + flow.nu[j]) * H)
@@ -488,3 +500,24 @@ def reach(flow: Flow, sizes: Floats, z: Floats, lengths: Floats, H: float) -> fl
         force = math.hypot(drive.kappa_real, drive.kappa_imaginary) * lengths[k]
         largest += sizes[j] * H * force * math.exp(max(0.0, alpha[j], alpha[k]) * H)
     return largest
+
+
+@inline
+def grown(flow: Flow, sizes: Floats, spread: Floats, s: float) -> float:
+    """Return how much more a deviation may make of a coordinate after a time s; see `reach`.
+
+    spread are the lengths of its pairs; rotations without growth and all that decays add nothing.
+    """
+    more, alpha = 0.0, flow.alpha
+    if flow.growth > 0.0:
+        more = weighted(sizes, spread, flow.rotations) * math.expm1(flow.growth * s)
+    for j in range(flow.rotations, flow.hyperbolas_end):
+        more += sizes[j] * spread[j] * math.expm1(max(0.0, alpha[j] + flow.nu[j]) * s)
+    for j in range(flow.hyperbolas_end, alpha.size):
+        more += sizes[j] * spread[j] * (math.exp(max(0.0, alpha[j]) * s) * (1.0 + s) - 1.0)
+    for row in range(flow.drives.size):
+        drive = flow.drives[row]
+        j, k = drive.driven, drive.driving
+        force = math.hypot(drive.kappa_real, drive.kappa_imaginary) * spread[k]
+        more += sizes[j] * s * force * math.exp(max(0.0, alpha[j], alpha[k]) * s)
+    return more

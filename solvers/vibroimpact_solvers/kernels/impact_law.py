@@ -16,12 +16,26 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels import complementarity
-from vibroimpact_solvers.kernels.deviations import estimated_error, random_row
+from vibroimpact_solvers.kernels.deviations import (
+    EPS,
+    SAFETY,
+    estimated_error,
+    lose,
+    random_row,
+)
 from vibroimpact_solvers.kernels.flow import Z1, Z2, exact_product, product, set_rate
 from vibroimpact_solvers.kernels.jit import fma, inline, inner, kernel
-from vibroimpact_solvers.kernels.next_impact import SIMULTANEOUS, two_sum
-from vibroimpact_solvers.kernels.rigid_state import STRUCK, Motion, Rows, Scratch, Structure
+from vibroimpact_solvers.kernels.next_impact import ROUNDING, SIMULTANEOUS, two_sum
+from vibroimpact_solvers.kernels.rigid_state import (
+    HAS_GRAZED,
+    STRUCK,
+    Motion,
+    Rows,
+    Scratch,
+    Structure,
+)
 
+_LONG_CHATTER = 1e-3  # time of bounces lower than rounding that is not passed over
 _ALONE = 0  # the row of a coordinate that is struck alone
 
 
@@ -35,23 +49,29 @@ def _add_impulse(z: float, impulse: float, taken: float, form: float) -> float:
 
 @inline
 def _turn_deviations(
-    structure: Structure, motion: Motion, i: int, speed: float, acceleration: float, row: int
+    structure: Structure, motion: Motion, struck: Rows, a: int, acceleration: float, row: int
 ) -> None:
     """Take the deviations through the impact of one coordinate (saltation).
 
-    speed and acceleration are those of the coordinate before the impact. On their way deviations
-    get the rounding of the place of the wall and of the kick; the formula is that of
-    `kernels.deviations`.
+    acceleration is that of the coordinate before the impact. On their way deviations get the
+    rounding of the place of the wall and of the kick; the formula is that of `kernels.deviations`.
+    The square of the speed changes by ``2 y'' dy``, and the speed never by more than the root of
+    that, however slow the impact is.
     """
-    deviations, errors = motion.deviations, structure.errors
+    one, deviations, errors = struck[a], motion.deviations, structure.errors
+    i, speed = one.coordinate, one.side * one.speed
     watched, wall = structure.watched, structure.walls[i]
     kick, kick_rate = watched.kick[i], watched.kick_rate[i]
     factor, impulse = wall.factor, -wall.factor * speed
+    place = wall.size if struck.size == 1 else wall.size + abs(one.room) / EPS
     for c in range(deviations.shape[0]):
         dz, kick_error = deviations[c], errors.kicks[c, i]
         dy = product(watched.coordinate[i], dz)
-        dy += -wall.size if c & 1 else wall.size
-        dP = factor * (acceleration * dy / speed - product(watched.velocity[i], dz))
+        dy += -place if c & 1 else place
+        faster = acceleration * dy / speed
+        most = math.sqrt(2.0 * abs(acceleration * dy) / EPS)
+        faster = min(max(faster, -most), most)
+        dP = factor * (faster - product(watched.velocity[i], dz))
         dy *= factor
         signs = errors.signs[(row + c + 1) % errors.signs.shape[0]]
         for j in range(dz.shape[1]):
@@ -60,6 +80,79 @@ def _turn_deviations(
             dz[Z2, j] += kicked * kick[Z2, j] - dy * kick_rate[Z2, j]
             dz[Z1, j] += impulse * kick_error[Z1, j]
             dz[Z2, j] += impulse * kick_error[Z2, j]
+
+
+@inline
+def _widen(structure: Structure, motion: Motion, i: int, impulse: float) -> None:
+    """Let an impulse on a coordinate be unknown altogether."""
+    kick, deviations = structure.watched.kick[i], motion.deviations
+    for c in range(deviations.shape[0]):
+        unknown = (-impulse if c & 1 else impulse) / EPS
+        for j in range(kick.shape[1]):
+            deviations[c, Z1, j] += unknown * kick[Z1, j]
+            deviations[c, Z2, j] += unknown * kick[Z2, j]
+
+
+@inner
+def graze(structure: Structure, motion: Motion, scratch: Scratch, i: int, side: int) -> None:
+    """Account for a coordinate that turns near a wall, where its error decides whether it strikes.
+
+    By an error e of its place it strikes with the speed ``(2 a e)^(1/2)``, a being what turns it:
+    the impulse that is or is not is the root of the error.
+    """
+    z, watched, wall = motion.z, structure.watched, structure.walls[i]
+    now, own = motion.progress[0], structure.errors.own
+    scratch.grazing[i] = HAS_GRAZED
+    set_rate(structure.flow, z, scratch.rate)
+    y, speed = product(watched.coordinate[i], z), side * product(watched.velocity[i], z)
+    slowed = -side * product(watched.velocity[i], scratch.rate)
+    room = wall.upper - y if side > 0 else wall.lower + y
+    known, turns = 0.0, speed / slowed if slowed > 0.0 else 0.0
+    for c in range(motion.deviations.shape[0]):
+        dz = motion.deviations[c]
+        dy = product(watched.coordinate[i], dz) + turns * product(watched.velocity[i], dz)
+        known = max(known, abs(dy))
+    # Beside the linear error, that of the curvature of the paths.
+    margin, rounding = scratch.margin[i], scratch.rounding[i]
+    error = SAFETY * EPS * known + rounding + margin * margin * ROUNDING / rounding
+    squared = speed * speed + 2.0 * slowed * (error - room)
+    certain = speed * speed > 2.0 * slowed * (error + room)  # that it strikes
+    if squared > 0.0 and slowed > 0.0 and not certain:
+        now.grazings += 1
+        _widen(structure, motion, i, 0.5 * wall.factor * math.sqrt(squared))
+        lose(motion.progress, estimated_error(motion.deviations, own, motion.progress), now.time)
+
+
+@inner
+def _widen_unknown_order(structure: Structure, motion: Motion, scratch: Scratch) -> None:
+    """Account for coordinates that may strike before or after the one at its wall.
+
+    What the impulse of one takes from the velocity of the other changes the impulse of that one.
+    """
+    now, watched, walls = motion.progress[0], structure.watched, structure.walls
+    a = now.coordinate
+    speed = (1.0 if now.side > 0 else -1.0) * product(watched.velocity[a], motion.z)
+    late = scratch.margin[a] / max(speed, 1e-300)
+    for b in range(walls.size):
+        if b == a or walls[b].restitution < 0.0 or structure.mobility[a, b] == 0.0:
+            continue
+        y, velocity = (
+            product(watched.coordinate[b], motion.z),
+            product(watched.velocity[b], motion.z),
+        )
+        lower = walls[b].lower + y < walls[b].upper - y
+        room = walls[b].lower + y if lower else walls[b].upper - y
+        other = -velocity if lower else velocity
+        near = max(scratch.margin[b], SIMULTANEOUS * scratch.rounding[b])
+        if room <= near + max(other, 0.0) * late:
+            same = lower == (now.side < 0)
+            coupling = structure.mobility[a, b] if same else -structure.mobility[a, b]
+            # A coordinate that leaves, and does so after the impulse, is not struck.
+            taken = coupling * walls[a].factor * max(speed, 0.0)
+            if max(other, other - taken) > 0.0:
+                both = abs(coupling) * walls[a].factor * walls[b].factor
+                _widen(structure, motion, b, both * max(speed, 0.0))
+                _widen(structure, motion, a, both * max(other, 0.0))
 
 
 @kernel
@@ -131,6 +224,7 @@ def _find_struck(structure: Structure, motion: Motion, scratch: Scratch) -> int:
         row = scratch.struck[count]
         row.coordinate, row.side, row.restitution = i, side, wall.restitution
         row.speed, row.speed_rest = side * speed, side * lost
+        row.room = wall.upper - y if side > 0.0 else wall.lower + y
         count += 1
     return count
 
@@ -153,12 +247,16 @@ def _strike_one(structure: Structure, motion: Motion, scratch: Scratch, row: int
     set_rate(structure.flow, z, scratch.rate)
     acceleration = product(structure.watched.velocity[i], scratch.rate)
     speed, towards, rounding = one.speed, one.side * acceleration, scratch.rounding[i]
-    if speed <= 0.0 or (towards < 0.0 and speed * speed <= -2.0 * towards * rounding):
-        progress.grazings += towards < 0.0
-        progress.chatter_left = 0.0
-        return bool(towards >= 0.0)
+    if speed <= 0.0 or speed * speed <= 2.0 * abs(towards) * rounding:
+        # An impact as slow as a fall from within rounding is none.
+        if towards >= 0.0:
+            bounce = max(speed, 0.0) if wall.restitution == 1.0 else 0.0
+            return _comes_to_rest(structure, motion, scratch, _ALONE, bounce, towards)
+        if scratch.grazing[i] != HAS_GRAZED:
+            graze(structure, motion, scratch, i, progress.side)
+        return False
     velocity, factor = one.side * speed, wall.factor
-    _turn_deviations(structure, motion, i, velocity, acceleration, row)
+    _turn_deviations(structure, motion, scratch.struck[:1], _ALONE, acceleration, row)
     impulse = -factor * velocity
     # What rounding takes from an impulse it takes from the energy, at each impact the same.
     taken = fma(-factor, velocity, -impulse)
@@ -168,10 +266,12 @@ def _strike_one(structure: Structure, motion: Motion, scratch: Scratch, row: int
         z[Z1, j] = _add_impulse(z[Z1, j], impulse, taken, kick[Z1, j])
         z[Z2, j] = _add_impulse(z[Z2, j], impulse, taken, kick[Z2, j])
     one.impulse = abs(impulse)
-    _write(motion, scratch.struck, _ALONE)
+    # A speed that is rounding belongs to a coordinate that stays at its wall.
+    if speed > ROUNDING * progress.largest * math.sqrt(structure.mobility[i, i]):
+        _write(motion, scratch.struck, _ALONE)
     # Without the rounding of sums.
     speed, push = wall.restitution * speed, one.side * (acceleration + impulse * wall.acceleration)
-    return _comes_to_rest(motion, scratch, _ALONE, speed, push)
+    return _comes_to_rest(structure, motion, scratch, _ALONE, speed, push)
 
 
 @inner
@@ -195,9 +295,9 @@ def _strike_several(
         i, kick = one.coordinate, watched.kick[one.coordinate]
         if one.impulse > 0.0:
             if one.speed > 0.0:
-                # The deviations go through one after the other.
+                # One after the other: where the order matters, they are widened beside.
                 acceleration = product(watched.velocity[i], rate)
-                _turn_deviations(structure, motion, i, one.side * one.speed, acceleration, row + a)
+                _turn_deviations(structure, motion, struck, a, acceleration, row + a)
             _write(motion, struck, a)
         for j in range(z.shape[1]):
             z[Z1, j] -= one.side * one.impulse * kick[Z1, j]
@@ -207,30 +307,37 @@ def _strike_several(
         one = struck[a]
         velocity = watched.velocity[one.coordinate]
         speed, push = -one.side * product(velocity, z), one.side * product(velocity, rate)
-        if _comes_to_rest(motion, scratch, a, speed, push):
+        if _comes_to_rest(structure, motion, scratch, a, speed, push):
             return True
     return False
 
 
 @inline
-def _comes_to_rest(motion: Motion, scratch: Scratch, a: int, speed: float, push: float) -> bool:
+def _comes_to_rest(
+    structure: Structure, motion: Motion, scratch: Scratch, a: int, speed: float, push: float
+) -> bool:
     """Return whether a coordinate that leaves with some speed and is pressed to its wall rests.
 
     Its bounces last ``2 speed / (push (1 - k))`` in all, the sum of a geometric series: once that
-    is short enough, they are one sum.
+    is short enough, they are one sum. Bounces lower than rounding are too; those that go on for
+    long leave the velocity unknown by their speed.
     """
     one, progress = scratch.struck[a], motion.progress[0]
     if push < 0.0 or (push == 0.0 and speed > 0.0):
         return False
-    lasts = math.inf
+    i, lasts = one.coordinate, math.inf
     if speed <= 0.0:
         lasts = 0.0
     elif one.restitution < 1.0:
         lasts = 2.0 * speed / (push * (1.0 - one.restitution))
-    rounding = scratch.rounding[one.coordinate]
-    if lasts <= progress.chatter or speed * speed <= 2.0 * push * rounding:
-        progress.coordinate, progress.side = one.coordinate, int(one.side)
-        progress.chatter_left = lasts
+    if lasts <= progress.chatter or speed * speed <= 2.0 * push * scratch.rounding[i]:
+        if lasts > _LONG_CHATTER and progress.largest > 0.0:
+            unknown = math.sqrt(
+                (speed * speed + 2.0 * push * scratch.margin[i]) / structure.mobility[i, i]
+            )
+            progress.unresolved = max(progress.unresolved, unknown / (EPS * progress.largest))
+        progress.coordinate, progress.side = i, int(one.side)
+        progress.chatter_left = lasts if lasts < math.inf else 0.0
         return True
     return False
 
@@ -243,6 +350,8 @@ def strike(structure: Structure, motion: Motion, scratch: Scratch) -> bool:
     """
     progress, errors = motion.progress[0], structure.errors
     first, row = progress.rows, random_row(progress.impacts, errors.signs.shape[0])
+    if structure.walls.size > 1 and motion.deviations.shape[0] > 0:
+        _widen_unknown_order(structure, motion, scratch)
     count = _find_struck(structure, motion, scratch)
     if count == 1:
         rests = _strike_one(structure, motion, scratch, row)
@@ -253,6 +362,8 @@ def strike(structure: Structure, motion: Motion, scratch: Scratch) -> bool:
         error = estimated_error(motion.deviations, errors.own, motion.progress)
         if motion.deviations.shape[0] == 0:
             error = math.nan
+        else:
+            lose(motion.progress, error, progress.time)
         for line in range(first, progress.rows):
             impact = motion.impacts[line]
             impact.time, impact.time_rest = progress.time, progress.time_rest

@@ -14,19 +14,24 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from vibroimpact_solvers.kernels.deviations import EPS, SAFETY, set_spread
 from vibroimpact_solvers.kernels.flow import (
     Z1,
     Z2,
     bound,
     derivatives,
+    grown,
+    grows,
     near_derivatives,
     propagate_state,
     reach,
     set_lengths,
     set_propagator,
+    weighted,
 )
-from vibroimpact_solvers.kernels.jit import fma, inline, once
+from vibroimpact_solvers.kernels.jit import fma, inline, inner, once
 from vibroimpact_solvers.kernels.passages import (
+    INNER,
     first_passage,
     horizon,
     near_passage,
@@ -34,7 +39,14 @@ from vibroimpact_solvers.kernels.passages import (
     remainder,
     stays,
 )
-from vibroimpact_solvers.kernels.rigid_state import Motion, Rows, Scratch, Structure
+from vibroimpact_solvers.kernels.rigid_state import (
+    MAY_GRAZE,
+    NOT_GRAZING,
+    Motion,
+    Rows,
+    Scratch,
+    Structure,
+)
 
 AT_END: Final = -1
 OUT_OF_BUDGET: Final = -2
@@ -72,18 +84,32 @@ def remaining(progress: Rows) -> float:
 
 @once
 def find_reach(structure: Structure, motion: Motion, scratch: Scratch) -> None:
-    """Fill in how well the watched coordinates are known, and whether they may reach a wall."""
+    """Fill in how well the watched coordinates are known, and whether they may reach a wall.
+
+    The margins are their errors by all that went before, the roundings those of this motion alone.
+    """
     flow, watched, walls, z = structure.flow, structure.watched, structure.walls, motion.z
     lengths, left = scratch.lengths, remaining(motion.progress)
-    grows = flow.rotations < lengths.size or flow.drives.size > 0
+    progress, spread = motion.progress[0], scratch.spread
+    # Beyond the tolerance nothing is claimed that a grazing could change.
+    claims = motion.deviations.shape[0] > 0 and progress.known_until == math.inf
     set_lengths(flow, z, lengths)
+    if claims:
+        set_spread(flow, motion.deviations, spread)
     for i in range(walls.size):
-        now = far = reach(flow, watched.size[i], z, lengths, 0.0)
-        if grows:
-            far = reach(flow, watched.size[i], z, lengths, left)
-        rounding = ROUNDING * (now + walls[i].size)
-        scratch.rounding[i] = rounding
-        scratch.in_reach[i] = not far + rounding < min(walls[i].lower, walls[i].upper)
+        wall, sizes = walls[i], watched.size[i]
+        now = far = reach(flow, sizes, z, lengths, 0.0)
+        if grows(flow):
+            far = reach(flow, sizes, z, lengths, left)
+        rounding = ROUNDING * (now + wall.size)
+        margin = rate = 0.0
+        if claims and wall.restitution >= 0.0:
+            margin = rounding + SAFETY * EPS * weighted(sizes, spread, spread.size)
+            rate = SAFETY * EPS * structure.errors.drift * now
+        scratch.rounding[i], scratch.margin[i], scratch.margin_rate[i] = rounding, margin, rate
+        if scratch.grazing[i] == MAY_GRAZE:
+            scratch.grazing[i] = NOT_GRAZING
+        scratch.in_reach[i] = not far + rounding < min(wall.lower, wall.upper)
 
 
 @inline
@@ -92,7 +118,8 @@ def _distance(room: float, slope: float, acceleration: float, rounding: float) -
 
     slope and acceleration are the first two derivatives towards the wall. Within rounding of it:
     0 where the coordinate leaves or stays; two roundings where it turns by itself within one, where
-    its speed is no more than that of a fall from there; -1 where it moves on into the wall.
+    its speed is no more than that of a fall from there; -1 where it moves on into the wall, or
+    falls on it.
     """
     if room > rounding:
         return room
@@ -100,7 +127,15 @@ def _distance(room: float, slope: float, acceleration: float, rounding: float) -
         return 0.0
     if acceleration < 0.0 and slope * slope <= -2.0 * acceleration * rounding:
         return 2.0 * rounding
-    return room if room > 0.0 else -1.0
+    falls = slope * slope <= 2.0 * acceleration * rounding
+    return room if room > 0.0 and not falls else -1.0
+
+
+@inline
+def _turns_near(room: float, slope: float, acceleration: float, margin: float) -> bool:
+    """Return whether a coordinate near a wall turns back within its error of it, or just not."""
+    near = slope > 0.0 and acceleration < 0.0 and room <= INNER * margin
+    return bool(near and slope * slope <= -2.0 * acceleration * (room + margin))
 
 
 @inline
@@ -114,12 +149,19 @@ def _amplitude(walls: Rows, i: int, rounding: float) -> float:
 
 @inline
 def _expanded(
-    structure: Structure, scratch: Scratch, i: int, released: bool, best: float, ahead: float
+    structure: Structure,
+    scratch: Scratch,
+    i: int,
+    released: bool,
+    margin: float,
+    best: float,
+    ahead: float,
 ) -> tuple[float, float, int]:
     """Return a time before which a coordinate passes no wall, the remainder, the wall it may pass.
 
     released: it has just left a wall. The time is negative where the wall is met already, and only
-    times before best matter.
+    times before best matter. Where the coordinate may turn before a wall, it stops within a margin
+    of it, and is marked if its error decides whether it strikes.
     """
     flow, watched, walls = structure.flow, structure.watched, structure.walls
     d, rounding = scratch.derivatives, scratch.rounding[i]
@@ -132,15 +174,25 @@ def _expanded(
         below = max(below, SIMULTANEOUS * rounding)
     elif above < 0.0 or below < 0.0:
         return -1.0, 0.0, (1 if above < 0.0 else -1)
+    elif margin > 0.0:
+        up = _turns_near(walls[i].upper - d[0], d[1], d[2], margin)
+        if up or _turns_near(walls[i].lower + d[0], -d[1], -d[2], margin):
+            if scratch.grazing[i] == NOT_GRAZING:
+                scratch.grazing[i] = MAY_GRAZE
+                return 0.0, 0.0, (1 if up else -1)
+        else:
+            scratch.grazing[i] = NOT_GRAZING
     B = bound(flow, watched, i, scratch.z, scratch.lengths, True, ahead)
     H = min(horizon(B, _COARSE * _amplitude(walls, i, rounding)), min(ahead, best))
-    h, side = first_passage(d, B, H, above, below, scratch.roots, 2.0 * _EXACT * rounding)
-    return h, remainder(B, h), side
+    fine = 2.0 * _EXACT * rounding
+    h, side, inner = first_passage(d, B, H, above, below, scratch.roots, fine, margin)
+    more = remainder(B, h)
+    return h, (max(more, rounding) if inner else more), side
 
 
 @inline
 def _closing_in(
-    structure: Structure, scratch: Scratch, i: int, first: bool, H: float
+    structure: Structure, scratch: Scratch, i: int, first: bool, margin: float, H: float
 ) -> tuple[float, float, int]:
     """Return what `_expanded` does, by envelopes of low degree; a negative time: they do not do.
 
@@ -153,10 +205,19 @@ def _closing_in(
     if min(above, below) > scratch.rounding[i]:
         B = bound(flow, structure.watched, i, scratch.z, scratch.lengths, False, H)
         if not first:
-            return (H if stays(low, B, H, above, below) else -1.0), 0.0, 0
+            return (H if stays(low, B, H, min(above, below) - margin) else -1.0), 0.0, 0
         h, side = near_passage(low, B, above, below)
         return h, near_remainder(B, h), side
     return -1.0, 0.0, 0
+
+
+@inner
+def _grow_roundings(structure: Structure, scratch: Scratch) -> None:
+    """Let the roundings of the watched coordinates grow with the motion."""
+    flow, watched, walls = structure.flow, structure.watched, structure.walls
+    for i in range(walls.size):
+        now = reach(flow, watched.size[i], scratch.z, scratch.lengths, 0.0)
+        scratch.rounding[i] = max(scratch.rounding[i], ROUNDING * (now + walls[i].size))
 
 
 @inline
@@ -170,7 +231,7 @@ def next_event(
     """
     flow, walls, z = structure.flow, structure.walls, scratch.z
     rounding, progress, m = scratch.rounding, motion.progress[0], structure.walls.size
-    changes = flow.damped or flow.rotations < scratch.lengths.size or flow.drives.size > 0
+    changes = flow.damped or grows(flow)
     s, ds, close = 0.0, 0.0, -1
     for j in range(z.shape[1]):
         z[Z1, j], z[Z2, j] = motion.z[Z1, j], motion.z[Z2, j]
@@ -181,22 +242,30 @@ def next_event(
         best, remains, who, side = left, 0.0, AT_END, 0
         if s > 0.0 and changes:
             set_lengths(flow, z, scratch.lengths)
+            if grows(flow):
+                _grow_roundings(structure, scratch)
         ahead = min(left, progress.longest)
         for k in range(m):
             # The coordinate that is close to its wall first: the others have no time then.
             i = (max(close, 0) + k) % m
             if not scratch.in_reach[i]:
                 continue
+            margin = scratch.margin[i]
+            if margin > 0.0:
+                margin += s * scratch.margin_rate[i]
+                if grows(flow):
+                    sizes = structure.watched.size[i]
+                    margin += SAFETY * EPS * grown(flow, sizes, scratch.spread, s)
             if close >= 0:
                 H = min(ahead, best)
-                h, more, at = _closing_in(structure, scratch, i, k == 0, H)
+                h, more, at = _closing_in(structure, scratch, i, k == 0, margin, H)
                 if k > 0 and h >= 0.0:
                     continue
                 if 0.0 <= h <= H and h < best:
                     best, side, remains, who = h, at, more, i
                     continue
             released = progress.released == i and s == 0.0
-            h, more, at = _expanded(structure, scratch, i, released, best, ahead)
+            h, more, at = _expanded(structure, scratch, i, released, margin, best, ahead)
             if h < 0.0:
                 best, remains, who, side = 0.0, 0.0, i, at
                 break
@@ -260,7 +329,7 @@ def next_crossing(
             towards = form if upper else -form
             c = wall / towards
             squared = b * b + (a - c) * (a + c)
-            if abs(squared) <= _CLEAR * circle:
+            if abs(squared) <= _CLEAR * circle + 4.0 * scratch.margin[i] * abs(c / form):
                 return 0.0, 0.0, UNDECIDED, 0
             if squared < 0.0:
                 continue

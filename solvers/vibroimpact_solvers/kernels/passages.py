@@ -24,6 +24,9 @@ LOW: Final = 4
 DEPTH: Final = 48
 """Halvings after which the left end of an interval counts as the root."""
 
+INNER: Final = 1.5
+"""Margins from a wall within which a coordinate runs to the wall itself."""
+
 _FACTORIALS = np.array([1.0 / math.factorial(k) for k in range(ORDER + 1)])
 # Bernstein coefficients of the powers: row k holds those of t^k.
 _BERNSTEIN = np.array(
@@ -51,10 +54,10 @@ def near_passage(d: Floats, bound: float, above: float, below: float) -> tuple[f
 
 
 @inline
-def stays(d: Floats, bound: float, H: float, above: float, below: float) -> bool:
-    """Return whether derivatives below `LOW` prove that no wall is passed before H."""
+def stays(d: Floats, bound: float, H: float, room: float) -> bool:
+    """Return whether derivatives below `LOW` prove that nothing moves as far as room before H."""
     moved = abs(d[1]) * H + 0.5 * abs(d[2]) * H * H + abs(d[3]) * H * H * H * _FACTORIALS[3]
-    return bool(moved + near_remainder(bound, H) < min(above, below))
+    return bool(moved + near_remainder(bound, H) < room)
 
 
 @inline
@@ -80,7 +83,8 @@ def first_passage(
     below: float,
     work: Floats,
     fine: float = math.inf,
-) -> tuple[float, int]:
+    margin: float = 0.0,
+) -> tuple[float, int, bool]:
     """Return a time before which no wall is passed, and the wall that may be passed then.
 
     Parameters
@@ -98,6 +102,9 @@ def first_passage(
     fine : float
         Remainder of the last expansion before a wall. The time that one with a larger remainder
         yields need not be the latest, as another one follows.
+    margin : float
+        From a wall, at which a coordinate is stopped that comes nearer but turns before the wall;
+        one that is about as near already may turn there.
 
     Returns
     -------
@@ -105,10 +112,14 @@ def first_passage(
         H where no envelope meets a wall.
     side : int
         1 upper, -1 lower, 0 none.
+    inner : bool
+        Whether the coordinate is at the margin of this wall.
     """
     h = _straight(d, bound, H, above, below, ORDER, fine)
     if h >= 0.0:
-        return h, (0 if h >= H else (1 if d[1] > 0.0 else -1))
+        return h, (0 if h >= H else (1 if d[1] > 0.0 else -1)), False
+    upper = above - margin if above > INNER * margin else above
+    lower = below - margin if below > INNER * margin else below
     c, b = work[_POWERS], work[_BERNSTEIN_ROW]
     power = 1.0
     c[0] = 0.0
@@ -118,8 +129,8 @@ def first_passage(
         c[k] = d[k] * power * _FACTORIALS[k]
         moved += abs(c[k])
     rest = bound * power * H * _FACTORIALS[ORDER]
-    if moved + rest < min(above, below):
-        return H, 0
+    if moved + rest < min(upper, lower):
+        return H, 0, False
     for i in range(ORDER + 1):
         b[i] = c[1] * _BERNSTEIN[1, i]
     for k in range(2, ORDER):
@@ -134,9 +145,15 @@ def first_passage(
         up = _first_root(b, c, rest, 1.0, above, work)
     if lowest <= -below:
         down = _first_root(b, c, rest, -1.0, below, work)
-    if up > 1.0 and down > 1.0:
-        return H, 0
-    return (up * H, 1) if up <= down else (down * H, -1)
+    if min(up, down) <= 1.0:
+        return (up * H, 1, False) if up <= down else (down * H, -1, False)
+    if highest >= upper:
+        up = _first_root(b, c, rest, 1.0, upper, work)
+    if lowest <= -lower:
+        down = _first_root(b, c, rest, -1.0, lower, work)
+    if min(up, down) <= 1.0:
+        return (up * H, 1, True) if up <= down else (down * H, -1, True)
+    return H, 0, False
 
 
 @inline

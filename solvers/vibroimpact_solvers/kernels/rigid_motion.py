@@ -16,8 +16,11 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.kernels.deviations import (
+    EPS,
     add_rounding,
     estimated_error,
+    lose,
+    lose_on_the_way,
     random_row,
     start_deviations,
 )
@@ -25,12 +28,13 @@ from vibroimpact_solvers.kernels.flow import (
     Z1,
     Z2,
     flow_of,
+    grows,
     propagate,
     propagate_state,
     set_propagator,
     watched_of,
 )
-from vibroimpact_solvers.kernels.impact_law import strike
+from vibroimpact_solvers.kernels.impact_law import graze, strike
 from vibroimpact_solvers.kernels.jit import bare, inner, once
 from vibroimpact_solvers.kernels.modal import (
     SAMPLES,
@@ -51,6 +55,8 @@ from vibroimpact_solvers.kernels.next_impact import (
     two_sum,
 )
 from vibroimpact_solvers.kernels.rigid_state import (
+    MAY_GRAZE,
+    NOT_GRAZING,
     Errors,
     History,
     Motion,
@@ -59,7 +65,7 @@ from vibroimpact_solvers.kernels.rigid_state import (
     scratch_of,
 )
 
-_EPS = 2.0**-52
+_DRIFTED = 1.0 / 64.0  # of the tolerance, by errors of the frequencies in one free motion
 
 
 class Stop(IntEnum):
@@ -127,6 +133,8 @@ def _move(structure: Structure, motion: Motion, scratch: Scratch, s: float, ds: 
         propagate(flow, scratch.propagator, s + ds, deviations[c], moved)
         for j in range(z.shape[1]):
             deviations[c, Z1, j], deviations[c, Z2, j] = moved[Z1, j], moved[Z2, j]
+    for i in range(structure.walls.size):
+        scratch.margin[i] += s * scratch.margin_rate[i]
     now.time, lost = two_sum(now.time, s)
     now.time_rest += lost + ds
     now.released = -1
@@ -155,9 +163,20 @@ def _advance(
             s, ds, who, side = next_event(structure, motion, scratch)
         until = np.inf if who == AT_END else (now.time + s) + (now.time_rest + ds)
         _take_samples(structure, motion, scratch, modal, history, until)
+        if motion.deviations.shape[0] > 0 and now.known_until == np.inf:
+            drifted = structure.errors.drift * s * EPS > _DRIFTED * now.tolerance
+            if drifted or grows(structure.flow):
+                lose_on_the_way(structure, motion, scratch, s)
+        begun = now.time
         _move(structure, motion, scratch, s, ds)
         if who < 0:
+            if motion.deviations.shape[0] > 0:
+                error = estimated_error(motion.deviations, structure.errors.own, motion.progress)
+                lose(motion.progress, error, begun)
             return _END if who == AT_END else _PAUSE
+        if scratch.grazing[who] == MAY_GRAZE:
+            graze(structure, motion, scratch, who, side)
+            continue
         now.coordinate, now.side = who, side
         if walls[who].restitution < 0.0:
             return _RELEASE
@@ -178,8 +197,6 @@ def _finish(structure: Structure, motion: Motion, modal: Modal, first: int, ende
         row.impulse *= modal.scale
         if not row.deviation <= now.growth:
             now.growth = row.deviation
-        if not row.deviation * _EPS <= now.tolerance and now.known_until == np.inf:
-            now.known_until = row.time
     if ended:
         error = estimated_error(motion.deviations, structure.errors.own, motion.progress)
         now.growth = max(now.growth, error)
@@ -235,6 +252,8 @@ def follow(
         if not now.begun:
             start_deviations(current, named.errors)
             now.begun = 1
+            for i in range(walls.size):
+                scratch.grazing[i] = NOT_GRAZING
         stop = _advance(named, current, scratch, conversion, written)
         _write_history(current, scratch, conversion, written)
         _finish(named, current, conversion, rows, stop == _END)

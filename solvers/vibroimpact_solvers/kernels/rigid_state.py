@@ -12,12 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact_solvers.arrays import Floats, Integers
-from vibroimpact_solvers.kernels.flow import Z1, Flow, Watched
+from vibroimpact_solvers.kernels.flow import Z1, Z2, Flow, Watched
 from vibroimpact_solvers.kernels.jit import once
 from vibroimpact_solvers.kernels.modal import SAMPLES
 from vibroimpact_solvers.kernels.passages import DEPTH, LOW, ORDER
 
 Rows = NDArray[np.void]
+
+NOT_GRAZING: Final = 0
+MAY_GRAZE: Final = 1
+HAS_GRAZED: Final = 2
+"""Whether a coordinate turns so near to a wall that its error decides whether it strikes: not as
+far as is known, as it seems, and accounted for in the deviations on this approach."""
 
 WALL: Final = np.dtype(
     [
@@ -58,6 +64,7 @@ PROGRESS: Final = np.dtype(
         ("longest", "f8"),  # of an expansion
         ("chatter", "f8"),  # remaining time of a chatter that is not followed impact by impact
         ("tolerance", "f8"),  # of the error of the state, relative to it
+        ("scale", "f8"),  # times of the basis over those of x
         ("budget", "i8"),  # expansions after which the loop pauses
         ("stops_at_impacts", "i8"),
         # Kept from call to call.
@@ -65,9 +72,10 @@ PROGRESS: Final = np.dtype(
         ("time", "f8"),
         ("time_rest", "f8"),
         ("largest", "f8"),  # length of the state so far
+        ("unresolved", "f8"),  # error by bounces lower than rounding that do not end, relative
         ("penetration", "f8"),  # largest distance between a wall and the place of an impact at it
         ("growth", "f8"),  # largest of the estimated errors, in units of 2^-52, at least 1
-        ("known_until", "f8"),  # time of the first impact at which the tolerance is exceeded
+        ("known_until", "f8"),  # time (of x) at which the tolerance is exceeded, or infinite
         ("first_row", "i8"),  # of the motion in the table of impacts
         ("rows", "i8"),  # in the table of impacts, those of motions before it included
         ("samples", "i8"),
@@ -92,6 +100,7 @@ STRUCK: Final = np.dtype(
         ("speed", "f8"),  # towards the wall, before the impact
         ("speed_rest", "f8"),  # what rounding took from it
         ("impulse", "f8"),  # away from the wall
+        ("room", "f8"),  # distance to the wall
     ]
 )
 """A coordinate at a wall."""
@@ -104,6 +113,7 @@ class Errors(NamedTuple):
     drifts: Floats  # (column, pair): of the frequencies
     kicks: Floats  # (column, watched, 2, pair): of the changes of state by unit impulses
     own: Floats  # (pair,): 0 for the pairs of loads, 1 for the others
+    drift: float  # the largest of the drifts
 
 
 class Structure(NamedTuple):
@@ -141,10 +151,15 @@ class Scratch(NamedTuple):
     rate: Floats  # (2, pair)
     propagator: Floats  # (2, pair)
     lengths: Floats  # (pair,)
+    spread: Floats  # (pair,): lengths of the deviations, the largest of all columns
     rounding: Floats  # (watched,): of the coordinates
+    margin: Floats  # (watched,): their errors, and how fast these grow
+    margin_rate: Floats  # (watched,)
+    room: Floats  # (watched,): distances to the nearest walls, at an impact
     right: Floats  # (watched,): right-hand side of `equations`, and their solution
     solution: Floats  # (watched,)
     in_reach: Integers  # (watched,)
+    grazing: Integers  # (watched,): `NOT_GRAZING`, `MAY_GRAZE` or `HAS_GRAZED`
     basic: Integers  # (watched,)
     derivatives: Floats  # (ORDER,)
     low: Floats  # (LOW,)
@@ -156,8 +171,8 @@ class Scratch(NamedTuple):
 
 
 _Z, _RATE, _PROPAGATOR, _LENGTHS = range(4)
-_ROUNDING, _RIGHT, _SOLUTION = range(3)
-_IN_REACH, _BASIC = range(2)
+_ROUNDING, _MARGIN, _MARGIN_RATE, _ROOM, _RIGHT, _SOLUTION = range(6)
+_IN_REACH, _GRAZING, _BASIC = range(3)
 _DERIVATIVES, _LOW = -2, -1
 
 
@@ -165,8 +180,8 @@ def workspace(pairs: int, watched: int, modes: int, dofs: int) -> tuple[Any, ...
     """Return what `scratch_of` gives names to: few arrays, as each takes time to hand over."""
     return (
         np.empty((4, 2, pairs)),
-        np.empty((3, watched)),
-        np.empty((2, watched), dtype=np.int64),
+        np.empty((6, watched)),
+        np.zeros((3, watched), dtype=np.int64),
         np.empty((DEPTH + 7, DEPTH + 2)),
         np.empty(watched, STRUCK),
         np.empty((2 * watched, watched + 1)),
@@ -184,7 +199,8 @@ def scratch_of(given: tuple[Any, ...]) -> Scratch:
         search[:_DERIVATIVES],
     )
     return Scratch(
-        states[_Z], states[_RATE], states[_PROPAGATOR], states[_LENGTHS, Z1], numbers[_ROUNDING],
-        numbers[_RIGHT], numbers[_SOLUTION], marks[_IN_REACH], marks[_BASIC], derivatives, low,
-        roots, struck, equations, *history,
+        states[_Z], states[_RATE], states[_PROPAGATOR], states[_LENGTHS, Z1],
+        states[_LENGTHS, Z2], numbers[_ROUNDING], numbers[_MARGIN], numbers[_MARGIN_RATE],
+        numbers[_ROOM], numbers[_RIGHT], numbers[_SOLUTION], marks[_IN_REACH], marks[_GRAZING],
+        marks[_BASIC], derivatives, low, roots, struck, equations, *history,
     )  # fmt: skip

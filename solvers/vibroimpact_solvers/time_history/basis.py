@@ -58,6 +58,8 @@ class Modes:
         ``M E``, which takes displacements to modal coordinates.
     errors : array, shape (mode,)
         Absolute errors of the eigenvalues.
+    damping_errors : array, shape (mode,)
+        Absolute errors of the diagonal of the damping.
     shape_error : float
         Relative error of the shapes.
     """
@@ -73,6 +75,7 @@ class Modes:
     base: Floats
     weighted: Floats
     errors: Floats
+    damping_errors: Floats
     shape_error: float
 
 
@@ -125,15 +128,17 @@ class Basis:
             for name in ("alpha", "nu", "rest", "push")
         )
         kinds = np.concatenate([p.kind for p in pairs])
+        turning = int((kinds == 0).sum())
         self.flow = Flow(
             self.alpha,
             self.nu,
             rest,
             self.push,
             self._driven_pairs(),
-            int((kinds == 0).sum()),
+            turning,
             int((kinds <= 1).sum()),
             bool(self.alpha.any()),
+            float(self.alpha[:turning].max(initial=0.0)),
         )
 
     # -- construction of the pairs --
@@ -151,9 +156,16 @@ class Basis:
         kind = np.where(square > 0.0, 0, np.where(square < 0.0, 1, 2))
         exact = np.sqrt(np.abs(square))
         nu = exact.astype(np.float64)
+        low = exact - nu
+        # Of hyperbolas the slower rate, nu - delta, is what lasts: low makes their sum exact.
+        apart = np.where(kind == 1, delta + exact, 1.0)
+        low = np.where(kind == 1, -roots * np.abs(roots) / apart - (nu - delta), low)
+        self._shares: Floats = np.where(
+            kind == 1, np.abs(nu - delta) / np.where(nu > 0.0, nu, 1.0), 1.0
+        )
         free = np.where((self._eigenvalues[one] == 0.0) & (delta == 0.0), load[one], 0.0)
         self._stretch: Floats = np.where(kind == 2, 1.0, nu)
-        return _Pairs(kind, -delta, nu, (exact - nu).astype(np.float64), free)
+        return _Pairs(kind, -delta, nu, low.astype(np.float64), free)
 
     def _coupled_pairs(self, damping: Floats) -> _Pairs:
         """Return the complex modes of the modes that damping couples."""
@@ -164,8 +176,6 @@ class Basis:
             self._T: Floats = np.zeros((0, 0))
             self._inverse = self._T
             return _Pairs(np.zeros(0, np.int64), none, none, none, none)
-        if (self.modes.load[some][self._eigenvalues[some] == 0.0] != 0.0).any():
-            raise PlanError("a constant load drives a rigid-body mode that damping couples")
         A = np.block(
             [
                 [np.zeros((n, n)), np.eye(n)],
@@ -235,16 +245,29 @@ class Basis:
             self._response_rate[one] = np.where(self._near, slope, self._response_rate[one])
         none = np.zeros(count)
         pairs = [_Pairs(np.zeros(count, np.int64), none, omega, none, none)]
-        self._creep: Floats = np.zeros((self._roots.size, 0))
-        slides = (self._eigenvalues[self._single] == 0.0) & (self._delta != 0.0)
-        slides &= load[self._single] != 0.0
-        if slides.any():
-            self._creep = np.zeros((self._roots.size, 1))
-            modes = self._single[slides]
-            self._creep[modes, 0] = load[modes] / (2.0 * self._delta[slides])
+        creep = self._terminal_velocities(damping, load)
+        self._creep: Floats = creep[:, np.newaxis] if creep.any() else np.zeros((creep.size, 0))
+        if creep.any():
             none = np.zeros(1)
             pairs.append(_Pairs(np.full(1, 2), none, none, none, none))
         return pairs
+
+    def _terminal_velocities(self, damping: Floats, load: Floats) -> Floats:
+        """Return the velocities that constant loads give rigid-body modes against damping.
+
+        The drag of those that damping couples displaces the equilibrium of the others.
+        """
+        velocities = np.zeros(load.size)
+        one, some = self._single, self._coupled
+        slides = one[(self._eigenvalues[one] == 0.0) & (self._delta != 0.0)]
+        velocities[slides] = load[slides] / damping.diagonal()[slides] if slides.size else 0.0
+        rigid = some[self._eigenvalues[some] == 0.0]
+        if load[rigid].any():
+            velocities[rigid] = np.linalg.solve(damping[np.ix_(rigid, rigid)], load[rigid])
+            others = some[self._eigenvalues[some] != 0.0]
+            drag = damping[np.ix_(others, rigid)] @ velocities[rigid]
+            self.still[others] -= drag / self._eigenvalues[others]
+        return velocities
 
     def _driven_pairs(self) -> NDArray[np.void]:
         """Return the pairs that others drive."""
@@ -328,7 +351,7 @@ class Basis:
             inverse = self._inverse.reshape(2, some.size, 2 * some.size)
             rows[:, first, some] = inverse[..., : some.size]
             rows[:, first, modes + some] = inverse[..., some.size :]
-            rows[:, some.size :, -1] = self.loads(0.0)
+            rows[:, some.size :, -1] = self.loads(0.0)[:, : count - some.size]
         return start
 
     def _of_modes(self, values: Any, otherwise: float) -> Floats:
@@ -355,11 +378,16 @@ class Basis:
         one, some = self._single, self._coupled
         unit = math.ldexp(1.0, -2 * self.exponent)
         stretch = np.where(self._stretch > 0.0, self._stretch, 1.0)
-        # A rate sqrt(|lambda - delta^2|) of a damped mode carries the rounding of delta too.
-        error = unit * self.modes.errors[one] / (2.0 * stretch * _EPS) + self._delta
+        # A rate sqrt(|lambda - delta^2|) of a damped mode carries the error of delta too, the
+        # slower one of an overdamped mode as little of it as it is slower.
+        damping = math.ldexp(1.0, -self.exponent) * self.modes.damping_errors[one] / (2.0 * _EPS)
+        error = unit * self.modes.errors[one] / (2.0 * stretch * _EPS)
+        error += self._shares * (self._delta + damping)
+        error += self._shares * stretch * float(np.finfo(np.longdouble).eps) / _EPS  # of the root
         drifts[:, : one.size] = error
         if some.size:
-            largest = float(np.hypot(self.alpha, self.nu).max(initial=0.0))
+            pairs = self._order.argsort()[one.size : one.size + some.size]
+            largest = float(np.hypot(self.alpha[pairs], self.nu[pairs]).max())
             drifts[:, one.size : one.size + some.size] = self.condition * largest
         signs = np.random.default_rng(1).choice([-1.0, 1.0], drifts.shape)
         return np.ascontiguousarray((signs * drifts)[:, self._order])
@@ -389,23 +417,25 @@ class Basis:
     # -- states --
 
     def loads(self, time: float) -> Floats:
-        """Return the state of the loads at a time of the basis, shape (2, load)."""
+        """Return the state of the harmonic loads and the clock, shape (2, load + 1)."""
         phase = self._omega * time
-        state = np.stack([np.cos(phase), -np.sin(phase)])
-        return np.concatenate([state, np.tile([[time], [1.0]], self._creep.shape[1])], axis=1)
+        return np.array([[*np.cos(phase), time], [*-np.sin(phase), 1.0]])
 
-    def loads_of(self, z: Floats) -> Floats:
-        """Return the state of the loads in a state, shape (2, load)."""
-        return self._natural(z)[:, self._loads]
+    def loads_of(self, z: Floats, time: float) -> Floats:
+        """Return the harmonic loads in a state, and the clock, which not every basis needs."""
+        start = self._loads.start
+        harmonic = self._natural(z)[:, start : start + self._omega.size]
+        return np.concatenate([harmonic, [[time], [1.0]]], axis=1)
 
     def pairs_of(self, q: Floats, rate: Floats, loads: Floats | None = None) -> Floats:
         """Return the state, shape (2, pair), of modal coordinates from the equilibrium.
 
-        q and their rates, per unit of the basis' time, have shape (mode,); loads is their
-        state, absent for a deviation, which does not depend on them.
+        q and their rates, per unit of the basis' time, have shape (mode,); loads is the state of
+        the loads and the clock, absent for a deviation, which does not depend on them.
         """
         state = np.zeros((2, self.pairs))
         if loads is not None:
+            loads = loads[:, : self._loads.stop - self._loads.start]
             state[:, self._loads] = loads
             moved, moving = self._carried(loads)
             q, rate = q - moved, rate - moving
@@ -561,8 +591,7 @@ def _apart(damping: Floats, n: int) -> tuple[Integers, Integers]:
     everyone = np.arange(n)
     if damping.size == 0:
         return everyone, everyone[:0]
-    off = np.abs(damping - np.diag(damping.diagonal()))
-    coupled = (off > 1e-13 * np.abs(damping).max()).any(axis=1)
+    coupled = (damping != np.diag(damping.diagonal())).any(axis=1)
     return everyone[~coupled], everyone[coupled]
 
 

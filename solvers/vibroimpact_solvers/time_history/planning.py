@@ -27,7 +27,7 @@ from vibroimpact_solvers.time_history.problem import (
 )
 from vibroimpact_solvers.time_history.start import impact_mode_problem
 
-_MOST = 2**20  # windows
+_MOST = 2**14  # windows; of the longest motions allowed, each then takes a few hundred megabytes
 _DOUBT = 1e-10  # of the diagonal of K, within which it may be singular
 _FEW = 500  # degrees of freedom up to which a full K is factorized for a plan
 
@@ -147,7 +147,7 @@ def _motion_step(problem: Problem, count: int, history: Step | None) -> Step:
     """Return the step of the motion, `count` constraints being within reach.
 
     The windows of time of an exact motion go by its work and its size, those of its history
-    included. They are the same for all initial states, whichever walls these reach.
+    included. They are the same for all initial states that reach a wall, whichever it is.
     """
     system = problem.system
     fastest = max([spectrum.largest_frequency(system), *(term.frequency for term in problem.load)])
@@ -174,7 +174,8 @@ def _motion_step(problem: Problem, count: int, history: Step | None) -> Step:
         flops = (20.0 + turns + _crossings(problem)) * each + 5e3 * float(system.n) ** 3
         return Step(Stage.FREE_MOTION, Method.EXTENDED, reason, flops, 48.0 * turns)
     # An expansion lasts about the time of the fastest mode; an impact takes two at least.
-    expansions = 10.0 + 2.0 * (turns + _crossings(problem))
+    # Without walls within reach the whole motion is one.
+    expansions = 10.0 + (2.0 * (turns + _crossings(problem)) if count else 0.0)
     reason = (
         "exact between impacts, which are found by certified expansions of the constrained "
         "coordinates"

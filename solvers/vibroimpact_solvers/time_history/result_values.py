@@ -23,7 +23,7 @@ _STATEMENT = (
     "estimate: roundings of the initial state, the free motion, frequencies, impacts and walls, "
     "carried along by the linearised motion and its impacts, four times the largest of three "
     "samples, relative to the largest state; between impacts the motion is exact, and no impact "
-    "can be missed but for grazings within rounding"
+    "is missed; grazings and orders of coupled impacts that errors decide are part of the errors"
 )
 UNKNOWN: Final = "none: no estimate was asked for"
 """Error statement where errors are not estimated."""

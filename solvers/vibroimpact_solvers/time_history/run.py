@@ -12,10 +12,10 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ConvergenceError
-from vibroimpact_solvers.kernels.deviations import SAFETY
-from vibroimpact_solvers.kernels.impact_law import impulses
+from vibroimpact_solvers.kernels.deviations import EPS, SAFETY
 from vibroimpact_solvers.kernels.rigid_motion import Stop, follow
 from vibroimpact_solvers.kernels.rigid_state import IMPACT, PROGRESS, Rows, workspace
+from vibroimpact_solvers.time_history.answered_impact import AnsweredImpact, Moved
 from vibroimpact_solvers.time_history.at_walls import CHATTER, AtWalls
 from vibroimpact_solvers.time_history.basis import Basis
 from vibroimpact_solvers.time_history.contact_impulses import impulses as impulses_at_rest
@@ -28,7 +28,6 @@ Tick = Callable[[int, int], None]
 NO_START: Final = np.zeros((0, 0))
 """In place of initial displacements and velocities: the motion goes on from its state."""
 
-_EPS = float(np.finfo(np.float64).eps)
 _ROWS = 4096  # of the table that the compiled loop fills
 _EXPANSIONS = 2e7  # pairs expanded between two ticks
 _SWITCHES = 50  # contacts that may begin and end at one and the same time
@@ -49,6 +48,7 @@ def new_progress(structure: Structure, problem: Problem, t_end: float) -> Rows:
         known["growth"], known["known_until"], known["released"] = 1.0, math.inf, -1
     progress = known.copy()
     progress["end"], progress["tolerance"] = t_end * structure.scale, tolerance_of(problem)
+    progress["scale"] = structure.scale
     return progress
 
 
@@ -190,9 +190,9 @@ class Run:
         coordinates = configuration.kernel.watched.coordinate[:count]
         sizes = np.abs(coordinates * self.Z[0]).sum(axis=(1, 2))
         apart = walls["lower"] + walls["upper"]
-        for place in np.flatnonzero(_EPS * sizes >= apart):
+        for place in np.flatnonzero(EPS * sizes >= apart):
             raise indistinguishable_walls(
-                configuration.free[place], float(apart[place]), _EPS * float(sizes[place])
+                configuration.free[place], float(apart[place]), EPS * float(sizes[place])
             )
 
     def _check_progress(self, before: tuple[float, float, int]) -> None:
@@ -245,10 +245,8 @@ class Run:
 
     def _continue_from(self, x: Floats, v: Floats, contacts: frozenset[Contact]) -> None:
         """Continue from a state with these contacts."""
-        loads = self.configuration.basis.loads_of(self.Z[0])
-        moved = [
-            self.structure.displacements(self.configuration, X, level=False) for X in self.Z[1:]
-        ]
+        loads = self.configuration.basis.loads_of(self.Z[0], self.now)
+        moved = self._deviations()
         configuration = self.structure.configuration(contacts)
         if configuration is not self.configuration:
             self.Z = np.empty((self.Z.shape[0], 2, configuration.basis.pairs))
@@ -288,7 +286,7 @@ class Run:
         self._resolve_contacts(x, v)
 
     def _at_walls(self, x: Floats, v: Floats) -> AtWalls:
-        return AtWalls(self.structure, x, v, self.configuration.basis.loads_of(self.Z[0]))
+        return AtWalls(self.structure, x, v, self.configuration.basis.loads_of(self.Z[0], self.now))
 
     def _begin_contacts(
         self, at_walls: AtWalls, struck: Contact, known: dict[Contact, float]
@@ -321,27 +319,36 @@ class Run:
     def _impact(self, watched: int, side: int) -> None:
         """Apply the impact of a constraint while others are in contact."""
         x, v = self._displacements()
-        structure = self.structure
-        struck = [(self.configuration.free[watched], side), *self.contacts]
-        indices = np.array([index for index, _ in struck], dtype=np.int64)
-        sides = np.array([s for _, s in struck], dtype=np.float64)
-        W = structure.W[indices]
-        speeds = sides * (W @ v)
-        speeds[1:] = 0.0
-        restitution = np.array([c.restitution for c in structure.system.constraints])
-        given = impulses(structure.mobility, restitution, indices, sides, speeds)
-        v = v - structure.mass_solve(W.T @ (sides * given))
-        (index, s), *held = struck
-        self._add_impact(self.scale * s * speeds[0], self.scale * given[0], self.growth, index, s)
-        after = -sides * (W @ v)
-        rounding = 1e-14 * float(np.abs(speeds).max())
-        for contact, P, leaving in zip(held, given[1:], after[1:], strict=True):
-            # Impulses of contacts are forces by time, this one is mass by velocity.
-            self.contacts[contact].impulse += float(P) * self.scale**2
-            if leaving > rounding:
-                self._end_contact(contact)
-        self._begin_contacts(self._at_walls(x, v), struck[0], {})
-        self._resolve_contacts(x, v)
+        contact = self.configuration.free[watched], side
+        impact = AnsweredImpact.of(self.structure, (contact, *self.contacts), v)
+        moved, before, growth = self._deviations(), self._acceleration(), self.growth
+        leaving = -impact.rows @ impact.after
+        for row, other in enumerate(list(self.contacts), start=1):
+            # Impulses of contacts are forces by time, these are mass by velocity.
+            self.contacts[other].impulse += float(impact.impulses[row]) * self.scale**2
+            if leaving[row] > 1e-14 * abs(impact.speed):
+                self._end_contact(other)
+        self._begin_contacts(self._at_walls(x, impact.after), contact, {})
+        self._resolve_contacts(x, impact.after)
+        if not impact.impulses[0] > 0.0:
+            return
+        place = float(self.structure.configuration().kernel.walls["size"][contact[0]])
+        for c, deviation in enumerate(moved):
+            error = -place if c & 1 else place
+            turned = impact.through(deviation, before, self._acceleration(), error)
+            self.Z[1 + c] = self.structure.state_of(self.configuration, *turned)
+        velocity, impulse = side * impact.speed, float(impact.impulses[0])
+        growth = max(growth, self.growth)
+        self._add_impact(self.scale * velocity, self.scale * impulse, growth, *contact)
+
+    def _deviations(self) -> list[Moved]:
+        return [
+            self.structure.displacements(self.configuration, Z, level=False) for Z in self.Z[1:]
+        ]
+
+    def _acceleration(self) -> Floats:
+        rate = self.configuration.basis.rate(self.Z[0])
+        return self.structure.displacements(self.configuration, rate, level=False)[1]
 
     def _add_impact(
         self, velocity: float, impulse: float, growth: float, constraint: int, side: int
@@ -352,12 +359,14 @@ class Run:
         self.impacts.append(np.array([row], IMPACT))
         if not growth <= now["growth"]:
             now["growth"] = growth
-        if not growth * _EPS <= now["tolerance"] and now["known_until"] == math.inf:
+        if not growth * EPS <= now["tolerance"] and now["known_until"] == math.inf:
             now["known_until"] = time
 
     @property
     def growth(self) -> float:
         """The error of the state relative to the motion, in units of 2^-52."""
-        own, largest = self.configuration.basis.own, float(self.progress_row["largest"])
+        own, now = self.configuration.basis.own, self.progress_row
         squares = (own * self.Z[1:] ** 2).sum(axis=(1, 2))
-        return SAFETY * math.sqrt(squares.max(initial=0.0)) / largest if largest > 0.0 else 0.0
+        sampled = SAFETY * math.sqrt(squares.max(initial=0.0))
+        error = sampled / float(now["largest"]) if now["largest"] > 0.0 else 0.0
+        return max(error, float(now["unresolved"]))

@@ -16,6 +16,7 @@ from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels import rigid_state
 from vibroimpact_solvers.kernels.flow import Watched
 from vibroimpact_solvers.kernels.modal import Modal, handed_over
+from vibroimpact_solvers.matrices import SymmetricMatrix
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.spectrum import Spectrum
 from vibroimpact_solvers.time_history.basis import Basis, Modes, exponent_of
@@ -56,7 +57,7 @@ class Configuration:
         """The same as `kernels.rigid_motion.follow` takes it."""
         flow, watched, walls, mobility, errors = self.kernel
         rates = np.ascontiguousarray([flow.alpha, flow.nu, flow.rest, flow.push])
-        kinds = flow.rotations, flow.hyperbolas_end, flow.damped
+        kinds = flow.rotations, flow.hyperbolas_end, flow.damped, flow.growth
         forms, sizes = np.ascontiguousarray(watched[:4]), np.ascontiguousarray(watched[4:])
         return rates, flow.drives, kinds, forms, sizes, walls, mobility, tuple(errors)
 
@@ -194,8 +195,12 @@ class Structure:
         still = np.zeros(system.n)
         rounded = natural.norms + (_EPS if natural.rounding is None else 0.0)
         errors = natural.uncertainty + rounded * np.abs(natural.eigenvalues)
+        shape_error = natural.norms
+        if natural.errors is not None and natural.angles is not None:
+            errors = errors + natural.errors
+            shape_error += float(natural.angles.max(initial=0.0))
         errors[natural.roots == 0.0] = 0.0
-        return self._equations(natural.roots, rests, shapes, still, weighted, errors, natural.norms)
+        return self._equations(natural.roots, rests, shapes, still, weighted, errors, shape_error)
 
     def _equations(
         self,
@@ -209,7 +214,11 @@ class Structure:
     ) -> Modes:
         """Return the modal equations of some modes."""
         system = self.system
-        damping = None if system.C is None else shapes.T @ (system.C @ shapes)
+        damping, damping_errors = None, np.zeros(roots.size)
+        if system.C is not None:
+            shapes = _with_separate_rigid_modes(system.C, roots, shapes)
+            weighted = system.M @ shapes
+            damping, damping_errors = _modal_damping(system.C, shapes)
         force = self.force - (system.K @ base if base.any() else 0.0)
         # A load that is only rounding must not drive a rigid-body mode away.
         load = force @ shapes
@@ -218,7 +227,7 @@ class Structure:
         cosine, sine = shapes.T @ harmonic_loads.cosine, shapes.T @ harmonic_loads.sine
         return Modes(
             roots, rests, damping, load, harmonic_loads.frequencies, cosine, sine, shapes, base,
-            weighted, errors, shape_error,
+            weighted, errors, damping_errors, shape_error,
         )  # fmt: skip
 
     def _with_contacts(self, contacts: tuple[Contact, ...]) -> Modes:
@@ -284,7 +293,9 @@ class Structure:
         walls["acceleration"] = jumps
         high, size, low = (np.ascontiguousarray(part) for part in basis.weight(forms))
         watched = Watched(forms, slopes, kicks, basis.drift(kicks), size, high, low)
-        errors = basis.signs, basis.drifts, basis.kick_errors(slopes, kicks), basis.own
+        kick_errors = basis.kick_errors(slopes, kicks)
+        drift = float(np.abs(basis.drifts).max(initial=0.0))
+        errors = basis.signs, basis.drifts, kick_errors, basis.own, drift
         kernel = rigid_state.Structure(
             basis.flow, watched, walls, mobility, rigid_state.Errors(*errors)
         )
@@ -314,6 +325,31 @@ class Structure:
             onto @ self.harmonic_loads.cosine, onto @ self.harmonic_loads.sine
         )
         return forms, level
+
+
+def _with_separate_rigid_modes(C: SymmetricMatrix, roots: Floats, shapes: Floats) -> Floats:
+    """Return the modes, those of rigid bodies chosen such that damping does not couple them."""
+    rigid = np.flatnonzero(roots == 0.0)
+    if rigid.size < 2:
+        return shapes
+    some = shapes[:, rigid]
+    _, turned = np.linalg.eigh(some.T @ (C @ some))
+    shapes = shapes.copy()
+    shapes[:, rigid] = some @ turned
+    return shapes
+
+
+def _modal_damping(C: SymmetricMatrix, shapes: Floats) -> tuple[Floats, Floats]:
+    """Return ``E^T C E`` without what is rounding in it, and errors of its diagonal.
+
+    The terms of an entry add up to no more than ``sqrt(c_i c_j)``, c_i being the sum of the squares
+    of mode i by the sums of the rows of |C|: ``|C|`` is below the diagonal matrix of these sums.
+    """
+    damping = shapes.T @ (C @ shapes)
+    sums = SymmetricMatrix(np.abs(C.data), C.form, C.pattern) @ np.ones(C.n)
+    sizes = np.sqrt(sums @ shapes**2)
+    damping[np.abs(damping) <= (8 + sizes.size) * _EPS * np.outer(sizes, sizes)] = 0.0
+    return damping, _EPS * sizes**2
 
 
 def _quotients(rows: Floats, restitution: Floats) -> tuple[Floats, Floats]:

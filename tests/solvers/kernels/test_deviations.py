@@ -13,7 +13,7 @@ PAIRS = 2  # a rotation and a hyperbola
 
 def flow_of(nu: np.ndarray) -> flow.Flow:
     none = np.zeros(PAIRS)
-    return flow.Flow(none, nu, none, none, np.zeros(0, flow.DRIVE), 1, 2, False)
+    return flow.Flow(none, nu, none, none, np.zeros(0, flow.DRIVE), 1, 2, False, 0.0)
 
 
 def moved(nu: np.ndarray, z: np.ndarray, s: float) -> np.ndarray:
@@ -34,10 +34,9 @@ def test_errors_of_frequencies_turn_rotations_and_stretch_hyperbolas() -> None:
         np.zeros(1, PROGRESS),
         np.zeros(1, IMPACT),
         np.zeros(0),
-        np.zeros((0, 2, PAIRS)),
     )
     errors = Errors(
-        np.zeros((4, 2, PAIRS)), drift[np.newaxis], np.zeros((1, 1, 2, PAIRS)), np.ones(PAIRS)
+        np.zeros((4, 2, PAIRS)), drift[np.newaxis], np.zeros((1, 1, 2, PAIRS)), np.ones(PAIRS), 0.9
     )
     compiled(deviations.add_rounding)(flow_of(nu), motion, errors, 0, s)
     np.testing.assert_allclose(motion.deviations[0], expected, rtol=1e-8)

@@ -19,18 +19,24 @@ def test_the_first_root_of_an_envelope_is_found(leaving: bool) -> None:
     random = np.random.default_rng(4)
     work = np.zeros((DEPTH + 5, DEPTH + 2))
     powers = 2.0 ** np.arange(ORDER)
-    met = 0
+    met = turned = 0
     for _ in range(600):
         d = random.standard_normal(ORDER) * powers
         bound, H = random.random() * 2.0**ORDER, 0.1 + 1.4 * random.random()
         above, below = 0.01 + 1.2 * random.random(2)
         if leaving:
             above, d[1] = 0.0, -abs(d[1])
-        h, side = passage(d, bound, H, above, below, work, np.inf)
+        margin = 0.3 * min(above, below)
+        h, side, near = passage(d, bound, H, above, below, work, np.inf, margin)
         t = np.linspace(0.0, H, 20001)
         p = sum(d[k] * t**k / factorial(k) for k in range(1, ORDER))
         rest = bound * t**ORDER / factorial(ORDER)
+        # Where no wall is met, as far as the margin of one; there one that is left has none.
         inside = (p + rest < above) & (p - rest > -below)
+        if near:
+            assert inside[1:].all()
+            inside = (p + rest < above - margin) & (p - rest > margin - below)
+            turned += 1
         inside[0] = True
         outside = np.flatnonzero(~inside)
         expected = t[outside[0]] if outside.size else H
@@ -38,3 +44,4 @@ def test_the_first_root_of_an_envelope_is_found(leaving: bool) -> None:
         assert (side != 0) == (outside.size > 0)
         met += side != 0
     assert met > 100
+    assert leaving or turned > 10

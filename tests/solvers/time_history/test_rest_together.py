@@ -65,7 +65,7 @@ def test_two_masses_come_to_rest_at_one_time() -> None:
     np.testing.assert_array_equal(result.contact_constraint, [0, 1])
     np.testing.assert_allclose(result.contact_rest, rest, rtol=0.0, atol=1e-7)
     np.testing.assert_allclose(result.contact_impulse, 2.0 - rest, rtol=0.0, atol=1e-7)
-    # Flights of 2 u / 2 from the wall, u = 0.3, 0.09, ...
+    # Parabolas of 2 u / 2 from the wall, u = 0.3, 0.09, ...
     x = [0.0625]
     for time in t[1:5]:
         start, u = 0.5, 0.3

@@ -1,0 +1,88 @@
+"""The impact of a coordinate while others are in contact, which answer it with impulses."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.kernels.deviations import EPS
+from vibroimpact_solvers.kernels.impact_law import impulses
+from vibroimpact_solvers.time_history.structure import Contact, Structure
+
+Moved = tuple[Floats, Floats]
+"""A deviation as displacements and velocities (in the basis' time), each (dof,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class AnsweredImpact:
+    """An impact, and the impulses of all walls.
+
+    Parameters
+    ----------
+    structure : Structure
+    contacts : tuple of Contact
+        The coordinate that is struck, and those that are in contact.
+    v : array, shape (dof,)
+        Velocities before the impact, in the basis' time.
+    impulses : array, shape (contact,)
+    """
+
+    structure: Structure
+    contacts: tuple[Contact, ...]
+    v: Floats
+    impulses: Floats
+
+    @classmethod
+    def of(cls, structure: Structure, contacts: tuple[Contact, ...], v: Floats) -> AnsweredImpact:
+        """Return the impact of the first coordinate; the others do not move."""
+        indices, sides = np.ascontiguousarray(np.array(contacts, dtype=np.int64).T)
+        speeds = np.zeros(len(contacts))
+        index, side = contacts[0]
+        speeds[0] = max(0.0, side * float(structure.W[index] @ v))
+        restitution = np.array([c.restitution for c in structure.system.constraints])
+        given = impulses(structure.mobility, restitution, indices, sides.astype(np.float64), speeds)
+        return cls(structure, contacts, v, given)
+
+    @property
+    def rows(self) -> Floats:
+        """The coordinates, positive towards their walls, shape (contact, dof)."""
+        indices, sides = np.array(self.contacts, dtype=np.int64).T
+        return np.asarray(self.structure.W[indices] * sides[:, np.newaxis])
+
+    @property
+    def speed(self) -> float:
+        """The speed towards the wall, before the impact."""
+        return float(self.rows[0] @ self.v)
+
+    @property
+    def after(self) -> Floats:
+        """Velocities after the impact, shape (dof,)."""
+        return self.v - self.structure.mass_solve(self.rows.T @ self.impulses)
+
+    def through(self, moved: Moved, before: Floats, after: Floats, place: float) -> Moved:
+        """Take a deviation through the impact (saltation).
+
+        Parameters
+        ----------
+        moved : tuple of array
+            In units of 2^-52.
+        before, after : array, shape (dof,)
+            Accelerations before and after the impact.
+        place : float
+            Error of the place of the wall.
+        """
+        (dx, dv), w = moved, self.rows[0]
+        dy, slowed = float(w @ dx) + place, float(w @ before)
+        most = math.sqrt(2.0 * abs(dy / slowed) / EPS) if slowed else math.inf
+        late = min(max(-dy / self.speed, -most), most)
+        turned = dv + before * late
+        pushing = self.impulses > 0.0
+        rows = self.rows[pushing]
+        lost = rows @ turned
+        lost[0] *= 1.0 + self.structure.system.constraints[self.contacts[0][0]].restitution
+        mobility = rows @ self.structure.mass_solve(rows.T)
+        turned = turned - self.structure.mass_solve(rows.T @ np.linalg.solve(mobility, lost))
+        return dx + (self.v - self.after) * late, turned - after * late
