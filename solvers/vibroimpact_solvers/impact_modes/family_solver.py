@@ -25,10 +25,15 @@ _HARMONIC = 4.0 / np.pi  # error of a Fourier amplitude over that of the displac
 _BLOCK = 2**21  # numbers in a block of frequencies
 _SINGULAR = 1e32  # stands for an infinite condition number
 _CERTAIN = 1e-6  # relative error of the impulses up to which their signs count as proved
-_STATEMENT = (
-    "estimate: effect of rounding in the natural frequencies, the modes and the walls, to first "
-    "order, relative to the largest impulse of the solution"
+_PROVED = (
+    "bounds: proved errors of the natural modes and all roundings, of impulses relative to the "
+    "largest of the solution, of other outputs absolute"
 )
+_ESTIMATED = (
+    "estimates: errors of the natural modes by rounding and all further roundings, of impulses "
+    "relative to the largest of the solution, of other outputs absolute"
+)
+_SERIES = "; estimates of displacements above the spectrum, which are summed by a power series"
 _RADII = (
     "; of stability: bounds of the effect of rounding and of errors of natural frequencies and "
     "motion on the half-period map, to first order in its multipliers"
@@ -175,7 +180,11 @@ class FamilySolver:
 
     def _statement(self) -> str:
         if has_all_modes(self.plan):
-            return _STATEMENT + (_RADII if self.plan.step(Stage.STABILITY) else "")
+            assert isinstance(self.evaluator, ModalFamily)
+            statement = _PROVED if self.evaluator.spectrum.proved else _ESTIMATED
+            if isinstance(self.evaluator, ModalWithSeriesFamily):
+                statement += _SERIES
+            return statement + (_RADII if self.plan.step(Stage.STABILITY) else "")
         return _PARTIAL if self.plan.step(Stage.SPECTRUM) else _DIRECT
 
     def needs_path_check(self, problem: Problem, reason: Integers) -> Booleans:

@@ -255,14 +255,13 @@ def _scalar(
         with np.errstate(invalid="ignore", over="ignore"):
             motion_error = np.abs(scale) * (sizes.motion_error + error * sizes.motion)
             squares = np.square(scale * at.omega)
-            energy = 0.5 * squares * np.square(D).sum(axis=2) / np.square(scale)
-            energy_error = squares * sizes.energy_error + 2.0 * error * energy
-    found = []
+            energy_error = squares * (sizes.energy_error + 1.1 * error * sizes.energy)
+    solved = []
     for i, gap in enumerate(gaps):
         p = response.impulses_of(S, at.omega, float(gap))[:, np.newaxis]
         motion = Amplitudes(at.omega, p, D[i], none, motion_error[i], energy_error[i])
-        found.append((Impulses(p, p, error), motion))
-    return found
+        solved.append((Impulses(p, p, error), motion))
+    return solved
 
 
 def _bordered(
@@ -286,12 +285,12 @@ def _bordered(
         errors.append(error)
         motion_error += some_errors[0]
         energy_error += some_errors[1]
-    found = []
+    solved = []
     for i, family in enumerate(of):
         impulses = family.impulses(tuple(z[i] for z in unknowns), tuple(e[i] for e in errors))
         motion = Amplitudes(at.omega, impulses.plus, D[i], U[i], motion_error[i], energy_error[i])
-        found.append((impulses, motion))
-    return found
+        solved.append((impulses, motion))
+    return solved
 
 
 def _solve(

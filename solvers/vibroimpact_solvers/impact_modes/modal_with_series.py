@@ -56,7 +56,7 @@ class ModalWithSeriesFamily(ModalFamily):
         """Return errors of displacements x, (frequency, …, dof), as (frequency, dof)."""
         errors = super().motion_errors(motion, x, dofs)
         high = motion.omega >= self._start
-        size = largest_displacements(x)[high]
+        size = largest_displacements(x[high])
         apart = 1.0 + _CLOSEST - self._start / motion.omega[high]
         errors[high] = (ROUNDED + 4.0 * EPS / apart)[:, np.newaxis] * size
         return errors

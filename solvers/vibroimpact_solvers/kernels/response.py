@@ -34,7 +34,6 @@ import numpy as np
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.kernels.jit import fma, inner, kernel, once
 from vibroimpact_solvers.kernels.phases import LARGEST, sine_cosine, tangent
-from vibroimpact_solvers.kernels.sums import folded
 from vibroimpact_solvers.kernels.threads import over_ranges
 
 _EPS = 2.220446049250313e-16
@@ -69,6 +68,7 @@ class Sizes(NamedTuple):
 
     motion: Floats  # norm of all displacements
     motion_error: Floats  # of the displacements, beside that of the response
+    energy: Floats  # twice the energy
     energy_error: Floats  # of the energy, beside that of the response
 
 
@@ -101,7 +101,8 @@ def amplitudes_one(
     sizes : Sizes
     """
     D = np.empty((scale.shape[0], omega.size, roots.size))
-    sizes = Sizes(np.empty(omega.size), np.empty(omega.size), np.empty(omega.size))
+    count = omega.size
+    sizes = Sizes(np.empty(count), np.empty(count), np.empty(count), np.empty(count))
 
     def piece(start: int, stop: int) -> None:
         _amplitudes_one(roots, rests, modes, omega, omega_rests, scale, D, sizes, (start, stop))
@@ -126,12 +127,12 @@ def _amplitudes_one(
     step = max(1, _PHASES // max(modes, 1))
     phase, rest = np.empty(step * modes), np.empty(step * modes)
     root, root_rest = np.empty(modes), np.empty(modes)
-    room = _SizeRoom(np.empty(modes), np.empty(modes), np.empty(modes), np.empty(modes))
+    inverse = np.empty(modes)
     for j in range(modes):
         # The amplitude of an unstable mode is that of one at rest.
         root[j] = max(roots[j], 0.0)
         root_rest[j] = root[j] * rests[j]
-        room.inverse[j] = 1.0 / max(root[j], 1e-200)
+        inverse[j] = 1.0 / max(root[j], 1e-200)
     for first in range(start, stop, step):
         count = min(step, stop - first)
         for f in range(count):
@@ -145,7 +146,7 @@ def _amplitudes_one(
         _secants(phase[: count * modes], rest[: count * modes])
         for f in range(count):
             secant = phase[f * modes : (f + 1) * modes]
-            _measure(shapes, root, secant, omega[first + f], room, sizes, first + f)
+            _measure(shapes, root, inverse, secant, omega[first + f], sizes, first + f)
         for s in range(scale.shape[0]):
             for f in range(count):
                 secant, factor = phase[f * modes : (f + 1) * modes], scale[s, first + f]
@@ -159,46 +160,37 @@ def _amplitudes_one(
                         amplitude[j] = shapes.row[j] * factor * secant[j]
 
 
-class _SizeRoom(NamedTuple):
-    """Room for the terms of `Sizes`, each (mode,)."""
-
-    inverse: Floats  # of the natural frequencies
-    squares: Floats
-    errors: Floats
-    others: Floats
-
-
 @once
 def _measure(
     modes: Participations,
     root: Floats,
+    inverse: Floats,
     secant: Floats,
     omega: float,
-    room: _SizeRoom,
     sizes: Sizes,
     f: int,
 ) -> None:
-    """Fill in sizes and errors of the motion at one frequency."""
+    """Fill in sizes and errors of the motion at one frequency; `inverse` are 1/root."""
     row, row_error, root_error, angle = modes
-    inverse, squares, errors, others = room
     q, n = 1.0 / omega, row.size
-    for j in range(row.size):
+    motion, error, energy, energy_error = 0.0, 0.0, 0.0, 0.0
+    for j in range(n):
         s = abs(secant[j])
         # Amplitudes D/gamma of displacements; those of soft modes are D at most.
         least = min(1.0, omega * inverse[j])
         size = abs(row[j]) * s
-        own = s * fma(size, root_error[j] * (1.0 + root[j] * q), row_error[j])
+        own = s * fma(size, root_error[j] * fma(root[j], q, 1.0), row_error[j])
         blur = fma(_ROUNDED, size, own * least)
-        others[j] = size * fma(_ROUNDED, size, own)
+        energy += size * size
+        energy_error += size * fma(_ROUNDED, size, own)
         size *= least
         turned = size * angle[j]
-        squares[j] = size * size
+        motion += size * size
         # The norms of what errors of modes cause add up: n squares are more than their square.
-        errors[j] = fma(turned, n * turned, blur * blur)
-    motion = math.sqrt(folded(squares))
-    sizes.motion[f] = motion
-    sizes.motion_error[f] = 1.5 * math.sqrt(folded(errors)) + (n + 4) * _UNIT * motion
-    sizes.energy_error[f] = 2.0 * folded(others)
+        error += fma(turned, n * turned, blur * blur)
+    sizes.motion[f] = math.sqrt(motion)
+    sizes.motion_error[f] = 1.5 * math.sqrt(error) + (n + 4) * _UNIT * sizes.motion[f]
+    sizes.energy[f], sizes.energy_error[f] = energy, energy_error
 
 
 @inner

@@ -80,15 +80,18 @@ def refine(M: Floats, K: Floats, modes: Floats) -> RefinedModes:
 
     M is full or, (n,), diagonal.
     """
-    X, low = np.ascontiguousarray(modes), _NONE
+    X, low, before = np.ascontiguousarray(modes), _NONE, np.inf
     for left in reversed(range(_ROUNDS)):
         now = _couplings(M, K, X, low)
         E = _correction(now)
         errors, angles = _errors(now, E)
         X, low = _moved(X, low, E)
         fine = errors <= np.maximum(_FINE * np.abs(now.values), 8.0 * now.rounding)
-        if left == 0 or (fine.all() and (angles <= _FINE).all()):
+        # Errors that fall no more are those of twice the working precision.
+        furthest = float(angles.max())
+        if left == 0 or (fine.all() and (furthest <= _FINE or furthest > 0.25 * before)):
             break
+        before = furthest
         if now.clusters is not None:
             X, low = _turned(now, X, low)
     return RefinedModes(now.values, now.values_low, X, low, errors, angles)
