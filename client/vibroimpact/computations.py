@@ -114,6 +114,70 @@ class Computations(ABC, Generic[Answer]):
         numbers = {"constraint": int(constraint), "odd_max": int(odd_max)}
         return self.compute("resonances", {"system": dict(system)} | numbers)
 
+    def periodic_motions(
+        self,
+        system: Document,
+        frequency: Any,
+        load: Sequence[Mapping[str, Any]] = (),
+        *,
+        sequence: str | Sequence[tuple[int, str]] | None = None,
+        constraint: int = 0,
+        periods: int = 1,
+        phases: Any = None,
+        outputs: Sequence[str] | None = None,
+        dofs: Sequence[int] | None = None,
+        tau: Any = None,
+        tolerance: float | None = None,
+    ) -> Answer:
+        """Find the periodic motions of a driven, damped structure that hits its limiters.
+
+        Parameters
+        ----------
+        system : dict
+            The structure, from `system`, `chain` or another function of `vibroimpact.systems`.
+        frequency : array, (start, stop, num) or dict
+            Frequencies Omega of the drive.
+        load : sequence of dict
+            Terms of the drive, from `drive`; empty: free motions of a structure without losses.
+        sequence : "symmetric" or sequence of (int, str), optional
+            Impacts of one period as (constraint, "upper" or "lower"), or one at each wall of a
+            constraint half a period apart; default: one at the upper wall of constraint 0.
+        constraint : int
+            The one that a symmetric motion strikes.
+        periods : int
+            Periods of the drive in one period of the motion.
+        phases : array, shape (guess, impact), optional
+            Phases Omega t of the impacts with which the search for several impacts per period
+            begins; one and symmetric impacts need none.
+        outputs : sequence of str, optional
+            Quantities to compute: exists, extremes, energy, multipliers, waveform; default: all,
+            the waveform where `tau` is given.
+        dofs : sequence of int, optional
+            Degrees of freedom of extremes and waveform; default: all.
+        tau : array, optional
+            Times t/T of the waveform, from the drive's phase 0.
+        tolerance : float, optional
+            Relative error of the impulses; the result tells which solutions meet it.
+        """
+        request = {
+            "system": dict(system),
+            "frequency": frequencies(frequency, "Omega"),
+            "load": [dict(term) for term in load],
+        }
+        options = _present(
+            sequence=sequence
+            if sequence is None or isinstance(sequence, str)
+            else [{"constraint": int(index), "side": side} for index, side in sequence],
+            constraint=int(constraint) or None,
+            periods=None if periods == 1 else int(periods),
+            start=None if phases is None else {"phases": np.atleast_2d(phases).tolist()},
+            outputs=None if outputs is None else names(outputs),
+            dofs=_indices(dofs),
+            tau=_values(tau),
+            tolerance=_number(tolerance),
+        )
+        return self.compute("periodic-motions", request | options)
+
     def time_history(
         self,
         system: Document,

@@ -137,6 +137,54 @@ def resonances(result: ResultFile, ax: Axes | None = None) -> Axes:
     return ax
 
 
+def response(result: ResultFile, dof: int | None = None, ax: Axes | None = None) -> Axes:
+    """Plot the amplitude of periodic motions, half of peak to peak, over the drive's frequency.
+
+    Filled marks are stable, open ones unstable motions, and small grey ones phantoms; motions
+    without impacts, with one impact per period and so on have colours of their own. Where extremes
+    were not computed, plot the momentum of the first impact.
+    """
+    ax = axes_or_new(ax)
+    rows = result.solution
+    exists = rows.exists if "exists" in rows else np.ones(rows.Omega.size, dtype=bool)
+    if "x_max" in rows:
+        dof, column = _column(result, dof)
+        height = 0.5 * (rows.x_max[:, column] - rows.x_min[:, column])
+        label = rf"amplitude of $x_{{{dof}}}$"
+    else:
+        first = np.unique(result.impact.solution, return_index=True)
+        height = np.zeros(rows.Omega.size)
+        height[first[0]] = result.impact.momentum[first[1]]
+        label = "momentum of the first impact"
+    stable = rows.stability <= 1.0 if "stability" in rows else exists
+    ax.plot(rows.Omega[~exists], height[~exists], ".", color=PHANTOM, markersize=3, zorder=1)
+    colors = (ADMISSIBLE, "#38761d", "#e69138", "#674ea7", WALL)
+    for place, count in enumerate(np.unique(rows.impacts)):
+        color = colors[place % len(colors)]
+        name = "no impact" if count == 0 else f"{count} impact{'s' if count > 1 else ''} per period"
+        mine = exists & (rows.impacts == count)
+        for some, face in ((mine & stable, color), (mine & ~stable, "white")):
+            ax.plot(
+                rows.Omega[some], height[some], "o", color=color, markersize=4,
+                markerfacecolor=face, markeredgewidth=0.8, zorder=2,
+            )  # fmt: skip
+        if mine.any():
+            ax.plot([], [], "o", color=color, markersize=4, label=name)
+    if "stability" in rows and (exists & ~stable).any():
+        ax.plot([], [], "o", color="black", markerfacecolor="white", markersize=4, label="unstable")
+    if (~exists).any():
+        ax.plot([], [], ".", color=PHANTOM, label="phantom")
+    if exists.any():
+        low, high = float(height[exists].min()), float(height[exists].max())
+        room = 0.08 * max(high - low, 1e-3 * abs(high))
+        ax.set_ylim(low - room, high + 3.0 * room)
+    ax.set_xlabel(_label(r"frequency of the drive $\Omega$", result, "Omega"))
+    ax.set_ylabel(label)
+    ax.legend(frameon=False, ncols=2, loc="upper right")
+    ax.margins(x=0.02)
+    return ax
+
+
 def shape(result: ResultFile, index: int = 0, ax: Axes | None = None) -> Axes:
     """Plot the displacement of every computed degree of freedom at tau = 1."""
     ax = axes_or_new(ax)

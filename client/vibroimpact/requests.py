@@ -11,6 +11,8 @@ existence_bands_request = REQUESTS.existence_bands
 """Return the request document that `Client.existence_bands` sends."""
 resonances_request = REQUESTS.resonances
 """Return the request document that `Client.resonances` sends."""
+periodic_motions_request = REQUESTS.periodic_motions
+"""Return the request document that `Client.periodic_motions` sends."""
 time_history_request = REQUESTS.time_history
 """Return the request document that `Client.time_history` sends."""
 ensemble_request = REQUESTS.ensemble

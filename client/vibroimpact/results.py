@@ -41,7 +41,8 @@ class Result(ResultFile):
         """Plot the result; what is drawn depends on its kind.
 
         Impact modes: the impulse over frequency, or the mode shape where there is one frequency
-        only; ``output="energy"`` gives the frequency-energy plot. Time histories: a displacement
+        only; ``output="energy"`` gives the frequency-energy plot. Periodic motions: the
+        amplitude over the frequency of the drive. Time histories: a displacement
         over time. Ensembles: the number of impacts over the initial states, see
         `vibroimpact.plots.basins`. Sweeps: an output over the one or two dimensions that are
         left, see `vibroimpact.sweep_plots.draw`.
@@ -70,6 +71,7 @@ class Result(ResultFile):
         drawing: dict[str, Callable[..., Axes]] = {
             "existence-bands": plots.bands,
             "resonances": plots.resonances,
+            "periodic-motions": plots.response,
             "time-history": plots.history,
             "ensemble": plots.basins,
             "slow-flow": plots.displacement,

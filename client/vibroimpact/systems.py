@@ -169,6 +169,25 @@ def harmonic(dof: int, amplitude: float, frequency: float, phase: float = 0.0) -
     }
 
 
+def drive(
+    dof: int | Mapping[int, float],
+    amplitude: float,
+    harmonic: int = 1,
+    phase: float = 0.0,
+) -> Document:
+    """Return a load ``amplitude cos(harmonic Omega t + phase)`` of periodic motions.
+
+    It acts on one degree of freedom, or on several given as {dof: weight}.
+    """
+    if isinstance(dof, Mapping):
+        weights = [float(weight) for weight in dof.values()]
+        place: Document = {"direction": {"dofs": [int(d) for d in dof], "weights": weights}}
+    else:
+        place = {"dof": int(dof)}
+    terms = {"amplitude": float(amplitude), "harmonic": int(harmonic), "phase": float(phase)}
+    return place | terms
+
+
 def soft(exponent: float = 17.0, stiffness: float = 1.0, scale: float = 1.0) -> Document:
     """Return soft limiters with the force ``-stiffness (y / (scale gap))^exponent``."""
     return {

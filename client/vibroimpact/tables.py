@@ -23,7 +23,9 @@ class Table(Mapping[str, Any]):
     @classmethod
     def of(cls, group: h5py.Group) -> Table:
         """Read a group of a file."""
-        columns = {k: decoded(v) for k, v in group.items() if isinstance(v, h5py.Dataset)}
+        columns = {
+            k: decoded(v) if isinstance(v, h5py.Dataset) else cls.of(v) for k, v in group.items()
+        }
         single = {k: _single(v) for k, v in group.attrs.items() if not k.startswith("_")}
         return cls({**columns, **single})
 
@@ -53,9 +55,10 @@ class Table(Mapping[str, Any]):
     @property
     def rows(self) -> int | None:
         """How many rows there are; None of single numbers and of arrays that are no columns."""
-        shapes = {c.shape for c in self._columns.values() if isinstance(c, np.ndarray)}
-        shape: tuple[int, ...] = shapes.pop() if len(shapes) == 1 else ()
-        return int(shape[0]) if len(shape) == 1 else None
+        shapes = [c.shape for c in self._columns.values() if isinstance(c, np.ndarray)]
+        lengths = {shape[0] for shape in shapes if shape}
+        plain = any(len(shape) == 1 for shape in shapes)
+        return int(lengths.pop()) if plain and len(lengths) == 1 else None
 
     def __repr__(self) -> str:
         """Return names and sizes."""
@@ -95,7 +98,7 @@ def decoded(item: h5py.Dataset) -> Array:
     if "flag_meanings" not in item.attrs:
         return values
     meanings = np.array(str(item.attrs["flag_meanings"]).split())
-    if item.name == "/exists":
+    if item.name.endswith("/exists"):
         return values.astype(np.bool_)
     return np.asarray(meanings[values])
 

@@ -7,6 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
+from vibroimpact_schema.systems import Direction
 from vibroimpact_schema.values import (
     Count,
     Document,
@@ -106,6 +107,55 @@ class HarmonicLoad(Document):
     amplitude: Number = Field(description="Its amplitude, mass length / time².")
     frequency: NonNegative = Field(description="Its angular frequency.")
     phase: Number = Field(0.0, description="Its phase at t = 0.")
+
+
+class DriveTerm(Document):
+    """A load ``amplitude cos(harmonic Omega t + phase)``, Omega being the drive's frequency."""
+
+    dof: Index | None = Field(None, description="Degree of freedom on which it acts.")
+    direction: Direction | None = Field(
+        None, description="In place of dof: it acts on several of them, by these weights."
+    )
+    amplitude: Number = Field(description="Its amplitude, mass length / time².")
+    harmonic: Annotated[int, Field(strict=True, ge=1, le=1000)] = Field(
+        1, description="Multiple of the drive's frequency."
+    )
+    phase: Number = Field(0.0, description="Its phase at t = 0.")
+
+    @model_validator(mode="after")
+    def _placed(self) -> Self:
+        if (self.dof is None) == (self.direction is None):
+            raise PydanticCustomError("dof_or_direction", "give either dof or direction")
+        return self
+
+
+class SequenceImpact(Document):
+    """One impact of a sequence."""
+
+    constraint: Index = Field(description="Index of the constraint.")
+    side: Literal["upper", "lower"] = Field("upper", description="The wall that is struck.")
+
+
+Sequence = Annotated[
+    Annotated[
+        list[SequenceImpact], Field(min_length=1, max_length=32, fail_fast=True), Tag("@impacts")
+    ]
+    | Annotated[Literal["symmetric"], Tag("@symmetric")],
+    Discriminator(
+        lambda value: "@symmetric" if isinstance(value, str) else "@impacts",
+        custom_error_type="sequence_form",
+        custom_error_message="a sequence is a list of impacts, or symmetric",
+    ),
+]
+
+
+class SequenceStart(Document):
+    """Where the search for a sequence of several impacts begins."""
+
+    phases: Annotated[
+        list[Annotated[Numbers, Field(min_length=1)]],
+        Field(min_length=1, max_length=1000, fail_fast=True),
+    ] = Field(description="Phases Omega t of the impacts in their order [guess, impact], rad.")
 
 
 class RigidLimiter(Document):

@@ -7,7 +7,17 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field
 
 from vibroimpact_schema.grids import FrequencyGrid, FrequencyInterval, TimeGrid
-from vibroimpact_schema.motions import HarmonicLoad, Initial, InitialStates, Limiter, Times
+from vibroimpact_schema.motions import (
+    DriveTerm,
+    HarmonicLoad,
+    Initial,
+    InitialStates,
+    Limiter,
+    Sequence,
+    SequenceImpact,
+    SequenceStart,
+    Times,
+)
 from vibroimpact_schema.systems import AnySystem, System
 from vibroimpact_schema.values import Document, Index, Indices, Number, Positive
 
@@ -175,6 +185,63 @@ class EnsembleRequest(MotionRequest):
         "x, v: displacement and velocity [member, time, dof]; "
         "impacts, contacts: tables of all members, concatenated; "
         "energy: kinetic and elastic energy and that of the constant load [member, time].",
+    )
+
+
+PeriodicMotionsOutput = Literal["exists", "extremes", "energy", "multipliers", "waveform"]
+
+
+class PeriodicMotionsRequest(ComputationRequest):
+    """Periodic motions of a driven, damped structure with a given sequence of impacts.
+
+    At each frequency of the drive: the motion without impacts, and all motions with one impact per
+    period, or with one at each wall half a period apart; longer sequences as far as a search finds
+    them. Motions that are not admissible are listed too, with the reason.
+    """
+
+    load: Annotated[list[DriveTerm], Field(max_length=1000, fail_fast=True)] = Field(
+        default_factory=list,
+        description="The drive, in addition to the constant load of the system; empty: free "
+        "motions of a structure without losses.",
+    )
+    frequency: FrequencyGrid = Field(description="Frequencies of the drive.")
+    periods: Annotated[int, Field(strict=True, ge=1, le=1000)] = Field(
+        1, description="Periods of the drive in one period of the motion."
+    )
+    sequence: Sequence = Field(
+        [SequenceImpact(constraint=0, side="upper")],
+        description="Impacts of one period in their order; or symmetric: one at each wall of a "
+        "constraint with equal gaps, the second half of the period mirroring the first. Absent: "
+        "one impact at the upper wall of constraint 0.",
+    )
+    constraint: Index = Field(0, description="Constraint struck by a symmetric motion.")
+    start: SequenceStart | None = Field(
+        None,
+        description="Where the search for several impacts per period begins; absent: at phases "
+        "drawn at random, the same for every request.",
+    )
+    dofs: Annotated[Indices, Field(min_length=1)] | None = Field(
+        None, description="Degrees of freedom of extremes and waveform; absent: all."
+    )
+    tau: (
+        Annotated[list[Annotated[Number, Field(ge=0, le=1)]], Field(min_length=1, fail_fast=True)]
+        | None
+    ) = Field(
+        None,
+        description="Times t/T of the waveform, 0 to 1, from the drive's phase 0; required for "
+        "waveform.",
+    )
+    outputs: Annotated[list[PeriodicMotionsOutput], Field(min_length=1, fail_fast=True)] | None = (
+        Field(
+            None,
+            description="What is computed beside the solutions and their impacts; absent: all, "
+            "waveform where tau is given. "
+            "exists: whether solutions are admissible, and why not; "
+            "extremes: largest, smallest and root-mean-square displacements [solution, dof]; "
+            "energy: work of the load and energy lost per period; "
+            "multipliers: Floquet multipliers and stability; "
+            "waveform: x at tau [solution, tau, dof].",
+        )
     )
 
 

@@ -29,6 +29,7 @@ from vibroimpact_solvers.results import (
     ensemble,
     existence_bands,
     impact_modes,
+    periodic_motions,
     resonances,
     slow_flow,
     time_history,
@@ -129,6 +130,12 @@ KINDS: Final[Mapping[str, Kind]] = {
             "Internal resonances",
             requests.ResonancesRequest,
             document("resonances", resonances.Result),
+        ),
+        Kind(
+            "periodic-motions",
+            "Periodic motions",
+            requests.PeriodicMotionsRequest,
+            document("periodic-motions", periodic_motions.Result),
         ),
         Kind(
             "time-history",

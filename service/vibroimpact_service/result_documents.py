@@ -18,43 +18,61 @@ def document(kind: str, result: type[Any]) -> type[Result]:
 
     It follows from the solver's class, whose fields are declared (`vibroimpact_solvers.arrays`).
     """
-    groups: dict[str, list[Declared]] = {}
-    for field in declared(result).values():
-        group, _, _ = field.path.rpartition("/")
-        groups.setdefault(group or field.path, []).append(field)
-    entries: dict[str, Any] = {"kind": (Literal[kind], ...)}
-    for name, fields in groups.items():
-        if name in result.GROUPS:
-            entries[name] = _group(result.GROUPS[name], tuple(fields))
-        else:
-            (field,) = fields
-            entries[name] = _entry(field, field.optional)
+    entries = _entries(tuple(result.GROUPS.items()), tuple(declared(result).values()), "")
     title = "".join(word.capitalize() for word in kind.split("-")) + "Result"
+    head: dict[str, Any] = {"kind": (Literal[kind], ...)}
     return create_model(
-        title, __base__=Result, __doc__=result.__doc__, __module__=__name__, **entries
+        title, __base__=Result, __doc__=result.__doc__, __module__=__name__, **head, **entries
     )
 
 
-def _group(group: Group, fields: tuple[Declared, ...]) -> tuple[Any, Any]:
+Groups = tuple[tuple[str, Group], ...]
+"""Groups of fields by their paths, such as ``"error"`` and ``"error/impact"``."""
+
+
+def _entries(
+    groups: Groups, fields: tuple[Declared, ...], inside: str, *, whole: bool = False
+) -> dict[str, Any]:
+    """Return types and defaults of what a document holds whose path is `inside`."""
+    members: dict[str, list[Declared]] = {}
+    for field in fields:
+        members.setdefault(field.path[len(inside) :].partition("/")[0], []).append(field)
+    known, entries = dict(groups), dict[str, Any]()
+    for name, those in members.items():
+        group = known.get(inside + name)
+        if group is not None and those[0].path != inside + name:
+            within = tuple(pair for pair in groups if pair[0].startswith(f"{inside}{name}/"))
+            entries[name] = _group(group, within, f"{inside}{name}/", tuple(those))
+        else:
+            (field,) = those
+            entries[name] = _entry(field, field.optional and not whole)
+    return entries
+
+
+def _group(
+    group: Group, groups: Groups, inside: str, fields: tuple[Declared, ...]
+) -> tuple[Any, Any]:
     """Return type and default of a group: a document, or a list of documents.
 
     Where none of its fields is always there, it is absent as a whole.
     """
     optional = all(field.optional for field in fields)
-    inner: Any = _group_document(group, fields, optional)
+    inner: Any = _group_document(group, groups, inside, fields, optional)
     if fields[0].quantity.record:
         inner = list[inner]
     return (inner | None, None) if optional else (inner, ...)
 
 
 @cache  # kinds that have the same group share its document
-def _group_document(group: Group, fields: tuple[Declared, ...], whole: bool) -> type[BaseModel]:
-    entries: dict[str, Any] = {
-        field.path.rpartition("/")[2]: _entry(field, field.optional and not whole)
-        for field in fields
-    }
+def _group_document(
+    group: Group, groups: Groups, inside: str, fields: tuple[Declared, ...], whole: bool
+) -> type[BaseModel]:
     return create_model(
-        group.name, __base__=Document, __doc__=group.about, __module__=__name__, **entries
+        group.name,
+        __base__=Document,
+        __doc__=group.about,
+        __module__=__name__,
+        **_entries(groups, fields, inside, whole=whole),
     )
 
 

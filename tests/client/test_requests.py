@@ -40,6 +40,12 @@ class Recorder(Computations[tuple[str, Mapping[str, Any]]]):
         ("impact_modes", vi.impact_modes_request, (CHAIN, (1, 2, 5)), {"active": [0], "tau": 0.5}),
         ("existence_bands", vi.existence_bands_request, (CHAIN, 1, 2), {"tolerance": 1e-9}),
         ("resonances", vi.resonances_request, (CHAIN, 0), {"odd_max": 5}),
+        (
+            "periodic_motions",
+            vi.periodic_motions_request,
+            (CHAIN, (1, 2, 5), [vi.drive(0, 1.0)]),
+            {"sequence": [(0, "upper"), (0, "lower")], "phases": [1.0, 4.0]},
+        ),
         ("time_history", vi.time_history_request, (CHAIN, 2.0, 10), {"t": 7, "digits": 30}),
         ("ensemble", vi.ensemble_request, (CHAIN, *STATES, 10.0), {"dofs": [1]}),
         ("slow_flow", vi.slow_flow_request, (CHAIN, "damped", "exact", START, [1.0]), {}),

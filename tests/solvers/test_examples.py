@@ -19,6 +19,7 @@ PUBLIC = (
     "impact_modes",
     "matrices",
     "model",
+    "periodic_motions",
     "plan",
     "presets",
     "receptance",

@@ -17,12 +17,21 @@ from vibroimpact_solvers.results import (
     ensemble,
     existence_bands,
     impact_modes,
+    periodic_motions,
     resonances,
     slow_flow,
     time_history,
 )
 
-MODULES = (ensemble, existence_bands, impact_modes, resonances, slow_flow, time_history)
+MODULES = (
+    ensemble,
+    existence_bands,
+    impact_modes,
+    periodic_motions,
+    resonances,
+    slow_flow,
+    time_history,
+)
 UNITS = {"1", "s", "mass", "length", "time"}
 
 
@@ -34,7 +43,8 @@ class TestEveryResult:
         assert list(declared(result)) == [field.name for field in dataclasses.fields(result)]
 
     def test_every_group_is_declared_and_used(self, result: type[Any]) -> None:
-        groups = {f.path.partition("/")[0] for f in declared(result).values() if "/" in f.path}
+        paths = [f.path.split("/") for f in declared(result).values()]
+        groups = {"/".join(path[:depth]) for path in paths for depth in range(1, len(path))}
         assert groups == set(result.GROUPS)
 
     def test_paths_are_different(self, result: type[Any]) -> None:

@@ -19,6 +19,7 @@ from vibroimpact_service.kinds import Kind
 from vibroimpact_solvers import ensemble as ensembles
 from vibroimpact_solvers import existence_bands as bands
 from vibroimpact_solvers import impact_modes as modes
+from vibroimpact_solvers import periodic_motions as driven
 from vibroimpact_solvers import presets
 from vibroimpact_solvers import resonances as held
 from vibroimpact_solvers import slow_flow as flows
@@ -213,6 +214,46 @@ def resonances(request: requests.ResonancesRequest, of: System) -> held.Problem:
     return held.Problem(
         of, request.constraint, request.odd_max, frozenset(request.outputs), request.tolerance
     )
+
+
+def periodic_motions(request: requests.PeriodicMotionsRequest, of: System) -> driven.Problem:
+    """Return the problem of periodic motions."""
+    Omega, _ = frequencies(request.frequency)
+    sequence = request.sequence
+    outputs: Sequence[str] | None = request.outputs
+    if outputs is None:
+        outputs = [name for name in driven.OUTPUTS if name != "waveform" or request.tau is not None]
+    return driven.Problem(
+        of,
+        Omega,
+        tuple(_force(term) for term in request.load),
+        request.periods,
+        sequence
+        if isinstance(sequence, str)
+        else tuple(driven.Impact(i.constraint, 1 if i.side == "upper" else -1) for i in sequence),
+        request.constraint,
+        None if request.start is None else _rows(request.start.phases, ("start", "phases")),
+        frozenset(outputs),
+        _indices(request.dofs),
+        None if request.tau is None else np.array(request.tau),
+        request.tolerance,
+    )
+
+
+def _force(term: motions.DriveTerm) -> driven.Force:
+    if term.direction is None:
+        assert term.dof is not None
+        dofs, weights = [term.dof], [1.0]
+    else:
+        dofs, weights = term.direction.dofs, term.direction.weights
+    return driven.Force(tuple(dofs), tuple(weights), term.amplitude, term.harmonic, term.phase)
+
+
+def _rows(rows: Sequence[Sequence[float]], where: tuple[str, ...]) -> Floats:
+    """Return rows of equal length as an array."""
+    if any(len(row) != len(rows[0]) for row in rows):
+        raise ModelError(where, "all rows need as many numbers", code="wrong_length")
+    return np.array(rows, dtype=np.float64)
 
 
 def time_history(request: requests.TimeHistoryRequest, of: System) -> histories.Problem:

@@ -366,6 +366,11 @@ class Basis:
         return np.argsort(self._order)
 
     @cached_property
+    def structural(self) -> Integers:
+        """The pairs that belong to modes, neither to loads nor to the padding, ascending."""
+        return np.flatnonzero(self._order < self._loads.start).astype(np.int64)
+
+    @cached_property
     def signs(self) -> Floats:
         """Signs drawn at random, none on the average, shape (row, 2, pair)."""
         signs = np.random.default_rng(0).integers(0, 2, (_NOISE // 2, 2, self.pairs)) * 2.0 - 1.0

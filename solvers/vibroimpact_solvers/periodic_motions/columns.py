@@ -1,0 +1,156 @@
+"""The columns of the two tables of a result, of solutions with equally many impacts each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import EPS, Floats, Integers, along
+from vibroimpact_solvers.periodic_motions.drive import Driven
+from vibroimpact_solvers.periodic_motions.existence import verdicts
+from vibroimpact_solvers.periodic_motions.multipliers import multipliers
+from vibroimpact_solvers.periodic_motions.orbit import Orbit, Outputs
+from vibroimpact_solvers.periodic_motions.pairs import Complexes
+from vibroimpact_solvers.periodic_motions.problem import Impact, Problem
+from vibroimpact_solvers.periodic_motions.solutions import Cells, Solutions
+from vibroimpact_solvers.results.impact_modes import Reason
+from vibroimpact_solvers.results.periodic_motions import Bifurcation, Result
+
+Columns = dict[str, Any]
+
+
+def of(problem: Problem, driven: Driven, cells: Cells, solved: Solutions) -> Columns:
+    """Return the columns of some solutions, by the names of the result's fields."""
+    count = solved.index.size
+    columns = _impacts(problem, driven, solved)
+    size = columns["impact_phase"].size // max(count, 1)
+    columns |= {
+        "solution_frequency_index": solved.index,
+        "solution_Omega": problem.Omega[solved.index],
+        "solution_impacts": np.full(count, size),
+    }
+    if problem.tolerance is not None:
+        within = solved.impulse_error <= problem.tolerance * np.abs(solved.impulse)
+        columns["solution_within_tolerance"] = within.all(axis=1)
+    if "exists" in problem.outputs:
+        decided = verdicts(problem, driven, cells, solved)
+        columns |= {
+            "solution_exists": decided.reason == Reason.OK,
+            "solution_reason": decided.reason,
+            "solution_witness": decided.witness,
+            "solution_witness_constraint": decided.constraint,
+            "solution_certified": decided.certified,
+        }
+    if "multipliers" in problem.outputs:
+        columns |= _multipliers(*multipliers(problem, driven, cells, solved))
+    if {"extremes", "energy", "waveform"} & problem.outputs:
+        columns |= _along(problem, driven, cells, solved)
+    return columns
+
+
+def merged(parts: Sequence[Columns]) -> Columns:
+    """Return the columns of all solutions by ascending frequency, those without impacts first."""
+    shift, starts = 0, []
+    for part in parts:
+        starts.append(part["impact_solution"] + shift)
+        shift += part["solution_impacts"].size
+    whole = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    order = np.argsort(whole["solution_frequency_index"], kind="stable")
+    place = np.empty(order.size, dtype=np.int64)
+    place[order] = np.arange(order.size)
+    of_impacts = place[np.concatenate(starts)]
+    impact_order = np.argsort(of_impacts, kind="stable")
+    impacts = set(along(Result, "impact"))
+    merged: Columns = {
+        name: values[impact_order if name in impacts else order] for name, values in whole.items()
+    }
+    merged["impact_solution"] = of_impacts[impact_order]
+    return merged
+
+
+def _impacts(problem: Problem, driven: Driven, solved: Solutions) -> Columns:
+    """Return the table of impacts."""
+    count, m = solved.phase.shape
+    listed: tuple[Impact, ...] = problem.impacts if m else ()
+    phase, velocity, momentum = solved.phase, solved.velocity, solved.impulse
+    errors = solved.phase_error, solved.velocity_error, solved.impulse_error
+    sides = np.array([impact.side for impact in listed])
+    momentum = -sides * momentum
+    if problem.symmetric and m:  # the other half mirrors it
+        listed = (*listed, Impact(listed[0].constraint, -listed[0].side))
+        sides = np.array([impact.side for impact in listed])
+        phase = np.concatenate([phase, phase + np.pi * problem.periods], axis=1)
+        velocity = np.concatenate([velocity, -velocity], axis=1)
+        momentum = np.repeat(momentum, 2, axis=1)
+        errors = tuple(np.repeat(error, 2, axis=1) for error in errors)  # type: ignore[assignment]
+        m = 2
+    phase_error, velocity_error, momentum_error = errors
+    scale = driven.scale
+    struck = np.array([impact.constraint for impact in listed], dtype=np.int64)
+    return {
+        "impact_solution": np.repeat(np.arange(count), m),
+        "impact_constraint": np.tile(struck, count),
+        "impact_side": np.tile(sides.astype(np.int64), count),
+        "impact_phase": np.mod(phase, 2.0 * np.pi).ravel(),
+        "impact_momentum": (momentum * scale).ravel(),
+        "impact_velocity": (velocity * scale).ravel(),
+        "error_phase": (phase_error + 2.0 * EPS * np.abs(phase)).ravel(),
+        "error_momentum": (momentum_error * scale).ravel(),
+        "error_velocity": (velocity_error * scale).ravel(),
+    }
+
+
+def _multipliers(values: Complexes, errors: Floats) -> Columns:
+    """Return the columns of the multipliers."""
+    largest = values[:, 0]
+    outside = np.abs(largest) > 1.0 + errors[:, 0]
+    through = np.where(largest.real > 0.0, Bifurcation.FOLD, Bifurcation.FLIP)
+    complex_pair = np.abs(largest.imag) > errors[:, 0]
+    kind: Integers = np.where(complex_pair, Bifurcation.TORUS, through)
+    return {
+        "multipliers_real": values.real,
+        "multipliers_imaginary": values.imag,
+        "error_multipliers": errors,
+        "solution_stability": np.abs(largest),
+        "error_stability": errors[:, 0] + 2.0 * EPS * np.abs(largest),
+        "solution_bifurcation": np.where(outside, kind, Bifurcation.NONE).astype(np.int64),
+    }
+
+
+def _along(problem: Problem, driven: Driven, cells: Cells, solved: Solutions) -> Columns:
+    """Return the columns of what is evaluated along the period."""
+    count, dofs = solved.index.size, problem.output_dofs.size
+    forms = Outputs.of(problem, driven)
+    columns: Columns = {}
+    if "extremes" in problem.outputs:
+        for name in ("x_max", "x_min", "rms"):
+            columns[f"solution_{name}"] = np.empty((count, dofs))
+            columns[f"error_{name}"] = np.empty((count, dofs))
+    if "energy" in problem.outputs:
+        for name in ("solution_work", "solution_energy_lost", "error_work", "error_energy_lost"):
+            columns[name] = np.empty(count)
+    if "waveform" in problem.outputs:
+        assert problem.tau is not None
+        columns["waveform"] = np.empty((count, problem.tau.size, dofs))
+        columns["error_waveform"] = np.empty((count, dofs))
+    for row in range(count):
+        orbit = Orbit(problem, driven, forms, cells, solved, row)
+        error = orbit.error()
+        if "extremes" in problem.outputs:
+            extremes = orbit.extremes()
+            columns["solution_x_max"][row] = extremes.largest
+            columns["solution_x_min"][row] = extremes.smallest
+            columns["solution_rms"][row] = extremes.rms
+            for name in ("x_max", "x_min", "rms"):
+                columns[f"error_{name}"][row] = error
+        if "energy" in problem.outputs:
+            work, lost, difference = orbit.energies()
+            columns["solution_work"][row], columns["solution_energy_lost"][row] = work, lost
+            columns["error_work"][row] = columns["error_energy_lost"][row] = difference
+        if "waveform" in problem.outputs:
+            assert problem.tau is not None
+            columns["waveform"][row] = orbit.waveform(problem.tau)
+            columns["error_waveform"][row] = error
+    return columns

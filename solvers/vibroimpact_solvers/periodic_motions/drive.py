@@ -1,0 +1,132 @@
+"""The driven structure: its pairs, its load by harmonics, and the coordinates that are watched."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from vibroimpact_solvers import spectrum
+from vibroimpact_solvers.arrays import EPS, Floats
+from vibroimpact_solvers.errors import PlanError
+from vibroimpact_solvers.kernels.limit_check import Coordinates
+from vibroimpact_solvers.periodic_motions.pairs import Complexes, Pairs
+from vibroimpact_solvers.periodic_motions.problem import Problem
+from vibroimpact_solvers.time_history.structure import Structure
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Driven:
+    """A driven structure in the units of time of its basis.
+
+    Parameters
+    ----------
+    pairs : Pairs
+    scale : float
+        Units of the basis' time in one of time.
+    position, velocity, kick : array, shape (constraint, 2, pair)
+        Forms of the limited coordinates, and changes of state by unit impulses on them.
+    level : array, shape (constraint,)
+        The coordinates under the constant load.
+    mobility : array, shape (constraint, constraint)
+        ``W M^-1 W^T``.
+    harmonics : array of float, shape (harmonic,)
+        Multiples of the drive's frequency, ascending.
+    load : array, shape (harmonic, 2, pair), complex
+        Change of state per unit of time by the amplitude of each harmonic.
+    shape_error : float
+        Relative error of forms and kicks.
+    """
+
+    structure: Structure
+    pairs: Pairs
+    scale: float
+    position: Floats
+    velocity: Floats
+    kick: Floats
+    level: Floats
+    mobility: Floats
+    harmonics: Floats
+    load: Complexes
+    shape_error: float
+
+    @classmethod
+    def of(cls, problem: Problem, method: spectrum.Method) -> Driven:
+        """Prepare the structure of a problem.
+
+        Raises
+        ------
+        PlanError
+            Where a constant load drives a rigid-body mode, or damping makes modes almost equal.
+        """
+        system = problem.system
+        structure = Structure.of(system, method, 2.0 * math.pi / float(problem.Omega[0]))
+        basis = structure.configuration().basis
+        modes = basis.modes
+        if modes.load[modes.roots == 0.0].any():
+            raise PlanError("a constant load drives a rigid-body mode: no motion is periodic")
+        rows = structure.W @ modes.shapes
+        harmonics = np.unique([force.harmonic for force in problem.load]).astype(np.float64)
+        vectors = np.zeros((harmonics.size, system.n), dtype=np.complex128)
+        for force in problem.load:
+            k = int(np.searchsorted(harmonics, force.harmonic))
+            amplitude = force.amplitude * complex(math.cos(force.phase), math.sin(force.phase))
+            for dof, weight in zip(force.dofs, force.weights, strict=True):
+                vectors[k, dof] += amplitude * weight
+        unit = math.ldexp(1.0, -2 * structure.exponent)
+        load = unit * (
+            basis.kick(vectors.real @ modes.shapes) + 1j * basis.kick(vectors.imag @ modes.shapes)
+        )
+        keep = (load != 0.0).any(axis=(1, 2))
+        return cls(
+            structure,
+            Pairs(basis),
+            structure.scale,
+            basis.displacement(rows),
+            basis.velocity(rows),
+            basis.kick(rows),
+            structure.level(structure.configuration()),
+            structure.mobility,
+            harmonics[keep],
+            load[keep],
+            modes.shape_error + 4.0 * EPS + (basis.condition - 1.0) * 4.0 * EPS,
+        )
+
+    def watched(self, walls: Floats) -> Coordinates:
+        """Return the coordinates as the check of free motions takes them; walls (2, constraint)."""
+        pairs, flow = self.pairs, self.pairs.flow
+        f1, f2 = np.abs(self.position[:, 0]), np.abs(self.position[:, 1])
+        size = np.zeros(self.position.shape)
+        at = pairs.rotations
+        size[:, :, at] = (np.hypot(f1, f2) * pairs.speed**3)[:, np.newaxis, at]
+        at = pairs.hyperbolas
+        total = np.abs(self.position.sum(axis=1))[:, at]
+        apart = np.abs(self.position[:, 0] - self.position[:, 1])[:, at]
+        size[:, :, at] = (
+            0.5
+            * (
+                total * np.abs(pairs.alpha + pairs.nu)[at] ** 3
+                + apart * np.abs(pairs.alpha - pairs.nu)[at] ** 3
+            )[:, np.newaxis]
+        )
+        at = pairs.parabolas
+        rate = np.abs(pairs.alpha)[at]
+        size[:, 0, at] = f1[:, at] * rate**3
+        size[:, 1, at] = 4.0 * f1[:, at] * rate**2 + f2[:, at] * rate**3
+        acceleration = self.rates_of(self.velocity)
+        growth = np.maximum(pairs.growth, 0.0)
+        assert flow.alpha.size == growth.size
+        return Coordinates(
+            self.position, self.velocity, acceleration, size, growth, self.level, walls
+        )
+
+    def rates_of(self, forms: Floats) -> Floats:
+        """Return the forms of the time derivatives of forms, loads apart."""
+        return self.structure.configuration().basis.rates_of(forms)
+
+    @property
+    def walls(self) -> Floats:
+        """Positions of lower and upper walls, shape (2, constraint); infinite: there is none."""
+        lower, upper = self.structure.limits
+        return np.ascontiguousarray([-lower, upper])

@@ -1,0 +1,251 @@
+"""A solution along its period: extremes, mean squares, energies and the waveform.
+
+Each free motion is divided into panels with the nodes of Gauss' quadrature, so short that the
+fastest vibration turns by a radian or two in each: integrals over the period are then exact to
+rounding.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import EPS, Floats, Integers
+from vibroimpact_solvers.periodic_motions.drive import Driven
+from vibroimpact_solvers.periodic_motions.pairs import Complexes
+from vibroimpact_solvers.periodic_motions.problem import Problem
+from vibroimpact_solvers.periodic_motions.solutions import Cells, Solutions
+
+_NODES: Final = 12  # in a panel
+_PLACES: Final = 0.5 * (np.polynomial.legendre.leggauss(_NODES)[0] + 1.0)
+_WEIGHTS: Final = 0.5 * np.polynomial.legendre.leggauss(_NODES)[1]
+_PAIRS: Final = ((1, 2), (1, 2))
+_TURN = 1.5  # radians in a panel
+_MOST = 20_000  # panels of a free motion
+_REFINEMENTS = 4  # steps of Newton's method for an extreme
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Outputs:
+    """Forms of what is evaluated along the period.
+
+    Parameters
+    ----------
+    x, v, a : array, shape (dof, 2, pair)
+        Displacements, velocities, and accelerations apart from the load, of the requested degrees
+        of freedom.
+    still : array, shape (dof,)
+        Displacements under the constant load.
+    rates : array, shape (mode, 2, pair)
+        Velocities of the modes.
+    damping : array, shape (mode, mode), optional
+    power : array, shape (harmonic, 2, pair), complex
+        Velocities along the amplitudes of the load.
+    """
+
+    x: Floats
+    v: Floats
+    a: Floats
+    still: Floats
+    rates: Floats
+    damping: Floats | None
+    power: Complexes
+
+    @classmethod
+    def of(cls, problem: Problem, driven: Driven) -> Outputs:
+        """Return the forms for the requested outputs."""
+        configuration = driven.structure.configuration()
+        basis, modes = configuration.basis, configuration.basis.modes
+        shapes = modes.shapes[problem.output_dofs]
+        level = (modes.base + modes.shapes @ basis.still)[problem.output_dofs]
+        vectors = np.zeros((driven.harmonics.size, problem.system.n), dtype=np.complex128)
+        for force in problem.load:
+            row = np.flatnonzero(driven.harmonics == force.harmonic)
+            amplitude = force.amplitude * complex(math.cos(force.phase), math.sin(force.phase))
+            for dof, weight in zip(force.dofs, force.weights, strict=True):
+                vectors[row, dof] += amplitude * weight
+        power = basis.velocity(vectors.real @ modes.shapes) + 1j * basis.velocity(
+            vectors.imag @ modes.shapes
+        )
+        rates = basis.velocity(np.eye(modes.roots.size))
+        x, v = basis.displacement(shapes), basis.velocity(shapes)
+        return cls(x, v, basis.rates_of(v), level, rates, modes.damping, power)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Extremes:
+    """Largest, smallest and root-mean-square displacements, and their error, each (dof,)."""
+
+    largest: Floats
+    smallest: Floats
+    rms: Floats
+    error: Floats
+
+
+class Orbit:
+    """One solution along its period, in the basis' units.
+
+    Parameters
+    ----------
+    problem : Problem
+    driven : Driven
+    outputs : Outputs
+    cells : Cells
+    solved : Solutions
+    row : int
+        Its place among the solutions.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        driven: Driven,
+        outputs: Outputs,
+        cells: Cells,
+        solved: Solutions,
+        row: int,
+    ) -> None:
+        self.problem, self.driven, self.outputs = problem, driven, outputs
+        index = int(solved.index[row])
+        self.Omega, self.steady = float(cells.Omega[index]), cells.steady[index]
+        self.steady_error = cells.steady_error[index]
+        self.starts = solved.phase[row] if solved.phase.shape[1] else np.zeros(1)
+        self.lengths, self.states = solved.length[row], solved.state[row]
+        self.state_error = solved.state_error[row]
+        self.phase_error = float(solved.phase_error[row].max(initial=0.0))
+        self.impulses, self.velocities = solved.impulse[row], solved.velocity[row]
+        self.mirrored = problem.symmetric and solved.phase.shape[1] > 0
+        self.times, self.weights = zip(*map(self._nodes, self.lengths.tolist()), strict=True)
+
+    def _nodes(self, length: float) -> tuple[Floats, Floats]:
+        """Return times and weights of the nodes of a free motion."""
+        fastest = max(
+            float(self.driven.pairs.speed.max()),
+            self.Omega * float(self.driven.harmonics.max(initial=1.0)),
+        )
+        panels = int(min(max(4.0, math.ceil(fastest * length / _TURN)), _MOST))
+        width = length / panels
+        times = (np.arange(panels)[:, np.newaxis] + _PLACES) * width
+        return times.ravel(), np.tile(width * _WEIGHTS, panels)
+
+    def state(self, leg: int, times: Floats) -> Floats:
+        """Return states at times since an impact, shape (time, 2, pair)."""
+        moved = self.driven.pairs.move(
+            self.driven.pairs.propagators(np.ascontiguousarray(times)), self.states[leg]
+        )
+        turned = self._turned(leg, times)
+        return np.asarray(moved + np.einsum("th,hsj->tsj", turned, self.steady).real)
+
+    def _turned(self, leg: int, times: Floats) -> Complexes:
+        """Return the factors of the load's amplitudes, shape (time, harmonic)."""
+        phase = self.starts[leg] + self.Omega * times
+        return np.asarray(np.exp(1j * phase[:, np.newaxis] * self.driven.harmonics))
+
+    @cached_property
+    def _samples(self) -> list[Floats]:
+        """States at the nodes of each free motion."""
+        return [self.state(leg, times) for leg, times in enumerate(self.times)]
+
+    def extremes(self) -> Extremes:
+        """Return extremes and mean squares of the displacements."""
+        still, x = self.outputs.still, self.outputs.x
+        paths = [np.tensordot(states, x, _PAIRS) for states in self._samples]
+        squares = sum(
+            weights @ (path + still) ** 2 for weights, path in zip(self.weights, paths, strict=True)
+        )
+        rms = np.sqrt(squares / self.lengths.sum())
+        peaks = [
+            [self._peak(k, path, sign) for k, path in enumerate(paths)] for sign in (1.0, -1.0)
+        ]
+        largest, smallest = np.max(peaks[0], axis=0), -np.max(peaks[1], axis=0)
+        if self.mirrored:
+            largest = np.maximum(largest, -smallest)
+            smallest = -largest
+        return Extremes(largest + still, smallest + still, rms, self.error())
+
+    def _peak(self, leg: int, path: Floats, sign: float) -> Floats:
+        """Return the largest of each displacement times sign in a free motion, (dof,)."""
+        out, times, length = self.outputs, self.times[leg], float(self.lengths[leg])
+        ends = self.state(leg, np.array([0.0, length]))
+        best = (sign * np.tensordot(ends, out.x, _PAIRS)).max(axis=0)
+        for top in self._tops(leg, path, sign):
+            low = np.append(0.0, times)[top]
+            high = np.append(times, length)[np.minimum(top + 1, times.size)]
+            near = times[top]
+            for _ in range(_REFINEMENTS):
+                z = self.state(leg, near)
+                load = np.tensordot(self._turned(leg, near), self.driven.load, 1).real
+                slope = np.einsum("tsj,tsj->t", z, out.v)
+                bend = np.einsum("tsj,tsj->t", z, out.a) + np.einsum("tsj,tsj->t", load, out.v)
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    step = np.where(sign * bend < 0.0, -slope / bend, 0.0)
+                near = np.clip(near + step, low, high)
+            best = np.maximum(best, sign * np.einsum("tsj,tsj->t", self.state(leg, near), out.x))
+        return np.asarray(np.maximum(best, (sign * path).max(axis=0)))
+
+    def _tops(self, leg: int, path: Floats, sign: float) -> tuple[Integers, Integers]:
+        """Return the nodes of each displacement beside which its highest peak may be.
+
+        The highest node; and, as that may be beside the lower of two almost equal peaks, the one
+        where the parabola through the node rises highest.
+        """
+        out, states, times = self.outputs, self._samples[leg], self.times[leg]
+        load = np.tensordot(self._turned(leg, times), self.driven.load, 1).real
+        slope = np.tensordot(states, out.v, _PAIRS)
+        bend = np.tensordot(states, out.a, _PAIRS) + np.tensordot(load, out.v, _PAIRS)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            near = (sign * bend < 0.0) & (np.abs(slope / bend) <= np.diff(times).max())
+            above = np.where(near, 0.5 * slope**2 / np.abs(bend), 0.0)
+        height = sign * path
+        return height.argmax(axis=0), (height + above).argmax(axis=0)
+
+    def error(self) -> Floats:
+        """Return the error of the displacements, shape (dof,)."""
+        out, shape = np.abs(self.outputs.x), 2.0 * self.driven.shape_error
+        inexact = self.state_error + shape + 4.0 * EPS
+        error = np.einsum("dsj,fsj,j->fd", out, np.abs(self.states), inexact).max(axis=0)
+        steady = np.abs(self.steady)
+        error += np.einsum("dsj,hsj,hj->d", out, steady, self.steady_error + shape + 4.0 * EPS)
+        moves = np.einsum("dsj,hsj,h->d", out, steady, self.driven.harmonics)
+        return np.asarray(error + moves * self.phase_error + 4.0 * EPS * np.abs(self.outputs.still))
+
+    def energies(self) -> tuple[float, float, float]:
+        """Return the work of the load, the energy lost by damping and impacts, and their error."""
+        out, scale = self.outputs, self.driven.scale
+        work = size = lost = 0.0
+        for leg, states in enumerate(self._samples):
+            weights = self.weights[leg]
+            along = np.tensordot(states, out.power, _PAIRS)
+            power = (self._turned(leg, self.times[leg]) * along).real.sum(axis=1)
+            work += float(weights @ power)
+            size += float(weights @ np.abs(power))
+            if out.damping is not None:
+                rates = np.tensordot(states, out.rates, _PAIRS)
+                lost += scale * float(weights @ ((rates @ out.damping) * rates).sum(axis=1))
+        for impact, v in zip(self.problem.impacts, self.velocities, strict=False):
+            k = self.problem.system.constraints[impact.constraint].restitution
+            mu = self.driven.mobility[impact.constraint, impact.constraint]
+            lost += 0.5 * (1.0 - k * k) / mu * (float(v) * scale) ** 2
+        both = 2.0 if self.mirrored else 1.0
+        return both * work, both * lost, both * (abs(work - lost) + 16.0 * EPS * (size + lost))
+
+    def waveform(self, tau: Floats) -> Floats:
+        """Return displacements at parts of the period from the drive's phase 0, (tau, dof)."""
+        whole = float(self.lengths.sum()) * (2.0 if self.mirrored else 1.0)
+        since = np.mod(tau * whole - self.starts[0] / self.Omega, whole)
+        sign = np.ones(tau.size)
+        if self.mirrored:
+            late = since >= 0.5 * whole
+            sign[late], since = -1.0, np.where(late, since - 0.5 * whole, since)
+        begins = np.concatenate([[0.0], np.cumsum(self.lengths)[:-1]])
+        leg = np.maximum(np.searchsorted(begins, since, side="right") - 1, 0)
+        x = np.empty((tau.size, self.outputs.still.size))
+        for number in range(self.lengths.size):
+            here = leg == number
+            z = self.state(number, since[here] - begins[number])
+            x[here] = np.einsum("tsj,dsj->td", z, self.outputs.x)
+        return np.asarray(sign[:, np.newaxis] * x + self.outputs.still)

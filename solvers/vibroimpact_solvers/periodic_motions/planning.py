@@ -1,0 +1,82 @@
+"""Choice of the methods for periodic motions, and of what is left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from enum import StrEnum
+
+from vibroimpact_solvers import spectrum
+from vibroimpact_solvers.errors import PlanError
+from vibroimpact_solvers.periodic_motions.problem import KIND, OUTPUTS, Problem
+from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
+
+_NODES = 300.0  # at which a solution is evaluated, about
+_STARTS = 40.0  # of the search for a sequence, times steps
+
+
+class Method(StrEnum):
+    """How the phases of the impacts are found."""
+
+    CLOSED_FORM = "closed form"
+    SEARCH = "newton"
+
+
+def plan(problem: Problem) -> Plan:
+    """Choose how the motions are computed and what is left out."""
+    steps = tuple(_steps(problem))
+    return Plan(KIND, steps, tuple(_skips(problem)))
+
+
+def _steps(problem: Problem) -> Iterator[Step]:
+    system, count, outputs = problem.system, float(problem.Omega.size), problem.outputs
+    method = spectrum.choose(system)
+    size = spectrum.nbytes(system, method)
+    if size > spectrum.MEMORY:
+        message = f"the natural modes of the structure take more than {size / 1e9:.0f} GB"
+        raise PlanError(message)
+    yield spectrum.step(system, method)
+    modes, m = float(system.n), len(problem.impacts)
+    rows = 3.0 * count if m == 1 else 10.0 * count
+    if m == 1:
+        reason = (
+            "one impact in each half of the period: all solutions are roots of one "
+            "trigonometric polynomial"
+            if problem.symmetric
+            else "one impact per period: all solutions are roots of one trigonometric polynomial"
+        )
+        yield Step(Stage.IMPULSE, Method.CLOSED_FORM, reason, 300.0 * count * modes, 8.0 * rows)
+    else:
+        reason = (
+            f"{m} impacts per period: phases and impulses by Newton's method from many starts, "
+            "which may miss a solution"
+        )
+        flops = 2e3 * count * _STARTS * m * m * modes
+        yield Step(Stage.IMPULSE, Method.SEARCH, reason, flops, 8.0 * rows * m)
+    limits = float(len(system.constraints))
+    if "exists" in outputs:
+        reason = "bounds along all of the motion between impacts: no passage of a limit is missed"
+        flops = rows * m * 100.0 * modes * (20.0 + 10.0 * limits)
+        yield Step(Stage.EXISTENCE, "safe steps", reason, flops, 32.0 * rows)
+    dofs = float(problem.output_dofs.size)
+    if {"extremes", "energy"} & outputs:
+        reason = "quadrature over every free motion, exact to rounding"
+        flops = rows * _NODES * modes * (30.0 + 4.0 * dofs)
+        yield Step(Stage.ENERGY, "quadrature", reason, flops, 32.0 * rows * dofs)
+    if "waveform" in outputs:
+        assert problem.tau is not None
+        flops = rows * problem.tau.size * modes * (30.0 + 4.0 * dofs)
+        number = 8.0 * rows * problem.tau.size * dofs
+        yield Step(Stage.WAVEFORM, "superposition", "as requested", flops, number)
+    if "multipliers" in outputs:
+        reason = "eigenvalues of the linearised motion over one period"
+        flops = rows * 25.0 * (2.0 * modes) ** 3
+        yield Step(Stage.STABILITY, "monodromy matrix", reason, flops, 32.0 * rows * modes)
+
+
+def _skips(problem: Problem) -> Iterator[Skip]:
+    yield Skip("integration in time", "motions between impacts are known in closed form")
+    if problem.system.C is None and all(c.restitution == 1.0 for c in problem.system.constraints):
+        yield Skip("energy balance by losses", "nothing dissipates energy")
+    for name in OUTPUTS:
+        if name not in problem.outputs:
+            yield Skip(name, "not requested")

@@ -1,0 +1,200 @@
+"""The problem: a driven structure, the frequencies of the drive, and the sequence of impacts."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.checks import check_indices, check_outputs, check_tolerance
+from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.model import System, within_range
+
+KIND: Final = "periodic-motions"
+OUTPUTS: Final = ("exists", "extremes", "energy", "multipliers", "waveform")
+"""Beside frequencies, impacts and their number, which are always there."""
+
+SYMMETRIC: Final = "symmetric"
+
+
+@dataclass(frozen=True, slots=True)
+class Force:
+    """A load ``amplitude cos(harmonic Omega t + phase)`` along a direction.
+
+    Parameters
+    ----------
+    dofs : tuple of int
+    weights : tuple of float
+    amplitude : float
+    harmonic : int
+        Multiple of the drive's frequency, at least 1.
+    phase : float
+    """
+
+    dofs: tuple[int, ...]
+    weights: tuple[float, ...]
+    amplitude: float
+    harmonic: int = 1
+    phase: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Impact:
+    """An impact: the constraint, and 1 for its upper wall or -1 for its lower one."""
+
+    constraint: int
+    side: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Periodic motions with a given sequence of impacts.
+
+    Parameters
+    ----------
+    system : System
+        With damping, coefficients of restitution and a constant load.
+    Omega : array, shape (frequency,)
+        Frequencies of the drive, rad per unit of time.
+    load : tuple of Force
+    periods : int
+        Number of the drive's periods in one period of the motion.
+    sequence : tuple of Impact, or "symmetric"
+        The impacts of one period in their order; or one at each wall of a constraint with equal
+        gaps, half a period apart, the motion being ``x(t + T/2) = -x(t)``.
+    constraint : int
+        The one of a symmetric sequence.
+    phases : array, shape (guess, impact), optional
+        Where the search for sequences of several impacts begins: phases Omega t of the impacts,
+        rad, ascending.
+    outputs : frozenset of str
+        The requested ones of `OUTPUTS`.
+    dofs : array of int, optional
+        Degrees of freedom of extremes and waveform; None for all.
+    tau : array, optional
+        Times of the waveform over the period, 0 to 1.
+    tolerance : float, optional
+        Largest relative error of the impulses; the result tells which solutions meet it.
+    """
+
+    system: System
+    Omega: Floats
+    load: tuple[Force, ...] = ()
+    periods: int = 1
+    sequence: tuple[Impact, ...] | str = (Impact(0),)
+    constraint: int = 0
+    phases: Floats | None = None
+    outputs: frozenset[str] = frozenset({"exists", "extremes", "energy", "multipliers"})
+    dofs: Integers | None = None
+    tau: Floats | None = None
+    tolerance: float | None = None
+    output_dofs: Integers = field(init=False)
+
+    def __post_init__(self) -> None:
+        dofs = np.arange(self.system.n) if self.dofs is None else np.asarray(self.dofs)
+        object.__setattr__(self, "output_dofs", dofs.astype(np.int64))
+        object.__setattr__(self, "outputs", frozenset(self.outputs))
+        object.__setattr__(self, "Omega", np.ascontiguousarray(self.Omega, dtype=np.float64))
+        check_outputs(self.outputs, OUTPUTS)
+        check_tolerance(self.tolerance)
+        check_indices("dofs", self.output_dofs, self.system.n)
+        self._check_frequencies()
+        self._check_load()
+        self._check_sequence()
+        if "waveform" in self.outputs and (self.tau is None or np.size(self.tau) == 0):
+            message = "the waveform needs tau, times over the period from 0 to 1"
+            raise ModelError(("tau",), message, code="tau_missing")
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether the second half of the period mirrors the first."""
+        return self.sequence == SYMMETRIC
+
+    @property
+    def impacts(self) -> tuple[Impact, ...]:
+        """The impacts of one cell: of the period, or of half of it where that mirrors the rest."""
+        if isinstance(self.sequence, str):
+            return (Impact(self.constraint, 1),)
+        return self.sequence
+
+    def slice(self, start: int, stop: int) -> Problem:
+        """Return the problem of some of the frequencies."""
+        values = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        del values["output_dofs"]
+        return Problem(**(values | {"Omega": self.Omega[start:stop]}))
+
+    def _check_frequencies(self) -> None:
+        Omega = self.Omega
+        if Omega.ndim != 1 or Omega.size == 0:
+            raise ModelError(("frequency",), "no frequency is given", code="empty_grid")
+        if not (np.isfinite(Omega) & (Omega > 0.0)).all():
+            message = "a frequency is not positive and finite"
+            raise ModelError(("frequency",), message, code="frequency_not_positive")
+        if not within_range(Omega):
+            raise ModelError(("frequency",), "a frequency is out of range", code="out_of_range")
+        if self.periods < 1:
+            raise ModelError(("periods",), "there is at least one period", code="out_of_range")
+
+    def _check_load(self) -> None:
+        for index, force in enumerate(self.load):
+            for dof in force.dofs:
+                if not 0 <= dof < self.system.n:
+                    message = f"dof {dof} is not below the number of degrees of freedom"
+                    raise ModelError(("load", index, "dof"), message, code="index_out_of_range")
+            if force.harmonic < 1:
+                message = "the harmonic is below 1; a constant load belongs to the system"
+                raise ModelError(("load", index, "harmonic"), message, code="out_of_range")
+            numbers = (force.amplitude, force.phase, *force.weights)
+            if not all(map(math.isfinite, numbers)) or len(force.weights) != len(force.dofs):
+                message = "a load needs finite numbers, and one weight for each dof"
+                raise ModelError(("load", index), message, code="not_finite")
+
+    def _check_sequence(self) -> None:
+        constraints = self.system.constraints
+        if isinstance(self.sequence, str):
+            self._check_symmetric()
+            return
+        if not self.sequence:
+            raise ModelError(("sequence",), "a sequence needs an impact", code="empty_sequence")
+        for index, impact in enumerate(self.sequence):
+            if not 0 <= impact.constraint < len(constraints):
+                message = f"{impact.constraint} is not below the number of constraints"
+                pointer = ("sequence", index, "constraint")
+                raise ModelError(pointer, message, code="index_out_of_range")
+            constraint = constraints[impact.constraint]
+            if (constraint.upper if impact.side > 0 else constraint.lower) is None:
+                message = f"constraint {impact.constraint} has no wall on that side"
+                raise ModelError(("sequence", index, "side"), message, code="no_wall")
+        if self.phases is not None:
+            shape = np.shape(self.phases)
+            if (
+                len(shape) != 2
+                or shape[1] != len(self.sequence)
+                or not np.isfinite(self.phases).all()
+            ):
+                message = f"each start needs {len(self.sequence)} finite phases"
+                raise ModelError(("start",), message, code="wrong_length")
+
+    def _check_symmetric(self) -> None:
+        system = self.system
+        if self.sequence != SYMMETRIC:
+            message = f"a sequence is a list of impacts, or {SYMMETRIC!r}"
+            raise ModelError(("sequence",), message, code="unknown_choice")
+        if not 0 <= self.constraint < len(system.constraints):
+            message = f"{self.constraint} is not below the number of constraints"
+            raise ModelError(("constraint",), message, code="index_out_of_range")
+        if not system.constraints[self.constraint].symmetric:
+            message = "symmetric motions need equal gaps at both walls"
+            raise ModelError(("sequence",), message, code="not_symmetric")
+        if system.loaded:
+            message = "symmetric motions need a structure without a constant load"
+            raise ModelError(("sequence",), message, code="not_symmetric")
+        if any(force.harmonic * self.periods % 2 == 0 for force in self.load):
+            message = (
+                "symmetric motions need a load that changes sign after half a period: odd "
+                "harmonics and an odd number of periods"
+            )
+            raise ModelError(("sequence",), message, code="not_symmetric")

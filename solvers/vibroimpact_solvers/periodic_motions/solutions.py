@@ -1,0 +1,128 @@
+"""Solutions of a block of frequencies: phases and impulses of impacts, states between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import EPS, Floats, Integers
+from vibroimpact_solvers.periodic_motions.drive import Driven
+from vibroimpact_solvers.periodic_motions.pairs import Complexes
+from vibroimpact_solvers.periodic_motions.problem import Problem
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Cells:
+    """The cells of the motions at some frequencies of the drive, in the basis' units.
+
+    A cell is the period of the motion, or its first half where the second mirrors it.
+
+    Parameters
+    ----------
+    Omega : array, shape (frequency,)
+    length, rest : array, shape (frequency,)
+        Length of the cell, and what rounding took from it.
+    sign : float
+        -1 where the next cell mirrors this one, else 1.
+    steady : array, shape (frequency, harmonic, 2, pair), complex
+        Amplitudes of the response to the load without impacts.
+    steady_error : array, shape (frequency, harmonic, pair)
+        Their relative errors.
+    """
+
+    Omega: Floats
+    length: Floats
+    rest: Floats
+    sign: float
+    steady: Complexes
+    steady_error: Floats
+
+    @classmethod
+    def of(cls, driven: Driven, problem: Problem) -> Cells:
+        """Return the cells of a problem's frequencies."""
+        periods = 0.5 * problem.periods if problem.symmetric else float(problem.periods)
+        wide = np.longdouble(driven.scale) * periods * _TWO_PI / problem.Omega
+        length = wide.astype(np.float64)
+        Omega = problem.Omega / driven.scale
+        steady = np.zeros((Omega.size, driven.harmonics.size, 2, driven.kick.shape[2]), complex)
+        error = np.zeros((Omega.size, driven.harmonics.size, driven.kick.shape[2]))
+        for k, harmonic in enumerate(driven.harmonics):
+            steady[:, k], error[:, k] = driven.pairs.steady_response(
+                harmonic * Omega, driven.load[k]
+            )
+        return cls(
+            Omega, length, (wide - length).astype(np.float64), -1.0 if problem.symmetric else 1.0,
+            steady, error,
+        )  # fmt: skip
+
+    def at(self, chosen: Integers) -> Cells:
+        """Return some of the cells."""
+        return Cells(
+            self.Omega[chosen], self.length[chosen], self.rest[chosen], self.sign,
+            self.steady[chosen], self.steady_error[chosen],
+        )  # fmt: skip
+
+    def doubled(self) -> Cells:
+        """Return the whole periods of which these are the halves."""
+        return replace(self, length=2.0 * self.length, rest=2.0 * self.rest, sign=1.0)
+
+    def load_state(self, driven: Driven, phases: Floats) -> Floats:
+        """Return the response to the load at phases of the drive, shape (cell, …, 2, pair).
+
+        phases has shape (cell, …).
+        """
+        turned = np.exp(1j * phases[..., np.newaxis] * driven.harmonics)
+        return np.asarray(np.einsum("f...h,fhsj->f...sj", turned, self.steady).real)
+
+
+_TWO_PI = 2 * np.longdouble("3.14159265358979323846264338327950288")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Solutions:
+    """Solutions with m impacts per cell, m free motions after them; one free motion where m is 0.
+
+    Parameters
+    ----------
+    index : array of int, shape (solution,)
+        The frequency.
+    phase : array, shape (solution, impact)
+        Omega t of the impacts; the first is in [0, 2 pi).
+    impulse : array, shape (solution, impact)
+        Along the constraint's coordinate, in the basis' units.
+    velocity : array, shape (solution, impact)
+        Of the coordinate before the impact.
+    state : array, shape (solution, free motion, 2, pair)
+        Response to all impulses, just after each impact.
+    length : array, shape (solution, free motion)
+        Of the free motions.
+    phase_error, impulse_error, velocity_error : array, shape (solution, impact)
+    state_error : array, shape (solution, pair)
+        Errors of the pairs of the state, relative to them.
+    """
+
+    index: Integers
+    phase: Floats
+    impulse: Floats
+    velocity: Floats
+    state: Floats
+    length: Floats
+    phase_error: Floats
+    impulse_error: Floats
+    velocity_error: Floats
+    state_error: Floats
+
+    def at(self, chosen: Integers) -> Solutions:
+        """Return some of the solutions."""
+        return Solutions(*(getattr(self, field.name)[chosen] for field in fields(self)))
+
+
+def without_impacts(cells: Cells) -> Solutions:
+    """Return the linear responses."""
+    count, pairs = cells.Omega.size, cells.steady.shape[-1]
+    none = np.zeros((count, 0))
+    return Solutions(
+        np.arange(count), none, none, none, np.zeros((count, 1, 2, pairs)),
+        cells.length[:, np.newaxis], none, none, none, np.full((count, pairs), 2.0 * EPS),
+    )  # fmt: skip

@@ -1,0 +1,263 @@
+"""Motions with one impact per cell, against ball arithmetic without modes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pytest
+from flint import arb
+from scipy.optimize import linear_sum_assignment
+
+from tests.solvers.periodic_motions.ball_motion import Impact, Motion, Structure
+from vibroimpact_solvers import impact_modes
+from vibroimpact_solvers import periodic_motions as driven
+from vibroimpact_solvers.errors import ModelError, PlanError
+from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
+
+NEGATIVE = 1  # impulse
+TWO_PI = 2.0 * np.pi
+
+
+@dataclass
+class Case:
+    """A random driven structure."""
+
+    M: np.ndarray
+    C: np.ndarray
+    K: np.ndarray
+    force: np.ndarray
+    constraint: Constraint
+    loads: list[tuple[int, float, int, float]]
+    Omega: np.ndarray
+    periods: int
+    side: int
+    symmetric: bool
+
+    @classmethod
+    def random(cls, seed: int) -> Case:
+        """Return one with 1 to 5 degrees of freedom and damping from 0.1 to 20 %."""
+        rng = np.random.default_rng(seed)
+        n = int(rng.integers(1, 6))
+        spread = rng.standard_normal((3, n, n))
+        M = np.diag(rng.uniform(0.5, 2.0, n)) + 0.1 * (seed % 2) * spread[0] @ spread[0].T / n
+        K = spread[1] @ spread[1].T + 0.3 * np.eye(n)
+        ratio = 10.0 ** rng.uniform(-3.0, -0.7)
+        coupled = spread[2] @ spread[2].T / n + 0.05 * np.eye(n)
+        C = ratio * (K + M) if seed % 3 else 2.0 * ratio * coupled
+        symmetric = seed % 4 == 0
+        upper = float(rng.uniform(0.1, 1.0))
+        lower = upper if symmetric else (None if seed % 2 else float(rng.uniform(0.1, 1.0)))
+        dofs, weights = (
+            ((0, n - 1), (1.0, -0.5)) if n > 1 and seed % 5 == 0 else ((n // 2,), (1.0,))
+        )
+        constraint = Constraint(dofs, weights, lower, upper, float(rng.uniform(0.1, 1.0)))
+        force = np.zeros(n) if symmetric or seed % 2 else 0.3 * rng.standard_normal(n)
+        harmonics = [1] if seed % 3 else ([1, 3] if symmetric else [1, 2])
+        loads = [
+            (int(rng.integers(n)), float(rng.uniform(0.3, 2.0)), h, float(rng.uniform(0.0, 6.0)))
+            for h in harmonics
+        ]
+        lowest = np.sqrt(np.linalg.eigvals(np.linalg.solve(M, K)).real.min())
+        Omega = np.sort(rng.uniform(0.3, 3.0, 2)) * lowest
+        side = -1 if lower is not None and not symmetric and seed % 3 == 0 else 1
+        sym = [0.5 * (A + A.T) for A in (M, C, K)]
+        periods = 2 if not symmetric and seed % 7 == 0 else 1
+        return cls(*sym, force, constraint, loads, Omega, periods, side, symmetric)
+
+    @property
+    def system(self) -> System:
+        """The system of the solvers."""
+        M, C, K = (SymmetricMatrix.dense(A) for A in (self.M, self.C, self.K))
+        return System(M, K, (self.constraint,), C=C, force=self.force)
+
+    @property
+    def problem(self) -> driven.Problem:
+        """The problem of the solvers."""
+        load = tuple(driven.Force((d,), (1.0,), a, h, p) for d, a, h, p in self.loads)
+        sequence: Any = driven.SYMMETRIC if self.symmetric else (driven.Impact(0, self.side),)
+        return driven.Problem(
+            self.system, self.Omega, load, periods=self.periods, sequence=sequence
+        )
+
+    def motion(self, Omega: float) -> Motion:
+        """Return the reference of the motions at a frequency."""
+        w = np.zeros(self.M.shape[0])
+        w[list(self.constraint.dofs)] = self.constraint.weights
+        wall = self.constraint.upper if self.side > 0 else self.constraint.lower
+        assert wall is not None
+        impact = Impact(w, self.side * wall, self.side, self.constraint.restitution)
+        structure = Structure(self.M, self.C, self.K, self.force, self.loads, Omega)
+        half = 0.5 if self.symmetric else 1.0
+        return Motion(structure, impact, self.periods * half, -1 if self.symmetric else 1)
+
+
+def solved(problem: driven.Problem) -> driven.Result:
+    return driven.solve(problem, driven.plan(problem))
+
+
+def off(reference: arb, value: float) -> float:
+    return abs(float((reference - arb(value)).mid()))
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_every_number_is_within_its_error(seed: int) -> None:
+    case = Case.random(seed)
+    result = solved(case.problem)
+    assert (result.solution_impacts > 0).any() or seed > 0
+    for row in np.flatnonzero(result.solution_impacts):
+        motion = case.motion(float(result.solution_Omega[row]))
+        at = int(np.flatnonzero(result.impact_solution == row)[0])
+        phase, p, velocity, state = motion.refined(float(result.impact_phase[at]))
+        apart = off(phase, float(result.impact_phase[at]))
+        assert min(apart, abs(apart - TWO_PI)) <= result.error_phase[at]
+        assert off(-case.side * p, float(result.impact_momentum[at])) <= result.error_momentum[at]
+        assert off(velocity, float(result.impact_velocity[at])) <= result.error_velocity[at]
+        assert abs(result.solution_work[row] - result.solution_energy_lost[row]) <= 1e-12 * abs(
+            result.solution_work[row]
+        ) + 1e-14 * abs(result.impact_momentum[at] * result.impact_velocity[at])
+        path = motion.path(phase, state, 301)
+        path = np.concatenate([path, -path]) if case.symmetric else path
+        highest, scale = path.max(axis=0), np.abs(path).max()
+        assert (result.solution_x_max[row] >= highest - result.error_x_max[row]).all()
+        assert (result.solution_x_max[row] <= highest + 3e-3 * scale).all()
+        y = path @ motion.impact.w
+        over = float((y - case.constraint.upper).max())
+        if case.constraint.lower is not None:
+            over = max(over, float((-case.constraint.lower - y).max()))
+        if result.solution_reason[row] != NEGATIVE and not 1e-10 < over < 1e-3:
+            near = result.solution_reason[row] == 3 and over > -1e-4  # between the points
+            assert result.solution_exists[row] == (over <= 1e-10) or near
+
+
+@pytest.mark.parametrize("seed", [1, 2, 4, 9, 12])
+def test_multipliers_are_those_of_differences(seed: int) -> None:
+    case = Case.random(seed)
+    result = solved(case.problem)
+    for row in np.flatnonzero(result.solution_impacts):
+        motion = case.motion(float(result.solution_Omega[row]))
+        at = int(np.flatnonzero(result.impact_solution == row)[0])
+        phase, _, _, state = motion.refined(float(result.impact_phase[at]))
+        expected = motion.multipliers(phase, state)
+        expected = expected**2 if case.symmetric else expected
+        values = result.multipliers_real[row] + 1j * result.multipliers_imaginary[row]
+        apart = np.abs(values[:, np.newaxis] - expected)
+        ours, theirs = linear_sum_assignment(apart)
+        # Differences of 1e-15 in 50 digits are exact to 1e-9 where nothing grazes.
+        allowed = result.error_multipliers[row] + 1e-9 * np.abs(expected).max()
+        assert (apart[ours, theirs] <= allowed[ours]).all()
+        assert result.solution_stability[row] == pytest.approx(np.abs(values).max())
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_no_solution_is_missed(seed: int) -> None:
+    """A dense search over the phase finds as many roots as there are solutions."""
+    case = Case.random(seed)
+    result = solved(case.problem)
+    for index, Omega in enumerate(case.Omega):
+        motion = case.motion(float(Omega))
+        phases = np.linspace(0.0, TWO_PI, 241)
+        values = [float(motion.at(arb(float(phase)))[0].mid()) for phase in phases]
+        crossings = int((np.diff(np.signbit(values)) != 0).sum())
+        rows = (result.solution_frequency_index == index) & (result.solution_impacts > 0)
+        assert rows.sum() >= crossings
+        assert rows.sum() <= crossings + 2  # two roots between neighbouring phases
+
+
+def test_symmetric_motions_tend_to_impact_modes() -> None:
+    """As damping, load and loss of energy vanish together, linearly in them."""
+    n, Omega = 4, np.array([2.15])
+    K = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    one = SymmetricMatrix.diagonal(np.ones(n))
+    stiff = SymmetricMatrix.dense(K)
+    elastic = System(one, stiff, (Constraint.at(1, 1.0),))
+    family = impact_modes.Problem(elastic, Omega * 2.0 / np.pi, Omega=Omega)
+    p = impact_modes.solve(family, impact_modes.plan(family)).impulse[0, 0]
+    expected = 2.0 * p / (Omega[0] * 2.0 / np.pi)
+    differences = []
+    for small in (1e-2, 1e-3, 1e-4):
+        wall = Constraint.at(1, 1.0, restitution=1.0 - small)
+        system = System(one, stiff, (wall,), C=SymmetricMatrix.dense(small * K))
+        load = (driven.Force((0,), (1.0,), 50.0 * small),)
+        result = solved(driven.Problem(system, Omega, load, sequence=driven.SYMMETRIC))
+        momenta = result.impact_momentum[result.impact_side > 0]
+        differences.append(np.abs(momenta - expected).min())
+    assert differences[0] < 0.5 * expected
+    assert differences[1] / differences[0] < 0.2
+    assert differences[2] / differences[1] < 0.2
+
+
+def test_without_load_and_loss_they_are_impact_modes() -> None:
+    n, Omega = 5, np.array([0.7, 1.9, 2.2, 2.5])
+    K = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    system = System(
+        SymmetricMatrix.diagonal(np.ones(n)), SymmetricMatrix.dense(K), (Constraint.at(2, 1.0),)
+    )
+    result = solved(driven.Problem(system, Omega, sequence=driven.SYMMETRIC))
+    outputs = frozenset({"impulse", "reason", "stability"})
+    family = impact_modes.Problem(system, Omega * 2.0 / np.pi, Omega=Omega, outputs=outputs)
+    expected = impact_modes.solve(family, impact_modes.plan(family))
+    momentum = result.impact_momentum[::2]
+    assert momentum == pytest.approx(np.pi * expected.impulse[:, 0] / Omega, rel=1e-11)
+    assert (result.solution_reason == expected.reason).all()
+    unstable = expected.stability > 1.01
+    assert result.solution_stability[unstable] == pytest.approx(
+        expected.stability[unstable] ** 2, rel=1e-9
+    )
+
+
+def test_critical_damping_has_a_solution() -> None:
+    case = replace(
+        Case.random(1), M=np.eye(1), K=np.eye(1), C=2.0 * np.eye(1), force=np.zeros(1),
+        constraint=Constraint((0,), (1.0,), None, 0.05, 0.5), loads=[(0, 1.0, 1, 0.0)],
+        Omega=np.array([1.5]), periods=1, side=1, symmetric=False,
+    )  # fmt: skip
+    result = solved(case.problem)
+    motion = case.motion(1.5)
+    for row in np.flatnonzero(result.solution_impacts):
+        at = int(np.flatnonzero(result.impact_solution == row)[0])
+        phase, p, _, _ = motion.refined(float(result.impact_phase[at]))
+        assert off(phase, float(result.impact_phase[at])) <= result.error_phase[at]
+        assert off(-p, float(result.impact_momentum[at])) <= result.error_momentum[at]
+    assert result.solution_impacts.max() == 1
+
+
+class TestRefused:
+    """What cannot be answered names its field or its reason."""
+
+    WALL = Constraint((0,), (1.0,), None, 1.0, 0.5)
+    ONE = SymmetricMatrix.diagonal([1.0])
+
+    def _problem(self, **options: Any) -> driven.Problem:
+        system = options.pop("system", System(self.ONE, self.ONE, (self.WALL,)))
+        load = options.pop("load", (driven.Force((0,), (1.0,), 1.0),))
+        return driven.Problem(system, np.array([1.3]), load, **options)
+
+    @pytest.mark.parametrize(
+        ("options", "field"),
+        [
+            ({"sequence": driven.SYMMETRIC}, "sequence"),
+            ({"sequence": (driven.Impact(0, -1),)}, "sequence"),
+            ({"sequence": (driven.Impact(1),)}, "sequence"),
+            ({"sequence": ()}, "sequence"),
+            ({"periods": 0}, "periods"),
+            ({"load": (driven.Force((1,), (1.0,), 1.0),)}, "load"),
+            ({"load": (driven.Force((0,), (1.0,), np.inf),)}, "load"),
+            ({"load": (driven.Force((0,), (1.0,), 1.0, harmonic=0),)}, "load"),
+            ({"outputs": frozenset({"waveform"})}, "tau"),
+            ({"phases": np.zeros((1, 2))}, "start"),
+        ],
+    )
+    def test_wrong_fields(self, options: dict[str, Any], field: str) -> None:
+        with pytest.raises(ModelError) as caught:
+            self._problem(**options)
+        assert caught.value.pointer[0] == field
+
+    def test_a_rigid_body_under_a_constant_load(self) -> None:
+        free = System(
+            self.ONE, SymmetricMatrix.diagonal([0.0]), (self.WALL,), force=np.array([1.0])
+        )
+        problem = self._problem(system=free)
+        with pytest.raises(PlanError, match="rigid-body"):
+            solved(problem)
