@@ -17,7 +17,7 @@ from vibroimpact_solvers.plan import Plan
 
 ROUNDING = 2.0**-52
 
-COMPILED = 60.0  # seconds of the processor in which kernels are compiled, or read
+COMPILED = 30.0  # seconds of the processor in which kernels are compiled, or read
 _RELATIVE = {
     "error/impulse",
     "error/stability",
