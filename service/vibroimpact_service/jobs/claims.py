@@ -108,7 +108,8 @@ def ahead(connection: Connection, asked: Sequence[JobRow]) -> dict[str, int]:
     """
     running, before = _running_jobs(connection), _before_own(connection, asked)
     count = sa.func.count().label("jobs")
-    query = sa.select(jobs.c.queue, jobs.c.owner, count).where(QUEUED)
+    queue = jobs.c.queue.label("queue")
+    query = sa.select(queue, jobs.c.owner, count).where(QUEUED)
     waiting = connection.execute(query.group_by(jobs.c.queue, jobs.c.owner)).all()
     positions = {}
     for job in asked:
@@ -116,7 +117,7 @@ def ahead(connection: Connection, asked: Sequence[JobRow]) -> dict[str, int]:
         others = (
             min(each.jobs, max(0, turn - running.get(each.owner, 0)))
             for each in waiting
-            if each.lane == job.queue and each.owner != job.owner
+            if each.queue == job.queue and each.owner != job.owner
         )
         positions[job.id] = before[job.id] + sum(others)
     return positions

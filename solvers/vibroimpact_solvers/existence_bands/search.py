@@ -157,8 +157,8 @@ class SearchedBands:
         for _ in range(_OUTWARDS):
             if not waits.any():
                 break
-            found, _, certain = self._reasons(moved[waits])
-            waits[waits] = ~(certain & (found == codes[waits]))
+            reasons, _, certain = self._reasons(moved[waits])
+            waits[waits] = ~(certain & (reasons == codes[waits]))
             step *= 2.0
             moved[waits] = (ends + step)[waits]
             np.clip(moved, limits[0], limits[1], out=moved)
