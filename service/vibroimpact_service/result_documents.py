@@ -34,11 +34,11 @@ def _entries(
     groups: Groups, fields: tuple[Declared, ...], inside: str, *, whole: bool = False
 ) -> dict[str, Any]:
     """Return types and defaults of what a document holds whose path is `inside`."""
-    members: dict[str, list[Declared]] = {}
+    parts: dict[str, list[Declared]] = {}
     for field in fields:
-        members.setdefault(field.path[len(inside) :].partition("/")[0], []).append(field)
+        parts.setdefault(field.path[len(inside) :].partition("/")[0], []).append(field)
     known, entries = dict(groups), dict[str, Any]()
-    for name, those in members.items():
+    for name, those in parts.items():
         group = known.get(inside + name)
         if group is not None and those[0].path != inside + name:
             within = tuple(pair for pair in groups if pair[0].startswith(f"{inside}{name}/"))

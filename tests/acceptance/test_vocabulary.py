@@ -45,7 +45,7 @@ EXCEPTIONS: dict[tuple[str, str], str] = {
     ("openapi/vibroimpact_schema/(motions|requests).py", _MEMBER): _OF_THE_ENSEMBLE,
     ("client/vibroimpact/(computations|plots|result_file).py", _MEMBER): _OF_THE_ENSEMBLE,
     ("docs/(theory/time-histories|service/files).md", _MEMBER): _OF_THE_ENSEMBLE,
-    ("benchmarks/skips/sweeps.py", _MEMBER): _OF_THE_ENSEMBLE,
+    ("benchmarks/(skips/sweeps|scaling).py|changes/.*", _MEMBER): _OF_THE_ENSEMBLE,
     ("tests/.*/test_(ensemble|many|matrix|results|client).py", _MEMBER): _OF_THE_ENSEMBLE,
     ("docs/reference/client.md|mkdocs.yml", _MEMBER): "an option of mkdocstrings",
     ("benchmarks/guard.py", "members?|walks|flights|good for"): "names of kernels in 0.1.0",
