@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.kernels.jit import fma, inline, inner, once
+from vibroimpact_solvers.kernels.jit import fma, inline, inner
 from vibroimpact_solvers.kernels.passages import LOW, ORDER
 from vibroimpact_solvers.kernels.phases import sine_cosine
 
@@ -45,11 +45,6 @@ DRIVE: Final = np.dtype(
 )
 """A pair that another one drives: their indices, and kappa."""
 
-ALPHA, NU, REST, PUSH = range(4)
-"""Rows in which numbers of the pairs come from Python, see `Flow`."""
-COORDINATE, VELOCITY, KICK, KICK_RATE = range(4)
-SIZE, SIZE_HIGH, SIZE_LOW = range(3)
-"""Rows in which forms and bounds of the watched coordinates come, see `Watched`."""
 
 _LONG = 32  # pairs from which on sums for velocities at impacts are worth exact ones
 _VERY_LONG = 256  # and those for the coordinates whose passages are searched for
@@ -104,22 +99,6 @@ def set_propagator(flow: Flow, s: float, ds: float, propagator: Floats) -> None:
     for j in range(flow.hyperbolas_end, alpha.size):
         even[j] = math.exp(alpha[j] * time)
         odd[j] = even[j] * time
-
-
-@once
-def flow_of(rates: Floats, drives: NDArray[np.void], kinds: tuple[int, int, bool, float]) -> Flow:
-    """Give names to what comes from Python, rates of shape (4, pair)."""
-    alpha, nu, rest, push = rates[ALPHA], rates[NU], rates[REST], rates[PUSH]
-    return Flow(alpha, nu, rest, push, drives, *kinds)
-
-
-@once
-def watched_of(forms: Floats, sizes: Floats) -> Watched:
-    """Give names to forms (4, watched, 2, pair) and their bounds (3, watched, pair)."""
-    return Watched(
-        forms[COORDINATE], forms[VELOCITY], forms[KICK], forms[KICK_RATE], sizes[SIZE],
-        sizes[SIZE_HIGH], sizes[SIZE_LOW],
-    )  # fmt: skip
 
 
 @inline

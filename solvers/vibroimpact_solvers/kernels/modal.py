@@ -19,8 +19,9 @@ from vibroimpact_solvers.kernels.jit import fma, inline, inner, once, product
 
 SMALLEST, LARGEST = 1e-100, 1e100
 """Range of magnitudes whose squares double precision can represent."""
-SAMPLES: Final = 8
-"""States that are converted at a time."""
+SAMPLES: Final = 16
+"""States that are converted at a time, half of them where there are more modes than `MANY`."""
+MANY: Final = 256
 _PRODUCT = 260_000  # multiplications up to which OpenBLAS starts no threads, which would spin
 
 
@@ -153,8 +154,8 @@ def state_of(modal: Modal, x: Floats, v: Floats, z: Floats, scratch: Floats) -> 
 
 
 @inner
-def coordinates_of(modal: Modal, z: Floats, scratch: Floats) -> float:
-    """Fill in modal coordinates and rates of a state, (2, mode); return its energy."""
+def coordinates_of(modal: Modal, z: Floats, scratch: Floats) -> None:
+    """Fill in modal coordinates and rates of a state, (2, mode)."""
     q, rate, others, modes = scratch[Z1], scratch[Z2], modal.others, modal.place.size
     for j in range(modes):
         q[j], rate[j] = modal.still[j], 0.0
@@ -168,8 +169,13 @@ def coordinates_of(modal: Modal, z: Floats, scratch: Floats) -> float:
         for j in range(modes):
             q[j] += value * modal.made[row, j]
             rate[j] += value * modal.made[row, modes + j]
-    energy = modal.level
-    for j in range(modes):
+
+
+@inner
+def energy_of(modal: Modal, coordinates: Floats) -> float:
+    """Return the energy of modal coordinates and rates, (2, mode)."""
+    q, rate, energy = coordinates[Z1], coordinates[Z2], modal.level
+    for j in range(modal.place.size):
         speed = modal.scale * rate[j]
         energy += 0.5 * speed * speed + (0.5 * modal.stiffness[j] * q[j] - modal.load[j]) * q[j]
     return energy
@@ -204,7 +210,7 @@ def displacements_of(
     if each * samples == 0:
         return
     rows, dofs = each * samples, modal.base.size
-    some = max(1, min(dofs, _PRODUCT // (rows * block.shape[1])))
+    some = max(1, min(dofs, _PRODUCT // (rows * max(1, block.shape[1]))))
     for first in range(0, dofs, some):
         last = min(first + some, dofs)
         out = sums[: rows * (last - first)].reshape(rows, last - first)

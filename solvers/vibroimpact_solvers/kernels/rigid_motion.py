@@ -27,20 +27,18 @@ from vibroimpact_solvers.kernels.deviations import (
 from vibroimpact_solvers.kernels.flow import (
     Z1,
     Z2,
-    flow_of,
     grows,
     propagate,
     propagate_state,
     set_propagator,
-    watched_of,
 )
 from vibroimpact_solvers.kernels.impact_law import graze, strike
 from vibroimpact_solvers.kernels.jit import bare, inner, once
 from vibroimpact_solvers.kernels.modal import (
-    SAMPLES,
     Modal,
     coordinates_of,
     displacements_of,
+    energy_of,
     keep_coordinates,
     modal_of,
     state_of,
@@ -57,12 +55,12 @@ from vibroimpact_solvers.kernels.next_impact import (
 from vibroimpact_solvers.kernels.rigid_state import (
     MAY_GRAZE,
     NOT_GRAZING,
-    Errors,
     History,
     Motion,
     Scratch,
     Structure,
     scratch_of,
+    structure_of,
 )
 
 _DRIFTED = 1.0 / 64.0  # of the tolerance, by errors of the frequencies in one free motion
@@ -100,13 +98,13 @@ def _take_samples(
         lost -= now.time_rest
         set_propagator(flow, since, lost, scratch.propagator)
         propagate_state(flow, scratch.propagator, since + lost, motion.z, scratch.z)
-        held = coordinates_of(modal, scratch.z, scratch.rate)
+        coordinates_of(modal, scratch.z, scratch.rate)
         if energy.size > 0:
-            energy[now.samples] = held
+            energy[now.samples] = energy_of(modal, scratch.rate)
         place, x, v = now.samples - now.written, history.x.size > 0, history.v.size > 0
         keep_coordinates(scratch.rate, scratch.block, place, x, v)
         now.samples += 1
-        if now.samples - now.written == SAMPLES:
+        if 2 * (now.samples - now.written) == scratch.block.shape[0]:
             _write_history(motion, scratch, modal, history)
 
 
@@ -213,7 +211,7 @@ def follow(
     Parameters
     ----------
     structure : tuple
-        `Structure`, as `flow_of` and `watched_of` take it.
+        `Structure`, as `structure_of` takes it.
     motion : tuple
         `Motion`; what it refers to is changed. The progress has a row for each motion; rows of
         impacts follow one another, in the units of x.
@@ -234,11 +232,9 @@ def follow(
     place : int
         Which motion is the last that was followed: all before reached their ends.
     """
-    rates, drives, kinds, forms, sizes, walls, mobility, errors = structure
-    flow, watched = flow_of(rates, drives, kinds), watched_of(forms, sizes)
-    named = Structure(flow, watched, walls, mobility, Errors(*errors))
     z, deviations, progress, impacts, output_times = motion
-    conversion, scratch = modal_of(modal), scratch_of(work)
+    named, conversion = structure_of(structure), modal_of(modal)
+    scratch = scratch_of(work, z.shape[1], conversion.place.size)
     xs, vs, energies = history
     place, rows, spent = 0, progress[0].rows, 0
     while True:
@@ -252,7 +248,7 @@ def follow(
         if not now.begun:
             start_deviations(current, named.errors)
             now.begun = 1
-            for i in range(walls.size):
+            for i in range(named.walls.size):
                 scratch.grazing[i] = NOT_GRAZING
         stop = _advance(named, current, scratch, conversion, written)
         _write_history(current, scratch, conversion, written)

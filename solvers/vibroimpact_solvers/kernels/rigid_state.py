@@ -6,6 +6,7 @@ frequencies stay within the range of double precision.
 
 from __future__ import annotations
 
+import math
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels.flow import Z1, Z2, Flow, Watched
 from vibroimpact_solvers.kernels.jit import once
-from vibroimpact_solvers.kernels.modal import SAMPLES
+from vibroimpact_solvers.kernels.modal import MANY, SAMPLES
 from vibroimpact_solvers.kernels.passages import DEPTH, LOW, ORDER
 
 Rows = NDArray[np.void]
@@ -166,41 +167,82 @@ class Scratch(NamedTuple):
     roots: Floats  # (DEPTH + 5, DEPTH + 2), of `passages.first_passage`
     struck: Rows  # (watched,), of `STRUCK`
     equations: Floats  # (2 watched, watched + 1)
-    block: Floats  # (2 SAMPLES, mode): of `modal.displacements_of`
-    sums: Floats  # (2 SAMPLES output dof,)
+    block: Floats  # (row, mode): of `modal.displacements_of`
+    sums: Floats  # (row output dof,)
 
 
-_Z, _RATE, _PROPAGATOR, _LENGTHS = range(4)
-_ROUNDING, _MARGIN, _MARGIN_RATE, _ROOM, _RIGHT, _SOLUTION = range(6)
-_IN_REACH, _GRAZING, _BASIC = range(3)
-_DERIVATIVES, _LOW = -2, -1
+_ALPHA, _NU, _REST, _PUSH, _OWN, _RATES = range(6)
+_COORDINATE, _VELOCITY, _KICK, _KICK_RATE, _FORMS = range(5)
+_SIZE, _HIGH, _LOW_BOUND, _SIZES = range(4)
+"""Rows of what `handed_over` returns, and how many there are."""
+_Z, _RATE, _PROPAGATOR, _LENGTHS, _STATES = range(5)
+_ROUNDING, _MARGIN, _MARGIN_RATE, _ROOM, _RIGHT, _SOLUTION, _NUMBERS = range(7)
+_IN_REACH, _GRAZING, _BASIC, _MARKS = range(4)
+_DERIVATIVES, _LOW, _SEARCH = -2, -1, DEPTH + 7
+
+
+def handed_over(structure: Structure) -> tuple[Any, ...]:
+    """Return what `structure_of` gives names to: few arrays, as each takes time to hand over."""
+    flow, watched, walls, mobility, errors = structure
+    pairs = flow.nu.size
+    parts = (
+        np.array([flow.alpha, flow.nu, flow.rest, flow.push, errors.own]), errors.drifts,
+        *watched, errors.kicks, errors.signs,
+    )  # fmt: skip
+    table = np.concatenate([part.reshape(math.prod(part.shape[:-1]), pairs) for part in parts])
+    kinds = flow.rotations, flow.hyperbolas_end, flow.damped, flow.growth
+    return table, kinds, (errors.drifts.shape[0], errors.drift), flow.drives, walls, mobility
+
+
+@once
+def structure_of(given: tuple[Any, ...]) -> Structure:
+    """Give names to what `handed_over` returns."""
+    table, kinds, (columns, drift), drives, walls, mobility = given
+    w, pairs, first = walls.size, table.shape[1], _RATES + columns
+    drifts = table[_RATES:first]
+    last = first + _FORMS * 2 * w
+    forms = table[first:last].reshape(_FORMS, w, 2, pairs)
+    first, last = last, last + _SIZES * w
+    sizes = table[first:last].reshape(_SIZES, w, pairs)
+    first, last = last, last + columns * w * 2
+    kicks = table[first:last].reshape(columns, w, 2, pairs)
+    signs = table[last:].reshape((table.shape[0] - last) // 2, 2, pairs)
+    flow = Flow(table[_ALPHA], table[_NU], table[_REST], table[_PUSH], drives, *kinds)
+    watched = Watched(
+        forms[_COORDINATE], forms[_VELOCITY], forms[_KICK], forms[_KICK_RATE], sizes[_SIZE],
+        sizes[_HIGH], sizes[_LOW_BOUND],
+    )  # fmt: skip
+    errors = Errors(signs, drifts, kicks, table[_OWN], drift)
+    return Structure(flow, watched, walls, mobility, errors)
 
 
 def workspace(pairs: int, watched: int, modes: int, dofs: int) -> tuple[Any, ...]:
     """Return what `scratch_of` gives names to: few arrays, as each takes time to hand over."""
-    return (
-        np.empty((4, 2, pairs)),
-        np.empty((6, watched)),
-        np.zeros((3, watched), dtype=np.int64),
-        np.empty((DEPTH + 7, DEPTH + 2)),
-        np.empty(watched, STRUCK),
-        np.empty((2 * watched, watched + 1)),
-        (np.empty((2 * SAMPLES, modes)), np.empty(2 * SAMPLES * dofs)),
-    )
+    size = _STATES * 2 * pairs + _NUMBERS * watched + _SEARCH * (DEPTH + 2)
+    size += 2 * watched * (watched + 1)
+    size += (2 * SAMPLES if modes <= MANY else SAMPLES) * (modes + dofs)
+    return np.empty(size), np.zeros((_MARKS, watched), dtype=np.int64), np.empty(watched, STRUCK)
 
 
 @once
-def scratch_of(given: tuple[Any, ...]) -> Scratch:
-    """Give names to the arrays of `workspace`."""
-    states, numbers, marks, search, struck, equations, history = given
-    derivatives, low, roots = (
-        search[_DERIVATIVES, :ORDER],
-        search[_LOW, :LOW],
-        search[:_DERIVATIVES],
-    )
+def scratch_of(given: tuple[Any, ...], pairs: int, modes: int) -> Scratch:
+    """Give names to parts of the arrays of `workspace`."""
+    room, marks, struck = given
+    w, last = struck.size, _STATES * 2 * pairs
+    states = room[:last].reshape(_STATES, 2, pairs)
+    first, last = last, last + _NUMBERS * w
+    numbers = room[first:last].reshape(_NUMBERS, w)
+    first, last = last, last + _SEARCH * (DEPTH + 2)
+    search = room[first:last].reshape(_SEARCH, DEPTH + 2)
+    first, last = last, last + 2 * w * (w + 1)
+    equations = room[first:last].reshape(2 * w, w + 1)
+    rows = 2 * SAMPLES if modes <= MANY else SAMPLES
+    first, last = last, last + rows * modes
+    block = room[first:last].reshape(rows, modes)
     return Scratch(
         states[_Z], states[_RATE], states[_PROPAGATOR], states[_LENGTHS, Z1],
         states[_LENGTHS, Z2], numbers[_ROUNDING], numbers[_MARGIN], numbers[_MARGIN_RATE],
         numbers[_ROOM], numbers[_RIGHT], numbers[_SOLUTION], marks[_IN_REACH], marks[_GRAZING],
-        marks[_BASIC], derivatives, low, roots, struck, equations, *history,
+        marks[_BASIC], search[_DERIVATIVES, :ORDER], search[_LOW, :LOW], search[:_DERIVATIVES],
+        struck, equations, block, room[last:],
     )  # fmt: skip

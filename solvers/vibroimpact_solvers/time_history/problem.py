@@ -25,8 +25,6 @@ MOST_DOFS: Final = 200
 """Degrees of freedom up to which extended precision is available."""
 TOLERANCE: Final = 1e-6
 """Tolerance where the problem names none."""
-_LOWEST, _HIGHEST = RANGE[0] ** 1.8, RANGE[1] ** 2
-"""Sums of squares between them are those of numbers of which the largest is within `RANGE`."""
 OUTPUTS: Final = ("x", "v", "impacts", "energy", "contacts")
 
 
@@ -205,8 +203,6 @@ class Problem:
             if values.shape != (self.system.n,):
                 message = f"{values.size} numbers for {self.system.n} degrees of freedom"
                 raise ModelError(("initial", name), message, code="wrong_length")
-            if _LOWEST <= float(values @ values) <= _HIGHEST:
-                continue
             largest = float(np.abs(values).max(initial=0.0))
             if not math.isfinite(largest):
                 message = "an entry is nan or infinite"

@@ -55,11 +55,7 @@ class Configuration:
     @cached_property
     def arguments(self) -> tuple[Any, ...]:
         """The same as `kernels.rigid_motion.follow` takes it."""
-        flow, watched, walls, mobility, errors = self.kernel
-        rates = np.ascontiguousarray([flow.alpha, flow.nu, flow.rest, flow.push])
-        kinds = flow.rotations, flow.hyperbolas_end, flow.damped, flow.growth
-        forms, sizes = np.ascontiguousarray(watched[:4]), np.ascontiguousarray(watched[4:])
-        return rates, flow.drives, kinds, forms, sizes, walls, mobility, tuple(errors)
+        return rigid_state.handed_over(self.kernel)
 
 
 class Structure:

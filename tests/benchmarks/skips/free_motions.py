@@ -28,7 +28,7 @@ _COUNTED: Final = {
     "propagate_state": "states advanced",
 }
 """What is counted when the loop calls a function of `kernels.flow`."""
-_NAMING: Final = ("flow_of", "watched_of", "scratch_of", "modal_of")
+_NAMING: Final = ("structure_of", "scratch_of", "modal_of")
 _LOOPS: Final[dict[ModuleType, tuple[str, ...]]] = {
     next_impact: ("next_event", "_expanded", "_closing_in"),
     rigid_motion: ("_take_samples", "_move", "_advance"),
