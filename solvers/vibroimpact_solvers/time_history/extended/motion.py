@@ -17,7 +17,13 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ConvergenceError
-from vibroimpact_solvers.time_history.extended.enclosure import Enclosure, flow
+from vibroimpact_solvers.time_history.extended.derivatives import (
+    flow_map,
+    product,
+    release,
+    saltation,
+)
+from vibroimpact_solvers.time_history.extended.enclosure import Enclosure
 from vibroimpact_solvers.time_history.extended.free_motion import Approach, Event, FreeMotion
 from vibroimpact_solvers.time_history.extended.impact_law import Blow, blows
 from vibroimpact_solvers.time_history.extended.places import Places
@@ -26,8 +32,6 @@ from vibroimpact_solvers.time_history.extended.precision import (
     Real,
     above,
     column,
-    doubles,
-    norm,
     radii,
     real,
     undecided,
@@ -250,26 +254,10 @@ class Motion:
 
     def _drift(self, free_motion: FreeMotion, sigma: Real) -> None:
         """Move all motions on by a part of the step."""
-        F = self._flow(free_motion, sigma, flint.arb(0))
+        F = flow_map(free_motion, sigma, flint.arb(0))
         q, v = free_motion.state(sigma)
         self._carry(*F, self._radii(self.configuration, q, v))
         self.q, self.v, self.now = q.mid(), v.mid(), self.now + sigma * free_motion.h
-
-    def _flow(self, free_motion: FreeMotion, sigma: Real, wide: Real) -> tuple[Floats, Floats]:
-        """Return the derivative of the state after a part of the step by that at its start."""
-        configuration = self.configuration
-        F, errors = flow(configuration.matrix, configuration.step * float(sigma.mid()))
-        rounded = wide + 16.0 * _EPS * sigma  # also of the matrix
-        return F, errors + self._shift(configuration, np.abs(F) + errors, rounded)
-
-    def _shift(self, configuration: Configuration, sizes: Floats, wide: Real) -> Floats:
-        """Return how a derivative changes within the time of an event."""
-        late = above(wide) * configuration.step * (1.0 + 1e-9)
-        most = np.abs(configuration.matrix) * late
-        if float(most.sum(axis=1).max()) > 0.5:
-            raise undecided("when an impact is", self.now)
-        # exp(M) - 1 <= M/(1 - M), entry by entry.
-        return np.asarray(1.01 * most @ np.abs(np.linalg.inv(np.eye(len(most)) - most)) @ sizes)
 
     def _radii(self, configuration: Configuration, q: Matrix, v: Matrix) -> list[Real]:
         """Return the radii of a state, in the size of states."""
@@ -292,7 +280,7 @@ class Motion:
         """Return the state at an event."""
         q, v = free_motion.state(within(sigma, tight))
         configuration, force = self.configuration, free_motion.force(within(sigma, wide))
-        F, errors = self._flow(free_motion, sigma, wide)
+        F, errors = flow_map(free_motion, sigma, wide)
         box, late = self._enclosure.box, wide * free_motion.h
         rows = ((np.abs(F) + errors) * (1.0 + 1e-9)).tolist()
         grown = [sum((b * f for b, f in zip(box, row, strict=True)), flint.arb(0)) for row in rows]
@@ -334,8 +322,8 @@ class Motion:
         for interval in self.intervals[first:]:
             more = self._chatter_error(configuration, interval, arrivals)
             radii = [r + more for r in radii]
-        J = self._saltation(configuration, given, all_speeds, state, wide)
-        self._carry(*_product(J, self._flow(free_motion, sigma, wide)), radii)
+        J = saltation(configuration, given, all_speeds, state, wide, self._size, self.now)
+        self._carry(*product(J, flow_map(free_motion, sigma, wide)), radii)
         condition = self.condition
         for blow, u in zip(given, speeds, strict=True):
             impulses = (blow.impulses * before.E * state.v).entries()
@@ -343,51 +331,6 @@ class Motion:
                 speed = side * u if (index, side) == blow.contact else flint.arb(0)
                 self.impacts.append(Impact(self.now.mid(), index, side, speed, P, condition))
         self.configuration, self.q, self.v = configuration, q.mid(), v.mid()
-
-    def _saltation(
-        self,
-        configuration: Configuration,
-        given: list[Blow],
-        speeds: list[Real],
-        state: Places,
-        wide: Real,
-    ) -> tuple[Floats, Floats]:
-        """Return the derivative of the state after the impacts by that before, and its errors.
-
-        ``S = J_0 + (F+ - J_0 F-) grad(y)^T / (grad(y) . F-)``. Two impacts at once that do not
-        change each other's velocities have the product in any order, but for accelerations in
-        between, which then count as unknown.
-        """
-        before, old, new = self.configuration, self.configuration.weights, configuration.weights
-        acceleration = before.accelerations(state.all_q, state.all_v, state.force)
-        later = configuration.accelerations(*state.all_after(configuration, given), state.force)
-        place = configuration.transform(before)
-        rate = place
-        for blow in given:
-            rate -= (configuration.T * blow.changes) * (blow.impulses * before.E)
-        m, k = len(new), len(old)
-        J = np.zeros((2 * m, 2 * k))
-        errors = J.copy()
-        J[:m, :k] = doubles(place) * new[:, np.newaxis] / old
-        J[m:, k:] = doubles(rate)
-        jump = later - rate * acceleration
-        for blow, speed in zip(given, speeds, strict=True):
-            row = doubles(self.body.row(blow.contact) * before.E)[0] / old
-            struck = blow.impulses * before.E * state.all_v
-            step = -(configuration.T * blow.changes) * struck / speed
-            kick = jump / speed if len(given) == 1 else flint.arb_mat(m, 1)
-            g = np.concatenate([doubles(step)[:, 0] * new, doubles(kick)[:, 0]])
-            J[:, :k] += np.multiply.outer(g, row)
-            off = [above(w * s.rad()) for w, s in zip(new.tolist(), step.entries(), strict=True)]
-            off += [above(value.rad()) for value in kick.entries()]
-            if len(given) > 1:
-                between = [above(a) for a in (*later.entries(), *acceleration.entries())]
-                damping = 0.0 if before.C is None else norm(doubles(before.C))
-                unknown = 2.0 * (math.hypot(*between) + damping * self._size)
-                off[m:] = [unknown * above(1 / speed)] * m
-            errors[:, :k] += np.multiply.outer(off, np.abs(row)) * (1.0 + 1e-9)
-        errors += 16.0 * (m + k) * _EPS * np.abs(J)
-        return J, errors + self._shift(configuration, np.abs(J) + errors, wide)
 
     def _settled(
         self,
@@ -544,7 +487,7 @@ class Motion:
         # A deviation grows by its rate for this time, in the coordinate and in the rates.
         grown = total * (real(configuration.rate) * time).exp()
         q, v = free_motion.state(stop)
-        F = self._flow(free_motion, stop, flint.arb(0))
+        F = flow_map(free_motion, stop, flint.arb(0))
         radii = self._radii(configuration, q, v)
         weights = free_motion.weights
         radii = [
@@ -572,27 +515,9 @@ class Motion:
         )
         self._leaving |= dict.fromkeys(ended, 3)
         q, v = state.after(configuration)
-        m, k = len(configuration.weights), len(before.weights)
-        J = np.zeros((2 * m, 2 * k))
-        turn = doubles(configuration.transform(before))
-        J[:m, :k] = turn * configuration.weights[:, np.newaxis] / before.weights
-        J[m:, k:] = turn
-        errors = 16.0 * (m + k) * _EPS * np.abs(J)
-        # The forces that vanish do so within the time of the event only.
-        jump = configuration.accelerations(*state.all_after(configuration), state.force)
-        acceleration = before.accelerations(state.all_q, state.all_v, state.force)
-        jump -= configuration.transform(before) * acceleration
-        apart = np.array([0.0] * m + [above(value) for value in jump.entries()])
-        for event in events:
-            felt = np.zeros(2 * k)
-            felt[:k] = [above(value) for value in event.watch.by_q.entries()]
-            felt[:k] /= before.weights
-            if event.watch.by_v is not None:
-                felt[k:] = [above(value) for value in event.watch.by_v.entries()]
-            errors += np.multiply.outer(apart, felt) * above(free_motion.h / event.least)
-        errors += self._shift(configuration, np.abs(J) + errors, wide)
+        J = release(configuration, events, state, free_motion.h, wide, self.now)
         radii = self._radii_at(configuration, q, v, state.force, tight * free_motion.h)
-        self._carry(*_product((J, errors), self._flow(free_motion, sigma, wide)), radii)
+        self._carry(*product(J, flow_map(free_motion, sigma, wide)), radii)
         self._count()
         self.configuration, self.q, self.v = configuration, q.mid(), v.mid()
 
@@ -605,11 +530,3 @@ class Motion:
         self._switched = (now, self._switched[1] + 1 if self._switched[0] == now else 1)
         if self._switched[1] > _SWITCHES:
             raise ConvergenceError(f"contacts begin and end without end at t = {now!r}")
-
-
-def _product(one: tuple[Floats, Floats], other: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-    """Return the product of two matrices with errors, and its errors."""
-    (J, e), (F, f) = one, other
-    rounding = 2.0 * max(J.shape) * _EPS
-    sizes = np.abs(F) + f
-    return J @ F, (e @ sizes + np.abs(J) @ (f + rounding * np.abs(F))) * (1.0 + 1e-9)
