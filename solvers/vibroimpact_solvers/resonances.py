@@ -48,8 +48,12 @@ _UNEXCITED = 1e-12  # excitation, relative to the terms of its sum, that is roun
 _MAX_MIXED = 1e-6  # largest part of a neighbouring mode in an unexcited one by rounding
 _ROWS = 256  # of a matrix of all pairs of modes at a time
 _METHOD: Final = "constrained structure"
-_STATEMENT: Final = (
-    "estimate: each eigenvalue of the constrained structure has an error of a few roundings of "
+_PROVED: Final = (
+    "certified: errors of the natural frequencies are proved from residuals of the modes, or are "
+    "roundings of a closed form; that a mode is excited is estimated"
+)
+_ESTIMATED: Final = (
+    "estimated: each eigenvalue of the constrained structure has an error of a few roundings of "
     "the largest one"
 )
 
@@ -128,8 +132,12 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     frequencies, places = [np.empty(0)], [np.empty(0, dtype=np.int64)]
     errors = [np.empty(0)]
     methods = _methods(plan)
+    # Fixing a direction rounds the matrices of what remains.
+    is_exact = len(problem.system.constraints[problem.constraint].coordinate) == 1
+    proved = is_exact
     for index, _ in batches(len(parts), 1, tick):
-        roots, error = parts[index].excited(methods[index])
+        roots, error, is_proved = parts[index].excited(methods[index], is_exact=is_exact)
+        proved &= is_proved
         frequencies.append(roots)
         errors.append(error)
         places.append(np.full(roots.size, index))
@@ -146,7 +154,8 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
         natural=np.repeat(natural, odd.size)[order],
         error_natural=error,
         within_tolerance=None if problem.tolerance is None else error <= problem.tolerance,
-        error_statement=_STATEMENT,
+        error_Omega=(error + EPS) * Omega[order] if "Omega" in outputs else None,
+        error_statement=_PROVED if proved else _ESTIMATED,
         neglected=system.losses(()) or None,
     )
 
@@ -166,19 +175,27 @@ class _Part:
     stiff: Floats
     heavy: Floats
 
-    def excited(self, method: spectrum.Method) -> tuple[Floats, Floats]:
-        """Return the natural frequencies that the coordinate excites, and their errors."""
+    def excited(self, method: spectrum.Method, *, is_exact: bool) -> tuple[Floats, Floats, bool]:
+        """Return the natural frequencies that the coordinate excites, and their errors.
+
+        And whether these are proved, which takes the exact matrices of the part.
+        """
         natural = spectrum.spectrum(self.system, method)
         modes = natural.modes
         push = modes.T @ self.stiff - natural.eigenvalues * (modes.T @ self.heavy)
         size = np.abs(modes.T) @ np.abs(self.stiff)
         size += np.abs(natural.eigenvalues) * (np.abs(modes.T) @ np.abs(self.heavy))
-        # The matrices of the part are computed from those of the structure.
+        # What is mixed by errors of matrices that were computed from those of the structure.
         errors = spectrum.sensitivity(self.system, natural)
         excited = np.abs(push) > _UNEXCITED * size + _mixed(natural, np.abs(push), *errors)
         chosen = excited & (natural.roots > 0.0)
-        relative = errors[0] / np.abs(natural.eigenvalues[chosen]) + errors[1]
-        return np.asarray(natural.roots[chosen]), np.minimum(0.5 * relative + 4.0 * EPS, 1.0)
+        values = natural.eigenvalues[chosen]
+        relative = errors[0] / values + errors[1]
+        if is_exact:
+            wrong = np.zeros(natural.roots.size) if natural.errors is None else natural.errors
+            relative = wrong[chosen] / values
+        error = np.minimum(0.5 * relative / np.maximum(1.0 - relative, 0.1) + EPS, 1.0)
+        return np.asarray(natural.roots[chosen]), error, is_exact and natural.proved
 
 
 def _mixed(natural: spectrum.Spectrum, push: Floats, uncertainty: float, norms: float) -> Floats:

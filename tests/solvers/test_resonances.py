@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mpmath as mp
 import numpy as np
 import pytest
 import scipy.linalg
@@ -68,3 +69,22 @@ def test_faults_are_named(more: dict[str, int], pointer: tuple[str, ...]) -> Non
     with pytest.raises(ModelError) as caught:
         resonances.Problem(chain(), **more)
     assert caught.value.pointer == pointer
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_natural_frequencies_are_within_their_errors(seed: int) -> None:
+    """Graded stiffnesses: a rounding of the largest eigenvalue would be the smallest one."""
+    rng = np.random.default_rng(seed)
+    n = 4
+    A = rng.normal(size=(n, n)) * np.geomspace(1.0, 1e-5, n)[:, np.newaxis]
+    K, M = A @ A.T, np.eye(n)
+    K = 0.5 * (K + K.T)
+    system = System(SymmetricMatrix.dense(M), SymmetricMatrix.dense(K), (Constraint.at(0, 1.0),))
+    result = solved(system)
+    with mp.workdps(60):
+        exact = sorted(mp.sqrt(value) for value in mp.eigsy(mp.matrix(K[1:, 1:].tolist()))[0])
+    assert result.error_statement.startswith("certified")
+    assert result.natural.size == n - 1
+    pairs = zip(np.sort(result.natural), exact, result.error_natural, strict=True)
+    for value, true, error in pairs:
+        assert abs(mp.mpf(value) / true - 1) <= error < 1e-11

@@ -21,7 +21,7 @@ from vibroimpact_solvers.spectrum import Spectrum
 STATEMENT: Final = (
     "estimated: impact modes at frequencies between all poles; a band or a gap narrower than the "
     "resolution could be missed, edges are enclosed between two frequencies whose reasons are "
-    "certain, if there are such within 1e-6"
+    "certain, if there are such within 1e-10"
 )
 
 STRAIGHT: Final = (
@@ -29,7 +29,7 @@ STRAIGHT: Final = (
 )
 
 _BETWEEN = 16  # frequencies between neighbouring poles
-_OUTWARDS = 32  # doublings of the distance from an edge, from a few roundings on
+_OUTWARDS = 16  # doublings of the distance from an edge, from a few roundings on
 _LEAST = 2000  # frequencies at least
 _MOST = 400_000  # frequencies at most
 _OUTPUTS: Final = frozenset({"reason"})
@@ -112,14 +112,15 @@ class SearchedBands:
         codes, witness, _ = self._reasons(grid, tick)
         changes = np.flatnonzero(codes[1:] != codes[:-1])
         low, high = self._bisect(grid, codes, changes)
+        middle = 0.5 * (low + high)
         ends = np.stack([low, high]), np.stack([codes[changes], codes[changes + 1]])
         low, high = self._certain(*ends, np.stack([grid[changes], grid[changes + 1]]))
         ranges = FrequencyRanges(statement=STATEMENT)
         ranges.resolution = float((np.diff(grid) / grid[1:]).max())
         starts = np.concatenate([[0], changes + 1])
         stops = np.concatenate([changes, [grid.size - 1]])
-        edges = np.concatenate([[grid[0]], 0.5 * (low + high), [grid[-1]]])
-        errors = np.concatenate([[0.0], 0.5 * (high - low), [0.0]])
+        edges = np.concatenate([[grid[0]], middle, [grid[-1]]])
+        errors = np.concatenate([[0.0], np.maximum(middle - low, high - middle), [0.0]])
         for k, (first, last) in enumerate(zip(starts, stops, strict=True)):
             reason = Reason(codes[first])
             start, stop = float(edges[k]), float(edges[k + 1])

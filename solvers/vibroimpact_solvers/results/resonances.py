@@ -22,7 +22,9 @@ class Result:
 
     Omega: Annotated[
         Floats | None,
-        Quantity(_RESONANCE, "time-1", "fundamental frequency of the impact mode"),
+        Quantity(
+            _RESONANCE, "time-1", "fundamental frequency of the impact mode", error="error/Omega"
+        ),
     ]
     harmonic: Annotated[
         Integers | None, Quantity(_RESONANCE, "1", "odd multiple of Omega that resonates")
@@ -50,6 +52,10 @@ class Result:
     error_natural: Annotated[
         Floats,
         Quantity(_RESONANCE, "1", "relative error of the natural frequency", path="error/natural"),
+    ]
+    error_Omega: Annotated[
+        Floats | None,
+        Quantity(_RESONANCE, "time-1", "absolute error of Omega", path="error/Omega"),
     ]
     within_tolerance: Annotated[
         Booleans | None,
