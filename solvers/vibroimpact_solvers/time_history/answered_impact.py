@@ -84,5 +84,7 @@ class AnsweredImpact:
         lost = rows @ turned
         lost[0] *= 1.0 + self.structure.system.constraints[self.contacts[0][0]].restitution
         mobility = rows @ self.structure.mass_solve(rows.T)
-        turned = turned - self.structure.mass_solve(rows.T @ np.linalg.solve(mobility, lost))
+        # Dependent coordinates share their impulse.
+        shared = np.linalg.pinv(mobility, hermitian=True) @ lost
+        turned = turned - self.structure.mass_solve(rows.T @ shared)
         return dx + (self.v - self.after) * late, turned - after * late
