@@ -101,25 +101,19 @@ class Budget:
         """Whether `spend` does nothing for computations of up to that price."""
         return self._limits(caller)[1] is None and seconds <= self._settings.max_job_seconds
 
-    async def check_address(self, address: str) -> None:
-        """Refuse an address from which too many requests without a valid key came.
-
-        Whoever tries keys does not learn whether the next one is valid.
+    async def count_failed_key(self, address: str) -> None:
+        """Count a request without a valid key from an address.
 
         Raises
         ------
         ProblemError
             429 if there were too many.
         """
-        if not await self._windows.test(_FAILED_KEYS, address):
+        if not await self._windows.hit(_FAILED_KEYS, address):
             stats = await self._windows.get_window_stats(_FAILED_KEYS, address)
             wait = _whole(stats.reset_time - time.time())
             detail = f"Too many requests without a valid key; ask again in {wait} s."
             raise ProblemError(problems.TOO_MANY, detail, headers={"Retry-After": str(wait)})
-
-    async def count_failed_key(self, address: str) -> None:
-        """Count a request without a valid key from an address."""
-        await self._windows.hit(_FAILED_KEYS, address)
 
     def _limits(self, caller: Caller) -> tuple[int | None, float | None]:
         """Return the requests per minute and seconds per hour of a caller; None: unlimited."""

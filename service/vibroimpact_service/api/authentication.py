@@ -50,13 +50,11 @@ class Authentication(SecurityBase):
         if not parts.authenticator.keys_required:
             state.caller = LOCAL
             return LOCAL
-        address = request.client.host if request.client else ""
-        await parts.budget.check_address(address)
         try:
             caller = await parts.authenticator.caller(request.headers.get("authorization"))
         except ProblemError as error:
             if error.type is problems.UNAUTHENTICATED:
-                await parts.budget.count_failed_key(address)
+                await parts.budget.count_failed_key(request.client.host if request.client else "")
             raise
         state.caller = caller
         state.more_headers |= await parts.budget.count(caller)
