@@ -76,8 +76,9 @@ class AtWalls:
 
         struck is at its wall by the account of the search.
         """
-        fixed = {index for index, _ in contacts}
-        candidates = {c for c in self._at_their_walls() if c[0] not in fixed} | {struck}
+        fixed = {index for index, _ in (*contacts, struck)}  # each rests at one of its walls
+        others = {i: (i, s) for i, s in self._at_their_walls() if i not in fixed}
+        candidates = {*others.values(), struck}
         given = self.forces(contacts)
         while candidates:
             stays = self.forces([*contacts, *candidates])
