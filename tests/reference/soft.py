@@ -113,9 +113,9 @@ class SoftMotion:
     def _length(self, series: list[Any]) -> Any:
         """Return a length of the step at whose end the equation still holds."""
         size = max(abs(float(c[0])) for c in series) or 1.0
-        last = max(
-            (abs(float(c[k])) / size) ** (1.0 / k) for c in series for k in (_ORDER - 1, _ORDER)
-        )
+        # Single coefficients can vanish: a power has every eighth one, say.
+        late = range(_ORDER // 2, _ORDER + 1)
+        last = max((abs(float(c[k])) / size) ** (1.0 / k) for c in series for k in late)
         h = min(_SMALL ** (1.0 / _ORDER) / max(last, 1e-9), 10.0)
         n = self.structure.n
         for _ in range(60):

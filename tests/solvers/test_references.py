@@ -120,3 +120,13 @@ def test_soft_limiters_conserve_energy_where_their_laws_change_sides() -> None:
         x, v = state[0, 0], state[1, 0]
         energy = (x**2 + v**2) / 2 + (3 * x**5 / 5 if x > 0 else arb(0))
         assert near(energy, arb(9) / 8, 24)
+
+
+def test_steps_of_soft_motions_see_powers_that_are_far_away() -> None:
+    """From the middle of a free gap the series has every eighth coefficient only."""
+    spring = Spring(ONE, arb(0.1), arb(0.1), 8.0, 7)
+    motion = SoftMotion(Structure([[1.0]], [[0.0]]), [spring], [0.0], [0.4])
+    for state in motion.run([1.0, 9.0]):
+        x, v = state[0, 0], state[1, 0]
+        energy = v**2 / 2 + arb(0.1) * (x / arb(0.1)) ** 8
+        assert near(energy, arb(0.4) ** 2 / 2, 22)
