@@ -35,6 +35,9 @@ def case(rng: np.random.Generator) -> Case:
         document["force"] = (rng.normal(size=n) * 0.3).tolist()
     count = len(document["constraints"])
     some = rng.permutation(count)[: int(rng.integers(1, count + 1))]
+    rows = np.array([structures.row(document, document["constraints"][a]) for a in some])
+    if np.linalg.matrix_rank(rows) < len(rows):  # impulses would not be unique
+        some = some[:1]
     active = sorted(int(a) for a in some)
     Omega, near = _frequency(rng, document)
     document.update(active=active, Omega=Omega)
@@ -139,7 +142,10 @@ def _check_existence(solution: Solution, result: impact_modes.Result, report: Re
     assert result.certified is not None
     assert result.reason is not None
     exists, certified = bool(result.exists[0]), bool(result.certified[0])
-    true = solution.exists()
+    try:
+        true = solution.exists()
+    except UndecidedError:
+        true = None
     reason = result.reason[0]
     label = "certified" if certified else "not certified"
     report.count(f"existence {label}")
