@@ -11,8 +11,8 @@ import numpy as np
 from benchmarks.cases import chain
 from benchmarks.error_against_time.slow_flows import motions
 from benchmarks.skips.scene import Scene, solve
-from vibroimpact_solvers import presets, slow_flow, time_history
-from vibroimpact_solvers.model import Constraint, System
+from vibroimpact_solvers import periodic_motions, presets, slow_flow, time_history
+from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.slow_flow import Initial
 from vibroimpact_solvers.time_history import OUTPUTS, Power, Problem, State
 
@@ -30,9 +30,31 @@ def scenes() -> Iterator[Scene]:
     yield _with_outputs("only displacements requested, N=13", {"x"}, "impacts")
     yield _with_outputs("one of 13 degrees of freedom requested", {"x", "v"}, dofs=np.array([5]))
     yield _with_outputs("no estimate of errors requested, N=13", _ALL, estimate=False)
+    for output in ("exists", "energy"):
+        others = frozenset(periodic_motions.OUTPUTS) - {output}
+        yield Scene(
+            f"only {output} of periodic motions requested, N=13",
+            periodic_motions,
+            partial(_periodic, {output}),
+            lambda: solve(periodic_motions, _periodic(periodic_motions.OUTPUTS)),
+            tuple(sorted(others)),
+        )
     (lossy,) = (motion for motion in motions() if motion[0] == "restitution")
     for variant in ("exact", "corrected"):
         yield from slow_flow_scenes(variant, *lossy)
+
+
+def _periodic(outputs: Any) -> periodic_motions.Problem:
+    """Return the response of a damped chain to a drive at its first mass."""
+    structure = chain(13)
+    K = structure.K.to_dense()
+    damped = System(
+        structure.M, structure.K, structure.constraints, C=SymmetricMatrix.dense(0.02 * K)
+    )
+    load, tau = (periodic_motions.Force((0,), (1.0,), 0.1),), np.linspace(0.0, 1.0, 33)
+    return periodic_motions.Problem(
+        damped, np.linspace(0.2, 1.0, 30), load, outputs=frozenset(outputs), tau=tau
+    )
 
 
 def _with_outputs(name: str, outputs: Any, *states: str, **more: Any) -> Scene:

@@ -191,6 +191,12 @@ class EnsembleRequest(MotionRequest):
 PeriodicMotionsOutput = Literal["exists", "extremes", "energy", "multipliers", "waveform"]
 
 
+def _all_outputs(given: dict[str, Any]) -> list[PeriodicMotionsOutput]:
+    """Return the outputs that are possible with the other fields of a request."""
+    always: list[PeriodicMotionsOutput] = ["exists", "extremes", "energy", "multipliers"]
+    return always if given.get("tau") is None else [*always, "waveform"]
+
+
 class PeriodicMotionsRequest(ComputationRequest):
     """Periodic motions of a driven, damped structure with a given sequence of impacts.
 
@@ -231,17 +237,15 @@ class PeriodicMotionsRequest(ComputationRequest):
         description="Times t/T of the waveform, 0 to 1, from the drive's phase 0; required for "
         "waveform.",
     )
-    outputs: Annotated[list[PeriodicMotionsOutput], Field(min_length=1, fail_fast=True)] | None = (
-        Field(
-            None,
-            description="What is computed beside the solutions and their impacts; absent: all, "
-            "waveform where tau is given. "
-            "exists: whether solutions are admissible, and why not; "
-            "extremes: largest, smallest and root-mean-square displacements [solution, dof]; "
-            "energy: work of the load and energy lost per period; "
-            "multipliers: Floquet multipliers and stability; "
-            "waveform: x at tau [solution, tau, dof].",
-        )
+    outputs: Annotated[list[PeriodicMotionsOutput], Field(min_length=1, fail_fast=True)] = Field(
+        default_factory=_all_outputs,
+        description="What is computed beside the solutions and their impacts; absent: all, "
+        "waveform where tau is given. "
+        "exists: whether solutions are admissible, and why not; "
+        "extremes: largest, smallest and root-mean-square displacements [solution, dof]; "
+        "energy: work of the load and energy lost per period; "
+        "multipliers: Floquet multipliers and stability; "
+        "waveform: x at tau [solution, tau, dof].",
     )
 
 

@@ -121,6 +121,14 @@ class ResonancesSweep(SweepOf[requests.ResonancesRequest, requests.ResonancesOut
     kind: Literal["resonances"]
 
 
+class PeriodicMotionsSweep(
+    SweepOf[requests.PeriodicMotionsRequest, requests.PeriodicMotionsOutput]
+):
+    """Periodic motions over a parameter grid; impacts refer to the solutions of their point."""
+
+    kind: Literal["periodic-motions"]
+
+
 class TimeHistorySweep(SweepOf[requests.TimeHistoryRequest, requests.TimeHistoryOutput]):
     """Time histories over a parameter grid."""
 
@@ -134,7 +142,12 @@ class SlowFlowSweep(SweepOf[requests.SlowFlowRequest, requests.SlowFlowOutput]):
 
 
 AnySweep = Annotated[
-    ImpactModesSweep | ExistenceBandsSweep | ResonancesSweep | TimeHistorySweep | SlowFlowSweep,
+    ImpactModesSweep
+    | ExistenceBandsSweep
+    | ResonancesSweep
+    | PeriodicMotionsSweep
+    | TimeHistorySweep
+    | SlowFlowSweep,
     Field(discriminator="kind"),
 ]
 

@@ -60,6 +60,25 @@ CASES = [
         {"system.constraints.0.gap": [0.1, 0.2], "odd_max": [3, 9], "system.mass": [1.0, 2.0]},
     ),
     Case(
+        "periodic-motions",
+        {
+            "system": {
+                "preset": "oscillator",
+                "Omega0": 1.0,
+                "zeta": 0.05,
+                "constraints": [
+                    {"dof": 0, "gap": {"lower": None, "upper": 0.5}, "restitution": 0.8}
+                ],
+            },
+            "load": [{"dof": 0, "amplitude": 0.4}],
+            "frequency": {"values": [0.8, 1.2]},
+        },
+        {
+            "system.constraints.0.gap.upper": [0.3, 0.5, 50.0],
+            "load.0.amplitude": [0.4, 0.8],
+        },
+    ),
+    Case(
         "time-history",
         {
             "system": {

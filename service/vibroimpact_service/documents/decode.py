@@ -220,9 +220,6 @@ def periodic_motions(request: requests.PeriodicMotionsRequest, of: System) -> dr
     """Return the problem of periodic motions."""
     Omega, _ = frequencies(request.frequency)
     sequence = request.sequence
-    outputs: Sequence[str] | None = request.outputs
-    if outputs is None:
-        outputs = [name for name in driven.OUTPUTS if name != "waveform" or request.tau is not None]
     return driven.Problem(
         of,
         Omega,
@@ -233,7 +230,7 @@ def periodic_motions(request: requests.PeriodicMotionsRequest, of: System) -> dr
         else tuple(driven.Impact(i.constraint, 1 if i.side == "upper" else -1) for i in sequence),
         request.constraint,
         None if request.start is None else _rows(request.start.phases, ("start", "phases")),
-        frozenset(outputs),
+        frozenset(request.outputs),
         _indices(request.dofs),
         None if request.tau is None else np.array(request.tau),
         request.tolerance,

@@ -74,9 +74,6 @@ def _steps(problem: Problem) -> Iterator[Step]:
 
 
 def _skips(problem: Problem) -> Iterator[Skip]:
-    yield Skip("integration in time", "motions between impacts are known in closed form")
-    if problem.system.C is None and all(c.restitution == 1.0 for c in problem.system.constraints):
-        yield Skip("energy balance by losses", "nothing dissipates energy")
     for name in OUTPUTS:
         if name not in problem.outputs:
             yield Skip(name, "not requested")

@@ -19,7 +19,14 @@ from dataclasses import dataclass, field
 from types import ModuleType
 from typing import Any, Final
 
-from vibroimpact_solvers import existence_bands, impact_modes, resonances, slow_flow, time_history
+from vibroimpact_solvers import (
+    existence_bands,
+    impact_modes,
+    periodic_motions,
+    resonances,
+    slow_flow,
+    time_history,
+)
 from vibroimpact_solvers.errors import SolverError
 from vibroimpact_solvers.impact_modes.shared_responses import response_count, solve_many
 from vibroimpact_solvers.plan import Stage
@@ -131,6 +138,18 @@ KINDS: Final[Mapping[str, SweptKind]] = {
             Rule("system.constraints.*.gap.**", None, _FIXED),
         ),
         ragged=frozenset({"resonance"}),
+    ),
+    "periodic-motions": SweptKind(
+        periodic_motions,
+        (
+            Rule("frequency.**", Stage.IMPULSE, changes=("Omega",)),
+            Rule("system.constraints.**", Stage.IMPULSE),
+            Rule("load.**", Stage.IMPULSE),
+            Rule("tau.*", Stage.WAVEFORM, changes=("tau",)),
+            Rule("dofs.*", Stage.ENERGY, changes=("dof",)),
+            Rule("tolerance", Stage.IMPULSE),
+        ),
+        ragged=frozenset({"solution", "impact"}),
     ),
     "time-history": SweptKind(
         time_history,

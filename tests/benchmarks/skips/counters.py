@@ -133,11 +133,11 @@ def counting() -> Iterator[Counter[str]]:
     """
     counts: Counter[str] = Counter()
     with fresh(), ExitStack() as stack:
+        stack.enter_context(free_motions.counted(counts))  # the calls of its loop are counted too
         for place, name, tally in _COUNTED:
             stack.enter_context(
                 mock.patch.object(place, name, _counter(place, name, tally, counts))
             )
-        stack.enter_context(free_motions.counted(counts))
         yield counts
         for name in [name for name, number in counts.items() if not number]:
             del counts[name]

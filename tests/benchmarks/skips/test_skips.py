@@ -19,7 +19,14 @@ import vibroimpact_solvers
 from benchmarks.skips.scene import Scene
 from tests.benchmarks.skips.counters import NUMBERS, counted
 from tests.benchmarks.skips.scenes import scenes
-from vibroimpact_solvers import existence_bands, impact_modes, slow_flow, sweep, time_history
+from vibroimpact_solvers import (
+    existence_bands,
+    impact_modes,
+    periodic_motions,
+    slow_flow,
+    sweep,
+    time_history,
+)
 from vibroimpact_solvers.plan import Plan, Skip
 
 MODES, ROWS, RESPONSES = "natural modes", "entries of modes", "responses of modes"
@@ -66,8 +73,8 @@ SAVED: Mapping[str, Mapping[str, tuple[int, int]]] = {
     "one of two constraints struck": {EQUATIONS: (0, 2 * 400)},
     "existence below Ω_N: impulses that are not positive": {PATH_CHECKS: (186, 300)},
     "existence above Ω_N": {PATH_CHECKS: (0, 300), RESPONSES: (300 * 12, 2 * 300 * 12)},
-    # C times 13 modes.
-    "a structure with damping": {PRODUCTS: (0, 28), ROWS: (13, 13 + 13 * 13)},
+    # C and its magnitudes times 13 modes, and what bounds the reach of the motion.
+    "a structure with damping": {PRODUCTS: (0, 43), ROWS: (13, 13 + 13 * 13)},
     "stability where the modes exist": {MAPS: (154, 300)},
     "stability that depends on the order of simultaneous impacts": {MAPS: (0, 400)},
     "the same structure requested again": {MODES: (100, 200)},
@@ -80,8 +87,8 @@ SAVED: Mapping[str, Mapping[str, tuple[int, int]]] = {
     "stability of bands that depends on the order of impacts": {MAPS: (0, 33)},
     "only bands requested": {MAPS: (0, 213), NUMBERS: (30, 86)},
     "only their stability requested": {NUMBERS: (28, 86)},
-    # Five numbers of each of 12 frequencies over 1, 3, 5, 7, 9.
-    "odd harmonics alone, N=13": {NUMBERS: (5 * 12 * 5, 5 * 12 * 9)},
+    # Six numbers of each of 12 frequencies over 1, 3, 5, 7, 9.
+    "odd harmonics alone, N=13": {NUMBERS: (6 * 12 * 5, 6 * 12 * 9)},
     "a structure of which half is not joined to the constraint, N=26": {MODES: (12, 12 + 25)},
     "a constraint that the energy does not reach, N=13": {COORDINATES: (34, 65)},
     "thirteen constraints, few of them in reach": {COORDINATES: (449, 1937)},
@@ -94,6 +101,9 @@ SAVED: Mapping[str, Mapping[str, tuple[int, int]]] = {
     "one of 13 degrees of freedom requested": {PLACES: (301 * 2, 301 * 13 * 2)},
     # One state instead of four at the end of each free motion.
     "no estimate of errors requested, N=13": {STATES: (333, 369)},
+    # Of 48 solutions, 18 of them with an impact: 13 degrees of freedom, 26 multipliers, 33 times.
+    "only exists of periodic motions requested, N=13": {NUMBERS: (576, 29_662)},
+    "only energy of periodic motions requested, N=13": {NUMBERS: (528, 29_662)},
     "fifty gaps of two coupled constraints, N=40": {
         MODES: (40, 50 * 40),
         RESPONSES: (400 * 40, 50 * 400 * 40),
@@ -195,7 +205,9 @@ def test_every_skip_that_a_plan_can_state_has_a_scene() -> None:
     assert shown == sites()
 
 
-@pytest.mark.parametrize("solver", [impact_modes, existence_bands, time_history, slow_flow])
+@pytest.mark.parametrize(
+    "solver", [impact_modes, existence_bands, periodic_motions, time_history, slow_flow]
+)
 def test_every_output_that_may_not_be_asked_has_a_scene(solver: ModuleType) -> None:
     shown = {what for scene in SCENES if scene.solver is solver for what in scene.states}
     # Reasons come with existence.
