@@ -44,7 +44,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats, Integers
-from vibroimpact_solvers.kernels.jit import fma, inner, kernel
+from vibroimpact_solvers.kernels.jit import fma, inner, kernel, sums
 from vibroimpact_solvers.kernels.phases import LARGEST, sine_cosine
 from vibroimpact_solvers.kernels.sums import folded
 from vibroimpact_solvers.kernels.triangle_time import (
@@ -727,7 +727,7 @@ def _even_errors(
             )
 
 
-@inner
+@sums
 def _motion_errors(
     modes: Modes, system: LinearSystem, phases: _Phases, room: _Room, bordered: _Bordered,
     kept: int, omega: float, D: Floats, U: Floats,

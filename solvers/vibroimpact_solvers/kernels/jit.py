@@ -68,6 +68,15 @@ def product(function: Function) -> Function:
     return _compiled(function, **_INNER | {"_nrt": True})
 
 
+def sums(function: Function) -> Function:
+    """Compile an `inline` function whose sums of positive terms may be made in any order.
+
+    Only so can a loop over terms be a vector loop. What rounding then does to a sum of n positive
+    terms, n units of its last place at most in any order, must not matter or be accounted for.
+    """
+    return _compiled(function, forceinline=True, fastmath={"reassoc"}, **_INNER)
+
+
 def once(function: Function) -> Function:
     """Copy an `inner` function that has one caller into it, before types are known.
 

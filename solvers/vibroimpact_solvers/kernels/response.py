@@ -32,7 +32,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.kernels.jit import fma, inner, kernel, once
+from vibroimpact_solvers.kernels.jit import fma, inner, kernel, sums
 from vibroimpact_solvers.kernels.phases import LARGEST, sine_cosine, tangent
 from vibroimpact_solvers.kernels.threads import over_ranges
 
@@ -160,7 +160,7 @@ def _amplitudes_one(
                         amplitude[j] = shapes.row[j] * factor * secant[j]
 
 
-@once
+@sums
 def _measure(
     modes: Participations,
     root: Floats,
