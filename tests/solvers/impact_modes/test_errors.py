@@ -147,6 +147,14 @@ def test_no_warning_without_stiffness(lower: float | None) -> None:
     assert result.exists[0] == (lower is not None)
 
 
+def test_limiters_that_depend_to_rounding_are_refused() -> None:
+    # (0.1, 0.3) and (0.3, 0.9), which no doubles are.
+    limiters = [Constraint((0, 1), (w, 3.0 * w), 1.0, 1.0) for w in (0.1, 0.3)]
+    system = structure([1.0, 1.0], [[2.0, -1], [-1, 2]], *limiters)
+    with pytest.raises(ModelError, match="depend"):
+        solve(system, 1.0)
+
+
 def test_dependent_limiters_are_refused() -> None:
     # 0.1.0 answered with noise: the impulses at three limiters of two coordinates are not unique.
     limiters = [

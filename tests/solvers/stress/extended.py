@@ -122,9 +122,11 @@ def omega_of(Omega: float) -> Number:
     """Return the triangle-wave frequency.
 
     It is off by far less than what is compared and by far more than what is computed, as odd
-    and even responses have poles at simple numbers.
+    and even responses have poles at simple numbers. Next to a pole phases are compared to the
+    square of a double's rounding, 1e-32.
     """
-    return 2 * mpmath.mpf(float(Omega)) / mpmath.pi * (1 + mpmath.mpf(10) ** (-mpmath.mp.dps // 2))
+    offset = mpmath.mpf(10) ** (-2 * mpmath.mp.dps // 3)
+    return 2 * mpmath.mpf(float(Omega)) / mpmath.pi * (1 + offset)
 
 
 def solution(system: System, natural: Modes, omega: Number, active: Sequence[int]) -> Solution:
