@@ -20,6 +20,7 @@ from vibroimpact_solvers.kernels.deviations import (
     EPS,
     SAFETY,
     estimated_error,
+    length,
     lose,
     random_row,
 )
@@ -256,6 +257,8 @@ def _strike_one(structure: Structure, motion: Motion, scratch: Scratch, row: int
             graze(structure, motion, scratch, i, progress.side)
         return False
     velocity, factor = one.side * speed, wall.factor
+    # A speed that is rounding, by the motion as it is now, is one of a coordinate at rest.
+    slight = ROUNDING * length(z, structure.errors.own) * math.sqrt(structure.mobility[i, i])
     _turn_deviations(structure, motion, scratch.struck[:1], _ALONE, acceleration, row)
     impulse = -factor * velocity
     # What rounding takes from an impulse it takes from the energy, at each impact the same.
@@ -266,8 +269,7 @@ def _strike_one(structure: Structure, motion: Motion, scratch: Scratch, row: int
         z[Z1, j] = _add_impulse(z[Z1, j], impulse, taken, kick[Z1, j])
         z[Z2, j] = _add_impulse(z[Z2, j], impulse, taken, kick[Z2, j])
     one.impulse = abs(impulse)
-    # A speed that is rounding belongs to a coordinate that stays at its wall.
-    if speed > ROUNDING * progress.largest * math.sqrt(structure.mobility[i, i]):
+    if speed > slight:
         _write(motion, scratch.struck, _ALONE)
     # Without the rounding of sums.
     speed, push = wall.restitution * speed, one.side * (acceleration + impulse * wall.acceleration)
