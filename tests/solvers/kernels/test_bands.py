@@ -74,6 +74,7 @@ def test_the_sign_changes_once_between_poles() -> None:
             return sum(w / r * mpmath.tan(r * q) for r, w in terms)
 
         exact = mpmath.findroot(response, (zero * (1 - 1e-6), zero * (1 + 1e-6)), solver="anderson")
+    assert zero == pytest.approx(float(exact), rel=4e-16)
     assert abs(float(exact) - zero) <= error <= 1e-14
 
 
