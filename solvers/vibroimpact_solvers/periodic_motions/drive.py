@@ -33,6 +33,8 @@ class Driven:
         ``W M^-1 W^T``.
     harmonics : array of float, shape (harmonic,)
         Multiples of the drive's frequency, ascending.
+    forces : array, shape (harmonic, dof), complex
+        Amplitudes of the load.
     load : array, shape (harmonic, 2, pair), complex
         Change of state per unit of time by the amplitude of each harmonic.
     shape_error : float
@@ -48,6 +50,7 @@ class Driven:
     level: Floats
     mobility: Floats
     harmonics: Floats
+    forces: Complexes
     load: Complexes
     shape_error: float
 
@@ -68,15 +71,15 @@ class Driven:
             raise PlanError("a constant load drives a rigid-body mode: no motion is periodic")
         rows = structure.W @ modes.shapes
         harmonics = np.unique([force.harmonic for force in problem.load]).astype(np.float64)
-        vectors = np.zeros((harmonics.size, system.n), dtype=np.complex128)
+        forces = np.zeros((harmonics.size, system.n), dtype=np.complex128)
         for force in problem.load:
             k = int(np.searchsorted(harmonics, force.harmonic))
             amplitude = force.amplitude * complex(math.cos(force.phase), math.sin(force.phase))
             for dof, weight in zip(force.dofs, force.weights, strict=True):
-                vectors[k, dof] += amplitude * weight
+                forces[k, dof] += amplitude * weight
         unit = math.ldexp(1.0, -2 * structure.exponent)
         load = unit * (
-            basis.kick(vectors.real @ modes.shapes) + 1j * basis.kick(vectors.imag @ modes.shapes)
+            basis.kick(forces.real @ modes.shapes) + 1j * basis.kick(forces.imag @ modes.shapes)
         )
         keep = (load != 0.0).any(axis=(1, 2))
         return cls(
@@ -89,13 +92,14 @@ class Driven:
             structure.level(structure.configuration()),
             structure.mobility,
             harmonics[keep],
+            forces[keep],
             load[keep],
             modes.shape_error + 4.0 * EPS + (basis.condition - 1.0) * 4.0 * EPS,
         )
 
     def watched(self, walls: Floats) -> Coordinates:
         """Return the coordinates as the check of free motions takes them; walls (2, constraint)."""
-        pairs, flow = self.pairs, self.pairs.flow
+        pairs = self.pairs
         f1, f2 = np.abs(self.position[:, 0]), np.abs(self.position[:, 1])
         size = np.zeros(self.position.shape)
         at = pairs.rotations
@@ -116,7 +120,6 @@ class Driven:
         size[:, 1, at] = 4.0 * f1[:, at] * rate**2 + f2[:, at] * rate**3
         acceleration = self.rates_of(self.velocity)
         growth = np.maximum(pairs.growth, 0.0)
-        assert flow.alpha.size == growth.size
         return Coordinates(
             self.position, self.velocity, acceleration, size, growth, self.level, walls
         )

@@ -62,14 +62,9 @@ class Outputs:
         basis, modes = configuration.basis, configuration.basis.modes
         shapes = modes.shapes[problem.output_dofs]
         level = (modes.base + modes.shapes @ basis.still)[problem.output_dofs]
-        vectors = np.zeros((driven.harmonics.size, problem.system.n), dtype=np.complex128)
-        for force in problem.load:
-            row = np.flatnonzero(driven.harmonics == force.harmonic)
-            amplitude = force.amplitude * complex(math.cos(force.phase), math.sin(force.phase))
-            for dof, weight in zip(force.dofs, force.weights, strict=True):
-                vectors[row, dof] += amplitude * weight
-        power = basis.velocity(vectors.real @ modes.shapes) + 1j * basis.velocity(
-            vectors.imag @ modes.shapes
+        forces = driven.forces
+        power = basis.velocity(forces.real @ modes.shapes) + 1j * basis.velocity(
+            forces.imag @ modes.shapes
         )
         rates = basis.velocity(np.eye(modes.roots.size))
         x, v = basis.displacement(shapes), basis.velocity(shapes)
