@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tests.reference import balls, impact_modes
 from vibroimpact_solvers import presets
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 
@@ -24,3 +25,13 @@ def random_system(seed: int, n: int, constraints: list[Constraint]) -> System:
     rng = np.random.default_rng(seed)
     M, K = symmetric(rng, n, 0.3), symmetric(rng, n)
     return System(SymmetricMatrix.dense(M), SymmetricMatrix.dense(K), tuple(constraints))
+
+
+def referenced(system: System) -> tuple[balls.Structure, tuple[impact_modes.Limiter, ...]]:
+    """Return a system without damping and load as the references take it."""
+    rows = system.directions(range(len(system.constraints)))
+    limiters = tuple(
+        impact_modes.Limiter(row, c.lower, c.upper)
+        for row, c in zip(rows, system.constraints, strict=True)
+    )
+    return balls.Structure(system.M.to_dense(), system.K.to_dense()), limiters

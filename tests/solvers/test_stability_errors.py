@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from tests.reference import impact_modes as reference
-from tests.reference.balls import Structure
-from tests.solvers.structures import random_system
+from tests.solvers.structures import random_system, referenced
 from vibroimpact_solvers import impact_modes as modes
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.model import Constraint, System
@@ -17,13 +16,7 @@ from vibroimpact_solvers.model import Constraint, System
 def exact_radius(system: System, Omega: float) -> float:
     before = flint.ctx.prec
     try:
-        structure = Structure(system.M.to_dense(), system.K.to_dense())
-        rows = system.directions(range(len(system.constraints)))
-        limiters = tuple(
-            reference.Limiter(row, c.lower, c.upper)
-            for row, c in zip(rows, system.constraints, strict=True)
-        )
-        return reference.solved(structure, limiters, (0,), Omega).radius()
+        return reference.solved(*referenced(system), (0,), Omega).radius()
     finally:
         flint.ctx.prec = before
 

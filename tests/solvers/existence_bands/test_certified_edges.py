@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.reference import impact_modes
-from tests.reference.balls import Structure
+from tests.solvers.structures import referenced
 from vibroimpact_solvers import existence_bands as bands
 from vibroimpact_solvers.existence_bands import Edge, Result
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
@@ -38,13 +38,7 @@ def exists(system: System, Omega: float) -> bool:
     """Whether the impact mode is a motion of the structure."""
     before = flint.ctx.prec
     try:
-        structure = Structure(system.M.to_dense(), system.K.to_dense())
-        rows = system.directions(range(len(system.constraints)))
-        limiters = tuple(
-            impact_modes.Limiter(row, c.lower, c.upper)
-            for row, c in zip(rows, system.constraints, strict=True)
-        )
-        one = structure, limiters, (0,), Omega
+        one = *referenced(system), (0,), Omega
         solution = impact_modes.solved(*one, enough=lambda s: s.exists() is not None)
         return bool(solution.exists())
     finally:
