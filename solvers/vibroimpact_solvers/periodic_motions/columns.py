@@ -43,8 +43,8 @@ def of(problem: Problem, driven: Driven, cells: Cells, solved: Solutions) -> Col
             "solution_witness_constraint": decided.constraint,
             "solution_certified": decided.certified,
         }
-    if "multipliers" in problem.outputs:
-        columns |= _multipliers(*multipliers(problem, driven, cells, solved))
+    if {"stability", "multipliers"} & problem.outputs:
+        columns |= _multipliers(problem, *multipliers(problem, driven, cells, solved))
     if {"extremes", "energy", "waveform"} & problem.outputs:
         columns |= _along(problem, driven, cells, solved)
     return columns
@@ -102,21 +102,25 @@ def _impacts(problem: Problem, driven: Driven, solved: Solutions) -> Columns:
     }
 
 
-def _multipliers(values: Complexes, errors: Floats) -> Columns:
+def _multipliers(problem: Problem, values: Complexes, errors: Floats) -> Columns:
     """Return the columns of the multipliers."""
     largest = values[:, 0]
     outside = np.abs(largest) > 1.0 + errors[:, 0]
     through = np.where(largest.real > 0.0, Bifurcation.FOLD, Bifurcation.FLIP)
     complex_pair = np.abs(largest.imag) > errors[:, 0]
     kind: Integers = np.where(complex_pair, Bifurcation.TORUS, through)
-    return {
-        "multipliers_real": values.real,
-        "multipliers_imaginary": values.imag,
-        "error_multipliers": errors,
+    columns: Columns = {
         "solution_stability": np.abs(largest),
         "error_stability": errors[:, 0] + 2.0 * EPS * np.abs(largest),
         "solution_bifurcation": np.where(outside, kind, Bifurcation.NONE).astype(np.int64),
     }
+    if "multipliers" in problem.outputs:
+        columns |= {
+            "multipliers_real": values.real,
+            "multipliers_imaginary": values.imag,
+            "error_multipliers": errors,
+        }
+    return columns
 
 
 def _along(problem: Problem, driven: Driven, cells: Cells, solved: Solutions) -> Columns:

@@ -70,6 +70,10 @@ class Driven:
         if modes.load[modes.roots == 0.0].any():
             raise PlanError("a constant load drives a rigid-body mode: no motion is periodic")
         rows = structure.W @ modes.shapes
+        # A mode with a node at a constraint is not coupled at all; rounding of its participation
+        # would put a multiplier next to a pole of the equation that the multipliers solve.
+        node = structure.natural.participations(system.constraints)[0] == 0.0
+        rows[node & (modes.roots != 0.0)] = 0.0
         harmonics = np.unique([force.harmonic for force in problem.load]).astype(np.float64)
         forces = np.zeros((harmonics.size, system.n), dtype=np.complex128)
         for force in problem.load:

@@ -1,153 +1,268 @@
 """Floquet multipliers: the linearised motion over one period, with the jumps at its impacts.
 
 Between impacts deviations move like the structure without load. At an impact, with the reset
-``R = 1 - (1 + k)/mu kick (x) slope`` of the state and the rates F- and F+ of the motion before and
-after it, a deviation jumps by the saltation matrix
+``R = 1 - f kick (x) slope``, ``f = (1 + k)/mu``, of the state and the rates F- and F+ of the motion
+before and after it, a deviation jumps by the saltation matrix
 
     S = R + (F+ - R F-) (x) form / v-,    v- = form . F-,
 
-form being the struck coordinate: the deviating motion arrives earlier or later. The multipliers
-are the eigenvalues of the product over one period, or the squares of those over half of it.
+form being the struck coordinate: the deviating motion arrives earlier or later. As the impact
+changes the state by a multiple of its kick alone, with the acceleration a- before it,
+
+    S = 1 - f kick (x) slope + f (a-/v- kick - A kick) (x) form,
+
+A kick being the rate of the kick. The multipliers are the eigenvalues of the product over one
+period, or the squares of those over half of it (`kernels.floquet`).
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from vibroimpact_solvers.arrays import EPS, Floats
+from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers
+from vibroimpact_solvers.kernels.floquet import A_PART, B_PART, Room, refine, zeros
+from vibroimpact_solvers.kernels.floquet import Cells as Cycles
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
-from vibroimpact_solvers.periodic_motions.problem import Impact, Problem
+from vibroimpact_solvers.periodic_motions.problem import Problem
 from vibroimpact_solvers.periodic_motions.solutions import Cells, Solutions
+
+_ROUNDINGS = 8.0 * EPS
+_CLOSE = 1e-6  # relative distance within which approximate multipliers are refined
+_LARGEST = 4  # approximations of the largest multiplier that are refined
+_MEMORY = 2**26  # bytes of the couplings that are there at once
 
 
 def multipliers(
     problem: Problem, driven: Driven, cells: Cells, solved: Solutions
 ) -> tuple[Complexes, Floats]:
-    """Return the multipliers by descending modulus and their errors, (solution, multiplier)."""
-    moving = driven.pairs.moving
-    count, size = solved.index.size, 2 * moving.size
-    values = np.empty((count, size), dtype=np.complex128)
-    errors = np.empty((count, size))
-    legs = driven.pairs.propagators(np.ascontiguousarray(solved.length.ravel()))
-    if not solved.phase.shape[1]:
-        return _without_impacts(driven, legs, solved.length[:, :1])
-    impacts = problem.impacts
-    dense = _blocks(driven, legs).reshape(*solved.length.shape, size, size)
-    loads = cells.at(solved.index).load_state(driven, solved.phase)
-    turned = np.exp(1j * solved.phase[..., np.newaxis] * driven.harmonics)
-    pushes = np.einsum("smh,hpj->smpj", turned, driven.load).real
-    drift = np.tile(driven.pairs.drift[moving], 2)
-    for row in range(count):
-        whole, doubt = np.eye(size), np.zeros((size, size))
-        for place, impact in enumerate(impacts):
-            after = solved.state[row, place] + loads[row, place]
-            jump, jump_error = _saltation(
-                driven, impact, after, pushes[row, place],
-                solved.impulse[row, place], solved.velocity[row, place],
-                solved.velocity_error[row, place], solved.state_error[row],
-            )  # fmt: skip
-            # From after the impact before, by the free motion, through this impact.
-            leg = dense[row, place - 1]
-            leg_error = np.abs(leg) * (_ROUNDINGS + drift * solved.length[row, place - 1])
-            step = cells.sign * jump @ leg
-            inexact = (jump_error + _ROUNDINGS * np.abs(jump)) @ np.abs(leg)
-            inexact += np.abs(jump) @ leg_error
-            doubt = np.abs(step) @ doubt + inexact @ np.abs(whole)
-            whole = step @ whole
-        values[row], errors[row] = _eigenvalues(whole, doubt)
+    """Return the multipliers by descending modulus and their errors, (solution, multiplier).
+
+    Those of one modulus, as conjugate ones, by their argument: from zero to pi, then negative ones.
+    The largest one alone, where the others are not requested. They are nan, and their errors
+    infinite, where a motion grazes.
+    """
+    every = "multipliers" in problem.outputs
+    values, errors = _of_modes(driven, solved.length.sum(axis=1))
+    if solved.phase.size:
+        struck = np.array([impact.constraint for impact in problem.impacts])
+        walls = _Walls.of(driven, struck)
+        coupled = walls.size.any(axis=(0, 1))
+        alone = np.tile(~coupled, 2)
+        own, doubt = _coupled(driven, walls, np.flatnonzero(coupled), cells, solved, every)
+        values = np.concatenate([own, values[:, alone]], axis=1)
+        errors = np.concatenate([doubt, errors[:, alone]], axis=1)
+        grazing = np.isnan(own).any(axis=1)
+        values[grazing], errors[grazing] = np.nan, np.inf
         if problem.symmetric:
-            errors[row] *= 2.0 * np.abs(values[row]) + errors[row]
-            values[row] = values[row] ** 2
-        order = np.argsort(-np.abs(values[row]), kind="stable")
-        values[row], errors[row] = values[row, order], errors[row, order]
-    return values, errors
-
-
-_ROUNDINGS = 8.0 * EPS
-
-
-def _without_impacts(driven: Driven, legs: Floats, length: Floats) -> tuple[Complexes, Floats]:
-    """Return the multipliers of the structure by itself, those of its modes."""
-    pairs = driven.pairs
-    even, odd = legs[:, 0].astype(np.complex128), legs[:, 1].astype(np.complex128)
-    odd[:, pairs.rotations] *= 1j
-    odd[:, pairs.parabolas] = 0.0
-    values = np.concatenate([(even + odd)[:, pairs.moving], (even - odd)[:, pairs.moving]], axis=1)
-    drift = np.tile(pairs.drift[pairs.moving], 2)
-    errors = np.abs(values) * (_ROUNDINGS + drift * length)
-    order = np.argsort(-np.abs(values), axis=1, kind="stable")
+            errors = errors * (2.0 * np.abs(values) + errors)
+            values = values**2
+    order = _order(values, errors)
+    order = order if every else order[:, :1]
     return np.take_along_axis(values, order, axis=1), np.take_along_axis(errors, order, axis=1)
 
 
-def _blocks(driven: Driven, propagators: Floats) -> Floats:
-    """Return propagators as matrices (time, 2 mode, 2 mode) of the pairs that move."""
-    moving = driven.pairs.moving
-    n = moving.size
-    unit = np.zeros((2, 2, driven.pairs.alpha.size))
-    unit[0, 0] = unit[1, 1] = 1.0
-    columns = [driven.pairs.move(propagators, unit[k])[..., moving] for k in range(2)]
-    dense = np.zeros((propagators.shape[0], 2, n, 2, n))
-    place = np.arange(n)
-    for k, column in enumerate(columns):
-        for row in range(2):
-            dense[:, row, place, k, place] = column[:, row]
-    return dense.reshape(propagators.shape[0], 2 * n, 2 * n)
+def _order(values: Complexes, errors: Floats) -> Integers:
+    """Return the order that `multipliers` tells, which no rounding changes."""
+    moduli = np.abs(values)
+    order = np.argsort(-moduli, axis=1, kind="stable")
+    moduli, doubt = (np.take_along_axis(each, order, axis=1) for each in (moduli, errors))
+    same = np.minimum(doubt[:, :-1] + doubt[:, 1:], _CLOSE * moduli[:, :-1])
+    circle = np.zeros(order.shape, dtype=np.int64)
+    np.cumsum(moduli[:, :-1] - moduli[:, 1:] > same, axis=1, out=circle[:, 1:])
+    angle = np.angle(np.take_along_axis(values, order, axis=1))
+    inner = np.lexsort((np.abs(angle), angle < 0.0, circle), axis=1)
+    return np.asarray(np.take_along_axis(order, inner, axis=1))
 
 
-def _saltation(
-    driven: Driven,
-    impact: Impact,
-    after: Floats,
-    push: Floats,
-    impulse: float,
-    velocity: float,
-    velocity_error: float,
-    state_error: Floats,
+def determinants(
+    problem: Problem, driven: Driven, cells: Cells, solved: Solutions
 ) -> tuple[Floats, Floats]:
-    """Return the saltation matrix of an impact and the errors of its entries."""
-    a, pairs = impact.constraint, driven.pairs
-    k = driven.structure.system.constraints[a].restitution
-    kick, slope, form = (
-        part[a][:, pairs.moving].ravel() for part in (driven.kick, driven.velocity, driven.position)
-    )
-    before = after - impulse * driven.kick[a]
-    leaving, arriving = (
-        (pairs.rate(state) + push)[:, pairs.moving].ravel() for state in (after, before)
-    )
-    factor = (1.0 + k) / driven.mobility[a, a]
-    jump = leaving - arriving + factor * float(slope @ arriving) * kick
-    reset = np.eye(kick.size) - factor * np.outer(kick, slope)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        late = np.outer(jump, form) / velocity
-        relative = abs(velocity_error / velocity) + EPS * 16.0
-    scales = pairs.speed[pairs.moving] + np.abs(pairs.alpha[pairs.moving])
-    inexact = np.abs(after)[:, pairs.moving] * scales * state_error[pairs.moving]
-    inexact = inexact + 16.0 * EPS * np.abs(push)[:, pairs.moving]
-    spread = 2.0 * inexact.ravel() + factor * float(np.abs(slope) @ inexact.ravel()) * np.abs(kick)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        late_error = np.abs(late) * relative + np.outer(spread, np.abs(form)) / abs(velocity)
-    reset_error = (16.0 * EPS + 2.0 * driven.shape_error) * factor * np.abs(np.outer(kick, slope))
-    return reset + late, reset_error + late_error
+    """Return numbers with the signs of ``det(1 + Z)`` and ``det(1 - Z)``, each (solution,).
 
-
-def _eigenvalues(matrix: Floats, doubt: Floats) -> tuple[Complexes, Floats]:
-    """Return the eigenvalues of a matrix and their errors to first order.
-
-    An eigenvalue with left and right vectors y and x moves by ``|y| doubt |x| / |y . x|``; where
-    they are almost at right angles, two eigenvalues are almost equal and move by a root.
+    Z is the linearised motion over the period; over half of it, mirrored, where that mirrors the
+    rest. The structure by itself is damped: its part of the determinants is positive.
     """
-    if not np.isfinite(matrix).all():
-        missing = np.full(matrix.shape[0], np.nan)
-        return missing.astype(np.complex128), np.full(matrix.shape[0], np.inf)
-    values, right = np.linalg.eig(matrix)
-    doubt = doubt + _ROUNDINGS * np.abs(matrix)
-    norm = float(np.linalg.norm(doubt))
-    try:
-        left = np.linalg.inv(right)
-    except np.linalg.LinAlgError:
-        return values, np.full(values.size, np.sqrt(norm * np.linalg.norm(matrix)) + norm)
-    errors = ((np.abs(left) @ doubt) * np.abs(right).T).sum(axis=1)
-    size = float(np.linalg.norm(matrix))
-    rooted = 2.0 * np.sqrt(norm * size) + norm
-    return values, np.where(errors < rooted, errors, np.maximum(rooted, 1e-3 * errors))
+    struck = np.array([impact.constraint for impact in problem.impacts])
+    walls = _Walls.of(driven, struck)
+    coupled = np.flatnonzero(walls.size.any(axis=(0, 1)))
+    jumps, late = _jumps(driven, walls, cells, solved)
+    cycles = _cycles(driven, walls, coupled, solved, jumps, late)
+    n = 2 * struck.size
+    later = np.arange(n)[:, np.newaxis] // 2 > np.arange(n) // 2
+    values = []
+    for rho in (-cells.sign, cells.sign):
+        inverse = 1.0 / (1.0 - rho * cycles.trace + cycles.determinant)
+        sums = np.einsum("nijxp,np->xnij", cycles.terms, inverse)
+        F = np.eye(n) - np.where(later, rho, 1.0) * (rho * sums[A_PART] + sums[B_PART])
+        values.append(np.linalg.det(F))
+    return values[0], values[1]
+
+
+def _coupled(
+    driven: Driven, walls: _Walls, coupled: Integers, cells: Cells, solved: Solutions, every: bool
+) -> tuple[Complexes, Floats]:
+    """Return multipliers of the modes that impacts couple, or the largest ones, and errors."""
+    jumps, late = _jumps(driven, walls, cells, solved)
+    clear: Booleans = np.asarray(np.isfinite(jumps).all(axis=(1, 2, 3)))
+    count, size = solved.index.size, 2 * coupled.size
+    width = size if every else min(size, _LARGEST)
+    values = np.full((count, width), np.nan, dtype=np.complex128)
+    errors = np.full((count, width), np.inf)
+    room, left = _room(coupled.size, 2 * walls.struck.size), np.flatnonzero(clear)
+    block = max(1, _MEMORY // (400 * max(1, coupled.size) * walls.struck.size**2))
+    for start in range(0, left.size, block):
+        at = left[start : start + block]
+        cycles = _cycles(driven, walls, coupled, solved.at(at), jumps[at], late[at])
+        rough, near = np.empty((at.size, size), dtype=np.complex128), np.empty((at.size, width))
+        zeros(cycles, rough, room)
+        order = np.argsort(-np.abs(rough), axis=1, kind="stable")[:, :width]
+        rough = np.take_along_axis(rough, order, axis=1)
+        refine(cycles, _CLOSE, rough, near, room)
+        values[at], errors[at] = rough, np.where(near < np.inf, near, np.abs(rough))
+    return values, errors
+
+
+def _room(modes: int, n: int) -> Room:
+    """Return room for n rows of the determinant."""
+    sums, square = np.empty((4, modes)), np.empty((3, n, n), dtype=np.complex128)
+    real, imaginary, real_rate, imaginary_rate = sums
+    F, slope, minor = square
+    spread = np.empty((n, n))
+    return Room(real, imaginary, real_rate, imaginary_rate, F, slope, minor, spread)
+
+
+def _of_modes(driven: Driven, length: Floats) -> tuple[Complexes, Floats]:
+    """Return the multipliers of the structure by itself, (solution, 2 mode)."""
+    pairs, moving = driven.pairs, driven.pairs.moving
+    propagators = pairs.propagators(np.ascontiguousarray(length))
+    even, odd = propagators[:, 0].astype(np.complex128), propagators[:, 1].astype(np.complex128)
+    odd[:, pairs.rotations] *= 1j
+    odd[:, pairs.parabolas] = 0.0
+    values = np.concatenate([(even + odd)[:, moving], (even - odd)[:, moving]], axis=1)
+    return values, np.abs(values) * np.tile(_inexact(driven, moving, length), 2)
+
+
+def _inexact(driven: Driven, modes: Integers, period: Floats) -> Floats:
+    """Return the relative errors of propagators over periods, (solution, mode).
+
+    Rates are off by their drifts, and periods by their rounding.
+    """
+    rates: Floats = driven.pairs.drift + EPS * driven.pairs.speed
+    return np.asarray(_ROUNDINGS + rates[modes] * period[:, np.newaxis])
+
+
+class _Walls(NamedTuple):
+    """What the modes do between the walls of impacts i and j: forms i, kicks j and their rates.
+
+    The forms are those of velocity and position, in this order, and the kicks are followed by
+    their rates; products have shape (2 m, 2 m, mode).
+    """
+
+    struck: Integers  # (m,)
+    forms: Floats  # (2 m, 2, pair)
+    kicks: Floats  # (2 m, 2, pair)
+    same: Floats  # form . kick
+    turned: Floats  # form . J kick, J being the odd part of a propagator
+    size: Floats  # sum of the moduli of the terms of both
+
+    @classmethod
+    def of(cls, driven: Driven, struck: Integers) -> _Walls:
+        """Return those of impacts on constraints, shape (m,)."""
+        pairs, moving = driven.pairs, driven.pairs.moving
+        kick = driven.kick[struck]
+        kicks = np.stack([kick, pairs.rate(kick)], axis=1).reshape(-1, *kick.shape[1:])
+        forms = np.stack([driven.velocity[struck], driven.position[struck]], axis=1)
+        forms = forms.reshape(kicks.shape)
+        odd = np.zeros((2, kick.shape[2]))
+        odd[1] = 1.0
+        turned = pairs.move(odd, kicks)
+        same, other = (np.einsum("isj,ksj->ikj", forms, to)[..., moving] for to in (kicks, turned))
+        size = sum(
+            np.einsum("isj,ksj->ikj", np.abs(forms), np.abs(to))[..., moving]
+            for to in (kicks, turned)
+        )
+        return cls(struck, forms, kicks, same, other, size)
+
+
+def _cycles(
+    driven: Driven, walls: _Walls, coupled: Integers, solved: Solutions, jumps: Floats, late: Floats
+) -> Cycles:
+    """Return the cells of solutions, of the modes that impacts couple."""
+    pairs, modes = driven.pairs, driven.pairs.moving[coupled]
+    count, m = solved.phase.shape
+    own, period = np.arange(m), solved.length.sum(axis=1)
+    starts = np.cumsum(solved.length, axis=1) - solved.length
+    apart = np.mod(
+        starts[:, :, np.newaxis] - starts[:, np.newaxis], period[:, np.newaxis, np.newaxis]
+    )
+    apart[:, own, own] = period[:, np.newaxis]
+    there = pairs.propagators(np.ascontiguousarray(apart.ravel()))[..., modes]
+    there = there.reshape(count, m, m, 2, modes.size)
+    decay = np.exp(2.0 * pairs.alpha[modes] * apart[..., np.newaxis])
+    back = there.swapaxes(1, 2).copy()  # from i to j is what is left of the period from j to i
+    back[:, own, own] = np.array([1.0, 0.0])[:, np.newaxis]
+    back *= decay[..., np.newaxis, :]
+    even, odd, back_even, back_odd = (
+        part[:, :, :, k].repeat(2, axis=1).repeat(2, axis=2)
+        for part in (there, back)
+        for k in (0, 1)
+    )
+    same, turned, size = (part[..., coupled] for part in (walls.same, walls.turned, walls.size))
+    plain = np.stack([even * same + odd * turned, back_odd * turned - back_even * same], axis=3)
+    shape = count, 2 * m, m, 2
+    terms = np.einsum("nijcxp,njcb->nijbxp", plain.reshape(*shape, 2, -1), jumps, optimize=True)
+    spread = ((np.abs(even) + np.abs(odd)) * size).reshape(*shape, -1)
+    doubt = np.einsum("nijcp,njcb->nijbp", spread, np.abs(jumps), optimize=True)
+    doubt = doubt.reshape(count, 2 * m, 2 * m, -1)
+    inexact = _inexact(driven, modes, period)
+    relative = inexact + 4.0 * driven.shape_error + 2.0 * _ROUNDINGS
+    trace, determinant = 2.0 * there[:, 0, 0, 0], decay[:, 0, 0]
+    root = np.sqrt(determinant)
+    return Cycles(
+        np.ascontiguousarray(trace), np.ascontiguousarray(determinant),
+        np.ascontiguousarray(terms.reshape(count, 2 * m, 2 * m, 2, -1)),
+        np.ascontiguousarray(doubt * relative[:, np.newaxis, np.newaxis]), late,
+        np.where(np.abs(trace) <= 2.0 * root, root, np.abs(trace)), inexact,
+    )  # fmt: skip
+
+
+def _jumps(driven: Driven, walls: _Walls, cells: Cells, solved: Solutions) -> tuple[Floats, Floats]:
+    """Return the numbers of the saltation matrices, and errors of those by the acceleration.
+
+    Returns
+    -------
+    jumps : array, shape (solution, m, 2, 2)
+        ``S = 1 + sum_cb kick_c jump_cb form_b``, of velocity and position; infinite where a motion
+        grazes.
+    late : array, shape (solution, m)
+        Absolute error of the acceleration by the velocity.
+    """
+    struck = walls.struck
+    form, place = driven.rates_of(driven.velocity[struck]), driven.position[struck]
+    before = solved.state - solved.impulse[..., np.newaxis, np.newaxis] * driven.kick[struck]
+    inexact = solved.state_error + 2.0 * driven.shape_error
+    a = np.einsum("isj,nisj->ni", form, before)
+    error = np.einsum("isj,nisj,nj->ni", np.abs(form), np.abs(before), inexact)
+    if driven.harmonics.size:
+        Y = np.einsum("isj,fhsj->fih", place, cells.steady)
+        doubt = cells.steady_error + 2.0 * driven.shape_error + _ROUNDINGS
+        Y_error = np.einsum("isj,fhsj,fhj->fih", np.abs(place), np.abs(cells.steady), doubt)
+        turning = (cells.Omega[:, np.newaxis] * driven.harmonics)[:, np.newaxis]
+        rates, rates_error = turning**2 * Y, turning**2 * Y_error
+        turned = np.exp(1j * solved.phase[..., np.newaxis] * driven.harmonics)
+        a -= (rates[solved.index] * turned).real.sum(axis=-1)
+        error += rates_error[solved.index].sum(axis=-1)
+        moves = (np.abs(rates) * driven.harmonics).sum(axis=-1)[solved.index]
+        error += moves * solved.phase_error
+    v = solved.velocity
+    k = np.array([driven.structure.system.constraints[a].restitution for a in struck])
+    factor = (1.0 + k) / driven.mobility[struck, struck]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        bend = a / v
+        late = (error + np.abs(bend) * (solved.velocity_error + 4.0 * EPS * np.abs(v))) / np.abs(v)
+    jumps = np.zeros((*v.shape, 2, 2))
+    jumps[..., 0, 0], jumps[..., 0, 1], jumps[..., 1, 1] = -factor, factor * bend, -factor
+    return jumps, late

@@ -167,36 +167,41 @@ class Orbit:
         out, times, length = self.outputs, self.times[leg], float(self.lengths[leg])
         ends = self.state(leg, np.array([0.0, length]))
         best = (sign * np.tensordot(ends, out.x, _PAIRS)).max(axis=0)
-        for top in self._tops(leg, path, sign):
-            low = np.append(0.0, times)[top]
-            high = np.append(times, length)[np.minimum(top + 1, times.size)]
-            near = times[top]
-            for _ in range(_REFINEMENTS):
-                z = self.state(leg, near)
-                load = np.tensordot(self._turned(leg, near), self.driven.load, 1).real
-                slope = np.einsum("tsj,tsj->t", z, out.v)
-                bend = np.einsum("tsj,tsj->t", z, out.a) + np.einsum("tsj,tsj->t", load, out.v)
-                with np.errstate(divide="ignore", invalid="ignore"):
-                    step = np.where(sign * bend < 0.0, -slope / bend, 0.0)
-                near = np.clip(near + step, low, high)
-            best = np.maximum(best, sign * np.einsum("tsj,tsj->t", self.state(leg, near), out.x))
+        top, dof = self._tops(leg, path, sign)
+        x, v, a = out.x[dof], out.v[dof], out.a[dof]
+        low = np.append(0.0, times)[top]
+        high = np.append(times, length)[top + 1]
+        near = times[top]
+        for _ in range(_REFINEMENTS):
+            z = self.state(leg, near)
+            load = np.tensordot(self._turned(leg, near), self.driven.load, 1).real
+            slope = np.einsum("tsj,tsj->t", z, v)
+            bend = np.einsum("tsj,tsj->t", z, a) + np.einsum("tsj,tsj->t", load, v)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                step = np.where(sign * bend < 0.0, -slope / bend, 0.0)
+            near = np.clip(near + step, low, high)
+        peaks = sign * np.einsum("tsj,tsj->t", self.state(leg, near), x)
+        np.maximum.at(best, dof, peaks)
         return np.asarray(np.maximum(best, (sign * path).max(axis=0)))
 
     def _tops(self, leg: int, path: Floats, sign: float) -> tuple[Integers, Integers]:
-        """Return the nodes of each displacement beside which its highest peak may be.
+        """Return nodes, and displacements whose highest peak may be beside them, each (top,).
 
-        The highest node; and, as that may be beside the lower of two almost equal peaks, the one
-        where the parabola through the node rises highest.
+        A displacement rises from a node to the next one by less than twice what its parabola
+        does, as nodes are a fraction of a radian of the fastest vibration apart.
         """
         out, states, times = self.outputs, self._samples[leg], self.times[leg]
         load = np.tensordot(self._turned(leg, times), self.driven.load, 1).real
-        slope = np.tensordot(states, out.v, _PAIRS)
-        bend = np.tensordot(states, out.a, _PAIRS) + np.tensordot(load, out.v, _PAIRS)
+        slope = sign * np.tensordot(states, out.v, _PAIRS)
+        bend = sign * (np.tensordot(states, out.a, _PAIRS) + np.tensordot(load, out.v, _PAIRS))
+        ends = np.concatenate([[0.0], times, self.lengths[leg : leg + 1]])
+        before, after = np.diff(ends)[:-1, np.newaxis], np.diff(ends)[1:, np.newaxis]
         with np.errstate(divide="ignore", invalid="ignore"):
-            near = (sign * bend < 0.0) & (np.abs(slope / bend) <= np.diff(times).max())
-            above = np.where(near, 0.5 * slope**2 / np.abs(bend), 0.0)
+            d = np.clip(np.where(bend < 0.0, -slope / bend, 0.0), -before, after)
         height = sign * path
-        return height.argmax(axis=0), (height + above).argmax(axis=0)
+        highest = height + 2.0 * (slope + 0.5 * bend * d) * d
+        top, dof = np.nonzero(highest >= height.max(axis=0))
+        return top, dof
 
     def error(self) -> Floats:
         """Return the error of the displacements, shape (dof,)."""

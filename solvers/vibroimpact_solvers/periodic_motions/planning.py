@@ -11,7 +11,11 @@ from vibroimpact_solvers.periodic_motions.problem import KIND, OUTPUTS, Problem
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 
 _NODES = 300.0  # at which a solution is evaluated, about
+# Bytes of the columns of a solution, with their errors; those of an extreme are for each dof.
+_SOLUTION, _EXISTENCE, _EXTREMES, _ENERGIES, _STABILITY, _MULTIPLIER = 25, 26, 48, 32, 24, 24
+_IMPACT = 72  # bytes of the columns of an impact, with their errors
 _STARTS = 40.0  # of the search for a sequence, times steps
+_SWEEPS = 8.0  # over the multipliers until all are settled
 
 
 class Method(StrEnum):
@@ -36,7 +40,11 @@ def _steps(problem: Problem) -> Iterator[Step]:
         raise PlanError(message)
     yield spectrum.step(system, method)
     modes, m = float(system.n), len(problem.impacts)
+    # With one impact, mostly a motion without impacts and two with.
     rows = 3.0 * count if m == 1 else 10.0 * count
+    sides = 2.0 if problem.symmetric else 1.0
+    struck = _IMPACT * sides * (2.0 * count if m == 1 else rows * m)
+    size = 8.0 * count + _SOLUTION * rows + struck
     if m == 1:
         reason = (
             "one impact in each half of the period: all solutions are roots of one "
@@ -44,33 +52,43 @@ def _steps(problem: Problem) -> Iterator[Step]:
             if problem.symmetric
             else "one impact per period: all solutions are roots of one trigonometric polynomial"
         )
-        yield Step(Stage.IMPULSE, Method.CLOSED_FORM, reason, 300.0 * count * modes, 8.0 * rows)
+        flops = 300.0 * count * modes
+        yield Step(Stage.IMPULSE, Method.CLOSED_FORM, reason, flops, size, bounded=False)
     else:
         reason = (
             f"{m} impacts per period: phases and impulses by Newton's method from many starts, "
             "which may miss a solution"
         )
         flops = 2e3 * count * _STARTS * m * m * modes
-        yield Step(Stage.IMPULSE, Method.SEARCH, reason, flops, 8.0 * rows * m)
+        yield Step(Stage.IMPULSE, Method.SEARCH, reason, flops, size, bounded=False)
     limits = float(len(system.constraints))
     if "exists" in outputs:
         reason = "bounds along all of the motion between impacts: no passage of a limit is missed"
         flops = rows * m * 100.0 * modes * (20.0 + 10.0 * limits)
-        yield Step(Stage.EXISTENCE, "safe steps", reason, flops, 32.0 * rows)
+        size = _EXISTENCE * rows
+        yield Step(Stage.EXISTENCE, "safe steps", reason, flops, size, bounded=False)
     dofs = float(problem.output_dofs.size)
     if {"extremes", "energy"} & outputs:
         reason = "quadrature over every free motion, exact to rounding"
         flops = rows * _NODES * modes * (30.0 + 4.0 * dofs)
-        yield Step(Stage.ENERGY, "quadrature", reason, flops, 32.0 * rows * dofs)
+        extremes = _EXTREMES * dofs * ("extremes" in outputs)
+        size = rows * (extremes + _ENERGIES * ("energy" in outputs))
+        yield Step(Stage.ENERGY, "quadrature", reason, flops, size, bounded=False)
     if "waveform" in outputs:
         assert problem.tau is not None
         flops = rows * problem.tau.size * modes * (30.0 + 4.0 * dofs)
-        number = 8.0 * rows * problem.tau.size * dofs
-        yield Step(Stage.WAVEFORM, "superposition", "as requested", flops, number)
-    if "multipliers" in outputs:
-        reason = "eigenvalues of the linearised motion over one period"
-        flops = rows * 25.0 * (2.0 * modes) ** 3
-        yield Step(Stage.STABILITY, "monodromy matrix", reason, flops, 32.0 * rows * modes)
+        size = 8.0 * rows * (problem.tau.size + 1.0) * dofs
+        yield Step(Stage.WAVEFORM, "superposition", "as requested", flops, size, bounded=False)
+    if {"stability", "multipliers"} & outputs:
+        reason = "all zeros of a determinant of twice as many rows as impacts, at once"
+        size = _STABILITY * rows
+        if "multipliers" in outputs:
+            size += _MULTIPLIER * 2.0 * modes * rows
+        else:
+            reason += "; the largest alone is refined"
+        flops = rows * _SWEEPS * 2.0 * modes * (80.0 * m * m + 20.0) * modes
+        name = "characteristic equation"
+        yield Step(Stage.STABILITY, name, reason, flops, size, bounded=False)
 
 
 def _skips(problem: Problem) -> Iterator[Skip]:

@@ -14,7 +14,7 @@ from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import System, within_range
 
 KIND: Final = "periodic-motions"
-OUTPUTS: Final = ("exists", "extremes", "energy", "multipliers", "waveform")
+OUTPUTS: Final = ("exists", "extremes", "energy", "stability", "multipliers", "waveform")
 """Beside frequencies, impacts and their number, which are always there."""
 
 SYMMETRIC: Final = "symmetric"
@@ -130,10 +130,11 @@ class Problem:
         Omega = self.Omega
         if Omega.ndim != 1 or Omega.size == 0:
             raise ModelError(("frequency",), "no frequency is given", code="empty_grid")
-        if not (np.isfinite(Omega) & (Omega > 0.0)).all():
+        least, largest = float(Omega.min()), float(Omega.max())
+        if not (least > 0.0 and largest < math.inf):  # nan is neither
             message = "a frequency is not positive and finite"
             raise ModelError(("frequency",), message, code="frequency_not_positive")
-        if not within_range(Omega):
+        if not within_range(np.array([least, largest])):
             raise ModelError(("frequency",), "a frequency is out of range", code="out_of_range")
         if self.periods < 1:
             raise ModelError(("periods",), "there is at least one period", code="out_of_range")

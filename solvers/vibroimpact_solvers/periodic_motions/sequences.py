@@ -34,7 +34,7 @@ def solutions(driven: Driven, cells: Cells, problem: Problem) -> Solutions:
     parts = []
     before = np.empty((0, m))
     for k in range(cells.Omega.size):
-        search = _Search(driven, cells, problem, k)
+        search = Search(driven, cells, problem, k)
         starts = np.concatenate([search.starts(), before])
         part = search.solutions(starts)
         before = part.phase
@@ -43,8 +43,8 @@ def solutions(driven: Driven, cells: Cells, problem: Problem) -> Solutions:
     return Solutions(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
-class _Search:
-    """The search at one frequency.
+class Search:
+    """The search at one frequency; one impact may be that of a symmetric motion.
 
     Parameters
     ----------
@@ -68,7 +68,9 @@ class _Search:
         k_of = np.array([constraints[a].restitution for a in self.struck])
         self.inertia = driven.mobility[self.struck, self.struck] / (1.0 + k_of)
         self.responses: list[ImpulseResponse] = [
-            driven.pairs.impulse_response(self.cells.length, self.cells.rest, 1.0, driven.kick[a])
+            driven.pairs.impulse_response(
+                self.cells.length, self.cells.rest, cells.sign, driven.kick[a]
+            )
             for a in self.struck
         ]
         self.after = np.concatenate([r.after for r in self.responses])
@@ -93,10 +95,10 @@ class _Search:
         impulses = np.zeros(times.shape)
         good = np.isfinite(self.after).all()
         if not good or times.shape[0] == 0:
-            return self._collected(times[:0], impulses[:0])
+            return self.collected(times[:0], impulses[:0])
         impulses = self._first_impulses(times)
         for _ in range(_STEPS):
-            residual, jacobian, _ = self._equations(times, impulses)
+            residual, jacobian, _ = self.equations(times, impulses)
             if self.autonomous:
                 jacobian = np.delete(jacobian, self.m, axis=2)
                 step = -np.einsum("sij,sj->si", np.linalg.pinv(jacobian), residual)
@@ -108,20 +110,20 @@ class _Search:
             longest = np.abs(step[:, self.m :]).max(axis=1) / (_LONGEST * self.length / self.m)
             step /= np.maximum(1.0, longest)[:, np.newaxis]
             impulses, times = impulses + step[:, : self.m], times + step[:, self.m :]
-        residual, _, size = self._equations(times, impulses)
+        residual, _, size = self.equations(times, impulses)
         solved = (np.abs(residual) <= _CLOSE * size).all(axis=1)
-        return self._collected(*self._different(times[solved], impulses[solved]))
+        return self.collected(*self._different(times[solved], impulses[solved]))
 
     def _first_impulses(self, times: Floats) -> Floats:
         """Return the impulses that Newton's law gives for these times."""
-        residual, jacobian, _ = self._equations(times, np.zeros(times.shape))
+        residual, jacobian, _ = self.equations(times, np.zeros(times.shape))
         if self.autonomous:
             laws, value = jacobian[:, : self.m, : self.m], residual[:, : self.m]
         else:
             laws, value = jacobian[:, self.m :, : self.m], residual[:, self.m :]
         return np.asarray(-np.einsum("sij,sj->si", np.linalg.pinv(laws), value))
 
-    def _equations(self, times: Floats, p: Floats) -> tuple[Floats, Floats, Floats]:
+    def equations(self, times: Floats, p: Floats) -> tuple[Floats, Floats, Floats]:
         """Return residuals, derivatives by impulses and times, and the sizes of their terms."""
         m, count = self.m, times.shape[0]
         apart = np.mod(times[:, :, np.newaxis] - times[:, np.newaxis, :], self.length)
@@ -175,10 +177,10 @@ class _Search:
         order = [kept[place] for place in np.argsort(times[kept, 0], kind="stable")]
         return times[order], impulses[order]
 
-    def _collected(self, times: Floats, p: Floats) -> Solutions:
+    def collected(self, times: Floats, p: Floats) -> Solutions:
         """Return the solutions with their states, and errors to first order."""
         count, m = times.shape
-        residual, jacobian, size = self._equations(times, p)
+        residual, jacobian, size = self.equations(times, p)
         if self.autonomous:
             jacobian[:, :, m] = 0.0
         relative = float(self.inexact.max(initial=0.0)) + 16.0 * EPS

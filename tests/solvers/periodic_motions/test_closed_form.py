@@ -10,7 +10,7 @@ import pytest
 from flint import arb
 from scipy.optimize import linear_sum_assignment
 
-from tests.solvers.periodic_motions.ball_motion import Impact, Motion, Structure
+from tests.reference.periodic import Impact, Motion, Structure
 from vibroimpact_solvers import impact_modes
 from vibroimpact_solvers import periodic_motions as driven
 from vibroimpact_solvers.errors import ModelError, PlanError
@@ -165,6 +165,25 @@ def test_no_solution_is_missed(seed: int) -> None:
         assert rows.sum() <= crossings + 2  # two roots between neighbouring phases
 
 
+def test_the_higher_of_almost_equal_peaks_is_the_extreme() -> None:
+    """Where twice the drive's frequency dominates, a period has two peaks of almost one height."""
+    M, C, K, far = np.eye(1), 0.02 * np.eye(1), np.eye(1), Constraint((0,), (1.0,), None, 1e3)
+    matrices = (SymmetricMatrix.dense(A) for A in (M, K))
+    system = System(*matrices, (far,), C=SymmetricMatrix.dense(C))
+    Omega = np.linspace(0.31, 0.69, 40)
+    load = (driven.Force((0,), (1.0,), 1e-3), driven.Force((0,), (1.0,), 1.0, 2, 0.4))
+    result = solved(driven.Problem(system, Omega, load, outputs=frozenset({"extremes"})))
+    theta = np.linspace(0.0, TWO_PI, 200_001)
+    for row, rate in enumerate(Omega):
+        x = np.zeros_like(theta)
+        for h, amplitude, phase in ((1, 1e-3, 0.0), (2, 1.0, 0.4)):
+            response = amplitude / (1.0 - (h * rate) ** 2 + 0.02j * h * rate)
+            x += (response * np.exp(1j * (h * theta + phase))).real
+        bend = 4.0 * np.abs(x).max() * (theta[1] / 2.0) ** 2 / 2.0
+        assert -1e-13 < result.solution_x_max[row, 0] - x.max() < bend
+        assert -1e-13 < x.min() - result.solution_x_min[row, 0] < bend
+
+
 def test_symmetric_motions_tend_to_impact_modes() -> None:
     """As damping, load and loss of energy vanish together, linearly in them."""
     n, Omega = 4, np.array([2.15])
@@ -261,3 +280,53 @@ class TestRefused:
         problem = self._problem(system=free)
         with pytest.raises(PlanError, match="rigid-body"):
             solved(problem)
+
+
+def test_the_order_of_multipliers_does_not_depend_on_rounding() -> None:
+    """Without impacts all are on one circle, as the damping is proportional to the mass."""
+    n = 6
+    K = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    one = np.ones(n)
+    system = System(
+        SymmetricMatrix.diagonal(one),
+        SymmetricMatrix.dense(K),
+        (Constraint((2,), (1.0,), None, 0.5, 0.8),),
+        C=SymmetricMatrix.diagonal(0.05 * one),
+    )
+    load = (driven.Force((1,), (1.0,), 1.0),)
+    result = solved(driven.Problem(system, np.linspace(0.3, 1.9, 17), load))
+    values = result.multipliers_real + 1j * result.multipliers_imaginary
+    free = result.solution_impacts == 0
+    assert free.sum() == 17
+    angles = np.angle(values[free])
+    assert (angles[:, :n] >= 0.0).all()
+    assert (angles[:, n:] <= 0.0).all()
+    assert (np.diff(np.abs(angles[:, :n])) >= 0.0).all()
+    assert (np.diff(np.abs(angles[:, n:])) >= 0.0).all()
+    coupled = values[~free & np.isfinite(values).all(axis=1)]
+    assert coupled.shape[0] > 5
+    for row in coupled:
+        above = np.flatnonzero(row.imag > 0.0)
+        partner = np.abs(row[:, np.newaxis] - row[above].conj()).argmin(axis=0)
+        assert (partner == above + 1).all()
+
+
+@pytest.mark.parametrize(("damping", "n"), [(0.01, 40), (0.1, 40), (0.3, 25), (0.001, 25)])
+def test_the_largest_multiplier_alone_is_that_of_all(damping: float, n: int) -> None:
+    """It is the first of all of them, and its type is that of the first."""
+    K = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    wall = Constraint((n // 2,), (1.0,), None, 0.5, 0.8)
+    one, stiff = SymmetricMatrix.diagonal(np.ones(n)), SymmetricMatrix.dense(K)
+    system = System(one, stiff, (wall,), C=SymmetricMatrix.dense(damping * K))
+    Omega = np.linspace(0.1, 1.9, 23)
+    load = (driven.Force((1,), (1.0,), 1.0),)
+    largest, every = (
+        solved(driven.Problem(system, Omega, load, outputs=frozenset({name})))
+        for name in ("stability", "multipliers")
+    )
+    assert (every.solution_impacts > 0).sum() > 10
+    assert largest.multipliers_real is None
+    apart = np.abs(largest.solution_stability - every.solution_stability)
+    assert (apart <= largest.error_stability + every.error_stability).all()
+    assert (every.error_stability < 1e-9 * np.maximum(1.0, every.solution_stability)).all()
+    assert (largest.solution_bifurcation == every.solution_bifurcation).all()

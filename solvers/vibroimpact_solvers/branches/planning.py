@@ -1,0 +1,39 @@
+"""The plan of branches: one method, whose cost follows from the number of points."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from vibroimpact_solvers import periodic_motions
+from vibroimpact_solvers.branches.problem import KIND, Problem
+from vibroimpact_solvers.plan import Plan, Stage, Step
+
+_EVALUATIONS = 6.0  # of the equations for one point
+_POINTS = 0.1  # of the most that are allowed, about what a branch takes
+
+
+def plan(problem: Problem) -> Plan:
+    """Choose how the branches are followed and what is left out."""
+    base = problem.at(problem.start)
+    of_motions = periodic_motions.plan(base)
+    expected = max(50.0, _POINTS * problem.points) * (2.0 + problem.switch)
+    m, modes = float(len(base.impacts)), float(base.system.n)
+    flops = 200.0 * _EVALUATIONS * expected * m * m * modes
+    reason = (
+        "pseudo-arclength in phases, impulses and the parameter; special points by bisection along "
+        "the branch"
+    )
+    steps = []
+    for step in of_motions.steps:
+        if step.stage is Stage.SPECTRUM:
+            spectra = 1.0 if problem.frequency else _EVALUATIONS * expected
+            bounded = step.bounded and problem.frequency
+            steps.append(replace(step, flops=step.flops * spectra, bounded=bounded))
+        elif step.stage is Stage.IMPULSE:
+            size = 16.0 * expected * m
+            steps.append(Step(Stage.IMPULSE, "continuation", reason, flops, size, bounded=False))
+        else:
+            steps.append(
+                replace(step, flops=step.flops * expected / 3.0, bytes=step.bytes * expected / 3.0)
+            )
+    return Plan(KIND, tuple(steps), of_motions.skips)

@@ -1,0 +1,261 @@
+"""Solution of problems of branches by their plans."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+import numpy as np
+from scipy.optimize import brentq
+
+from vibroimpact_solvers.arrays import EPS, Floats, along, nothing
+from vibroimpact_solvers.branches.curve import Curve, Place
+from vibroimpact_solvers.branches.problem import Problem
+from vibroimpact_solvers.branches.special import Special, special_points, tests
+from vibroimpact_solvers.branches.switching import doubled, halves, outwards
+from vibroimpact_solvers.errors import SolverError
+from vibroimpact_solvers.periodic_motions import columns
+from vibroimpact_solvers.periodic_motions.existence import verdicts
+from vibroimpact_solvers.periodic_motions.solutions import Cells, without_impacts
+from vibroimpact_solvers.plan import Plan, Tick
+from vibroimpact_solvers.results.branches import Result, Type
+from vibroimpact_solvers.results.impact_modes import Reason
+
+_STATEMENT: Final = (
+    "those of periodic motions at each point; special points: bracketed by signs of their test "
+    "functions on both sides, at the errors of these"
+)
+_SEEDS = 9  # values of the parameter at which all solutions begin branches
+_LINEAR = 101  # values at which the motion without impacts is listed
+_SAME = 1e-6  # difference of phases and impulses of equal motions
+
+
+_Row = tuple[int, float, int, float, bool, int, float]
+_TYPES: Final = (np.int64, np.float64, np.int64, np.float64, np.bool_, np.int64, np.float64)
+
+
+@dataclass(eq=False, slots=True)
+class Branch:
+    """A branch that was followed."""
+
+    curve: Curve
+    places: list[Place]
+    points: list[Special] = field(default_factory=list)
+    leads_to: dict[int, int] = field(default_factory=dict)
+
+
+def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
+    """Compute what the plan lists.
+
+    Parameters
+    ----------
+    problem : Problem
+    plan : Plan
+        From `plan(problem)`.
+    tick : callable, optional
+        Called with (done, total) starts of branches; may raise `Cancelled`.
+    """
+    tick = tick or _no_tick
+    branches: list[Branch] = []
+    curve = Curve(problem, problem.at)
+    for k, x in enumerate(np.linspace(0.0, 1.0, _SEEDS)):
+        tick(k, _SEEDS + problem.switch)
+        for seed in _seeds(curve, float(x)):
+            if not any(_contains(branch, seed) for branch in branches):
+                branches.append(_followed(curve, seed))
+    _switch(problem, branches, tick)
+    return _result(problem, branches)
+
+
+def join(problem: Problem, plan: Plan, results: Sequence[Result]) -> Result:
+    """Return the result of the only piece."""
+    return results[0]
+
+
+def split(problem: Problem, plan: Plan, seconds: float) -> list[Problem]:
+    """Return the problem itself: a branch begins where others were."""
+    return [problem]
+
+
+def _no_tick(done: int, total: int) -> None:
+    """Report to nobody."""
+
+
+def _seeds(curve: Curve, x: float) -> list[Floats]:
+    try:
+        return curve.start(x)
+    except SolverError:
+        return []
+
+
+def _contains(branch: Branch, seed: Floats) -> bool:
+    """Whether a motion is one of a branch."""
+    m = branch.curve.m
+    for place, after in zip(branch.places[:-1], branch.places[1:], strict=True):
+        low, high = place.x[-1], after.x[-1]
+        if not min(low, high) - 1e-9 <= seed[-1] <= max(low, high) + 1e-9:
+            continue
+        part = (seed[-1] - low) / (high - low) if high != low else 0.0
+        near = (1.0 - part) * place.x + part * after.x
+        apart = np.abs(near[m:-1] - seed[m:-1]).max()
+        if apart > 10.0 * np.linalg.norm(after.x - place.x) + _SAME:
+            continue
+        point = branch.curve.at_value(near, float(seed[-1]))
+        if point is None:
+            continue
+        turn = np.angle(np.exp(1j * (point[:m] - seed[:m])))
+        if max(np.abs(turn).max(), np.abs(point[m:-1] - seed[m:-1]).max()) < _SAME:
+            return True
+    return False
+
+
+def _followed(
+    curve: Curve, seed: Floats, direction: Floats | None = None, one_way: bool = False
+) -> Branch:
+    """Return the branch through a point, in both directions, with its special points."""
+    ahead = np.eye(1, seed.size, seed.size - 1)[0] if direction is None else direction
+    finished = halves(curve) if one_way else _never
+    places = curve.trace(seed, ahead, finished)
+    begin = 0
+    if not one_way and not (len(places) > 2 and curve.is_closed(places)):
+        back = curve.trace(seed, -places[0].tangent, finished)
+        begin = len(back) - 1
+        places = [replace(p, tangent=-p.tangent) for p in reversed(back[1:])] + places
+    branch = Branch(curve, places)
+    if len(places) > 1:
+        at = tests(curve, [p.x for p in places], [p.tangent for p in places])
+        branch.points = special_points(curve, places, at)
+        _stop(branch, begin)
+    return branch
+
+
+def _never(x: Floats) -> bool:
+    return False
+
+
+def _stop(branch: Branch, begin: int) -> None:
+    """Cut a branch at the special points beside its beginning at which it shall end."""
+    last = [p for p in branch.points if p.kind.name.lower() in branch.curve.problem.stop_at]
+    before = [p for p in last if p.segment < begin]
+    after = [p for p in last if p.segment >= begin]
+    if after:
+        end = after[0]
+        branch.places = [*branch.places[: end.segment + 1], branch.curve.place(end.x, end.tangent)]
+        branch.points = branch.points[: branch.points.index(end) + 1]
+    if before:
+        end = before[-1]
+        branch.places = [branch.curve.place(end.x, end.tangent), *branch.places[end.segment + 1 :]]
+        branch.points = [
+            replace(p, segment=p.segment - end.segment)
+            for p in branch.points[branch.points.index(end) :]
+        ]
+
+
+def _switch(problem: Problem, branches: list[Branch], tick: Tick) -> None:
+    """Follow branches that begin at flips and losses of symmetry, in their order."""
+    left, place = problem.switch, 0
+    while left > 0 and place < len(branches):
+        branch = branches[place]
+        for number, point in enumerate(branch.points):
+            if point.kind not in (Type.FLIP, Type.SYMMETRY) or not point.exists or left == 0:
+                continue
+            motions = doubled(branch.curve, point.kind)
+            if motions is None:
+                continue
+            curve = Curve(problem, motions)
+            begin = outwards(branch.curve, curve, point)
+            if begin is None or any(
+                _contains(other, begin[0]) for other in branches if other.curve.m == curve.m
+            ):
+                continue
+            left -= 1
+            tick(_SEEDS + problem.switch - left, _SEEDS + problem.switch)
+            branch.leads_to[number] = len(branches)
+            branches.append(_followed(curve, *begin, one_way=True))
+        place += 1
+
+
+def _result(problem: Problem, branches: list[Branch]) -> Result:
+    """Return the tables of all branches; the last is the motion without impacts."""
+    parts, of, values, periods = [], [], [], []
+    table: list[_Row] = []
+    for number, branch in enumerate(branches):
+        points = [place.x for place in branch.places]
+        motions = branch.curve.motions(problem.start)
+        groups = [points] if problem.frequency else [[x] for x in points]
+        parts += [columns.of(*branch.curve.solutions(group)) for group in groups if group]
+        of += [number] * len(points)
+        values += [branch.curve.value(x) for x in points]
+        periods += [motions.periods] * len(points)
+        for place, point in enumerate(branch.points):
+            value = branch.curve.value(point.x)
+            Omega = float(branch.curve.motions(value).Omega[0])
+            leads = branch.leads_to.get(place, -1)
+            kind = int(point.kind)
+            table.append((number, value, kind, Omega, point.exists, leads, point.error))
+    if problem.at(problem.start).load:
+        linear, touches = _linear(problem, len(branches))
+        parts += linear
+        grid = np.linspace(problem.start, problem.stop, _LINEAR).tolist()
+        of, values = of + [len(branches)] * _LINEAR, values + grid
+        periods += [problem.at(problem.start).periods] * _LINEAR
+        table += touches
+    fields = nothing(Result) | _stacked(parts)
+    base = problem.at(problem.start)
+    fields["Omega"], fields["error_statement"] = fields["solution_Omega"], _STATEMENT
+    fields["dof"] = base.output_dofs if {"extremes", "waveform"} & base.outputs else None
+    fields["tau"] = base.tau if "waveform" in base.outputs else None
+    fields["solution_branch"] = np.array(of, dtype=np.int64)
+    fields["solution_parameter"] = np.array(values, dtype=np.float64)
+    fields["solution_periods"] = np.array(periods, dtype=np.int64)
+    names = ("branch", "parameter", "type", "Omega", "exists", "leads_to", "error")
+    for k, name in enumerate(names):
+        fields[f"point_{name}"] = np.array([row[k] for row in table], dtype=_TYPES[k])
+    return Result(**fields)
+
+
+def _stacked(parts: Sequence[columns.Columns]) -> dict[str, Any]:
+    """Return the columns of all points one after the other."""
+    if not parts:
+        return {}
+    rows, impacts = 0, []
+    for part in parts:
+        impacts.append(part["impact_solution"] + rows)
+        rows += part["solution_impacts"].size
+    whole: dict[str, Any] = {
+        name: np.concatenate([part[name] for part in parts])
+        for name in along(Result, "solution", "impact")
+        if name in parts[0]
+    }
+    whole["impact_solution"] = np.concatenate(impacts)
+    whole["solution_frequency_index"] = np.arange(rows)
+    return whole
+
+
+def _linear(problem: Problem, number: int) -> tuple[list[columns.Columns], list[_Row]]:
+    """Return the columns of the motion without impacts, and where it begins to touch a wall."""
+    curve = Curve(problem, problem.at)
+
+    def solved(values: Sequence[float]) -> Any:
+        motions = [problem.at(value) for value in values]
+        joint = replace(motions[0], Omega=np.concatenate([each.Omega for each in motions]))
+        driven = curve.driven(motions[0])
+        cells = Cells.of(driven, joint)
+        whole = cells if cells.sign > 0.0 else cells.doubled()
+        return joint, driven, whole, without_impacts(whole)
+
+    def kept(value: float) -> float:
+        return 1.0 if verdicts(*solved([value])).reason[0] == Reason.OK else -1.0
+
+    grid = np.linspace(problem.start, problem.stop, _LINEAR).tolist()
+    groups = [grid] if problem.frequency else [[value] for value in grid]
+    parts = [columns.of(*solved(group)) for group in groups]
+    reasons = np.concatenate([verdicts(*solved(group)).reason for group in groups])
+    touches = []
+    for k in np.flatnonzero(np.diff((reasons == Reason.OK).astype(int))):
+        value = float(brentq(kept, grid[k], grid[k + 1], xtol=1e-13, rtol=4.0 * EPS))
+        error = 1e-12 * abs(grid[k + 1] - grid[k]) + 1e-13 + 16.0 * EPS * abs(value)
+        Omega = float(problem.at(value).Omega[0])
+        touches.append((number, value, int(Type.GRAZING), Omega, True, -1, error))
+    return parts, touches

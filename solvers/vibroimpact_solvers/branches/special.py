@@ -1,0 +1,192 @@
+"""Special points of a branch: where a test function changes sign between two of its points.
+
+- fold: the parameter along the tangent;
+- flip: ``det(1 + Z)`` of the linearised motion Z over the period; in the half period of a symmetric
+  motion, whose mirror image is the next one, the same determinant tells the loss of symmetry;
+- symmetry of other motions: ``det(1 - Z)`` where there is no fold;
+- torus: the largest modulus less 1, where the multiplier is complex;
+- grazing: the impulses; end: the verdict about the limits in between.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import brentq
+
+from vibroimpact_solvers.arrays import EPS, Booleans, Floats
+from vibroimpact_solvers.branches.curve import Curve, Place
+from vibroimpact_solvers.periodic_motions.existence import verdicts
+from vibroimpact_solvers.periodic_motions.multipliers import determinants, multipliers
+from vibroimpact_solvers.results.branches import Type
+from vibroimpact_solvers.results.impact_modes import Reason
+
+_CLOSE = 1e-13  # of a segment: how near a sign change is located
+_BRACKET = 1e-9  # and half of the bracket that gives its error
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Special:
+    """A special point: its type, what it lies on, and the segment's number.
+
+    exists tells whether motions on one side of it are admissible; error is the absolute one of the
+    parameter.
+    """
+
+    kind: Type
+    x: Floats
+    tangent: Floats
+    segment: int
+    exists: bool
+    error: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Tests:
+    """Test functions at points, each shape (point,) unless stated."""
+
+    turning: Floats
+    plus: Floats  # det(1 + Z), or of a half period det(1 - Z)
+    minus: Floats  # det(1 - Z), or of a half period det(1 + Z)
+    largest: Floats  # modulus of the largest multiplier
+    turned: Floats  # its imaginary part, beyond its error
+    impulses: Floats  # (point, m), positive where they push
+    kept: Floats  # 1 where all limits are kept, else -1
+
+    def admissible(self) -> Booleans:
+        """Return whether the motions are, shape (point,)."""
+        return np.asarray((self.kept > 0.0) & (self.impulses > 0.0).all(axis=1))
+
+
+def tests(curve: Curve, points: list[Floats], tangents: list[Floats]) -> Tests:
+    """Return the test functions at points of a curve."""
+    if curve.problem.frequency:
+        parts = [_tests(curve, points)]
+    else:
+        parts = [_tests(curve, [x]) for x in points]
+    values = [np.concatenate(each) for each in zip(*parts, strict=True)]
+    return Tests(np.array([tangent[-1] for tangent in tangents]), *values)
+
+
+def _tests(curve: Curve, points: list[Floats]) -> tuple[Floats, ...]:
+    problem, driven, cells, solved = curve.solutions(points)
+    problem = replace(problem, outputs=frozenset({"stability"}))
+    values, errors = multipliers(problem, driven, cells, solved)
+    plus, minus = determinants(problem, driven, cells, solved)
+    largest = values[:, 0]
+    imaginary = np.abs(largest.imag)
+    sides = np.array([-impact.side for impact in problem.impacts])
+    reason = verdicts(problem, driven, cells, solved).reason
+    return (
+        plus, minus, np.abs(largest),
+        np.where(imaginary > errors[:, 0], imaginary, 0.0),
+        sides * solved.impulse,
+        np.where(reason == Reason.PENETRATION, -1.0, 1.0),
+    )  # fmt: skip
+
+
+def special_points(curve: Curve, places: list[Place], at: Tests) -> list[Special]:
+    """Return the special points between the points of a branch, in their order."""
+    points = []
+    for k in range(len(places) - 1):
+        for kind, place in _changes(curve, at, k):
+            exists = bool(at.admissible()[k : k + 2].any())
+            point = _located(curve, places, k, kind, place)
+            if point is not None:
+                points.append(replace(point, exists=exists))
+    order = np.argsort([p.segment + _part(places, p) for p in points], kind="stable")
+    return [points[k] for k in order]
+
+
+def _part(places: list[Place], point: Special) -> float:
+    """Return how far along its segment a point is, 0 to 1."""
+    first = places[point.segment].x
+    way = places[point.segment + 1].x - first
+    return float(way @ (point.x - first)) / float(way @ way)
+
+
+def _changes(curve: Curve, at: Tests, k: int) -> list[tuple[Type, int]]:
+    """Return the types of special points on a segment; for impulses, which one."""
+
+    def changes(values: Floats) -> bool:
+        return bool(values[k] * values[k + 1] < 0.0)
+
+    kinds = []
+    symmetric = curve.motions(curve.problem.start).symmetric
+    turns = changes(at.turning)
+    if turns:
+        kinds.append((Type.FOLD, 0))
+    zeros = [j for j in range(at.impulses.shape[1]) if changes(at.impulses[:, j])]
+    kinds += [(Type.GRAZING, j) for j in zeros]
+    if zeros:  # where multipliers are infinite
+        return kinds
+    if changes(at.plus):
+        kinds.append((Type.SYMMETRY if symmetric else Type.FLIP, 0))
+    if changes(at.minus) and not turns:
+        kinds.append((Type.SYMMETRY, 0))
+    apart = at.largest - 1.0
+    if changes(apart) and at.turned[k + int(apart[k + 1] > 0.0)] > 0.0:
+        kinds.append((Type.TORUS, 0))
+    pushes = bool((at.impulses[k : k + 2] > 0.0).all())
+    if changes(at.kept) and pushes:
+        kinds.append((Type.END, 0))
+    return kinds
+
+
+def _located(curve: Curve, places: list[Place], k: int, kind: Type, place: int) -> Special | None:
+    """Return the point of a segment at which a test function changes sign."""
+    first, last = places[k].x, places[k + 1].x
+    across = (last - first) / np.linalg.norm(last - first)
+
+    def point(s: float) -> Floats:
+        x = curve.onto((1.0 - s) * first + s * last, across)
+        if x is None:
+            raise ValueError(s)
+        return x
+
+    def value(s: float) -> float:
+        return _value(curve, kind, place, point(s), across)
+
+    try:
+        s = float(brentq(value, 0.0, 1.0, xtol=_CLOSE, rtol=4.0 * EPS))
+        x = point(s)
+        width = _half_bracket(value, s)
+        near = [curve.value(point(min(max(t, 0.0), 1.0))) for t in (s - width, s + width)]
+        tangent = curve.tangent(curve.slopes(x), across)
+    except (ValueError, np.linalg.LinAlgError):
+        return None
+    here = curve.value(x)
+    error = max(abs(each - here) for each in near) + 16.0 * EPS * (abs(here) + abs(curve.span))
+    return Special(kind, x, tangent, k, True, error)
+
+
+def _half_bracket(value: Callable[[float], float], s: float) -> float:
+    """Return how far to both sides a test function has its two signs."""
+    width = _BRACKET
+    while width < 1e-3:
+        low, high = value(max(s - width, 0.0)), value(min(s + width, 1.0))
+        if low * high < 0.0:
+            break
+        width *= 10.0
+    return width
+
+
+def _value(curve: Curve, kind: Type, place: int, x: Floats, across: Floats) -> float:
+    """Return the test function of a type at a point."""
+    if kind is Type.FOLD:
+        return float(curve.tangent(curve.slopes(x), across)[-1])
+    if kind is Type.GRAZING:
+        side = curve.motions(curve.value(x)).impacts[place].side
+        return float(-side * x[curve.m + place])
+    problem, driven, cells, solved = curve.solutions([x])
+    problem = replace(problem, outputs=frozenset({"stability"}))
+    if kind is Type.END:
+        passed = verdicts(problem, driven, cells, solved).reason[0] == Reason.PENETRATION
+        return -1.0 if passed else 1.0
+    if kind is Type.TORUS:
+        return float(np.abs(multipliers(problem, driven, cells, solved)[0][0, 0]) - 1.0)
+    plus, minus = determinants(problem, driven, cells, solved)
+    lost = kind is Type.SYMMETRY and not problem.symmetric
+    return float((minus if lost else plus)[0])
