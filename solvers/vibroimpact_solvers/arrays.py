@@ -59,6 +59,7 @@ class Group:
 
     name: str  # name of their document
     about: str  # a sentence about them
+    together: bool = True  # whether optional ones are all there or all absent
 
 
 @dataclass(frozen=True, slots=True)

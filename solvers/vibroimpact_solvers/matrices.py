@@ -192,6 +192,18 @@ class SymmetricMatrix:
             return np.asarray(self.to_sparse().diagonal())
         return np.asarray(self.data[0])
 
+    @property
+    def joins_by_springs(self) -> bool:
+        """Whether no entry on the diagonal is negative, and none beside it positive."""
+        if self.pattern is not None:
+            columns, starts = self.pattern
+            on = columns == np.repeat(np.arange(starts.size - 1), np.diff(starts))
+            return bool((np.where(on, self.data, -self.data) >= 0.0).all())
+        if self.form is Form.DENSE:
+            beside = self.data - np.diag(np.diagonal(self.data))
+            return bool((np.diagonal(self.data) >= 0.0).all() and (beside <= 0.0).all())
+        return bool((self.data[0] >= 0.0).all() and (self.data[1:] <= 0.0).all())
+
     def to_dense(self) -> Floats:
         """Return the full matrix, shape (n, n)."""
         if self.form is Form.DENSE:

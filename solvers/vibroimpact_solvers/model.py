@@ -40,7 +40,8 @@ __all__ = [
 
 def within_range(values: Floats) -> bool:
     """Whether all magnitudes are in `RANGE`."""
-    return bool(((np.abs(values) >= RANGE[0]) & (np.abs(values) <= RANGE[1])).all())
+    sizes = np.abs(values)
+    return not sizes.size or bool(sizes.min() >= RANGE[0] and sizes.max() <= RANGE[1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,8 +183,7 @@ class System:
         self._check_constraints()
         self._check_magnitudes()
         if self.chain is None and not self.M.is_positive_definite():
-            message = "the mass matrix is not positive definite"
-            raise ModelError(("M",), message, code="not_positive_definite")
+            raise self._mass_error()
 
     def _check_magnitudes(self) -> None:
         parts = [("M", self.M.data), ("K", self.K.data)]
@@ -196,10 +196,28 @@ class System:
                 raise ModelError((name,), message, code="out_of_range")
         if self.chain is None and not within_range(self.M.main_diagonal):
             if not (self.M.main_diagonal > 0.0).all():
-                message = "the mass matrix is not positive definite"
-                raise ModelError(("M",), message, code="not_positive_definite")
+                raise self._mass_error()
             message = f"a mass is not between {RANGE[0]} and {RANGE[1]}"
             raise ModelError(("M",), message, code="out_of_range")
+
+    def _mass_error(self) -> ModelError:
+        """Return the error of a mass matrix, naming degrees of freedom without mass."""
+        message, code = "the mass matrix is not positive definite", "not_positive_definite"
+        massless = np.flatnonzero(self.M.main_diagonal == 0.0)
+        if massless.size:
+            listed = ", ".join(map(str, massless[:10])) + (", …" if massless.size > 10 else "")
+            message = (
+                f"{massless.size} degrees of freedom have no mass ({listed}): condense them "
+                "statically first, they follow the others (vibroimpact.condense)"
+            )
+            struck = {dof for constraint in self.constraints for dof in constraint.dofs}
+            both = [str(dof) for dof in massless if dof in struck]
+            if both:
+                message += (
+                    f"; {', '.join(both)} with a constraint too: without mass an impact is not "
+                    "defined there, give the stop a mass"
+                )
+        return ModelError(("M",), message, code=code)
 
     def limited(self, constraints: Sequence[Constraint]) -> System:
         """Return the same structure with other limiters; its matrices are not checked again."""

@@ -14,7 +14,7 @@ Examples
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TypeVar
 
@@ -59,6 +59,9 @@ class Step:
         Estimated floating-point operations and memory written, all repetitions together.
     count : int
         Number of repetitions.
+    bounded : bool
+        Whether `flops` and `bytes` are upper bounds; else they are what is expected of a number,
+        such as that of the impacts, which only the computation tells.
     settings : object, optional
         Further decisions of the method: an immutable value of a type of its own.
     """
@@ -69,6 +72,7 @@ class Step:
     flops: float = 0.0
     bytes: float = 0.0
     count: int = 1
+    bounded: bool = field(default=True, kw_only=True)
     settings: object = None
 
 
@@ -101,6 +105,11 @@ class Plan:
     def step(self, stage: Stage) -> Step | None:
         """Return the step of a stage, or None where the plan has none."""
         return next((step for step in self.steps if step.stage is stage), None)
+
+    @property
+    def bounded(self) -> bool:
+        """Whether its operations and its memory are upper bounds."""
+        return all(step.bounded for step in self.steps)
 
     @property
     def flops(self) -> float:

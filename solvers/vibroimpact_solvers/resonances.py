@@ -109,7 +109,13 @@ def plan(problem: Problem) -> Plan:
     # Dividing the structure takes longer than the modes of small parts.
     flops = 1.5e6 + sum(spectrum.flops(part.system, method) for part, method in methods)
     chosen = tuple(method for _, method in methods)
-    steps = (Step(Stage.SPECTRUM, _METHOD, reason, flops, size, settings=chosen),)
+    rows = float(sum(part.system.n for part in parts)) * ((problem.odd_max + 1) // 2)
+    columns = 2.0 + len(problem.outputs) + ("Omega" in problem.outputs)  # with errors
+    ordered = "all natural frequencies over all odd numbers, in ascending order"
+    steps = (
+        Step(Stage.SPECTRUM, _METHOD, reason, flops, size, settings=chosen),
+        Step(Stage.RESPONSE, "division", ordered, 200.0 * rows, 8.0 * columns * rows),
+    )
     skips = (
         Skip("even harmonics", "the triangle wave has none"),
         Skip("modes that the fixed coordinate does not excite", "they do not resonate"),
@@ -161,7 +167,8 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
 
 
 def _methods(plan: Plan) -> tuple[spectrum.Method, ...]:
-    (step,) = plan.steps
+    step = plan.step(Stage.SPECTRUM)
+    assert step is not None
     assert isinstance(step.settings, tuple)
     return step.settings
 

@@ -8,9 +8,13 @@ always 1: a shift in time does not change the motion, and a change of energy lea
 neighbouring impact mode. Both are removed before the others are computed, as their common
 eigenvector would cause an error of 1e-8 instead of 1e-16.
 
-Errors of the map are bounded by norms: the effect of rounding, errors of natural frequencies and
-errors of the motion on free motions and impacts. Multipliers magnify them by their condition
-numbers, the inverse cosines between left and right eigenvectors.
+Errors of the map are bounded entry by entry: the effect of rounding, errors of natural frequencies
+and errors of the motion on free motions and impacts. With left and right eigenvectors y and x and
+errors E of the map a multiplier errs by ``|y|^T E |x| / |y . x|``, to first order.
+
+Multipliers come in pairs ``m, 1/m`` and in conjugate ones, as the structure is conservative and can
+be driven backwards: one that is on the unit circle to within its error, and farther from all others
+than both errors, is on the circle exactly. Otherwise ``1/conj(m)`` would be another one.
 
 Examples
 --------
@@ -28,7 +32,7 @@ array([6.92, 1.  ])
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Self
 
 import numpy as np
 import scipy.linalg
@@ -44,6 +48,7 @@ DIRECTION_DEPENDENT: Final = (
 LARGEST: Final = 3000
 """Degrees of freedom up to which the map is computed: beyond, it takes gigabytes and hours."""
 
+_ALONE = 1e-3  # largest error of a multiplier that is told from others
 _COUPLED = 1e-12  # cosine of the angle between two constraints above which they are coupled
 
 
@@ -133,6 +138,11 @@ def multipliers(
         values, value_errors = period.multipliers()
         all_values[f, :2] = 1.0
         all_values[f, 2:], errors[f, 2:] = values, value_errors
+        on_circle = _on_circle(values, value_errors)
+        all_values[f, 2:][on_circle] = values[on_circle] / np.abs(values[on_circle])
+        value_errors = np.where(on_circle, 0.0, value_errors)
+        errors[f, 2:] = value_errors
+        values = all_values[f, 2:].copy()
         if not orbits.mirrored:
             all_values[f, 2:] = np.sqrt(values)
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -142,19 +152,32 @@ def multipliers(
     return all_values, errors
 
 
+def _on_circle(
+    values: np.ndarray[tuple[int], np.dtype[np.complex128]], errors: Floats
+) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Tell which multipliers are on the unit circle exactly."""
+    apart = np.abs(values[:, np.newaxis] - values)
+    np.fill_diagonal(apart, np.inf)
+    # Twice: the mirror image of a disc across the circle is a little larger, and both may touch.
+    with np.errstate(invalid="ignore"):
+        alone = (apart > 2.0 * (errors[:, np.newaxis] + errors)).all(axis=1)
+    close = np.abs(np.abs(values) - 1.0) <= errors
+    return np.asarray(alone & close & (errors < _ALONE))
+
+
 class PeriodMap:
     """The half-period map of one motion, or its whole-period map if it is not mirrored.
 
     It acts on deviations from the state after the impacts at tau = -1, scaled as in
-    `kernels.saltation`; `scale` are their units, (mode,). `X` is the map, (2 mode, 2 mode), `size`
-    and `error` are bounds of its norm and of that of its error. If the motion grazes a wall,
-    `grazes`, there is no map.
+    `kernels.saltation`; `scale` are their units, (mode,). `X` is the map and `E` bounds of the
+    errors of its entries, each (2 mode, 2 mode). If the motion grazes a wall, `grazes`, there is
+    no map.
     """
 
     def __init__(self, orbits: Orbits, f: int, scale: Floats) -> None:
         self.orbits, self.f, self.scale = orbits, f, scale
         self.X = np.eye(2 * orbits.roots.size)
-        self.size, self.error, self.grazes = 1.0, 0.0, False
+        self.E, self.grazes = np.zeros(self.X.shape), False
         self._free_motion()
         self._impact(orbits.upper, 1.0)
         if orbits.mirrored:
@@ -166,14 +189,15 @@ class PeriodMap:
 
     def multipliers(self) -> tuple[np.ndarray[tuple[int], np.dtype[np.complex128]], Floats]:
         """Return all multipliers but the two that are 1, and their errors."""
-        orbits, f, scale = self.orbits, self.f, self.scale
-        within, turned = _without_trivial(self.X, orbits, f, scale, self._force_error())
-        error = self.error + (turned + 4.0 * EPS) * self.size
-        error += 4.0 * EPS * float(np.linalg.norm(within))
-        solution: Any = scipy.linalg.eig(within, left=True, right=True)
+        restriction = _Restriction.of(self.X, self.orbits, self.f, self.scale, self._force_error())
+        solution: Any = scipy.linalg.eig(restriction.within, left=True, right=True)
         values, left, right = solution
         cosines = np.abs((left.conj() * right).sum(axis=0))
-        with np.errstate(divide="ignore"):
+        y, x = (np.abs(restriction.basis @ vectors) for vectors in (left, right))
+        size = float(np.linalg.norm(self.X)) + float(np.linalg.norm(restriction.within))
+        error = (y * (self.E @ x)).sum(axis=0) + 4.0 * EPS * size
+        error += restriction.turned(left, right)
+        with np.errstate(divide="ignore", invalid="ignore"):
             return values.astype(np.complex128), np.asarray(error / cosines)
 
     def _force_error(self) -> Floats:
@@ -184,7 +208,9 @@ class PeriodMap:
         """
         orbits, f = self.orbits, self.f
         size = np.maximum(np.abs(orbits.upper.position[f]), np.abs(orbits.lower.position[f]))
-        turn, off = orbits.roots / orbits.omega[f], orbits.root_error / orbits.omega[f]
+        turn = orbits.roots / orbits.omega[f]
+        # Phases are rounded, and so are the natural frequencies.
+        off = orbits.root_error / orbits.omega[f] + 1.5 * EPS * np.abs(turn)
         with np.errstate(divide="ignore", invalid="ignore"):
             # Near a pole, where sin vanishes, the displacement depends strongly on the frequency.
             steep = np.where(turn > 0.0, 2.0 * off / np.abs(np.sin(2.0 * turn)), 0.0)
@@ -195,61 +221,86 @@ class PeriodMap:
 
     def _free_motion(self) -> None:
         orbits, duration = self.orbits, 2.0 / float(self.orbits.omega[self.f])
-        saltation.advance(self.X, orbits.roots, self.scale, duration)
-        rates = np.abs(orbits.roots)
+        rates, n = np.abs(orbits.roots), orbits.roots.size
         # Bound of the growth of each mode; its errors act as errors of its phase.
         slow = np.maximum(1.0, self.scale * np.minimum(duration, 1.0 / np.maximum(rates, 1e-300)))
         with np.errstate(over="ignore"):
             grown = slow * np.exp(np.minimum(np.maximum(0.0, -orbits.roots) * duration, 300.0))
         off = (orbits.root_error + EPS * rates) * duration + 4.0 * EPS
-        norm, wrong = float(grown.max(initial=1.0)), float((grown * off).max(initial=0.0))
-        self.error = norm * self.error + wrong * self.size
-        self.size *= norm
+        before = np.abs(self.X[:n]) + np.abs(self.X[n:])
+        # The first n columns move each mode from a place, the others from a velocity.
+        unit = np.zeros((2 * n, 2))
+        unit[:n, 0] = unit[n:, 1] = 1.0
+        saltation.advance(unit, orbits.roots, self.scale, duration)
+        by_place, by_speed = np.abs(unit[:, :1]), np.abs(unit[:, 1:])
+        both = by_place * np.tile(self.E[:n], (2, 1)) + by_speed * np.tile(self.E[n:], (2, 1))
+        self.E = both + np.tile((grown * off)[:, np.newaxis] * before, (2, 1))
+        saltation.advance(self.X, orbits.roots, self.scale, duration)
 
     def _impact(self, side: Side, sign: float) -> None:
         orbits, f, scale = self.orbits, self.f, self.scale
         acceleration = orbits.load - orbits.roots * np.abs(orbits.roots) * side.position[f]
         velocity = sign * side.velocity[f]
-        force_error = self._force_error()
+        force_error, n = self._force_error(), orbits.roots.size
+        relative = orbits.error[f] + orbits.row_error + 4.0 * EPS
         for row in side.rows:
             approach = float(row @ velocity)
             curvature = float(row @ acceleration) / approach if approach else np.inf
             if not np.isfinite(curvature):
                 self.grazes = True
                 return
-            saltation.strike(self.X, row, scale, curvature)
-            relative = orbits.error[f] + orbits.row_error + 4.0 * EPS
             roundings = 4.0 * EPS * float(np.abs(row) @ np.abs(acceleration))
             off = (float(np.abs(row) @ force_error) + roundings) / abs(approach)
             size = float(np.abs(row) @ side.velocity_size[f])
             off += abs(curvature) * relative * size / abs(approach)
-            factor = 2.0 / float(row @ row)
-            turn = factor * float(np.linalg.norm(row * scale) * np.linalg.norm(row / scale))
-            bend = factor * float(np.linalg.norm(row) * np.linalg.norm(row / scale))
-            norm = 1.0 + max(turn, 2.0) + bend * abs(curvature)
-            wrong = (2.0 * orbits.row_error + 4.0 * EPS) * norm + bend * off
-            self.error = norm * self.error + wrong * self.size
-            self.size *= norm
+            jump = np.eye(2 * n)
+            saltation.strike(jump, row, scale, curvature)
+            wrong = (2.0 * orbits.row_error + 4.0 * EPS) * (np.abs(jump - np.eye(2 * n)))
+            wrong[n:, :n] += 2.0 / float(row @ row) * off * np.abs(np.outer(row, row / scale))
+            self.E = np.abs(jump) @ self.E + wrong @ np.abs(self.X) + EPS * np.abs(self.X)
+            saltation.strike(self.X, row, scale, curvature)
 
 
-def _without_trivial(
-    P: Floats, orbits: Orbits, f: int, scale: Floats, force_error: Floats
-) -> tuple[Floats, float]:
-    """Return P without shifts in time and changes of energy, and the error of this restriction.
+@dataclass(frozen=True, eq=False, slots=True)
+class _Restriction:
+    """A map without shifts in time and changes of energy.
 
     With the rate F of the motion, ``P F = F``, and with the gradient H of its energy,
-    ``H^T P = H^T`` and ``H^T F = 0``: between the two P is block-triangular.
+    ``H^T P = H^T`` and ``H^T F = 0``: between the two P is block-triangular. Errors of the
+    directions of F and H turn the basis by as much towards them.
     """
-    eigenvalues = orbits.roots * np.abs(orbits.roots)
-    position, velocity = orbits.lower.position[f], orbits.lower.velocity[f]
-    force = orbits.load - eigenvalues * position
-    F = np.concatenate([scale * velocity, force])
-    H = np.concatenate([-force / scale, velocity])
-    length, steepness = float(np.linalg.norm(F)), float(np.linalg.norm(H))
-    pair = np.stack([F / length, H / steepness], axis=1)
-    basis = np.linalg.qr(pair, mode="complete")[0][:, 2:]
-    relative = orbits.error[f] + orbits.row_error
-    slow = relative * orbits.lower.velocity_size[f]
-    turned = float(np.linalg.norm(np.concatenate([scale * slow, force_error]))) / length
-    turned += float(np.linalg.norm(np.concatenate([slow, force_error / scale]))) / steepness
-    return np.asarray(basis.T @ P @ basis), turned
+
+    within: Floats  # (2 mode - 2, 2 mode - 2)
+    basis: Floats  # (2 mode, 2 mode - 2)
+    from_gradient: Floats  # what P takes from H into the basis, (2 mode - 2,)
+    into_rate: Floats  # what it takes from the basis to F, (2 mode - 2,)
+    rate_error: float  # of the direction of F
+    gradient_error: float  # of that of H
+
+    @classmethod
+    def of(cls, P: Floats, orbits: Orbits, f: int, scale: Floats, force_error: Floats) -> Self:
+        """Restrict a map."""
+        eigenvalues = orbits.roots * np.abs(orbits.roots)
+        position, velocity = orbits.lower.position[f], orbits.lower.velocity[f]
+        force = orbits.load - eigenvalues * position
+        F = np.concatenate([scale * velocity, force])
+        H = np.concatenate([-force / scale, velocity])
+        length, steepness = float(np.linalg.norm(F)), float(np.linalg.norm(H))
+        pair = np.stack([F / length, H / steepness], axis=1)
+        basis = np.linalg.qr(pair, mode="complete")[0][:, 2:]
+        slow = (orbits.error[f] + orbits.row_error) * orbits.lower.velocity_size[f]
+        return cls(
+            np.asarray(basis.T @ P @ basis),
+            basis,
+            basis.T @ (P @ pair[:, 1]),
+            (pair[:, 0] @ P) @ basis,
+            float(np.linalg.norm(np.concatenate([scale * slow, force_error]))) / length,
+            float(np.linalg.norm(np.concatenate([slow, force_error / scale]))) / steepness,
+        )
+
+    def turned(self, left: Any, right: Any) -> Floats:
+        """Return what the errors of the basis add to the multipliers, times the cosines."""
+        return np.asarray(
+            self.gradient_error * np.abs(left.conj().T @ self.from_gradient)
+            + self.rate_error * np.abs(self.into_rate @ right)
+        )

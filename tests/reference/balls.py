@@ -7,7 +7,6 @@ bounded by a norm of A; where a polynomial has a sign is decided by its Bernstei
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -18,6 +17,7 @@ import numpy as np
 from flint import arb, arb_mat
 
 REACH = 4.0  # norm of A times the length of a step
+DEGREE = 40  # of the Taylor polynomials over a step
 _FEW = 41  # Taylor coefficients looked at in double precision: the rest is below rounding
 
 
@@ -55,6 +55,8 @@ class Structure:
     C: Any | None = None
     force: Any | None = None
     load: tuple[tuple[int, float, float, float], ...] = ()  # dof, amplitude, frequency, phase
+    # Direction, times and values of loads that are straight lines between samples.
+    sampled: tuple[tuple[Any, Any, Any], ...] = ()
 
     @property
     def n(self) -> int:
@@ -64,7 +66,7 @@ class Structure:
     @property
     def size(self) -> int:
         """Length of the state."""
-        return 2 * self.n + 1 + 2 * len(self.load)
+        return 2 * self.n + 1 + 2 * len(self.load) + 2 * len(self.sampled)
 
     def generator(self) -> Any:
         """Return A at the precision in force."""
@@ -77,6 +79,9 @@ class Structure:
             right[:, 2 * n] = self.force
         for place, (dof, amplitude, _, _) in enumerate(self.load):
             right[dof, 2 * n + 1 + 2 * place] += amplitude
+        first = 2 * n + 1 + 2 * len(self.load)  # of the values of samples and their slopes
+        for place, (direction, _, _) in enumerate(self.sampled):
+            right[:, first + 2 * place] = direction
         accelerations = matrix(self.M).solve(matrix(right))
         A = arb_mat(self.size, self.size)
         for i in range(n):
@@ -86,7 +91,23 @@ class Structure:
         for place, (_, _, frequency, _) in enumerate(self.load):
             c = 2 * n + 1 + 2 * place
             A[c, c + 1], A[c + 1, c] = arb(-frequency), arb(frequency)
+        for place in range(len(self.sampled)):
+            A[first + 2 * place, first + 2 * place + 1] = arb(1)
         return A
+
+    def breaks(self) -> list[float]:
+        """Return the times at which loads bend."""
+        return sorted({float(t) for _, times, _ in self.sampled for t in times if t > 0.0})
+
+    def bend(self, z: Any, t: Any) -> None:
+        """Let the values of samples and their slopes be those from a time on, in a state."""
+        first = 2 * self.n + 1 + 2 * len(self.load)
+        for place, (_, times, values) in enumerate(self.sampled):
+            k = max(i for i in range(len(times) - 1) if arb(float(times[i])) <= t)
+            low, high = arb(float(values[k])), arb(float(values[k + 1]))
+            slope = (high - low) / (arb(float(times[k + 1])) - arb(float(times[k])))
+            z[first + 2 * place, 0] = (low + slope * (t - arb(float(times[k])))).mid()
+            z[first + 2 * place + 1, 0] = slope.mid()
 
     def state(self, x: Any, v: Any) -> Any:
         """Return the state at t = 0."""
@@ -97,6 +118,7 @@ class Structure:
         for place, (_, _, _, phase) in enumerate(self.load):
             c = 2 * self.n + 1 + 2 * place
             z[c + 1, 0], z[c, 0] = arb(float(phase)).sin_cos()
+        self.bend(z, arb(0))
         return z
 
 
@@ -111,14 +133,18 @@ class Flow:
 
     A: Any
     longest: float = math.inf
-    degree: int = 40
+    degree: int = DEGREE
 
     @cached_property
     def weights(self) -> tuple[Any, float]:
         """Weights of the entries of z, and the norm of A that belongs to them."""
         A = np.abs(doubles(self.A))
         scaling = np.ones(len(A))
+        before = None
         for _ in range(30):  # balancing, by powers of two
+            if before is not None and (before == scaling).all():
+                break
+            before = scaling.copy()
             for i in range(len(A)):
                 row = float((A[i] * scaling).sum() - A[i, i] * scaling[i]) / scaling[i]
                 column = float((A[:, i] / scaling).sum() - A[i, i] / scaling[i]) * scaling[i]
@@ -193,14 +219,21 @@ def bernstein(c: list[Any]) -> list[Any]:
     return list((B * arb_mat([[x] for x in c])).entries())
 
 
+@cache
+def _halving(degree: int, precision: int) -> Any:
+    """Return the matrix from Bernstein coefficients to those on both halves (de Casteljau)."""
+    assert precision == flint.ctx.prec
+    left = [
+        [arb(math.comb(j, k)) / 2**j if k <= j else arb(0) for k in range(degree + 1)]
+        for j in range(degree + 1)
+    ]
+    return arb_mat(left + [row[::-1] for row in left[::-1]])
+
+
 def halves(b: list[Any]) -> tuple[list[Any], list[Any]]:
-    """Return the Bernstein coefficients on both halves (de Casteljau)."""
-    left, right, half = [b[0]], [b[-1]], arb(0.5)
-    while len(b) > 1:
-        b = [(p + q) * half for p, q in itertools.pairwise(b)]
-        left.append(b[0])
-        right.append(b[-1])
-    return left, right[::-1]
+    """Return the Bernstein coefficients on both halves."""
+    both = (_halving(len(b) - 1, flint.ctx.prec) * arb_mat([[x] for x in b])).entries()
+    return list(both[: len(b)]), list(both[len(b) :])
 
 
 def clearly_positive(coefficients: Any, pad: Any) -> Any:

@@ -8,7 +8,7 @@ import pytest
 from flint import arb
 
 from tests.reference.balls import Structure, UndecidedError, sign
-from tests.reference.impact_modes import Limiter, Solution, solved
+from tests.reference.impact_modes import Family, Limiter, Solution, solved
 from tests.reference.rigid import RigidMotion
 from tests.reference.soft import SoftMotion, Spring
 
@@ -20,9 +20,8 @@ def near(ball: arb, exact: arb, digits: int) -> bool:
 
 
 def test_impulse_of_an_oscillator_is_that_of_the_chapter() -> None:
-    solution = solved(
-        Structure([[1.0]], [[1.0]]), (Limiter(ONE, 1.0, 1.0),), (0,), float(np.pi / 2)
-    )
+    family = Family(Structure([[1.0]], [[1.0]]), (Limiter(ONE, 1.0, 1.0),), (0,))
+    solution = solved(family, float(np.pi / 2))
     omega = arb(float(np.pi / 2)) * 2 / arb.pi()
     gamma = 1 / omega
     assert near(solution.impulse[0], omega**2 * gamma * gamma.cot(), 25)
@@ -36,14 +35,14 @@ def test_the_idle_limiter_beside_a_silent_resonance_is_passed() -> None:
         Limiter(np.eye(3)[0], 3.9470906885203574, 3.9470906885203574),
         Limiter(np.eye(3)[1], 1.0, 1.0),
     )
-    solution = solved(Structure(np.eye(3), K), limiters, (1,), float(np.sqrt(2) * (1 + 1e-12)))
+    family = Family(Structure(np.eye(3), K), limiters, (1,))
+    solution = solved(family, float(np.sqrt(2) * (1 + 1e-12)))
     assert solution.exists() is False
 
 
 def test_harmonics_sum_to_the_waveform() -> None:
-    solution = Solution(
-        Structure([[1.0]], [[1.0]], force=[0.2]), (Limiter(ONE, None, 1.0),), (0,), 1.3
-    )
+    structure = Structure([[1.0]], [[1.0]], force=[0.2])
+    solution = Solution(Family(structure, (Limiter(ONE, None, 1.0),), (0,)), 1.3)
     n = 400
     orders = [float(solution.harmonic(k)[0]) for k in range(n)]
     t = 0.4 * np.pi / (2 * 1.3)  # tau = 0.4

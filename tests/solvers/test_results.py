@@ -14,6 +14,7 @@ from vibroimpact_solvers import time_history as solver
 from vibroimpact_solvers.arrays import declared
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.results import (
+    branches,
     ensemble,
     existence_bands,
     impact_modes,
@@ -24,6 +25,7 @@ from vibroimpact_solvers.results import (
 )
 
 MODULES = (
+    branches,
     ensemble,
     existence_bands,
     impact_modes,

@@ -10,13 +10,13 @@ from tests.reference import impact_modes as reference
 from tests.solvers.structures import random_system, referenced
 from vibroimpact_solvers import impact_modes as modes
 from vibroimpact_solvers import spectrum
-from vibroimpact_solvers.model import Constraint, System
+from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 
 
 def exact_radius(system: System, Omega: float) -> float:
     before = flint.ctx.prec
     try:
-        return reference.solved(*referenced(system), (0,), Omega).radius()
+        return reference.solved(reference.Family(*referenced(system), (0,)), Omega).radius()
     finally:
         flint.ctx.prec = before
 
@@ -44,6 +44,35 @@ def test_radii_near_one_sided_grazing_are_within_their_errors(seed: int) -> None
     for true, stated in pairs:
         # Velocities that are differences of the two components would be wrong by up to 1e-6.
         assert true <= min(stated, 1e-13)
+
+
+def test_radii_of_structures_with_fast_modes_are_within_their_errors() -> None:
+    """The forces of fast modes lacked the rounding of their phases, here 2 pi 150 and more."""
+    system = System(
+        SymmetricMatrix.diagonal([0.2, 40.0]),
+        SymmetricMatrix.dense([[3.0e5, -1.0], [-1.0, 0.5]]),
+        (Constraint.at(1, 1.0),),
+    )
+    pairs = compared(system, np.linspace(0.9, 1.7, 25))
+    assert len(pairs) >= 5
+    for true, stated in pairs:
+        assert true <= stated
+
+
+def test_stable_motions_have_radius_one_exactly() -> None:
+    """A multiplier next to the unit circle, alone there, is on it: its mirror image is itself."""
+    system = random_system(2, 3, [Constraint.at(0, 1.0)])
+    highest = float(spectrum.spectrum(system).roots[-1])
+    Omega = np.linspace(2.0, 4.0, 20) * highest
+    outputs = frozenset({"stability", "exists"})
+    problem = modes.Problem(system, Omega * (2 / np.pi), (0,), outputs, Omega=Omega)
+    result = modes.solve(problem, modes.plan(problem))
+    stable = result.exists & (result.stability < 1.0 + 1e-9)
+    assert stable.sum() >= 10
+    np.testing.assert_array_less(np.abs(result.stability[stable] - 1.0), 4e-16)
+    assert result.stability_error[stable].max() < 1e-14
+    for f in np.flatnonzero(stable)[::4]:
+        assert exact_radius(system, float(Omega[f])) == pytest.approx(1.0, abs=1e-20)
 
 
 @pytest.mark.parametrize("seed", range(6))

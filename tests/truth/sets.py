@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from tests.truth import bands, digits, histories, impact_modes, soft
+from tests.truth import bands, digits, histories, impact_modes, periodic_motions, soft
 from tests.truth.verdicts import Case, Report
 
 
@@ -32,4 +32,5 @@ SETS: Final = {
     "histories": Set(2, histories.case, histories.check, 20_000),
     "digits": Set(3, digits.case, digits.check, 1_000),
     "soft": Set(4, soft.case, soft.check, 1_000),
+    "periodic-motions": Set(5, periodic_motions.case, periodic_motions.check, 3_000),
 }

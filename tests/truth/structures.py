@@ -144,6 +144,7 @@ def reference(document: Document, *, conservative: bool = False) -> Structure:
         None if C is None else np.array(C),
         document.get("force"),
         tuple(tuple(term) for term in document.get("load", ())),
+        tuple((np.array(d), t, values) for d, t, values in document.get("sampled", ())),
     )
 
 

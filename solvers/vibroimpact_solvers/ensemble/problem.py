@@ -12,7 +12,7 @@ from vibroimpact_solvers import time_history
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import System
-from vibroimpact_solvers.time_history import Harmonic, Power, State
+from vibroimpact_solvers.time_history import Load, Power, State
 
 KIND: Final = "ensemble"
 
@@ -46,7 +46,7 @@ class Problem:
     dofs: Integers | None = None
     outputs: frozenset[str] = frozenset({"impacts"})
     tolerance: float | None = None
-    load: tuple[Harmonic, ...] = ()
+    load: tuple[Load, ...] = ()
     limiter: Power | None = None
     method: str = time_history.EXACT
     first: int = 0

@@ -65,7 +65,8 @@ def _steps(problem: Problem, *, grows: bool) -> Iterator[Step]:
     if partial is not None:
         yield partial
         reason = "impact modes between all poles by partial modes, edges by bisection"
-        yield Step(Stage.BANDS, Method.SEARCH, reason, 5e6 * _POINTS, 64.0 * _POINTS)
+        flops = 5e6 * _POINTS
+        yield Step(Stage.BANDS, Method.SEARCH, reason, flops, 64.0 * _POINTS, bounded=False)
         return
     method = spectrum.choose(system)
     if spectrum.nbytes(system, method) > spectrum.MEMORY:
@@ -82,11 +83,11 @@ def _steps(problem: Problem, *, grows: bool) -> Iterator[Step]:
             "then bounds over boxes of frequency and time; no band can be missed"
         )
         flops = poles * (3e3 + 1e2 * phase) * system.n * limits
-        yield Step(Stage.BANDS, Method.CERTIFIED, reason, flops, 64.0 * poles)
+        yield Step(Stage.BANDS, Method.CERTIFIED, reason, flops, 64.0 * poles, bounded=False)
     else:
         reason = f"{obstacle}: impact modes between all poles, edges by bisection"
         flops = poles * 20.0 * system.n * (100.0 + 50.0 * phase) * limits
-        yield Step(Stage.BANDS, Method.SEARCH, reason, flops, 64.0 * poles)
+        yield Step(Stage.BANDS, Method.SEARCH, reason, flops, 64.0 * poles, bounded=False)
     if grows:
         yield _stability_step(system.n, poles)
 
@@ -94,7 +95,7 @@ def _steps(problem: Problem, *, grows: bool) -> Iterator[Step]:
 def _stability_step(n: int, poles: float) -> Step:
     reason = "multipliers of the half-period map at frequencies of every band"
     flops = 0.5 * poles * _SAMPLES * 25.0 * (2.0 * n) ** 3
-    return Step(Stage.STABILITY, "half-period map", reason, flops, 64.0 * poles)
+    return Step(Stage.STABILITY, "half-period map", reason, flops, 64.0 * poles, bounded=False)
 
 
 def _check_poles(count: float) -> None:

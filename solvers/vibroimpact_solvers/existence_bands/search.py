@@ -21,7 +21,11 @@ from vibroimpact_solvers.spectrum import Spectrum
 STATEMENT: Final = (
     "estimated: impact modes at frequencies between all poles; a band or a gap narrower than the "
     "resolution could be missed, edges are enclosed between two frequencies whose reasons are "
-    "certain, if there are such within 1e-10"
+    "certain; where none is, the range is unresolved"
+)
+_UNPROVED: Final = (
+    "estimated: impact modes at frequencies between all poles, none of whose reasons is certain; a "
+    "band or a gap narrower than the resolution could be missed, and edges are as uncertain"
 )
 
 STRAIGHT: Final = (
@@ -29,11 +33,25 @@ STRAIGHT: Final = (
 )
 
 _BETWEEN = 16  # frequencies between neighbouring poles
-_OUTWARDS = 16  # doublings of the distance from an edge, from a few roundings on
+_ROUNDS = 8  # of bisections where reasons hide between others
+_THIN = 4.0  # widths of such a range over the resolution below which it does not count
+_IN_BALLS = 16  # uncertain ends that ball arithmetic decides
+_OUTWARDS = 50  # doublings of the distance from an edge, from a few roundings on
 _LEAST = 2000  # frequencies at least
 _MOST = 400_000  # frequencies at most
 _OUTPUTS: Final = frozenset({"reason"})
 _REJECTED: Final = (Reason.WRONG_VELOCITY, Reason.PENETRATION)
+
+
+def _joined(ranges: Floats) -> list[tuple[float, float]]:
+    """Return ascending ranges, shape (2, range), those that overlap as one."""
+    joined: list[tuple[float, float]] = []
+    for start, stop in zip(*ranges.tolist(), strict=True):
+        if joined and start <= joined[-1][1]:
+            joined[-1] = joined[-1][0], max(joined[-1][1], stop)
+        else:
+            joined.append((start, stop))
+    return joined
 
 
 def poles_of(problem: Problem, natural: Spectrum) -> Floats:
@@ -102,38 +120,49 @@ class SearchedBands:
         self,
         problem: Problem,
         poles: Floats,
-        plan: Callable[[modes.Problem], Plan] = modes.plan,
+        plan: Callable[[modes.Problem], Plan] = modes.plan_in_doubles,
     ) -> None:
         self.problem, self.poles, self.plan = problem, poles, plan
+        self.in_balls = plan is modes.plan_in_doubles
 
     def find(self, tick: Tick | None) -> FrequencyRanges:
         """Return the ranges between changes of the reason on a grid of frequencies."""
         grid = self._grid()
-        codes, witness, _ = self._reasons(grid, tick)
+        coarse = float((np.diff(grid) / grid[1:]).max())
+        codes, witness, certain = self._reasons(grid, tick)
+        proved = bool(certain.any())
+        grid, codes, witness = self._enclosed(grid, codes, witness)
         changes = np.flatnonzero(codes[1:] != codes[:-1])
-        low, high = self._bisect(grid, codes, changes)
-        middle = 0.5 * (low + high)
-        ends = np.stack([low, high]), np.stack([codes[changes], codes[changes + 1]])
-        low, high = self._certain(*ends, np.stack([grid[changes], grid[changes + 1]]))
-        ranges = FrequencyRanges(statement=STATEMENT)
-        ranges.resolution = float((np.diff(grid) / grid[1:]).max())
-        starts = np.concatenate([[0], changes + 1])
-        stops = np.concatenate([changes, [grid.size - 1]])
-        edges = np.concatenate([[grid[0]], middle, [grid[-1]]])
-        errors = np.concatenate([[0.0], np.maximum(middle - low, high - middle), [0.0]])
-        for k, (first, last) in enumerate(zip(starts, stops, strict=True)):
-            reason = Reason(codes[first])
-            start, stop = float(edges[k]), float(edges[k + 1])
+        ends = np.stack([grid[changes], grid[changes + 1]])
+        known, waits = ends, np.zeros(ends.shape, dtype=np.bool_)
+        if proved:
+            limits = grid[np.maximum(changes - 1, 0)], grid[np.minimum(changes + 2, grid.size - 1)]
+            places = np.stack([codes[changes], codes[changes + 1]])
+            known, waits = self._certain(ends, places, np.stack(limits))
+        ranges = FrequencyRanges(statement=STATEMENT if proved else _UNPROVED)
+        ranges.resolution = coarse
+        middle = 0.5 * (ends[0] + ends[1])
+        # What is not certain up to a limit belongs to no range.
+        stops, starts = np.where(waits, known, middle)
+        ranges.unresolved = _joined(known[:, waits.any(axis=0)])
+        far = np.maximum(starts - known[0], known[1] - stops)
+        starts, stops = np.append(grid[0], starts), np.append(stops, grid[-1])
+        errors = np.concatenate([[0.0], far, [0.0]])
+        firsts, lasts = np.append(0, changes + 1), np.append(changes, grid.size - 1)
+        for k, (first, last) in enumerate(zip(firsts, lasts, strict=True)):
+            reason, start, stop = Reason(codes[first]), float(starts[k]), float(stops[k])
+            if start >= stop:
+                continue
             error = float(max(errors[k], errors[k + 1])) + 4.0 * np.spacing(stop)
             if reason is Reason.OK:
                 below = Edge.RANGE if k == 0 else Edge(int(codes[first - 1]))
-                above = Edge.RANGE if k + 1 == starts.size else Edge(int(codes[last + 1]))
+                above = Edge.RANGE if last + 1 == codes.size else Edge(int(codes[last + 1]))
                 ranges.bands.append(Band(start, stop, below, above, error, certified=False))
             elif reason in _REJECTED:
-                middle = witness[(first + last) // 2]
+                at = float(witness[(first + last) // 2])
                 edge = Edge(int(reason))
                 ranges.rejected.append(
-                    Rejected(start, stop, edge, error, certified=False, witness=float(middle))
+                    Rejected(start, stop, edge, error, certified=False, witness=at)
                 )
         return ranges
 
@@ -148,29 +177,61 @@ class SearchedBands:
         uniform = np.linspace(start, stop, _LEAST)
         return np.unique(np.concatenate([uniform, inside.ravel()]))
 
-    def _certain(self, ends: Floats, codes: Integers, limits: Floats) -> Floats:
+    def _enclosed(
+        self, grid: Floats, codes: Integers, witness: Floats
+    ) -> tuple[Floats, Integers, Floats]:
+        """Return a grid with narrow pairs about all changes of the reason.
+
+        Where a third reason begins next to the first one, there is another change behind it. A
+        range no wider than the resolution, at a pole, is none.
+        """
+        coarse = grid
+        for _ in range(_ROUNDS):
+            changes = np.flatnonzero(codes[1:] != codes[:-1])
+            low, high = self._bisect(grid, codes, changes)
+            new = np.setdiff1d(np.concatenate([low, high]), grid)
+            if not new.size:
+                break
+            places = np.searchsorted(grid, new)
+            more, at, _ = self._reasons(new)
+            grid, codes = np.insert(grid, places, new), np.insert(codes, places, more)
+            witness = np.insert(witness, places, at)
+        changes = np.flatnonzero(codes[1:] != codes[:-1])
+        starts, stops = np.append(0, changes + 1), np.append(changes, grid.size - 1)
+        narrow = grid[stops] - grid[starts] <= _THIN * self.problem.resolution * grid[stops]
+        kept = ~np.repeat(narrow, stops - starts + 1) | np.isin(grid, coarse)
+        return grid[kept], codes[kept], witness[kept]
+
+    def _certain(self, ends: Floats, codes: Integers, limits: Floats) -> tuple[Floats, Booleans]:
         """Move frequencies to both sides of edges apart until their reasons are certain.
 
-        All arrays are (side, edge); an end that is uncertain far from its edge stays where it was.
+        Returns them, and which are not certain as far as their limits, the next frequencies of
+        the grid. All arrays are (side, edge). Where few are left, ball arithmetic decides.
         """
         moved, step = ends.copy(), 4.0 * np.spacing(ends) * np.array([[-1.0], [1.0]])
-        waits = np.ones(ends.shape, dtype=np.bool_)
+        waits, lost = np.ones(ends.shape, dtype=np.bool_), np.zeros(ends.shape, dtype=np.bool_)
         for _ in range(_OUTWARDS):
             if not waits.any():
                 break
-            reasons, _, certain = self._reasons(moved[waits])
+            plan = modes.plan if self.in_balls and waits.sum() <= _IN_BALLS else self.plan
+            reasons, _, certain = self._reasons(moved[waits], plan=plan)
             waits[waits] = ~(certain & (reasons == codes[waits]))
+            at_limit = (moved == limits) & waits
+            lost, waits = lost | at_limit, waits & ~at_limit
             step *= 2.0
             moved[waits] = (ends + step)[waits]
             np.clip(moved, limits[0], limits[1], out=moved)
-        return np.where(waits, ends, moved)
+        return moved, lost | waits
 
     def _reasons(
-        self, Omega: Floats, tick: Tick | None = None
+        self,
+        Omega: Floats,
+        tick: Tick | None = None,
+        plan: Callable[[modes.Problem], Plan] | None = None,
     ) -> tuple[Integers, Floats, Booleans]:
         """Return reason codes, witnesses, and whether the codes are certain, each (frequency,)."""
         problem = self.problem.impact_modes_at(Omega, _OUTPUTS)
-        result = modes.solve(problem, self.plan(problem), tick)
+        result = modes.solve(problem, (plan or self.plan)(problem), tick)
         assert result.reason is not None
         assert result.witness is not None
         assert result.certified is not None

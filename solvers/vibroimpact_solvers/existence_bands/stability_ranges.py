@@ -64,6 +64,6 @@ def _inside(problem: Problem, band: Band) -> Iterator[StabilityRange]:
 
 def _radii(problem: Problem, Omega: Floats) -> Floats:
     solutions = problem.impact_modes_at(Omega, frozenset({"stability"}))
-    radii = modes.solve(solutions, modes.plan(solutions)).stability
+    radii = modes.solve(solutions, modes.plan_in_doubles(solutions)).stability
     assert radii is not None
     return radii

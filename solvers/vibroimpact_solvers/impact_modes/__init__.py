@@ -26,6 +26,7 @@ from vibroimpact_solvers.impact_modes.planning import (
     inactive_constraints,
     partial_modes_plan,
     plan,
+    plan_in_doubles,
 )
 from vibroimpact_solvers.impact_modes.problem import KIND, OUTPUTS, Problem
 from vibroimpact_solvers.impact_modes.solving import join, solve
@@ -46,6 +47,7 @@ __all__ = [
     "partial_modal_response",
     "partial_modes_plan",
     "plan",
+    "plan_in_doubles",
     "solve",
     "split",
 ]

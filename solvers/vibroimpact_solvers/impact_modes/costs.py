@@ -44,25 +44,30 @@ def factorized_flops(problem: Problem) -> float:
 def harmonic_count(problem: Problem) -> float:
     """Return the number of harmonics of all frequencies at which the structure is solved."""
     orders = _orders(problem).size if "harmonics" in problem.outputs else 0
-    return float(_harmonics(problem).sum()) + orders * problem.omega.size
+    return total(problem, _harmonics(problem)) + orders * problem.omega.size
+
+
+def total(problem: Problem, values: Floats) -> float:
+    """Return the sum over all frequencies of what is known at the sampled ones."""
+    return float(values.sum()) * (problem.omega.size / values.size)
 
 
 def harmonic_frequencies(problem: Problem) -> Floats:
-    """Return the frequencies of all these harmonics."""
+    """Return the frequencies of all these harmonics, of the sampled frequencies."""
     counts = _harmonics(problem).astype(np.int64)
     first = np.cumsum(counts) - counts
     odd = 2.0 * (np.arange(counts.sum()) - np.repeat(first, counts)) + 1.0
-    frequencies = np.repeat(problem.fundamental, counts) * odd
+    frequencies = np.repeat(problem.sample, counts) * odd
     if "harmonics" in problem.outputs:
-        requested = np.outer(problem.fundamental, _orders(problem)).ravel()
+        requested = np.outer(problem.sample, _orders(problem)).ravel()
         return np.concatenate([frequencies, requested])
     return frequencies
 
 
 def _harmonics(problem: Problem) -> Floats:
-    """Return the number of harmonics that each frequency needs for its impulses."""
+    """Return the number of harmonics that each sampled frequency needs for its impulses."""
     bound = spectrum.largest_frequency(problem.system)
-    return receptance.truncations(bound, problem.fundamental, receptance.IMPULSES)[0]
+    return receptance.truncations(bound, problem.sample, receptance.IMPULSES)[0]
 
 
 def _orders(problem: Problem) -> Floats:

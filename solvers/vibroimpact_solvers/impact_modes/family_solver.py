@@ -9,6 +9,7 @@ import numpy as np
 
 from vibroimpact_solvers import spectrum, stability
 from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers, nothing
+from vibroimpact_solvers.impact_modes import extended
 from vibroimpact_solvers.impact_modes.direct import DirectFamily
 from vibroimpact_solvers.impact_modes.family import Family, Impulses, Kind
 from vibroimpact_solvers.impact_modes.modal import ModalFamily
@@ -108,7 +109,9 @@ class FamilySolver:
         self.needs_motion = any(plan.step(stage) is not None for stage in stages)
         existence = plan.step(Stage.EXISTENCE)
         check = None if existence is None else existence.settings
-        self._check_below = np.inf
+        self._check_below, self._in_balls = np.inf, False
+        if isinstance(check, PathCheck):
+            self._in_balls = check.in_balls
         if isinstance(check, PathCheck) and not check.above_spectrum:
             self._check_below = self._largest * (1.0 + 1e-12)
 
@@ -141,9 +144,11 @@ class FamilySolver:
         if problem.tolerance is not None:
             values["within_tolerance"] = impulses.error <= problem.tolerance
         if "impulse" in outputs:
-            both_equal = self.family.kind is Kind.ANTISYMMETRIC
-            values["impulse"] = impulses.plus
-            values["impulse_lower"] = None if both_equal else impulses.minus
+            to_momentum = 2.0 / problem.omega[:, np.newaxis]
+            values.update(impulse=impulses.plus, momentum=impulses.plus * to_momentum)
+            if self.family.kind is not Kind.ANTISYMMETRIC:
+                lower = impulses.minus
+                values.update(impulse_lower=lower, momentum_lower=lower * to_momentum)
         if self.plan.step(Stage.EXISTENCE):
             values.update(self._existence(problem, impulses, motion, reason, paths))
         if self.plan.step(Stage.SHAPE):
@@ -202,9 +207,10 @@ class FamilySolver:
         """Complete the reasons; return the outputs that depend on existence."""
         outputs, values = problem.outputs, dict[str, Any]()
         certified, witness = self._checked(problem, impulses, reason, paths)
+        in_balls = self._extended(problem, reason, certified, witness)
         exists = reason == Reason.OK
         if outputs & {"exists", "reason"}:
-            values.update(certified=certified, witness=witness)
+            values.update(certified=certified, witness=witness, extended=in_balls)
         if "exists" in outputs:
             values["exists"] = exists
         if "reason" in outputs:
@@ -227,6 +233,20 @@ class FamilySolver:
             certified[where] &= sure
             reason[~np.isnan(witness)] = Reason.PENETRATION
         return certified, witness
+
+    def _extended(
+        self, problem: Problem, reason: Integers, certified: Booleans, witness: Floats
+    ) -> Booleans:
+        """Decide in ball arithmetic what is not certain yet; return where, (frequency,)."""
+        decided = np.zeros(reason.size, dtype=np.bool_)
+        if not self._in_balls:
+            return decided
+        for f in np.flatnonzero(~certified & (reason != Reason.SINGULAR)):
+            verdict = extended.decided(problem, int(f))
+            if verdict is not None:
+                (reason[f], witness[f]), decided[f] = verdict, True
+        certified |= decided
+        return decided
 
     def _certain(self, impulses: Impulses, reason: Integers) -> Booleans:
         """Return whether errors of the impulses leave the reasons unchanged, (frequency,)."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers
 from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.impact_modes.direct import largest_displacements
 from vibroimpact_solvers.impact_modes.family import Equations, Family, Impulses, Kind
 from vibroimpact_solvers.impact_modes.problem import Frequencies, Problem
 from vibroimpact_solvers.kernels import families, motions, path_check, response
@@ -30,6 +31,10 @@ class Amplitudes:
     # Errors of the displacements at all times, in the norm of M, and of the energy, (frequency,)
     motion_error: Floats
     energy_error: Floats
+    # An error relative to each displacement, as all have the factor gap over response in common,
+    # and the errors in the norm of M beside it, (frequency,)
+    factor_error: Floats
+    own_error: Floats
 
     def at(self, chosen: Booleans) -> Amplitudes:
         """Return those of some of the frequencies."""
@@ -92,7 +97,11 @@ class ModalFamily:
         key = dofs.tobytes()
         if key not in self._reaches:
             self._reaches[key] = self._reach(self.spectrum.rows(dofs))
-        return motion.motion_error[:, np.newaxis] * self._reaches[key]
+        apart = motion.own_error[:, np.newaxis] * self._reaches[key]
+        sizes = largest_displacements(x) + apart
+        with np.errstate(invalid="ignore"):
+            errors = apart + motion.factor_error[:, np.newaxis] * sizes
+        return np.where(np.isnan(errors), np.inf, errors)
 
     def energy_errors(self, motion: Amplitudes) -> Floats:
         """Return errors of the energies, shape (frequency,)."""
@@ -245,7 +254,7 @@ def _scalar(
         error = np.where(error < 1.0, error / (1.0 - error), np.inf)
     gaps = np.array([float(one.equations[0].walls[0]) for one in of])
     D, none = np.zeros((len(of), at.size, 0)), np.zeros((at.size, 0))
-    motion_error, energy_error = np.full((2, len(of), at.size), np.inf)
+    own_error, motion_error, energy_error = np.full((3, len(of), at.size), np.inf)
     if with_motion:
         scale = np.divide.outer(gaps, S)
         shapes = response.Participations(row, row_error, first.root_errors, first.angles)
@@ -253,13 +262,15 @@ def _scalar(
             first.roots, first.rounding, shapes, at.omega, at.rounding, scale
         )
         with np.errstate(invalid="ignore", over="ignore"):
-            motion_error = np.abs(scale) * (sizes.motion_error + error * sizes.motion)
+            own_error = np.abs(scale) * sizes.motion_error
+            motion_error = own_error + np.abs(scale) * error * sizes.motion
             squares = np.square(scale * at.omega)
             energy_error = squares * (sizes.energy_error + 1.1 * error * sizes.energy)
     solved = []
     for i, gap in enumerate(gaps):
         p = response.impulses_of(S, at.omega, float(gap))[:, np.newaxis]
-        motion = Amplitudes(at.omega, p, D[i], none, motion_error[i], energy_error[i])
+        both = motion_error[i], energy_error[i]
+        motion = Amplitudes(at.omega, p, D[i], none, *both, error, own_error[i])
         solved.append((Impulses(p, p, error), motion))
     return solved
 
@@ -288,7 +299,8 @@ def _bordered(
     solved = []
     for i, family in enumerate(of):
         impulses = family.impulses(tuple(z[i] for z in unknowns), tuple(e[i] for e in errors))
-        motion = Amplitudes(at.omega, impulses.plus, D[i], U[i], motion_error[i], energy_error[i])
+        both, zeros = (motion_error[i], energy_error[i]), np.zeros(at.size)
+        motion = Amplitudes(at.omega, impulses.plus, D[i], U[i], *both, zeros, motion_error[i])
         solved.append((impulses, motion))
     return solved
 

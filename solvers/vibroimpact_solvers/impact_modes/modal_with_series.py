@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers
@@ -56,9 +58,18 @@ class ModalWithSeriesFamily(ModalFamily):
         """Return errors of displacements x, (frequency, …, dof), as (frequency, dof)."""
         errors = super().motion_errors(motion, x, dofs)
         high = motion.omega >= self._start
+        if not high.any():
+            return errors
         size = largest_displacements(x[high])
         apart = 1.0 + _CLOSEST - self._start / motion.omega[high]
-        errors[high] = (ROUNDED + 4.0 * EPS / apart)[:, np.newaxis] * size
+        relative = ROUNDED + 4.0 * EPS / apart
+        forces = self._forces(motion, high)
+        if forces.p.shape[1] > 1:  # what one impulse moves, another one may move back
+            alone = [replace(forces, p=forces.p * one) for one in np.eye(forces.p.shape[1])]
+            parts = [self._direct.displacements(one, np.ones(1), dofs) for one in alone]
+            size = np.sum([largest_displacements(part) for part in parts], axis=0)
+            relative += forces.error
+        errors[high] = relative[:, np.newaxis] * size
         return errors
 
     def _forces(self, motion: Amplitudes, chosen: Booleans) -> Forces:

@@ -11,13 +11,16 @@ import numpy as np
 
 from vibroimpact_solvers import receptance, spectrum, stability
 from vibroimpact_solvers.errors import PlanError
-from vibroimpact_solvers.impact_modes import costs
+from vibroimpact_solvers.impact_modes import costs, extended
 from vibroimpact_solvers.impact_modes.family import Family, Kind
 from vibroimpact_solvers.impact_modes.problem import KIND, OUTPUTS, Problem
+from vibroimpact_solvers.matrices import Form
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 
 _ALWAYS_MODAL: Final = 256
 """Degrees of freedom up to which all natural modes are always computed."""
+_FEW = 16  # frequencies up to which ball arithmetic decides what is open
+_IN_BALLS = 2e6  # flops for each frequency: one in some hundred is open
 _SERIES_FROM = 1.001  # start of the series, over the largest natural frequency
 _SERIES_FROM_WITHOUT_FACTORS = 1.1  # the same without factorizations
 _ALL_INTERVALS = 64  # harmonics per degree of freedom from which on all intervals are visited
@@ -37,6 +40,7 @@ class PathCheck:
     """Where the path between impacts is checked."""
 
     above_spectrum: bool  # whether for Omega > Omega_N too
+    in_balls: bool  # whether ball arithmetic decides what double precision leaves open
 
 
 def plan(problem: Problem) -> Plan:
@@ -68,6 +72,26 @@ def can_use_partial_modes(problem: Problem) -> bool:
     return antisymmetric and system.n > _ALWAYS_MODAL and costs.can_factorize(system)
 
 
+def decides_in_balls(problem: Problem) -> bool:
+    """Whether solutions that double precision leaves open are decided in ball arithmetic.
+
+    One takes some hundredths of a second. Grids of frequencies do without.
+    """
+    return problem.system.n <= extended.LARGEST and problem.omega.size <= _FEW
+
+
+def plan_in_doubles(problem: Problem) -> Plan:
+    """Return the plan without ball arithmetic: for searches that ask again and again."""
+    whole = plan(problem)
+    return replace(whole, steps=tuple(map(_in_doubles, whole.steps)))
+
+
+def _in_doubles(step: Step) -> Step:
+    if isinstance(step.settings, PathCheck):
+        return replace(step, settings=replace(step.settings, in_balls=False))
+    return step
+
+
 def method_depends_on_frequencies(problem: Problem) -> bool:
     """Whether other frequencies may lead to another method, so that responses are not shared."""
     return problem.system.n > _ALWAYS_MODAL
@@ -88,7 +112,7 @@ def _modal_steps(problem: Problem, family: Family) -> Iterator[Step]:
     yield _impulse_step(problem, family)
     if problem.outputs & {"exists", "reason", "stability"}:
         yield _existence_step(problem, family)
-    with_series = family.kind is Kind.ANTISYMMETRIC
+    with_series = family.kind is Kind.ANTISYMMETRIC and _sums_without_cancelling(problem)
     for _, stage, times in _displacements(problem):
         dofs = problem.output_dofs.size
         flops = points * times * system.n * (2.0 * dofs + 40.0)
@@ -104,7 +128,9 @@ def _modal_steps(problem: Problem, family: Family) -> Iterator[Step]:
                 f"; where Omega > {series.start:.2g} Omega_N the modal sum cancels, the series "
                 "keeps the digits of every entry"
             )
-        yield Step(stage, chosen, reason, flops, 8.0 * points * times * dofs, settings=series)
+        yield Step(
+            stage, chosen, reason, flops, 8.0 * points * (times + 1.0) * dofs, settings=series
+        )
     if "energy" in problem.outputs:
         reason = "the energy of each mode is constant"
         yield Step(Stage.ENERGY, "modal sum", reason, 40.0 * points * system.n, 8.0 * points)
@@ -112,6 +138,17 @@ def _modal_steps(problem: Problem, family: Family) -> Iterator[Step]:
         reason = "multipliers of the map over half a period, from saltation matrices"
         flops = 50.0 * points * (2.0 * system.n) ** 3
         yield Step(Stage.STABILITY, "half-period map", reason, flops, 16.0 * points)
+
+
+def _sums_without_cancelling(problem: Problem) -> bool:
+    """Whether no entry of the power series is a small difference of larger numbers.
+
+    It is so under impulses at single degrees of freedom where masses are lumped and springs join
+    neighbours. With a full M it would be as uncertain as the condition number of M makes it.
+    """
+    M, K = problem.system.M, problem.system.K
+    single = all(len(one.coordinate) == 1 for one in problem.struck)
+    return single and M.form is Form.DIAGONAL and K.joins_by_springs
 
 
 def _check_size(problem: Problem, method: spectrum.Method) -> None:
@@ -140,8 +177,8 @@ def _direct_steps(problem: Problem) -> Iterator[Step]:
     partial = _partial_step(problem)
     if partial is not None:
         yield partial
-    needed, depths, _ = receptance.truncations(bound, problem.fundamental, receptance.IMPULSES)
-    harmonics, terms = float(needed.sum()), int(depths.max())
+    needed, depths, _ = receptance.truncations(bound, problem.sample, receptance.IMPULSES)
+    harmonics, terms = costs.total(problem, needed), int(depths.max())
     reason = f"no natural modes: {terms} powers of the structure bounded by Omega_N <= {bound:.4g}"
     if harmonics and partial is None:
         reason += f" and {harmonics / points:.1f} harmonics solved at each frequency"
@@ -152,7 +189,7 @@ def _direct_steps(problem: Problem) -> Iterator[Step]:
         )
     solves = costs.factorized_flops(problem) if partial is None else 1e5 * harmonics
     work = solves + costs.products_flops(problem)
-    yield Step(Stage.IMPULSE, "direct", reason, work, 16.0 * points)
+    yield Step(Stage.IMPULSE, "direct", reason, work, _size(points, len(problem.active)))
     if problem.outputs & {"exists", "reason"}:
         # Only the limited coordinates are evaluated, by series of few coordinates.
         yield replace(_existence_step(problem, Family.of(problem)), flops=solves + 2e7 * points)
@@ -162,7 +199,7 @@ def _direct_steps(problem: Problem) -> Iterator[Step]:
         flops = 4.0 * terms * points * times * dofs + 2.0 * work
         if name == "harmonics" and partial is None:
             flops = points * times * costs.factor_flops(system)
-        yield Step(stage, "direct", reason, flops, 8.0 * points * times * dofs)
+        yield Step(stage, "direct", reason, flops, 8.0 * points * (times + 1.0) * dofs)
     if "energy" in problem.outputs:
         reason = "from the response at the constraints and its slope"
         yield Step(Stage.ENERGY, "direct", reason, work, 8.0 * points)
@@ -172,7 +209,7 @@ def _impulse_step(problem: Problem, family: Family) -> Step:
     n, count, points = problem.system.n, family.count, problem.omega.size
     if family.kind is Kind.ANTISYMMETRIC and count == 1:
         reason = "one constraint: a division for each frequency (eq. 10.53)"
-        return Step(Stage.IMPULSE, "scalar", reason, 8.0 * n * points, 16.0 * points)
+        return Step(Stage.IMPULSE, "scalar", reason, 8.0 * n * points, _size(points, 1))
     reasons = {
         Kind.ANTISYMMETRIC: f"{count} coupled constraints: one small system of equations for each "
         "frequency (eq. 10.88)",
@@ -183,7 +220,12 @@ def _impulse_step(problem: Problem, family: Family) -> Step:
     }
     size = len(family.upper) + len(family.lower)
     work = points * (120.0 * n + 8.0 * n * size**2 + 20.0 * (size + 2) ** 3)
-    return Step(Stage.IMPULSE, "bordered", reasons[family.kind], work, 16.0 * points * size)
+    return Step(Stage.IMPULSE, "bordered", reasons[family.kind], work, _size(points, size))
+
+
+def _size(points: int, count: int) -> float:
+    """Return the bytes of the frequencies, and of impulses, momenta and their errors."""
+    return (16.0 + 32.0 * count) * points
 
 
 def _existence_step(problem: Problem, family: Family) -> Step:
@@ -193,11 +235,19 @@ def _existence_step(problem: Problem, family: Family) -> Step:
         "impacts, in steps within which no limit can be exceeded"
     )
     with np.errstate(over="ignore"):  # infinitely many steps: such a plan is refused by its price
-        steps = 20.0 + 4.0 * spectrum.largest_frequency(problem.system) / problem.omega
-    flops = float(steps.sum()) * limits * problem.system.n * 60.0
+        turns = 2.0 * np.pi * spectrum.largest_frequency(problem.system) / problem.sample
+    flops = costs.total(problem, 20.0 + turns) * limits * problem.system.n * 60.0
     size = 10.0 * problem.omega.size
-    check = PathCheck(above_spectrum=not _exists_above_spectrum(problem, family))
-    return Step(Stage.EXISTENCE, "certified", reason, flops, size, settings=check)
+    in_balls = decides_in_balls(problem)
+    if in_balls:
+        flops += _IN_BALLS * problem.omega.size
+        reason += (
+            f"; what double precision leaves open is decided in ball arithmetic, in at most "
+            f"{extended.MOST} intervals of time each"
+        )
+    check = PathCheck(not _exists_above_spectrum(problem, family), in_balls)
+    # Its rate counts on checks that end early.
+    return Step(Stage.EXISTENCE, "certified", reason, flops, size, bounded=False, settings=check)
 
 
 def _exists_above_spectrum(problem: Problem, family: Family) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -24,6 +25,10 @@ OUTPUTS: Final = (
     "stability",
     "harmonics",
 )
+
+_SAMPLE: Final = 2**16
+_MOST_PRODUCTS: Final = 10**8
+"""Products of numbers up to which active constraints are compared with one another."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -89,11 +94,9 @@ class Problem:
         dofs = np.arange(self.system.n) if self.dofs is None else self.dofs
         omega = np.ascontiguousarray(self.omega, dtype=np.float64)
         Omega = 0.5 * np.pi * omega if self.Omega is None else self.Omega
-        rounding = np.zeros(omega.size) if self.rounding is None else self.rounding
-        if self.rounding is None and self.Omega is not None:
-            Omega = np.asarray(Omega, dtype=np.float64)
-            if Omega.shape == omega.shape:  # else it is refused below
-                rounding = conversion_rests(Omega, omega)
+        rounding = self.rounding
+        if rounding is None and self.Omega is None:
+            rounding = np.zeros(omega.size)
         tau = np.zeros(0) if self.tau is None else self.tau
         completed = {
             "active": tuple(self.active) or tuple(range(count)),
@@ -101,7 +104,7 @@ class Problem:
             "dofs": np.asarray(dofs, dtype=np.int64),
             "omega": omega,
             "Omega": np.ascontiguousarray(Omega, dtype=np.float64),
-            "rounding": rounding,
+            "rounding": rounding,  # where it is missing, it is computed when it is needed
             "tau": np.ascontiguousarray(tau, dtype=np.float64),
         }
         for name, value in completed.items():
@@ -115,10 +118,11 @@ class Problem:
     def _check_frequencies(self) -> None:
         if self.omega.ndim != 1 or self.omega.size == 0:
             raise ModelError(("frequency",), "no frequency is given", code="empty_grid")
-        if not (np.isfinite(self.omega) & (self.omega > 0)).all():
+        if not (self.omega.min() > 0 and self.omega.max() < np.inf):  # nan is neither
             message = "a frequency is not positive and finite"
             raise ModelError(("frequency",), message, code="frequency_not_positive")
-        if not within_range(self.omega):
+        # The ends tell: a plan of millions of frequencies takes no room for what it compares.
+        if not within_range(np.array([self.omega.min(), self.omega.max()])):
             message = f"a frequency is not between {RANGE[0]} and {RANGE[1]}"
             raise ModelError(("frequency",), message, code="out_of_range")
         if not self.system.constraints:
@@ -130,14 +134,26 @@ class Problem:
         if len(self.active) < 2:
             return
         dofs = sorted({dof for c in self.struck for dof, _ in c.coordinate})
+        if len(dofs) == sum(len(c.coordinate) for c in self.struck):
+            return  # none moves with another
+        if len(dofs) * len(self.active) ** 2 > _MOST_PRODUCTS:
+            message = (
+                f"{len(self.active)} constraints that share degrees of freedom are too many to "
+                "tell whether their coordinates depend on each other: make fewer active"
+            )
+            raise ModelError(("active",), message, code="too_many_constraints")
         rows = self.system.directions(self.active)[:, dofs]
         rows = rows / np.linalg.norm(rows, axis=1)[:, np.newaxis]
-        if np.linalg.matrix_rank(rows) < len(self.active):
-            message = (
-                "the coordinates of the active constraints depend on each other: their impulses "
-                "are not unique"
-            )
-            raise ModelError(("active",), message, code="dependent_constraints")
+        if np.linalg.matrix_rank(rows) == len(self.active):
+            return
+        last = next(k for k in range(1, len(rows)) if np.linalg.matrix_rank(rows[: k + 1]) <= k)
+        shares = np.abs(np.linalg.lstsq(rows[:last].T, rows[last], rcond=None)[0])
+        others = [str(i) for i, share in zip(self.active, shares, strict=False) if share > 1e-9]
+        message = (
+            f"the coordinate of constraint {self.active[last]} is a combination of those of "
+            f"constraints {', '.join(others)}: their impulses are not unique"
+        )
+        raise ModelError(("active",), message, code="dependent_constraints")
 
     def _check_outputs(self) -> None:
         check_outputs(self.outputs, OUTPUTS)
@@ -163,6 +179,14 @@ class Problem:
         assert self.Omega is not None
         return self.Omega
 
+    @cached_property
+    def sample(self) -> Floats:
+        """Fundamental frequencies by which plans estimate costs, the extremes among them."""
+        Omega = self.fundamental
+        if Omega.size <= _SAMPLE:
+            return Omega
+        return np.append(Omega[:: -(-Omega.size // _SAMPLE)], [Omega.min(), Omega.max()])
+
     @property
     def times(self) -> Floats:
         """Triangle-wave times of the waveform, shape (tau,)."""
@@ -178,12 +202,17 @@ class Problem:
         """Return the same problem at some of its frequencies."""
         some, piece = slice(start, stop), copy.copy(self)
         for name in ("omega", "Omega", "rounding"):
-            object.__setattr__(piece, name, getattr(self, name)[some])
+            values = getattr(self, name)
+            object.__setattr__(piece, name, None if values is None else values[some])
+        piece.__dict__.pop("sample", None)
         return piece
 
     @property
     def frequencies(self) -> Frequencies:
         """The frequencies with their rounding errors."""
+        if self.rounding is None:
+            rounding = conversion_rests(self.fundamental, self.omega)
+            object.__setattr__(self, "rounding", rounding)
         assert self.rounding is not None
         return Frequencies(self.omega, self.rounding)
 

@@ -19,7 +19,11 @@ from vibroimpact_solvers.errors import SolverError, attempt
 from vibroimpact_solvers.impact_modes.family import Family
 from vibroimpact_solvers.impact_modes.family_solver import FamilySolver
 from vibroimpact_solvers.impact_modes.pieces import content
-from vibroimpact_solvers.impact_modes.planning import method_depends_on_frequencies, plan
+from vibroimpact_solvers.impact_modes.planning import (
+    decides_in_balls,
+    method_depends_on_frequencies,
+    plan,
+)
 from vibroimpact_solvers.impact_modes.problem import Problem
 from vibroimpact_solvers.impact_modes.solving import solve, solve_alike
 from vibroimpact_solvers.plan import Stage, Tick
@@ -71,7 +75,8 @@ def _structure(problem: Problem) -> Hashable:
     force = b"" if system.force is None else system.force.tobytes()
     lines = tuple(c.coordinate for c in system.constraints)
     places = problem.output_dofs.tobytes(), problem.times.tobytes()
-    options = problem.active, problem.outputs, problem.highest_harmonic, problem.tolerance
+    in_balls = decides_in_balls(problem)
+    options = in_balls, problem.active, problem.outputs, problem.highest_harmonic, problem.tolerance
     return id(system.M), id(system.K), force, lines, family, options, places
 
 

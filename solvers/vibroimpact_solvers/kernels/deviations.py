@@ -10,6 +10,10 @@ errors, of random sign, obey the linearised flow and the saltation of impacts
 m being the mass that is struck. Where y' is so slow that dy decides whether there is an impact, the
 first term is bounded by the root of ``2 y'' dy``. Four times the largest of three samples is the
 error estimate.
+
+Displacements are what is free of a state and what loads carry along: a deflection, and responses.
+These may be larger than their sum; roundings are relative to each, errors to the sum. Deviations of
+the loads stand for roundings of the responses.
 """
 
 from __future__ import annotations
@@ -33,6 +37,7 @@ SAFETY: Final = 4.0
 """Factor on the largest of the sampled deviations: errors do not exceed the product."""
 EPS: Final = 2.0**-52
 _SHARP = 2.0**-8  # how well the end of a tolerance is told, relative to the free motion
+_STILL = 0  # the row of what constant loads carry
 _PROPAGATED = 2.0  # rounding of a pair by the free motion from one impact to the next
 
 
@@ -52,17 +57,56 @@ def length(z: Floats, own: Floats) -> float:
     return math.sqrt(s1 + s2)
 
 
+@inline
+def _carried(errors: Errors, z: Floats, of: int, j: int, level: float) -> float:
+    """Return what the loads of a state make of a number of a pair."""
+    carried, loads = errors.carried, errors.loads
+    total = level * carried[_STILL, of, j]
+    for k in range(loads.size):
+        value, slope = z[Z1, loads[k]], z[Z2, loads[k]]
+        total += value * carried[1 + 2 * k, of, j] + slope * carried[2 + 2 * k, of, j]
+    return float(total)
+
+
+@inline
+def lengths(z: Floats, errors: Errors, level: float) -> tuple[float, float]:
+    """Return the length of a whole state, and the sum of those of what is free and carried.
+
+    level is 1 for a state and 0 for a deviation, which constant loads do not act on.
+    """
+    free = length(z, errors.own)
+    return _with_carried(z, errors, level, free) if errors.carried.shape[0] > 0 else (free, free)
+
+
+@inner
+def _with_carried(z: Floats, errors: Errors, level: float, free: float) -> tuple[float, float]:
+    whole, carried = 0.0, 0.0
+    for j in range(errors.own.size):
+        if errors.own[j] > 0.0:
+            a, b = _carried(errors, z, Z1, j, level), _carried(errors, z, Z2, j, level)
+            carried += a * a + b * b
+            a, b = a + z[Z1, j], b + z[Z2, j]
+            whole += a * a + b * b
+    return math.sqrt(whole), free + math.sqrt(carried)
+
+
 @inner
 def start_deviations(motion: Motion, errors: Errors) -> None:
     """Set the deviations that a motion starts with, and the length of its state."""
     z, deviations, signs, own = motion.z, motion.deviations, errors.signs, errors.own
-    largest = length(z, own)
-    motion.progress[0].largest = largest
-    rounding = _PROPAGATED * largest / math.sqrt(2.0 * own.size)
+    motion.progress[0].largest, parts = lengths(z, errors, 1.0)
+    rounding = _PROPAGATED * parts / math.sqrt(2.0 * own.size)
     for c in range(deviations.shape[0]):
+        dz = deviations[c]
         for j in range(own.size):
-            deviations[c, Z1, j] = rounding * own[j] * signs[c + 1, Z1, j]
-            deviations[c, Z2, j] = rounding * own[j] * signs[c + 1, Z2, j]
+            size = rounding * own[j] + errors.doubts[j] * math.hypot(z[Z1, j], z[Z2, j])
+            dz[Z1, j] = size * signs[c + 1, Z1, j]
+            dz[Z2, j] = size * signs[c + 1, Z2, j]
+        # The state is given: what loads carry too far is missing in what is free.
+        level = -errors.still if c & 1 else errors.still
+        for j in range(own.size if errors.carried.shape[0] > 0 else 0):
+            dz[Z1, j] -= _carried(errors, dz, Z1, j, level)
+            dz[Z2, j] -= _carried(errors, dz, Z2, j, level)
 
 
 @once
@@ -73,7 +117,8 @@ def add_rounding(flow: Flow, motion: Motion, errors: Errors, row: int, s: float)
     rotations, ``dz = s dnu (z2, -z1)``, and stretches hyperbolas, ``dz = s dnu (z2, z1)``.
     """
     z, deviations, progress = motion.z, motion.deviations, motion.progress[0]
-    progress.largest = max(progress.largest, length(z, errors.own))
+    whole, _ = lengths(z, errors, 1.0)
+    progress.largest = max(progress.largest, whole)
     for c in range(deviations.shape[0]):
         _add_rounding_to(flow, errors, z, deviations[c], c, row, s)
 
@@ -96,11 +141,11 @@ def _add_rounding_to(
 
 
 @inline
-def estimated_error(deviations: Floats, own: Floats, progress: Rows) -> float:
+def estimated_error(deviations: Floats, errors: Errors, progress: Rows) -> float:
     """Return the error estimated from the deviations, relative to the length of the motion."""
     largest, size = 0.0, progress[0].largest
     for c in range(deviations.shape[0]):
-        longest = length(deviations[c], own)
+        longest, _ = lengths(deviations[c], errors, 0.0)
         if longest > largest or math.isnan(longest):  # after which nothing is larger
             largest = longest
     error = SAFETY * largest / size if size > 0.0 else 0.0
@@ -140,8 +185,10 @@ def error_after(structure: Structure, motion: Motion, scratch: Scratch, s: float
     for c in range(motion.deviations.shape[0]):
         propagate(flow, scratch.propagator, s, motion.deviations[c], moved)
         _add_rounding_to(flow, errors, z, moved, c, 0, s)
-        largest = max(largest, length(moved, errors.own))
-    size = max(now.largest, length(z, errors.own))
+        longest, _ = lengths(moved, errors, 0.0)
+        largest = max(largest, longest)
+    size, _ = lengths(z, errors, 1.0)
+    size = max(now.largest, size)
     return SAFETY * largest / size if size > 0.0 else 0.0
 
 

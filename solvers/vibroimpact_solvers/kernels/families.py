@@ -241,7 +241,7 @@ def _add(
     moved = slope * phases.rest[j]
     change = abs(slope) * phases.uncertainty[j] + sums.noise * abs(value)
     if value != 0.0:
-        change += moved / value * moved
+        change += abs(moved / value * moved)
     value += moved
     static, loose = phases.load[j], phases.load_error[j]
     for i in range(rows.shape[0]):
@@ -439,6 +439,40 @@ def _begin(system: _Bordered, sums: _Sums, size: int) -> None:
 
 
 @inner
+def _border_load(
+    system: _Bordered,
+    sums: _Sums,
+    n: int,
+    rows: Floats,
+    row_errors: Floats,
+    phases: _Phases,
+    j: int,
+) -> None:
+    """Add the static load of mode j, whose symmetric component has the equation number n.
+
+    Near the poles sin(gamma)/gamma is next to zero, and no more accurate than its phase.
+    """
+    right, mu, static, rest = system.right, phases.mu[j], phases.load[j], phases.rest[j]
+    turn, tilt, lift, lean = sine(mu), -1.0 / 6.0, sag(mu), 1.0 / 24.0
+    if mu >= _SOFT:
+        turn = phases.sine[j] / math.sqrt(mu)
+        tilt, lean = (phases.cosine[j] - turn) / (2.0 * mu), abs(0.5 * turn - lift) / mu
+    size, loose, unsure = abs(static), phases.load_error[j], phases.uncertainty[j]
+    moved = tilt * rest
+    turn += moved
+    spread = sums.noise * abs(turn) + 4.0 * _EPS * abs(moved) + abs(tilt) * unsure
+    system.blur[n] = size * spread + loose * abs(turn)
+    spread = sums.noise * lift + lean * (unsure + abs(rest) + _EPS * abs(mu))
+    for k in range(right.shape[1]):
+        right[n, k] = static * turn
+    for i in range(rows.shape[0]):
+        row, blur = abs(rows[i, j]), row_errors[i, j]
+        system.blur[i] += row * (size * spread + loose * lift) + blur * (size + loose) * lift
+        for k in range(right.shape[1]):
+            right[i, k] -= rows[i, j] * static * lift
+
+
+@inner
 def _border(
     system: _Bordered,
     sums: _Sums,
@@ -450,7 +484,7 @@ def _border(
     j: int,
 ) -> None:
     """Give mode j its own unknown and equation, number n."""
-    A, dA, right, mu, static = system.A, system.dA, system.right, phases.mu[j], phases.load[j]
+    A, dA, mu = system.A, system.dA, phases.mu[j]
     for i in range(rows.shape[0]):
         A[i, n] = A[n, i] = rows[i, j]
         dA[i, n] = dA[n, i] = sums.noise * abs(rows[i, j]) + row_errors[i, j]
@@ -464,17 +498,7 @@ def _border(
             ratio = phases.sine[j] / (phases.cosine[j] * math.sqrt(mu))
         A[n, n] = mu * ratio
         slope = 0.5 * (1.0 + mu * ratio * ratio + ratio)
-        size, loose = abs(static), phases.load_error[j]
-        spread = size * (sums.noise + phases.uncertainty[j]) + loose
-        system.blur[n] = spread * abs(sine(mu))
-        for k in range(right.shape[1]):
-            right[n, k] = static * sine(mu)
-        for i in range(rows.shape[0]):
-            system.blur[i] += sag(mu) * (
-                abs(rows[i, j]) * spread + row_errors[i, j] * (size + loose)
-            )
-            for k in range(right.shape[1]):
-                right[i, k] -= rows[i, j] * static * sag(mu)
+        _border_load(system, sums, n, rows, row_errors, phases, j)
     moved = slope * phases.rest[j]
     A[n, n] += moved
     dA[n, n] = abs(slope) * phases.uncertainty[j] + 4.0 * _EPS * abs(A[n, n]) + moved * moved

@@ -12,6 +12,9 @@ and z2 = q' + delta q. Rotations come first, then hyperbolas, then parabolas.
 With w = z1 - i z2, a rotation is ``w' = (alpha + i nu) w``. Another one, with all but the same
 rate, may drive it: ``w' = (alpha + i nu) w + kappa l``, where l is the w of a load in resonance
 with a mode, or of a mode that damping makes almost equal to it.
+A load that varies linearly, the parabola (V, V'), may drive any pair: ``z' = A z + kappa V``.
+A load that turns slowly may drive a rigid body, a hyperbola or a parabola without alpha:
+``z2' = ... + Re(kappa l)``.
 
 A state is an array of shape (2, pair), and so is a linear form on states, such as a watched
 coordinate. Every pair is propagated in closed form: a free motion of any length carries the
@@ -22,6 +25,7 @@ Arrays are passed whole and indexed in place, and none is made (`jit.inner`).
 
 from __future__ import annotations
 
+import cmath
 import math
 from typing import Any, Final, NamedTuple
 
@@ -43,10 +47,10 @@ sinh for hyperbolas, (1, s) for parabolas."""
 DRIVE: Final = np.dtype(
     [("driven", "i8"), ("driving", "i8"), ("kappa_real", "f8"), ("kappa_imaginary", "f8")]
 )
-"""A pair that another one drives: their indices, and kappa."""
+"""A pair that another one drives: their indices, and kappa, of a ramp for z1 and z2."""
 
 
-_LONG = 32  # pairs from which on sums for velocities at impacts are worth exact ones
+_TERMS = 20  # of the series of `_averages`, for |x| <= 1
 _VERY_LONG = 256  # and those for the coordinates whose passages are searched for
 
 
@@ -110,9 +114,11 @@ def propagate(flow: Flow, propagator: Floats, s: float, z: Floats, out: Floats) 
         out[Z1, j] = fma(even[j], a, odd[j] * b)
         out[Z2, j] = fma(even[j], b, -(odd[j] * a))
     for j in range(flow.rotations, flow.hyperbolas_end):
-        a, b = z[Z1, j], z[Z2, j]
-        out[Z1, j] = even[j] * a + odd[j] * b
-        out[Z2, j] = even[j] * b + odd[j] * a
+        # One by one: near a saddle they are very unequal, and sums with cosh and sinh cancel.
+        decay = math.exp(((flow.alpha[j] - flow.nu[j]) - flow.rest[j]) * s)
+        plus = 0.5 * (even[j] + odd[j]) * (z[Z1, j] + z[Z2, j])
+        minus = 0.5 * decay * (z[Z1, j] - z[Z2, j])
+        out[Z1, j], out[Z2, j] = plus + minus, plus - minus
     for j in range(flow.hyperbolas_end, even.size):
         a, b = z[Z1, j], z[Z2, j]
         out[Z1, j] = even[j] * a + odd[j] * b
@@ -134,6 +140,112 @@ def propagate_state(flow: Flow, propagator: Floats, s: float, z: Floats, out: Fl
         out[Z2, j] += push[j] * s
 
 
+@inline
+def two_sum(a: float, b: float) -> tuple[float, float]:
+    """Return a + b rounded, and what rounding took from it."""
+    s = a + b
+    part = s - a
+    return s, (a - (s - part)) + (b - part)
+
+
+@inline
+def _changed(factor: float, a: float, b: float, rest: float) -> tuple[float, float]:
+    """Return ``factor (a + b + rest)`` rounded, and what rounding took from it."""
+    total, lost = two_sum(a, b)
+    change = factor * total
+    return change, fma(factor, total, -change) + factor * (lost + rest)
+
+
+@inline
+def _carry(total: float, rest: float, change: float, more: float) -> tuple[float, float]:
+    """Return ``total + rest + change + more`` as two numbers, the last two being small."""
+    grown = total + change
+    part = grown - total
+    rest += ((total - (grown - part)) + (change - part)) + more
+    total = grown + rest
+    return total, rest - (total - grown)
+
+
+@inline
+def _lost(u: float, a: float, v: float, b: float, result: float) -> float:
+    """Return what rounding took from ``result = u a + v b``."""
+    p, q = u * a, v * b
+    total = p + q
+    part = total - p
+    lost = (p - (total - part)) + (q - part)
+    return (total - result) + (lost + (fma(u, a, -p) + fma(v, b, -q)))
+
+
+@inline
+def _longer_than_one(less: float, sine: float) -> float:
+    """Return the square of the length of (1 + less, sine), less 1, in twice the precision."""
+    p, q, twice = less * less, sine * sine, 2.0 * less
+    total = twice + p
+    part = total - twice
+    lost = (twice - (total - part)) + (p - part)
+    whole = total + q
+    part = whole - total
+    lost += (total - (whole - part)) + (q - part)
+    return whole + (lost + (fma(less, less, -p) + fma(sine, sine, -q)))
+
+
+@inner
+def advance(
+    flow: Flow, propagator: Floats, s: float, z: Floats, rest: Floats, moved: Floats
+) -> None:
+    """Advance a state, kept as z + rest, by the time s that the propagator belongs to.
+
+    Between walls that are near motions are short, and many: each adds the rounding of its change
+    of the state only, not of the state, which would have one sign as often as not.
+    """
+    even, odd, alpha, push = propagator[EVEN], propagator[ODD], flow.alpha, flow.push
+    for j in range(alpha.size):
+        # Loads by drives come with the whole motion.
+        moved[Z1, j] = moved[Z2, j] = 0.0
+    for k in range(flow.drives.size):
+        first, second = _drive(flow, propagator, k, s, z)
+        j = flow.drives[k].driven
+        moved[Z1, j] += first
+        moved[Z2, j] += second
+    for j in range(flow.rotations):
+        # e^(alpha s) cos(nu s) - 1, of which nothing cancels where the cosine is positive.
+        gained = math.expm1(alpha[j] * s) if flow.damped else 0.0
+        less = gained - odd[j] * odd[j] / (1.0 + gained + abs(even[j]))
+        less = less if even[j] > 0.0 else even[j] - 1.0
+        a, b, c, d = z[Z1, j], z[Z2, j], rest[Z1, j], rest[Z2, j]
+        first, second = fma(less, a, odd[j] * b), fma(less, b, -(odd[j] * a))
+        more, other = fma(less, c, odd[j] * d), fma(less, d, -(odd[j] * c))
+        # What products and sums of these took is of the order of the change; where motions are
+        # alike, it is the same in all, and so is what the length of (cosine, sine) lacks to 1.
+        more += _lost(less, a, odd[j], b, first)
+        other += _lost(less, b, -odd[j], a, second)
+        if not flow.damped:
+            short = -0.5 * _longer_than_one(less, odd[j])
+            more += short * (a + first)
+            other += short * (b + second)
+        z[Z1, j], rest[Z1, j] = _carry(a, c, first, more + moved[Z1, j])
+        z[Z2, j], rest[Z2, j] = _carry(b, d, second, other + moved[Z2, j])
+    for j in range(flow.rotations, flow.hyperbolas_end):
+        fast, slow = alpha[j] + flow.nu[j], alpha[j] - flow.nu[j]
+        a, b, c, d = z[Z1, j], z[Z2, j], rest[Z1, j], rest[Z2, j]
+        # What grows is a small difference where the other one decays, and the other way round.
+        plus, plus_lost = _changed(math.expm1((fast + flow.rest[j]) * s), a, b, c + d)
+        minus, minus_lost = _changed(math.expm1((slow - flow.rest[j]) * s), a, -b, c - d)
+        first, lost = two_sum(plus, minus)
+        second, other = two_sum(plus, -minus)
+        more = 0.5 * (lost + plus_lost + minus_lost) + moved[Z1, j]
+        z[Z1, j], rest[Z1, j] = _carry(a, c, 0.5 * first, more)
+        more = 0.5 * (other + plus_lost - minus_lost) + moved[Z2, j]
+        z[Z2, j], rest[Z2, j] = _carry(b, d, 0.5 * second, more)
+    for j in range(flow.hyperbolas_end, alpha.size):
+        less = math.expm1(alpha[j] * s)
+        a, b, c, d = z[Z1, j], z[Z2, j], rest[Z1, j], rest[Z2, j]
+        first = less * a + (odd[j] * b + 0.5 * push[j] * s * s)
+        second = less * b + push[j] * s
+        z[Z1, j], rest[Z1, j] = _carry(a, c, first, less * c + odd[j] * d + moved[Z1, j])
+        z[Z2, j], rest[Z2, j] = _carry(b, d, second, less * d + moved[Z2, j])
+
+
 @inner
 def _drive(flow: Flow, propagator: Floats, row: int, s: float, z: Floats) -> tuple[float, float]:
     """Return what a drive adds to its pair in a time s.
@@ -144,6 +256,11 @@ def _drive(flow: Flow, propagator: Floats, row: int, s: float, z: Floats) -> tup
     """
     drive, even, odd = flow.drives[row], propagator[EVEN], propagator[ODD]
     j, k = drive.driven, drive.driving
+    if k >= flow.hyperbolas_end:
+        return _ramped(flow, j, drive.kappa_real, drive.kappa_imaginary, s, z[Z1, k], z[Z2, k])
+    if j >= flow.rotations:
+        force = complex(drive.kappa_real, drive.kappa_imaginary) * complex(z[Z1, k], -z[Z2, k])
+        return _swung(flow, j, force, flow.nu[k], s)
     x = (flow.alpha[k] - flow.alpha[j]) * s
     y = ((flow.nu[k] - flow.nu[j]) + (flow.rest[k] - flow.rest[j])) * s
     real, imaginary = 1.0 + 0.5 * x, 0.5 * y
@@ -161,11 +278,114 @@ def _drive(flow: Flow, propagator: Floats, row: int, s: float, z: Floats) -> tup
     return real * even[j] - imaginary * odd[j], -(real * odd[j] + imaginary * even[j])
 
 
+@inline
+def _averages(x: complex) -> tuple[complex, complex]:
+    """Return the averages of e^(x u) and of its average up to u, weighted by u, over [0, 1].
+
+    ``(e^x - 1) / x`` and ``(e^x - 1 - x) / x^2``.
+    """
+    if abs(x) > 1.0:
+        first = (cmath.exp(x) - 1.0) / x
+        return first, (first - 1.0) / x
+    second = 1.0 + 0.0j
+    for n in range(_TERMS, 2, -1):
+        second = 1.0 + second * x / n
+    second *= 0.5
+    return 1.0 + x * second, second
+
+
+@inner
+def _ramped(
+    flow: Flow, j: int, first: float, second: float, s: float, value: float, slope: float
+) -> tuple[float, float]:
+    """Return what a load ``value + slope t`` adds to a pair in a time s.
+
+    Of the rate sigma a component gains ``s value (e^x - 1) / x + s^2 slope (e^x - 1 - x) / x^2``,
+    x being sigma s.
+    """
+    alpha, nu, whole = flow.alpha[j], flow.nu[j], s * s * slope
+    if j < flow.rotations:
+        one, two = _averages(complex(alpha * s, nu * s))
+        w = complex(first, -second) * (s * value * one + whole * two)
+        return w.real, -w.imag
+    if j < flow.hyperbolas_end:
+        one, two = _averages(complex((alpha + nu + flow.rest[j]) * s, 0.0))
+        plus = (first + second) * (s * value * one.real + whole * two.real)
+        one, two = _averages(complex((alpha - nu - flow.rest[j]) * s, 0.0))
+        minus = (first - second) * (s * value * one.real + whole * two.real)
+        return 0.5 * (plus + minus), 0.5 * (plus - minus)
+    # Of rigid bodies.
+    gained = s * value + 0.5 * whole
+    return first * gained + second * s * (0.5 * s * value + whole / 6.0), second * gained
+
+
+@inline
+def _gained(rate: float, turning: float, s: float) -> complex:
+    """Return the integral of ``e^(rate (s - u)) e^(i turning u)`` over 0 < u < s."""
+    x = complex(-rate * s, turning * s)
+    if abs(x) > 1.0:
+        return s * (cmath.exp(complex(0.0, turning * s)) - math.exp(rate * s)) / x
+    one, _ = _averages(x)
+    return s * math.exp(rate * s) * one
+
+
+@inner
+def _swung(flow: Flow, j: int, force: complex, turning: float, s: float) -> tuple[float, float]:
+    """Return what a load ``Re(force e^(i turning t))`` adds to a rigid body in a time s."""
+    if j < flow.hyperbolas_end:
+        alpha, nu, rest = flow.alpha[j], flow.nu[j], flow.rest[j]
+        plus = (force * _gained((alpha + nu) + rest, turning, s)).real
+        minus = -(force * _gained((alpha - nu) - rest, turning, s)).real
+        return 0.5 * (plus + minus), 0.5 * (plus - minus)
+    one, two = _averages(complex(0.0, turning * s))
+    return s * s * (force * two).real, s * (force * one).real
+
+
+@inline
+def _driven_by_swing(flow: Flow, row: int, form: Floats, z: Floats, d: Floats) -> None:
+    """Add what a load that drives a rigid body does to derivatives of a coordinate."""
+    drive = flow.drives[row]
+    j, k = drive.driven, drive.driving
+    alpha, there, back = flow.alpha[j], 1.0, 0.0
+    if j < flow.hyperbolas_end:
+        there = back = flow.nu[j]
+    force = complex(drive.kappa_real, drive.kappa_imaginary) * complex(z[Z1, k], -z[Z2, k])
+    a, b = 0.0, force.real
+    for n in range(1, d.size):
+        d[n] += form[Z1, j] * a + form[Z2, j] * b
+        force *= complex(0.0, flow.nu[k])
+        a, b = alpha * a + there * b, alpha * b + back * a + force.real
+
+
+@inline
+def _driven_by_ramp(flow: Flow, row: int, form: Floats, z: Floats, d: Floats) -> None:
+    """Add what a ramp does to derivatives of a coordinate."""
+    drive = flow.drives[row]
+    j, k = drive.driven, drive.driving
+    alpha, there = flow.alpha[j], 1.0
+    back = 0.0
+    if j < flow.hyperbolas_end:
+        there = flow.nu[j]
+        back = -there if j < flow.rotations else there
+    a, b = drive.kappa_real * z[Z1, k], drive.kappa_imaginary * z[Z1, k]
+    more, other = drive.kappa_real * z[Z2, k], drive.kappa_imaginary * z[Z2, k]
+    for n in range(1, d.size):
+        d[n] += form[Z1, j] * a + form[Z2, j] * b
+        a, b = alpha * a + there * b + more, alpha * b + back * a + other
+        more = other = 0.0
+
+
 @inner
 def _driven(flow: Flow, row: int, form: Floats, z: Floats, d: Floats) -> None:
     """Add what a drive does to derivatives of a coordinate."""
     drive = flow.drives[row]
     j, k = drive.driven, drive.driving
+    if k >= flow.hyperbolas_end:
+        _driven_by_ramp(flow, row, form, z, d)
+        return
+    if j >= flow.rotations:
+        _driven_by_swing(flow, row, form, z, d)
+        return
     alpha, nu = flow.alpha[j], flow.nu[j]
     a, b = z[Z1, k], -z[Z2, k]
     # kappa rho^n l, and the sum of all that it and its predecessors have become.
@@ -198,7 +418,14 @@ def set_rate(flow: Flow, z: Floats, out: Floats) -> None:
         out[Z2, j] = alpha[j] * b + push[j]
     for k in range(flow.drives.size):
         drive = flow.drives[k]
+        if drive.driving >= flow.hyperbolas_end:
+            out[Z1, drive.driven] += drive.kappa_real * z[Z1, drive.driving]
+            out[Z2, drive.driven] += drive.kappa_imaginary * z[Z1, drive.driving]
+            continue
         a, b = z[Z1, drive.driving], -z[Z2, drive.driving]
+        if drive.driven >= flow.rotations:
+            out[Z2, drive.driven] += drive.kappa_real * a - drive.kappa_imaginary * b
+            continue
         out[Z1, drive.driven] += drive.kappa_real * a - drive.kappa_imaginary * b
         out[Z2, drive.driven] -= drive.kappa_real * b + drive.kappa_imaginary * a
 
@@ -237,14 +464,12 @@ def _added(total: float, lost: float, factor: float, value: float) -> tuple[floa
 
 @inline
 def exact_product(form: Floats, z: Floats) -> tuple[float, float]:
-    """Return what `product` does and, of long forms, what rounding took from it (Dot2).
+    """Return what `product` does and what rounding took from it (Dot2).
 
     The roundings of `product` are the same at every impact of a periodic motion, and so is what
-    they take from its energy; in sums of few numbers they are no more than other roundings.
+    they take from its energy.
     """
     n = z.shape[1]
-    if n < _LONG:
-        return product(form, z), 0.0
     s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
     l0, l1, l2, l3 = 0.0, 0.0, 0.0, 0.0
     for j in range(0, n - n % 2, 2):
@@ -425,6 +650,32 @@ def bound(
 
 
 @inline
+def _moved_by_ramp(flow: Flow, row: int, H: float, value: float, slope: float) -> float:
+    """Return a bound of what a load ``value + slope t`` adds to the length of a pair in H."""
+    drive = flow.drives[row]
+    j = drive.driven
+    kappa = math.hypot(drive.kappa_real, drive.kappa_imaginary)
+    moved = kappa * H * (value + H * slope)
+    if j >= flow.hyperbolas_end:
+        return moved * (1.0 + H)
+    faster = flow.alpha[j] if j < flow.rotations else flow.alpha[j] + flow.nu[j]
+    return 2.0 * moved * math.exp(max(0.0, faster) * H)
+
+
+@inline
+def _moved_by_load(flow: Flow, row: int, H: float, length: float) -> float:
+    """Return a bound of what a turning pair of some length adds to the length of another in H."""
+    drive, alpha = flow.drives[row], flow.alpha
+    j, k = drive.driven, drive.driving
+    moved = H * math.hypot(drive.kappa_real, drive.kappa_imaginary) * length
+    if j >= flow.hyperbolas_end:
+        return moved * (1.0 + H) * math.exp(max(0.0, alpha[k]) * H)
+    if j >= flow.rotations:
+        return 2.0 * moved * math.exp(max(0.0, alpha[j] + flow.nu[j], alpha[k]) * H)
+    return moved * math.exp(max(0.0, alpha[j], alpha[k]) * H)
+
+
+@inline
 def _other_growth(
     flow: Flow, watched: Watched, i: int, z: Floats, lengths: Floats, order: int, H: float
 ) -> float:
@@ -446,10 +697,26 @@ def _other_growth(
     for row in range(flow.drives.size):
         drive = flow.drives[row]
         j, k = drive.driven, drive.driving
+        if k >= flow.hyperbolas_end:
+            # A^(order-1) kappa V + A^(order-2) kappa V', and A^order on what V has moved.
+            moved = _moved_by_ramp(flow, row, H, abs(z[Z1, k]), abs(z[Z2, k]))
+            largest += sizes[j] * moved
+            rate = abs(alpha[j]) + nu[j] if j < flow.hyperbolas_end else 0.0
+            kappa = math.hypot(drive.kappa_real, drive.kappa_imaginary)
+            high = rate * (abs(z[Z1, k]) + H * abs(z[Z2, k])) + abs(z[Z2, k])
+            largest += watched.size[i, j] * kappa * rate ** (order - 2) * high
+            continue
+        if j >= flow.hyperbolas_end:
+            # A b f^(order-2) and b f^(order-1), as A^2 = 0.
+            force = math.hypot(drive.kappa_real, drive.kappa_imaginary) * lengths[k]
+            largest += watched.size[i, j] * force * nu[k] ** (order - 2) * (1.0 + nu[k])
+            continue
         force = math.hypot(drive.kappa_real, drive.kappa_imaginary) * lengths[k]
-        rate = max(math.hypot(alpha[j], nu[j]), math.hypot(alpha[k], nu[k]))
-        longest = sizes[j] * H + watched.size[i, j] * order * rate ** (order - 1)
+        own = math.hypot(alpha[j], nu[j]) if j < flow.rotations else abs(alpha[j]) + nu[j]
+        rate = max(own, math.hypot(alpha[k], nu[k]))
+        longest = watched.size[i, j] * order * rate ** (order - 1)
         largest += force * longest * math.exp(max(0.0, alpha[j], alpha[k]) * H)
+        largest += sizes[j] * _moved_by_load(flow, row, H, lengths[k])
     return largest
 
 
@@ -476,8 +743,10 @@ def reach(flow: Flow, sizes: Floats, z: Floats, lengths: Floats, H: float) -> fl
     for row in range(flow.drives.size):
         drive = flow.drives[row]
         j, k = drive.driven, drive.driving
-        force = math.hypot(drive.kappa_real, drive.kappa_imaginary) * lengths[k]
-        largest += sizes[j] * H * force * math.exp(max(0.0, alpha[j], alpha[k]) * H)
+        if k >= flow.hyperbolas_end:
+            largest += sizes[j] * _moved_by_ramp(flow, row, H, abs(z[Z1, k]), abs(z[Z2, k]))
+            continue
+        largest += sizes[j] * _moved_by_load(flow, row, H, lengths[k])
     return largest
 
 
@@ -497,6 +766,8 @@ def grown(flow: Flow, sizes: Floats, spread: Floats, s: float) -> float:
     for row in range(flow.drives.size):
         drive = flow.drives[row]
         j, k = drive.driven, drive.driving
-        force = math.hypot(drive.kappa_real, drive.kappa_imaginary) * spread[k]
-        more += sizes[j] * s * force * math.exp(max(0.0, alpha[j], alpha[k]) * s)
+        if k >= flow.hyperbolas_end:
+            more += sizes[j] * _moved_by_ramp(flow, row, s, spread[k], spread[k])
+            continue
+        more += sizes[j] * _moved_by_load(flow, row, s, spread[k])
     return more

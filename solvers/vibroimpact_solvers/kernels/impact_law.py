@@ -24,11 +24,12 @@ from vibroimpact_solvers.kernels.deviations import (
     lose,
     random_row,
 )
-from vibroimpact_solvers.kernels.flow import Z1, Z2, exact_product, product, set_rate
+from vibroimpact_solvers.kernels.flow import Z1, Z2, exact_product, product, set_rate, two_sum
 from vibroimpact_solvers.kernels.jit import fma, inline, inner, kernel
-from vibroimpact_solvers.kernels.next_impact import ROUNDING, SIMULTANEOUS, two_sum
+from vibroimpact_solvers.kernels.next_impact import ROUNDING, SIMULTANEOUS
 from vibroimpact_solvers.kernels.rigid_state import (
     HAS_GRAZED,
+    STRIKES,
     STRUCK,
     Motion,
     Rows,
@@ -41,21 +42,31 @@ _ALONE = 0  # the row of a coordinate that is struck alone
 
 
 @inline
-def _add_impulse(z: float, impulse: float, taken: float, form: float) -> float:
-    """Return ``z + (impulse + taken) form`` rounded once."""
+def _add_impulse(
+    z: float, rest: float, impulse: float, taken: float, form: float
+) -> tuple[float, float]:
+    """Return ``z + rest + (impulse + taken) form`` as two numbers."""
     kick = impulse * form
     total, lost = two_sum(z, kick)
-    return total + (lost + fma(taken, form, fma(impulse, form, -kick)))
+    rest += lost + fma(taken, form, fma(impulse, form, -kick))
+    return two_sum(total, rest)
 
 
 @inline
 def _turn_deviations(
-    structure: Structure, motion: Motion, struck: Rows, a: int, acceleration: float, row: int
+    structure: Structure,
+    motion: Motion,
+    struck: Rows,
+    a: int,
+    acceleration: float,
+    row: int,
+    at_wall: bool,
 ) -> None:
     """Take the deviations through the impact of one coordinate (saltation).
 
-    acceleration is that of the coordinate before the impact. On their way deviations get the
-    rounding of the place of the wall and of the kick; the formula is that of `kernels.deviations`.
+    acceleration is that of the coordinate before the impact; at_wall: it strikes at once. On
+    their way deviations get the errors of the coordinate, of the place of the wall and of the kick;
+    the formula is that of `kernels.deviations`.
     The square of the speed changes by ``2 y'' dy``, and the speed never by more than the root of
     that, however slow the impact is.
     """
@@ -67,12 +78,15 @@ def _turn_deviations(
     place = wall.size if struck.size == 1 else wall.size + abs(one.room) / EPS
     for c in range(deviations.shape[0]):
         dz, kick_error = deviations[c], errors.kicks[c, i]
-        dy = product(watched.coordinate[i], dz)
+        dy = product(watched.coordinate[i], dz) + product(errors.coordinates[c, i], motion.z)
         dy += -place if c & 1 else place
+        if at_wall:
+            dy = 0.0
         faster = acceleration * dy / speed
         most = math.sqrt(2.0 * abs(acceleration * dy) / EPS)
         faster = min(max(faster, -most), most)
-        dP = factor * (faster - product(watched.velocity[i], dz))
+        off = product(watched.velocity[i], dz) + product(errors.velocities[c, i], motion.z)
+        dP = factor * (faster - off)
         dy *= factor
         signs = errors.signs[(row + c + 1) % errors.signs.shape[0]]
         for j in range(dz.shape[1]):
@@ -102,7 +116,7 @@ def graze(structure: Structure, motion: Motion, scratch: Scratch, i: int, side: 
     the impulse that is or is not is the root of the error.
     """
     z, watched, wall = motion.z, structure.watched, structure.walls[i]
-    now, own = motion.progress[0], structure.errors.own
+    now = motion.progress[0]
     scratch.grazing[i] = HAS_GRAZED
     set_rate(structure.flow, z, scratch.rate)
     y, speed = product(watched.coordinate[i], z), side * product(watched.velocity[i], z)
@@ -121,7 +135,8 @@ def graze(structure: Structure, motion: Motion, scratch: Scratch, i: int, side: 
     if squared > 0.0 and slowed > 0.0 and not certain:
         now.grazings += 1
         _widen(structure, motion, i, 0.5 * wall.factor * math.sqrt(squared))
-        lose(motion.progress, estimated_error(motion.deviations, own, motion.progress), now.time)
+        error = estimated_error(motion.deviations, structure.errors, motion.progress)
+        lose(motion.progress, error, now.time)
 
 
 @inner
@@ -222,6 +237,7 @@ def _find_struck(structure: Structure, motion: Motion, scratch: Scratch) -> int:
         else:
             continue
         speed, lost = exact_product(watched.velocity[i], motion.z)
+        lost += product(watched.velocity[i], scratch.rest)
         row = scratch.struck[count]
         row.coordinate, row.side, row.restitution = i, side, wall.restitution
         row.speed, row.speed_rest = side * speed, side * lost
@@ -248,7 +264,8 @@ def _strike_one(structure: Structure, motion: Motion, scratch: Scratch, row: int
     set_rate(structure.flow, z, scratch.rate)
     acceleration = product(structure.watched.velocity[i], scratch.rate)
     speed, towards, rounding = one.speed, one.side * acceleration, scratch.rounding[i]
-    if speed <= 0.0 or speed * speed <= 2.0 * abs(towards) * rounding:
+    at_wall = scratch.grazing[i] == STRIKES
+    if speed <= 0.0 or (speed * speed <= 2.0 * abs(towards) * rounding and not at_wall):
         # An impact as slow as a fall from within rounding is none.
         if towards >= 0.0:
             bounce = max(speed, 0.0) if wall.restitution == 1.0 else 0.0
@@ -259,15 +276,16 @@ def _strike_one(structure: Structure, motion: Motion, scratch: Scratch, row: int
     velocity, factor = one.side * speed, wall.factor
     # A speed that is rounding, by the motion as it is now, is one of a coordinate at rest.
     slight = ROUNDING * length(z, structure.errors.own) * math.sqrt(structure.mobility[i, i])
-    _turn_deviations(structure, motion, scratch.struck[:1], _ALONE, acceleration, row)
+    _turn_deviations(structure, motion, scratch.struck[:1], _ALONE, acceleration, row, at_wall)
     impulse = -factor * velocity
     # What rounding takes from an impulse it takes from the energy, at each impact the same.
     taken = fma(-factor, velocity, -impulse)
     taken -= wall.factor_rest * velocity + factor * (one.side * one.speed_rest)
     kick = structure.watched.kick[i]
     for j in range(z.shape[1]):
-        z[Z1, j] = _add_impulse(z[Z1, j], impulse, taken, kick[Z1, j])
-        z[Z2, j] = _add_impulse(z[Z2, j], impulse, taken, kick[Z2, j])
+        rest = scratch.rest
+        z[Z1, j], rest[Z1, j] = _add_impulse(z[Z1, j], rest[Z1, j], impulse, taken, kick[Z1, j])
+        z[Z2, j], rest[Z2, j] = _add_impulse(z[Z2, j], rest[Z2, j], impulse, taken, kick[Z2, j])
     one.impulse = abs(impulse)
     if speed > slight:
         _write(motion, scratch.struck, _ALONE)
@@ -299,7 +317,8 @@ def _strike_several(
             if one.speed > 0.0:
                 # One after the other: where the order matters, they are widened beside.
                 acceleration = product(watched.velocity[i], rate)
-                _turn_deviations(structure, motion, struck, a, acceleration, row + a)
+                at_wall = scratch.grazing[i] == STRIKES
+                _turn_deviations(structure, motion, struck, a, acceleration, row + a, at_wall)
             _write(motion, struck, a)
         for j in range(z.shape[1]):
             z[Z1, j] -= one.side * one.impulse * kick[Z1, j]
@@ -361,7 +380,7 @@ def strike(structure: Structure, motion: Motion, scratch: Scratch) -> bool:
         rests = _strike_several(structure, motion, scratch, count, row)
     if count > 1 or progress.rows > first:
         progress.impacts += 1
-        error = estimated_error(motion.deviations, errors.own, motion.progress)
+        error = estimated_error(motion.deviations, errors, motion.progress)
         if motion.deviations.shape[0] == 0:
             error = math.nan
         else:

@@ -27,6 +27,7 @@ from vibroimpact_solvers.kernels.flow import (
     reach,
     set_lengths,
     set_propagator,
+    two_sum,
     weighted,
 )
 from vibroimpact_solvers.kernels.jit import fma, inline, inner, once
@@ -42,6 +43,7 @@ from vibroimpact_solvers.kernels.passages import (
 from vibroimpact_solvers.kernels.rigid_state import (
     MAY_GRAZE,
     NOT_GRAZING,
+    STRIKES,
     Motion,
     Rows,
     Scratch,
@@ -65,14 +67,6 @@ _CLEAR = 1e-6  # squared speeds at a wall, relative to the motion, that are no g
 _TURN = 6.283185307179586  # 2 pi
 _NEVER = 1e300
 _ONLY = 0  # the pair of a structure with one mode
-
-
-@inline
-def two_sum(a: float, b: float) -> tuple[float, float]:
-    """Return a + b rounded, and what rounding took from it."""
-    s = a + b
-    part = s - a
-    return s, (a - (s - part)) + (b - part)
 
 
 @inline
@@ -107,7 +101,8 @@ def find_reach(structure: Structure, motion: Motion, scratch: Scratch) -> None:
             margin = rounding + SAFETY * EPS * weighted(sizes, spread, spread.size)
             rate = SAFETY * EPS * structure.errors.drift * now
         scratch.rounding[i], scratch.margin[i], scratch.margin_rate[i] = rounding, margin, rate
-        if scratch.grazing[i] == MAY_GRAZE:
+        begins = progress.time == 0.0 and progress.impacts == 0
+        if scratch.grazing[i] == MAY_GRAZE or (scratch.grazing[i] == STRIKES and not begins):
             scratch.grazing[i] = NOT_GRAZING
         scratch.in_reach[i] = not far + rounding < min(wall.lower, wall.upper)
 
@@ -166,6 +161,8 @@ def _expanded(
     flow, watched, walls = structure.flow, structure.watched, structure.walls
     d, rounding = scratch.derivatives, scratch.rounding[i]
     derivatives(flow, watched.coordinate[i], scratch.z, d)
+    if scratch.grazing[i] == STRIKES:
+        return -1.0, 0.0, (1 if d[1] > 0.0 else -1)
     above = _distance(walls[i].upper - d[0], d[1], d[2], rounding)
     below = _distance(walls[i].lower + d[0], -d[1], -d[2], rounding)
     if released:
@@ -329,7 +326,9 @@ def next_crossing(
             towards = form if upper else -form
             c = wall / towards
             squared = b * b + (a - c) * (a + c)
-            if abs(squared) <= _CLEAR * circle + 4.0 * scratch.margin[i] * abs(c / form):
+            if scratch.grazing[i] == STRIKES or abs(
+                squared
+            ) <= _CLEAR * circle + 4.0 * scratch.margin[i] * abs(c / form):
                 return 0.0, 0.0, UNDECIDED, 0
             if squared < 0.0:
                 continue

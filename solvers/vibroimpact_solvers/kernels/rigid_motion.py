@@ -9,6 +9,7 @@ the other; the loop returns to Python where the equations change: contacts begin
 
 from __future__ import annotations
 
+import math
 from enum import IntEnum
 from typing import Any
 
@@ -19,6 +20,7 @@ from vibroimpact_solvers.kernels.deviations import (
     EPS,
     add_rounding,
     estimated_error,
+    length,
     lose,
     lose_on_the_way,
     random_row,
@@ -27,10 +29,12 @@ from vibroimpact_solvers.kernels.deviations import (
 from vibroimpact_solvers.kernels.flow import (
     Z1,
     Z2,
+    advance,
     grows,
     propagate,
     propagate_state,
     set_propagator,
+    two_sum,
 )
 from vibroimpact_solvers.kernels.impact_law import graze, strike
 from vibroimpact_solvers.kernels.jit import bare, inner, once
@@ -45,16 +49,18 @@ from vibroimpact_solvers.kernels.modal import (
 )
 from vibroimpact_solvers.kernels.next_impact import (
     AT_END,
+    ROUNDING,
+    SIMULTANEOUS,
     UNDECIDED,
     find_reach,
     has_one_undamped_mode,
     next_crossing,
     next_event,
-    two_sum,
 )
 from vibroimpact_solvers.kernels.rigid_state import (
     MAY_GRAZE,
     NOT_GRAZING,
+    STRIKES,
     History,
     Motion,
     Scratch,
@@ -124,9 +130,7 @@ def _move(structure: Structure, motion: Motion, scratch: Scratch, s: float, ds: 
     flow, z, deviations, moved = structure.flow, motion.z, motion.deviations, scratch.z
     now, signs = motion.progress[0], structure.errors.signs
     set_propagator(flow, s, ds, scratch.propagator)
-    propagate_state(flow, scratch.propagator, s + ds, z, moved)
-    for j in range(z.shape[1]):
-        z[Z1, j], z[Z2, j] = moved[Z1, j], moved[Z2, j]
+    advance(flow, scratch.propagator, s + ds, z, scratch.rest, moved)
     for c in range(deviations.shape[0]):
         propagate(flow, scratch.propagator, s + ds, deviations[c], moved)
         for j in range(z.shape[1]):
@@ -169,7 +173,7 @@ def _advance(
         _move(structure, motion, scratch, s, ds)
         if who < 0:
             if motion.deviations.shape[0] > 0:
-                error = estimated_error(motion.deviations, structure.errors.own, motion.progress)
+                error = estimated_error(motion.deviations, structure.errors, motion.progress)
                 lose(motion.progress, error, begun)
             return _END if who == AT_END else _PAUSE
         if scratch.grazing[who] == MAY_GRAZE:
@@ -196,8 +200,25 @@ def _finish(structure: Structure, motion: Motion, modal: Modal, first: int, ende
         if not row.deviation <= now.growth:
             now.growth = row.deviation
     if ended:
-        error = estimated_error(motion.deviations, structure.errors.own, motion.progress)
+        error = estimated_error(motion.deviations, structure.errors, motion.progress)
         now.growth = max(now.growth, error)
+
+
+@inner
+def _mark_struck(
+    structure: Structure, modal: Modal, x: Floats, v: Floats, z: Floats, scratch: Scratch
+) -> None:
+    """Mark the coordinates that start at a wall, to the last bit, and move into it."""
+    largest = length(z, structure.errors.own)
+    for i in range(structure.walls.size):
+        y, velocity = 0.0, 0.0
+        for k in range(x.size):
+            y += modal.W[i, k] * x[k]
+            velocity += modal.W[i, k] * v[k]
+        towards = velocity if y == modal.upper[i] else (-velocity if -y == modal.lower[i] else 0.0)
+        slight = ROUNDING * largest * math.sqrt(structure.mobility[i, i])
+        if towards > SIMULTANEOUS * slight * modal.scale:
+            scratch.grazing[i] = STRIKES
 
 
 @bare
@@ -241,6 +262,8 @@ def follow(
         current = Motion(z, deviations, progress[place : place + 1], impacts, output_times)
         written, now = History(xs[place], vs[place], energies[place]), progress[place]
         now.rows = rows
+        for j in range(z.shape[1]):
+            scratch.rest[Z1, j] = scratch.rest[Z2, j] = 0.0
         if x.shape[0] > 0:
             now.first_row = rows
             if not state_of(conversion, x[place], v[place], z, scratch.rate):
@@ -250,6 +273,8 @@ def follow(
             now.begun = 1
             for i in range(named.walls.size):
                 scratch.grazing[i] = NOT_GRAZING
+            if x.shape[0] > 0:
+                _mark_struck(named, conversion, x[place], v[place], z, scratch)
         stop = _advance(named, current, scratch, conversion, written)
         _write_history(current, scratch, conversion, written)
         _finish(named, current, conversion, rows, stop == _END)

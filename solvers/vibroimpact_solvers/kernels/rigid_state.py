@@ -25,6 +25,8 @@ MAY_GRAZE: Final = 1
 HAS_GRAZED: Final = 2
 """Whether a coordinate turns so near to a wall that its error decides whether it strikes: not as
 far as is known, as it seems, and accounted for in the deviations on this approach."""
+STRIKES: Final = 3
+"""At the start: the coordinate is at its wall to the last bit and moves into it, however slowly."""
 
 WALL: Final = np.dtype(
     [
@@ -113,7 +115,15 @@ class Errors(NamedTuple):
     signs: Floats  # (row, 2, pair): 1 or -1, at random
     drifts: Floats  # (column, pair): of the frequencies
     kicks: Floats  # (column, watched, 2, pair): of the changes of state by unit impulses
+    coordinates: Floats  # (column, watched, 2, pair): of the watched coordinates
+    velocities: Floats  # (column, watched, 2, pair): and of their velocities
     own: Floats  # (pair,): 0 for the pairs of loads, 1 for the others
+    doubts: Floats  # (pair,): of the loads, relative to them, by the responses to them
+    # What constant loads and then each of the numbers of the pairs of loads make of the other
+    # pairs, (1 + 2 load, 2, pair); none where there are no loads.
+    carried: Floats
+    loads: Integers  # (load,): the pairs of loads
+    still: float  # of what constant loads make, relative to it
     drift: float  # the largest of the drifts
 
 
@@ -149,6 +159,7 @@ class Scratch(NamedTuple):
     """Arrays that functions overwrite."""
 
     z: Floats  # (2, pair): the state at which a coordinate is expanded
+    rest: Floats  # (2, pair): what rounding took from the state of the motion
     rate: Floats  # (2, pair)
     propagator: Floats  # (2, pair)
     lengths: Floats  # (pair,)
@@ -171,11 +182,11 @@ class Scratch(NamedTuple):
     sums: Floats  # (row output dof,)
 
 
-_ALPHA, _NU, _REST, _PUSH, _OWN, _RATES = range(6)
+_ALPHA, _NU, _REST, _PUSH, _OWN, _DOUBTS, _RATES = range(7)
 _COORDINATE, _VELOCITY, _KICK, _KICK_RATE, _FORMS = range(5)
 _SIZE, _HIGH, _LOW_BOUND, _SIZES = range(4)
 """Rows of what `handed_over` returns, and how many there are."""
-_Z, _RATE, _PROPAGATOR, _LENGTHS, _STATES = range(5)
+_Z, _REST_OF_Z, _RATE, _PROPAGATOR, _LENGTHS, _STATES = range(6)
 _ROUNDING, _MARGIN, _MARGIN_RATE, _ROOM, _RIGHT, _SOLUTION, _NUMBERS = range(7)
 _IN_REACH, _GRAZING, _BASIC, _MARKS = range(4)
 _DERIVATIVES, _LOW, _SEARCH = -2, -1, DEPTH + 7
@@ -186,18 +197,20 @@ def handed_over(structure: Structure) -> tuple[Any, ...]:
     flow, watched, walls, mobility, errors = structure
     pairs = flow.nu.size
     parts = (
-        np.array([flow.alpha, flow.nu, flow.rest, flow.push, errors.own]), errors.drifts,
-        *watched, errors.kicks, errors.signs,
+        np.array([flow.alpha, flow.nu, flow.rest, flow.push, errors.own, errors.doubts]),
+        errors.drifts, *watched, errors.kicks, errors.coordinates, errors.velocities,
+        errors.carried, errors.signs,
     )  # fmt: skip
     table = np.concatenate([part.reshape(math.prod(part.shape[:-1]), pairs) for part in parts])
     kinds = flow.rotations, flow.hyperbolas_end, flow.damped, flow.growth
-    return table, kinds, (errors.drifts.shape[0], errors.drift), flow.drives, walls, mobility
+    sizes = errors.drifts.shape[0], errors.carried.shape[0], errors.still, errors.drift
+    return table, kinds, sizes, errors.loads, flow.drives, walls, mobility
 
 
 @once
 def structure_of(given: tuple[Any, ...]) -> Structure:
     """Give names to what `handed_over` returns."""
-    table, kinds, (columns, drift), drives, walls, mobility = given
+    table, kinds, (columns, carrying, still, drift), loads, drives, walls, mobility = given
     w, pairs, first = walls.size, table.shape[1], _RATES + columns
     drifts = table[_RATES:first]
     last = first + _FORMS * 2 * w
@@ -206,13 +219,22 @@ def structure_of(given: tuple[Any, ...]) -> Structure:
     sizes = table[first:last].reshape(_SIZES, w, pairs)
     first, last = last, last + columns * w * 2
     kicks = table[first:last].reshape(columns, w, 2, pairs)
+    first, last = last, last + columns * w * 2
+    coordinates = table[first:last].reshape(columns, w, 2, pairs)
+    first, last = last, last + columns * w * 2
+    velocities = table[first:last].reshape(columns, w, 2, pairs)
+    first, last = last, last + 2 * carrying
+    carried = table[first:last].reshape(carrying, 2, pairs)
     signs = table[last:].reshape((table.shape[0] - last) // 2, 2, pairs)
     flow = Flow(table[_ALPHA], table[_NU], table[_REST], table[_PUSH], drives, *kinds)
     watched = Watched(
         forms[_COORDINATE], forms[_VELOCITY], forms[_KICK], forms[_KICK_RATE], sizes[_SIZE],
         sizes[_HIGH], sizes[_LOW_BOUND],
     )  # fmt: skip
-    errors = Errors(signs, drifts, kicks, table[_OWN], drift)
+    own, doubts = table[_OWN], table[_DOUBTS]
+    errors = Errors(
+        signs, drifts, kicks, coordinates, velocities, own, doubts, carried, loads, still, drift
+    )
     return Structure(flow, watched, walls, mobility, errors)
 
 
@@ -240,7 +262,7 @@ def scratch_of(given: tuple[Any, ...], pairs: int, modes: int) -> Scratch:
     first, last = last, last + rows * modes
     block = room[first:last].reshape(rows, modes)
     return Scratch(
-        states[_Z], states[_RATE], states[_PROPAGATOR], states[_LENGTHS, Z1],
+        states[_Z], states[_REST_OF_Z], states[_RATE], states[_PROPAGATOR], states[_LENGTHS, Z1],
         states[_LENGTHS, Z2], numbers[_ROUNDING], numbers[_MARGIN], numbers[_MARGIN_RATE],
         numbers[_ROOM], numbers[_RIGHT], numbers[_SOLUTION], marks[_IN_REACH], marks[_GRAZING],
         marks[_BASIC], search[_DERIVATIVES, :ORDER], search[_LOW, :LOW], search[:_DERIVATIVES],

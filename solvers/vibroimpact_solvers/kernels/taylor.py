@@ -155,6 +155,9 @@ def _linear_part(linear: Linear, C: Floats, k: int, factor: float) -> None:
         drive = linear.drives[row]
         i, u, v = drive.driven, drive.kappa_real, drive.kappa_imaginary
         a, b = here[Z1, drive.driving], -here[Z2, drive.driving]
+        if linear.pairs[i].back >= 0.0:  # a rigid body
+            there[Z2, i] = fma(factor, u * a - v * b, there[Z2, i])
+            continue
         there[Z1, i] = fma(factor, u * a - v * b, there[Z1, i])
         there[Z2, i] = fma(-factor, u * b + v * a, there[Z2, i])
 

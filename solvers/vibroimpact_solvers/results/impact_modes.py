@@ -98,6 +98,26 @@ class Result:
             error=_ERROR_OF_IMPULSE,
         ),
     ]
+    momentum: Annotated[
+        Floats | None,
+        Quantity(
+            _AT_WALLS,
+            "mass length time-1",
+            "momentum exchanged at each impact, upper wall",
+            note="2 p/omega; its relative error is that of p",
+            error=_ERROR_OF_IMPULSE,
+        ),
+    ]
+    momentum_lower: Annotated[
+        Floats | None,
+        Quantity(
+            _AT_WALLS,
+            "mass length time-1",
+            "momentum exchanged at each impact, lower wall",
+            note="absent where both walls are alike",
+            error=_ERROR_OF_IMPULSE,
+        ),
+    ]
     exists: Annotated[
         Booleans | None,
         Quantity(_FREQUENCY, "1", "whether the solution is admissible", flags=EXISTS),
@@ -113,6 +133,15 @@ class Result:
             "1",
             "whether that is proved, errors included",
             flags=("undecided", "proved"),
+        ),
+    ]
+    extended: Annotated[
+        Booleans | None,
+        Quantity(
+            _FREQUENCY,
+            "1",
+            "whether ball arithmetic proved it, where double precision could not",
+            flags=("double", "ball"),
         ),
     ]
     witness: Annotated[

@@ -51,10 +51,17 @@ class Result:
         "frequency": Group("DriveFrequencies", "Frequencies of the drive."),
         "solution": Group("Solutions", "One row for each periodic motion, admissible or phantom."),
         "impact": Group("SolutionImpacts", "One row for each impact of the solutions."),
-        "multipliers": Group("Multipliers", "Floquet multipliers, by descending modulus."),
+        "multipliers": Group(
+            "Multipliers",
+            "Floquet multipliers, by descending modulus; of conjugate ones the one above first.",
+        ),
         "error": Group("PeriodicMotionError", "Absolute errors of the outputs."),
-        "error/solution": Group("SolutionErrors", "Absolute errors of columns of the solutions."),
-        "error/impact": Group("ImpactErrors", "Absolute errors of columns of the impacts."),
+        "error/solution": Group(
+            "SolutionErrors", "Absolute errors of columns of the solutions.", together=False
+        ),
+        "error/impact": Group(
+            "ImpactErrors", "Absolute errors of columns of the impacts.", together=False
+        ),
     }
 
     Omega: Annotated[

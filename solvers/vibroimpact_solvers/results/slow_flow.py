@@ -64,6 +64,10 @@ class Result:
     x: Annotated[Floats | None, replace(X, error="error/x")]
     v: Annotated[Floats | None, V]
     impulse: Annotated[Floats | None, _slow("mass length time-2", "impulse parameter p")]
+    momentum: Annotated[
+        Floats | None,
+        _slow("mass length time-1", "momentum exchanged at an impact", note="2 p/omega"),
+    ]
     t_max: Annotated[
         Floats, _number("time", "end of the impacts by this variant", missing="they never end")
     ]

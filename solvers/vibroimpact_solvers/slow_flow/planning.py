@@ -33,7 +33,14 @@ def _steps(problem: Problem) -> Iterator[Step]:
     size, dofs = problem.t.size, problem.system.n
     columns = 4.0 + (1.0 + 2.0 * dofs) * len(problem.outputs & {"x", "v", "impulse"})
     flops = _EACH * size + following
-    yield Step(Stage.SLOW_FLOW, variant.method, variant.about, flops, 8.0 * columns * size)
+    yield Step(
+        Stage.SLOW_FLOW,
+        variant.method,
+        variant.about,
+        flops,
+        8.0 * columns * size,
+        bounded=following == 0.0,
+    )
     if problem.compares and problem.variant != "exact":
         exact = problem.moving.VARIANTS["exact"]
         yield Step(
@@ -42,6 +49,7 @@ def _steps(problem: Problem) -> Iterator[Step]:
             f"the exact motion, with which {problem.variant} is compared: {exact.about}",
             _EACH * size + _IMPACT * impacts,
             8.0 * dofs * size + 32.0 * impacts,
+            bounded=False,
         )
 
 

@@ -59,7 +59,9 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     requested = [*(_STATE if "state" in outputs else ()), *(outputs & {"x", "v"})]
     fields.update({name: getattr(motion, name) for name in requested})
     if "impulse" in outputs:
-        fields["impulse"] = model.impulse(motion)
+        p = fields["impulse"] = model.impulse(motion)
+        if p is not None and motion.omega is not None:
+            fields["momentum"] = 2.0 * p / motion.omega
     if problem.compares:
         errors = _errors(problem, plan, motion)
         if "error" in outputs:

@@ -117,7 +117,7 @@ KINDS: Final[Mapping[str, SweptKind]] = {
             Rule("dofs.*", Stage.SHAPE, changes=("dof",)),
             Rule("tolerance", Stage.IMPULSE),
         ),
-        absent={"impulse_lower": "impulse"},
+        absent={"impulse_lower": "impulse", "momentum_lower": "momentum"},
         response_count=response_count,
         solve_many=solve_many,
     ),

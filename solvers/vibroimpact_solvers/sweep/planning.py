@@ -69,7 +69,13 @@ def _steps(problem: Problem, point: Any, of_point: Plan) -> Iterator[Step]:
         # One spectrum is kept at a time; results are kept at every point.
         kept = 1 if step.stage is Stage.SPECTRUM else points
         each = 1 if step.stage is Stage.SPECTRUM else frequencies
-        yield replace(step, flops=step.flops * count, bytes=step.bytes * kept, count=count * each)
+        yield replace(
+            step,
+            flops=step.flops * count,
+            bytes=step.bytes * kept,
+            count=count * each,
+            bounded=step.bounded and points == 1,  # others are expected to be like the first
+        )
 
 
 def _skips(problem: Problem, of_point: Plan) -> Iterator[Skip]:

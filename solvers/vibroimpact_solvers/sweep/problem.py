@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, TypeVar
 
@@ -137,10 +136,10 @@ class Problem:
         sizes = zip(self.axes, self.shape, strict=True)
         return self.combinations([range(size if axis.stage else 1) for axis, size in sizes])
 
-    def combinations(self, choices: Sequence[Iterable[_T]]) -> Iterator[tuple[_T, ...]]:
+    def combinations(self, choices: Sequence[Sequence[_T]]) -> Iterator[tuple[_T, ...]]:
         """Yield all combinations of the choices for each axis, the slowest axis slowest."""
         back = [self.order.index(place) for place in range(len(self.axes))]
-        for combination in itertools.product(*(choices[place] for place in self.order)):
+        for combination in _product([choices[place] for place in self.order]):
             yield tuple(combination[place] for place in back)
 
     def problem(self, index: Index) -> Any:
@@ -157,3 +156,13 @@ class Problem:
     def piece(self, spans: tuple[Span, ...]) -> Problem:
         """Return the sweep over a part of the grid."""
         return replace(self, spans=spans)
+
+
+def _product(choices: Sequence[Sequence[_T]]) -> Iterator[tuple[_T, ...]]:
+    """Yield all combinations; unlike `itertools.product`, which copies millions of them first."""
+    if not choices:
+        yield ()
+        return
+    for one in choices[0]:
+        for others in _product(choices[1:]):
+            yield (one, *others)

@@ -14,6 +14,12 @@ from vibroimpact_solvers.sweep.problem import Problem
 
 FAILED: Final = "failed"
 """Flag of points without a result."""
+_RANGES: Final = {
+    "rejected": "rejected ranges",
+    "stability": "stability ranges",
+    "unresolved": "undecided ranges",
+}
+"""Tables that are not called after their rows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +79,9 @@ def _meanings(problem: Problem, arrays: dict[str, Array]) -> dict[str, Quantity]
     status = Quantity(axes, "1", "whether there is a result, and if not why", flags=STATUSES)
     meanings = {"status": status}
     for dim in ragged:
-        rows, first = f"rows of {dim} at each point", f"first row of {dim} of each point"
+        plural = dim if dim.endswith("s") or dim in _RANGES else f"{dim}s"
+        rows = f"number of {_RANGES.get(dim, plural)} at each point"
+        first = f"first row of {dim} of each point"
         meanings[f"{dim}_count"] = Quantity(axes, "1", rows, rows_of=dim)
         meanings[f"{dim}_offset"] = Quantity(axes, "1", first)
     for name, field in fields.items():

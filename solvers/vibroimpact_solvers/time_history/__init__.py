@@ -18,7 +18,7 @@ array([ 1.732051, -0.866025])
 
 from vibroimpact_solvers.results.time_history import Result
 from vibroimpact_solvers.time_history.limiters import Power
-from vibroimpact_solvers.time_history.loads import Harmonic
+from vibroimpact_solvers.time_history.loads import Harmonic, Load, Sampled
 from vibroimpact_solvers.time_history.many import Outcome, solve_many, solve_states
 from vibroimpact_solvers.time_history.planning import plan
 from vibroimpact_solvers.time_history.problem import (
@@ -51,6 +51,7 @@ __all__ = [
     "Assembly",
     "Harmonic",
     "ImpactMode",
+    "Load",
     "Outcome",
     "Part",
     "Piece",
@@ -58,6 +59,7 @@ __all__ = [
     "Prepared",
     "Problem",
     "Result",
+    "Sampled",
     "State",
     "Tick",
     "Window",

@@ -18,7 +18,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.arrays import Booleans, Floats, Integers
 from vibroimpact_solvers.errors import PlanError
 from vibroimpact_solvers.kernels.flow import DRIVE, Flow
 from vibroimpact_solvers.kernels.passages import LOW, ORDER
@@ -32,6 +32,7 @@ _FEW = 4  # pairs up to which none are added
 _LANES = 8  # numbers that a processor takes at a time: pairs are filled up to a multiple
 _CLOSE = 1e-2  # of its own size, from another rate, at which complex modes are almost equal
 _NEAR = 1e-3  # of its square, from a natural frequency, at which a load is in resonance
+_CLOCK = np.array([[0.0], [1.0]])
 _EPS = float(np.finfo(np.float64).eps)
 
 
@@ -48,8 +49,14 @@ class Modes:
     load : array, shape (mode,)
         Constant load.
     frequencies : array, shape (load,)
+    slow : array of bool, shape (load,)
+        Those that turn by less than a radian until the end.
     cosine, sine : array, shape (mode, load)
         Harmonic loads.
+    ramps : array, shape (mode, ramp)
+        Directions of the sampled loads.
+    ramp_start : array, shape (2, ramp)
+        Their values and slopes at t = 0.
     shapes : array, shape (dof, mode)
         The modes as columns.
     base : array, shape (dof,)
@@ -69,8 +76,11 @@ class Modes:
     damping: Floats | None
     load: Floats
     frequencies: Floats
+    slow: Booleans
     cosine: Floats
     sine: Floats
+    ramps: Floats
+    ramp_start: Floats
     shapes: Floats
     base: Floats
     weighted: Floats
@@ -118,8 +128,10 @@ class Basis:
         self.condition = 1.0
         self._single, self._coupled = _apart(damping, self._roots.size)
         self._omega = modes.frequencies * unit
+        self._eigenvalue_errors = modes.errors * (unit**2 / _EPS)
         load = modes.load * unit**2
         pairs = [self._single_pairs(damping, load), self._coupled_pairs(damping)]
+        self._follow_ramps(damping, modes.ramps * unit**2)
         pairs += self._load_pairs(damping, load, unit)
         pairs.append(_padding(sum(p.kind.size for p in pairs)))
         self._order = np.argsort(np.concatenate([p.kind for p in pairs]), kind="stable")
@@ -215,13 +227,39 @@ class Basis:
             np.concatenate(kind), np.concatenate(alpha), np.concatenate(nu), none, none.copy()
         )
 
+    def _follow_ramps(self, damping: Floats, ramps: Floats) -> None:
+        """Set what sampled loads (V, V') do: responses ``along V + behind V'``, or drives.
+
+        Rigid-body modes have no such response, nor have modes that damping couples to them.
+        """
+        self._along: Floats = np.zeros(ramps.shape)
+        self._behind: Floats = np.zeros(ramps.shape)
+        self._pushed: list[tuple[int, int, float, float]] = []
+        one, some, stiffness = self._single, self._coupled, self._eigenvalues[:, np.newaxis]
+        elastic = one[self._eigenvalues[one] != 0.0]
+        self._along[elastic] = ramps[elastic] / stiffness[elastic]
+        slower = 2.0 * self._delta[self._eigenvalues[one] != 0.0, np.newaxis]
+        self._behind[elastic] = -slower * self._along[elastic] / stiffness[elastic]
+        for i, r in np.argwhere(
+            (self._eigenvalues[one] == 0.0)[:, np.newaxis] & (ramps[one] != 0.0)
+        ):
+            self._pushed.append((int(i), int(r), 0.0, float(ramps[one[i], r])))
+        if (self._eigenvalues[some] != 0.0).all():
+            self._along[some] = ramps[some] / stiffness[some]
+            drag = damping[np.ix_(some, some)] @ self._along[some] if some.size else ramps[some]
+            self._behind[some] = -drag / stiffness[some]
+            return
+        pushes = (self._inverse[:, some.size :] @ ramps[some]).reshape(2, some.size, -1)
+        for i, r in np.argwhere(pushes.any(axis=0)).tolist():
+            self._pushed.append((one.size + i, r, float(pushes[0, i, r]), float(pushes[1, i, r])))
+
     def _load_pairs(self, damping: Floats, load: Floats, unit: float) -> list[_Pairs]:
         """Return the pairs of the loads; keep the responses to them, shape (mode, load)."""
         count, omega = self._omega.size, self._omega
         force = (self.modes.cosine + 1j * self.modes.sine) * unit**2
         self._response = np.zeros(force.shape, dtype=np.complex128)
-        self._response_rate = self._response
-        self._near = np.zeros((self._single.size, count), dtype=bool)
+        self._response_rate, self._response_doubt = self._response, np.zeros(force.shape)
+        self._near = self._slow = np.zeros((self._single.size, count), dtype=bool)
         if count:
             one, some = self._single, self._coupled
             stiffness = self._eigenvalues[one, np.newaxis] - omega**2
@@ -229,27 +267,39 @@ class Basis:
             swings = (self._stretch > 0.0) & (self._eigenvalues[one] > self._delta**2)
             self._near = (np.abs(stiffness) < _NEAR * omega**2) & (force[one] != 0.0)
             self._near &= swings[:, np.newaxis]
+            # A rigid body has a steady response to a slow load that is larger than its motion.
+            rigid = self._eigenvalues[one, np.newaxis] == 0.0
+            self._slow = rigid & self.modes.slow & (force[one] != 0.0)
+            none = self._near | self._slow | (force[one] == 0.0)
             # Divided by the load's frequency where the rest is driven, else by the stiffness.
-            part = force[one] / np.where(self._near | (force[one] == 0.0), 1.0, stiffness)
+            part = np.where(self._slow, 0.0, force[one]) / np.where(none, 1.0, stiffness)
             stretch = self._stretch[:, np.newaxis]
             half = -0.5j * force[one]
             half = half / (-self._delta[:, np.newaxis] - 1j * stretch - 1j * omega)
             self._response[one] = np.where(self._near, half / stretch, part)
-            self._couplings = np.where(self._near, -0.5j * force[one], 0.0)
+            # Roundings of a stiffness are relative to the terms of which it is a difference.
+            terms = np.abs(self._eigenvalues[one, np.newaxis]) + omega**2
+            terms = 2.0 * terms + self._eigenvalue_errors[one, np.newaxis]
+            rounded = 2.0 + np.where(none, 2.0, terms / np.where(none, 1.0, np.abs(stiffness)))
+            self._response_doubt[one] = rounded * np.abs(self._response[one])
+            self._couplings = np.where(self._near, -0.5j * force[one], force[one])
             for k in range(count if some.size else 0):
                 matrix = np.diag(self._eigenvalues[some] - omega[k] ** 2)
                 dynamic = matrix + 1j * omega[k] * damping[np.ix_(some, some)]
                 self._response[some, k] = np.linalg.solve(dynamic, force[some, k])
+                residual = np.abs(dynamic) @ np.abs(self._response[some, k])
+                self._response_doubt[some, k] = 4.0 * np.abs(np.linalg.inv(dynamic)) @ residual
             self._response_rate = 1j * omega * self._response
             slope = (-1j - self._delta[:, np.newaxis] / stretch) * half
             self._response_rate[one] = np.where(self._near, slope, self._response_rate[one])
         none = np.zeros(count)
         pairs = [_Pairs(np.zeros(count, np.int64), none, omega, none, none)]
         creep = self._terminal_velocities(damping, load)
-        self._creep: Floats = creep[:, np.newaxis] if creep.any() else np.zeros((creep.size, 0))
         if creep.any():
-            none = np.zeros(1)
-            pairs.append(_Pairs(np.full(1, 2), none, none, none, none))
+            self._along = np.concatenate([self._along, creep[:, np.newaxis]], axis=1)
+            self._behind = np.concatenate([self._behind, np.zeros((creep.size, 1))], axis=1)
+        none = np.zeros(self._along.shape[1])
+        pairs.append(_Pairs(np.full(none.size, 2), none, none, none, none))
         return pairs
 
     def _terminal_velocities(self, damping: Floats, load: Floats) -> Floats:
@@ -273,16 +323,24 @@ class Basis:
         """Return the pairs that others drive."""
         first = self._single.size
         drives = [(first + i, first + k, kappa) for i, k, kappa in self._chains]
-        for mode, load in np.argwhere(self._near).tolist():
+        for mode, load in np.argwhere(self._near | self._slow).tolist():
             start = first + self._coupled.size
             drives.append((mode, start + load, complex(self._couplings[mode, load])))
         place = np.argsort(self._order)
         rows = [(place[i], place[k], kappa.real, kappa.imag) for i, k, kappa in drives]
+        ramp = first + self._coupled.size + self._omega.size
+        rows += [(place[i], place[ramp + r], a, b) for i, r, a, b in self._pushed]
         return np.array(rows, DRIVE)
 
     def drives(self) -> Iterator[tuple[int, int, float, float]]:
-        """Return the pair, the load's pair and kappa of every drive."""
-        yield from self.flow.drives.tolist()
+        """Return the pair, the load's pair and kappa of every drive but those of ramps."""
+        last = self.flow.hyperbolas_end
+        yield from (drive for drive in self.flow.drives.tolist() if drive[1] < last)
+
+    def pushes(self) -> Iterator[tuple[int, int, float, float]]:
+        """Return the pair, the ramp's pair and kappa of every drive of a ramp."""
+        last = self.flow.hyperbolas_end
+        yield from (drive for drive in self.flow.drives.tolist() if drive[1] >= last)
 
     # -- arrays for the kernels --
 
@@ -297,6 +355,57 @@ class Basis:
         return np.where(self._order < self._loads.start, 1.0, 0.0)
 
     @cached_property
+    def carried(self) -> Floats:
+        """What constant loads and then each number of the pairs of loads make of the others.
+
+        Shape (1 + 2 load, 2, pair); none where there are neither.
+        """
+        count = self._loads.stop - self._loads.start
+        if count == 0 and not self.still.any():
+            return np.zeros((0, 2, self.pairs))
+        units = np.eye(2 * count).reshape(2 * count, count, 2).transpose(0, 2, 1)
+        q, rate = self._carried(units)
+        rows = [(self.still, np.zeros(self._roots.size)), *zip(q, rate, strict=True)]
+        return np.array([self.pairs_of(*row) for row in rows])
+
+    @cached_property
+    def load_places(self) -> Integers:
+        """The pairs of the loads that carry something, shape (load,)."""
+        return self._places[self._loads].astype(np.int64)
+
+    @cached_property
+    def doubts(self) -> tuple[Floats, float]:
+        """Errors of the loads by those of the responses, and of what constant loads carry.
+
+        Relative, in units of 2^-52: shape (pair,), and a number.
+        """
+        size = np.abs(self._eigenvalues)
+        rounded = 2.0 + self._eigenvalue_errors / np.where(size > 0.0, size, np.inf)
+        stretch = self.stretch
+        along = rounded[:, np.newaxis] * np.abs(self._along)
+
+        def largest(errors: Floats, values: Any) -> Floats:
+            errors, values = (
+                (stretch[:, np.newaxis] * np.abs(part)).max(axis=0, initial=0.0)
+                for part in (errors, values)
+            )
+            return np.where(values > 0.0, errors / np.where(values > 0.0, values, 1.0), 2.0)
+
+        each = largest(self._response_doubt, self._response), largest(along, self._along)
+        doubts = np.zeros(self.pairs)
+        doubts[self._loads] = np.concatenate(each)
+        still = self.still[:, np.newaxis]
+        return doubts[self._order], float(largest(rounded[:, np.newaxis] * still, still)[0])
+
+    def length(self, z: Floats) -> float:
+        """Return the length of a whole deviation, shape (2, pair), with what loads carry of it."""
+        whole = self.own * z
+        if len(self.carried):
+            numbers = z[:, self.load_places].T.ravel()
+            whole = whole + np.tensordot(numbers, self.carried[1:], 1)
+        return float(np.sqrt((whole**2).sum()))
+
+    @cached_property
     def weights(self) -> Floats:
         """Weights of the pairs in the size of a state, shape (pair,): loads by their response."""
         moves = np.abs(self._response).max(axis=0, initial=0.0)
@@ -304,7 +413,8 @@ class Basis:
         moves = np.maximum(moves, np.abs(self._response_rate).max(axis=0, initial=0.0))
         weights = np.zeros(self.pairs)
         weights[: self._loads.start] = 1.0
-        weights[self._loads] = np.concatenate([moves, np.abs(self._creep).max(axis=0, initial=0.0)])
+        along = np.maximum(np.abs(self._along), np.abs(self._behind)).max(axis=0, initial=0.0)
+        weights[self._loads] = np.concatenate([moves, along])
         return weights[self._order]
 
     @cached_property
@@ -351,7 +461,7 @@ class Basis:
             inverse = self._inverse.reshape(2, some.size, 2 * some.size)
             rows[:, first, some] = inverse[..., : some.size]
             rows[:, first, modes + some] = inverse[..., some.size :]
-            rows[:, some.size :, -1] = self.loads(0.0)[:, : count - some.size]
+            rows[:, some.size :, -1] = self.loads_at_start()[:, : count - some.size]
         return start
 
     def _of_modes(self, values: Any, otherwise: float) -> Floats:
@@ -397,19 +507,21 @@ class Basis:
         signs = np.random.default_rng(1).choice([-1.0, 1.0], drifts.shape)
         return np.ascontiguousarray((signs * drifts)[:, self._order])
 
-    def kick_errors(self, slopes: Floats, kicks: Floats) -> Floats:
-        """Return errors of kicks, in units of 2^-52, shape (column, row, 2, pair).
+    def form_errors(
+        self, forms: Floats, slopes: Floats, kicks: Floats
+    ) -> tuple[Floats, Floats, Floats]:
+        """Return errors of coordinates, velocities and kicks, each (column, row, 2, pair).
 
-        They change no velocity of the constraint itself, whose mobility is made of the same
-        numbers.
+        In units of 2^-52. All are those of the same rows ``w E`` of the modes, so that the motion
+        is that of another coordinate, whose mobility goes with its kick.
         """
         shape_error = 2.0 * (1.0 + self.modes.shape_error / _EPS)
-        signs = np.random.default_rng(2).choice([-1.0, 1.0], (COLUMNS, *kicks.shape))
-        errors = shape_error * signs * kicks
+        signs = np.random.default_rng(2).choice([-1.0, 1.0], (COLUMNS, len(kicks), 1, self.pairs))
+        errors = shape_error * signs
         own = (slopes * kicks).sum(axis=(1, 2))
-        along = (slopes * errors).sum(axis=(2, 3)) / np.where(own == 0.0, 1.0, own)
-        errors -= along[..., np.newaxis, np.newaxis] * kicks
-        return np.ascontiguousarray(errors)
+        along = (errors * slopes * kicks).sum(axis=(2, 3)) / np.where(own == 0.0, 1.0, own)
+        kick_errors = (errors - 2.0 * along[..., np.newaxis, np.newaxis]) * kicks
+        return errors * forms, errors * slopes, kick_errors
 
     @cached_property
     def longest(self) -> float:
@@ -421,16 +533,60 @@ class Basis:
 
     # -- states --
 
-    def loads(self, time: float) -> Floats:
-        """Return the state of the harmonic loads and the clock, shape (2, load + 1)."""
-        phase = self._omega * time
-        return np.array([[*np.cos(phase), time], [*-np.sin(phase), 1.0]])
+    def loads_at_start(self) -> Floats:
+        """Return the state of the loads at t = 0, and the clock, shape (2, load + 1)."""
+        harmonic = np.array([np.ones(self._omega.size), np.zeros(self._omega.size)])
+        return np.concatenate([harmonic, self._ramp_state(self.modes.ramp_start), _CLOCK], axis=1)
 
     def loads_of(self, z: Floats, time: float) -> Floats:
-        """Return the harmonic loads in a state, and the clock, which not every basis needs."""
+        """Return the loads in a state, and the clock, which not every basis needs."""
         start = self._loads.start
-        harmonic = self._natural(z)[:, start : start + self._omega.size]
-        return np.concatenate([harmonic, [[time], [1.0]]], axis=1)
+        loads = self._natural(z)[:, start : self._ramps.stop]
+        return np.concatenate([loads, [[time], [1.0]]], axis=1)
+
+    def _ramp_state(self, values_and_slopes: Floats) -> Floats:
+        """Return values and slopes of ramps, the latter by the basis' time."""
+        values, slopes = values_and_slopes
+        return np.stack([values, math.ldexp(1.0, -self.exponent) * slopes])
+
+    def set_ramps(self, z: Floats, values_and_slopes: Floats) -> None:
+        """Let other ramps act on a state, and on deviations that go with it, in place.
+
+        Displacements and velocities stay what they are; deviations get the errors of the ramps
+        and roundings of the change of the state. z has shape (1 + deviation, 2, pair).
+        """
+        new, ramps = self._ramp_state(values_and_slopes), self._ramps
+        jump = 2.0 * np.abs(self._replace(z[0], ramps, new))
+        for column, deviation in enumerate(z[1:], start=1):
+            signs = self.signs[column % len(self.signs)]
+            place = self._places[ramps]
+            self._replace(deviation, ramps, self.doubts[0][place] * np.abs(new) * signs[:, place])
+            deviation += jump * signs
+
+    def doubt_loads(self, z: Floats) -> None:
+        """Let the loads of deviations be unknown, in place; displacements and velocities stay."""
+        place = self.load_places
+        sizes = self.doubts[0][place] * np.hypot(*z[0][:, place])
+        for column, deviation in enumerate(z[1:] if place.size else (), start=1):
+            signs = self.signs[column % len(self.signs)]
+            self._replace(deviation, self._loads, sizes * signs[:, place])
+
+    def _replace(self, state: Floats, loads: slice, to: Floats) -> Floats:
+        """Replace some loads of a state, in place; return the change of the other pairs."""
+        place = self._places[loads]
+        change = np.zeros((2, self._loads.stop - self._loads.start))
+        first = self._loads.start
+        change[:, loads.start - first : loads.stop - first] = to - state[:, place]
+        moved, moving = self._carried(change)
+        pairs = self.pairs_of(-moved, -moving)
+        state += pairs
+        state[:, place] = to
+        return pairs
+
+    @property
+    def _ramps(self) -> slice:
+        start = self._loads.start + self._omega.size
+        return slice(start, start + self.modes.ramps.shape[1])
 
     def pairs_of(self, q: Floats, rate: Floats, loads: Floats | None = None) -> Floats:
         """Return the state, shape (2, pair), of modal coordinates from the equilibrium.
@@ -483,7 +639,7 @@ class Basis:
     @property
     def _loads(self) -> slice:
         start = self._single.size + self._coupled.size
-        return slice(start, start + self._omega.size + self._creep.shape[1])
+        return slice(start, start + self._omega.size + self._along.shape[1])
 
     def _natural(self, z: Floats) -> Floats:
         """Return pairs in their order of construction: modes, complex modes, loads."""
@@ -497,8 +653,9 @@ class Basis:
         a, b = loads[..., 0, :count], loads[..., 1, :count]
         q = a @ H.real.T + b @ H.imag.T
         rate = a @ self._response_rate.real.T + b @ self._response_rate.imag.T
-        q = q + loads[..., 0, count:] @ self._creep.T
-        return q, rate + loads[..., 1, count:] @ self._creep.T
+        value, slope = loads[..., 0, count:], loads[..., 1, count:]
+        q = q + value @ self._along.T + slope @ self._behind.T
+        return q, rate + slope @ self._along.T
 
     # -- linear forms --
 
@@ -512,7 +669,8 @@ class Basis:
         H, count = self._response, self._omega.size
         forms[:, 0, one + some : one + some + count] = rows @ H.real
         forms[:, 1, one + some : one + some + count] = rows @ H.imag
-        forms[:, 0, self._loads.start + count : self._loads.stop] = rows @ self._creep
+        forms[:, 0, self._loads.start + count : self._loads.stop] = rows @ self._along
+        forms[:, 1, self._loads.start + count : self._loads.stop] = rows @ self._behind
         return np.ascontiguousarray(forms[..., self._order])
 
     def velocity(self, rows: Floats) -> Floats:
@@ -526,15 +684,16 @@ class Basis:
         H, count = self._response_rate, self._omega.size
         forms[:, 0, one + some : one + some + count] = rows @ H.real
         forms[:, 1, one + some : one + some + count] = rows @ H.imag
-        forms[:, 1, self._loads.start + count : self._loads.stop] = rows @ self._creep
+        forms[:, 1, self._loads.start + count : self._loads.stop] = rows @ self._along
         return np.ascontiguousarray(forms[..., self._order])
 
-    def harmonic_force(self, cosine: Floats, sine: Floats) -> Floats:
-        """Return the form of ``cosine cos(omega t) - sine sin(omega t)``, each (row, load)."""
+    def load(self, cosine: Floats, sine: Floats, ramps: Floats) -> Floats:
+        """Return the form of loads ``cosine cos(omega t) - sine sin(omega t) + ramps V``."""
         forms = np.zeros((cosine.shape[0], 2, self.pairs))
         start = self._single.size + self._coupled.size
         forms[:, 0, start : start + self._omega.size] = cosine
         forms[:, 1, start : start + self._omega.size] = sine
+        forms[:, 0, self._ramps] = ramps
         return np.ascontiguousarray(forms[..., self._order])
 
     def kick(self, rows: Floats) -> Floats:
@@ -556,8 +715,14 @@ class Basis:
         there, back = self._turns
         rate = np.stack([self.alpha * a + there * b, self.alpha * b + back * a], axis=-2)
         for j, k, real, imaginary in self.drives():
+            if j >= self.flow.rotations:
+                rate[..., 1, j] += real * z[..., 0, k] + imaginary * z[..., 1, k]
+                continue
             rate[..., 0, j] += real * z[..., 0, k] + imaginary * z[..., 1, k]
             rate[..., 1, j] += real * z[..., 1, k] - imaginary * z[..., 0, k]
+        for j, k, first, second in self.pushes():
+            rate[..., 0, j] += first * z[..., 0, k]
+            rate[..., 1, j] += second * z[..., 0, k]
         return rate
 
     def rates_of(self, forms: Floats) -> Floats:
@@ -566,8 +731,14 @@ class Basis:
         there, back = self._turns
         derived = np.stack([self.alpha * a + back * b, self.alpha * b + there * a], axis=-2)
         for j, k, real, imaginary in self.drives():
+            if j >= self.flow.rotations:
+                derived[..., 0, k] += real * forms[..., 1, j]
+                derived[..., 1, k] += imaginary * forms[..., 1, j]
+                continue
             derived[..., 0, k] += real * forms[..., 0, j] - imaginary * forms[..., 1, j]
             derived[..., 1, k] += imaginary * forms[..., 0, j] + real * forms[..., 1, j]
+        for j, k, first, second in self.pushes():
+            derived[..., 0, k] += first * forms[..., 0, j] + second * forms[..., 1, j]
         return derived
 
     @property

@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.time_history.basis import Basis
 from vibroimpact_solvers.time_history.structure import Configuration
 
 _FAR: Final = 20.0
@@ -53,10 +54,15 @@ def _integral(configuration: Configuration, z: Floats, span: float) -> Floats:
     for j, k, real, imaginary in basis.drives():
         # w' = sigma w + kappa l with l' = i omega l: a divided difference of means.
         kappa, load = complex(real, imaginary), complex(a[k], -b[k])
+        if j >= turning:
+            integral[:, j] += _swung(basis, j, kappa * load, float(nu[k]), span)
+            continue
         sigma, other = complex(alpha[j], nu[j]), complex(alpha[k], nu[k])
         added = kappa * load * span**2 * _difference(span * sigma, span * other)
         integral[0, j] += added.real
         integral[1, j] -= added.imag
+    for j, k, first, second in basis.pushes():
+        integral[:, j] += _pushed(basis, j, first, second, z[:, k], span)
     some = slice(turning, apart)
     plus = (a[some] + b[some]) * _mean(span * (alpha[some] + nu[some]))
     minus = (a[some] - b[some]) * _mean(span * (alpha[some] - nu[some]))
@@ -68,6 +74,49 @@ def _integral(configuration: Configuration, z: Floats, span: float) -> Floats:
     integral[0, some] = span * a[some] * _mean(rate) + span**2 * b[some] * _first_moment(rate)
     integral[0, some] += span**3 * push / 6.0
     return integral
+
+
+def _swung(
+    basis: Basis, j: int, force: complex, turning: float, span: float
+) -> tuple[float, float]:
+    """Return the integral of what ``Re(force e^(i turning t))``, slow, adds to a rigid body."""
+    turned = 1j * span * turning
+    if j < basis.flow.hyperbolas_end:
+        alpha, nu, force = float(basis.alpha[j]), float(basis.nu[j]), span**2 * force
+        plus = (force * _difference(complex(span * (alpha + nu)), turned)).real
+        minus = -(force * _difference(complex(span * (alpha - nu)), turned)).real
+        return 0.5 * (plus + minus), 0.5 * (plus - minus)
+    forces, left = (force * np.exp(turned * _NODES)).real, span * (1.0 - _NODES)
+    once, twice = float(_WEIGHTS @ (left * forces)), float(_WEIGHTS @ (left**2 * forces))
+    return 0.5 * span * twice, span * once
+
+
+def _pushed(
+    basis: Basis, j: int, first: float, second: float, ramp: Floats, span: float
+) -> tuple[float, float]:
+    """Return the integral of what a ramp adds to a pair."""
+    alpha, nu = float(basis.alpha[j]), float(basis.nu[j])
+    value, slope = span**2 * float(ramp[0]), span**3 * float(ramp[1])
+
+    def gained(rate: complex) -> complex:
+        # Weights of e^(x u) that value and slope get when integrated twice and three times.
+        there = np.exp(span * rate * (1.0 - _NODES))
+        if abs(span * rate) > _FAR:
+            x = span * rate
+            one = (np.exp(x) - 1.0 - x) / x**2
+            return complex(value * one + slope * (one - 0.5) / x)
+        return complex(_WEIGHTS @ (there * _NODES * (value + 0.5 * slope * _NODES)))
+
+    if j < basis.flow.rotations:
+        w = complex(first, -second) * gained(complex(alpha, nu))
+        return w.real, -w.imag
+    if j < basis.flow.hyperbolas_end:
+        plus = (first + second) * gained(alpha + nu).real
+        minus = (first - second) * gained(alpha - nu).real
+        return 0.5 * (plus + minus), 0.5 * (plus - minus)
+    once = 0.5 * value + slope / 6.0
+    twice = span * (value / 6.0 + slope / 24.0)
+    return first * once + second * twice, second * once
 
 
 def _mean(x: Any) -> Any:

@@ -12,11 +12,13 @@ from typing import Final
 import numpy as np
 
 from vibroimpact_solvers import impact_modes, spectrum
+from vibroimpact_solvers.arrays import EPS
 from vibroimpact_solvers.cost import BYTES_PER_SECOND, FLOPS_PER_SECOND
 from vibroimpact_solvers.errors import ModelError, PlanError
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
+from vibroimpact_solvers.time_history.loads import Sampled, largest_frequency, samples
 from vibroimpact_solvers.time_history.problem import (
     EXACT,
     KIND,
@@ -34,6 +36,7 @@ _FEW = 500  # degrees of freedom up to which a full K is factorized for a plan
 
 MOST_IMPACTS: Final = 10**11
 """Motions that are known to have more of them, which take days, are refused."""
+_SAMPLE = 1.5e-4 * FLOPS_PER_SECOND  # work at a sample of a load
 _MOST_RADIANS = 2.0**52  # phase of a load at the end from which on a rounding of t_end is a turn
 SECONDS: Final = 0.5
 """Planned work of a window of a long motion."""
@@ -75,6 +78,8 @@ def windows(plan: Plan) -> int:
 def _require_phases(problem: Problem) -> None:
     """Refuse loads of so many periods that double precision does not resolve their phase."""
     for place, term in enumerate(problem.load):
+        if isinstance(term, Sampled):
+            continue
         radians = term.frequency * problem.t_end
         if radians > _MOST_RADIANS:
             message = (
@@ -137,7 +142,8 @@ def _steps(problem: Problem, far: list[int]) -> Iterator[Step]:
         times, dofs = problem.times.size, problem.output_dofs.size
         reason = f"{dofs} of {system.n} degrees of freedom at {times} times"
         flops = times * system.n * (40.0 + 4.0 * dofs)
-        history = Step(Stage.HISTORY, "modal sum", reason, flops, 16.0 * times * dofs)
+        size = 16.0 * times * (dofs + 1.0)  # displacements and velocities; times and energies
+        history = Step(Stage.HISTORY, "modal sum", reason, flops, size)
     yield _motion_step(problem, len(system.constraints) - len(far), history)
     if history is not None:
         yield history
@@ -150,12 +156,13 @@ def _motion_step(problem: Problem, count: int, history: Step | None) -> Step:
     included. They are the same for all initial states that reach a wall, whichever it is.
     """
     system = problem.system
-    fastest = max([spectrum.largest_frequency(system), *(term.frequency for term in problem.load)])
+    fastest = max(spectrum.largest_frequency(system), largest_frequency(problem.load))
     turns = problem.t_end * fastest
     if problem.method != EXACT:
         reason = "asked for, to compare with; it can miss impacts"
         flops = 3e5 * (20.0 + turns) * system.n
-        return Step(Stage.FREE_MOTION, Method.INTEGRATED, f"{problem.method}: {reason}", flops)
+        reason = f"{problem.method}: {reason}"
+        return Step(Stage.FREE_MOTION, Method.INTEGRATED, reason, flops, bounded=False)
     if problem.limiter is not None:
         reason = (
             "soft limiters: series of the motion, of an order that goes with the tolerance; a run "
@@ -164,7 +171,7 @@ def _motion_step(problem: Problem, count: int, history: Step | None) -> Step:
         # Two runs of some ten steps in the time of the fastest mode; contacts take more.
         steps, more = 20.0 * (20.0 + turns), 1.0 + 0.3 * count
         flops = steps * more * (1e3 + 60.0 * system.n * more)
-        return Step(Stage.FREE_MOTION, Method.TAYLOR, reason, flops)
+        return Step(Stage.FREE_MOTION, Method.TAYLOR, reason, flops, bounded=False)
     if problem.digits is not None:
         reason = (
             "in double precision first; where its predictability ends before the motion does, the "
@@ -172,15 +179,22 @@ def _motion_step(problem: Problem, count: int, history: Step | None) -> Step:
         )
         each = 1e6 + 1e4 * float(system.n) ** 2 * (1.0 + problem.digits / 50.0)
         flops = (20.0 + turns + _crossings(problem)) * each + 5e3 * float(system.n) ** 3
-        return Step(Stage.FREE_MOTION, Method.EXTENDED, reason, flops, 48.0 * turns)
+        size = 48.0 * turns
+        return Step(Stage.FREE_MOTION, Method.EXTENDED, reason, flops, size, bounded=False)
     # An expansion lasts about the time of the fastest mode; an impact takes two at least.
     # Without walls within reach the whole motion is one.
-    expansions = 10.0 + (2.0 * (turns + _crossings(problem)) if count else 0.0)
+    breaks = samples(problem.load, problem.t_end)
+    expansions = 10.0 + (2.0 * (turns + _crossings(problem)) if count else 0.0) + breaks
     reason = (
         "exact between impacts, which are found by certified expansions of the constrained "
         "coordinates"
     )
+    if count:
+        reason += "; the number of impacts is estimated: the price is no upper bound"
+    if breaks:
+        reason += "; loads are straight lines between their samples"
     whole, written = _price(system, expansions, len(system.constraints))
+    whole += breaks * _SAMPLE
     if history is not None:
         whole, written = whole + history.flops, written + history.bytes
     seconds = whole / FLOPS_PER_SECOND + written / BYTES_PER_SECOND
@@ -189,7 +203,8 @@ def _motion_step(problem: Problem, count: int, history: Step | None) -> Step:
         cut = f"in {parts} windows of time, each from the state at the end of the one before"
         reason = f"{reason}; {cut}"
     flops, size = _price(system, expansions, count)
-    return Step(Stage.FREE_MOTION, Method.MODAL, reason, flops, size, parts)
+    flops += breaks * _SAMPLE
+    return Step(Stage.FREE_MOTION, Method.MODAL, reason, flops, size, parts, bounded=not count)
 
 
 def _price(system: System, expansions: float, count: int) -> tuple[float, float]:
@@ -199,17 +214,51 @@ def _price(system: System, expansions: float, count: int) -> tuple[float, float]
 
 
 def _crossings(problem: Problem) -> float:
-    """Return how often a motion as fast as at its start could cross the narrowest gap."""
-    state = problem.initial
+    """Return how often a motion as fast as at its start could strike until its end.
+
+    It crosses the narrowest gap at that speed, strikes in each half of the period of an impact
+    mode, and bounces on walls to which the load presses it.
+    """
+    state, system = problem.initial, problem.system
+    if isinstance(state, ImpactMode):
+        count = len(state.active) or len(system.constraints)
+        return problem.t_end * state.Omega / math.pi * count
+    bounces = _bounces(problem, state) if system.loaded else 0.0
     gaps = [
-        c.lower + c.upper
-        for c in problem.system.constraints
-        if c.lower is not None and c.upper is not None
+        c.lower + c.upper for c in system.constraints if c.lower is not None and c.upper is not None
     ]
-    if not isinstance(state, State) or not gaps:
-        return 0.0
+    if not gaps:
+        return bounces
     speed = math.sqrt(float(state.v @ state.v) / state.v.size)
-    return problem.t_end * speed / min(gaps)
+    return bounces + problem.t_end * speed / min(gaps)
+
+
+def _bounces(problem: Problem, state: State) -> float:
+    """Return how often coordinates could bounce on walls to which the load presses them.
+
+    A coordinate that is alone with the constant acceleration a of the load falls from its
+    distance h, strikes at ``u = (v^2 + 2 a h)^(1/2)`` and comes back after 2u/a, each time
+    shorter by the coefficient of restitution r, until its bounces are roundings of the first.
+    """
+    system = problem.system
+    if problem.limiter is not None or system.force is None:
+        return 0.0
+    rows = system.directions(range(len(system.constraints)))
+    pushes = rows @ system.M.factorize()(system.force)
+    bounces = 0.0
+    for c, row, a in zip(system.constraints, rows, pushes.tolist(), strict=True):
+        wall, y, v = c.upper if a > 0.0 else c.lower, float(row @ state.x), float(row @ state.v)
+        if a == 0.0 or wall is None:
+            continue
+        falls = max(0.0, wall - math.copysign(1.0, a) * y)
+        if (longest := 2.0 * math.sqrt(v * v + 2.0 * abs(a) * falls) / abs(a)) == 0.0:
+            continue  # it rests
+        lost, periods = 1.0 - c.restitution, problem.t_end / longest
+        if lost > 0.0:  # the time of k bounces is longest (1 - r^k)/(1 - r)
+            part = min(periods * lost, 1.0 - EPS)
+            periods = math.log1p(-part) / math.log1p(-lost) if lost < 1.0 else 1.0
+        bounces += periods
+    return bounces
 
 
 def _far(problem: Problem) -> list[int]:

@@ -13,7 +13,7 @@ from vibroimpact_solvers.checks import check_indices, check_outputs
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import RANGE, System
 from vibroimpact_solvers.time_history.limiters import Power
-from vibroimpact_solvers.time_history.loads import Harmonic
+from vibroimpact_solvers.time_history.loads import Load, Sampled
 
 KIND: Final = "time-history"
 EXACT: Final = "exact"
@@ -70,8 +70,8 @@ class Problem:
         Names of outputs, out of `OUTPUTS`.
     tolerance : float, optional
         Required accuracy, relative to the size of the motion; None: 1e-6.
-    load : tuple of Harmonic
-        Harmonic loads, beside the constant one of the system.
+    load : tuple of Harmonic or Sampled
+        Loads that vary, beside the constant one of the system.
     limiter : Power, optional
         The law of soft limiters; None for rigid ones.
     method : str
@@ -89,7 +89,7 @@ class Problem:
     dofs: Integers | None = None
     outputs: frozenset[str] = frozenset({"impacts"})
     tolerance: float | None = None
-    load: tuple[Harmonic, ...] = ()
+    load: tuple[Load, ...] = ()
     limiter: Power | None = None
     method: str = EXACT
     estimate: bool = True
@@ -145,6 +145,9 @@ class Problem:
 
     def _check_load(self) -> None:
         for place, term in enumerate(self.load):
+            if isinstance(term, Sampled):
+                self._check_samples(place, term)
+                continue
             if not 0 <= term.dof < self.system.n:
                 message = f"{term.dof} is not below {self.system.n}"
                 raise ModelError(("load", place, "dof"), message, code="index_out_of_range")
@@ -154,6 +157,30 @@ class Problem:
                     message = f"the {name} is {value!r}"
                     raise ModelError(("load", place, name), message, code="out_of_range")
                 _check_magnitude(("load", place, name), value)
+
+    def _check_samples(self, place: int, term: Sampled) -> None:
+        if term.direction.shape != (self.system.n,):
+            message = f"{term.direction.size} numbers for {self.system.n} degrees of freedom"
+            raise ModelError(("load", place, "direction"), message, code="wrong_length")
+        if term.t.size < 2 or term.t.shape != term.values.shape:
+            message = f"{term.values.size} values at {term.t.size} times"
+            raise ModelError(("load", place, "values"), message, code="wrong_length")
+        for name, values in (("t", term.t), ("values", term.values)):
+            if not np.isfinite(values).all():
+                message = "an entry is nan or infinite"
+                raise ModelError(("load", place, name), message, code="not_finite")
+            _check_magnitude(("load", place, name), float(np.abs(values).max()))
+        if not (term.t[1:] > term.t[:-1]).all():
+            raise ModelError(("load", place, "t"), "the times do not ascend", code="not_ascending")
+        if not term.t[0] <= 0.0 or not term.t[-1] >= self.t_end:
+            message = (
+                f"samples from {float(term.t[0])!r} to {float(term.t[-1])!r} do not last from 0 to "
+                f"t_end = {self.t_end!r}"
+            )
+            raise ModelError(("load", place, "t"), message, code="out_of_range")
+        if self.limiter is not None or self.digits is not None:
+            message = "sampled loads act on motions with rigid limiters in double precision"
+            raise ModelError(("load", place), message, code="not_possible")
 
     def _check_limiter(self) -> None:
         if self.method not in {EXACT, *INTEGRATORS}:

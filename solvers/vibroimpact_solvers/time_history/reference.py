@@ -53,7 +53,7 @@ def follow(
     """
     system, n = structure.system, structure.system.n
     solve, W, harmonic_loads = system.M.factorize(), structure.W, structure.harmonic_loads
-    sizes = None if law is None else law.sizes(system)
+    sizes, ramps = None if law is None else law.sizes(system), structure.ramps
 
     def rate(t: float, z: Floats) -> Floats:
         force = structure.force - system.K @ z[:n]
@@ -61,6 +61,8 @@ def follow(
             force = force - system.C @ z[n:]
         phase = harmonic_loads.frequencies * t
         force = force + harmonic_loads.cosine @ np.cos(phase) - harmonic_loads.sine @ np.sin(phase)
+        if ramps.count:
+            force = force + ramps.directions @ ramps.state(ramps.segment(t), t)[0]
         if law is not None and sizes is not None:
             force = force + law.forces(W @ z[:n], sizes) @ W
         return np.concatenate([z[n:], solve(force)])

@@ -90,7 +90,7 @@ class RigidMotions:
         """
         arrays, history, stop = self._taken(), new_history(self._problem, 1), _REFUSED
         arrays.progress_bytes[:] = self._begin_bytes
-        if isinstance(initial, State):
+        if isinstance(initial, State) and not self._structure.ramps.count:
             x, v = initial.x, initial.v
             if x.shape != self._shape or v.shape != self._shape:
                 self._problem.check(initial)
@@ -143,6 +143,11 @@ class RigidMotions:
         progress, history = np.repeat(self._begin, count), new_history(self._problem, count)
         tables, others = list[Rows](), dict[int, Result | SolverError]()
         arrays, place = self._taken(), 0
+        if self._structure.ramps.count:
+            for place in range(count):
+                check()
+                others[place] = attempt(self.solve, State(x[place], v[place]))
+            place, tables = count, [arrays.table[:0]]
         while place < count:
             check()
             given = arrays.Z[0], arrays.Z[1:], progress[place:], arrays.table, self._times

@@ -31,6 +31,9 @@ NO_START: Final = np.zeros((0, 0))
 _ROWS = 4096  # of the table that the compiled loop fills
 _EXPANSIONS = 2e7  # pairs expanded between two ticks
 _SWITCHES = 50  # contacts that may begin and end at one and the same time
+_MOST_ROWS = 2**20  # impacts of a motion, or of a window of it, and
+_MOST_EVENTS = 50_000  # those in contact; windows are planned for a tenth of that at most
+_MOST_AFTERWARDS = 2_000  # those in contact where the motion is not predictable any more
 
 
 def budget(basis: Basis) -> int:
@@ -133,6 +136,8 @@ class Run:
         self.impacts, self.intervals = list[Rows](), list[ContactInterval]()
         self.contacts: dict[Contact, ContactInterval] = {}
         self._switched: tuple[float, int] = (-1.0, 0)
+        self._whole_end, self._segment = self.end, -1
+        self._rows = self._events = self._afterwards = 0
 
     @property
     def progress_row(self) -> np.void:
@@ -145,13 +150,19 @@ class Run:
         """Follow the motion to its end; stop is why the compiled loop returned, if it has run."""
         while True:
             if stop is None:
+                if self.structure.ramps.count and self._segment < 0:
+                    self._begin_segment(self.structure.ramps.segment(self.now / self.scale))
                 place = self._place
                 stop = self._advance()
                 if stop is Stop.PAUSE:
                     self._check_progress(place)
             self._flush_table()
             if stop is Stop.END:
-                break
+                if self.end >= self._whole_end:
+                    break
+                self._begin_segment(self._segment + 1)
+            else:
+                self._check_number(stop)
             watched, side = int(self.progress_row["coordinate"]), int(self.progress_row["side"])
             if stop is Stop.CONTACT:
                 self._rest(watched, side, float(self.progress_row["chatter_left"]))
@@ -165,16 +176,55 @@ class Run:
         if self.tick is not None:
             self.tick(1000, 1000)
 
+    def _begin_segment(self, segment: int) -> None:
+        """Let loads vary as they do between two samples."""
+        ramps, now = self.structure.ramps, self.now
+        state = ramps.state(segment, now / self.scale)
+        self.configuration.basis.set_ramps(self.Z, state)
+        self._segment = segment
+        until = math.inf
+        if segment + 2 < ramps.times.size:
+            until = float(ramps.times[segment + 1]) * self.scale
+        self.progress_row["end"] = min(until, self._whole_end)
+
+    def _check_number(self, stop: Stop) -> None:
+        """Refuse a motion whose impacts are more than any plan expects of it.
+
+        They come ever faster where they end in no rest: with k = 1, or as fast as they grow.
+        """
+        if stop in {Stop.TABLE, Stop.PAUSE}:
+            self._check_rows()
+            return
+        lost = float(self.progress_row["known_until"]) < math.inf
+        self._events += 1
+        self._afterwards += lost
+        if self._events > _MOST_EVENTS or self._afterwards > _MOST_AFTERWARDS:
+            raise self._too_many(self._events)
+
+    def _check_rows(self) -> None:
+        if self._rows > _MOST_ROWS:
+            raise self._too_many(self._rows)
+
+    def _too_many(self, count: int) -> ConvergenceError:
+        known, now = float(self.progress_row["known_until"]), self.now / self.scale
+        return ConvergenceError(
+            f"{count} impacts and contacts until t = {now!r} are many more than planned; the "
+            f"motion is predictable until {min(known, now)!r}: ask for one that ends before"
+        )
+
     def _advance(self) -> Stop:
         if self.tick is not None:
-            self.tick(int(1e3 * float(self.progress_row["time"]) / self.end), 1000)
+            self.tick(int(1e3 * float(self.progress_row["time"]) / self._whole_end), 1000)
         configuration, basis = self.configuration, self.configuration.basis
         self._check_walls_distinguishable()
         now = self.progress_row
         now["budget"] = now["expansions"] + budget(basis)
         now["stops_at_impacts"], now["longest"] = bool(self.contacts), basis.longest
         before = (self.now, self.Z[0].copy()) if self.contacts else None
-        motion = self.Z[0], self.Z[1:], self.progress, self._table, self.output_times
+        times = self.output_times
+        if self.end < self._whole_end:
+            times = times[: np.searchsorted(times, self.end, "right")]
+        motion = self.Z[0], self.Z[1:], self.progress, self._table, times
         modal = self.structure.modal(configuration, self.dofs)
         stop, _ = follow(
             configuration.arguments, motion, self._work, modal, NO_START, NO_START, self.history
@@ -213,13 +263,13 @@ class Run:
 
     @property
     def end(self) -> float:
-        """The end of the motion, in units of the basis."""
+        """The end of the motion, or of the time in which its loads do not bend, in the basis'."""
         return float(self.progress_row["end"])
 
     @property
     def _latest(self) -> float:
         """The time after which nothing happens."""
-        return self.end
+        return self._whole_end
 
     # -- impacts from the compiled loop --
 
@@ -230,6 +280,7 @@ class Run:
             free = np.array(self.configuration.free, dtype=np.int64)
             rows["constraint"] = free[rows["constraint"]]
         self.impacts.append(rows)
+        self._rows += rows.size
         now["first_row"] = now["rows"] = 0
 
     @property
@@ -255,11 +306,11 @@ class Run:
             self.configuration = configuration
             self._work = work_arrays(configuration, self.dofs.size)
         self.Z[0] = self.structure.state_of(configuration, x, v, loads)
+        configuration.basis.doubt_loads(self.Z)
         time, count = self._switched
         self._switched = (self.now, count + 1 if self.now == time else 1)
         if self._switched[1] > _SWITCHES:
-            message = f"contacts begin and end without end at t = {self.now / self.scale!r}"
-            raise ConvergenceError(message)
+            raise self._too_many(self._switched[1])
 
     def _add_contact_impulses(self, since: float, z: Floats) -> None:
         """Add the impulses of the walls on the coordinates at rest, from their rest on."""
@@ -337,6 +388,7 @@ class Run:
             error = -place if c & 1 else place
             turned = impact.through(deviation, before, self._acceleration(), error)
             self.Z[1 + c] = self.structure.state_of(self.configuration, *turned)
+        self.configuration.basis.doubt_loads(self.Z)
         velocity, impulse = side * impact.speed, float(impact.impulses[0])
         growth = max(growth, self.growth)
         self._add_impact(self.scale * velocity, self.scale * impulse, growth, *contact)
@@ -365,8 +417,7 @@ class Run:
     @property
     def growth(self) -> float:
         """The error of the state relative to the motion, in units of 2^-52."""
-        own, now = self.configuration.basis.own, self.progress_row
-        squares = (own * self.Z[1:] ** 2).sum(axis=(1, 2))
-        sampled = SAFETY * math.sqrt(squares.max(initial=0.0))
+        basis, now = self.configuration.basis, self.progress_row
+        sampled = SAFETY * max(map(basis.length, self.Z[1:]), default=0.0)
         error = sampled / float(now["largest"]) if now["largest"] > 0.0 else 0.0
         return max(error, float(now["unresolved"]))

@@ -222,7 +222,7 @@ class SoftMotion:
             size = float((np.abs(z) * basis.weights).max())
             state += _EPS * size * basis.signs[0] * basis.own
             linear = _linear(scene, _EPS * basis.drifts[0])
-            limiters = limiters._replace(kicks=limiters.kicks + _EPS * scene.kernel.errors.kicks[0])
+            limiters = limiters._replace(kicks=limiters.kicks + _EPS * _kick_errors(scene))
         progress = self._progress()
         while True:
             stop = follow(
@@ -240,6 +240,14 @@ class SoftMotion:
                 raise ConvergenceError(message)
             if tick is not None:
                 tick(int(1e3 * (begin + (end - begin) * part)), 1000)
+
+
+def _kick_errors(scene: Configuration) -> Floats:
+    """Return errors of kicks that leave the mobility of the limiters what it is."""
+    errors, watched = scene.kernel.errors.kicks[0], scene.kernel.watched
+    own, along = ((watched.velocity * part).sum(axis=(1, 2)) for part in (watched.kick, errors))
+    share = along / np.where(own == 0.0, 1.0, own)
+    return np.asarray(errors - share[:, np.newaxis, np.newaxis] * watched.kick)
 
 
 def _linear(scene: Configuration, drift: Floats | float = 0.0) -> Linear:

@@ -20,10 +20,10 @@ def initial_state(problem: Problem, initial: State | ImpactMode, structure: Stru
     basis = configuration.basis
     if not isinstance(initial, State):
         q, rate = _impact_mode_state(problem, initial, structure)
-        return basis.pairs_of(q - basis.still, unit * rate, basis.loads(0.0))
+        return basis.pairs_of(q - basis.still, unit * rate, basis.loads_at_start())
     if initial is not problem.initial:
         problem.check(initial)
-    return structure.state_of(configuration, initial.x, unit * initial.v, basis.loads(0.0))
+    return structure.state_of(configuration, initial.x, unit * initial.v, basis.loads_at_start())
 
 
 def impact_mode_problem(system: System, mode: ImpactMode) -> impact_modes.Problem:

@@ -20,14 +20,22 @@ from vibroimpact_solvers.matrices import SymmetricMatrix
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.spectrum import Spectrum
 from vibroimpact_solvers.time_history.basis import Basis, Modes, exponent_of
-from vibroimpact_solvers.time_history.loads import Harmonic, HarmonicLoads, constant
+from vibroimpact_solvers.time_history.loads import (
+    SLOW_TURN,
+    Harmonic,
+    HarmonicLoads,
+    Load,
+    Ramps,
+    constant,
+    turns_slowly,
+)
 
 _EPS: Final = float(np.finfo(np.float64).eps)
 Contact = tuple[int, int]
 """A constraint at rest at a wall: its index, and 1 for the upper or -1 for the lower wall."""
 
 
-_Key = tuple[spectrum.Method, tuple[Harmonic, ...], float]
+_Key = tuple[spectrum.Method, tuple[Load, ...], frozenset[Load], float]
 _PREPARED: weakref.WeakKeyDictionary[System, dict[_Key, Structure]] = weakref.WeakKeyDictionary()
 
 
@@ -68,14 +76,16 @@ class Structure:
         How its natural modes are computed.
     t_end : float
         Length of the motion; sets the unit of time where nothing vibrates.
-    load : tuple of Harmonic
+    load : tuple of Load
     """
 
     def __init__(
-        self, system: System, method: spectrum.Method, t_end: float, load: tuple[Harmonic, ...] = ()
+        self, system: System, method: spectrum.Method, t_end: float, load: tuple[Load, ...] = ()
     ) -> None:
         self.system = system
         self.harmonic_loads = HarmonicLoads.of(load, system.n)
+        self._slow = self.harmonic_loads.frequencies * t_end < SLOW_TURN
+        self.ramps = Ramps.of(load, system.n)
         self.natural: Spectrum = spectrum.spectrum(system, method)
         n, count = system.n, len(system.constraints)
         self.W = system.directions(range(count))
@@ -92,8 +102,8 @@ class Structure:
         self.force = constant(load, n)
         if system.force is not None:
             self.force = self.force + system.force
-        rates = np.concatenate([self.natural.roots, self.harmonic_loads.frequencies])
-        self.exponent = exponent_of(rates, t_end)
+        turning = self.harmonic_loads.frequencies[~self._slow]
+        self.exponent = exponent_of(np.concatenate([self.natural.roots, turning]), t_end)
         self.scale = math.ldexp(1.0, self.exponent)
         self._configurations: dict[frozenset[Contact], Configuration] = {}
         self._modal: dict[tuple[Contact, ...], tuple[Any, ...]] = {}
@@ -103,12 +113,16 @@ class Structure:
 
     @classmethod
     def of(
-        cls, system: System, method: spectrum.Method, t_end: float, load: tuple[Harmonic, ...] = ()
+        cls, system: System, method: spectrum.Method, t_end: float, load: tuple[Load, ...] = ()
     ) -> Structure:
         """Return the structure prepared before for the same system object, or prepare it."""
         known = _PREPARED.setdefault(system, {})
-        unit = 0.0 if load or system.K.data.any() else t_end  # that alone gives the unit of time
-        key = (method, load, unit)
+        slow = frozenset(term for term in load if turns_slowly(term, t_end))
+        turning = any(
+            isinstance(term, Harmonic) and term.frequency > 0.0 for term in {*load} - slow
+        )
+        unit = 0.0 if turning or system.K.data.any() else t_end  # that alone gives the unit of time
+        key = (method, load, slow, unit)
         structure = known.get(key)
         if structure is None:
             structure = cls(system, method, t_end, load)
@@ -221,9 +235,11 @@ class Structure:
         load[np.abs(load) <= 1e-13 * (np.abs(force) @ np.abs(shapes))] = 0.0
         harmonic_loads = self.harmonic_loads
         cosine, sine = shapes.T @ harmonic_loads.cosine, shapes.T @ harmonic_loads.sine
+        ramps, begin = self.ramps, self.ramps.segment(0.0) if self.ramps.count else 0
         return Modes(
-            roots, rests, damping, load, harmonic_loads.frequencies, cosine, sine, shapes, base,
-            weighted, errors, damping_errors, shape_error,
+            roots, rests, damping, load, harmonic_loads.frequencies, self._slow, cosine, sine,
+            shapes.T @ ramps.directions, ramps.state(begin, 0.0), shapes, base, weighted, errors,
+            damping_errors, shape_error,
         )  # fmt: skip
 
     def _with_contacts(self, contacts: tuple[Contact, ...]) -> Modes:
@@ -289,9 +305,12 @@ class Structure:
         walls["acceleration"] = jumps
         high, size, low = (np.ascontiguousarray(part) for part in basis.weight(forms))
         watched = Watched(forms, slopes, kicks, basis.drift(kicks), size, high, low)
-        kick_errors = basis.kick_errors(slopes, kicks)
+        form_errors, slope_errors, kick_errors = basis.form_errors(forms, slopes, kicks)
         drift = float(np.abs(basis.drifts).max(initial=0.0))
-        errors = basis.signs, basis.drifts, kick_errors, basis.own, drift
+        doubts, still = basis.doubts
+        own = kick_errors, form_errors, slope_errors, basis.own, doubts
+        carried = basis.carried, basis.load_places, still
+        errors = basis.signs, basis.drifts, *own, *carried, drift
         kernel = rigid_state.Structure(
             basis.flow, watched, walls, mobility, rigid_state.Errors(*errors)
         )
@@ -317,9 +336,9 @@ class Structure:
         if system.C is not None:
             by_v = -(system.C @ np.ascontiguousarray(onto.T)).T @ modes.shapes
             forms = forms + math.ldexp(1.0, basis.exponent) * basis.velocity(by_v)
-        forms = forms + basis.harmonic_force(
-            onto @ self.harmonic_loads.cosine, onto @ self.harmonic_loads.sine
-        )
+        harmonic = self.harmonic_loads
+        parts = harmonic.cosine, harmonic.sine, self.ramps.directions
+        forms = forms + basis.load(*(onto @ part for part in parts))
         return forms, level
 
 

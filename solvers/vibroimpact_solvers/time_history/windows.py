@@ -243,7 +243,7 @@ class _WindowRun(Run):
         super().__init__(structure, arrays, problem, history, tick)
         self._end = problem.t_end * self.scale
         self._last = window.index + 1 == window.count
-        self._rows: dict[int, int] = {}
+        self._listed: dict[int, int] = {}
         self._carried: dict[Contact, ContactInterval] = {}
         if before is not None:
             self._go_on(before)
@@ -255,7 +255,7 @@ class _WindowRun(Run):
             self.contacts[contact] = interval = ContactInterval(
                 contact, math.nan, rest, impulse=impulse
             )
-            self._rows[id(interval)] = int(row)
+            self._listed[id(interval)] = int(row)
         self._carried = dict(self.contacts)
         self.configuration = self.structure.configuration(frozenset(self.contacts))
         self._work = work_arrays(self.configuration, self.dofs.size)
@@ -263,7 +263,7 @@ class _WindowRun(Run):
         now, stop = self.progress_row, self.end
         for name, number in zip(PROGRESS.names or (), before.seed_progress, strict=True):
             now[name] = number
-        now["end"] = stop
+        now["end"], self._segment = stop, -1
         now["first_row"] = now["rows"] = now["samples"] = now["written"] = 0
         self._switched = (-1.0, 0)
 
@@ -274,7 +274,9 @@ class _WindowRun(Run):
     def part(self, result: Result, before: Part | None) -> Part:
         """Return the result of the window."""
         first = 0 if before is None else before.contacts
-        places = {id(rest): first + place for place, rest in enumerate(self.intervals)} | self._rows
+        places = {
+            id(rest): first + place for place, rest in enumerate(self.intervals)
+        } | self._listed
         going = {} if self._last else self.contacts
         late = [rest for rest in self._carried.values() if rest not in going.values()]
         scale = self.scale

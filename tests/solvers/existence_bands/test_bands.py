@@ -262,3 +262,38 @@ def test_results_say_that_losses_are_neglected() -> None:
     assert sentences is not None
     assert len(sentences) == 2
     assert solved(System(one, one, (Constraint.at(0, 1.0),)), 0.5, 2.0).neglected is None
+
+
+def test_a_range_of_another_reason_beside_an_edge_is_no_part_of_the_band() -> None:
+    # Negative impulses, wrong velocities, a band: the middle one is narrower than the grid.
+    M, K = [[1.0, 0.01], [0.01, 1.0]], [[0.4, -0.22], [-0.22, 0.76]]
+    full = [SymmetricMatrix.dense(matrix) for matrix in (M, K)]
+    system = System(full[0], full[1], (Constraint.at(0, 1.0), Constraint.at(1, 0.54)))
+    result = solved(system, 0.55, 30.0)
+    assert result.band_start_reason is not None
+    (k,) = np.flatnonzero(result.band_start_reason == Edge.WRONG_VELOCITY)
+    beside = float(result.band_start[k]) + np.array([-1e-3, -1e-9, 1e-9, 1e-3])
+    np.testing.assert_array_equal(exists(system, beside), [False, False, True, True])
+    scan(result, system, np.random.default_rng(0).uniform(0.55, 30.0, 20_000))
+
+
+@pytest.mark.parametrize(
+    ("mass", "stiffness", "start", "stop"),
+    [
+        (1.3435023034095341, 1.2196383958928352, 0.7791964122922904, 1.2027262153678533),
+        (1.0, 1.0, 0.440907955944553, 2.2683140398330948),
+    ],
+)
+def test_what_is_not_certain_beside_an_edge_is_unresolved(
+    mass: float, stiffness: float, start: float, stop: float
+) -> None:
+    """One wall, struck once a period: modes exist from the natural frequency to twice that."""
+    one, other = SymmetricMatrix.diagonal([mass]), SymmetricMatrix.diagonal([stiffness])
+    result = solved(System(one, other, (Constraint((0,), (1.0,), None, 1.0),)), start, stop)
+    natural = float(np.sqrt(stiffness / mass))
+    assert result.band_start.size == 1
+    assert abs(result.band_start[0] - natural) <= result.band_edge_error[0]
+    expected = min(2.0 * natural, stop)
+    assert abs(result.band_stop[0] - expected) <= result.band_edge_error[0]
+    assert result.unresolved_start.size <= 2
+    assert (result.unresolved_stop - result.unresolved_start < 1e-8 * natural).all()

@@ -38,8 +38,8 @@ def exists(system: System, Omega: float) -> bool:
     """Whether the impact mode is a motion of the structure."""
     before = flint.ctx.prec
     try:
-        one = *referenced(system), (0,), Omega
-        solution = impact_modes.solved(*one, enough=lambda s: s.exists() is not None)
+        family = impact_modes.Family(*referenced(system), (0,))
+        solution = impact_modes.solved(family, Omega, enough=lambda s: s.exists() is not None)
         return bool(solution.exists())
     finally:
         flint.ctx.prec = before

@@ -16,6 +16,15 @@ def flow_of(nu: np.ndarray) -> flow.Flow:
     return flow.Flow(none, nu, none, none, np.zeros(0, flow.DRIVE), 1, 2, False, 0.0)
 
 
+def errors_of(drifts: np.ndarray, drift: float) -> Errors:
+    """Return the errors of frequencies, and no others."""
+    none = np.zeros(PAIRS)
+    return Errors(
+        np.zeros((4, 2, PAIRS)), drifts, *np.zeros((3, 1, 1, 2, PAIRS)), np.ones(PAIRS), none,
+        np.zeros((0, 2, PAIRS)), np.zeros(0, np.int64), 0.0, drift,
+    )  # fmt: skip
+
+
 def moved(nu: np.ndarray, z: np.ndarray, s: float) -> np.ndarray:
     propagator, out = np.zeros((2, PAIRS)), np.zeros((2, PAIRS))
     compiled(flow.set_propagator)(flow_of(nu), s, 0.0, propagator)
@@ -35,9 +44,7 @@ def test_errors_of_frequencies_turn_rotations_and_stretch_hyperbolas() -> None:
         np.zeros(1, IMPACT),
         np.zeros(0),
     )
-    errors = Errors(
-        np.zeros((4, 2, PAIRS)), drift[np.newaxis], np.zeros((1, 1, 2, PAIRS)), np.ones(PAIRS), 0.9
-    )
+    errors = errors_of(drift[np.newaxis], 0.9)
     compiled(deviations.add_rounding)(flow_of(nu), motion, errors, 0, s)
     np.testing.assert_allclose(motion.deviations[0], expected, rtol=1e-8)
 
@@ -47,4 +54,5 @@ def test_an_error_that_is_not_a_number_stays() -> None:
     progress["largest"] = 1.0
     columns = np.ones((3, 2, PAIRS))
     columns[1, 0, 0] = np.nan
-    assert np.isnan(compiled(deviations.estimated_error)(columns, np.ones(PAIRS), progress))
+    errors = errors_of(np.zeros((3, PAIRS)), 0.0)
+    assert np.isnan(compiled(deviations.estimated_error)(columns, errors, progress))

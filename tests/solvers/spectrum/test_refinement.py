@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import mpmath
 import numpy as np
 import pytest
@@ -11,7 +13,6 @@ from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.spectrum.refinement import refine
 
-mpmath.mp.dps = 60
 rng = np.random.default_rng(7)
 
 
@@ -39,6 +40,13 @@ CASES = {
     "wide": (graded(6, 1e14), np.eye(6)),
     "full mass": (random(9, 0.1), random(9, 0.01)),
 }
+
+
+@pytest.fixture(autouse=True)
+def digits() -> Iterator[None]:
+    """Extended precision, whatever precision other tests left behind."""
+    with mpmath.workdps(60):
+        yield
 
 
 def exact(K: np.ndarray, M: np.ndarray) -> tuple[mpmath.matrix, mpmath.matrix]:

@@ -109,7 +109,7 @@ MATRIX = {
         "test_grazing_restitution_and_rest_in_one_ensemble",
     ),
     "near-grazing by 1e-15": (
-        "test_neighbouring_limit test_excess_that_does_not_count",
+        "test_neighbouring_limit test_the_last_bit_decides",
         "test_a_limit_that_is_grazed_at_an_edge",
         _NO_TIME,
         "test_bands_from_edge_to_edge",

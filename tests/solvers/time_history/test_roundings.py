@@ -6,6 +6,8 @@ import mpmath as mp
 import numpy as np
 import pytest
 
+from tests.truth import histories
+from tests.truth.verdicts import Case, Report
 from vibroimpact_solvers import presets, spectrum
 from vibroimpact_solvers import time_history as th
 from vibroimpact_solvers.model import Constraint
@@ -87,3 +89,20 @@ def test_prepared_motions_tell_no_errors_where_none_are_estimated() -> None:
     assert some.error_condition >= some.impact_condition.max()
     np.testing.assert_array_equal(none.impact_time, some.impact_time)
     np.testing.assert_array_equal(none.x, some.x)
+
+
+def test_a_motion_that_passes_a_saddle_keeps_its_energy() -> None:
+    """What decays on the way to the saddle is what grows after the next impact.
+
+    K < 0: from wall to wall over the top of a potential, 40 times e-fold down and up again.
+    """
+    document = {
+        "M": [[1.0]], "K": [[-0.1]],
+        "constraints": [{"dofs": [0], "weights": [1.0], "lower": 115.5, "upper": 115.5,
+                         "restitution": 1.0}],
+        "x": [0.163], "v": [-0.239], "t": [50.0, 84.0, 120.0], "t_end": 125.0,
+    }  # fmt: skip
+    report = Report()
+    histories.check(Case("", document), report)
+    assert not report.failures
+    assert report.counts["horizon at the end"] == 1

@@ -14,6 +14,7 @@ from vibroimpact_solvers.time_history.extended.motion import Motion
 from vibroimpact_solvers.time_history.extended.precision import Real, working
 from vibroimpact_solvers.time_history.extended.structure import Body
 from vibroimpact_solvers.time_history.history import conserves
+from vibroimpact_solvers.time_history.loads import Harmonic
 from vibroimpact_solvers.time_history.problem import Problem, State
 from vibroimpact_solvers.time_history.run import Tick
 
@@ -28,7 +29,8 @@ _STATEMENT: Final = (
 def motion(problem: Problem, tick: Tick | None = None) -> Motion:
     """Compute a motion to its end; to be called within `precision.working`."""
     assert isinstance(problem.initial, State)
-    body = Body(problem.system, problem.load, problem.t_end)
+    harmonic = tuple(term for term in problem.load if isinstance(term, Harmonic))
+    body = Body(problem.system, harmonic, problem.t_end)
     x, v = problem.initial.x, problem.initial.v
     output_times = problem.times if problem.outputs & {"x", "v", "energy"} else np.zeros(0)
     run = Motion(body, x, v, problem.t_end, output_times, tick)

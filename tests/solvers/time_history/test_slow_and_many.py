@@ -1,0 +1,90 @@
+"""Impacts that are slow, loads that are, and impacts that are many, beside the reference."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from tests.truth import histories
+from tests.truth.verdicts import Case, Report
+from vibroimpact_solvers import time_history
+from vibroimpact_solvers.errors import ConvergenceError
+from vibroimpact_solvers.time_history import run
+
+
+def wall(dof: int, gap: float, restitution: float = 1.0) -> dict[str, Any]:
+    return {
+        "dofs": [dof], "weights": [1.0], "lower": gap, "upper": gap, "restitution": restitution
+    }  # fmt: skip
+
+
+def checked(document: dict[str, Any]) -> Report:
+    report = Report()
+    histories.check(Case("", document), report)
+    assert not report.failures
+    return report
+
+
+@pytest.mark.parametrize("speed", [7.6e-9, 1e-6])
+def test_a_start_at_a_wall_strikes_it_however_slow(speed: float) -> None:
+    document = {
+        "M": [[2.3]], "K": [[3.1]], "constraints": [wall(0, 1.0, 0.2)], "x": [1.0], "v": [speed],
+        "t": [0.9], "t_end": 2.0,
+    }  # fmt: skip
+    report = checked(document)
+    problem = histories.problem_of(document)
+    result = time_history.solve(problem, time_history.plan(problem))
+    assert result.count_impacts == 1
+    assert result.impact_velocity[0] == pytest.approx(speed, rel=1e-7)
+    assert result.error_condition < 1e3  # its speed is not lost in the rounding of its place
+    assert report.counts["horizon at the end"] == 1
+
+
+def test_roundings_of_many_short_motions_do_not_add_up() -> None:
+    document = {
+        "M": [[2.823949671386963]], "K": [[3.690100733003918]], "C": [[0.15998070361727434]],
+        "constraints": [wall(0, 0.0018778111014193023)], "x": [0.0], "v": [0.7869548446394787],
+        "t": [3.4], "t_end": 3.5,
+    }  # fmt: skip
+    report = checked(document)
+    assert min(report.ratios["state"]) > 10.0
+
+
+@pytest.mark.parametrize("frequency", [3e-9, 3e-8, 3e-7])
+def test_a_load_that_hardly_turns_moves_a_free_body(frequency: float) -> None:
+    document = {
+        "M": [[0.6, 0.0], [0.0, 0.6]], "K": [[2.0, -2.0], [-2.0, 2.0]],
+        "constraints": [wall(0, 1.0, 0.9)], "x": [0.2, 0.0], "v": [-0.1, -4.0],
+        "load": [[1, -2.0, frequency, 0.7]], "t": [0.3, 0.9], "t_end": 0.92,
+    }  # fmt: skip
+    checked(document)
+
+
+def test_impacts_without_end_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A coordinate bounces for ever while another one is pressed to its wall, ever harder."""
+    monkeypatch.setattr(run, "_MOST_AFTERWARDS", 40)
+    document = {
+        "M": [
+            [1.0, 0.2483732948876099, -0.192139347115519, 0.1429822697935119],
+            [0.2483732948876099, 0.8148951695026524, 0.004524808236019533, -0.12039433624993323],
+            [-0.192139347115519, 0.004524808236019533, 0.3238722544159588, -0.18579341205555022],
+            [0.1429822697935119, -0.12039433624993323, -0.18579341205555022, 0.7881281621847378],
+        ],
+        "K": [
+            [0.2919619943135904, -0.13182672066662382, 0.19266717263907127, -0.42015700417713325],
+            [-0.13182672066662382, 0.10574095839428639, -0.09700275693650706, 0.16631509047360202],
+            [0.19266717263907127, -0.09700275693650706, 0.3695888683921437, -0.4160865973129312],
+            [-0.42015700417713325, 0.16631509047360202, -0.4160865973129312, 0.9999999999999999],
+        ],
+        "constraints": [
+            wall(2, 1.0, 0.0),
+            {"dofs": [3, 2], "weights": [1.0, 0.5], "lower": 1.0, "upper": 1.0, "restitution": 1.0},
+        ],
+        "x": [-0.10418719367192147, -0.1561382163628872, 0.12880698552710795, 0.11421755562381342],
+        "v": [-2.527028318255666, -0.3390744971322721, -1.2378623938342337, -1.726143516435006],
+        "t": [8.600685423566468], "t_end": 14.869830075986284,
+    }  # fmt: skip
+    problem = histories.problem_of(document)
+    with pytest.raises(ConvergenceError, match=r"planned; the motion is predictable until 2\.78"):
+        time_history.solve(problem, time_history.plan(problem))

@@ -1,0 +1,281 @@
+"""Random driven structures and their periodic motions with at most one impact in a cell."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from flint import acb_mat, arb, arb_mat
+from scipy.optimize import linear_sum_assignment
+
+from tests.reference.periodic import Impact, Motion, Structure
+from tests.truth import structures
+from tests.truth.structures import Document
+from tests.truth.verdicts import ROUNDING, Case, Report
+from vibroimpact_solvers import periodic_motions
+from vibroimpact_solvers.results.impact_modes import Reason
+from vibroimpact_solvers.results.periodic_motions import Result
+
+TWO_PI = 2.0 * np.pi
+_POINTS = 1201  # of the paths on which limits and extremes are checked
+_PHASES = 40_001  # at which solutions are looked for
+_SMALL = 8  # degrees of freedom up to which multipliers are compared
+
+
+def case(rng: np.random.Generator) -> Case:
+    """Return a random driven structure."""
+    large = rng.random() < 0.02
+    n = int(rng.integers(10, 51)) if large else int(rng.integers(2, 7))
+    name = "large" if large else str(rng.choice(["dense", "diagonal", "chain", "mirror"]))
+    document = structures.structure(rng, "dense" if large else name, n)
+    M, K = np.array(document["M"]), np.array(document["K"])
+    n = M.shape[0]
+    lowest = float(np.sqrt(np.linalg.eigvals(np.linalg.solve(M, K)).real.min()))
+    ratio = float(10.0 ** rng.uniform(-3.0, -0.7))
+    if rng.random() < 0.5:
+        C = ratio * (K / lowest + M * lowest)
+    else:
+        spread = rng.standard_normal((n, n))
+        C = 2.0 * ratio * lowest * (spread @ spread.T / n + 0.05 * np.eye(n)) * np.diag(M).mean()
+        name += ", coupled"
+    document["C"] = (0.5 * (C + C.T)).tolist()
+    document["symmetric"] = symmetric = bool(rng.random() < 0.25)
+    styles = ["equal"] if symmetric else ["equal", "unequal", "upper", "lower"]
+    limiters = [structures.constraint(rng, n, style=str(rng.choice(styles)))]
+    if n > 1 and rng.random() < 0.3:
+        idle = structures.constraint(rng, n, style="equal" if symmetric else None)
+        if sorted(idle["dofs"]) != sorted(limiters[0]["dofs"]):
+            limiters.append(idle)
+    size = 10.0 ** rng.uniform(-1.5, 0.5)
+    for limiter in limiters:
+        limiter["restitution"] = float(rng.choice([rng.uniform(0.1, 1.0), 1.0], p=[0.9, 0.1]))
+        for side in ("lower", "upper"):
+            limiter[side] = None if limiter[side] is None else size * limiter[side]
+    document["constraints"] = limiters
+    still = symmetric or rng.random() < 0.6
+    stiffness = float(np.abs(K).max())
+    document["force"] = (
+        np.zeros(n) if still else 0.3 * stiffness * size * rng.standard_normal(n)
+    ).tolist()
+    harmonics = [1, 3, 5] if symmetric else [1, 2, 3, 7]
+    chosen = sorted({1, *rng.choice(harmonics, int(rng.integers(1, 4))).tolist()})
+    document["loads"] = [
+        [
+            int(rng.integers(n)),
+            float(stiffness * 10.0 ** rng.uniform(-1.0, 1.0) / h),
+            h,
+            float(rng.uniform(0.0, 6.0)),
+        ]
+        for h in chosen
+    ]
+    document["periods"] = 1 if symmetric else int(rng.choice([1, 2, 3], p=[0.7, 0.2, 0.1]))
+    sides = [side for side, name in ((-1, "lower"), (1, "upper")) if limiters[0][name] is not None]
+    document["side"] = 1 if symmetric else int(rng.choice(sides))
+    top = float(np.sqrt(np.linalg.eigvals(np.linalg.solve(M, K)).real.max()))
+    document["Omega"] = np.sort(
+        rng.uniform(np.log(0.3 * lowest), np.log(3.0 * top), 1 if large else 2)
+    ).tolist()
+    document["Omega"] = np.exp(document["Omega"]).tolist()
+    return Case(name + (", symmetric" if symmetric else ""), document)
+
+
+def problem(document: Document) -> periodic_motions.Problem:
+    """Return the problem of the solvers."""
+    load = tuple(
+        periodic_motions.Force((dof,), (1.0,), amplitude, harmonic, phase)
+        for dof, amplitude, harmonic, phase in document["loads"]
+    )
+    sequence: Any = (periodic_motions.Impact(0, document["side"]),)
+    return periodic_motions.Problem(
+        structures.system(document),
+        np.array(document["Omega"]),
+        load,
+        periods=document["periods"],
+        sequence=periodic_motions.SYMMETRIC if document["symmetric"] else sequence,
+    )
+
+
+def motion(document: Document, Omega: float) -> Motion:
+    """Return the reference of the motions at a frequency."""
+    first = document["constraints"][0]
+    wall = first["upper"] if document["side"] > 0 else first["lower"]
+    impact = Impact(
+        structures.row(document, first), document["side"] * wall, document["side"],
+        first["restitution"],
+    )  # fmt: skip
+    matrices = (np.array(document[name]) for name in ("M", "C", "K", "force"))
+    loads = [tuple(term) for term in document["loads"]]
+    structure = Structure(*matrices, loads, Omega)
+    half = 0.5 if document["symmetric"] else 1.0
+    sign = -1 if document["symmetric"] else 1
+    return Motion(structure, impact, document["periods"] * half, sign)
+
+
+def check(case: Case, report: Report) -> None:
+    """Compare the motions of a case with their reference."""
+    document = case.document
+    given = problem(document)
+    plan = periodic_motions.plan(given)
+    report.work(plan)
+    result = periodic_motions.solve(given, plan)
+    report.phase("reference")
+    for index, Omega in enumerate(document["Omega"]):
+        exact = motion(document, Omega)
+        rows = np.flatnonzero(result.solution_frequency_index == index)
+        struck = rows[result.solution_impacts[rows] > 0]
+        _count_solutions(exact, struck.size, report)
+        for row in rows:
+            if result.solution_impacts[row]:
+                _check_impact(document, exact, result, int(row), report)
+            else:
+                state = exact.without_impact()
+                path = exact.path(arb(0), state, _POINTS)
+                _check_path(document, path, result, int(row), None, report)
+
+
+def _count_solutions(exact: Motion, count: int, report: Report) -> None:
+    """Compare the number of solutions with the zeros of the distance from the wall."""
+    distance = exact.distances(np.linspace(0.0, TWO_PI, _PHASES))
+    crossings = int((np.diff(np.signbit(distance)) != 0).sum())
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(distance)))) + 1
+    touch = np.abs(distance[turns]).min(initial=np.inf) < 1e-6 * np.abs(distance).max()
+    report.count("frequencies")
+    if touch:
+        report.count("solutions: two about to meet")
+    elif count != crossings:
+        report.fail("number of solutions", f"{count} instead of {crossings}")
+    report.count("solutions", crossings)
+
+
+def _check_impact(
+    document: Document, exact: Motion, result: Result, row: int, report: Report
+) -> None:
+    at = int(np.flatnonzero(result.impact_solution == row)[0])
+    stated = float(result.impact_phase[at])
+    phase, p, velocity, state = exact.refined(stated)
+    turns = round(float((phase - arb(stated)).mid()) / TWO_PI)
+    report.compare("phase", [stated], [phase - 2 * turns * arb.pi()], result.error_phase[at])
+    side = document["side"]
+    for what, value, true, error in (
+        ("momentum", result.impact_momentum[at], -side * p, result.error_momentum[at]),
+        ("velocity", result.impact_velocity[at], velocity, result.error_velocity[at]),
+    ):
+        report.compare(what, [float(value)], [true], error)
+    work, lost = result.solution_work, result.solution_energy_lost
+    assert work is not None
+    assert lost is not None
+    size = abs(float(work[row])) + abs(result.impact_momentum[at] * result.impact_velocity[at])
+    if abs(float(work[row] - lost[row])) > 1e-12 * size:
+        report.fail("work", f"{work[row]!r} of the load, {lost[row]!r} lost")
+    path = exact.path(phase, state, _POINTS)
+    _check_path(document, path, result, row, float((-side * p).mid()), report)
+    if exact.s.n <= _SMALL:
+        _check_multipliers(exact, phase, state, p, result, row, report)
+
+
+def _check_path(
+    document: Document,
+    path: np.ndarray,
+    result: Result,
+    row: int,
+    momentum: float | None,
+    report: Report,
+) -> None:
+    """Compare extremes and verdict with a path of many points, both ends included."""
+    # Between neighbouring points a coordinate leaves their chord by less than this.
+    bend = 0.25 * np.abs(np.diff(path, 2, axis=0)).max(axis=0)
+    whole = np.concatenate([path, -path]) if document["symmetric"] else path
+    high, low = whole.max(axis=0), whole.min(axis=0)
+    for what, found, error, least, most in (
+        ("x_max", result.solution_x_max, result.error_x_max, high, high + bend),
+        ("x_min", result.solution_x_min, result.error_x_min, low - bend, low),
+    ):
+        assert found is not None
+        assert error is not None
+        if not ((found[row] + error[row] >= least) & (found[row] - error[row] <= most)).all():
+            report.fail(what, f"{found[row]} is not between {least} and {most}")
+    assert result.solution_exists is not None
+    assert result.solution_certified is not None
+    allowed = _allowed(document, path, momentum)
+    exists, certified = bool(result.solution_exists[row]), bool(result.solution_certified[row])
+    report.count("verdicts certified" if certified else "verdicts not certified")
+    if allowed is None:
+        report.count("verdict: undecided by points")
+    elif exists != allowed:
+        assert result.solution_reason is not None
+        reason = Reason(int(result.solution_reason[row])).name.lower()
+        kind = "verdict certified" if certified else "verdict not certified"
+        report.fail(kind, f"{reason}, in truth {'admissible' if allowed else 'not'}")
+
+
+def _allowed(document: Document, path: np.ndarray, momentum: float | None) -> bool | None:
+    """Return whether a motion is admissible; None where points are too few to tell."""
+    if momentum is not None and momentum <= 0.0:
+        return False  # walls only push
+    sure = True
+    for index, limiter in enumerate(document["constraints"]):
+        y = path @ structures.row(document, limiter)
+        bend = 0.25 * float(np.abs(np.diff(y, 2)).max())
+        for side, wall in ((1, limiter["upper"]), (-1, limiter["lower"])):
+            if wall is None:
+                continue
+            for mirror in (1, -1) if document["symmetric"] else (1,):
+                over = mirror * side * y - wall
+                here = momentum is not None and index == 0
+                ends = here and (side == document["side"] if not document["symmetric"] else True)
+                inner = over[1:-1] if ends else over
+                if float(inner.max()) > 1e-9 * wall:
+                    return False
+                if ends and max(over[0], over[-1]) > -1e-9 * wall:
+                    # The ends are at the wall: the motion leaves it at once.
+                    sure &= bool(over[1] < -4.0 * bend or abs(over[0]) > 1e-9 * wall)
+                    sure &= bool(over[-2] < -4.0 * bend or abs(over[-1]) > 1e-9 * wall)
+                    sure &= float(over[1:-1].max()) + bend < 0.0 or _falls(over, bend)
+                else:
+                    sure &= float(over.max()) + bend < -1e-9 * wall
+    return True if sure else None
+
+
+def _falls(over: np.ndarray, bend: float) -> bool:
+    """Return whether a path that starts and ends at a wall stays away from it in between."""
+    near = np.flatnonzero(over + bend >= 0.0)
+    inner = near[(near > 1) & (near < over.size - 2)]
+    return inner.size == 0
+
+
+def _check_multipliers(
+    exact: Motion, phase: arb, state: arb_mat, p: arb, result: Result, row: int, report: Report
+) -> None:
+    assert result.multipliers_real is not None
+    assert result.multipliers_imaginary is not None
+    assert result.error_multipliers is not None
+    values = result.multipliers_real[row] + 1j * result.multipliers_imaginary[row]
+    errors = result.error_multipliers[row]
+    if not np.isfinite(values).all():
+        report.count("multipliers: grazing")
+        return
+    matrix = exact.monodromy(phase, state, p)
+    middle = acb_mat([[matrix[i, j].mid() for j in range(values.size)] for i in range(values.size)])
+    true = middle.eig(algorithm="approx")
+    power = 2 if exact.sign < 0 else 1
+    expected = np.array([complex(value.mid()) ** power for value in true])
+    apart = np.abs(values[:, np.newaxis] - expected)
+    ours, theirs = linear_sum_assignment(apart)
+    off = apart[ours, theirs]
+    least = 4.0 * ROUNDING * np.abs(expected[theirs])  # of the comparison
+    ratios = errors[ours] / np.maximum(off, least)
+    worst = int(ratios.argmin())
+    report.ratios.setdefault("multipliers", []).append(float(ratios[worst]))
+    if ratios[worst] < 1.0 and off[worst] > least[worst]:
+        i, j = ours[worst], theirs[worst]
+        message = f"{values[i]} instead of {expected[j]}, off by {off[worst]:.3g}"
+        report.fail("multipliers", f"{message}, stated {errors[i]:.3g}")
+    assert result.solution_stability is not None
+    assert result.error_stability is not None
+    largest = float(np.abs(expected).max())
+    report.compare(
+        "stability",
+        [float(result.solution_stability[row])],
+        [arb(largest)],
+        float(result.error_stability[row]) + ROUNDING * largest,
+    )
