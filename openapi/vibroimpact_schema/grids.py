@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError
@@ -19,7 +19,7 @@ from vibroimpact_schema.values import (
 
 _ROUNDING = 4.0 * 2.0**-52
 
-FrequencyUnit = Literal["Omega", "omega"]
+FrequencyUnit = Literal["Omega", "omega", "Hz", "rpm"]
 
 
 def forwards(stop: float, info: ValidationInfo) -> float:
@@ -66,9 +66,13 @@ class Frequencies(Grid):
     unit: FrequencyUnit = Field(
         "Omega",
         description="Meaning of the numbers: Omega, the fundamental angular frequency of the "
-        "motion, or omega = (2/pi) Omega, that of the triangle wave; rad per unit of time.",
+        "motion, or omega = (2/pi) Omega, that of the triangle wave; rad per unit of time. Hz and "
+        "rpm: Omega / (2 pi) per second and per minute, of a system whose unit of time is ns, us, "
+        "ms, s, min or h, or none, which stands for s.",
         # Generators of clients that name values in capitals would give both the same name.
-        json_schema_extra={"x-enum-varnames": ["FUNDAMENTAL", "TRIANGLE_WAVE"]},
+        json_schema_extra={
+            "x-enum-varnames": ["FUNDAMENTAL", "TRIANGLE_WAVE", "HERTZ", "REVOLUTIONS_PER_MINUTE"]
+        },
     )
 
 
@@ -133,12 +137,11 @@ class TimeValues(Grid):
     )
 
 
-class TimePoints(Grid):
-    """A number of equally spaced times, both ends included."""
+class TimeRange(Grid):
+    """Fields of grids between two times."""
 
     start: NonNegative = Field(0.0, description="First time.")
     stop: Positive = Field(description="Last time; after start.")
-    num: Annotated[Count, Field(ge=2)] = Field(description="Number of points.")
 
     @field_validator("stop")
     @classmethod
@@ -148,11 +151,58 @@ class TimePoints(Grid):
         return stop
 
 
+class TimePoints(TimeRange):
+    """A number of equally spaced times, both ends included."""
+
+    num: Annotated[Count, Field(ge=2)] = Field(description="Number of points.")
+
+
+class TimeSteps(TimeRange):
+    """Times start, start + step, … up to stop, which is included if a step reaches it."""
+
+    step: Positive = Field(description="Distance between neighbours.")
+
+
+class EqualTimes(Grid):
+    """A number of equally spaced times from 0 to t_end, both included."""
+
+    num: Count = Field(description="Number of times.")
+
+
+Instants = Annotated[
+    list[NonNegative],
+    Field(min_length=1, fail_fast=True, description="The times."),
+]
+
+_TIMES: Final = {"values": "@values", "step": "@steps"}
 TimeGrid = Annotated[
-    Annotated[TimeValues, Tag("@values")] | Annotated[TimePoints, Tag("@points")],
+    Annotated[Instants, Tag("@list")]
+    | Annotated[TimeValues, Tag("@values")]
+    | Annotated[TimePoints, Tag("@points")]
+    | Annotated[TimeSteps, Tag("@steps")],
     Discriminator(
-        lambda value: form(value, {"values": "@values"}, "@points"),
+        lambda value: "@list" if isinstance(value, list) else form(value, _TIMES, "@points"),
         custom_error_type="time_form",
-        custom_error_message="times are an object with values, or with start, stop and num",
+        custom_error_message="times are a list, or an object with values, with start, stop and "
+        "num, or with start, stop and step",
     ),
 ]
+"""Output times of a motion without a length of its own."""
+
+_TIMES_UP_TO_END: Final = {**_TIMES, "stop": "@points"}
+Times = Annotated[
+    Annotated[Instants, Tag("@list")]
+    | Annotated[EqualTimes, Tag("@equal")]
+    | Annotated[TimeValues, Tag("@values")]
+    | Annotated[TimePoints, Tag("@points")]
+    | Annotated[TimeSteps, Tag("@steps")],
+    Discriminator(
+        lambda value: (
+            "@list" if isinstance(value, list) else form(value, _TIMES_UP_TO_END, "@equal")
+        ),
+        custom_error_type="times_form",
+        custom_error_message="times are a list, or an object with num, with values, with start, "
+        "stop and num, or with start, stop and step",
+    ),
+]
+"""Output times of a motion of a given length, ascending and up to its end."""

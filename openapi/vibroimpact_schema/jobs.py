@@ -21,6 +21,18 @@ class Progress(Document):
     kept: Index = Field(0, description="How many of those done were known before.")
 
 
+class Attempt(Document):
+    """An attempt at a job, or at a part of it."""
+
+    worker: str = Field(
+        description="Process that ran the job, or worker process that was lost while it computed "
+        "a part of it."
+    )
+    began: AwareDatetime
+    ended: AwareDatetime | None = Field(description="Null while it goes on.")
+    why: str | None = Field(description="Why it ended.")
+
+
 class Job(Document):
     """A queued computation."""
 
@@ -41,11 +53,29 @@ class Job(Document):
         None, description="Time at which it fails if it is not done."
     )
     attempts: Index = Field(description="Number of times it was started.")
+    history: list[Attempt] | None = Field(
+        None, description="The attempts at it, the earliest first; null in lists and events."
+    )
     estimate: NonNegative | None = Field(description="Planned seconds of computing.")
     reused: bool = Field(description="Whether the result was known before.")
     digest: Digest = Field(description="Name that the result has or will have.")
     result: str | None = Field(description="Address of the result, once there is one.")
     error: Problem | None = Field(description="Why it failed.")
+
+
+class RetryRequest(Document):
+    """Failed jobs that are to be queued again: those that meet all conditions."""
+
+    jobs: Annotated[list[str], Field(max_length=1000, fail_fast=True)] | None = Field(
+        None, description="Ids of jobs; absent: all."
+    )
+    kind: str | None = Field(None, description="Kind of computation; absent: all.", max_length=40)
+
+
+class Retried(Document):
+    """Failed jobs that were queued again."""
+
+    jobs: list[str] = Field(description="Their ids, the oldest first; at most 1000.")
 
 
 class ShareRequest(Document):

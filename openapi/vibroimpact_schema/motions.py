@@ -9,7 +9,6 @@ from pydantic_core import PydanticCustomError
 
 from vibroimpact_schema.systems import Direction
 from vibroimpact_schema.values import (
-    Count,
     Document,
     Index,
     Indices,
@@ -78,28 +77,6 @@ class InitialStates(Document):
         return self
 
 
-class EqualTimes(Document):
-    """A number of equally spaced times from 0 to t_end, both included."""
-
-    num: Count = Field(description="Number of times.")
-
-
-Instants = Annotated[
-    list[NonNegative],
-    Field(min_length=1, fail_fast=True, description="Ascending times, up to t_end."),
-]
-
-
-Times = Annotated[
-    Annotated[EqualTimes, Tag("@equal")] | Annotated[Instants, Tag("@times")],
-    Discriminator(
-        lambda value: "@times" if isinstance(value, list) else form(value, {}, "@equal"),
-        custom_error_type="times_form",
-        custom_error_message="times are an object with num, or a list of them",
-    ),
-]
-
-
 class HarmonicLoad(Document):
     """A load ``amplitude cos(frequency t + phase)`` on one degree of freedom."""
 
@@ -107,6 +84,71 @@ class HarmonicLoad(Document):
     amplitude: Number = Field(description="Its amplitude, mass length / time².")
     frequency: NonNegative = Field(description="Its angular frequency.")
     phase: Number = Field(0.0, description="Its phase at t = 0.")
+
+
+class Samples(Document):
+    """Times of samples, between which a load is a straight line."""
+
+    t: Annotated[list[Number], Field(min_length=2, fail_fast=True)] | None = Field(
+        None, description="Ascending times of the samples, from 0 or before to t_end or after."
+    )
+    interval: Positive | None = Field(
+        None, description="In place of t: time between two samples, the first one at t = 0."
+    )
+
+    @model_validator(mode="after")
+    def _timed(self) -> Self:
+        if (self.t is None) == (self.interval is None):
+            raise PydanticCustomError("t_or_interval", "give either t or interval")
+        return self
+
+
+Sampled = Annotated[list[Number], Field(min_length=2, fail_fast=True)]
+
+
+class SampledLoad(Samples):
+    """A load given by samples, measured say, a straight line from each to the next."""
+
+    dof: Index | None = Field(None, description="Degree of freedom on which it acts.")
+    direction: Direction | None = Field(
+        None, description="In place of dof: it acts on several of them, by these weights."
+    )
+    force: Sampled = Field(description="Its values, mass length / time² [sample].")
+
+    @model_validator(mode="after")
+    def _placed(self) -> Self:
+        if (self.dof is None) == (self.direction is None):
+            raise PydanticCustomError("dof_or_direction", "give either dof or direction")
+        return self
+
+
+class BaseMotion(Samples):
+    """A base that moves; displacements and velocities are relative to it."""
+
+    base: Numbers = Field(
+        description="Displacements of the structure that a unit displacement of the base gives "
+        "[dof]: 1 for those in its direction.",
+        min_length=1,
+    )
+    acceleration: Sampled = Field(
+        description="Acceleration of the base, a straight line from each sample to the next "
+        "[sample]."
+    )
+
+
+MotionLoad = Annotated[
+    Annotated[HarmonicLoad, Tag("@harmonic")]
+    | Annotated[SampledLoad, Tag("@sampled")]
+    | Annotated[BaseMotion, Tag("@base")],
+    Discriminator(
+        lambda value: form(
+            value, {"force": "@sampled", "base": "@base", "acceleration": "@base"}, "@harmonic"
+        ),
+        custom_error_type="load_form",
+        custom_error_message="a load is an object with amplitude and frequency, with force, or "
+        "with base and acceleration",
+    ),
+]
 
 
 class DriveTerm(Document):

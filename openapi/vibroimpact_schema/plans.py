@@ -16,6 +16,7 @@ class PlanStep(Document):
     flops: NonNegative = Field(description="Estimated floating-point operations.")
     bytes: NonNegative = Field(description="Estimated memory written.")
     count: Count = Field(1, description="Number of times it is done in a sweep or an ensemble.")
+    bounded: bool = Field(False, description="Whether flops and bytes are upper bounds.")
 
 
 class PlanSkip(Document):
@@ -32,6 +33,11 @@ class Steps(Document):
     skips: list[PlanSkip]
     flops: NonNegative = Field(description="Estimated floating-point operations of all steps.")
     bytes: NonNegative = Field(description="Estimated memory written by all steps.")
+    bounded: bool = Field(
+        False,
+        description="Whether the price is an upper bound; false where it has none, as it goes with "
+        "numbers, such as that of the impacts, which only the computation tells.",
+    )
 
 
 class Plan(Steps):

@@ -6,17 +6,16 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field
 
-from vibroimpact_schema.grids import FrequencyGrid, FrequencyInterval, TimeGrid
+from vibroimpact_schema.grids import FrequencyGrid, FrequencyInterval, TimeGrid, Times
 from vibroimpact_schema.motions import (
     DriveTerm,
-    HarmonicLoad,
     Initial,
     InitialStates,
     Limiter,
+    MotionLoad,
     Sequence,
     SequenceImpact,
     SequenceStart,
-    Times,
 )
 from vibroimpact_schema.systems import AnySystem, System
 from vibroimpact_schema.values import Document, Index, Indices, Number, Positive
@@ -67,7 +66,8 @@ class ImpactModesRequest(ComputationRequest):
     outputs: Annotated[list[ImpactModesOutput], Field(min_length=1, fail_fast=True)] = Field(
         ["impulse", "exists", "reason"],
         description="Outputs; only these are computed. "
-        "impulse: p [frequency, constraint] (mass length / time²); "
+        "impulse: the impulse parameter p [frequency, constraint] (mass length / time²) and the "
+        "momentum exchanged at each impact, 2 p/omega (mass length / time); "
         "exists, reason: whether the solution is admissible, and if not, why [frequency]; "
         "shape: x at tau = 1 [frequency, dof] (length); "
         "waveform: x at tau [frequency, tau, dof] (length); "
@@ -131,12 +131,16 @@ class MotionRequest(ComputationRequest):
     """Fields of the requests of motions from initial states."""
 
     t_end: Positive = Field(description="Length of the motion.")
-    t: Times | None = Field(None, description="Output times; required for x, v and energy.")
+    t: Times | None = Field(
+        None, description="Output times, ascending; required for x, v and energy."
+    )
     dofs: Annotated[Indices, Field(min_length=1)] | None = Field(
         None, description="Degrees of freedom of x and v; absent: all."
     )
-    load: Annotated[list[HarmonicLoad], Field(fail_fast=True)] | None = Field(
-        None, description="Harmonic loads, in addition to the constant load of the system."
+    load: Annotated[list[MotionLoad], Field(fail_fast=True)] | None = Field(
+        None,
+        description="Loads in addition to the constant one of the system: harmonic, sampled, or "
+        "by a moving base.",
     )
     limiter: Limiter | None = Field(None, description="Force law of the limiters; absent: rigid.")
     method: TimeHistoryMethod = Field(
@@ -188,7 +192,9 @@ class EnsembleRequest(MotionRequest):
     )
 
 
-PeriodicMotionsOutput = Literal["exists", "extremes", "energy", "multipliers", "waveform"]
+PeriodicMotionsOutput = Literal[
+    "exists", "extremes", "energy", "stability", "multipliers", "waveform"
+]
 
 
 def _all_outputs(given: dict[str, Any]) -> list[PeriodicMotionsOutput]:
@@ -244,7 +250,7 @@ class PeriodicMotionsRequest(ComputationRequest):
         "exists: whether solutions are admissible, and why not; "
         "extremes: largest, smallest and root-mean-square displacements [solution, dof]; "
         "energy: work of the load and energy lost per period; "
-        "multipliers: Floquet multipliers and stability; "
+        "stability: the largest modulus of the Floquet multipliers; multipliers: all of them too; "
         "waveform: x at tau [solution, tau, dof].",
     )
 
@@ -331,7 +337,8 @@ class SlowFlowRequest(ComputationRequest):
         description="Outputs; only these are computed. "
         "state: gamma, omega, phi, A, B as far as the model has them [time]; "
         "x, v: displacement and velocity [time, dof] (length, length / time); "
-        "impulse: p [time] (mass length / time²); "
+        "impulse: the impulse parameter p (mass length / time²) and the momentum exchanged at an "
+        "impact, 2 p/omega (mass length / time) [time]; "
         "error: differences from the exact motion, and its impacts.",
     )
 

@@ -10,6 +10,7 @@ from pydantic import TypeAdapter, ValidationError
 from vibroimpact_schema import grids
 
 GRID: TypeAdapter[grids.TimeValues | grids.TimePoints] = TypeAdapter(grids.TimeGrid)
+TIMES: TypeAdapter[grids.TimeValues | grids.TimePoints] = TypeAdapter(grids.Times)
 
 
 @pytest.mark.parametrize(
@@ -18,12 +19,20 @@ GRID: TypeAdapter[grids.TimeValues | grids.TimePoints] = TypeAdapter(grids.TimeG
         ({"values": [0, 2.5, 1]}, 3),
         ({"stop": 10, "num": 11}, 11),
         ({"start": 5, "stop": 10, "num": 2}, 2),
+        ({"stop": 1, "step": 0.1}, 11),
+        ({"start": 0.5, "stop": 1, "step": 0.2}, 3),
     ],
 )
-def test_both_forms(document: Any, count: int) -> None:
-    grid = GRID.validate_python(document)
-    assert grid.count == count
-    assert GRID.validate_python(grid.model_dump()) == grid
+def test_all_forms_everywhere(document: Any, count: int) -> None:
+    for of in (GRID, TIMES):
+        grid = of.validate_python(document)
+        assert grid.count == count
+        assert of.validate_python(grid.model_dump()) == grid
+
+
+def test_lists_and_numbers_of_times() -> None:
+    assert GRID.validate_python([0, 1.5]) == TIMES.validate_python([0, 1.5]) == [0.0, 1.5]
+    assert TIMES.validate_python({"num": 3}).count == 3
 
 
 @pytest.mark.parametrize(
