@@ -20,6 +20,7 @@ from vibroimpact_service.access.budget import Budget
 from vibroimpact_service.api import (
     admin,
     compute,
+    job_control,
     jobs,
     pages,
     results,
@@ -47,6 +48,7 @@ _ROUTERS: Final = (
     results.router,
     compute.router,
     jobs.router,
+    job_control.router,
     shared_results.router,
     systems.router,
     admin.router,

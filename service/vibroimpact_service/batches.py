@@ -66,7 +66,7 @@ async def answer(
                 detail = "The kernels are being compiled."
                 headers = {"Retry-After": "1"}
                 raise ProblemError(problems.UNAVAILABLE, detail, headers=headers) from None
-            return await threads.run(lambda: compute(*arguments, None))
+            return await threads.compute(lambda: compute(*arguments, None))
 
     parts = _parts(contents, 2 * max(1, engine.workers))
     answers = await asyncio.gather(*(part(first, some) for first, some in parts))

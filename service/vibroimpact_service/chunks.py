@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import closing
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
 from functools import lru_cache
 from typing import Any, Final, NamedTuple
 
@@ -17,6 +17,8 @@ from vibroimpact_service.jobs.work import (
     Chunk,
     ChunkMissingError,
     DeadlineError,
+    LimitPassedError,
+    StopSignal,
     Tick,
     Work,
     WorkerLostError,
@@ -31,6 +33,12 @@ log = structlog.get_logger("vibroimpact.chunks")
 
 CHUNK_SECONDS: Final = 0.2
 """Planned work of one chunk; part of the names of chunks, so the same in all processes."""
+
+
+_PIECE_SECONDS: Final = 60.0
+_TIMES_PLANNED: Final = 100.0
+"""A piece that takes longer than so many times its planned time, and the seconds above, ends."""
+_MOST_PIECE_SECONDS: Final = 86_400.0
 
 
 class Pieces(NamedTuple):
@@ -52,7 +60,7 @@ def _pieces(store_url: str, kind: str, request: str, seconds_each: float) -> Pie
     store = Store(store_url)
     data = store.requests.get(request)
     if data is None:
-        raise FileNotFoundError("the request of the job is gone")
+        raise LookupError("the request of the job is gone")
     owner, _, canonical = data.rpartition(b"\n")
     document = parse.document(KINDS[kind].request, orjson.loads(canonical))
     planned = planning.plan(store, KINDS[kind], document)
@@ -106,8 +114,10 @@ def solve(
     for index in indices:
         if store.chunks.has(job.names[index]):
             continue  # the call is repeated because its worker died halfway
-        # By the plan of the whole: one of the piece alone could take another method for it.
-        _put(store, job.names[index], solver.solve(job.pieces[index], job.planned.plan, tick))
+        with _limited(store, job, tick):
+            # By the plan of the whole: one of the piece alone could take another method for it.
+            part = solver.solve(job.pieces[index], job.planned.plan, tick)
+        _put(store, job.names[index], part)
 
 
 def _solve_chained(store: Store, job: Pieces, indices: Sequence[int], tick: Tick | None) -> None:
@@ -121,9 +131,34 @@ def _solve_chained(store: Store, job: Pieces, indices: Sequence[int], tick: Tick
         if last != index - 1:
             last, before = _latest(store, job, index)
         while last < index:
-            before = solver.follow(job.pieces[last + 1], job.planned.plan, before, tick)
+            with _limited(store, job, tick):
+                before = solver.follow(job.pieces[last + 1], job.planned.plan, before, tick)
             last += 1
             _put(store, job.names[last], before)
+
+
+@contextmanager
+def _limited(store: Store, job: Pieces, tick: Tick | None) -> Iterator[None]:
+    """Bound the processor time of a piece, by its price and beyond all reasonable errors of that.
+
+    Raises
+    ------
+    LimitPassedError
+        Where it takes more.
+    """
+    planned = job.planned.seconds / max(1, len(job.names))
+    most = min(_PIECE_SECONDS + _TIMES_PLANNED * planned, _MOST_PIECE_SECONDS)
+    if isinstance(tick, StopSignal):
+        tick.allow(most)
+    try:
+        yield
+    except LimitPassedError:
+        kept, total = len(store.chunks.sound(job.names)), len(job.names)
+        detail = (
+            f"A piece took more than {most:.3g} s of processor time; {planned:.3g} s were planned. "
+            f"{kept} of {total} pieces are kept."
+        )
+        raise LimitPassedError(detail) from None
 
 
 def _latest(store: Store, job: Pieces, index: int) -> tuple[int, Any]:
@@ -164,7 +199,7 @@ def _join_in_files(store: Store, job: Pieces, result: str, chunks: Sequence[Chun
         head = execute.head(job.planned, result, job.canonical)
         whole = folder / "whole"
         encode.pack_rows(solver.Result, rows, assembly.plain(), head, whole)
-        if not store.results.has(result):
+        if not store.results.readable(result):
             store.results.put_file(result, whole)
 
 
@@ -182,7 +217,11 @@ def _get(store: Store, name: str, part: type[Any]) -> Any:
 def explain(error: BaseException) -> dict[str, Any]:
     """Return the problem document of a job that failed."""
     fault = problems.of(error)
-    if isinstance(error, WorkerLostError):
+    if isinstance(error, LimitPassedError):
+        fault = ProblemError(problems.LIMIT_PASSED, str(error))
+    elif isinstance(error, MemoryError):
+        fault = ProblemError(problems.LIMIT_PASSED, "It needs more memory than a worker has.")
+    elif isinstance(error, WorkerLostError):
         fault = ProblemError(problems.WORKER_LOST, problems.WORKER_LOST.about)
     elif isinstance(error, DeadlineError):
         fault = ProblemError(problems.DEADLINE, problems.DEADLINE.about)

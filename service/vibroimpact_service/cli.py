@@ -20,6 +20,7 @@ from vibroimpact_service import loading, logs
 from vibroimpact_service.connection import connection
 from vibroimpact_service.jobs import forkserver
 from vibroimpact_service.settings import Settings, SettingsInvalidError, read, renamed, unknown
+from vibroimpact_service.store import private
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
@@ -275,8 +276,9 @@ class Server(uvicorn.Server):
         # Other processes wait for this file, and must not read half of it.
         passing = self._note.with_suffix(".tmp")
         # If records and results are elsewhere, the folder may not exist.
-        self._note.parent.mkdir(parents=True, exist_ok=True)
-        passing.write_text(json.dumps({"url": url, "pid": os.getpid()}))
+        private.folder(self._note.parent)
+        with open(passing, "w", opener=private.opener) as file:
+            file.write(json.dumps({"url": url, "pid": os.getpid()}))
         passing.replace(self._note)
         typer.echo(url)
 

@@ -84,6 +84,9 @@ class Connection(HttpToolsProtocol):
         size = len(self.url) + sum(len(name) + len(value) for name, value in self.headers)
         if size > self.limits.max_header_bytes:
             self._refuse_header()  # it came in one piece with its end
+        elif not self._addressed():
+            detail = "Host must stand once, and the address must be a path of that host."
+            self._refuse(problems.BAD_REQUEST, detail)
         if not self._refused:
             super().on_headers_complete()
 
@@ -109,6 +112,22 @@ class Connection(HttpToolsProtocol):
         """Answer bytes that are not HTTP."""
         self._refuse(problems.BAD_REQUEST, "The bytes are not an HTTP/1.1 request.")
 
+    def _addressed(self) -> bool:
+        """Whether the request names one host: two readers could take two hosts for different ones.
+
+        An absolute address would replace the Host field (RFC 9112, 3.2.2), which is checked.
+        """
+        hosts = [value for name, value in self.headers if name == b"host"]
+        if len(hosts) != 1 and (hosts or self.parser.get_http_version() != "1.0"):
+            return False
+        if self.url.startswith(b"/") or self.url == b"*":
+            return True
+        scheme, _, rest = self.url.partition(b"://")
+        authority = rest.partition(b"/")[0].partition(b"?")[0]
+        return scheme.lower() in (b"http", b"https") and authority.lower() in map(
+            bytes.lower, hosts
+        )
+
     def _refuse_header(self) -> None:
         detail = f"The header is longer than {self.limits.max_header_bytes} bytes."
         self._refuse(problems.HEADER_TOO_LARGE, detail)
@@ -129,7 +148,13 @@ class Connection(HttpToolsProtocol):
         if self._refused or self.transport.is_closing():
             return
         self._refused = True
-        if self.cycle is None or self.cycle.response_complete:
+        cycle = self.cycle
+        under_way = cycle is not None and not cycle.response_complete
+        if cycle is not None and under_way and not cycle.response_started and not self.pipeline:
+            # The fault is in the body of this request: its handler gets no more of it.
+            cycle.disconnected, under_way = True, False
+            cycle.message_event.set()
+        if not under_way:
             text = ProblemError(type_, detail).document("connection").model_dump_json().encode()
             head = (
                 f"HTTP/1.1 {type_.status} {HTTPStatus(type_.status).phrase}\r\n"

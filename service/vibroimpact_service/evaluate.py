@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import asyncio
+import time
 import uuid
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Final
+from typing import Final, TypeVar
 
 import structlog
 
+from vibroimpact_schema.branches import BranchesRequest
 from vibroimpact_schema.plans import Plan as PlanDocument
 from vibroimpact_schema.sweeps import SweepRequest
 from vibroimpact_service import execute, problems
-from vibroimpact_service.documents import digest, parse, planning, requests
+from vibroimpact_service.documents import digest, limits, parse, planning, requests
 from vibroimpact_service.documents.planning import Planned
 from vibroimpact_service.documents.requests import JobOptions, Request
 from vibroimpact_service.execute import Computed
@@ -24,18 +27,26 @@ from vibroimpact_service.jobs.work import StoppedError, StopSignal
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.metrics import Metrics
 from vibroimpact_service.problems import ProblemError
+from vibroimpact_service.results import representations
 from vibroimpact_service.results.collection import Results
 from vibroimpact_service.results.representations import Representation
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
-from vibroimpact_service.threads import Threads
+from vibroimpact_service.threads import SUBMISSION_SECONDS, Threads
 from vibroimpact_service.warming import Warming
 from vibroimpact_solvers.plan import Plan
+
+Value = TypeVar("Value")
 
 log = structlog.get_logger("vibroimpact.evaluate")
 
 _SMALL_REQUEST: Final = 2**16
 """Bytes of a request up to which it stands in the records; larger ones stand in the store."""
+_FOR_JOB_SECONDS: Final = 0.25
+"""Part of the time for which a caller waits that is left for what makes a job of it."""
+_KEY_REUSED: Final = "The Idempotency-Key stands for another request."
+_LOST_SECONDS: Final = 600.0
+"""A lost result is computed again at most once in such a time."""
 _CACHE_STATUS: Final = {"hit": "hit", "miss": "fwd=miss", "collapsed": "fwd=miss; collapsed"}
 
 
@@ -83,6 +94,22 @@ class Answer:
     """Stage (``plan``, ``solve``, ``encode``) -> time that it took."""
 
 
+async def _in_time(until: float | None, awaited: Awaitable[Value]) -> Value:
+    """Return what an awaitable returns.
+
+    Raises
+    ------
+    ProblemError
+        503 where it is not there at that time of the event loop.
+    """
+    try:
+        async with asyncio.timeout_at(until):
+            return await awaited
+    except TimeoutError:
+        detail = "The service did not come to this request in the time for which you wait."
+        raise ProblemError(problems.UNAVAILABLE, detail, headers={"Retry-After": "1"}) from None
+
+
 class Evaluation:
     """Answers requests of all kinds."""
 
@@ -107,7 +134,7 @@ class Evaluation:
 
     async def plan(self, request: Request) -> PlanDocument:
         """Return what a computation would do, without doing it."""
-        planned = await self.threads.run(lambda: self._plan(request))
+        planned = await self._planned(request)
         return PlanDocument(
             **planning.steps(planned.plan),
             kind=request.kind.name,
@@ -127,30 +154,39 @@ class Evaluation:
     ) -> Answer | JobRow:
         """Return the result of a request, or the job that will have it.
 
-        An idempotency key is kept with the job; a result needs none, being named by its request.
+        An idempotency key stands for the request from now on, whatever answers it.
         While kernels are missing it becomes a job: this process would not answer anybody else
         while it compiled them. The caller waits for the job as long as for a result.
         """
+        clock = asyncio.get_running_loop().time
         planned, wait = None, preference.wait
+        until = None if wait is None else clock() + wait
+        if key is not None:
+            await self._keep_key(request, key)
         if not preference.respond_async:
             stored = await self.results.get(request.digest, media_type)
             if stored is not None:
                 self._metrics.result(request.kind.name, "hit")
                 return Answer(stored, "hit")
             if not self._is_warm(request):
-                wait = self._settings.inline_overrun_seconds if wait is None else wait
+                until = until or clock() + self._settings.inline_overrun_seconds
             else:
+                seconds = None if wait is None else max(wait - _FOR_JOB_SECONDS, 0.5 * wait)
                 try:
-                    outcome = await self._now(request, media_type, admission)
+                    outcome = await self._now(request, media_type, admission, seconds)
                 except StoppedError:
                     log.warning("longer than planned: becomes a job", kind=request.kind.name)
                 else:
                     if isinstance(outcome, Answer):
                         return outcome
                     planned = outcome
-        job = await self.submit(request, admission, key, planned=planned)
-        if wait is not None:
-            job = await self.queue.wait(request.owner, job.id, wait) or job
+        wanted = None if preference.respond_async else media_type
+        job = await self.submit(
+            request, admission, key, planned=planned, media_type=wanted, until=until
+        )
+        if until is not None:
+            left = max(0.0, until - clock())
+            job = await self.queue.wait(request.owner, job.id, left) or job
             if job.state == "succeeded":
                 result = await self.results.get(request.digest, media_type)
                 if result is not None:
@@ -164,28 +200,45 @@ class Evaluation:
         key: str | None,
         options: JobOptions | None = None,
         planned: Planned | None = None,
+        media_type: str | None = None,
+        until: float | None = None,
     ) -> JobRow:
         """Queue a computation and return its job, which is durable then.
+
+        Parameters
+        ----------
+        media_type : str, optional
+            In which the caller wants the result; a result that is too large for it is refused.
+        until : float, optional
+            When the caller is to be answered, by the clock of the event loop.
 
         Raises
         ------
         ProblemError
             422 where the fields do not form a valid problem together, or the key was used for
-            another request.
+            another request; 503 where nothing is known of the request when the time is over.
         """
-        options = options or JobOptions()
-        await self.threads.ended(request.digest)
-        reused = self.store.results.has(request.digest)
+        options, clock = options or JobOptions(), asyncio.get_running_loop().time
+        left = None if until is None else max(0.0, 0.5 * (until - clock()))
+        await self.threads.ended(request.digest, left)
+        # A large file is read to be checked, which would hold up the event loop.
+        results = self.store.results
+        reused = results.has(request.digest) and await self.threads.run(
+            lambda: results.readable(request.digest)
+        )
         seconds, work = 0.0, None
         if not reused:
             if planned is None:
-                planned = await self.threads.run(lambda: self._plan(request))
+                planned = await _in_time(until, self._planned(request))
+            if media_type is not None:
+                representations.check_size(limits.least_bytes(planned.plan), media_type)
             seconds = planned.seconds
             at_once = self._is_warm(request) and self.threads.accepts(seconds)
+            at_once &= until is None or clock() + SUBMISSION_SECONDS < until
             if at_once and not self.queue.computes(request.digest):
                 work = self._work(request, planned)
             else:
-                await self._check_unfinished(request.owner)
+                await self.room_for_jobs(request.owner)
             await admission.charge(planned.plan, seconds)
         self._metrics.result(request.kind.name, "hit" if reused else "job")
         block = requests.stored_form(request.owner, request.canonical)
@@ -193,7 +246,8 @@ class Evaluation:
         recorded = len(block) <= _SMALL_REQUEST
         if not recorded or not (reused or work):
             # Workers look for it here. Where there is no room, there is none for results either.
-            await self.threads.run(lambda: self._keep_request(name, block, durable=not recorded))
+            keep = partial(self._keep_request, name, block, durable=not recorded)
+            await _in_time(until, self.threads.run(keep))
         new = NewJob(
             id=f"job_{uuid.uuid4().hex}",
             owner=request.owner,
@@ -215,17 +269,16 @@ class Evaluation:
         try:
             return await self.queue.submit(new)
         except KeyReusedError:
-            detail = "The Idempotency-Key stands for another request."
-            raise ProblemError(problems.KEY_REUSED, detail) from None
+            raise ProblemError(problems.KEY_REUSED, _KEY_REUSED) from None
 
     async def result_of(self, job: JobRow, media_type: str) -> Representation | None:
-        """Return the result of a job that succeeded, or None where it is no longer there.
+        """Return the result of a job that succeeded, or None where its request is gone too.
 
         Results of quick jobs are acknowledged before they are on disk. What a power failure
-        took away is computed again, from the request in the records.
+        took away, or what is damaged, is computed again from the request.
         """
         result = await self.results.get(job.result, media_type)
-        if result is not None or job.queue != "quick":
+        if result is not None:
             return result
         block = await self.queue.request(job.request)
         if block is None:
@@ -234,29 +287,34 @@ class Evaluation:
         request = requests.read(job.owner, KINDS[job.kind], parse.json(canonical))
         if request.digest != job.result:
             return None  # it was computed by other solvers than these
-        outcome = await self.compute(request, Preference(), media_type, _PAID)
+        # However often it is asked for meanwhile, one job computes it.
+        key = f"lost-{job.id}-{time.time() // _LOST_SECONDS:.0f}"
+        outcome = await self.compute(request, Preference(), media_type, _PAID, key)
         if isinstance(outcome, Answer):
             return outcome.representation
         detail = "The result was lost and is being computed again."
         raise ProblemError(problems.UNAVAILABLE, detail, headers={"Retry-After": "5"})
 
     async def _now(
-        self, request: Request, media_type: str, admission: Admission
+        self, request: Request, media_type: str, admission: Admission, seconds: float | None
     ) -> Answer | Planned:
         """Compute a result now, or return its plan where that would take too long.
+
+        It is given up after the given time, if there is one, with `StoppedError`.
 
         Equal requests share one computation. Where the caller is charged, that comes between
         the plan and the computation; else both are one call in a thread.
         """
         planned, name = None, request.digest
         if not admission.free:
-            planned = await self.threads.run(lambda: self._plan(request))
+            until = None if seconds is None else asyncio.get_running_loop().time() + seconds
+            planned = await _in_time(until, self._planned(request))
             if planned.seconds > self._settings.inline_seconds:
                 return planned
             if not self.threads.running(name):
                 await admission.charge(planned.plan, planned.seconds)
         work = self._work(request, planned, media_type)
-        outcome, shared = await self.threads.once(name, work)
+        outcome, shared = await self.threads.once(name, work, seconds)
         if isinstance(outcome, Planned):
             return outcome
         how = "collapsed" if shared else "miss" if outcome.fresh else "hit"
@@ -276,10 +334,27 @@ class Evaluation:
         kinds = [request.kind.name]
         if isinstance(request.document, SweepRequest):
             kinds.append(request.document.root.kind)
+        elif isinstance(request.document, BranchesRequest):
+            kinds.append("periodic-motions")
         return self.warming.is_warm(*kinds)
 
-    def _plan(self, request: Request) -> Planned:
-        return planning.plan(self.store, request.kind, request.document, self._settings)
+    async def _planned(self, request: Request) -> Planned:
+        """Plan a request in a thread, until it is cancelled."""
+        plan = partial(planning.plan, self.store, request.kind, request.document, self._settings)
+        return await self.threads.planned(plan)
+
+    async def _keep_key(self, request: Request, key: str) -> None:
+        """Let an idempotency key stand for a request.
+
+        Raises
+        ------
+        ProblemError
+            422 where it stands for another one.
+        """
+        try:
+            await self.queue.keep_key(request.owner, key, request.digest)
+        except KeyReusedError:
+            raise ProblemError(problems.KEY_REUSED, _KEY_REUSED) from None
 
     def _work(
         self, request: Request, planned: Planned | None, media_type: str | None = None
@@ -297,13 +372,21 @@ class Evaluation:
         if result is not None:
             self.results.keep(outcome.digest, result)
 
-    async def _check_unfinished(self, owner: str) -> None:
-        """Refuse another job where too many of the owner's are unfinished."""
+    async def room_for_jobs(self, owner: str) -> int:
+        """Return how many more unfinished jobs an owner may have.
+
+        Raises
+        ------
+        ProblemError
+            429 where it is none.
+        """
         most = self._settings.max_unfinished_jobs
-        if await self.queue.unfinished(owner, most) >= most:
+        unfinished = await self.queue.unfinished(owner, most)
+        if unfinished >= most:
             detail = f"There are {most} unfinished jobs, the most that one owner may have."
             raise ProblemError(problems.TOO_MANY_JOBS, detail, headers={"Retry-After": "10"})
+        return most - unfinished
 
     def _keep_request(self, name: str, data: bytes, *, durable: bool) -> None:
-        if not self.store.requests.has(name):
+        if not self.store.requests.readable(name):
             self.store.requests.put(name, data, durable=durable)

@@ -7,10 +7,10 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from vibroimpact_service.documents import digest, planning
+from vibroimpact_service.documents import digest, limits, planning
 from vibroimpact_service.documents.planning import Planned
 from vibroimpact_service.documents.requests import Request
-from vibroimpact_service.jobs.work import Tick
+from vibroimpact_service.jobs.work import StopSignal, Tick
 from vibroimpact_service.results import encode, representations
 from vibroimpact_service.results.encode import Content
 from vibroimpact_service.results.representations import Representation
@@ -38,21 +38,26 @@ def now(
     request: Request,
     planned: Planned | None,
     media_type: str | None,
-    tick: Tick,
+    signal: StopSignal,
 ) -> Computed | Planned:
     """Compute a result in this thread and store it; only plan it where that would take long.
 
-    Without a plan it is planned here; without a media type its representation is not wanted.
+    Without a plan it is planned here, as long as anybody wants it; without a media type its
+    representation is not wanted.
     """
     began = time.perf_counter()
     if planned is None:
-        planned = planning.plan(store, request.kind, request.document, settings)
+        planned = planning.plan(
+            store, request.kind, request.document, settings, signal.while_wanted
+        )
         if planned.seconds > settings.inline_seconds:
             return planned
-    elif store.results.has(request.digest):  # an equal request came first
+    elif store.results.readable(request.digest):  # an equal request came first
         return Computed(request.digest, planned, {"plan": 0.0, "solve": 0.0, "encode": 0.0})
+    if media_type is not None:
+        representations.check_size(limits.least_bytes(planned.plan), media_type)
     ready = time.perf_counter()
-    content = compute(planned, request.digest, request.canonical, tick)
+    content = compute(planned, request.digest, request.canonical, signal)
     solved = time.perf_counter()
     representation = None
     if media_type is not None and content.nbytes <= representations.LARGE:
@@ -90,5 +95,5 @@ def put(store: Store, content: Content, *, durable: bool = True) -> None:
     With `durable` false a power failure may take it away again; it is computed again then.
     """
     name = content.head["digest"]
-    if not store.results.has(name):
+    if not store.results.readable(name):
         store.results.put(name, encode.pack(content), durable=durable)

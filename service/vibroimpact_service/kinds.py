@@ -21,11 +21,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, Protocol, cast
 
+from vibroimpact_schema import branches as branch_requests
 from vibroimpact_schema import requests, results, sweeps
 from vibroimpact_service import problems
 from vibroimpact_service.jobs.work import Tick
 from vibroimpact_service.result_documents import document
 from vibroimpact_solvers.results import (
+    branches,
     ensemble,
     existence_bands,
     impact_modes,
@@ -93,7 +95,11 @@ class Kind:
 
     name: str
     title: str
-    request: type[requests.ComputationRequest] | type[sweeps.SweepRequest]
+    request: (
+        type[requests.ComputationRequest]
+        | type[branch_requests.BranchesRequest]
+        | type[sweeps.SweepRequest]
+    )
     result: type[results.Result]
     axis: str | None = None
     structure: tuple[str, ...] = field(default=("system",), kw_only=True)
@@ -136,6 +142,13 @@ KINDS: Final[Mapping[str, Kind]] = {
             "Periodic motions",
             requests.PeriodicMotionsRequest,
             document("periodic-motions", periodic_motions.Result),
+        ),
+        Kind(
+            "branches",
+            "Branches",
+            branch_requests.BranchesRequest,
+            document("branches", branches.Result),
+            structure=("base", "system"),
         ),
         Kind(
             "time-history",

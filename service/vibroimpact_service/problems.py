@@ -114,6 +114,13 @@ TIMEOUT = _type(
     "Send it again over a better connection.",
     retryable=True,
 )
+PRECONDITION_FAILED = _type(
+    "precondition_failed",
+    412,
+    "The condition does not hold",
+    "If-Match names another representation than the present one; only results, systems and pages "
+    "have entity tags.",
+)
 TOO_LARGE = _type(
     "too_large",
     413,
@@ -176,6 +183,13 @@ WORKER_LOST = _type(
     "The computation killed its worker process",
     "It was tried several times, the last time alone: most likely it needs more memory "
     "than there is. Request less at a time.",
+)
+LIMIT_PASSED = _type(
+    "limit_passed",
+    422,
+    "The computation passed a limit while it ran",
+    "It needs far more than its plan could foresee; detail says which limit it passed, and what is "
+    "kept for a request that is the same. Request less.",
 )
 DEADLINE = _type(
     "deadline_passed",
@@ -297,7 +311,8 @@ def of(error: BaseException) -> ProblemError:
         case ConvergenceError():
             return ProblemError(NO_CONVERGENCE, str(error))
         case OSError() if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            return ProblemError(STORE_FULL, "The store is full: the result cannot be stored.")
+            detail = "The store is full: the result cannot be stored."
+            return ProblemError(STORE_FULL, detail, headers={"Retry-After": "10"})
         case ConnectionError():
             detail = "The records or the store cannot be reached."
             return ProblemError(UNAVAILABLE, detail, headers={"Retry-After": "2"})
@@ -305,6 +320,12 @@ def of(error: BaseException) -> ProblemError:
             return ProblemError(TOO_LARGE, "The computation needs more memory than is available.")
         case _:
             return ProblemError(INTERNAL, "An unexpected error occurred; it has been logged.")
+
+
+def stopping() -> ProblemError:
+    """Return the problem of a request that the end of the service cuts short."""
+    detail = "The service ends; another process, or the next one, computes this."
+    return ProblemError(UNAVAILABLE, detail, headers={"Retry-After": "5"})
 
 
 def invalid(where: str, code: str, message: str) -> ProblemError:

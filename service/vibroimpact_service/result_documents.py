@@ -57,7 +57,7 @@ def _group(
     Where none of its fields is always there, it is absent as a whole.
     """
     optional = all(field.optional for field in fields)
-    inner: Any = _group_document(group, groups, inside, fields, optional)
+    inner: Any = _group_document(group, groups, inside, fields, optional and group.together)
     if fields[0].quantity.record:
         inner = list[inner]
     return (inner | None, None) if optional else (inner, ...)

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Final, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, SecretStr, ValidationError, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict, SettingsError
 
 _PREFIX: Final = "VIBROIMPACT_"
@@ -46,6 +46,12 @@ class Settings(BaseSettings):
     tls_cert: Path | None = Field(None, description="Certificate with which to connect to it.")
     tls_key: Path | None = Field(None, description="Private key of that certificate.")
     workers: int = Field(os.cpu_count() or 2, ge=1, description="Number of own worker processes.")
+    worker_memory_bytes: int | None = Field(
+        None,
+        ge=2**29,
+        description="Memory of one worker process, enforced by the operating system; unset: that "
+        "of the machine.",
+    )
     grace_seconds: float = Field(
         10.0,
         ge=0,
@@ -58,6 +64,12 @@ class Settings(BaseSettings):
         None,
         description="Certificate authority accepted for webhook servers in addition to the "
         "usual ones.",
+    )
+    webhook_key: SecretStr | None = Field(
+        None,
+        min_length=16,
+        description="Text from which the key is derived that encrypts the secrets of webhooks in "
+        "the records, the same for all replicas; unset: TLS_KEY, or a file in the data folder.",
     )
     running_jobs: int = Field(16, ge=1, description="Jobs that run at the same time.")
     keep_jobs_days: float = Field(90.0, gt=0, description="Age at which finished jobs are removed.")
@@ -131,6 +143,12 @@ class Settings(BaseSettings):
         1_000_000, ge=1, description="Largest number of points of a sweep."
     )
     max_result_bytes: int = Field(2**30, ge=1024, description="Largest result.")
+    plan_seconds: float = Field(
+        0.5,
+        gt=0,
+        description="Processor time of a plan, beside that for its matrices, above which a "
+        "request is refused.",
+    )
     inline_seconds: float = Field(
         1.0,
         ge=0,
@@ -142,6 +160,12 @@ class Settings(BaseSettings):
         gt=0,
         description="Running time after which a computation that was to be answered "
         "directly becomes a job.",
+    )
+    inline_memory_bytes: int = Field(
+        2 * 2**30,
+        ge=2**20,
+        description="Resident memory of the service process above which computations in it are "
+        "given up and become jobs.",
     )
     on_submission_seconds: float = Field(
         0.02, ge=0, description="Planned time below which a job is computed while it is submitted."
@@ -160,6 +184,12 @@ class Settings(BaseSettings):
         256,
         ge=1,
         description="Requests that may wait for these threads; further ones are answered 503.",
+    )
+    max_waiting_seconds: float = Field(
+        2.0,
+        gt=0,
+        description="Time that a request may wait for these threads; then it is answered 503, and "
+        "so are new ones as long as one waits for that time.",
     )
 
     @model_validator(mode="before")

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import math
+import os
+import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 from typing import Any, Final, TypeVar
 
 import structlog
@@ -24,11 +29,99 @@ _SMALL_BODY: Final = 2**14
 """Bytes up to which a body is parsed on the event loop: handing it to a thread costs more."""
 _LARGE_BODY: Final = 2**20
 """Bytes above which few bodies are parsed at a time: as objects they take 20 times more."""
-_SUBMISSION_SECONDS: Final = 0.25
+_STATM: Final = Path("/proc/self/statm")
+_PAGE_BYTES: Final = os.sysconf("SC_PAGE_SIZE")
+_LARGE_BODIES: Final = 2
+SUBMISSION_SECONDS: Final = 0.25
 """Time after which a job that is computed while it is submitted goes to the queue instead."""
 _SUBMISSIONS: Final = 16
 """Computations waiting for each thread up to which jobs are computed while they are submitted: at
 some milliseconds each, the way through the queue and the workers takes longer than waiting."""
+
+
+class _Pool:
+    """Threads, and how long that which is handed to them waits for one.
+
+    Parameters
+    ----------
+    count : int
+        Number of threads.
+    name : str
+    settings : Settings
+    """
+
+    def __init__(self, count: int, name: str, settings: Settings) -> None:
+        self._executor = ThreadPoolExecutor(count, name)
+        self._most, self._seconds = settings.max_waiting, settings.max_waiting_seconds
+        self._handed: dict[object, float] = {}  # those that no thread has begun, the first first
+        self.unfinished = 0
+
+    def close(self) -> None:
+        """End; what was not begun is not begun any more."""
+        self._executor.shutdown(wait=False, cancel_futures=True)
+
+    @property
+    def saturated(self) -> bool:
+        """Whether the first in the row has waited for too long, or the row is too long."""
+        try:
+            began = next(iter(self._handed.values()))
+        except (StopIteration, RuntimeError):  # there is none, or a thread takes it just now
+            return self.unfinished >= self._most
+        late = time.monotonic() - began > self._seconds
+        return late or self.unfinished >= self._most
+
+    def run(self, work: Callable[[], Value]) -> asyncio.Future[Value]:
+        """Return what a function returns, called in a thread; as `Threads.run`."""
+        if self.saturated:
+            raise _overloaded(self.unfinished)
+        loop, name = asyncio.get_running_loop(), object()
+        outcome: asyncio.Future[Value] = loop.create_future()
+
+        def begin() -> Value:
+            self._handed.pop(name, None)
+            return work()
+
+        def give_up() -> None:
+            if inner.cancel() and not outcome.done():
+                outcome.set_exception(_overloaded(self.unfinished))
+
+        def end(_: asyncio.Future[Value]) -> None:
+            self.unfinished -= 1
+            self._handed.pop(name, None)
+            timer.cancel()
+            inner.cancel()
+
+        self._handed[name] = time.monotonic()
+        self.unfinished += 1
+        inner = self._executor.submit(begin)
+        timer = loop.call_later(self._seconds, give_up)
+        outcome.add_done_callback(end)
+        inner.add_done_callback(partial(_hand_over, loop, outcome))
+        return outcome
+
+
+def _hand_over(
+    loop: asyncio.AbstractEventLoop, outcome: asyncio.Future[Value], inner: Future[Value]
+) -> None:
+    """Pass on what a thread returned or raised, unless nobody waits for it."""
+
+    def copy() -> None:
+        if outcome.done():
+            return
+        if inner.cancelled():
+            outcome.cancel()
+        elif (error := inner.exception()) is not None:
+            outcome.set_exception(error)
+        else:
+            outcome.set_result(inner.result())
+
+    if not loop.is_closed():
+        loop.call_soon_threadsafe(copy)
+
+
+def _overloaded(waiting: int) -> ProblemError:
+    detail = f"{waiting} requests are waiting already."
+    return ProblemError(problems.UNAVAILABLE, detail, headers={"Retry-After": "1"})
 
 
 @dataclass(slots=True)
@@ -38,6 +131,7 @@ class _Running:
     future: asyncio.Future[Any]
     signal: StopSignal
     has_unlimited_waiter: bool = False
+    waiting: int = 0
 
 
 class Threads:
@@ -52,37 +146,56 @@ class Threads:
 
     def __init__(self, settings: Settings, ended: Callable[[Any], None]) -> None:
         self._settings, self._ended = settings, ended
-        self._threads = ThreadPoolExecutor(settings.inline_threads, "execute")
-        self._waiting = 0
-        self._large = asyncio.Semaphore(2)
+        self._computing = _Pool(settings.inline_threads, "execute", settings)
+        # Of their own, so that a plan does not wait for computations; a large body may hold one.
+        self._planning = _Pool(1 + _LARGE_BODIES, "plan", settings)
+        self._large = asyncio.Semaphore(_LARGE_BODIES)
         self._running: dict[str, _Running] = {}
         self._closed = False
 
     def close(self) -> None:
         """Stop what is being computed: nobody waits for it any more."""
         self._closed = True
-        self._threads.shutdown(wait=False, cancel_futures=True)
+        self._computing.close()
+        self._planning.close()
+
+    @property
+    def saturated(self) -> bool:
+        """Whether new work is refused because what is there already waits for too long."""
+        return self._computing.saturated or self._planning.saturated
 
     def run(self, work: Callable[[], Value]) -> asyncio.Future[Value]:
-        """Return what a function returns, called in a thread.
+        """Return what a function returns that takes no long time, called in a thread.
 
         Raises
         ------
         ProblemError
-            503 where too many wait for the threads.
+            503 where too many wait for the threads, or for too long.
         """
-        if self._closed:
-            raise ProblemError(problems.UNAVAILABLE, "The service ends.")
-        if self._waiting >= self._settings.max_waiting:
-            detail = f"{self._waiting} requests are waiting already."
-            raise ProblemError(problems.UNAVAILABLE, detail, headers={"Retry-After": "1"})
-        self._waiting += 1
-        future = asyncio.get_running_loop().run_in_executor(self._threads, work)
-        future.add_done_callback(self._no_longer_waiting)
-        return future
+        return self._in(self._planning, work)
 
-    def _no_longer_waiting(self, _: asyncio.Future[Any]) -> None:
-        self._waiting -= 1
+    def compute(self, work: Callable[[], Value]) -> asyncio.Future[Value]:
+        """Return what a function returns that may take long; as `run`."""
+        return self._in(self._computing, work)
+
+    async def planned(self, work: Callable[[StopSignal], Value]) -> Value:
+        """Return what a function returns that plans; it is stopped when the caller goes away.
+
+        Raises
+        ------
+        ProblemError
+            As of `run`, and 413 where it takes too long.
+        """
+        signal = StopSignal()
+        try:
+            return await self.run(lambda: work(signal))
+        finally:
+            signal.stop()
+
+    def _in(self, pool: _Pool, work: Callable[[], Value]) -> asyncio.Future[Value]:
+        if self._closed:
+            raise problems.stopping()
+        return pool.run(work)
 
     async def parse(self, body: bytes, work: Callable[[], Value]) -> Value:
         """Return what a function makes of a body, called where that delays no other request."""
@@ -105,7 +218,8 @@ class Threads:
     ) -> tuple[Value, bool]:
         """Return what a function returns, called in a thread once for all who wait for it now.
 
-        Callers may go away; the computation goes on for the others.
+        Callers may go away; the computation goes on for the others, and the next who asks. Its
+        signal tells when nobody is left.
 
         Parameters
         ----------
@@ -130,30 +244,44 @@ class Threads:
         shared = running is not None
         if running is None:
             limit = self._settings.inline_overrun_seconds
-            signal = StopSignal(limit, cancelled=lambda: self._closed)
-            running = _Running(self.run(lambda: work(signal)), signal)
+            signal = StopSignal(limit, cancelled=self._must_stop)
+            running = _Running(self._in(self._computing, lambda: work(signal)), signal)
             self._running[name] = running
             running.future.add_done_callback(lambda future: self._finish(name, future))
         elif running.signal.stopped:
             raise StoppedError
         running.has_unlimited_waiter = running.has_unlimited_waiter or seconds is None
-        done, _ = await asyncio.wait([running.future], timeout=seconds)
+        running.waiting += 1
+        running.signal.wanted = True
+        try:
+            done, _ = await asyncio.wait([running.future], timeout=seconds)
+        finally:
+            running.waiting -= 1
+            running.signal.wanted = running.waiting > 0
         if not done:
             if not running.has_unlimited_waiter:
                 running.signal.stop()  # the thread is taken until it notices
             raise StoppedError
         return running.future.result(), shared
 
-    async def ended(self, name: str) -> None:
-        """Wait for the end of a computation under way, however it ends."""
+    def _must_stop(self) -> bool:
+        """Whether computations are given up: the service ends, or its process grows too large."""
+        if self._closed or not _STATM.exists():
+            return self._closed
+        pages = int(_STATM.read_text().split()[1])
+        return pages * _PAGE_BYTES > self._settings.inline_memory_bytes
+
+    async def ended(self, name: str, seconds: float | None = None) -> None:
+        """Wait for the end of a computation under way, however it ends, for some time at most."""
         running = self._running.get(name)
         if running is not None:
-            limit = None if running.has_unlimited_waiter else _SUBMISSION_SECONDS
-            await asyncio.wait([running.future], timeout=limit)
+            if not running.has_unlimited_waiter:
+                seconds = min(SUBMISSION_SECONDS, math.inf if seconds is None else seconds)
+            await asyncio.wait([running.future], timeout=seconds)
 
     def accepts(self, seconds: float) -> bool:
         """Whether a job of that planned work would be computed now while it is submitted."""
-        few = self._waiting < _SUBMISSIONS * self._settings.inline_threads
+        few = self._computing.unfinished < _SUBMISSIONS * self._settings.inline_threads
         return seconds < self._settings.on_submission_seconds and few
 
     async def on_submission(self, name: str, work: Callable[[StopSignal], Value]) -> bool | None:
@@ -174,7 +302,7 @@ class Threads:
         if not self.running(name) and not self.accepts(0.0):
             return None
         try:
-            _, shared = await self.once(name, work, _SUBMISSION_SECONDS)
+            _, shared = await self.once(name, work, SUBMISSION_SECONDS)
         except TRANSIENT_ERRORS:
             raise
         except Exception as error:

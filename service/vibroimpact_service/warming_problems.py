@@ -23,6 +23,14 @@ PROBLEMS: Final[Mapping[str, Sequence[Mapping[str, Any]]]] = {
             ],
         },
     ),
+    "periodic-motions": (
+        {
+            "system": _CHAIN,
+            "load": [{"dof": 0, "amplitude": 1}],
+            "frequency": {"values": [0.7]},
+            "outputs": ["stability"],
+        },
+    ),
     "time-history": (
         # An impact of one mass while the other one rests at its wall.
         {

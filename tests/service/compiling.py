@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import time
 from pathlib import Path
@@ -26,4 +25,4 @@ def killed(notes: Path, times: int, kind: str) -> None:
     """Be killed for one of the kinds, the first times."""
     noted(notes, kind)
     if kind == "slow-flow" and (notes / kind).stat().st_size <= times:
-        os.kill(os.getpid(), signal.SIGKILL)
+        signal.raise_signal(signal.SIGKILL)

@@ -14,6 +14,7 @@ from starlette.testclient import TestClient
 
 from vibroimpact_service import chunks as job_chunks
 from vibroimpact_service.app import create_app
+from vibroimpact_service.jobs.attempts import Attempt
 from vibroimpact_service.jobs.engine import EngineUnavailableError
 from vibroimpact_service.jobs.records import KeyReusedError, NewJob
 from vibroimpact_service.jobs.tables import JobRow
@@ -48,8 +49,9 @@ class Queue:
         self.store = store
         self.rows: dict[str, JobRow] = {}
         self.keys: dict[str, NewJob] = {}
+        self.key_results: dict[tuple[str, str], str] = {}
         self.engine = Engine()
-        self.healthy = True
+        self.faults: dict[str, str] = {}
         self.at_once = False
         self._changed = asyncio.Event()
 
@@ -58,6 +60,18 @@ class Queue:
 
     async def close(self) -> None:
         """Nothing to close."""
+
+    async def checks(self) -> dict[str, str]:
+        workers = "ok" if self.engine.ready else self.engine.failure or "starting"
+        return {"records": "ok", "store": "ok", "workers": workers} | self.faults
+
+    async def retry_all(
+        self, owner: str, chosen: Sequence[str] | None, kind: str | None, most: int
+    ) -> list[str]:
+        return []
+
+    async def history(self, job: JobRow) -> list[Attempt]:
+        return []
 
     def computes(self, result: str) -> bool:
         return False
@@ -122,6 +136,10 @@ class Queue:
         self.rows[job] = replace(row, version=row.version + 1, **values)
         self._changed.set()
 
+    async def keep_key(self, owner: str, key: str, result: str) -> None:
+        if self.key_results.setdefault((owner, key), result) != result:
+            raise KeyReusedError
+
     async def get(self, owner: str, job: str) -> JobRow | None:
         row = self.rows.get(job)
         return row if row is not None and row.owner == owner else None
@@ -178,6 +196,8 @@ def settings(tmp_path: Path) -> Settings:
         max_body_bytes=2**20,
         max_dofs=500,
         hosts=("testserver",),
+        # The first request loads libraries, which takes long while the machine does other things.
+        max_waiting_seconds=60.0,
         # Jobs go to the queue, which computes them when the test says so.
         on_submission_seconds=0.0,
     )

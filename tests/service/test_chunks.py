@@ -12,7 +12,7 @@ from vibroimpact_schema.requests import ImpactModesRequest
 from vibroimpact_service import chunks as job_chunks
 from vibroimpact_service import execute
 from vibroimpact_service.documents import digest, planning, requests
-from vibroimpact_service.jobs.work import ChunkMissingError
+from vibroimpact_service.jobs.work import ChunkMissingError, LimitPassedError, StopSignal
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.results import encode
 from vibroimpact_service.store import Store
@@ -99,7 +99,7 @@ def test_a_longer_sweep_from_shared_chunks_has_the_numbers_of_one_in_one_go(
     for grid in (steps(0.9, 1.6), steps(0.6, 2.1)):
         name = keep_for(store, "ann", {**request_body, "frequency": grid})
         chunks = job_chunks.split(store.url, KIND.name, name, RESULT)
-        there = store.chunks.present([chunk.name for chunk in chunks])
+        there = store.chunks.sound([chunk.name for chunk in chunks])
         missing = [i for i, chunk in enumerate(chunks) if chunk.name not in there]
         computed.append(len(missing))
         job_chunks.solve(store.url, KIND.name, name, RESULT, missing)
@@ -138,7 +138,7 @@ def test_a_failure_is_explained_without_its_inner_words() -> None:
 
 
 def test_lost_requests_and_chunks_are_errors(store: Store, request_body: dict[str, Any]) -> None:
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(LookupError):
         job_chunks.split(store.url, KIND.name, "f" * 64, RESULT)
     _, name, _ = keep_request(store, request_body)
     names = job_chunks.split(store.url, KIND.name, name, RESULT)
@@ -158,3 +158,27 @@ def test_a_repeated_call_leaves_the_chunks_that_are_there(
     assert store.chunks.get(chunks[0].name) == b"of the first call"
     assert store.chunks.has(chunks[1].name)
     assert not store.chunks.has(chunks[2].name)
+
+
+def test_a_piece_that_takes_far_more_than_planned_ends_and_says_what_is_kept(
+    store: Store, request_body: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from vibroimpact_solvers import impact_modes
+
+    monkeypatch.setattr(job_chunks, "CHUNK_SECONDS", 0.0002)
+    name = keep_for(store, "ann", {**request_body, "frequency": steps(0.6, 1.6)})
+    arguments = (store.url, KIND.name, name, RESULT)
+    total = len(job_chunks.split(*arguments))
+    job_chunks.solve(*arguments, [0], StopSignal())
+
+    def endless(_problem: Any, _plan: Any, tick: Any) -> None:
+        while True:
+            tick(0, 1)
+
+    monkeypatch.setattr(impact_modes, "solve", endless)
+    monkeypatch.setattr(job_chunks, "_PIECE_SECONDS", 0.05)
+    with pytest.raises(LimitPassedError, match=f"1 of {total} pieces are kept") as passed:
+        job_chunks.solve(*arguments, [1], StopSignal())
+    problem = job_chunks.explain(passed.value)
+    assert (problem["code"], problem["status"]) == ("limit_passed", 422)
+    assert problem["detail"] == str(passed.value)

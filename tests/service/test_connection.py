@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import json
 import re
+import threading
+import time
 from collections.abc import Callable, Coroutine
 from typing import Any
 
@@ -13,6 +15,7 @@ import uvicorn
 
 from vibroimpact_service.app import create_app
 from vibroimpact_service.connection import connection
+from vibroimpact_service.documents import planning
 from vibroimpact_service.settings import Settings
 
 Talk = Callable[[int], Coroutine[Any, Any, None]]
@@ -114,6 +117,19 @@ def test_a_long_body_is_no_long_header(serve: Any) -> None:
     serve(talk, max_header_bytes=4096)
 
 
+def _is_refused(serve: Any, text: bytes) -> None:
+    """Check that what is sent is answered as a bad request."""
+
+    async def talk(port: int) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(text)
+        status, problem = await said(reader)
+        assert (status, problem["code"]) == (400, "bad_request")
+        writer.close()
+
+    serve(talk)
+
+
 @pytest.mark.parametrize(
     "text",
     [
@@ -125,9 +141,51 @@ def test_a_long_body_is_no_long_header(serve: Any) -> None:
     ],
 )  # fmt: skip
 def test_what_is_not_http(serve: Any, text: bytes) -> None:
+    _is_refused(serve, text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        b"GET /v1/version HTTP/1.1\r\nHost: localhost\r\nHost: elsewhere.example\r\n\r\n",
+        b"GET /v1/version HTTP/1.1\r\nHost: localhost\r\nhost: localhost\r\n\r\n",
+        b"GET /v1/version HTTP/1.1\r\n\r\n",
+        b"GET http://elsewhere.example/v1/version HTTP/1.1\r\nHost: localhost\r\n\r\n",
+        b"GET ftp://localhost/v1/version HTTP/1.1\r\nHost: localhost\r\n\r\n",
+        b"CONNECT elsewhere.example:443 HTTP/1.1\r\nHost: localhost\r\n\r\n",
+    ],
+)
+def test_a_request_that_does_not_name_one_host(serve: Any, text: bytes) -> None:
+    _is_refused(serve, text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        b"GET http://LOCALHOST/v1/version HTTP/1.1\r\nHost: localhost\r\n",
+        b"GET /v1/version?a=http://elsewhere.example/ HTTP/1.1\r\nHost: localhost\r\n",
+    ],
+)
+def test_an_absolute_address_of_this_host(serve: Any, text: bytes) -> None:
     async def talk(port: int) -> None:
         reader, writer = await asyncio.open_connection("127.0.0.1", port)
-        writer.write(text)
+        writer.write(text + b"Connection: close\r\n\r\n")
+        assert (await reader.readline()).split()[1] == b"200"
+        writer.close()
+
+    serve(talk)
+
+
+@pytest.mark.parametrize("pause", [0.0, 0.1], ids=["at once", "later"])
+def test_a_chunk_without_a_size(serve: Any, pause: float) -> None:
+    async def talk(port: int) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(
+            b"POST /v1/systems HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
+            b'Transfer-Encoding: chunked\r\n\r\n5\r\n{"pre\r\n'
+        )
+        await asyncio.sleep(pause)
+        writer.write(b"none\r\n{}\r\n0\r\n\r\n")
         status, problem = await said(reader)
         assert (status, problem["code"]) == (400, "bad_request")
         writer.close()
@@ -179,3 +237,40 @@ def test_too_many_connections(serve: Any) -> None:
         writer.close()
 
     serve(talk, max_connections=3)
+
+
+@pytest.mark.parametrize("path", ["/v1/plan/impact-modes", "/v1/compute/impact-modes", "/v1/jobs"])
+def test_a_plan_ends_when_its_caller_hangs_up(
+    serve: Any, monkeypatch: pytest.MonkeyPatch, path: str
+) -> None:
+    stopped, begun = threading.Event(), threading.Event()
+
+    def endless(*given: Any) -> None:
+        begun.set()
+        try:
+            while True:
+                time.sleep(0.005)
+                given[-1](0, 1)
+        finally:
+            stopped.set()
+
+    monkeypatch.setattr(planning, "plan", endless)
+    limited = {"preset": "chain", "n": 3, "constraints": [{"dof": 0, "gap": 0.2}]}
+    content: dict[str, Any] = {"system": limited, "frequency": {"values": [1.0]}}
+    if path == "/v1/jobs":
+        content = {"kind": "impact-modes", "request": content}
+    body = json.dumps(content)
+
+    async def talk(port: int) -> None:
+        _, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(
+            b"POST %s HTTP/1.1\r\nHost: localhost\r\n"
+            b"Content-Type: application/json\r\nContent-Length: %d\r\n\r\n%s"
+            % (path.encode(), len(body), body.encode())
+        )
+        assert await asyncio.to_thread(begun.wait, 10)
+        assert not await asyncio.to_thread(stopped.wait, 0.2)
+        writer.transport.abort()
+        assert await asyncio.to_thread(stopped.wait, 5)
+
+    serve(talk)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ipaddress
 import os
 import re
 import shlex
@@ -54,7 +55,7 @@ def _lines() -> Iterator[tuple[str, list[str]]]:
     for path in FILES:
         joined = path.read_text().replace("\\\n#", " ").replace("\\\n", " ")
         for line in joined.splitlines():
-            if line.strip().startswith(("command:", "args:", "CMD [")):
+            if line.strip().startswith(("command:", "args: [", "CMD [")):
                 words = yaml.safe_load(line[line.index("[") :])
                 yield from ((path.name, found) for found in _commands(words))
             else:
@@ -115,9 +116,55 @@ def test_the_image_has_all_that_the_wheel_is_made_of() -> None:
         parents = [path, *map(str, Path(path).parents)]
         assert any(parent in copied for parent in parents), path
         assert any(fnmatch(parent, rule) for parent in parents for rule in let_in), path
-    extras = re.search(r"^ARG EXTRAS=(.+)$", text, re.M)
-    assert extras is not None
-    assert set(extras[1].split(",")) <= set(project["optional-dependencies"])
+
+
+def test_the_image_installs_what_is_locked_by_hashes() -> None:
+    text = (DOCKER / "Dockerfile").read_text().replace("\\\n", " ")
+    installs = [line for line in re.split(r"\n|&&", text) if "pip install" in line]
+    assert installs
+    for line in installs:
+        (name,) = re.findall(r"-r (\S+)", line) or ["/wheels/*.whl"]
+        assert "--require-hashes" in line or (name == "/wheels/*.whl" and "--no-deps" in line)
+        assert name.startswith("/wheels") or (ROOT / name).is_file()
+
+
+@pytest.mark.parametrize("name", ["image", "build", "ci", "tools"])
+def test_every_locked_version_has_hashes(name: str) -> None:
+    text = (ROOT / "requirements" / f"{name}.txt").read_text().replace("\\\n", " ")
+    entries = [line for line in text.splitlines() if line and not line.lstrip().startswith("#")]
+    assert entries
+    for entry in entries:
+        assert re.match(r"[a-z0-9._-]+(\[[a-z,]+\])?==\S+", entry), entry
+        assert re.search(r"--hash=sha256:[0-9a-f]{64}", entry), entry
+
+
+def test_what_the_image_needs_is_locked() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    text = (ROOT / "requirements" / "image.txt").read_text()
+    locked = set(re.findall(r"^([a-z0-9._-]+)==", text, re.M))
+    wanted, extras = list(project["dependencies"]), ["service", "client", "postgresql", "s3"]
+    for extra in extras:
+        for each in project["optional-dependencies"][extra]:
+            inner = re.fullmatch(r"vibroimpact\[(.+)\]", each)
+            if inner is None:
+                wanted.append(each)
+            else:
+                extras += inner[1].split(",")
+    names = {re.split(r"[\[<>=;]", each)[0].lower().replace("_", "-") for each in wanted}
+    assert names
+    assert names <= locked
+
+
+def test_images_are_named_by_digest() -> None:
+    text = (DOCKER / "Dockerfile").read_text()
+    given = set(re.findall(r"^FROM (\S+)", text, re.M))
+    assert given == {"${PYTHON_IMAGE}"}
+    assert "*@sha256:*) ;;" in text  # whatever is no digest ends the build
+    for path in (DOCKER / "compose.yaml", DOCKER / "cluster" / "compose.yaml"):
+        (found,) = _documents(path)
+        for service in found["services"].values():
+            image = service.get("image", "vibroimpact")
+            assert image == "vibroimpact" or re.fullmatch(r"\$\{[A-Z_]+:\?.+@sha256:…\}", image)
 
 
 def test_probes_ask_routes_and_ports_that_are_there() -> None:
@@ -186,6 +233,21 @@ def test_compose_depends_on_what_there_is() -> None:
             if build is not None:
                 assert (path.parent / build["context"]).resolve() == ROOT
                 assert (ROOT / build["dockerfile"]).is_file()
+
+
+def test_forwarded_addresses_are_believed_of_the_proxy_alone() -> None:
+    given = {}
+    for path in FILES:
+        for value in re.findall(r"FORWARDED_ALLOW_IPS[=:] *(\S+)", path.read_text()):
+            given[path.parent.name] = [ipaddress.ip_address(each) for each in value.split(",")]
+    assert given.keys() == {"cluster", "kubernetes"}
+    (cluster,) = _documents(DOCKER / "cluster" / "compose.yaml")
+    proxy = cluster["services"]["proxy"]["networks"]["default"]["ipv4_address"]
+    assert [str(each) for each in given["cluster"]] == [proxy]
+    (network,) = cluster["networks"]["default"]["ipam"]["config"]
+    fixed = ipaddress.ip_address(proxy)
+    assert fixed in ipaddress.ip_network(network["subnet"])
+    assert fixed not in ipaddress.ip_network(network["ip_range"])  # else another could get it
 
 
 def test_the_batch_script_starts_workers_as_slurm_says(tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ from vibroimpact_service.jobs.tables import JobRow
 from vibroimpact_service.kinds import KINDS, Kind, Solver
 from vibroimpact_service.metrics import Metrics
 from vibroimpact_service.problems import ProblemError
+from vibroimpact_service.results.collection import Results
 from vibroimpact_service.results.representations import HDF5, JSON
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
@@ -236,9 +237,9 @@ def test_equal_requests_at_the_same_time_are_charged_once(
     async def note(plan: Any, seconds: float) -> None:
         charged.append(seconds)
 
-    async def noted(name: str, work: Any) -> Any:
+    async def noted(name: str, work: Any, seconds: float | None) -> Any:
         asking.append(name)
-        return await once(name, work)
+        return await once(name, work, seconds)
 
     monkeypatch.setattr(use.threads, "once", noted)
 
@@ -258,19 +259,25 @@ def test_equal_requests_at_the_same_time_are_charged_once(
     assert len(charged) == 1
 
 
-def test_the_result_of_a_quick_job_that_a_power_failure_took_is_computed_again(
+def test_a_result_that_is_lost_or_damaged_is_computed_again(
     use: Evaluation, queue: Any, store: Store, request_body: dict[str, Any], free: Admission
 ) -> None:
     async def main() -> None:
         question = asked(request_body)
         job = await use.submit(question, free, None)
         quick = replace(job, queue="quick", state="succeeded")
-        assert await use.result_of(replace(quick, queue="bulk"), JSON) is None
         # Other solvers than those of the job would give it other numbers.
         old = replace(quick, result="0" * 64)
         assert await use.result_of(old, JSON) is None
         assert not list(store.results.entries())
         result = await use.result_of(quick, JSON)
+        assert result is not None
+        assert orjson.loads(result.data)["digest"] == question.digest
+        # So is the damaged result of a long job.
+        path = next((Path(store.url) / "results").glob("*/*"))
+        path.write_bytes(path.read_bytes()[:-1] + b"?")
+        use.results = Results(store)  # one that has nothing in memory
+        result = await use.result_of(replace(quick, queue="bulk"), JSON)
         assert result is not None
         assert orjson.loads(result.data)["digest"] == question.digest
         store.requests.remove(job.request)
@@ -290,7 +297,10 @@ def test_a_lost_result_whose_kernels_are_missing_is_left_to_the_workers(
             await use.result_of(quick, JSON)
         assert error.value.type is problems.UNAVAILABLE
         assert not list(store.results.entries())  # nothing was compiled or computed here
-        queue.at_once = True
+        with pytest.raises(ProblemError):
+            await use.result_of(quick, JSON)
+        assert len(queue.rows) == 2  # however often it is asked for
+        queue.run(list(queue.rows)[-1])
         result = await use.result_of(quick, JSON)
         assert result is not None
         assert orjson.loads(result.data)["digest"] == question.digest
@@ -496,3 +506,73 @@ def test_too_many_waiting_requests_are_sent_away(
         run(main)
     finally:
         use.close()
+
+
+def test_a_wait_is_kept_whatever_runs(
+    settings: Settings, store: Store, queue: Any, request_body: dict[str, Any], free: Admission
+) -> None:
+    """One computation takes the only thread for longer; another waits for the same thread."""
+    chosen = settings.model_copy(update={"inline_threads": 1})
+    use, kind = Evaluation(chosen, store, queue, Metrics()), counting()
+
+    async def main() -> None:
+        clock, held = asyncio.get_running_loop().time, asked(request_body, kind)
+        other = asked({**request_body, "frequency": {"values": [3.0]}})
+        blocked = asyncio.create_task(use.compute(held, PLAIN, JSON, free))
+        while not kind.calls:
+            await asyncio.sleep(0.01)
+        for question in (held, other):
+            began = clock()
+            outcome = await use.compute(question, Preference(wait=1.0), JSON, free)
+            assert clock() - began < 1.0 + 0.5  # this machine does other things too
+            assert isinstance(outcome, JobRow)
+            assert outcome.state == "queued"
+        kind.gate.set()
+        assert isinstance(await blocked, Answer)
+
+    try:
+        run(main)
+    finally:
+        use.close()
+
+
+def test_a_result_that_is_too_large_for_json_is_refused_before_it_is_computed(
+    use: Evaluation, queue: Any, request_body: dict[str, Any], free: Admission
+) -> None:
+    kind = counting()
+    kind.gate.set()
+    large = {**request_body, "frequency": {"start": 1.0, "stop": 2.0, "num": 800_000}}
+    large["outputs"] = ["impulse"]
+
+    async def main() -> None:
+        question = asked(large, kind)
+        for preference in (PLAIN, Preference(wait=1)):
+            with pytest.raises(ProblemError, match="x-hdf5") as refused:
+                await use.compute(question, preference, JSON, free)
+            assert refused.value.type is problems.NOT_ACCEPTABLE
+        assert kind.calls == []
+        assert queue.rows == {}
+        # A job has no media type yet.
+        job = await use.compute(question, Preference(respond_async=True), JSON, free)
+        assert isinstance(job, JobRow)
+
+    run(main)
+
+
+def test_a_key_stands_for_one_request_whatever_answers_it(
+    use: Evaluation, request_body: dict[str, Any], free: Admission
+) -> None:
+    async def main() -> None:
+        question = asked(request_body)
+        other = asked({**request_body, "frequency": {"values": [3.0]}})
+        first = await use.compute(question, PLAIN, JSON, free, "key")
+        assert isinstance(first, Answer)
+        assert (await use.compute(question, PLAIN, HDF5, free, "key")).cache == "hit"
+        for preference in (PLAIN, Preference(respond_async=True)):
+            with pytest.raises(ProblemError) as clash:
+                await use.compute(other, preference, JSON, free, "key")
+            assert clash.value.type is problems.KEY_REUSED
+        job = await use.compute(question, Preference(respond_async=True), JSON, free, "key")
+        assert isinstance(job, JobRow)
+
+    run(main)

@@ -11,7 +11,7 @@ import pytest
 
 from vibroimpact_schema import examples
 from vibroimpact_service import kinds
-from vibroimpact_service.documents import decode, sweep_axes
+from vibroimpact_service.documents import branch_paths, decode, sweep_axes
 from vibroimpact_service.kinds import KINDS, Kind
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_solvers.arrays import declared
@@ -30,6 +30,8 @@ class TestEveryKind:
     def test_the_decoder_exists(self, kind: Kind) -> None:
         if kind.name == "sweep":
             assert callable(sweep_axes.problem)
+        elif kind.name == "branches":
+            assert callable(branch_paths.problem)
         else:
             assert callable(getattr(decode, kind.identifier))
 

@@ -6,6 +6,7 @@ import importlib.util
 from pathlib import Path
 
 import pytest
+from starlette.testclient import TestClient
 
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.result_documents import description, formula
@@ -54,3 +55,21 @@ def test_the_documentation_has_a_table_of_every_kind() -> None:
         for field in declared(KINDS[kind].solver.Result).values():
             assert f"| `{field.path}` |" in page, kind
     assert "| `energy` | `t` | mass length² / time² |" in page
+
+
+@pytest.mark.parametrize("outputs", [["exists"], ["extremes"], ["energy"], ["stability"]])
+def test_errors_of_columns_come_with_their_outputs(http: TestClient, outputs: list[str]) -> None:
+    request = {
+        "system": {
+            "preset": "oscillator",
+            "Omega0": 1.0,
+            "zeta": 0.1,
+            "constraints": [{"dof": 0, "gap": {"upper": 1.0}, "restitution": 0.8}],
+        },
+        "load": [{"dof": 0, "amplitude": 1.0}],
+        "frequency": {"values": [1.1]},
+        "outputs": outputs,
+    }
+    answer = http.post("/v1/compute/periodic-motions", json=request)
+    assert answer.status_code == 200, answer.text
+    KINDS["periodic-motions"].result.model_validate_json(answer.content)

@@ -17,7 +17,7 @@ from vibroimpact_service.store import Store
 CHAIN = {"preset": "chain", "n": 13, "constraints": [{"dof": 5, "gap": 0.2}]}
 GAP = {"path": "system.constraints.0.gap", "start": 0.1, "stop": 0.3}
 RESTITUTION = {"path": "system.constraints.0.restitution", "start": 0.1, "stop": 0.9}
-RESONANCES = {"system": CHAIN, "constraint": 0, "odd_max": 3}
+RESONANCES = {"system": CHAIN, "constraint": 0, "odd_max": 3, "outputs": ["Omega"]}
 
 
 def modes(num: int) -> dict[str, Any]:
@@ -39,9 +39,9 @@ def decoded(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
         counts["limiters"] += 1
         return limiters(*given)
 
-    def counted_frequencies(grid: Any) -> Any:
+    def counted_frequencies(grid: Any, units: Any) -> Any:
         counts["frequencies"] += grid.count
-        return frequencies(grid)
+        return frequencies(grid, units)
 
     monkeypatch.setattr(decode, "problem", counted_problem)
     monkeypatch.setattr(decode, "constraints", counted_limiters)

@@ -47,7 +47,7 @@ def single(base: dict[str, Any], values: dict[str, float]) -> impact_modes.Resul
 
 def swept(content: dict[str, Any]) -> tuple[sweep.Problem, sweep.Result]:
     request = SweepRequest.model_validate(content)
-    problem = sweep_axes.problem(request, decode.system(request.system))
+    problem = sweep_axes.problem(request, decode.system(request.system), lambda: None)
     return problem, sweep.solve(problem, sweep.plan(problem))
 
 
@@ -151,7 +151,7 @@ def run(store: Store, content: dict[str, Any], result: str, owner: str = "ann") 
     """Do a job; return how many pieces it had and how many of them were there already."""
     arguments = (store.url, "sweep", keep(store, content, owner), result)
     chunks = job_chunks.split(*arguments)
-    there = store.chunks.present([chunk.name for chunk in chunks])
+    there = store.chunks.sound([chunk.name for chunk in chunks])
     missing = [i for i, chunk in enumerate(chunks) if chunk.name not in there]
     assert all(chunk.lasting for chunk in chunks)
     job_chunks.solve(*arguments, missing)
@@ -240,7 +240,7 @@ class TestEncodings:
                 "constraint",
             )
             assert data["gap"].attrs["units"] == "m"
-            assert data["stiffness"].attrs["units"] == "kg s-2"
+            assert data["stiffness"].attrs["units"] == "N/m"
             assert data["gap"].attrs["long_name"] == "gap, system.constraints.0.gap"
             assert data.attrs["of"] == "impact-modes"
             at = data["impulse"].sel(restitution=0.8, gap=0.2, stiffness=1.0)

@@ -11,7 +11,8 @@ from typing import Any
 
 import pytest
 
-from vibroimpact_service.jobs.work import StoppedError, StopSignal, Tick
+from vibroimpact_service.jobs.work import LimitPassedError, StoppedError, StopSignal, Tick
+from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import StoreFullError
 from vibroimpact_service.threads import Threads
@@ -239,3 +240,109 @@ def test_a_signal_stops_after_its_time_when_told_or_when_given_up() -> None:
     time.sleep(0.06)
     with pytest.raises(StoppedError):
         signal(0, 1)
+
+
+def test_who_waits_for_too_long_is_told_and_so_are_new_ones(make: Callable[..., Threads]) -> None:
+    threads, gate = make(1, max_waiting_seconds=0.2), threading.Event()
+
+    async def scenario() -> None:
+        first = asyncio.ensure_future(threads.once("first", lambda _tick: gate.wait(10)))
+        await asyncio.sleep(0.02)
+        began = time.monotonic()
+        second = asyncio.ensure_future(threads.once("second", lambda _tick: True))
+        await asyncio.sleep(0.02)
+        assert not threads.saturated
+        with pytest.raises(ProblemError) as refused:
+            await second
+        assert (refused.value.type.status, refused.value.headers["Retry-After"]) == (503, "1")
+        assert 0.15 < time.monotonic() - began < 2.0
+        # Plans do not wait for computations.
+        assert await threads.run(lambda: 7) == 7
+        waiting = asyncio.ensure_future(threads.once("third", lambda _tick: True))
+        gate.set()
+        assert await first == (True, False)
+        assert await waiting == (True, False)
+
+    run(scenario())
+
+
+def test_new_work_is_refused_while_old_work_waits(
+    make: Callable[..., Threads], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    threads, gate, clock = make(1, max_waiting_seconds=5.0), threading.Event(), time.monotonic
+
+    async def scenario() -> None:
+        first = asyncio.ensure_future(threads.once("first", lambda _tick: gate.wait(10)))
+        second = asyncio.ensure_future(threads.once("second", lambda _tick: True))
+        await asyncio.sleep(0.02)
+        monkeypatch.setattr(time, "monotonic", lambda: clock() + 6.0)
+        assert threads.saturated
+        with pytest.raises(ProblemError, match="waiting"):
+            await threads.once("third", lambda _tick: True)
+        monkeypatch.undo()
+        gate.set()
+        assert [await first, await second] == [(True, False)] * 2
+        assert not threads.saturated
+
+    run(scenario())
+
+
+def test_what_nobody_waits_for_any_more_is_not_begun_or_is_stopped(
+    make: Callable[..., Threads],
+) -> None:
+    threads, begun, ended = make(1), threading.Event(), threading.Event()
+
+    def plan(signal: StopSignal) -> None:
+        begun.set()
+        try:
+            while True:
+                time.sleep(0.005)
+                signal(0, 1)
+        except StoppedError:
+            ended.set()
+            raise
+
+    async def scenario() -> None:
+        planning = asyncio.ensure_future(threads.planned(plan))
+        await asyncio.to_thread(begun.wait, 10)
+        planning.cancel()
+        assert await asyncio.to_thread(ended.wait, 10)
+        gates = [asyncio.ensure_future(threads.run(lambda: time.sleep(0.2))) for _ in range(3)]
+        late: list[int] = []
+        waiting = asyncio.ensure_future(threads.run(lambda: late.append(1)))
+        await asyncio.sleep(0.02)
+        waiting.cancel()
+        await asyncio.gather(*gates)
+        assert await threads.run(lambda: late) == []
+
+    run(scenario())
+
+
+def test_computations_are_given_up_where_the_process_grows_too_large(
+    make: Callable[..., Threads],
+) -> None:
+    threads = make(1, inline_memory_bytes=2**20)
+
+    def compute(tick: Tick) -> None:
+        while True:
+            time.sleep(0.005)
+            tick(0, 1)
+
+    with pytest.raises(StoppedError):
+        run(threads.once("r", compute))
+
+
+def test_processor_time_is_limited_where_the_clock_is_not() -> None:
+    enforced: list[float] = []
+    signal = StopSignal(enforce=enforced.append)
+    signal.allow(0.05)
+    time.sleep(0.1)
+    signal(0, 1)  # waiting costs nothing
+
+    def work() -> None:
+        while True:
+            signal(0, 1)
+
+    with pytest.raises(LimitPassedError):
+        work()
+    assert enforced == [0.05]

@@ -79,12 +79,13 @@ class Tokens:
                 leeway=_LEEWAY_SECONDS,
                 options={"require": ["exp", "iss", "aud", "sub"]},
             )
+            # A surrogate without its other half cannot be encoded: no issuer names such a subject.
+            subject = f"{self._issuer} {claims['sub']}".encode()
         except jwt.ExpiredSignatureError:
             raise TokenError("the token has expired") from None
         except (jwt.InvalidTokenError, ValueError, RecursionError):
             raise TokenError("the token is not one of the issuer for this service") from None
-        subject = f"{self._issuer} {claims['sub']}"
-        owner = "oidc-" + hashlib.sha256(subject.encode()).hexdigest()[:40]
+        owner = "oidc-" + hashlib.sha256(subject).hexdigest()[:40]
         return Caller(owner, owner, self._scopes(claims))
 
     def _scopes(self, claims: dict[str, Any]) -> frozenset[Scope]:

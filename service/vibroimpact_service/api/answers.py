@@ -34,13 +34,33 @@ def document(
     return Response(content.model_dump_json(), status, headers=dict(headers or {}), media_type=JSON)
 
 
-def tagged(request: Request, data: bytes, media_type: str, headers: Mapping[str, str]) -> Response:
-    """Answer with some bytes and their entity tag, or 304 where the caller has them."""
-    etag = Representation(media_type, data, digest.content(data)).etag
-    fields = {"ETag": etag, **headers}
-    if request_headers.is_known(request.headers.get("if-none-match"), etag):
+async def tagged(
+    request: Request, data: bytes, media_type: str, headers: Mapping[str, str]
+) -> Response:
+    """Answer with some bytes and their entity tag, or 304 where the caller has them.
+
+    Raises
+    ------
+    ProblemError
+        412 where If-Match names other ones.
+    """
+    made = Representation(media_type, data, digest.content(data))
+    made = await _coded(request, made.sha256, made)
+    fields = {"ETag": made.etag, "Vary": "Accept-Encoding", **headers}
+    if made.coding is not None:
+        fields["Content-Encoding"] = made.coding
+    request_headers.check_match(request.headers.get("if-match"), made.etag)
+    if request_headers.is_known(request.headers.get("if-none-match"), made.etag):
         return Response(status_code=304, headers=fields)
-    return Response(data, headers=fields, media_type=media_type)
+    return Response(made.data, headers=fields, media_type=media_type)
+
+
+async def _coded(request: Request, name: str, plain: Representation) -> Representation:
+    """Return a representation in the content coding that the caller prefers."""
+    coding = request_headers.coding(request.headers.get("accept-encoding"))
+    if coding is None:
+        return plain
+    return await services(request).evaluation.results.coded(name, plain, coding)
 
 
 async def result(
@@ -51,15 +71,13 @@ async def result(
     Raises
     ------
     ProblemError
-        416 where the range lies beyond the end.
+        412 where If-Match names another one, 416 where the range lies beyond the end.
     """
     sent = request.headers
     # Ranges count the bytes of the file, not of a coding that could be another one next time.
     wanted = sent.get("range") if request.scope["method"] == "GET" else None
     if wanted is None:
-        coding = request_headers.coding(sent.get("accept-encoding"))
-        if coding is not None:
-            stored = await services(request).evaluation.results.coded(name, stored, coding)
+        stored = await _coded(request, name, stored)
     fields = {
         "ETag": stored.etag,
         "Vary": "Accept, Accept-Encoding",
@@ -67,6 +85,7 @@ async def result(
         "Content-Location": f"/v1/results/{name}",
         **(headers or {}),
     }
+    request_headers.check_match(sent.get("if-match"), stored.etag)
     if request_headers.is_known(sent.get("if-none-match"), stored.etag):
         return Response(status_code=304, headers=fields)
     fields |= {

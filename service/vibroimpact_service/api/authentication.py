@@ -17,7 +17,7 @@ from vibroimpact_service.evaluate import Admission
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_solvers.plan import Plan
 
-FAILURES: Final = failures(401, 403, 421, 429)
+FAILURES: Final = failures(401, 403, 412, 421, 429)
 """Problems of every route that needs a key."""
 
 

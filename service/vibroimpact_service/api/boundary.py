@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
 import secrets
 import time
@@ -19,6 +20,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from vibroimpact_schema.problems import Fault
 from vibroimpact_service import problems, validation
 from vibroimpact_service.access.authenticator import Authenticator, loopback
+from vibroimpact_service.api import request_headers
 from vibroimpact_service.api.pacing import Pacing
 from vibroimpact_service.metrics import Metrics
 from vibroimpact_service.problems import ProblemError
@@ -43,6 +45,7 @@ EXPOSED: Final = (
 """Header fields that pages of other origins may read."""
 
 _LOCAL_NAMES: Final = ("localhost", "127.0.0.1", "[::1]")
+_CHANGING: Final = frozenset({"POST", "PUT", "DELETE"})
 _METHODS: Final = frozenset({"GET", "HEAD", "POST", "PUT", "DELETE", "OPTIONS"})
 _PORT = re.compile(r":\d{1,5}$")
 _REQUEST_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
@@ -92,7 +95,14 @@ class Boundary:
 
         try:
             self._check_host(sent.get("host", ""))
+            if method in _CHANGING and not scope["path"].startswith("/v1/compute/"):
+                request_headers.check_match(sent.get("if-match"), None)  # they have no entity tags
             await self._app(inner, receive, answer)
+        except asyncio.CancelledError:
+            if status:
+                raise
+            # The server cancels requests that outlast its stop, and so do threads that stop.
+            await problem_answer(problems.stopping(), request_id)(inner, receive, answer)
         except ClientDisconnect:
             log.info("client disconnected")
         except Exception as error:

@@ -17,6 +17,7 @@ from vibroimpact_service.api.authentication import FAILURES, SUBMIT, admission, 
 from vibroimpact_service.api.dependencies import services
 from vibroimpact_service.api.jobs import described, job_answer
 from vibroimpact_service.api.plain_route import PlainRoute
+from vibroimpact_service.api.presence import while_connected
 from vibroimpact_service.api.results import OF_RESULT, result_answer
 from vibroimpact_service.documents import parse, requests
 from vibroimpact_service.jobs.tables import JobRow
@@ -65,9 +66,8 @@ def _add_compute(kind: Kind) -> None:
         body = await bodies.read_json(request)
         evaluation = services(request).evaluation
         computation = await _read(request, kind, body)
-        outcome = await evaluation.compute(
-            computation, preference, media_type, admission(request), key
-        )
+        computing = evaluation.compute(computation, preference, media_type, admission(request), key)
+        outcome = await while_connected(request, computing)
         headers = request_headers.preference_applied(preference)
         if isinstance(outcome, JobRow):
             headers["Location"] = f"/v1/jobs/{outcome.id}"
@@ -96,7 +96,8 @@ def _add_plan(kind: Kind) -> None:
     async def plan(request: Request) -> Response:
         body = await bodies.read_json(request)
         computation = await _read(request, kind, body)
-        return answers.document(await services(request).evaluation.plan(computation))
+        planning = services(request).evaluation.plan(computation)
+        return answers.document(await while_connected(request, planning))
 
 
 async def _read(request: Request, kind: Kind, body: bytes) -> requests.Request:

@@ -13,7 +13,7 @@ from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
 from vibroimpact_schema import examples
-from vibroimpact_schema.jobs import Job, JobList, Progress, State
+from vibroimpact_schema.jobs import Attempt, Job, JobList, Progress, State
 from vibroimpact_schema.problems import Problem
 from vibroimpact_service import problems
 from vibroimpact_service.api import answers, bodies, request_headers
@@ -32,6 +32,7 @@ from vibroimpact_service.api.openapi import (
     not_modified,
     request_header,
 )
+from vibroimpact_service.api.presence import while_connected
 from vibroimpact_service.api.results import ANY_RESULT, OF_RESULT, result_answer
 from vibroimpact_service.api.shared_results import JobId, own_job, still_visible, visible_job
 from vibroimpact_service.documents import requests
@@ -67,6 +68,20 @@ def job_answer(description: str) -> Declaration:
 async def described(queue: JobQueue, job: JobRow) -> Job:
     """Return the document of a job."""
     return (await _described(queue, [job]))[0]
+
+
+async def with_history(queue: JobQueue, job: JobRow) -> Job:
+    """Return the document of a job with the attempts at it."""
+    history = [
+        Attempt(
+            worker=each.worker,
+            began=utc(each.began),
+            ended=None if each.ended is None else utc(each.ended),
+            why=each.why,
+        )
+        for each in await queue.history(job)
+    ]
+    return (await described(queue, job)).model_copy(update={"history": history})
 
 
 async def _described(queue: JobQueue, jobs: Sequence[JobRow]) -> list[Job]:
@@ -138,7 +153,8 @@ async def submit_job(request: Request) -> Response:
     computation, options = await evaluation.threads.parse(
         body, lambda: requests.read_job(owner(request), body, settings)
     )
-    row = await evaluation.submit(computation, admission(request), key, options)
+    submitting = evaluation.submit(computation, admission(request), key, options)
+    row = await while_connected(request, submitting)
     headers = {"Location": f"/v1/jobs/{row.id}"}
     return answers.document(await described(evaluation.queue, row), 201, headers)
 
@@ -213,7 +229,7 @@ async def get_job(
         seconds = min(wait, LONGEST_POLL)
         waiting = queue.wait(row.owner, job, seconds, since)
         row = await _unless_draining(request, waiting) or row
-    return answers.document(await described(queue, row))
+    return answers.document(await with_history(queue, row))
 
 
 @router.delete(
@@ -295,6 +311,7 @@ async def get_job_result(request: Request, job: JobId) -> Response:
                 }
             },
         ),
+        204: answer("The job has ended, and Last-Event-ID names its last change."),
         **READ_FAILURES,
     },
     openapi_extra={
@@ -310,6 +327,8 @@ async def follow_job(request: Request, job: JobId) -> Response:
     last = request.headers.get("last-event-id", "")
     seen = int(last) if last.isdigit() and len(last) < 10 else 0
     headers = {"X-Accel-Buffering": "no"}
+    if row.final and seen >= row.version:
+        return Response(status_code=204)  # a browser would connect again after anything else
     if request.state.head:
         return Response(headers=headers, media_type="text/event-stream")
     stream = _events(request, queue, row, seen)

@@ -14,7 +14,7 @@ from pydantic import BaseModel, TypeAdapter
 from pydantic.json_schema import models_json_schema
 
 from vibroimpact_schema import examples
-from vibroimpact_schema.jobs import ShareRequest
+from vibroimpact_schema.jobs import RetryRequest, ShareRequest
 from vibroimpact_schema.keys import KeyRequest
 from vibroimpact_schema.problems import Problem
 from vibroimpact_schema.requests import BatchRequest, JobRequest
@@ -166,6 +166,7 @@ def _request_schemas() -> dict[str, Any]:
         BatchRequest,
         JobRequest,
         KeyRequest,
+        RetryRequest,
         ShareRequest,
         Problem,
     ]

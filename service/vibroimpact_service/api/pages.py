@@ -16,24 +16,24 @@ router = APIRouter(include_in_schema=False)
 @router.get("/")
 async def index(request: Request) -> Response:
     """Return the console."""
-    return _page(request, "index.html")
+    return await _page(request, "index.html")
 
 
 @router.get("/docs")
 async def docs(request: Request) -> Response:
     """Return the page that shows the OpenAPI document."""
-    return _page(request, "docs.html")
+    return await _page(request, "docs.html")
 
 
-@router.get("/console/{file}")
+@router.get("/console/{file:path}")
 async def page_file(request: Request, file: str) -> Response:
     """Return a file of the pages."""
-    return _page(request, file)
+    return await _page(request, file)
 
 
-def _page(request: Request, name: str) -> Response:
+async def _page(request: Request, name: str) -> Response:
     data = console.FILES.get(name)
     if data is None:
         raise ProblemError(problems.NOT_FOUND, "There is no such page.")
     headers = {"Cache-Control": "no-cache", "Content-Security-Policy": console.POLICY}
-    return answers.tagged(request, data, console.media_type(name), headers)
+    return await answers.tagged(request, data, console.media_type(name), headers)

@@ -1,4 +1,4 @@
-"""Request headers: Accept, Accept-Encoding, Prefer, Idempotency-Key, If-None-Match, Range."""
+"""Request headers: Accept, Accept-Encoding, Prefer, Idempotency-Key, conditions, Range."""
 
 from __future__ import annotations
 
@@ -122,6 +122,20 @@ def is_known(condition: str | None, tag: str) -> bool:
     if condition is None or condition.strip() == "*":
         return condition is not None
     return tag in {item.strip().removeprefix("W/") for item in condition.split(",")}
+
+
+def check_match(condition: str | None, tag: str | None) -> None:
+    """Refuse a request whose If-Match names neither the entity tag nor ``*``.
+
+    Raises
+    ------
+    ProblemError
+        412.
+    """
+    if condition is None or condition.strip() == "*":
+        return
+    if tag is None or tag not in [item.strip() for item in condition.split(",")]:
+        raise ProblemError(problems.PRECONDITION_FAILED, problems.PRECONDITION_FAILED.about)
 
 
 class UnsatisfiableRangeError(ValueError):

@@ -52,17 +52,22 @@ async def health_ready(request: Request) -> Response:
     """Whether records, store and workers accept work; what needs cold kernels becomes a job."""
     evaluation = services(request).evaluation
     queue = evaluation.queue
-    checks = {
-        "records": "ok" if queue.healthy else "the job queue has stopped",
-        "workers": "ok" if queue.engine.ready else queue.engine.failure or "starting",
-        "service": "stopping" if services(request).drain.is_set() else "ok",
-    }
+    state = _state(request)
+    checks = (
+        {"service": state} if state == "stopping" else {**await queue.checks(), "service": state}
+    )
     faults = [f"{part}: {state}" for part, state in checks.items() if state != "ok"]
     if faults:
         detail = "; ".join(faults)
         raise ProblemError(problems.UNAVAILABLE, detail, headers={"Retry-After": "1"})
     kernels = evaluation.warming.summary
     return answers.document(Health(status="ok", checks=checks, kernels=kernels))
+
+
+def _state(request: Request) -> str:
+    if services(request).drain.is_set():
+        return "stopping"
+    return "overloaded" if services(request).evaluation.threads.saturated else "ok"
 
 
 @router.get(
@@ -137,8 +142,11 @@ async def get_metrics(request: Request) -> Response:
 async def get_openapi(request: Request) -> Response:
     """Return the OpenAPI document."""
     headers = {"Cache-Control": "no-cache"}
-    content = orjson.dumps(openapi.document(request.app))
-    return Response(content, headers=headers, media_type=representations.JSON)
+    state = request.app.state
+    content = getattr(state, "contract", None)
+    if content is None:
+        content = state.contract = orjson.dumps(openapi.document(request.app))
+    return await answers.tagged(request, content, representations.JSON, headers)
 
 
 @router.get(problems.PAGES + "{code}", include_in_schema=False)

@@ -103,4 +103,4 @@ async def get_system(request: Request, system: SystemId) -> Response:
     if data is None:
         raise ProblemError(problems.NOT_FOUND, "There is no such system.")
     headers = {"Cache-Control": answers.IMMUTABLE}
-    return answers.tagged(request, data, representations.JSON, headers)
+    return await answers.tagged(request, data, representations.JSON, headers)

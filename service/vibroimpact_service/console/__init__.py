@@ -19,11 +19,26 @@ POLICY: Final = (
 )
 """Content-Security-Policy of the pages: no inline code, nothing from other servers."""
 
-FILES: Final[Mapping[str, bytes]] = {
-    path.name: path.read_bytes()
-    for path in sorted(Path(__file__).parent.iterdir())
-    if path.suffix in MEDIA_TYPES
-}
+_FOLDER: Final = Path(__file__).parent
+
+
+def _files() -> dict[str, bytes]:
+    files = {
+        path.relative_to(_FOLDER).as_posix(): path.read_bytes()
+        for path in sorted(_FOLDER.rglob("*"))
+        if path.suffix in MEDIA_TYPES
+    }
+    # Browsers would learn of each module from the one that imports it, one after the other.
+    preload = "\n".join(
+        f'<link rel="modulepreload" href="/console/{name}">'
+        for name in files
+        if name.endswith(".js") and not name.startswith(("vendor/", "docs", "notebook"))
+    )
+    files["index.html"] = files["index.html"].replace(b"<!-- modules -->", preload.encode())
+    return files
+
+
+FILES: Final[Mapping[str, bytes]] = _files()
 """File name -> content."""
 
 

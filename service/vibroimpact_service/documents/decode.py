@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from decimal import Decimal
 from functools import lru_cache
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -139,11 +139,22 @@ def problem(kind: Kind, request: Any, of: System) -> Any:
     return globals()[kind.identifier](request, of)
 
 
-def grid_values(grid: Any) -> Floats:
-    """Return the values of a grid that lists them, or has a number of them, shape (position,)."""
+def grid_values(grid: Any, end: float = 0.0) -> Floats:
+    """Return the values of a grid, shape (position,); one of a number of times goes to `end`."""
+    if isinstance(grid, list):
+        return np.array(grid, dtype=np.float64)
+    if isinstance(grid, grids.EqualTimes):
+        return np.linspace(0.0, end, grid.num)
     if hasattr(grid, "values"):
         return np.array(grid.values, dtype=np.float64)
-    return np.linspace(grid.start, grid.stop, grid.num)
+    if hasattr(grid, "num"):
+        return np.linspace(grid.start, grid.stop, grid.num)
+    exact = decimal_steps(grid.start, grid.step, grid.count)
+    steps = np.arange(grid.count, dtype=np.float64)
+    values = grid.start + grid.step * steps if exact is None else exact
+    # The last step may pass the end by rounding.
+    values[-1] = min(values[-1], grid.stop)
+    return values
 
 
 def decimal_steps(start: float, step: float, count: int) -> Floats | None:
@@ -163,25 +174,48 @@ def decimal_steps(start: float, step: float, count: int) -> Floats | None:
     return values
 
 
-def frequencies(grid: Any) -> tuple[Floats, Floats]:
+_SECONDS: Final = {
+    "ns": 1e-9,
+    "us": 1e-6,
+    "µs": 1e-6,
+    "ms": 1e-3,
+    "s": 1.0,
+    "min": 60.0,
+    "h": 3.6e3,
+}
+"""Seconds in a unit of time."""
+_PER_SECOND: Final = {"Hz": 1.0, "rpm": 1.0 / 60.0}
+
+
+def to_fundamental(unit: str, units: Units | None) -> float:
+    """Return the fundamental angular frequency Omega that 1 in a unit of frequencies stands for.
+
+    Raises
+    ------
+    ModelError
+        Where the unit needs a unit of time that the structure's is not.
+    """
+    if unit not in _PER_SECOND:
+        return 1.0 if unit == "Omega" else 0.5 * np.pi
+    time = "s" if units is None else units.time
+    if time not in _SECONDS:
+        message = f"{unit} needs a unit of time that is one of {', '.join(_SECONDS)}, not {time}"
+        raise ModelError(("frequency", "unit"), message, code="unknown_unit")
+    return 2.0 * np.pi * _PER_SECOND[unit] * _SECONDS[time]
+
+
+def frequencies(grid: Any, units: Units | None = None) -> tuple[Floats, Floats]:
     """Return (Omega, omega) of a grid, each shape (frequency,); the one given, to the bit."""
-    given: Floats
-    if isinstance(grid, grids.FrequencySteps):
-        exact = decimal_steps(grid.start, grid.step, grid.count)
-        steps = np.arange(grid.count, dtype=np.float64)
-        given = grid.start + grid.step * steps if exact is None else exact
-        # The last step may pass the end by rounding.
-        given[-1] = min(given[-1], grid.stop)
-    else:
-        given = grid_values(grid)
-    if grid.unit == "Omega":
-        return given, given * (2.0 / np.pi)
-    return given * (np.pi / 2.0), given
+    given = grid_values(grid)
+    if grid.unit == "omega":
+        return given * (np.pi / 2.0), given
+    Omega = given * to_fundamental(grid.unit, units)
+    return Omega, Omega * (2.0 / np.pi)
 
 
 def impact_modes(request: requests.ImpactModesRequest, of: System) -> modes.Problem:
     """Return the problem of impact modes."""
-    Omega, omega = frequencies(request.frequency)
+    Omega, omega = frequencies(request.frequency, of.units)
     return modes.Problem(
         of,
         omega,
@@ -191,14 +225,14 @@ def impact_modes(request: requests.ImpactModesRequest, of: System) -> modes.Prob
         None if request.tau is None else np.array(request.tau),
         request.tolerance,
         # The one that was given: the other is rounded.
-        Omega=Omega if request.frequency.unit == "Omega" else None,
+        Omega=None if request.frequency.unit == "omega" else Omega,
     )
 
 
 def existence_bands(request: requests.ExistenceBandsRequest, of: System) -> bands.Problem:
     """Return the problem of existence bands."""
     grid = request.frequency
-    factor = 1.0 if grid.unit == "Omega" else 0.5 * np.pi
+    factor = to_fundamental(grid.unit, of.units)
     return bands.Problem(
         of,
         grid.start * factor,
@@ -218,7 +252,7 @@ def resonances(request: requests.ResonancesRequest, of: System) -> held.Problem:
 
 def periodic_motions(request: requests.PeriodicMotionsRequest, of: System) -> driven.Problem:
     """Return the problem of periodic motions."""
-    Omega, _ = frequencies(request.frequency)
+    Omega, _ = frequencies(request.frequency, of.units)
     sequence = request.sequence
     return driven.Problem(
         of,
@@ -261,16 +295,16 @@ def time_history(request: requests.TimeHistoryRequest, of: System) -> histories.
             initial = histories.State(np.array(x), np.array(v))
         case motions.InitialMode(impact_mode=mode):
             initial = histories.ImpactMode(mode.Omega, tuple(mode.active or ()))
-    return histories.Problem(of, initial, digits=request.digits, **_motion(request))
+    return histories.Problem(of, initial, digits=request.digits, **_motion(request, of))
 
 
 def ensemble(request: requests.EnsembleRequest, of: System) -> ensembles.Problem:
     """Return the problem of an ensemble."""
     x, v = np.array(request.initial.x), np.array(request.initial.v)
-    return ensembles.Problem(of, x, v, **_motion(request))
+    return ensembles.Problem(of, x, v, **_motion(request, of))
 
 
-def _motion(request: requests.MotionRequest) -> dict[str, Any]:
+def _motion(request: requests.MotionRequest, of: System) -> dict[str, Any]:
     """Return what motions have in common, whatever they start from."""
     limiter = None
     if isinstance(request.limiter, motions.PowerLimiter):
@@ -278,26 +312,48 @@ def _motion(request: requests.MotionRequest) -> dict[str, Any]:
         limiter = histories.Power(given.exponent, given.stiffness, given.scale)
     return {
         "t_end": request.t_end,
-        "t": times(request.t, request.t_end),
+        "t": None if request.t is None else grid_values(request.t, request.t_end),
         "dofs": _indices(request.dofs),
         "outputs": frozenset(request.outputs),
         "tolerance": request.tolerance,
-        "load": tuple(
-            histories.Harmonic(term.dof, term.amplitude, term.frequency, term.phase)
-            for term in request.load or ()
-        ),
+        "load": tuple(_load(term, place, of) for place, term in enumerate(request.load or ())),
         "limiter": limiter,
         "method": request.method,
     }
 
 
-def times(of: Any, t_end: float) -> Floats | None:
-    """Return the times of a history, shape (time,)."""
-    if of is None:
-        return None
-    if isinstance(of, motions.EqualTimes):
-        return np.linspace(0.0, t_end, of.num)
-    return np.array(of)
+def _load(term: Any, place: int, of: System) -> histories.Load:
+    """Return a load of a motion; place is its place among them."""
+    match term:
+        case motions.SampledLoad():
+            direction, values = _weights(term, place, of.n), np.array(term.force)
+        case motions.BaseMotion():
+            if len(term.base) != of.n:
+                message = f"{len(term.base)} numbers for {of.n} degrees of freedom"
+                raise ModelError(("load", place, "base"), message, code="wrong_length")
+            direction, values = -(of.M @ np.array(term.base)), np.array(term.acceleration)
+        case _:
+            return histories.Harmonic(term.dof, term.amplitude, term.frequency, term.phase)
+    t = np.array(term.t) if term.interval is None else term.interval * np.arange(values.size)
+    return histories.Sampled(direction, t, values)
+
+
+def _weights(term: motions.SampledLoad, place: int, n: int) -> Floats:
+    """Return the direction of a load, shape (dof,)."""
+    direction = np.zeros(n)
+    given = [] if term.dof is None else [(term.dof, 1.0)]
+    if term.direction is not None:
+        dofs, weights = term.direction.dofs, term.direction.weights
+        if len(dofs) != len(weights):
+            message = f"{len(weights)} weights for {len(dofs)} degrees of freedom"
+            raise ModelError(("load", place, "direction"), message, code="wrong_length")
+        given = list(zip(dofs, weights, strict=True))
+    for dof, weight in given:
+        if not 0 <= dof < n:
+            message = f"{dof} is not below {n}"
+            raise ModelError(("load", place, "dof"), message, code="index_out_of_range")
+        direction[dof] += weight
+    return direction
 
 
 def slow_flow(request: requests.SlowFlowRequest, of: System) -> flows.Problem:

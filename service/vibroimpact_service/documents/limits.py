@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Final
 
 from vibroimpact_schema import systems
+from vibroimpact_schema.branches import BranchesRequest
 from vibroimpact_schema.sweeps import SweepRequest
 from vibroimpact_service import problems
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
 from vibroimpact_solvers.plan import Plan, Stage
+
+_LIBRARIES: Final = 3e8
+"""Memory of a worker that computes nothing."""
+_COPIES: Final = 4.0
+"""How often a worker holds a result while it joins its pieces and packs it."""
 
 
 def dofs(system: systems.AnySystem) -> int:
@@ -53,6 +59,8 @@ def check(request: Any, settings: Settings) -> None:
     if isinstance(request, SweepRequest):
         _check_parameter_grid(request, settings)
         request, where = request.base, "/base"
+    elif isinstance(request, BranchesRequest):
+        request, where = request.base, "/base"
     check_system(request.system, settings, f"{where}/system")
     for name, points in (("frequency", "frequencies"), ("t", "times")):
         count = _points(getattr(request, name, None))
@@ -82,14 +90,37 @@ def _check_parameter_grid(request: SweepRequest, settings: Settings) -> None:
         raise problems.too_large("/axes", "result_too_large", message)
 
 
-def check_plan(plan: Plan, settings: Settings) -> None:
-    """Refuse a computation without end, or whose result is larger than the service keeps."""
+def check_plan(plan: Plan, settings: Settings, *, joined_in_files: bool = False) -> None:
+    """Refuse a computation without end, or whose result is larger than the service keeps.
+
+    And one that needs more memory than a worker has; `joined_in_files` tells that no worker holds
+    the whole result.
+    """
     if not math.isfinite(plan.flops):
         raise ProblemError(problems.TOO_COSTLY, "The estimated number of operations is not finite.")
-    size = sum(step.bytes for step in plan.steps if step.stage is not Stage.SPECTRUM)
+    size = result_bytes(plan)
     if size > settings.max_result_bytes:
         message = f"about {size:.3g} bytes of results are more than {settings.max_result_bytes}"
         raise problems.too_large("/outputs", "result_too_large", message)
+    most = settings.worker_memory_bytes
+    held = plan.bytes - size + (0.0 if joined_in_files else _COPIES * size)
+    if most is not None and _LIBRARIES + held > most:
+        message = f"about {_LIBRARIES + held:.3g} bytes of memory are more than {most} of a worker"
+        raise problems.too_large("/outputs", "too_much_memory", message)
+
+
+def result_bytes(plan: Plan) -> float:
+    """Return the planned size of a result; modes are not part of it."""
+    return sum(step.bytes for step in plan.steps if step.stage is not Stage.SPECTRUM)
+
+
+def least_bytes(plan: Plan) -> float:
+    """Return what the size of a result is not expected to fall below.
+
+    Sizes that are no bounds count a tenth: the number of impacts may turn out that much smaller.
+    """
+    steps = (step for step in plan.steps if step.stage is not Stage.SPECTRUM)
+    return sum(step.bytes if step.bounded else 0.1 * step.bytes for step in steps)
 
 
 def check_system(system: systems.AnySystem, settings: Settings, where: str = "") -> None:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import math
+import time
 from typing import Any, NamedTuple
 
+from vibroimpact_schema.branches import BranchesRequest
 from vibroimpact_schema.sweeps import SweepRequest
 from vibroimpact_schema.systems import SystemReference
 from vibroimpact_service import problems
 from vibroimpact_service.documents import limits, stored_systems
+from vibroimpact_service.jobs.work import Tick
 from vibroimpact_service.kinds import Kind
+from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 from vibroimpact_solvers.errors import ModelError, SolverError
@@ -25,19 +30,58 @@ class Planned(NamedTuple):
     """Estimated time of the plan on one core."""
 
 
-def plan(store: Store, kind: Kind, document: Any, settings: Settings | None = None) -> Planned:
+class _Meter:
+    """Ends a plan that takes too much processor time, or that nobody waits for any more."""
+
+    def __init__(self, settings: Settings | None, tick: Tick | None) -> None:
+        self._tick = tick
+        self._seconds = math.inf if settings is None else settings.plan_seconds
+        self._end = math.inf
+
+    def begin(self) -> None:
+        """Begin to count."""
+        self._end = time.thread_time() + self._seconds
+
+    def __call__(self) -> None:
+        """Raise where the plan is to end.
+
+        Raises
+        ------
+        ProblemError
+            413 where it took too long.
+        StoppedError
+            Where its caller went away.
+        """
+        if self._tick is not None:
+            self._tick(0, 1)
+        if time.thread_time() > self._end:
+            detail = f"The plan alone takes more than {self._seconds:g} s: ask for less at once."
+            raise ProblemError(problems.TOO_COSTLY, detail)
+
+
+def plan(
+    store: Store,
+    kind: Kind,
+    document: Any,
+    settings: Settings | None = None,
+    tick: Tick | None = None,
+) -> Planned:
     """Return the problem of a request's document, planned.
 
     With settings, the sizes in the document are compared with the limits before anything of
-    that size is allocated.
+    that size is allocated, and the time that a plan may take is limited too; that for the
+    matrices goes with the size of the body that brought them.
 
     Raises
     ------
     ProblemError
         413 or 422 with the field that is wrong.
+    StoppedError
+        Where the tick raises it.
     """
+    meter = _Meter(settings, tick)
     # The numerical libraries load at the first request.
-    from vibroimpact_service.documents import decode, sweep_axes
+    from vibroimpact_service.documents import branch_paths, decode, sweep_axes
     from vibroimpact_solvers import cost
 
     if isinstance(document.system, SystemReference):
@@ -49,16 +93,23 @@ def plan(store: Store, kind: Kind, document: Any, settings: Settings | None = No
         system = decode.system(document.system)
     except ModelError as error:
         raise problems.of(error.under(*kind.structure)) from None
+    solver = kind.solver
+    meter.begin()
+    meter()
     try:
         if isinstance(document, SweepRequest):
-            problem: Any = sweep_axes.problem(document, system)
+            problem: Any = sweep_axes.problem(document, system, meter)
+        elif isinstance(document, BranchesRequest):
+            problem = branch_paths.problem(document, system)
         else:
             problem = decode.problem(kind, document, system)
-        planned = kind.solver.plan(problem)
+        meter()
+        planned = solver.plan(problem)
+        meter()
     except SolverError as error:
         raise problems.of(error) from None
     if settings is not None:
-        limits.check_plan(planned, settings)
+        limits.check_plan(planned, settings, joined_in_files=hasattr(solver, "follow"))
     return Planned(kind, problem, planned, cost.seconds(planned))
 
 
@@ -73,10 +124,12 @@ def steps(planned: Plan) -> dict[str, Any]:
                 "flops": float(step.flops),
                 "bytes": float(step.bytes),
                 "count": step.count,
+                "bounded": bool(step.bounded),
             }
             for step in planned.steps
         ],
         "skips": [{"what": skip.what, "why": skip.why} for skip in planned.skips],
         "flops": float(planned.flops),
         "bytes": float(planned.bytes),
+        "bounded": planned.bounded,
     }

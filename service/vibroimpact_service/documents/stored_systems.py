@@ -48,7 +48,7 @@ def put(
         raise problems.of(error) from None
     data = digest.canonical(document)
     name = f"sys_{digest.name(owner, 'system', '', data)}"
-    new = not store.systems.has(name)
+    new = not store.systems.readable(name)
     if new:
         store.systems.put(name, data)
     return StoredSystem(id=name, n=system.n, constraints=len(system.constraints)), new

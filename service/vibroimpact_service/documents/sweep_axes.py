@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import lru_cache
@@ -49,7 +49,9 @@ _KEPT: Final = 4
 """Structures without their limiters that are held at a time."""
 
 
-def problem(request: sweeps.SweepRequest, system: System) -> sweep.Problem:
+def problem(
+    request: sweeps.SweepRequest, system: System, meter: Callable[[], None]
+) -> sweep.Problem:
     """Return the problem of a sweep, whose points have structures of their own.
 
     Parameters
@@ -58,6 +60,8 @@ def problem(request: sweeps.SweepRequest, system: System) -> sweep.Problem:
         Its base is valid in itself.
     system : System
         The structure of the base.
+    meter : callable
+        Called before each point that is tried; raises what ends the plan.
 
     Raises
     ------
@@ -72,7 +76,7 @@ def problem(request: sweeps.SweepRequest, system: System) -> sweep.Problem:
         raise error.under("base") from None
     axes = [_axis(base, place, axis) for place, axis in enumerate(request.root.axes)]
     _check_different(axes)
-    _Grid(kind, _thinned(base, axes), axes).check()
+    _Grid(kind, _thinned(base, axes), axes).check(meter)
     grid = _Grid(kind, base, axes)
     return sweep.Problem(kind, tuple(_described(kind, base, axes)), grid.at, system)
 
@@ -101,28 +105,24 @@ def _offset(axis: sweeps.AnyAxis) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class _Axis:
-    """A number of a request that varies, and its values."""
+class Varying:
+    """A number of a request that varies."""
 
-    document: sweeps.AnyAxis
     path: Path
     mirror: Path | None
     """Leads to the entry of a symmetric matrix that is equal to it."""
     whole: bool
     """Whether it is an integer."""
-    values: list[float]
-    tried: Sequence[int]
-    """Positions of the values that are checked."""
 
-    def set(self, base: Any, value: float) -> Any:
+    def put(self, base: Any, value: float) -> Any:
         """Return the request with another value, without checking it."""
         number = int(value) if self.whole else value
         changed = _replaced(base, self.path, number)
         return changed if self.mirror is None else _replaced(changed, self.mirror, number)
 
-    def check(self, base: Any, value: float) -> None:
+    def fits(self, base: Any, value: float) -> None:
         """Raise where the field may not have that value."""
-        changed = self.set(base, value)
+        changed = self.put(base, value)
         document = _innermost(changed, self.path)
         content = dict(document)
         try:
@@ -135,26 +135,58 @@ class _Axis:
             raise _OTHER_SIZE
 
 
-def _axis(base: Any, place: int, document: sweeps.AnyAxis) -> _Axis:
-    here, text = base, document.path
+@dataclass(frozen=True, slots=True)
+class _Axis(Varying):
+    """A number of a request that varies, and its values."""
+
+    document: sweeps.AnyAxis
+    values: Floats
+    tried: Sequence[int]
+    """Positions of the values that are checked."""
+
+    def set(self, base: Any, position: int) -> Any:
+        """Return the request with the value at a position, without checking it."""
+        return self.put(base, float(self.values[position]))
+
+    def check(self, base: Any, position: int) -> None:
+        """Raise where the field may not have the value at a position."""
+        self.fits(base, float(self.values[position]))
+
+
+def number(base: Any, text: str) -> Varying:
+    """Return the number at a path of a request.
+
+    Raises
+    ------
+    ModelError
+        Where there is none, with the pointer to the path.
+    """
+    here: Any = base
     path: Path = ()
     for part in text.split("."):
         step = _step(here, part)
         if step is None:
             where = ".".join(map(str, path)) or "the base"
             message = f"there is no {part!r} in {where}"
-            raise ModelError(("axes", place, "path"), message, code="unknown_path")
+            raise ModelError(("path",), message, code="unknown_path")
         path = (*path, step)
         here = _get(here, step)
     if isinstance(here, bool) or not isinstance(here, (int, float)):
         message = f"{text} is {_SORTS.get(type(here), 'an object')}, not a number"
-        raise ModelError(("axes", place, "path"), message, code="not_a_number")
+        raise ModelError(("path",), message, code="not_a_number")
     if next(part for part in reversed(path) if isinstance(part, str)) in _SIZES:
         message = f"{text} is a size: results of differing sizes make no grid"
-        raise ModelError(("axes", place, "path"), message, code="shapes_differ")
+        raise ModelError(("path",), message, code="shapes_differ")
+    return Varying(path, _mirror(base, path), isinstance(here, int))
+
+
+def _axis(base: Any, place: int, document: sweeps.AnyAxis) -> _Axis:
+    try:
+        of = number(base, document.path)
+    except ModelError as error:
+        raise error.under("axes", place) from None
     values = _values(document)
-    mirror, whole = _mirror(base, path), isinstance(here, int)
-    return _Axis(document, path, mirror, whole, values.tolist(), _tried(values))
+    return _Axis(of.path, of.mirror, of.whole, document, values, _tried(values))
 
 
 def _tried(values: Floats) -> Sequence[int]:
@@ -257,7 +289,7 @@ def _described(kind: str, base: Any, axes: Sequence[_Axis]) -> Iterator[sweep.Ax
         yield sweep.Axis(
             path,
             name,
-            np.array(axis.values),
+            axis.values,
             unit,
             called if called == path else f"{called}, {path}",
             stages[0] if stages else rule.stage,
@@ -344,7 +376,7 @@ class _Grid:
         request = self._base
         for place, position in zip(places, positions, strict=True):
             axis = self._axes[place]
-            request = axis.set(request, axis.values[position])
+            request = axis.set(request, position)
         return request
 
     def _decoded_limiters(self, positions: Index) -> list[Constraint]:
@@ -354,16 +386,17 @@ class _Grid:
         document = self._set(self._structural, positions).system
         return decode.system(document.model_copy(update={"constraints": []}))
 
-    def check(self) -> None:
-        """Refuse values with which no point is possible."""
+    def check(self, meter: Callable[[], None]) -> None:
+        """Refuse values with which no point is possible; `meter` as of `problem`."""
+        self._meter = meter
         for place, axis in enumerate(self._axes):
-            broken = (k for k, value in enumerate(axis.values) if not value.is_integer())
-            if axis.whole and (k := next(broken, None)) is not None:
+            if axis.whole and (broken := axis.values % 1.0 != 0.0).any():
                 error = ModelError((), "must be a whole number", code="wrong_type")
-                raise self._wrong(place, k, error)
+                raise self._wrong(place, int(broken.argmax()), error)
             for k in axis.tried:
+                meter()
                 try:
-                    axis.check(self._base, axis.values[k])
+                    axis.check(self._base, k)
                 except ModelError as error:
                     raise self._wrong(place, k, error) from None
         good = self._first_possible(self._some())
@@ -395,6 +428,7 @@ class _Grid:
         """Return the first possible one of some points, or the first error where there is none."""
         first: ModelError | None = None
         for index in itertools.islice(points, _POINTS_TRIED):
+            self._meter()
             try:
                 self.at(index)
             except ModelError as error:
@@ -416,7 +450,7 @@ class _Grid:
         axis = self._axes[place]
         listed = isinstance(axis.document, sweeps.AxisValues)
         pointer = ("axes", place, "values", k) if listed else ("axes", place)
-        message = f"with {axis.document.path} = {axis.values[k]!r}: {error.message}"
+        message = f"with {axis.document.path} = {float(axis.values[k])!r}: {error.message}"
         return ModelError(pointer, message, code=error.code)
 
 

@@ -15,13 +15,14 @@ import sqlalchemy as sa
 from sqlalchemy.engine import Connection
 from sqlalchemy.exc import IntegrityError
 
+from vibroimpact_service.jobs import attempts
 from vibroimpact_service.jobs.database import now
 from vibroimpact_service.jobs.records import QUEUED, RUNNING, find
 from vibroimpact_service.jobs.tables import JobRow, jobs, row
 
 CLAIM_SECONDS: Final = 8.0
 _UNCLAIMED: Final[dict[str, Any]] = {"claim_owner": None, "claim_until": None}
-_QUEUED_AGAIN: Final[dict[str, Any]] = {"state": "queued", "phase": "waiting", **_UNCLAIMED}
+QUEUED_AGAIN: Final[dict[str, Any]] = {"state": "queued", "phase": "waiting", **_UNCLAIMED}
 
 
 def claimable(connection: Connection) -> bool:
@@ -107,9 +108,10 @@ def ahead(connection: Connection, asked: Sequence[JobRow]) -> dict[str, int]:
     n jobs, running ones included. With as many, chance decides, and it does not count.
     """
     running, before = _running_jobs(connection), _before_own(connection, asked)
+    due = _due(now(connection))
     count = sa.func.count().label("jobs")
     queue = jobs.c.queue.label("queue")
-    query = sa.select(queue, jobs.c.owner, count).where(QUEUED)
+    query = sa.select(queue, jobs.c.owner, count).where(QUEUED, due)
     waiting = connection.execute(query.group_by(jobs.c.queue, jobs.c.owner)).all()
     positions = {}
     for job in asked:
@@ -129,9 +131,9 @@ def _before_own(connection: Connection, asked: Sequence[JobRow]) -> dict[str, in
     The records between neighbouring jobs are counted once, so that a page of jobs costs no more
     than its last job.
     """
-    before = {}
+    before, due = {}, _due(now(connection))
     for queue, owner, priority in {(job.queue, job.owner, job.priority) for job in asked}:
-        alike = QUEUED & (jobs.c.queue == queue) & (jobs.c.owner == owner)
+        alike = QUEUED & due & (jobs.c.queue == queue) & (jobs.c.owner == owner)
         count, last = _count(connection, alike & (jobs.c.priority > priority)), 0
         for job in sorted(asked, key=lambda job: job.seq):
             if (job.queue, job.owner, job.priority) == (queue, owner, priority):
@@ -179,7 +181,7 @@ def _claim(connection: Connection, claim_owner: str, chosen: Sequence[JobRow]) -
     if not chosen:
         return []
     clock = now(connection)
-    update = _change(
+    update = change(
         jobs.c.id.in_([job.id for job in chosen]),
         state="running",
         phase="starting",
@@ -197,10 +199,12 @@ def _claim(connection: Connection, claim_owner: str, chosen: Sequence[JobRow]) -
         if len(chosen) == 1:
             return []
         return [job for one in chosen for job in _claim(connection, claim_owner, [one])]
+    if claimed:
+        attempts.begin(connection, list(claimed), claim_owner)
     return [claimed[job.id] for job in chosen if job.id in claimed]
 
 
-def _change(where: sa.ColumnElement[bool], **values: Any) -> sa.Update:
+def change(where: sa.ColumnElement[bool], **values: Any) -> sa.Update:
     """Return an update that counts as a new version of the jobs."""
     return jobs.update().where(where).values(version=jobs.c.version + 1, **values)
 
@@ -214,7 +218,7 @@ def renew(connection: Connection, claim_owner: str, held: Collection[str]) -> se
 
 def report(connection: Connection, claim_owner: str, job: str, values: dict[str, Any]) -> bool:
     """Change columns of a running job; whether its claim is still held."""
-    update = _change(_claimed(claim_owner, [job]), **values)
+    update = change(_claimed(claim_owner, [job]), **values)
     return bool(connection.execute(update).rowcount)
 
 
@@ -228,8 +232,10 @@ def put_back(
     """Queue running jobs again, to be tried after some seconds; return those that were queued."""
     retry_at = now(connection) + seconds if seconds else None
     where = _claimed(claim_owner, held)
-    update = _change(where, waiting_note=note, retry_at=retry_at, **_QUEUED_AGAIN)
-    return set(connection.execute(update.returning(jobs.c.id)).scalars())
+    update = change(where, waiting_note=note, retry_at=retry_at, **QUEUED_AGAIN)
+    queued = set(connection.execute(update.returning(jobs.c.id)).scalars())
+    attempts.end(connection, queued, note or "its process or its workers ended")
+    return queued
 
 
 def succeed(
@@ -273,11 +279,14 @@ def _end(
 ) -> tuple[set[str], set[str]]:
     """End jobs; return them and their results."""
     finished = now(connection)
-    update = _change(
+    update = change(
         where, phase="done", waiting_note=None, finished=finished, **_UNCLAIMED, **values
     )
-    ended = connection.execute(update.returning(jobs.c.id, jobs.c.result)).all()
-    return {each.id for each in ended}, {each.result for each in ended}
+    rows = connection.execute(update.returning(jobs.c.id, jobs.c.result)).all()
+    ended = {each.id for each in rows}
+    error = values.get("error") or {}
+    attempts.end(connection, ended, str(error.get("detail") or values["state"]))
+    return ended, {each.result for each in rows}
 
 
 def _claimed(claim_owner: str, held: Collection[str]) -> sa.ColumnElement[bool]:
@@ -286,4 +295,6 @@ def _claimed(claim_owner: str, held: Collection[str]) -> sa.ColumnElement[bool]:
 
 def release_all(connection: Connection) -> None:
     """Queue every running job again, at a start where no other process can be running them."""
-    connection.execute(_change(RUNNING, **_QUEUED_AGAIN))
+    update = change(RUNNING, **QUEUED_AGAIN).returning(jobs.c.id)
+    interrupted = list(connection.execute(update).scalars())
+    attempts.end(connection, interrupted, "the service ended")

@@ -34,6 +34,7 @@ def schedule(settings: Settings, host: str, port: int, ready: Callable[[str], No
             protocol="tls://",
             security=certificates.of_settings(settings),
             dashboard=False,
+            dashboard_address="127.0.0.1:0",
         ) as scheduler:
             ready(scheduler.address)
             await _first(stop.wait(), scheduler.finished())
@@ -67,6 +68,7 @@ async def _work_once(settings: Settings, ready: Callable[[int], None], stop: asy
             settings.scheduler,
             nthreads=len(QUEUES),
             resources=dict.fromkeys(QUEUES, 1),
+            memory_limit=settings.worker_memory_bytes or "auto",
             security=certificates.of_settings(settings),
             local_directory=None,
             # The status page has no routes, and is for this machine alone.

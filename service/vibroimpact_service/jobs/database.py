@@ -6,15 +6,25 @@ import errno
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import sqlalchemy as sa
 from sqlalchemy.engine import URL, Connection, Engine, make_url
 from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
-from vibroimpact_service.store import StoreFullError
+from vibroimpact_service.jobs.time_limits import SERVER_LIMITS, limit_time, remove_limits
+from vibroimpact_service.store import StoreFullError, private
 
+_READ_ONLY: Final = "25006"
+"""SQLSTATE of a server that takes no writes, as a standby or during a failover."""
+_TCP_LIMITS: Final = {
+    "connect_timeout": 5,
+    "keepalives_idle": 5,
+    "keepalives_interval": 2,
+    "keepalives_count": 3,
+    "tcp_user_timeout": 10_000,
+}
 _MIGRATIONS = Path(__file__).with_name("migrations")
 
 
@@ -52,7 +62,9 @@ def connect(url: str) -> Engine:
 
 def _open_sqlite(address: URL) -> Engine:
     if address.database:
-        Path(address.database).parent.mkdir(parents=True, exist_ok=True)
+        file = Path(address.database)
+        private.folder(file.parent)
+        file.touch(0o600)  # SQLite gives its other files the permissions of this one
     engine = sa.create_engine(address)
 
     @sa.event.listens_for(engine, "connect")
@@ -75,13 +87,23 @@ def _open_sqlite(address: URL) -> Engine:
 def _open_server(address: URL) -> Engine:
     if address.drivername in ("postgresql", "postgres"):
         address = address.set(drivername="postgresql+psycopg")
-    return sa.create_engine(
+    given = address.query.get("options", "")
+    options = f"{given} {SERVER_LIMITS}" if isinstance(given, str) else SERVER_LIMITS
+    engine = sa.create_engine(
         address,
-        pool_pre_ping=True,
         pool_size=8,
         pool_timeout=10,
-        connect_args={"connect_timeout": 5, "application_name": "vibroimpact"},
+        connect_args={"application_name": "vibroimpact", "options": options, **_TCP_LIMITS},
     )
+    limit_time(engine)
+
+    @sa.event.listens_for(engine, "handle_error")
+    def handle(context: sa.engine.ExceptionContext) -> None:
+        # After a failover, all connections lead to the server that takes no writes any more.
+        if getattr(context.original_exception, "sqlstate", None) == _READ_ONLY:
+            context.is_disconnect = True
+
+    return engine
 
 
 def reader(engine: Engine) -> Engine:
@@ -108,6 +130,7 @@ def _migrate(engine: Engine, versions: Path, table: str) -> None:
     config.set_main_option("path_separator", "newline")
     with engine.begin() as connection:
         if engine.dialect.name == "postgresql":
+            remove_limits(connection)  # tables can be large
             # Replicas that start together must not migrate together.
             connection.execute(sa.text("SELECT pg_advisory_xact_lock(7309453)"))
         config.attributes["connection"] = connection

@@ -20,8 +20,9 @@ import structlog
 from distributed import Client, Future, LocalCluster
 from distributed.scheduler import KilledWorker
 
-from vibroimpact_service.jobs import certificates, forkserver, worker_plugin
-from vibroimpact_service.jobs.work import WorkerLostError, nothing
+from vibroimpact_service.jobs import certificates, death_watch, forkserver, worker_plugin
+from vibroimpact_service.jobs.deaths import Deaths
+from vibroimpact_service.jobs.work import nothing
 from vibroimpact_service.settings import Settings
 
 FAST: Final = "fast"
@@ -33,7 +34,8 @@ CONFIG: Final[dict[str, Any]] = {
     # A silent worker is given up late: it may run code that holds the GIL. The death of a worker
     # is noticed at once, by its connection.
     "distributed.scheduler.worker-ttl": "5 minutes",
-    "distributed.scheduler.allowed-failures": 1,
+    # Each death is judged by its cause: see `WorkerLostError`.
+    "distributed.scheduler.allowed-failures": 0,
     "distributed.comm.timeouts.tcp": "15s",
     "distributed.comm.timeouts.connect": "15s",
     "distributed.admin.tick.limit": "30s",
@@ -50,7 +52,11 @@ CONFIG: Final[dict[str, Any]] = {
     "distributed.admin.system-monitor.disk": False,
     "distributed.admin.system-monitor.gil.enabled": False,
     "distributed.diagnostics.nvml": False,
-    "distributed.worker.memory.monitor-interval": "1s",
+    # The limit of memory is kept by the operating system: see `worker_plugin`.
+    "distributed.worker.memory.target": False,
+    "distributed.worker.memory.spill": False,
+    "distributed.worker.memory.pause": False,
+    "distributed.worker.memory.terminate": False,
     "distributed.client.scheduler-info-interval": "5 minutes",
     # Source lines from which calls are submitted.
     "distributed.diagnostics.computations.nframes": 0,
@@ -115,6 +121,7 @@ class Engine:
         self._closing = threading.Event()
         self._thread: threading.Thread | None = None
         self._cancelled: dict[str, float] = {}
+        self._deaths = Deaths()
         self.workers = 0
         self.failure: str | None = None
         self.isolation = threading.Lock()
@@ -194,13 +201,12 @@ class Engine:
         except BaseException:
             self.cancel([call])
             raise
-        error = self.error(call)
+        error = await asyncio.to_thread(self.error, call)
         if error is not None:
             raise error
         return (await asyncio.to_thread(self.values, [call]))[0]
 
-    @staticmethod
-    def error(call: Call) -> BaseException | None:
+    def error(self, call: Call) -> BaseException | None:
         """Return why a call that has ended failed, or None."""
         if call.status == "finished":
             return None
@@ -208,7 +214,7 @@ class Engine:
             return EngineUnavailableError("the workers went away")
         error = call.exception(timeout=10)
         if isinstance(error, KilledWorker):
-            return WorkerLostError("the computation killed its worker process")
+            return self._deaths.of(error.last_worker.address, error.last_worker.nanny)
         return error if isinstance(error, BaseException) else RuntimeError(repr(error))
 
     def values(self, calls: Sequence[Call]) -> list[Any]:
@@ -270,6 +276,8 @@ class Engine:
         else:
             tls = certificates.of_settings(settings)
             client = Client(settings.scheduler, security=tls, set_as_default=False, timeout="10s")
+        client.subscribe_topic(death_watch.TOPIC, self._deaths.note)
+        client.register_plugin(death_watch.DeathWatch())
         client.register_plugin(worker_plugin.ServicePlugin(self._prepare))
         return client
 
@@ -284,9 +292,11 @@ class Engine:
             protocol="tls://",
             security=certificates.temporary(),
             resources=dict.fromkeys(QUEUES, 1),
+            memory_limit=self._settings.worker_memory_bytes or "auto",
             # Its first address is for the client, which is in the same process: without encoding
             # and encryption, a call takes it much less time.
             scheduler_kwargs={
+                "dashboard": False,  # where Bokeh is installed, it would show every call
                 "protocol": ["inproc://", "tls://"],
                 "host": [None, "127.0.0.1"],
                 "port": [0, port],
@@ -294,7 +304,7 @@ class Engine:
             },
             scheduler_sync_interval=_NEVER_SECONDS,  # workers are counted by `_monitor`
             dashboard_address="127.0.0.1:0",
-            worker_dashboard_address="127.0.0.1:0",
+            worker_dashboard_address=None,
             silence_logs=logging.ERROR,
         )
 
@@ -306,9 +316,13 @@ class Engine:
             self.failure = None if self.workers else "there are no workers"
             if self._cluster is None or self.workers >= self._settings.workers:
                 complete = time.monotonic()
-            elif time.monotonic() - complete > _MISSING_SECONDS:
+            elif time.monotonic() - complete > _MISSING_SECONDS or _broken(self._cluster):
                 log.warning("all workers are restarted: some are missing", workers=self.workers)
                 return
+            silent = self._deaths.silent()
+            if silent:
+                log.warning("workers given up: their machine is silent", workers=silent)
+                client.run_on_scheduler(_remove_workers, silent)
             self._restart_workers(client)
             self._closing.wait(_POLL_SECONDS if self.workers else _STARTING_SECONDS)
 
@@ -335,7 +349,19 @@ class Engine:
                 client.close(timeout=5)
         with contextlib.suppress(Exception):
             if cluster is not None:
-                cluster.close(timeout=10)
+                cluster.close(timeout=3)
+
+
+def _broken(cluster: LocalCluster) -> bool:
+    """Whether what restarts a worker has failed, as where the forkserver died at the same time."""
+    expected = ("init", "starting", "running", "undefined")
+    return any(nanny.status.name not in expected for nanny in cluster.workers.values())
+
+
+async def _remove_workers(workers: list[str], dask_scheduler: Any) -> None:
+    """Give up workers, in the scheduler; their calls are repeated elsewhere."""
+    for worker in workers:
+        await dask_scheduler.remove_worker(worker, stimulus_id="vibroimpact-silent")
 
 
 def _free_port() -> int:

@@ -10,13 +10,16 @@ import time
 import uuid
 from collections import OrderedDict
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import IO, Final
 
-from vibroimpact_service.jobs import claims, records
+from vibroimpact_service.jobs import attempts, claims, control, records, sealing
+from vibroimpact_service.jobs.attempts import Attempt
 from vibroimpact_service.jobs.database import open_database
 from vibroimpact_service.jobs.engine import Engine
 from vibroimpact_service.jobs.fair_share import FairShare
+from vibroimpact_service.jobs.probes import Probes
 from vibroimpact_service.jobs.record_access import RecordAccess
 from vibroimpact_service.jobs.records import NewJob
 from vibroimpact_service.jobs.retention import Retention
@@ -27,9 +30,12 @@ from vibroimpact_service.jobs.watch import Watch
 from vibroimpact_service.jobs.webhooks import Webhooks
 from vibroimpact_service.jobs.work import Work
 from vibroimpact_service.settings import Settings
-from vibroimpact_service.store import Store
+from vibroimpact_service.store import Store, private
 
 _WORKERS_POLL_SECONDS: Final = 0.25
+_CHUNKS_OF_RESULT: Final = 2
+"""Largest size of a job's chunks, of the largest result: they hold more, such as the states between
+windows of time."""
 _ENDED_JOBS: Final = 4096
 _ENDED_SECONDS: Final = 60.0
 
@@ -77,14 +83,18 @@ class JobQueue:
         if self._lock is not None:
             await self._records.write(claims.release_all)
         self._watch = Watch(self._records)
+        self._sealing = await asyncio.to_thread(sealing.of_settings, self._settings)
+        name = f"{socket.gethostname()}-{os.getpid()}-{uuid.uuid4().hex[:8]}"[-64:]
+        self._probes = Probes(self._records, self._store, name)
         context = RunContext(
-            claim_owner=f"{socket.gethostname()}-{os.getpid()}-{uuid.uuid4().hex[:8]}"[-64:],
+            claim_owner=name,
             records=self._records,
             engine=self.engine,
             fair_share=FairShare(lambda: self.engine.workers),
             store=self._store,
             work=self._work,
             notify=self._watch.notify,
+            max_chunks_bytes=_CHUNKS_OF_RESULT * self._settings.max_result_bytes,
         )
         self._runner = Runner(context, self._settings.running_jobs)
         loops = (
@@ -92,7 +102,7 @@ class JobQueue:
             self._runner.renew_loop(),
             self._watch.poll(),
             Retention(self._settings, self._store, self._records).loop(),
-            Webhooks(self._settings, self._records).loop(),
+            Webhooks(self._settings, self._records, self._sealing).loop(),
         )
         self._tasks = [asyncio.create_task(loop) for loop in loops]
         self._preparing = asyncio.create_task(self._prepare())
@@ -104,6 +114,7 @@ class JobQueue:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
         await self._runner.close()
+        self._probes.close()
         await asyncio.to_thread(self.engine.close)
         await asyncio.to_thread(self._records.close)
         if self._lock is not None:
@@ -115,10 +126,13 @@ class JobQueue:
             await asyncio.sleep(_WORKERS_POLL_SECONDS)
         await asyncio.to_thread(self._work.prepare)
 
-    @property
-    def healthy(self) -> bool:
-        """Whether the background tasks of the queue are alive."""
-        return not any(task.done() for task in self._tasks)
+    async def checks(self) -> dict[str, str]:
+        """Return what is wrong with records, store and workers, or ``ok`` for each."""
+        if any(task.done() for task in self._tasks):
+            return {"records": "the job queue has stopped"}
+        taken = await asyncio.gather(self._probes.records.state(), self._probes.store.state())
+        workers = "ok" if self.engine.ready else self.engine.failure or "starting"
+        return {"records": taken[0], "store": taken[1], "workers": workers}
 
     def computes(self, result: str) -> bool:
         """Whether a job with that result is being computed for this process."""
@@ -136,11 +150,24 @@ class JobQueue:
         StoreFullError
             Where it has no room.
         """
+        if new.webhook is not None:
+            url, secret = new.webhook
+            new = replace(new, webhook=(url, self._sealing.seal(new.id, secret)))
         job = await self._records.write(records.insert, new)
         if not job.final:
             self._runner.wake()
         self._remember(job)
         return job
+
+    async def keep_key(self, owner: str, key: str, result: str) -> None:
+        """Record that an idempotency key stands for the request with that result.
+
+        Raises
+        ------
+        KeyReusedError
+            Where it stands for another one.
+        """
+        await self._records.write(records.keep_key, owner, key, result)
 
     async def get(self, owner: str, job: str) -> JobRow | None:
         """Return a job of that owner, or None."""
@@ -154,7 +181,7 @@ class JobQueue:
 
     def _remember(self, job: JobRow) -> None:
         """Keep a job that ended in memory for a while: it does not change any more."""
-        if job.final:
+        if job.final and job.state != "failed":  # that can be retried
             self._ended[job.id] = time.monotonic(), job
             if len(self._ended) > _ENDED_JOBS:
                 self._ended.popitem(last=False)
@@ -190,6 +217,44 @@ class JobQueue:
             self._runner.claims_lost({job})
             self._watch.notify([job])
         return row
+
+    async def hold(self, owner: str, job: str) -> JobRow | None:
+        """Keep a job from running; return it, or None where that owner has no such job."""
+        row = await self._records.write(control.hold, owner, job)
+        if row is not None and row.state == "queued":
+            self._runner.claims_lost({job})
+        self._watch.notify([job])
+        return row
+
+    async def release(self, owner: str, job: str) -> JobRow | None:
+        """Let a held job run; return it, or None where that owner has no such job."""
+        return self._queued(job, await self._records.write(control.release, owner, job))
+
+    async def retry(self, owner: str, job: str) -> JobRow | None:
+        """Queue a failed job again; return it, or None where that owner has no such job."""
+        return self._queued(job, await self._records.write(control.retry, owner, job))
+
+    def _queued(self, job: str, row: JobRow | None) -> JobRow | None:
+        self._watch.notify([job])
+        self._runner.wake()
+        return row
+
+    async def retry_all(
+        self, owner: str, chosen: Sequence[str] | None, kind: str | None, most: int
+    ) -> Sequence[str]:
+        """Queue failed jobs again and return them; parameters as of `control.retry_all`."""
+        again = await self._records.write(control.retry_all, owner, chosen, kind, most)
+        self._watch.notify(again)
+        self._runner.wake()
+        return again
+
+    async def history(self, job: JobRow) -> Sequence[Attempt]:
+        """Return the attempts at a job."""
+        history = await self._records.read(attempts.of, job.id)
+        if not history and job.attempts and job.started is not None:
+            # It was computed while it was submitted, or before attempts were recorded.
+            return [Attempt("service", job.started, job.finished, job.state)]
+        return history
 
     async def wait(
         self, owner: str, job: str, seconds: float, since: int | None = None
@@ -234,8 +299,10 @@ def _lock(data: Path) -> IO[str]:
 
     Only the process that holds the lock may put running jobs of the records back at its start.
     """
-    data.mkdir(parents=True, exist_ok=True)
-    handle = (data / "lock").open("w")
+    private.folder(data)
+    if data.stat().st_uid == os.getuid():
+        data.chmod(0o700)  # an earlier version made it readable for everybody
+    handle = open(data / "lock", "w", opener=private.opener)  # noqa: SIM115
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:

@@ -14,7 +14,15 @@ from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine import Connection
 
 from vibroimpact_service.jobs.database import now
-from vibroimpact_service.jobs.tables import JobRow, idempotency, jobs, requests, row, webhooks
+from vibroimpact_service.jobs.tables import (
+    JobRow,
+    idempotency,
+    jobs,
+    processes,
+    requests,
+    row,
+    webhooks,
+)
 
 QUICK_SECONDS: Final = 0.1
 """Planned work up to which a job is sent to a worker together with others."""
@@ -106,6 +114,15 @@ def insert(connection: Connection, new: NewJob) -> JobRow:
     return row(connection.execute(insertion, _values(new)).one())
 
 
+def seen(connection: Connection, name: str) -> None:
+    """Record that a service process can write."""
+    clock = now(connection)
+    insertion = _insertion(connection, processes).values(name=name, seen=clock)
+    connection.execute(
+        insertion.on_conflict_do_update(index_elements=["name"], set_={"seen": clock})
+    )
+
+
 def _insertion(connection: Connection, table: sa.Table) -> Any:
     """Return an insertion that can say what to do in a conflict."""
     dialect = postgresql if connection.dialect.name == "postgresql" else sqlite
@@ -133,21 +150,41 @@ def _values(new: NewJob) -> dict[str, Any]:
     }
 
 
-def _earlier(connection: Connection, new: NewJob) -> JobRow | None:
-    """Return the job that was submitted with the same key, or record the key for this one."""
+def keep_key(
+    connection: Connection, owner: str, key: str, result: str, job: str | None = None
+) -> str | None:
+    """Record a key for a request, and the job that answers it; return the job it has already.
+
+    Raises
+    ------
+    KeyReusedError
+        Where it stands for a request with another result.
+    """
     insertion = _insertion(connection, idempotency).values(
-        owner=new.owner, key=new.key, fingerprint=new.result, job=new.id, created=now(connection)
+        owner=owner, key=key, fingerprint=result, job=job, created=now(connection)
     )
     recorded = connection.execute(
         insertion.on_conflict_do_nothing().returning(idempotency.c.key)
     ).all()
     if recorded:
         return None
-    where = (idempotency.c.owner == new.owner) & (idempotency.c.key == new.key)
+    where = (idempotency.c.owner == owner) & (idempotency.c.key == key)
     earlier = connection.execute(idempotency.select().where(where)).one()
-    if earlier.fingerprint != new.result:
+    if earlier.fingerprint != result:
         raise KeyReusedError
-    return row(connection.execute(jobs.select().where(jobs.c.id == earlier.job)).one())
+    if earlier.job is None and job is not None:
+        connection.execute(idempotency.update().where(where).values(job=job))
+    known: str | None = earlier.job
+    return known
+
+
+def _earlier(connection: Connection, new: NewJob) -> JobRow | None:
+    """Return the job that was submitted with the same key, or record the key for this one."""
+    assert new.key is not None
+    job = keep_key(connection, new.owner, new.key, new.result, new.id)
+    if job is None:
+        return None
+    return row(connection.execute(jobs.select().where(jobs.c.id == job)).one())
 
 
 def find(connection: Connection, owner: str, job: str) -> JobRow | None:

@@ -11,10 +11,18 @@ import sqlalchemy as sa
 import structlog
 from sqlalchemy.engine import Connection
 
+from vibroimpact_service.jobs import attempts
 from vibroimpact_service.jobs.database import now
 from vibroimpact_service.jobs.record_access import RecordAccess
 from vibroimpact_service.jobs.records import QUEUED, RUNNING
-from vibroimpact_service.jobs.tables import idempotency, jobs, pins, requests, webhooks
+from vibroimpact_service.jobs.tables import (
+    idempotency,
+    jobs,
+    pins,
+    processes,
+    requests,
+    webhooks,
+)
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import ContentStore, Entry, Store
 
@@ -62,6 +70,7 @@ class Retention:
             continue
         while self._records.write_now(_delete_requests):
             continue
+        self._records.write_now(_delete_processes)
 
     def _remove_results(self) -> None:
         needed, settings = self._records.read_now(_needed), self._settings
@@ -130,11 +139,19 @@ def _delete_jobs(connection: Connection, age: float) -> int:
     """Remove some jobs that ended long ago, with their idempotency keys; return how many."""
     old = sa.select(jobs.c.id).where(jobs.c.finished < now(connection) - age).limit(_BATCH)
     ids = list(connection.execute(old).scalars())
+    unused = idempotency.c.job.is_(None) & (idempotency.c.created < now(connection) - age)
+    connection.execute(idempotency.delete().where(unused))
     if ids:
         connection.execute(idempotency.delete().where(idempotency.c.job.in_(ids)))
         connection.execute(webhooks.delete().where(webhooks.c.job.in_(ids)))
+        attempts.delete(connection, ids)
         connection.execute(jobs.delete().where(jobs.c.id.in_(ids)))
     return len(ids)
+
+
+def _delete_processes(connection: Connection) -> None:
+    """Remove processes that have not written for a day."""
+    connection.execute(processes.delete().where(processes.c.seen < now(connection) - _DAY))
 
 
 def _delete_requests(connection: Connection) -> int:

@@ -10,14 +10,14 @@ from typing import Any, Final, TypeVar
 
 import structlog
 
-from vibroimpact_service.jobs import claims, records, worker_calls
+from vibroimpact_service.jobs import attempts, claims, records, worker_calls
 from vibroimpact_service.jobs.database import RecordsUnavailableError
 from vibroimpact_service.jobs.engine import BULK, Call, Engine, EngineUnavailableError
 from vibroimpact_service.jobs.fair_share import FairShare
 from vibroimpact_service.jobs.record_access import RecordAccess
 from vibroimpact_service.jobs.tables import JobRow
 from vibroimpact_service.jobs.work import Work, WorkerLostError
-from vibroimpact_service.store import Store, StoreFullError
+from vibroimpact_service.store import Store, StoreFullError, StoreUnavailableError
 
 Value = TypeVar("Value")
 
@@ -26,7 +26,11 @@ log = structlog.get_logger("vibroimpact.jobs")
 _STOP_SECONDS: Final = 0.25  # how soon a run notices that it must stop while no call ends
 _RETRY_SECONDS: Final = 0.5
 _MAX_DELAY: Final = 15.0
+MAX_DEATH_DELAY: Final = 2.0
+"""Longest pause after deaths of workers that are not the job's fault."""
 _ATTEMPTS_ALONE: Final = 2
+SUSPECT_ERRORS: Final = (WorkerLostError, MemoryError)
+"""Failures that another call in the same worker process may have brought about."""
 
 
 class ClaimLostError(RuntimeError):
@@ -52,6 +56,8 @@ class RunContext:
     work : Work
     notify : callable
         ``(jobs) -> None``: announces that these jobs changed.
+    max_chunks_bytes : int
+        Total size of the chunks of a job above which it is given up.
     """
 
     claim_owner: str
@@ -61,6 +67,7 @@ class RunContext:
     store: Store
     work: Work
     notify: Callable[[Collection[str]], None]
+    max_chunks_bytes: int
 
 
 class Run:
@@ -76,6 +83,8 @@ class Run:
         self._reason: ClaimLostError | ClosingError | None = None
         self._ended: queue.SimpleQueue[Call | None] = queue.SimpleQueue()
         self._calls = 0
+        self._began = time.monotonic()
+        self._lost: set[str] = set()
 
     def claim_lost(self, job: str) -> None:
         """Take note that the claim of a job is lost; the run stops once all are."""
@@ -163,23 +172,58 @@ class Run:
     def repeat_alone(
         self, function: Callable[..., Any], *args: Any
     ) -> tuple[Call, BaseException | None]:
-        """Repeat a call that was on a worker that died, with no other such call beside it.
+        """Repeat a call that failed with its worker, with no other such call beside it.
 
-        Dask blames all calls that a dead worker held. Alone, only the guilty call fails again;
-        twice, because a call beside it that was not suspected so far can be the guilty one.
+        All calls that a worker held are suspected of its death, or of having used its memory.
+        Alone, only the guilty call fails again; twice, because a call beside it that was not
+        suspected so far can be the guilty one.
         """
         isolation = self.context.engine.isolation
         while not isolation.acquire(timeout=_STOP_SECONDS):
             self.check()
         try:
             for _ in range(_ATTEMPTS_ALONE):
-                call = self.submit(BULK, 0, function, *args)
-                error = self.outcome(call)
-                if not isinstance(error, WorkerLostError):
+                call, error = self.call(BULK, function, *args)
+                if not isinstance(error, SUSPECT_ERRORS):
                     break
         finally:
             isolation.release()
         return call, error
+
+    def call(
+        self, queue_name: str, function: Callable[..., Any], *args: Any
+    ) -> tuple[Call, BaseException | None]:
+        """Return a call that has ended, and why it failed.
+
+        It is repeated as long as workers die for reasons that are not its own.
+        """
+        delay = _RETRY_SECONDS
+        while True:
+            call = self.submit(queue_name, 0, function, *args)
+            error = self.outcome(call)
+            if not self.lost(error):
+                return call, error
+            self.pause(delay)
+            delay = min(MAX_DEATH_DELAY, 2.0 * delay)
+
+    def lost(self, error: BaseException | None) -> bool:
+        """Whether a call has lost its worker by no fault of its own; deaths are recorded."""
+        if not isinstance(error, WorkerLostError):
+            return False
+        if error.worker not in self._lost:  # it may have held several calls
+            self._lost.add(error.worker)
+            log.info("worker lost", worker=error.worker, reason=error.why)
+            seconds = time.monotonic() - self._began
+            lost, records = attempts.lost, self.context.records
+            records.submit(lost, list(self.jobs), error.worker, seconds, error.why)
+        return not error.own
+
+    def pause(self, seconds: float) -> None:
+        """Wait for some time, or until the run must stop."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self.check()
+            time.sleep(min(_STOP_SECONDS, seconds))
 
     def write(self, operation: Callable[..., set[str]], *args: Any) -> set[str]:
         """Perform an operation of `claims`, however long the records are unavailable.
@@ -215,7 +259,7 @@ class Run:
         while True:
             try:
                 return action()
-            except (RecordsUnavailableError, StoreFullError):
+            except (RecordsUnavailableError, StoreFullError, StoreUnavailableError):
                 self.check()
                 time.sleep(_RETRY_SECONDS)
 

@@ -6,9 +6,8 @@ from typing import Any
 
 from vibroimpact_service.jobs import worker_calls
 from vibroimpact_service.jobs.engine import FAST, EngineUnavailableError
-from vibroimpact_service.jobs.run import Run
+from vibroimpact_service.jobs.run import SUSPECT_ERRORS, Run
 from vibroimpact_service.jobs.tables import JobRow
-from vibroimpact_service.jobs.work import WorkerLostError
 
 
 class QuickRun(Run):
@@ -25,9 +24,8 @@ class QuickRun(Run):
         for job in missing:
             self.ensure_request(job)
         arguments = [self.arguments(job) for job in missing]
-        call = self.submit(FAST, 0, worker_calls.complete, arguments)
-        error = self.outcome(call)
-        if not isinstance(error, WorkerLostError):
+        _, error = self.call(FAST, worker_calls.complete, arguments)
+        if not isinstance(error, SUSPECT_ERRORS):
             self._record(missing, error)
             return
         for job in missing:  # only the one that killed the worker fails

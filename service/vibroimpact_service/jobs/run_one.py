@@ -3,24 +3,37 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future
+from contextlib import suppress
 from typing import Any, Final
 
 from vibroimpact_service.jobs import batch_size, claims, worker_calls
 from vibroimpact_service.jobs.engine import BULK, FAST, Call, EngineUnavailableError
-from vibroimpact_service.jobs.run import ClaimLostError, Run, RunContext
+from vibroimpact_service.jobs.run import (
+    MAX_DEATH_DELAY,
+    SUSPECT_ERRORS,
+    ClaimLostError,
+    Run,
+    RunContext,
+)
 from vibroimpact_service.jobs.tables import JobRow
-from vibroimpact_service.jobs.work import Chunk, ChunkMissingError, WorkerLostError
+from vibroimpact_service.jobs.work import (
+    Chunk,
+    ChunkMissingError,
+    LimitPassedError,
+    WorkerLostError,
+)
 
 _PROGRESS_SECONDS: Final = 0.2
 _FAST_SECONDS: Final = 1.0
 """Planned work below which the chunks of a job are computed in the fast queue."""
 _FEW_CHUNKS: Final = 32
 """Chunks that are joined as quickly as a quick job, and therefore in the fast queue."""
-_JOINS: Final = 3
 _MEASURE_SECONDS: Final = 0.25
 """Interval at which the duration of a batch is fetched: that costs as much as all else of it."""
+_FIRST_DELAY: Final = 0.05
+"""Pause after the death of a worker that is not the job's fault; it grows from one to the next."""
 _UNMEASURED: Final = 8
 """Largest batch while only the plan tells how long a chunk takes."""
 
@@ -41,29 +54,26 @@ class JobRun(Run):
         if not reused:
             self._report(phase="planning")
             self.ensure_request(self.job)
-            for attempt in range(_JOINS):
+            for attempt in range(worker_calls.JOINS):
                 # The fast queue: it was planned when it was submitted, which took no long time.
                 chunks, missing = self._call(FAST, worker_calls.split)
                 if attempt == 0:
                     self._kept = len(chunks) - len(missing)
-                if missing:
-                    _ChunkBatches(self, chunks, missing).compute()
+                _ChunkBatches(self, chunks, missing).compute()
                 self._report(phase="joining", done=len(chunks), total=len(chunks))
-                try:
-                    few = len(chunks) <= _FEW_CHUNKS
+                few = len(chunks) <= _FEW_CHUNKS
+                with suppress(ChunkMissingError):
                     self._call(FAST if few else self.queue_name, worker_calls.join, chunks)
                     break
-                except ChunkMissingError:
-                    if attempt == _JOINS - 1:
-                        raise
+            else:
+                raise worker_calls.DAMAGED
         self.succeed([self.job.id], reused=reused)
 
     def _call(self, queue_name: str, function: Callable[..., Any], *args: Any) -> Any:
         """Call a function for the job and return its value."""
         arguments = self.arguments(self.job)
-        call = self.submit(queue_name, 0, function, arguments, *args)
-        error = self.outcome(call)
-        if isinstance(error, WorkerLostError):
+        call, error = self.call(queue_name, function, arguments, *args)
+        if isinstance(error, SUSPECT_ERRORS):
             call, error = self.repeat_alone(function, arguments, *args)
         if error is not None:
             raise error
@@ -104,12 +114,15 @@ class _ChunkBatches:
     def __init__(self, run: JobRun, chunks: Sequence[Chunk], missing: list[int]) -> None:
         self._run, self._engine = run, run.context.engine
         self._share, self._owner = run.context.fair_share, run.job.owner
+        self._names = [chunk.name for chunk in chunks]
+        self._size = self._size_of(set(range(len(chunks))) - set(missing))
         self._waiting = missing[::-1]
         self._chained = any(chunk.chained for chunk in chunks)
         self._total = len(chunks)
         self._done = self._total - len(missing)
         self._running: dict[str, tuple[Call, list[int]]] = {}
         self._suspects: list[int] = []
+        self._delay = _FIRST_DELAY
         planned = [chunks[i].seconds for i in missing if chunks[i].seconds > 0]
         # Until the first batch is measured, the plan is all that is known.
         self._seconds = sum(planned) / len(planned) if planned else batch_size.SECONDS
@@ -117,6 +130,7 @@ class _ChunkBatches:
 
     def compute(self) -> None:
         """Compute them all."""
+        self._count([])  # what is kept may be too much already
         self._share.join(self._owner, self._run.wake)
         try:
             while self._waiting or self._running:
@@ -133,8 +147,8 @@ class _ChunkBatches:
             arguments = self._run.arguments(self._run.job)
             _, error = self._run.repeat_alone(worker_calls.compute, arguments, [index])
             if error is not None:
-                raise error
-            self._done += 1
+                raise self._explained(error)
+            self._count([index])
             self._run.progress(self._done, self._total)
 
     def _send(self) -> None:
@@ -142,7 +156,7 @@ class _ChunkBatches:
             earlier = self._share.acquire(self._owner)
             if earlier is None:
                 return
-            batch = [self._waiting.pop() for _ in range(self._size())]
+            batch = [self._waiting.pop() for _ in range(self._batch_size())]
             arguments = self._run.arguments(self._run.job)
             try:
                 # The first batch of a user precedes the second batch of any other user.
@@ -154,7 +168,7 @@ class _ChunkBatches:
                 raise
             self._running[call.key] = (call, batch)
 
-    def _size(self) -> int:
+    def _batch_size(self) -> int:
         """Return how many chunks the next batch has."""
         waiting = len(self._waiting)
         if self._chained:
@@ -172,9 +186,13 @@ class _ChunkBatches:
             self._share.release(self._owner)
             error = self._engine.error(call)
             if error is None:
-                self._done += len(batch)
+                self._count(batch)
                 succeeded.append((call, batch))
-            elif isinstance(error, WorkerLostError):
+            elif self._run.lost(error):
+                self._waiting += batch[::-1]
+                self._run.pause(self._delay)
+                self._delay = min(MAX_DEATH_DELAY, 2.0 * self._delay)
+            elif isinstance(error, SUSPECT_ERRORS):
                 self._suspects += batch
                 if self._chained:  # the others need these
                     self._suspects += self._waiting[::-1]
@@ -185,6 +203,36 @@ class _ChunkBatches:
             self._measure(*succeeded[-1])
         for call, _ in succeeded:
             call.release()
+
+    def _size_of(self, indices: Iterable[int]) -> int:
+        names = [self._names[index] for index in indices]
+        return self._run.context.store.chunks.size_of_all(names)
+
+    def _count(self, batch: list[int]) -> None:
+        """Count chunks that were stored.
+
+        Raises
+        ------
+        LimitPassedError
+            Where all of them are larger than those of a job may be.
+        """
+        self._done += len(batch)
+        self._size += self._size_of(batch)
+        if self._size > self._run.context.max_chunks_bytes:
+            what = f"Its pieces take {self._size:.3g} bytes, more than those of a job may"
+            raise LimitPassedError(f"{what}: {self._kept()}")
+
+    def _kept(self) -> str:
+        return f"{self._done} of {self._total} pieces are kept."
+
+    def _explained(self, error: BaseException) -> BaseException:
+        """Return the error of a chunk that failed alone, as the limit that it passed if it did."""
+        if isinstance(error, MemoryError):
+            return LimitPassedError(f"A piece needs more memory than a worker has: {self._kept()}")
+        if isinstance(error, WorkerLostError) and "SIGXCPU" in error.why:
+            what = "A piece took so much processor time that the operating system ended its worker"
+            return LimitPassedError(f"{what}: {self._kept()}")
+        return error
 
     def _measure(self, call: Call, batch: list[int]) -> None:
         """Learn from a batch, at intervals, how long a chunk takes."""

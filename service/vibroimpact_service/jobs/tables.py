@@ -78,6 +78,25 @@ webhooks = sa.Table(
     sa.Column("due", sa.Float),
 )
 
+attempts = sa.Table(
+    "attempts",
+    metadata,
+    sa.Column("seq", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), primary_key=True),
+    sa.Column("job", sa.String(40)),
+    sa.Column("worker", sa.String(120)),
+    sa.Column("began", sa.Float),
+    sa.Column("ended", sa.Float),
+    sa.Column("why", sa.String(200)),
+)
+
+# Written to where a process must know that it can write.
+processes = sa.Table(
+    "processes",
+    metadata,
+    sa.Column("name", sa.String(64), primary_key=True),
+    sa.Column("seen", sa.Float),
+)
+
 FINAL: Final = ("succeeded", "failed", "cancelled")
 
 

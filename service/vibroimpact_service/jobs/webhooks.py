@@ -9,9 +9,14 @@ import hmac
 import http.client
 import ipaddress
 import json
+import re
 import socket
 import ssl
 import time
+from collections import Counter
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any, Final
 from urllib.parse import urlsplit
 
@@ -21,6 +26,7 @@ from sqlalchemy.engine import Connection
 
 from vibroimpact_service.jobs.database import now
 from vibroimpact_service.jobs.record_access import RecordAccess
+from vibroimpact_service.jobs.sealing import SealedError, Sealing
 from vibroimpact_service.jobs.tables import FINAL, JobRow, jobs, row, webhooks
 from vibroimpact_service.settings import Settings
 
@@ -28,9 +34,21 @@ log = structlog.get_logger("vibroimpact.webhooks")
 
 _POLL_SECONDS: Final = 1.0
 _AT_ONCE: Final = 16
-_TIMEOUT: Final = 10.0
+_PER_ORIGIN: Final = 4
+"""Messages on their way to the same receiver at once."""
+_SECONDS: Final = 10.0
+_STATUS_LINE: Final = re.compile(rb"HTTP/1\.[01] (\d{3})")
 _DELAYS: Final = (5.0, 30.0, 120.0, 600.0, 3600.0, 4 * 3600.0, 12 * 3600.0)
 """Pauses between attempts; after the last one the message is given up."""
+
+_NUMBER: Final = re.compile(r"\d+|0x[0-9a-f]*")
+_TRANSLATED: Final = (
+    ipaddress.IPv6Network("::/96"),  # IPv4-compatible
+    ipaddress.IPv6Network("64:ff9b::/96"),  # NAT64
+)
+_LOCAL_NAT64: Final = ipaddress.IPv6Network("64:ff9b:1::/48")
+_ISATAP: Final = (0x00005EFE, 0x02005EFE)
+"""What stands before the IPv4 address of a tunnel, in whatever network it is."""
 
 
 class RefusedError(ValueError):
@@ -40,43 +58,75 @@ class RefusedError(ValueError):
 class Webhooks:
     """Sends the messages that are due. Each is sent by one replica at a time.
 
-    A message can arrive twice, where a replica dies between sending and recording it: receivers
-    recognise it by ``webhook-id``, which is the id of the job.
+    Each has some seconds in all, whatever its receiver does, and few go to one receiver at a
+    time: a slow one holds up no others. A message stays in the records until it is delivered, so
+    it outlives the process. It can arrive twice, where a replica ends between sending and
+    recording it: receivers recognise it by ``webhook-id``, which is the id of the job.
     """
 
-    def __init__(self, settings: Settings, records: RecordAccess) -> None:
+    def __init__(self, settings: Settings, records: RecordAccess, sealing: Sealing) -> None:
+        self._sealing = sealing
         self._private = settings.webhook_private
         self._trust = ssl.create_default_context(
             cafile=None if settings.webhook_ca is None else str(settings.webhook_ca)
         )
         self._records = records
+        self._sending: dict[asyncio.Task[None], str] = {}
+        self._resolving = ThreadPoolExecutor(_AT_ONCE, "resolve")
 
     async def loop(self) -> None:
         """Send messages until cancelled."""
-        while True:
-            await asyncio.sleep(_POLL_SECONDS)
-            try:
-                if await self._records.read(_any_due):
-                    due = await self._records.write(_take)
-                    await asyncio.gather(*(asyncio.to_thread(self._deliver, *each) for each in due))
-            except ConnectionError as error:
-                log.warning("messages have to wait", error=str(error))
-            except Exception:
-                log.exception("sending failed")
-
-    def _deliver(self, job: JobRow, url: str, secret: str, attempts: int) -> None:
-        body = json.dumps(_message(job)).encode()
         try:
-            status = send(url, headers(job.id, secret, body), body, self._trust, self._private)
+            while True:
+                await asyncio.sleep(_POLL_SECONDS)
+                try:
+                    while await self._begin():
+                        await asyncio.sleep(0)
+                except ConnectionError as error:
+                    log.warning("messages have to wait", error=str(error))
+                except Exception:
+                    log.exception("sending failed")
+        finally:
+            for task in self._sending:
+                task.cancel()
+            self._resolving.shutdown(wait=False, cancel_futures=True)
+
+    async def _begin(self) -> bool:
+        """Begin to send messages that are due; whether there were any."""
+        room = _AT_ONCE - len(self._sending)
+        busy = [origin for origin, n in Counter(self._sending.values()).items() if n >= _PER_ORIGIN]
+        if room <= 0 or not await self._records.read(_any_due, busy):
+            return False
+        due = await self._records.write(_take, busy, room)
+        for job, url, secret, attempts in due:
+            task = asyncio.create_task(self._deliver(job, url, secret, attempts))
+            self._sending[task] = _origin(url)
+            task.add_done_callback(self._sending.pop)
+        return bool(due)
+
+    async def _deliver(self, job: JobRow, url: str, secret: str, attempts: int) -> None:
+        body, status = json.dumps(_message(job)).encode(), 0
+        try:
+            head = headers(job.id, self._sealing.open(job.id, secret), body)
+            status = await send(url, head, body, self._trust, self._private, self._resolving)
         except RefusedError as error:
             log.warning("message refused", job=job.id, error=str(error))
-            self._records.write_now(_delete, job.id)
-            return
-        except (OSError, http.client.HTTPException) as error:
+            status = http.client.GONE
+        except SealedError as error:
+            # Another replica may have the key.
+            log.warning("message cannot be signed", job=job.id, error=str(error))
+        except (OSError, ValueError) as error:
             log.info("message not delivered", job=job.id, error=type(error).__name__)
-            status = 0
         if 200 <= status < 300 or status == http.client.GONE or attempts > len(_DELAYS):
-            self._records.write_now(_delete, job.id)
+            try:
+                await self._records.write(_delete, job.id)
+            except ConnectionError as error:
+                log.warning("message will be sent again", job=job.id, error=str(error))
+
+
+def _origin(url: str) -> str:
+    """Return the beginning of an address that all addresses at the same server have."""
+    return url[: len("https://") + len(urlsplit(url).netloc)]
 
 
 def _message(job: JobRow) -> dict[str, Any]:
@@ -116,11 +166,14 @@ def check(url: str, *, private: bool = False) -> tuple[str, int]:
     Raises
     ------
     RefusedError
-        Where it is not https, or its host is written as the address of a private network.
+        Where it is not https, or its host is an address in a private network or in a spelling
+        that resolvers read in different ways.
     """
     try:
         parts = urlsplit(url)
         host, port = parts.hostname, parts.port or 443
+        if host is not None and ":" not in host:
+            host = host.encode("idna").decode().lower()  # digits have other forms too
     except ValueError:
         raise RefusedError("it is not an address") from None
     if parts.scheme != "https" or not host:
@@ -128,66 +181,126 @@ def check(url: str, *, private: bool = False) -> tuple[str, int]:
     if parts.username is not None or parts.password is not None or parts.fragment:
         raise RefusedError("it must not hold a user name, a password or a fragment")
     try:
-        literal = ipaddress.ip_address(host)
+        literal = ipaddress.ip_address(host.partition("%")[0])
     except ValueError:
+        last = host.rstrip(".").rpartition(".")[2]
+        # 2130706433, 127.1, 0x7f.1 and 127.0.0.1. are 127.0.0.1 for some resolvers.
+        if _NUMBER.fullmatch(last):
+            raise RefusedError("its host is a number, or an address that is not whole") from None
+        if last == "localhost" and not private:
+            raise RefusedError("its host is this machine") from None
         return host, port
     _check_address(literal, private)
     return host, port
 
 
 def _check_address(address: ipaddress.IPv4Address | ipaddress.IPv6Address, private: bool) -> None:
-    mapped = getattr(address, "ipv4_mapped", None)
+    if private:
+        return
     # is_global is false of private, loopback, link-local, reserved and unspecified ones.
-    if not private and (not (mapped or address).is_global or address.is_multicast):
+    if address.version == 6 and address in _LOCAL_NAT64:
+        raise RefusedError("its host lies in a private network")
+    reached = [address] if isinstance(address, ipaddress.IPv4Address) else _reached(address)
+    if address.is_multicast or not all(each.is_global for each in reached):
         raise RefusedError("its host lies in a private network")
 
 
-def send(url: str, head: dict[str, str], body: bytes, trust: ssl.SSLContext, private: bool) -> int:
-    """Post a message and return the status; redirections are not followed.
+def _reached(
+    address: ipaddress.IPv6Address,
+) -> list[ipaddress.IPv4Address | ipaddress.IPv6Address]:
+    """Return where packets to an address go: translators and tunnels take them to IPv4."""
+    if address.ipv4_mapped is not None:
+        return [address.ipv4_mapped]
+    if address.sixtofour is not None:
+        return [address.sixtofour]
+    if address.teredo is not None:
+        return list(address.teredo)
+    inner = ipaddress.IPv4Address(int(address) & 0xFFFFFFFF)
+    if any(address in network for network in _TRANSLATED):
+        return [inner]
+    if int(address) >> 32 & 0xFFFFFFFF in _ISATAP:
+        return [address, inner]
+    return [address]
+
+
+async def send(
+    url: str,
+    head: dict[str, str],
+    body: bytes,
+    trust: ssl.SSLContext,
+    private: bool,
+    threads: ThreadPoolExecutor | None = None,
+) -> int:
+    """Post a message within a time limit and return the status; redirections are not followed.
 
     The connection goes to the very address that was checked: a name that is resolved a second
-    time could stand for another address.
+    time could stand for another address. Names are resolved in `threads`.
 
     Raises
     ------
     RefusedError
         Where nothing may be sent to the address of the host.
+    TimeoutError
+        Where it took too long.
     """
     host, port = check(url, private=private)
     parts = urlsplit(url)
-    resolved = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
-    address = str(resolved[0][4][0])
-    _check_address(ipaddress.ip_address(address.partition("%")[0]), private)
     path = (parts.path or "/") + (f"?{parts.query}" if parts.query else "")
-    with socket.create_connection((address, port), _TIMEOUT) as plain:
-        connection = http.client.HTTPSConnection(host, port, timeout=_TIMEOUT, context=trust)
-        connection.sock = trust.wrap_socket(plain, server_hostname=host)
+    name = f"[{host}]" if ":" in host else host.encode("idna").decode()
+    fields = {"host": f"{name}:{port}", **head, "content-length": len(body), "connection": "close"}
+    lines = [f"POST {path} HTTP/1.1", *(f"{field}: {value}" for field, value in fields.items())]
+    loop = asyncio.get_running_loop()
+    async with asyncio.timeout(_SECONDS):
+        resolve = partial(socket.getaddrinfo, host, port, type=socket.SOCK_STREAM)
+        address = str((await loop.run_in_executor(threads, resolve))[0][4][0])
+        _check_address(ipaddress.ip_address(address.partition("%")[0]), private)
+        reader, writer = await asyncio.open_connection(
+            address, port, ssl=trust, server_hostname=host
+        )
         try:
-            connection.request("POST", path, body, head)
-            return connection.getresponse().status
+            writer.write("\r\n".join([*lines, "", ""]).encode() + body)
+            await writer.drain()
+            return await _status(reader)
         finally:
-            connection.close()
+            writer.transport.abort()
 
 
-def _due(connection: Connection) -> sa.Select[Any]:
+async def _status(reader: asyncio.StreamReader) -> int:
+    """Return the first status that is final; 0 where there is none."""
+    while line := await reader.readline():
+        status = _STATUS_LINE.match(line)
+        if status is not None and int(status[1]) >= 200:
+            return int(status[1])
+    return 0
+
+
+def _due(connection: Connection, busy: Sequence[str]) -> sa.Select[Any]:
+    """Return the messages that are due at receivers that are not busy."""
     ended = jobs.c.state.in_(FINAL) & (webhooks.c.due <= now(connection))
+    free = (~webhooks.c.url.startswith(origin, autoescape=True) for origin in busy)
     return (
         sa.select(jobs, webhooks.c.url, webhooks.c.secret, webhooks.c.attempts.label("tried"))
         .join(webhooks, webhooks.c.job == jobs.c.id)
-        .where(ended)
+        .where(ended, *free)
     )
 
 
-def _any_due(connection: Connection) -> bool:
-    return connection.execute(_due(connection).limit(1)).first() is not None
+def _any_due(connection: Connection, busy: Sequence[str]) -> bool:
+    return connection.execute(_due(connection, busy).limit(1)).first() is not None
 
 
-def _take(connection: Connection) -> list[tuple[JobRow, str, str, int]]:
-    """Return messages that are due, and postpone each to its next attempt."""
-    query = _due(connection).limit(_AT_ONCE).with_for_update(skip_locked=True, of=webhooks)
-    taken = []
-    for due in connection.execute(query).all():
-        job, tried = row(due), due.tried
+def _take(
+    connection: Connection, busy: Sequence[str], room: int
+) -> list[tuple[JobRow, str, str, int]]:
+    """Return messages that are due, few for each receiver; postpone each to its next attempt."""
+    query = _due(connection, busy).order_by(webhooks.c.due).limit(room)
+    taken: list[tuple[JobRow, str, str, int]] = []
+    origins: Counter[str] = Counter()
+    for due in connection.execute(query.with_for_update(skip_locked=True, of=webhooks)).all():
+        job, tried, origin = row(due), due.tried, _origin(due.url)
+        origins[origin] += 1
+        if origins[origin] > _PER_ORIGIN:
+            continue
         pause = _DELAYS[min(tried, len(_DELAYS) - 1)]
         later = {"attempts": tried + 1, "due": now(connection) + pause}
         connection.execute(webhooks.update().where(webhooks.c.job == job.id).values(**later))

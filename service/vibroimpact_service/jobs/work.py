@@ -40,6 +40,10 @@ class StoppedError(Exception):
     """The computation took too long, or was cancelled."""
 
 
+class LimitPassedError(Exception):
+    """The computation passed a limit while it ran; its text says which, and what is kept."""
+
+
 class StopSignal:
     """Stops a computation from outside or after some time; the `Tick` of all of them.
 
@@ -50,22 +54,44 @@ class StopSignal:
         kernels, does not count.
     cancelled : callable, optional
         Returns whether the computation was cancelled; called every 50 ms at most.
+    enforce : callable, optional
+        ``(seconds) -> None``: has the operating system end the process where the computation
+        takes more processor time and does not notice.
     """
 
     def __init__(
-        self, seconds: float = math.inf, cancelled: Callable[[], bool] | None = None
+        self,
+        seconds: float = math.inf,
+        cancelled: Callable[[], bool] | None = None,
+        enforce: Callable[[float], None] | None = None,
     ) -> None:
-        self._seconds, self._cancelled = seconds, cancelled
+        self._seconds, self._cancelled, self._enforce = seconds, cancelled, enforce
         self._end: float | None = None
+        self._processor_end = math.inf
         self._next_check = time.monotonic() + _CANCELLED_SECONDS
         self.stopped = False
+        self.wanted = True
 
     def stop(self) -> None:
         """Stop the computation at its next progress."""
         self.stopped = True
 
+    def allow(self, seconds: float) -> None:
+        """Allow so much processor time of this thread from now on."""
+        self._processor_end = time.thread_time() + seconds
+        if self._enforce is not None:
+            self._enforce(seconds)
+
+    def while_wanted(self, done: int, total: int) -> None:
+        """As a call of this, and raise `StoppedError` where nobody wants the outcome any more."""
+        if not self.wanted:
+            raise StoppedError
+        self(done, total)
+
     def __call__(self, _done: int, _total: int) -> None:
-        """Raise `StoppedError` where the computation is to stop."""
+        """Raise `StoppedError` or `LimitPassedError` where the computation is to stop."""
+        if time.thread_time() > self._processor_end:
+            raise LimitPassedError
         now = time.monotonic()
         if self._end is None:
             self._end = now + self._seconds
@@ -81,7 +107,20 @@ class ChunkMissingError(Exception):
 
 
 class WorkerLostError(RuntimeError):
-    """A computation killed its worker repeatedly."""
+    """The worker process of a computation died.
+
+    Parameters
+    ----------
+    worker : str
+        Its address.
+    why : str
+    own : bool
+        Whether the computation can have brought it about: by a fault, or by its need of memory.
+    """
+
+    def __init__(self, worker: str = "", why: str = "", *, own: bool = True) -> None:
+        super().__init__(worker, why)
+        self.worker, self.why, self.own = worker, why, own
 
 
 class DeadlineError(RuntimeError):

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import errno
 import time
 from collections.abc import Sequence
-from typing import Any
+from contextlib import suppress
+from typing import Any, Final
 
-from vibroimpact_service.jobs.work import Chunk, StoppedError, Tick, Work
-from vibroimpact_service.store import Store, StoreFullError, StoreUnavailableError
+from vibroimpact_service.jobs.work import Chunk, ChunkMissingError, StoppedError, Tick, Work
+from vibroimpact_service.store import Store, StoreUnavailableError
 
 JobArguments = tuple[str, str, str, str]
 """Store URL, kind, request and result: the first arguments of all functions of `Work`."""
 
-TRANSIENT_ERRORS = (StoreFullError, StoreUnavailableError)
-"""Errors that are not the job's fault: it is tried again later."""
+TRANSIENT_ERRORS = (OSError,)
+"""Errors that are not the job's fault but of what is around it: it is tried again later."""
+JOINS: Final = 3
+"""How often the chunks that cannot be read are computed again before the job has to wait."""
+DAMAGED: Final = StoreUnavailableError(errno.EIO, "the store damages chunks of the job")
 
 
 class PartlyDoneError(Exception):
@@ -36,7 +41,7 @@ def split(work: Work, job: JobArguments, _tick: Tick) -> tuple[list[Chunk], list
     """Return the chunks of a job, and the indices of those that are not stored yet."""
     chunks = list(work.split(*job))
     store = Store(job[0]).chunks
-    stored = store.present([chunk.name for chunk in chunks])
+    stored = store.sound([chunk.name for chunk in chunks])
     for name in stored:
         store.touch(name)  # retention removes the chunks that were not used for longest
     return chunks, [i for i, chunk in enumerate(chunks) if chunk.name not in stored]
@@ -58,6 +63,17 @@ def join(work: Work, job: JobArguments, chunks: Sequence[Chunk], _tick: Tick) ->
             store.chunks.remove(chunk.name)
 
 
+def _complete(work: Work, job: JobArguments, tick: Tick) -> None:
+    for _ in range(JOINS):
+        chunks, missing = split(work, job, tick)
+        if missing:
+            work.solve(*job, missing, tick)
+        with suppress(ChunkMissingError):
+            join(work, job, chunks, tick)
+            return
+    raise DAMAGED
+
+
 def complete(work: Work, jobs: Sequence[JobArguments], tick: Tick) -> None:
     """Compute several jobs, each from splitting to joining.
 
@@ -71,12 +87,9 @@ def complete(work: Work, jobs: Sequence[JobArguments], tick: Tick) -> None:
     delayed: dict[int, str] = {}
     for position, job in enumerate(jobs):
         try:
-            chunks, missing = split(work, job, tick)
-            if missing:
-                work.solve(*job, missing, tick)
-            join(work, job, chunks, tick)
-        except StoppedError:
-            raise
+            _complete(work, job, tick)
+        except (StoppedError, MemoryError):
+            raise  # the memory can have been another call's
         except TRANSIENT_ERRORS as error:
             delayed[position] = str(error.strerror or error)
         except Exception as error:

@@ -53,12 +53,12 @@ def write(
     file.write(digest.digest())
 
 
-def _blocks(array: Array | RowFile) -> Iterator[bytes]:
+def _blocks(array: Array | RowFile) -> Iterator[bytes | memoryview]:
     """Yield the bytes of an array, and those that fill its last block."""
     if isinstance(array, RowFile):
         yield from array.blocks()
     else:
-        yield array.tobytes()
+        yield np.ascontiguousarray(array).reshape(-1).view(np.uint8).data  # no copy
     yield bytes(-array.nbytes % _ALIGN)
 
 

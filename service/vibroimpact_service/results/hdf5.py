@@ -17,6 +17,7 @@ import orjson
 from vibroimpact_service.results import encode
 from vibroimpact_service.results.container import Array
 from vibroimpact_service.results.encode import Content
+from vibroimpact_service.results.units import unit
 from vibroimpact_solvers.arrays import Quantity
 
 _LARGE: Final = 2**16
@@ -61,6 +62,15 @@ def _write(target: Path | io.BytesIO, content: Content) -> None:
             group, _, attribute = content.path(name).rpartition("/")
             text = "\n".join(value) if isinstance(value, list) else value
             _group(file, group).attrs[attribute] = text
+            if isinstance(value, (int, float)) and group:
+                # As a variable too, like the numbers that are arrays elsewhere.
+                meaning = content.meanings[name]
+                number = file.create_variable(content.path(name), (), data=np.array(value))
+                number.attrs.update(_attributes(meaning, dimensions, content.head["units"]))
+        if content.free:
+            of_arrays = _group(file, "dimensions")
+            for name, meaning in content.meanings.items():
+                of_arrays.attrs[name] = " ".join(dimensions.of(meaning))
 
 
 def _write_head(file: Any, head: Mapping[str, Any]) -> None:
@@ -184,20 +194,3 @@ def _chunks(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...]:
         if chunks[axis] > 1:
             break
     return tuple(chunks)
-
-
-_BASE_DIMENSIONS: Final = ("mass", "length", "time")
-
-
-def unit(dimension: str, units: Mapping[str, str] | None) -> str:
-    """Return the unit of a dimension such as "mass length time-2" in a set of units.
-
-    Without a set of units everything is dimensionless, "1".
-    """
-    if units is None or dimension == "1":
-        return "1"
-    symbols = []
-    for factor in dimension.split():
-        base = factor.rstrip("-0123456789")
-        symbols.append(units[base] + factor[len(base) :] if base in _BASE_DIMENSIONS else factor)
-    return " ".join(symbols)

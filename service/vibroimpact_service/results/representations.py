@@ -32,6 +32,8 @@ CODINGS: Final = ("zstd", "gzip")
 
 LARGE: Final = 32 * 2**20
 """Size in bytes above which a result is sent from its file, never read as a whole."""
+_BESIDE: Final = 1.5
+"""What a result has beside what its plan counts, such as the errors of displacements."""
 _SMALLEST_CODED: Final = 4096
 
 
@@ -92,6 +94,19 @@ def load(store: Store, name: str, media_type: str) -> Representation | None:
     with contextlib.suppress(StoreFullError):
         store.results.put(part, made.data, durable=False)
     return made
+
+
+def check_size(size: float, media_type: str) -> None:
+    """Refuse a media type in which a result of that many bytes is not sent.
+
+    Raises
+    ------
+    ProblemError
+        406.
+    """
+    if media_type == JSON and size * _BESIDE > LARGE:
+        detail = f"A result of at least about {_BESIDE * size:.3g} bytes is sent as {HDF5} only."
+        raise ProblemError(problems.NOT_ACCEPTABLE, detail)
 
 
 def of_content(content: Content, media_type: str) -> Representation:

@@ -11,7 +11,7 @@ import tempfile
 import uuid
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import datetime
 from io import BufferedWriter
 from itertools import chain
@@ -21,12 +21,15 @@ from typing import Any, NamedTuple
 import fsspec
 from fsspec.implementations.local import LocalFileSystem
 
+from vibroimpact_service.store import private
+
 _NAME = re.compile(r"[0-9a-z_]{8,80}(\.[0-9a-z]{1,12})?")
 HEAD = 32
 """Bytes of the hash before a block."""
 _READ_BYTES = 2**20
 _MAX_REQUESTS = 32  # requests to an object store at the same time
 _LEFTOVER_SECONDS = 3600.0
+_MAX_CHECKED = 10_000
 
 
 class StoreFullError(OSError):
@@ -34,7 +37,7 @@ class StoreFullError(OSError):
 
 
 class StoreUnavailableError(ConnectionError):
-    """The store cannot be reached, or refuses."""
+    """The store cannot be reached, cannot be read or written at the moment, or refuses."""
 
 
 class Entry(NamedTuple):
@@ -105,10 +108,9 @@ class ContentStore:
             if durable:
                 _sync_folder(folder)
         except OSError as error:
-            Path(temporary).unlink(missing_ok=True)
-            if error.errno in (errno.ENOSPC, errno.EDQUOT):
-                raise StoreFullError(error.errno, "the store is full") from error
-            raise
+            with suppress(OSError):
+                os.unlink(temporary)  # noqa: PTH108 (hot path)
+            raise _translated(error) from error
 
     def get(self, name: str) -> bytes | None:
         """Return a block, or None where it is absent or damaged.
@@ -128,6 +130,8 @@ class ContentStore:
                     content = self._fs.cat_file(path)
         except FileNotFoundError:
             return None
+        except OSError as error:
+            raise _translated(error) from error
         data = content[32:]
         if hashlib.sha256(data).digest() != content[:32]:
             self.remove(name)
@@ -140,6 +144,20 @@ class ContentStore:
             return os.stat(self._path(name)).st_size - HEAD  # noqa: PTH116 (hot path)
         except FileNotFoundError:
             return None
+        except OSError as error:
+            raise _translated(error) from error
+
+    def size_of_all(self, names: Sequence[str]) -> int:
+        """Return the size in bytes of those of some blocks that are there, in any store."""
+        if self._local:
+            return sum(self.size(name) or 0 for name in names)
+        with ThreadPoolExecutor(_MAX_REQUESTS) as threads:
+            return sum(threads.map(self._remote_size, names))
+
+    def _remote_size(self, name: str) -> int:
+        with suppress(FileNotFoundError), _translated_errors():
+            return int(self._fs.size(self._path(name))) - HEAD
+        return 0
 
     def file(self, name: str) -> Path | None:
         """Return the file of a block that is too large for memory, or None where there is none.
@@ -148,18 +166,26 @@ class ContentStore:
         in a folder has files.
         """
         path = Path(self._path(name))
-        if not self._local or not path.exists():
+        if not self._local:
             return None
-        status = path.stat()
-        version = (status.st_ino, status.st_mtime_ns, status.st_size)
-        # Checked once per process: such a file is read piece by piece.
-        if self._checked.get(name) != version:
+        try:
+            status = path.stat()
+            version = (status.st_ino, status.st_mtime_ns, status.st_size)
+            # Checked once per process: such a file is read piece by piece.
+            if self._checked.get(name) == version:
+                return path
             with path.open("rb") as file:
-                head = file.read(HEAD)
-                if hashlib.file_digest(file, "sha256").digest() != head:
-                    self.remove(name)
-                    return None
-            self._checked[name] = version
+                sound = file.read(HEAD) == hashlib.file_digest(file, "sha256").digest()
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            raise _translated(error) from error
+        if not sound:
+            self.remove(name)
+            return None
+        if len(self._checked) >= _MAX_CHECKED:
+            self._checked.clear()
+        self._checked[name] = version
         return path
 
     def put_file(self, name: str, source: Path) -> None:
@@ -187,15 +213,13 @@ class ContentStore:
             Where the disk is full.
         """
         beside = Path(self._root) if self._local else None
-        if beside is not None:
-            beside.mkdir(parents=True, exist_ok=True)
         try:
+            if beside is not None:
+                private.folder(beside)
             with tempfile.TemporaryDirectory(prefix=".", dir=beside) as folder:
                 yield Path(folder)
         except OSError as error:
-            if error.errno in (errno.ENOSPC, errno.EDQUOT):
-                raise StoreFullError(error.errno, "the store is full") from error
-            raise
+            raise _translated(error) from error
 
     @property
     def local(self) -> bool:
@@ -216,13 +240,13 @@ class ContentStore:
             return self.file(name) is not None
         return self.has(name) and self.get(name) is not None
 
-    def present(self, names: Sequence[str]) -> set[str]:
-        """Return those of some names under which there is a block."""
+    def sound(self, names: Sequence[str]) -> set[str]:
+        """Return those of some names under which there is an undamaged block."""
         if self._local:
-            return {name for name in names if self.has(name)}
+            return {name for name in names if self.readable(name)}
         with ThreadPoolExecutor(_MAX_REQUESTS) as threads:
-            stored = threads.map(self.has, names)
-        return {name for name, present in zip(names, stored, strict=True) if present}
+            stored = threads.map(self.readable, names)
+        return {name for name, sound in zip(names, stored, strict=True) if sound}
 
     def remove(self, name: str) -> None:
         """Remove a block if it is there."""
@@ -235,14 +259,14 @@ class ContentStore:
                     self._fs.rm_file(path)
         except FileNotFoundError:
             return
+        except OSError as error:
+            raise _translated(error) from error
 
     def touch(self, name: str) -> None:
         """Make a block count as new; without effect in an object store."""
         if self._local:
-            try:
+            with suppress(OSError):  # retention may remove it earlier: no harm
                 os.utime(self._path(name))
-            except FileNotFoundError:
-                return
 
     def entries(self) -> Iterator[Entry]:
         """Yield all blocks."""
@@ -292,10 +316,10 @@ class ContentStore:
 
 def _open_new(path: str, folder: str) -> BufferedWriter:
     try:
-        return open(path, "xb")  # noqa: PTH123 (hot path)
+        return open(path, "xb", opener=private.opener)
     except FileNotFoundError:
-        Path(folder).mkdir(parents=True, exist_ok=True)
-        return open(path, "xb")  # noqa: PTH123
+        private.folder(Path(folder))
+        return open(path, "xb", opener=private.opener)
 
 
 def _sync_folder(folder: str) -> None:
@@ -304,6 +328,16 @@ def _sync_folder(folder: str) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def _translated(error: OSError) -> OSError:
+    """Return what an error of the file system means for the store."""
+    if isinstance(error, StoreFullError | StoreUnavailableError):
+        return error
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return StoreFullError(error.errno, "the store is full")
+    reason = (error.strerror or type(error).__name__).lower()
+    return StoreUnavailableError(error.errno or errno.EIO, f"the store does not work: {reason}")
 
 
 @contextmanager

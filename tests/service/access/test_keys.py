@@ -24,6 +24,8 @@ RULES = {
     ("POST", "/v1/batch"): Scope.SUBMIT,
     **{("POST", f"/v1/plan/{kind}"): Scope.SUBMIT for kind in KINDS},
     ("POST", "/v1/jobs"): Scope.SUBMIT,
+    ("POST", "/v1/retry"): Scope.SUBMIT,
+    **{("POST", f"/v1/jobs/{{job}}/{act}"): Scope.SUBMIT for act in ("hold", "release", "retry")},
     ("GET", "/v1/jobs"): Scope.READ,
     ("GET", "/v1/jobs/{job}"): Scope.READ,
     ("DELETE", "/v1/jobs/{job}"): Scope.SUBMIT,
@@ -47,7 +49,7 @@ RULES = {
     ("GET", "/openapi.json"): ANYBODY,
     ("GET", "/"): ANYBODY,
     ("GET", "/docs"): ANYBODY,
-    ("GET", "/console/{file}"): ANYBODY,
+    ("GET", "/console/{file:path}"): ANYBODY,
     ("GET", "/docs/problems/{code}"): ANYBODY,
 }
 """(method, path) -> the scope that the caller must have."""
@@ -70,7 +72,9 @@ def declared(route: APIRoute) -> Scope | None:
 
 def address(path: str) -> str:
     values = {"job": "job_" + "0" * 32, "digest": "0" * 64, "system": "sys_" + "0" * 64}
-    return path.format(**values, key="0" * 12, code="not_found", file="none.js")
+    return path.replace(":path", "").format(
+        **values, key="0" * 12, code="not_found", file="none.js"
+    )
 
 
 def test_every_route_declares_the_scope_of_the_rules(http: TestClient) -> None:

@@ -121,6 +121,8 @@ def test_bad_tokens_are_refused(served: TestClient, issuer: Issuer) -> None:
         issuer.token(exp=int(time.time()) - 120),
         issuer.token(exp=None),
         issuer.token(sub=None),
+        issuer.token(sub="ann\ud800"),
+        issuer.token(kid="\udfff"),
         issuer.token(aud="another"),
         issuer.token(aud=None),
         issuer.token(iss="https://elsewhere.example"),

@@ -40,7 +40,7 @@ def test_a_wrong_request_affects_no_other(http: TestClient, request_body: dict[s
     answers = http.post("/v1/batch", json=batch).json()["answers"]
     assert answers[0]["result"]["impulse"]
     assert answers[1]["problem"]["errors"][0]["pointer"] == "/color"
-    assert answers[2]["problem"]["code"] == "too_large"
+    assert answers[2]["problem"]["code"] in ("too_large", "too_costly")  # a plan of so many
     assert answers[3]["problem"]["status"] == 422
 
 

@@ -39,6 +39,9 @@ def test_the_committed_contract_is_the_one_that_is_spoken() -> None:
 def lost(old: Any, new: Any, where: str = "") -> list[str]:
     """Return the places where a document says less than, or other than, an older one."""
     if isinstance(old, dict) and isinstance(new, dict):
+        if "Request/" in where and "$ref" in old and "oneOf" in new:
+            # A part of a request that may have other forms now, too.
+            return [] if any(not lost(old, form) for form in new["oneOf"]) else [where]
         return [
             place
             for name, value in old.items()
@@ -50,10 +53,11 @@ def lost(old: Any, new: Any, where: str = "") -> list[str]:
         if where.endswith("/parameters"):
             by_name = [{f"{p['in']} {p['name']}": p for p in each} for each in (old, new)]
             return lost(*by_name, where)
-        if where.endswith(("/enum", "/required")):
+        if where.endswith(("/enum", "/required", "/x-enum-varnames")):
             return [f"{where}/{value}" for value in old if value not in new]
         if where.endswith(("/anyOf", "/oneOf")):
-            return [f"{where}/{i}" for i, form in enumerate(old) if all(lost(form, n) for n in new)]
+            apart = [all(lost(form, n, where) for n in new) for form in old]
+            return [f"{where}/{i}" for i, is_lost in enumerate(apart) if is_lost]
         if len(old) == len(new):
             pairs = enumerate(zip(old, new, strict=True))
             return [place for i, pair in pairs for place in lost(*pair, f"{where}/{i}")]
@@ -83,6 +87,10 @@ def test_a_loss_would_be_noticed() -> None:
         "responses": {**old["responses"], "404": {}},  # type: ignore[dict-item]
     }
     assert lost(old, more) == []
+    one, forms = {"$ref": "a"}, {"oneOf": [{"$ref": "b"}, {"$ref": "a"}]}
+    assert lost(one, forms, "/ARequest/load") == []
+    assert lost({"$ref": "c"}, forms, "/ARequest/load") == ["/ARequest/load"]
+    assert lost(one, forms, "/AResult/x") == ["/AResult/x/$ref"]
     assert lost(more, old) == [
         "/parameters/path b",
         "/parameters/query a/schema/enum/3",
@@ -121,7 +129,7 @@ def test_operations_say_what_goes_wrong(method: str, path: str, operation: dict[
     for answer in failures.values():
         reference = answer["content"]["application/problem+json"]["schema"]["$ref"]
         assert reference == "#/components/schemas/Problem"
-    if method == "post":
+    if method == "post" and "requestBody" in operation:
         assert {"400", "413", "415", "422"} <= set(failures)
 
 
@@ -178,7 +186,8 @@ def test_examples_work(
 def test_every_request_has_an_example() -> None:
     shown = {(method, path) for method, path, _, _ in EXAMPLES}
     assert shown == {(method, path) for method, path, it in OPERATIONS if "requestBody" in it}
-    assert {path for method, path in shown if method == "post"} == {
+    without_body = {f"/v1/jobs/{{job}}/{action}" for action in ("hold", "release", "retry")}
+    assert {path for method, path in shown if method == "post"} | without_body == {
         path for method, path, _ in OPERATIONS if method == "post"
     }
 

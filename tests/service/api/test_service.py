@@ -25,8 +25,10 @@ def test_health(http: TestClient, queue: Any) -> None:
     assert answer.status_code == 503
     assert answer.headers["retry-after"] == "1"
     assert "workers: starting" in answer.json()["detail"]
-    queue.engine.ready, queue.healthy = True, False
-    assert "records" in http.get("/v1/health/ready").json()["detail"]
+    queue.engine.ready = True
+    for part in ("records", "store"):
+        queue.faults = {part: "Read-only file system"}
+        assert f"{part}: Read-only" in http.get("/v1/health/ready").json()["detail"]
     assert http.get("/v1/health/live").status_code == 200
 
 
@@ -157,3 +159,39 @@ def test_memory_of_bodies_is_limited_and_returned(
             refused = http.post("/v1/plan/impact-modes", content=body + b" ", headers=headers)
             assert refused.status_code == 503
             assert refused.headers["retry-after"] == "2"
+
+
+@pytest.mark.parametrize("coding", ["zstd", "gzip", "identity"])
+def test_the_contract_is_compressed_and_fetched_once(http: TestClient, coding: str) -> None:
+    whole = http.get("/openapi.json", headers={"Accept-Encoding": "identity"}).json()
+    with http.stream("GET", "/openapi.json", headers={"Accept-Encoding": coding}) as answer:
+        raw = b"".join(answer.iter_raw())
+    assert answer.headers.get("content-encoding", "identity") == coding
+    assert answer.headers["vary"] == "Accept-Encoding"
+    size = len(orjson.dumps(whole))
+    assert (len(raw) < size / 3) == (coding != "identity")
+    tag = answer.headers["etag"]
+    sent = {"Accept-Encoding": coding, "If-None-Match": tag}
+    assert http.get("/openapi.json", headers=sent).status_code == 304
+    assert http.get("/openapi.json", headers=sent | {"Accept-Encoding": "x"}).status_code == (
+        304 if coding == "identity" else 200
+    )
+
+
+def test_conditions_on_what_has_no_entity_tag_do_not_hold(
+    http: TestClient, queue: Any, request_body: dict[str, Any]
+) -> None:
+    body = {"kind": "impact-modes", "request": request_body}
+    known = {"If-Match": '"abc"'}
+    assert http.post("/v1/jobs", json=body, headers=known).status_code == 412
+    assert queue.rows == {}
+    job = http.post("/v1/jobs", json=body, headers={"If-Match": "*"}).json()["id"]
+    refused = http.delete(f"/v1/jobs/{job}", headers=known)
+    assert (refused.status_code, refused.json()["code"]) == (412, "precondition_failed")
+    assert queue.rows[job].state == "queued"
+
+
+def test_a_page_that_changed(http: TestClient) -> None:
+    tag = http.get("/").headers["etag"]
+    assert http.get("/", headers={"If-Match": f'"other", {tag}'}).status_code == 200
+    assert http.get("/", headers={"If-Match": '"other"'}).status_code == 412

@@ -208,3 +208,127 @@ def test_impact_modes() -> None:
     assert problem.output_dofs.tolist() == [4, 0]
     assert problem.times.tolist() == [0, 1]
     assert problem.tolerance == 1e-9
+
+
+@pytest.mark.parametrize(
+    ("time", "unit", "given", "Omega"),
+    [
+        (None, "Hz", 50.0, 100.0 * np.pi),
+        ("s", "rpm", 3000.0, 100.0 * np.pi),
+        ("ms", "Hz", 50.0, 0.1 * np.pi),
+        ("min", "rpm", 50.0, 100.0 * np.pi),
+    ],
+)
+def test_frequencies_in_hertz_and_revolutions(
+    time: str | None, unit: str, given: float, Omega: float
+) -> None:
+    units = {} if time is None else {"units": {"length": "mm", "mass": "kg", "time": time}}
+    of = system(M={"diagonal": [1.0]}, K={"diagonal": [1.0]}, **units)
+    grid = GRID.validate_python({"values": [given], "unit": unit})
+    computed, omega = decode.frequencies(grid, of.units)
+    assert computed[0] == pytest.approx(Omega, rel=1e-15)
+    assert omega[0] == pytest.approx(2.0 / np.pi * Omega, rel=1e-15)
+
+
+def test_hertz_needs_a_unit_of_time() -> None:
+    of = system(
+        M={"diagonal": [1.0]},
+        K={"diagonal": [1.0]},
+        units={"length": "m", "mass": "kg", "time": "fortnight"},
+    )
+    with pytest.raises(ModelError, match="fortnight"):
+        decode.frequencies(GRID.validate_python({"values": [1.0], "unit": "Hz"}), of.units)
+
+
+@pytest.mark.parametrize(
+    "times",
+    [
+        [0.0, 0.5, 1.0],
+        {"values": [0.0, 0.5, 1.0]},
+        {"num": 3},
+        {"stop": 1.0, "num": 3},
+        {"start": 0.0, "stop": 1.0, "step": 0.5},
+    ],
+)
+def test_times_in_every_form(times: Any) -> None:
+    body = {"initial": {"x": [0.0], "v": [0.0]}, "t_end": 1.0, "t": times}
+    document = {"preset": "oscillator", "Omega0": 1.0, "constraints": [STOP]}
+    request = requests.TimeHistoryRequest.model_validate({"system": document, **body})
+    problem = decode.time_history(request, decode.system(request.system))
+    np.testing.assert_array_equal(problem.t, [0.0, 0.5, 1.0])
+
+
+def test_dependent_constraints_are_named() -> None:
+    def along(*pair: float) -> dict[str, Any]:
+        return {"direction": {"dofs": [0, 1], "weights": list(pair)}, "gap": 1.0}
+
+    limiters = [{"dof": 2, "gap": 1.0}, along(1.0, 0.0), along(1.0, 1.0), along(2.0, 3.0)]
+    document = {"M": {"scalar": 1.0, "n": 3}, "K": {"diagonal": [1.0, 2.0, 3.0]}}
+    body = {"system": {**document, "constraints": limiters}, "frequency": {"values": [1.0]}}
+    request = requests.ImpactModesRequest.model_validate(body)
+    with pytest.raises(ModelError, match=r"constraint 3 is .* constraints 1, 2: ") as caught:
+        decode.impact_modes(request, decode.system(request.system))
+    assert caught.value.code == "dependent_constraints"
+
+
+def test_degrees_of_freedom_without_mass_are_named() -> None:
+    with pytest.raises(ModelError, match=r"2 degrees .* no mass \(0, 2\).*condense.*; 0 with") as e:
+        system(M={"diagonal": [0.0, 1.0, 0.0]}, K={"diagonal": [1.0, 1.0, 1.0]})
+    assert e.value.pointer == ("M",)
+
+
+def motion(*load: dict[str, Any]) -> Any:
+    body = {
+        "system": {"M": {"diagonal": [2.0, 1.0]}, "K": [[2, -1], [-1, 2]], "constraints": [STOP]},
+        "initial": {"x": [0, 0], "v": [0, 0]}, "t_end": 1.0, "load": list(load),
+    }  # fmt: skip
+    request = requests.TimeHistoryRequest.model_validate(body)
+    return decode.time_history(request, decode.system(request.system))
+
+
+def test_samples_and_moving_bases() -> None:
+    first, second, third = motion(
+        {"dof": 1, "force": [0, 1, 4], "interval": 0.5},
+        {"direction": {"dofs": [1, 0], "weights": [3, -1]}, "force": [1, 2], "t": [-1, 2]},
+        {"base": [1, 1], "acceleration": [0, 9.5], "interval": 1},
+    ).load
+    assert first.direction.tolist() == [0.0, 1.0]
+    assert first.t.tolist() == [0.0, 0.5, 1.0]
+    assert first.values.tolist() == [0.0, 1.0, 4.0]
+    assert second.direction.tolist() == [-1.0, 3.0]
+    assert second.t.tolist() == [-1.0, 2.0]
+    assert third.direction.tolist() == [-2.0, -1.0]  # -M r
+    assert third.values.tolist() == [0.0, 9.5]
+
+
+@pytest.mark.parametrize(
+    ("load", "pointer"),
+    [
+        ({"dof": 2, "force": [0, 1], "interval": 1}, ("load", 0, "dof")),
+        ({"base": [1], "acceleration": [0, 1], "interval": 1}, ("load", 0, "base")),
+        ({"dof": 0, "force": [0, 1], "interval": 0.5}, ("load", 0, "t")),
+        (
+            {"direction": {"dofs": [0], "weights": [1, 2]}, "force": [0, 1], "interval": 1},
+            ("load", 0, "direction"),
+        ),
+    ],
+)
+def test_faults_of_samples(load: dict[str, Any], pointer: tuple[Any, ...]) -> None:
+    with pytest.raises(ModelError) as caught:
+        motion(load)
+    assert caught.value.pointer == pointer
+
+
+@pytest.mark.parametrize(
+    "load",
+    [
+        {"dof": 0, "force": [0, 1]},
+        {"dof": 0, "force": [0, 1], "interval": 1, "t": [0, 1]},
+        {"force": [0, 1], "interval": 1},
+        {"dof": 0, "force": [0], "interval": 1},
+        {"dof": 0, "acceleration": [0, 1], "interval": 1},
+    ],
+)
+def test_forms_of_samples(load: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=r"load"):
+        motion(load)

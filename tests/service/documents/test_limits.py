@@ -78,6 +78,31 @@ def test_results_are_bounded_and_spectra_are_not_results() -> None:
     assert caught.value.type is problems.TOO_LARGE
 
 
+def test_sizes_that_are_only_expected_may_turn_out_smaller() -> None:
+    steps = (
+        Step(Stage.SPECTRUM, "dense", "", bytes=7e3),
+        Step(Stage.HISTORY, "sum", "", bytes=2e3),
+        Step(Stage.FREE_MOTION, "exact", "", bytes=1e3, bounded=False),
+    )
+    assert limits.result_bytes(Plan("kind", steps)) == 3e3
+    assert limits.least_bytes(Plan("kind", steps)) == 2.1e3
+
+
+def test_plans_respect_the_memory_of_a_worker() -> None:
+    tight = SETTINGS.model_copy(update={"max_result_bytes": 2**30, "worker_memory_bytes": 2**29})
+
+    def check_plan(stage: Stage, size: float, **more: Any) -> None:
+        limits.check_plan(Plan("kind", (Step(stage, "sum", "", bytes=size),)), tight, **more)
+
+    check_plan(Stage.SHAPE, 5e7)
+    check_plan(Stage.SPECTRUM, 2e8)
+    check_plan(Stage.SHAPE, 2e8, joined_in_files=True)
+    for stage, size in ((Stage.SHAPE, 6e7), (Stage.SPECTRUM, 3e8)):
+        with pytest.raises(ProblemError, match="bytes of memory are more than 536870912") as caught:
+            check_plan(stage, size)
+        assert caught.value.errors[0].code == "too_much_memory"
+
+
 def sweep(axes: list[dict[str, Any]], frequency: dict[str, Any] = GRID) -> SweepRequest:
     base = {"system": CHAIN, "frequency": frequency}
     return SweepRequest.model_validate({"kind": "impact-modes", "base": base, "axes": axes})

@@ -6,15 +6,18 @@ import os
 import queue
 import signal
 import time
+import urllib.error
+import urllib.request
 import uuid
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from vibroimpact_service.jobs import worker_plugin
+from vibroimpact_service.jobs import death_watch, deaths, worker_plugin
 from vibroimpact_service.jobs.engine import BULK, FAST, Call, Engine
 from vibroimpact_service.jobs.work import StoppedError, Tick, WorkerLostError, nothing
 from vibroimpact_service.settings import Settings
@@ -29,7 +32,15 @@ def fail(_tick: Tick) -> None:
 
 
 def die(_tick: Tick) -> None:
-    os.kill(os.getpid(), signal.SIGKILL)
+    signal.raise_signal(signal.SIGSEGV)
+
+
+def allocate(number: int, _tick: Tick) -> float:
+    return float(np.ones(number).sum())
+
+
+def process(_tick: Tick) -> int:
+    return os.getpid()
 
 
 def turn(folder: Path, tick: Tick) -> None:
@@ -53,7 +64,8 @@ class Bench:
     """An engine with one worker, and a short way to call it."""
 
     def __init__(self, folder: Path) -> None:
-        self.engine = Engine(Settings(data=folder, workers=1, grace_seconds=1.0))
+        settings = Settings(data=folder, workers=1, grace_seconds=1.0, worker_memory_bytes=2**30)
+        self.engine = Engine(settings)
         self.engine.start()
         wait_for(lambda: self.engine.ready)
         self.ended: queue.SimpleQueue[Call] = queue.SimpleQueue()
@@ -109,8 +121,74 @@ def test_a_cancelled_call_that_does_not_stop_loses_its_worker(bench: Bench, tmp_
 
 
 def test_a_call_that_kills_its_worker_fails_and_the_worker_is_replaced(bench: Bench) -> None:
-    assert isinstance(bench.outcome(BULK, die), WorkerLostError)
+    for _ in range(2):  # the second one as soon as its worker is there
+        lost = bench.outcome(BULK, die)
+        assert isinstance(lost, WorkerLostError)
+        assert lost.own
+        assert "SIGSEGV" in lost.why
     assert bench.outcome(FAST, double, 4) == 8
+
+
+def test_a_worker_that_is_killed_by_others_is_not_the_fault_of_its_call(
+    bench: Bench, tmp_path: Path
+) -> None:
+    call = bench.submit(BULK, hang, tmp_path)
+    wait_for((tmp_path / "begun").exists)  # else it would begin at the next worker
+    os.kill(bench.outcome(FAST, process), signal.SIGKILL)
+    assert bench.ended.get(timeout=60) is call
+    lost = bench.engine.error(call)
+    assert isinstance(lost, WorkerLostError)
+    assert not lost.own
+    assert "SIGKILL" in lost.why
+
+
+def test_a_call_that_needs_too_much_memory_fails_alone(bench: Bench) -> None:
+    wait_for(lambda: bench.engine.ready)
+    worker = bench.outcome(FAST, process)
+    assert isinstance(bench.outcome(BULK, allocate, 2 * 10**8), MemoryError)
+    assert bench.outcome(BULK, allocate, 10**6) == 1e6
+    assert bench.outcome(FAST, process) == worker  # it lives on
+
+
+@pytest.mark.parametrize(
+    ("exitcode", "out_of_memory", "own"),
+    [
+        (-signal.SIGSEGV, False, True),
+        (-signal.SIGABRT, False, True),
+        (-signal.SIGKILL, True, True),
+        (-signal.SIGKILL, False, False),
+        (-signal.SIGTERM, False, False),
+        (1, False, True),
+        (255, False, False),
+        (0, False, False),
+        (None, False, False),
+    ],
+)
+def test_causes_of_deaths(exitcode: int | None, out_of_memory: bool, own: bool) -> None:
+    why, blamed = death_watch.cause(exitcode, out_of_memory=out_of_memory)
+    assert why
+    assert blamed is own
+
+
+def test_silent_machines_are_given_up_unless_this_process_stood_still(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clock = [100.0]
+    monkeypatch.setattr(deaths.time, "monotonic", lambda: clock[0])
+    lives = deaths.Deaths()
+    for _ in range(4):
+        lives.note((0.0, {"worker": "far"}))
+        lives.note((0.0, {"worker": "near"}))
+        clock[0] += 3.0
+        assert lives.silent() == []
+    silent = []
+    for _ in range(5):
+        lives.note((0.0, {"worker": "near"}))
+        clock[0] += 3.0
+        silent += lives.silent()
+    assert silent == ["far"]
+    clock[0] += 100.0  # this process was frozen
+    assert lives.silent() == []
 
 
 def test_a_call_is_stopped_where_it_was_taken_away_and_not_before() -> None:
@@ -161,3 +239,15 @@ def test_a_worker_forgets_a_cancelled_call_once_it_ended() -> None:
         worker_plugin.execute(partial(work, cancelled=True), "again")
     assert worker_plugin.running_calls() == []
     worker_plugin.execute(partial(work, cancelled=False), "again")
+
+
+def test_the_status_pages_of_dask_show_nothing(bench: Bench) -> None:
+    scheduler = bench.engine._cluster.scheduler  # type: ignore[union-attr]
+    ports = [scheduler.http_server.port]
+    ports += [worker.services["dashboard"] for worker in scheduler.workers.values()]
+    for port in ports:
+        for path in ("", "status", "info/main/workers.html", "individual-task-stream", "metrics"):
+            with pytest.raises(urllib.error.HTTPError) as refused:
+                urllib.request.urlopen(f"http://127.0.0.1:{port}/{path}", timeout=5)
+            with refused.value:
+                assert refused.value.code == 404, (port, path)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import json
+import re
 import sys
 import uuid
 from collections.abc import AsyncIterator, Callable, Coroutine
@@ -79,8 +80,10 @@ class Bench:
 
 
 @asynccontextmanager
-async def bench(place: Place) -> AsyncIterator[Bench]:
-    settings = Settings(data=place.folder, database=place.database, workers=1, grace_seconds=1.0)
+async def bench(place: Place, **more: Any) -> AsyncIterator[Bench]:
+    settings = Settings(
+        data=place.folder, database=place.database, workers=1, grace_seconds=1.0, **more
+    )
     store = Store(settings.store_url)
     queue = JobQueue(settings, store, counting.WORK)
     await queue.start()
@@ -90,9 +93,9 @@ async def bench(place: Place) -> AsyncIterator[Bench]:
         await queue.close()
 
 
-def run(scenario: Callable[[Bench], Coroutine[Any, Any, None]], place: Place) -> None:
+def run(scenario: Callable[[Bench], Coroutine[Any, Any, None]], place: Place, **more: Any) -> None:
     async def all_of_it() -> None:
-        async with bench(place) as b:
+        async with bench(place, **more) as b:
             await scenario(b)
 
     asyncio.run(all_of_it())
@@ -165,6 +168,33 @@ def test_a_poison_chunk_fails_its_own_job_only(place: Place) -> None:
         assert b.value(good) == squares(200)
 
     run(scenario, place)
+
+
+def test_a_job_that_passes_a_limit_says_which_and_what_is_kept(tmp_path: Path) -> None:
+    async def scenario(b: Bench) -> None:
+        kept = {"n": 100, "chunk": 10, "sleep": 0.02}
+        large = await b.submit(pad=300, **kept)
+        small = await b.submit(pad=100, **kept)
+        hungry = await b.submit(hungry=3, chained=True)
+        endless = await b.submit(poison=3, signal="SIGXCPU", chained=True)
+        for job, what in (
+            (large, "more than those of a job may"),
+            (hungry, "more memory than"),
+            (endless, "processor time"),
+        ):
+            failed = await b.queue.wait("ann", job.id, 120)
+            assert failed.state == "failed"
+            assert failed.error["code"] == "LimitPassedError"
+            assert what in failed.error["detail"]
+            (done,) = re.findall(r"(\d+) of 10 pieces are kept", failed.error["detail"])
+            assert 0 < int(done) < 10
+        assert (await b.queue.wait("ann", small.id, 120)).state == "succeeded"
+        again = await b.queue.retry("ann", large.id)
+        assert again is not None
+        again = await b.queue.wait("ann", large.id, 120)
+        assert again.error["code"] == "LimitPassedError"  # what is kept counts
+
+    run(scenario, Place(tmp_path, None), max_result_bytes=1024, worker_memory_bytes=2**30)
 
 
 def test_calls_that_do_not_stop_lose_their_worker(place: Place) -> None:

@@ -4,25 +4,30 @@ from __future__ import annotations
 
 import asyncio
 import base64
+import contextlib
 import hashlib
 import hmac
 import http.server
 import json
+import socket
 import ssl
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+import sqlalchemy as sa
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 
-from vibroimpact_service.jobs import claims, records, webhooks
+from vibroimpact_service.jobs import claims, records, sealing, webhooks
 from vibroimpact_service.jobs.database import open_database
 from vibroimpact_service.jobs.record_access import RecordAccess
 from vibroimpact_service.jobs.records import NewJob
+from vibroimpact_service.jobs.tables import webhooks as table
 from vibroimpact_service.settings import Settings
 
 SECRET = "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw"
@@ -48,6 +53,28 @@ def test_the_signature_is_that_of_the_standard() -> None:
         "https://[fe80::1]/",
         "https://0.0.0.0/",
         "https://224.0.0.1/",
+        "https://[64:ff9b::10.0.0.1]/",
+        "https://[64:ff9b::7f00:1]/",
+        "https://[64:ff9b:1::1.1.1.1]/",
+        "https://[2002:7f00:1::]/",
+        "https://[2002:a00:1::1]/",
+        "https://[::127.0.0.1]/",
+        "https://[::a9fe:a9fe]/",
+        "https://[2001:0:7f00:1::1]/",
+        "https://[2a00:1450:4001:80b:0:5efe:10.0.0.1]/",
+        "https://[fe80::1%25eth0]/",
+        "https://2130706433/",
+        "https://0x7f000001/",
+        "https://017700000001/",
+        "https://127.1/",
+        "https://0x7f.1/",
+        "https://1.1.1/",
+        "https://127.0.0.1./",
+        "https://127.0.0.0x1/",
+        "https://\uff11\uff12\uff17.0.0.1/",
+        "https://\u2488\u2488.1/",
+        "https://localhost/",
+        "https://a.LOCALHOST./",
         "https://user:secret@example.org/",
         "https:///path",
         "https://example.org:99999/",
@@ -59,10 +86,32 @@ def test_refused_addresses(url: str) -> None:
         webhooks.check(url)
 
 
-def test_names_that_stand_for_private_addresses_are_refused() -> None:
+@pytest.mark.parametrize(
+    "url",
+    [
+        "https://1.1.1.1/",
+        "https://[2606:4700::1111]:8443/",
+        "https://[64:ff9b::1.1.1.1]/",
+        "https://hooks.example.org/x?y=1",
+        "https://4.example/",
+        "https://b\u00fccher.example/",
+    ],
+)
+def test_accepted_addresses(url: str) -> None:
+    assert webhooks.check(url)[1] in (443, 8443)
+
+
+@pytest.mark.parametrize(
+    "address", ["127.0.0.1", "64:ff9b::7f00:1", "2002:7f00:1::", "::10.0.0.1", "fe80::1%lo"]
+)
+def test_names_that_stand_for_private_addresses_are_refused(
+    monkeypatch: pytest.MonkeyPatch, address: str
+) -> None:
+    resolved = [(0, 0, 0, "", (address, 443))]
+    monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: resolved)
     trust = ssl.create_default_context()
     with pytest.raises(webhooks.RefusedError, match="private"):
-        webhooks.send("https://localhost:1/", {}, b"", trust, False)
+        asyncio.run(webhooks.send("https://hooks.example:443/", {}, b"", trust, False))
 
 
 class Receiver:
@@ -71,7 +120,7 @@ class Receiver:
     def __init__(self, folder: Path) -> None:
         key = ec.generate_private_key(ec.SECP256R1())
         self.authority = folder / "authority.pem"
-        name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, "localhost")])
+        name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, folder.name)])
         import datetime
 
         moment = datetime.datetime.now(datetime.UTC)
@@ -98,12 +147,17 @@ class Receiver:
         )
         self.got: list[tuple[dict[str, str], bytes]] = []
         self.statuses: list[int] = []
+        self.drips = False
+        self.closing = threading.Event()
         receiver = self
 
         class Handler(http.server.BaseHTTPRequestHandler):
             def do_POST(self) -> None:
                 length = int(self.headers["content-length"])
                 receiver.got.append((dict(self.headers.items()), self.rfile.read(length)))
+                while receiver.drips and not receiver.closing.wait(0.1):
+                    with contextlib.suppress(OSError):
+                        self.wfile.write(b"x")
                 self.send_response(receiver.statuses.pop(0) if receiver.statuses else 204)
                 self.end_headers()
 
@@ -122,6 +176,7 @@ class Receiver:
         return f"https://localhost:{self.server.server_address[1]}/hook?x=1"
 
     def close(self) -> None:
+        self.closing.set()
         self.server.shutdown()
         self.thread.join()
         self.server.server_close()
@@ -151,7 +206,7 @@ def job(name: str, webhook: tuple[str, str] | None) -> NewJob:
 def test_a_message_arrives_once_the_job_ended(receiver: Receiver, url: str, tmp_path: Path) -> None:
     access = RecordAccess(open_database(url))
     settings = Settings(data=tmp_path, webhook_private=True, webhook_ca=receiver.authority)
-    hooks = webhooks.Webhooks(settings, access)
+    hooks = webhooks.Webhooks(settings, access, sealing.of_settings(settings))
     told = (receiver.url, SECRET)
     for new in (job("one", told), job("two", None), job("three", told)):
         access.write_now(records.insert, new)
@@ -182,3 +237,58 @@ def test_a_message_arrives_once_the_job_ended(receiver: Receiver, url: str, tmp_
     expected = base64.b64encode(hmac.new(key, content, hashlib.sha256).digest()).decode()
     assert head["webhook-signature"] == f"v1,{expected}"
     assert head["webhook-id"] == "one"
+
+
+def test_a_receiver_that_drips_holds_up_no_others(
+    url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for folder in ("dripping", "good"):
+        (tmp_path / folder).mkdir()
+    dripping, good = Receiver(tmp_path / "dripping"), Receiver(tmp_path / "good")
+    dripping.drips = True
+    authorities = tmp_path / "authorities.pem"
+    authorities.write_bytes(dripping.authority.read_bytes() + good.authority.read_bytes())
+    settings = Settings(data=tmp_path, webhook_private=True, webhook_ca=authorities)
+    access = RecordAccess(open_database(url))
+    hooks = webhooks.Webhooks(settings, access, sealing.of_settings(settings))
+    names = [f"drip{i}" for i in range(40)]
+    for new in (
+        *(job(name, (dripping.url, SECRET)) for name in names),
+        job("one", (good.url, SECRET)),
+    ):
+        access.write_now(records.insert, new)
+
+    async def ended() -> float:
+        access.write_now(claims.claim, "me", "bulk", 50, 1000.0)
+        access.write_now(claims.succeed, "me", [*names, "one"], False)
+        sending = asyncio.create_task(hooks.loop())
+        began = asyncio.get_running_loop().time()
+        async with asyncio.timeout(20):
+            while not good.got or not dripping.got:
+                await asyncio.sleep(0.05)
+        seconds = asyncio.get_running_loop().time() - began
+        sending.cancel()
+        async with asyncio.timeout(5):  # whatever the receiver does
+            await asyncio.gather(sending, return_exceptions=True)
+        return seconds
+
+    def waiting(connection: sa.Connection) -> int:
+        return int(connection.execute(sa.select(sa.func.count()).select_from(table)).scalar_one())
+
+    try:
+        seconds = asyncio.run(ended())
+        assert seconds < webhooks._SECONDS  # no message to the other receiver had ended by then
+        # What was on its way when the process stopped is still to be sent.
+        assert access.read_now(waiting) >= len(names)
+
+        trust = ssl.create_default_context(cafile=str(authorities))
+        monkeypatch.setattr(webhooks, "_SECONDS", 1.0)
+        head = webhooks.headers("drip0", SECRET, b"{}")
+        began = time.monotonic()
+        with pytest.raises(TimeoutError):
+            asyncio.run(webhooks.send(dripping.url, head, b"{}", trust, True))
+        assert time.monotonic() - began < 5.0
+    finally:
+        access.close()
+        dripping.close()
+        good.close()

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import h5py
 import numpy as np
+import orjson
 import pytest
 import xarray
 from hypothesis import given, settings
@@ -17,6 +18,7 @@ from hypothesis.extra import numpy as arrays
 
 from vibroimpact_service.results import container, encode, hdf5
 from vibroimpact_service.results.container import DamagedContainerError
+from vibroimpact_service.results.encode import Content
 from vibroimpact_solvers.arrays import Booleans, Floats, Integers, Quantity
 
 HEAD = {
@@ -156,9 +158,9 @@ def test_xarray_opens_the_file_unaided() -> None:
         assert data["x"].dims == ("Omega", "dof")
         assert set(data.coords) == {"Omega", "omega", "dof"}
         np.testing.assert_array_equal(data["x"].sel(Omega=2.0).values, given_.x[1])
-        assert data["x"].attrs["units"] == "kg m2 s-2"
+        assert data["x"].attrs["units"] == "J"
         assert data["x"].attrs["long_name"] == "value"
-        assert data["Omega"].attrs["units"] == "s-1"
+        assert data["Omega"].attrs["units"] == "rad/s"
         assert data["exists"].attrs["flag_meanings"] == "phantom real"
         np.testing.assert_array_equal(data["exists"].attrs["flag_values"], [0, 1])
         assert data["exists"].dtype == np.int8
@@ -194,7 +196,7 @@ def test_without_units_everything_is_dimensionless() -> None:
 
 @pytest.mark.parametrize(
     ("dimension", "expected"),
-    [("1", "1"), ("length", "m"), ("mass length2 time-2", "kg m2 s-2"), ("rad time-1", "rad s-1")],
+    [("1", "1"), ("length", "m"), ("mass length2 time-2", "J"), ("rad time-1", "rad/s")],
 )
 def test_units_are_put_in_place_of_dimensions(dimension: str, expected: str) -> None:
     assert hdf5.unit(dimension, HEAD["units"]) == expected
@@ -218,3 +220,46 @@ def test_a_request_longer_than_an_attribute_message_is_kept() -> None:
     request = json.dumps({"system": list(range(100_000))})
     with in_hdf5(hdf5.to_hdf5(content(result(), request=request))) as file:
         assert file.attrs["request"] == request
+
+
+@pytest.mark.parametrize(
+    ("dimension", "units", "expected"),
+    [
+        ("mass length time-2", ("kg", "m", "s"), "N"),
+        ("mass length time-2", ("t", "mm", "s"), "N"),
+        ("mass length time-2", ("kg", "mm", "ms"), "kN"),
+        ("mass length2 time-2", ("t", "mm", "s"), "mJ"),
+        ("mass time-2", ("t", "mm", "s"), "kN/m"),
+        ("mass length time-1", ("kg", "m", "s"), "kg m/s"),
+        ("length time-1", ("kg", "mm", "s"), "mm/s"),
+        ("mass length time-2", ("lb", "in", "s"), "lb in/s2"),
+        ("time-1", ("kg", "m", "ms"), "rad/ms"),
+        ("time-3", ("kg", "m", "s"), "1/s3"),
+        ("mass length time-2", ("kg", "cm", "s"), "kg cm/s2"),
+    ],
+)
+def test_units_as_engineers_write_them(
+    dimension: str, units: tuple[str, str, str], expected: str
+) -> None:
+    names = dict(zip(("mass", "length", "time"), units, strict=True))
+    assert hdf5.unit(dimension, names) == expected
+
+
+def test_numbers_and_dimensions_of_documents_are_in_files_too() -> None:
+    """What JSON has under ``count``, ``of`` and ``dimensions`` a file has under the same paths."""
+    meanings = {
+        "impulse": Quantity(("gap", "frequency"), "1", "impulse"),
+        "Omega": Quantity(("frequency",), "time-1", "frequency", True, path="frequency/Omega"),
+        "count_impacts": Quantity((), "1", "number of impacts", path="count/impacts"),
+        "of": Quantity((), "1", "kind of the base", path="of"),
+    }
+    arrays = {"impulse": np.zeros((2, 3)), "Omega": np.ones(3)}
+    plain = {"count_impacts": 7, "of": "impact-modes"}
+    content = Content(arrays, meanings, plain, HEAD, free=True)
+    document = orjson.loads(encode.to_json(content))
+    with h5py.File(io.BytesIO(hdf5.to_hdf5(content))) as file:
+        assert file["count/impacts"][()] == document["count"]["impacts"] == 7
+        assert file["count/impacts"].attrs["long_name"] == "number of impacts"
+        assert file.attrs["of"] == document["of"]
+        assert set(file["dimensions"].attrs) >= set(document["dimensions"])
+        assert file["dimensions"].attrs["impulse"] == "gap Omega"

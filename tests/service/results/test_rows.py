@@ -13,7 +13,7 @@ import pytest
 
 from vibroimpact_service.results import container
 from vibroimpact_service.results.rows import RowFiles
-from vibroimpact_service.store import Store, StoreFullError
+from vibroimpact_service.store import Store, StoreFullError, StoreUnavailableError
 
 
 def test_rows_grow_and_can_be_replaced(tmp_path: Path) -> None:
@@ -57,8 +57,10 @@ def test_a_full_disk_passes(tmp_path: Path) -> None:
     store = Store(str(tmp_path)).results
     with pytest.raises(StoreFullError), store.workspace():
         raise OSError(errno.ENOSPC, "no space")
-    with pytest.raises(PermissionError), store.workspace():
+    with pytest.raises(StoreUnavailableError, match="not allowed"), store.workspace():
         raise PermissionError(errno.EPERM, "not allowed")
+    with pytest.raises(ZeroDivisionError), store.workspace():
+        raise ZeroDivisionError
 
 
 def test_what_dead_writers_left_is_removed(tmp_path: Path) -> None:

@@ -81,7 +81,7 @@ def test_blocks_come_back(url: str) -> None:
     assert other.has(NAME)
     assert other.get(NAME) == b"block"
     assert other.readable(NAME)
-    assert store.present([NAME, "cd" * 32]) == {NAME}
+    assert store.sound([NAME, "cd" * 32]) == {NAME}
     (entry,) = store.entries()
     assert (entry.name, entry.size) == (NAME, 32 + 5)
     assert abs(entry.modified - time.time()) < 60
@@ -112,7 +112,7 @@ def test_a_job_from_its_request_to_its_result(url: str, request_body: dict[str, 
     store.requests.put(name, block)
     chunks = job_chunks.split(url, kind.name, name, NAME)
     job_chunks.solve(url, kind.name, name, NAME, range(len(chunks)))
-    assert store.chunks.present([chunk.name for chunk in chunks]) == {c.name for c in chunks}
+    assert store.chunks.sound([chunk.name for chunk in chunks]) == {c.name for c in chunks}
     job_chunks.join(url, kind.name, name, NAME, chunks)
     content = encode.unpack(store.results.get(NAME) or b"")
     assert content.arrays["impulse"].shape == (5, 1)

@@ -1,0 +1,127 @@
+// What the views of computations have in common: a form, one computation at a time, its progress.
+
+import { ask, compute } from "./api.js";
+import { button, make, settled } from "./dom.js";
+import { showError } from "./fields.js";
+import { duration } from "./numbers.js";
+import { progressLine, working } from "./progress.js";
+import { setFields } from "./state.js";
+
+/** @typedef {{title: string, kind: string, request: any}} Request */
+/** @typedef {(job: import("./api.js").Job) => void} OnJob */
+
+/** Planned seconds up to which what may take long is computed without being asked for. */
+const PATIENCE = 3;
+
+export class BaseView {
+  /**
+   * @param {HTMLElement} root
+   * @param {{name: string, title: string, hint?: string, pause?: number}} options pause: milliseconds
+   *   after the last change of a field before it is computed
+   */
+  constructor(root, { name, title, hint, pause = 200 }) {
+    this.root = root;
+    /** @type {any} */ this.result = null;
+    /** The main drawing. @type {{destroy: () => void} | null} */ this.drawing = null;
+    /** @type {AbortController | null} */ this.running = null;
+    this.form = make("div", { class: "toolbar" });
+    this.note = make("p", { class: "hint" }, hint);
+    this.progress = progressLine();
+    this.figure = make("div", { class: "figure" });
+    this.readout = make("p", { class: "readout" });
+    this.section = make("section", { class: "card", "aria-labelledby": `${name}-title` },
+      make("h2", { id: `${name}-title` }, title), this.form, this.note, this.progress.element, this.figure, this.readout);
+    root.append(this.section);
+    this.refresh = settled(pause, () => this.compute());
+  }
+
+  destroy() {
+    if (this.running) this.running.abort();
+    if (this.drawing) this.drawing.destroy();
+  }
+
+  update() {
+    this.toolbar();
+    return this.compute();
+  }
+
+  /** @returns {HTMLElement[]} the fields of the form */
+  controls() {
+    return [];
+  }
+
+  /** @returns {Request[]} what the view computes; the first one is its result */
+  requests() {
+    return [];
+  }
+
+  /** Draw the result. */
+  draw() {}
+
+  toolbar() {
+    this.form.replaceChildren(...this.controls());
+  }
+
+  /**
+   * Change fields of the address and compute with them.
+   * @param {Record<string, any>} fields
+   */
+  change(fields) {
+    setFields(fields, { silent: true });
+    this.refresh();
+  }
+
+  /** As `change`, where other fields of the form depend on these. @param {Record<string, any>} fields */
+  reshape(fields) {
+    this.change(fields);
+    this.toolbar();
+  }
+
+  /** @param {string} name @returns {(value: any) => void} what changes a field */
+  set(name) {
+    return (value) => this.change({ [name]: value });
+  }
+
+  /** Compute anew; what was under way before is given up. */
+  async compute() {
+    if (this.running) this.running.abort();
+    this.running = new AbortController();
+    const { signal } = this.running;
+    try {
+      await working(this.progress, (onJob) => this.work(signal, onJob));
+    } catch (error) {
+      showError(error);
+    }
+  }
+
+  /** @param {AbortSignal} signal @param {OnJob} onJob */
+  async work(signal, onJob) {
+    const [first] = this.requests();
+    if (!first) return;
+    this.result = await compute(first.kind, first.request, { signal, onJob });
+    this.draw();
+  }
+
+  /**
+   * Compute what may take long: at once where the plan says that it is quick, else by a button.
+   * @param {Request} request
+   * @param {{place: HTMLElement, text: (time: string) => string, act: string, use: (result: any) => void,
+   *   queued?: boolean}} offer queued: as a job, unless the result is known
+   * @param {AbortSignal} signal
+   * @param {OnJob} onJob
+   */
+  async offered({ kind, request }, { place, text, act, use, queued }, signal, onJob) {
+    place.replaceChildren();
+    const { seconds, cached } = await ask("POST", `/v1/plan/${kind}`, request, signal);
+    /** @param {OnJob} tell */
+    const now = async (tell) => use(await compute(kind, request, { signal, onJob: tell, queued: queued && !cached }));
+    if (cached || seconds <= PATIENCE) {
+      await now(onJob);
+      return;
+    }
+    place.replaceChildren(text(duration(seconds)), " ", button(act, () => {
+      place.replaceChildren();
+      working(this.progress, now).catch(showError);
+    }, { class: "quiet" }));
+  }
+}

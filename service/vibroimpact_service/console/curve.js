@@ -1,0 +1,307 @@
+// Curves over one axis, drawn by uPlot: bands behind them, marked lines and points, curves that
+// turn back, and a cursor to drag.
+
+import { make } from "./dom.js";
+import { shown } from "./numbers.js";
+import { symbol } from "./symbols.js";
+import { colour, onTheme } from "./theme.js";
+
+/**
+ * @typedef {{label: string, colour: string, width?: number, dash?: number[], points?: number, open?: boolean,
+ *   scale?: string}} Series colours are names of custom properties; points is their diameter
+ * @typedef {{start: number, stop: number, colour: string, row?: number, hatched?: boolean}} Band row: in the strip below, from 0
+ * @typedef {{at: number, colour: string, label?: string, dash?: number[], width?: number}} Line
+ * @typedef {{points: [number, number][], colour: string, width: number, dash?: number[]}} Path in units of the axes
+ * @typedef {{x: number, y: number, colour: string, kind?: string}} Mark kind: what `symbol` draws
+ * @typedef {{x: string, y: string, series: Series[], height?: number, log?: boolean, upright?: boolean, strip?: number, grid?: boolean,
+ *   label: string}} Options log: the values; upright: the axis points up and the values across
+ */
+
+export class Curve {
+  /**
+   * @param {HTMLElement} root
+   * @param {Options} options
+   */
+  constructor(root, options) {
+    this.root = root;
+    this.options = options;
+    /** @type {(number | null)[][]} */
+    this.data = [[], ...options.series.map(() => [])];
+    /** @type {Band[]} */ this.bands = [];
+    /** @type {Line[]} */ this.lines = [];
+    /** @type {Line[]} */ this.levels = [];
+    /** @type {Path[]} */ this.paths = [];
+    /** @type {Mark[]} */ this.marks = [];
+    /** @type {[number, number] | null} */ this.range = null;
+    /** @type {[number, number] | null} */ this.extent = null;
+    /** Where the cursor is, y only where it is at a point. @type {{x: number, y?: number} | null} */ this.chosen = null;
+    /** An image behind the curves, over all of both ranges. @type {HTMLCanvasElement | null} */ this.image = null;
+    /** @type {(x: number, y: number) => void} */ this.onPick = () => {};
+    /** @type {(index: number | null, x: number, y: number) => void} */ this.onHover = () => {};
+    /** @type {number | null} */ this.pointed = null;
+    /** @type {any} */ this.plot = null;
+    // What moves with every frame or every move of the pointer are elements: nothing is drawn again.
+    this.marker = make("div", { class: "marker", hidden: true });
+    this.cursor = make("div", { class: `marker chosen${options.upright ? " across" : ""}`, hidden: true });
+    this.dot = make("div", { class: "dot", hidden: true });
+    root.classList.add("curve");
+    root.setAttribute("role", "img");
+    root.setAttribute("aria-label", options.label);
+    this.watch = new ResizeObserver(() => this.#resize());
+    this.watch.observe(root);
+    this.stopTheme = onTheme(() => this.render());
+  }
+
+  destroy() {
+    this.watch.disconnect();
+    this.stopTheme();
+    if (this.plot) this.plot.destroy();
+  }
+
+  #resize() {
+    const width = this.root.clientWidth;
+    if (!width) return;
+    if (!this.plot) this.render();
+    else if (width !== this.plot.width) this.plot.setSize({ width, height: this.options.height || 300 });
+  }
+
+  /** @param {(number | null)[][]} data x, then one list for each series */
+  show(data) {
+    this.data = data;
+    if (this.plot) this.plot.setData(data);
+    else this.render();
+  }
+
+  /** Move the time marker. @param {number | null} x */
+  point(x) {
+    this.pointed = x;
+    if (!this.plot) return;
+    this.marker.hidden = x === null;
+    if (x !== null) this.marker.style.transform = `translateX(${this.plot.valToPos(x, "x")}px)`;
+  }
+
+  /** Move the cursor. @param {number | null} x @param {number} [y] */
+  choose(x, y) {
+    this.chosen = x === null ? null : { x, y };
+    if (this.plot) this.#choose();
+  }
+
+  #choose() {
+    const { chosen, plot } = this;
+    const [low, high] = [plot.scales.x.min, plot.scales.x.max];
+    this.cursor.hidden = chosen === null || chosen.x < low || chosen.x > high;
+    this.dot.hidden = this.cursor.hidden || chosen === null || chosen.y === undefined || chosen.y > plot.scales.y.max;
+    if (chosen === null) return;
+    const [x, y] = [plot.valToPos(chosen.x, "x"), chosen.y === undefined ? 0 : plot.valToPos(chosen.y, "y")];
+    this.cursor.style.transform = this.options.upright ? `translateY(${x}px)` : `translateX(${x}px)`;
+    this.dot.style.transform = `translate(${x}px, ${y}px)`;
+  }
+
+  /** Draw bands, lines and marks anew. */
+  redraw() {
+    if (this.plot) this.plot.redraw(false);
+  }
+
+  render() {
+    const width = this.root.clientWidth;
+    if (!width) return;
+    if (this.plot) this.plot.destroy();
+    this.plot = new uPlot(/** @type {any} */ (this.#configuration(width)), /** @type {any} */ (this.data), this.root);
+    this.plot.over.append(this.cursor, this.dot, this.marker);
+    this.#drag(this.plot.over);
+  }
+
+  /** @param {number} width */
+  #configuration(width) {
+    const { options } = this;
+    const strip = options.strip || 0;
+    const [soft, line] = [colour("soft"), colour("line")];
+    /** @param {"x" | "y"} label @param {string} scale */
+    const axis = (label, scale) => ({
+      scale, label: () => options[label], stroke: soft, labelSize: 20, labelGap: 2, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif",
+      grid: { show: options.grid !== false, stroke: line, width: 0.6 }, ticks: { stroke: line, width: 0.6, size: 4 }, gap: 4,
+      values: (/** @type {any} */ _, /** @type {(number | null)[]} */ splits) => splits.map((v) => (v === null ? "" : shown(v, 6))),
+    });
+    const upright = Boolean(options.upright);
+    const vertical = { ...axis(upright ? "x" : "y", upright ? "x" : "y"), size: 62, side: 3 };
+    const across = { ...axis(upright ? "y" : "x", upright ? "y" : "x"), size: 30 + 8 * strip, gap: 4 + 8 * strip, side: 2 };
+    if (upright) Object.assign(across, { space: 60 });
+    return {
+      width, height: options.height || 300, padding: [14, 14, 0, 0], legend: { show: false },
+      cursor: { drag: { x: false, y: false }, y: false, x: !upright, points: { show: !upright, size: 7 }, focus: { prox: 20 } },
+      scales: {
+        x: { time: false, ori: upright ? 1 : 0, range: () => this.extent || [0, 1] },
+        y: { ori: upright ? 0 : 1, ...(options.log ? { distr: 3 } : {}), range: () => this.range || [0, 1] },
+      },
+      axes: [upright ? vertical : across, upright ? across : vertical],
+      series: [{}, ...options.series.map((each) => this.#series(each))],
+      hooks: {
+        drawClear: [(/** @type {any} */ plot) => this.#behind(plot)],
+        // Places are known once the plot has its size and its ranges.
+        draw: [(/** @type {any} */ plot) => {
+          this.#before(plot);
+          this.#choose();
+          this.point(this.pointed);
+        }],
+        setCursor: [(/** @type {any} */ plot) => {
+          const { left, top, idx } = plot.cursor;
+          const out = left < 0;
+          this.onHover(out ? null : idx, out ? NaN : plot.posToVal(left, "x"), out ? NaN : plot.posToVal(top, "y"));
+        }],
+      },
+    };
+  }
+
+  /** @param {Series} each */
+  #series(each) {
+    const stroke = colour(each.colour);
+    const points = { show: Boolean(each.points), size: each.points || 0, fill: each.open ? colour("card") : stroke, stroke, width: 1.2 };
+    return {
+      label: each.label, stroke, width: each.width === undefined ? 2 : each.width, dash: each.dash, spanGaps: false, points,
+      ...(each.width === 0 ? { paths: () => null } : {}),
+    };
+  }
+
+  /** @param {any} plot */
+  #behind(plot) {
+    const { ctx, bbox } = plot;
+    const ratio = devicePixelRatio || 1;
+    ctx.save();
+    if (this.image) {
+      ctx.imageSmoothingEnabled = false;
+      ctx.drawImage(this.image, bbox.left, bbox.top, bbox.width, bbox.height);
+    }
+    for (const band of this.bands) {
+      const [a, b] = [band.start, band.stop].map((x) => Math.min(Math.max(plot.valToPos(x, "x", true), bbox.left), bbox.left + bbox.width));
+      if (b < a) continue;
+      const width = Math.max(b - a, ratio);
+      ctx.fillStyle = colour(band.colour);
+      if (band.row === undefined) {
+        ctx.globalAlpha = 0.13;
+        ctx.fillRect(a, bbox.top, width, bbox.height);
+      } else {
+        ctx.globalAlpha = 1;
+        const [top, height] = [bbox.top + bbox.height + (3 + 8 * band.row) * ratio, 6 * ratio];
+        if (!band.hatched) ctx.fillRect(a, top, width, height);
+        else for (let x = a; x < a + width; x += 4 * ratio) ctx.fillRect(x, top, Math.min(2 * ratio, a + width - x), height);
+      }
+    }
+    ctx.restore();
+  }
+
+  /** @param {any} plot */
+  #before(plot) {
+    const { ctx, bbox } = plot;
+    const ratio = devicePixelRatio || 1;
+    const upright = Boolean(this.options.upright);
+    ctx.save();
+    ctx.font = `${11 * ratio}px system-ui, sans-serif`;
+    ctx.textAlign = "center";
+    /** @param {string} scale @param {Line} line @param {boolean} across */
+    const rule = (scale, line, across) => {
+      const at = plot.valToPos(line.at, scale, true);
+      const [low, high] = across ? [bbox.top, bbox.top + bbox.height] : [bbox.left, bbox.left + bbox.width];
+      if (!(at >= low - 1 && at <= high + 1)) return false;
+      ctx.strokeStyle = colour(line.colour);
+      ctx.lineWidth = (line.width || 1) * ratio;
+      ctx.setLineDash((line.dash || []).map((part) => part * ratio));
+      ctx.beginPath();
+      if (across) ctx.rect(bbox.left, at, bbox.width, 0);
+      else ctx.rect(at, bbox.top, 0, bbox.height);
+      ctx.stroke();
+      return at;
+    };
+    for (const level of this.levels) rule("y", level, !upright);
+    let used = -Infinity;
+    for (const line of this.lines) {
+      const at = rule("x", line, upright);
+      if (at === false || !line.label || at - used < 22 * ratio) continue;
+      used = at;
+      ctx.fillStyle = colour("soft");
+      ctx.fillText(line.label, at, bbox.top - 4 * ratio);
+    }
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
+    /** @param {number} x @param {number} y @returns {[number, number]} */
+    const at = (x, y) => [plot.valToPos(x, "x", true), plot.valToPos(y, "y", true)];
+    for (const { points, colour: name, width, dash } of this.paths) {
+      ctx.setLineDash((dash || []).map((part) => part * ratio));
+      ctx.beginPath();
+      for (const [x, y] of points) ctx.lineTo(...at(x, y));
+      ctx.strokeStyle = colour(name);
+      ctx.lineWidth = width * ratio;
+      ctx.stroke();
+    }
+    ctx.setLineDash([]);
+    for (const mark of this.marks) {
+      const [x, y] = at(mark.x, mark.y);
+      symbol(ctx, mark.kind || "ring", upright ? y : x, upright ? x : y, 5.5 * ratio, colour(mark.colour), colour("card"));
+    }
+    ctx.restore();
+  }
+
+  /** @param {HTMLElement} over */
+  #drag(over) {
+    /** @param {PointerEvent} event */
+    const pick = (event) => {
+      const box = over.getBoundingClientRect();
+      const across = Math.min(Math.max(event.clientX - box.left, 0), box.width);
+      const down = Math.min(Math.max(event.clientY - box.top, 0), box.height);
+      const [x, y] = this.options.upright ? [down, across] : [across, down];
+      this.onPick(this.plot.posToVal(x, "x"), this.plot.posToVal(y, "y"));
+    };
+    over.addEventListener("pointerdown", (event) => {
+      over.setPointerCapture(event.pointerId);
+      pick(event);
+    });
+    over.addEventListener("pointermove", (event) => {
+      if (event.buttons & 1) pick(event);
+    });
+  }
+}
+
+/**
+ * Return a range of values that shows all of them, with room around.
+ * @param {number[]} values
+ * @returns {[number, number]}
+ */
+export function wholeRange(values) {
+  let [low, high] = [Infinity, -Infinity];
+  for (const value of values) [low, high] = [Math.min(low, value), Math.max(high, value)];
+  const pad = 0.08 * (high - low || 1);
+  return [low - pad, high + pad];
+}
+
+/**
+ * Return a range of values that shows a curve with poles: its outermost parts are cut off.
+ * @param {number[]} values
+ * @returns {[number, number]}
+ */
+export function rangeWithPoles(values) {
+  const used = values.filter(Number.isFinite).sort((a, b) => a - b);
+  if (!used.length) return [-1, 1];
+  /** @param {number} q */
+  const quantile = (q) => used[Math.min(used.length - 1, Math.floor(q * used.length))];
+  const low = Math.min(0, quantile(0.02));
+  const high = Math.max(0, quantile(0.96));
+  const pad = 0.12 * (high - low || 1);
+  return [low < 0 ? low - pad : -0.35 * pad, high + pad];
+}
+
+/**
+ * Return the values with gaps where a curve jumps through a pole.
+ * @param {number[]} values
+ * @param {[number, number]} range
+ * @returns {(number | null)[]}
+ */
+export function withoutPoles(values, [low, high]) {
+  const height = high - low;
+  return values.map((value, i) => {
+    if (!Number.isFinite(value)) return null;
+    const next = values[i + 1];
+    const jump = next !== undefined && Math.abs(next - value) > 0.6 * height && next * value < 0;
+    // Far outside of the drawing, coordinates of canvases overflow.
+    return jump ? null : Math.min(Math.max(value, low - 3 * height), high + 3 * height);
+  });
+}

@@ -1,0 +1,236 @@
+// A motion from an initial state: played, with its impacts and its horizon of trust, and beside it
+// the same with soft limiters.
+
+import { compute } from "./api.js";
+import { BaseView } from "./base_view.js";
+import { Clicks } from "./clicks.js";
+import { Curve, wholeRange } from "./curve.js";
+import { button, make } from "./dom.js";
+import { choiceField, numberField, switchField } from "./fields.js";
+import { atTimes, loadFields } from "./loads.js";
+import { spread } from "./motion_card.js";
+import { interpolated, shown } from "./numbers.js";
+import { Player, calm } from "./player.js";
+import { Shape } from "./shape.js";
+import { setFields, state } from "./state.js";
+import { geometryOf, neededDofs, size, systemDocument } from "./structures.js";
+import { onTheme, shapeColours } from "./theme.js";
+
+/** @returns {Record<string, any>} */
+function fields() {
+  const { stops } = state.structure;
+  const first = stops[0];
+  const gap = first ? Math.abs(first.upper || first.lower || 1) : 1;
+  const start = state.fields.state ? "state" : state.fields.mode ? "mode" : "coordinate";
+  return {
+    start, mode: null, periods: 12, duration: null, dof: first ? first.dof : 0, x: 0, v: 3 * gap, soft: false, exponent: 17, stiffness: 10, scale: 0.97,
+    load: [], coordinate: first ? first.dof : 0, ...state.fields,
+  };
+}
+
+/** @returns {number} */
+function duration() {
+  const now = fields();
+  if (now.duration) return now.duration;
+  return now.start === "mode" && now.mode ? (now.periods * 2 * Math.PI) / now.mode : 40;
+}
+
+export class HistoryView extends BaseView {
+  /** @param {HTMLElement} root */
+  constructor(root) {
+    super(root, { name: "history", title: "Time history" });
+    /** With soft stops. @type {any} */ this.soft = null;
+    /** @type {Curve | null} */ this.curve = null;
+    /** @type {{shape: Shape, rows: ArrayLike<number>[], impacts: any, x: Float64Array}[]} */ this.moving = [];
+    /** State in which the motion between soft stops begins. @type {any} */ this.beginning = null;
+    this.begun = false;
+    this.clicks = new Clicks();
+    this.play = button("Play", () => this.player.toggle(), { class: "play primary" });
+    this.scrub = make("input", { type: "range", min: 0, max: 1, step: 0.0005, value: 0, "aria-label": "Time" });
+    this.speed = make("select", { "aria-label": "Speed" }, ...[["40", "slow"], ["15", "normal"], ["5", "fast"]].map(([value, text]) => make("option", { value, selected: value === "15" }, text)));
+    this.time = make("output", { class: "time" }, "t = 0");
+    this.sound = switchField("sound of impacts", false, (on) => this.clicks.enable(on), { name: "sound" });
+    this.shapes = make("div", { class: "shapes" });
+    this.figure.before(this.shapes, make("div", { class: "controls" }, this.play, this.scrub, this.speed, this.time, this.sound));
+    this.section.append(
+      make("ul", { class: "legend" }, ...[["thick", "rigid stops"], ["soft", "soft stops"], ["tick", "impact"], ["horizon", "beyond the horizon of trust"]].map(([kind, text]) => make("li", {}, make("span", { class: `key ${kind}`, "aria-hidden": "true" }), text))));
+    this.player = new Player((place, from) => this.#frame(place, from), { seconds: 15, again: false });
+    this.player.onState = () => { this.play.textContent = this.player.playing ? "Pause" : "Play"; };
+    this.scrub.addEventListener("input", () => this.#seek(Number(this.scrub.value)));
+    this.speed.addEventListener("change", () => { this.player.seconds = Number(this.speed.value); });
+    this.watch = new ResizeObserver(() => this.#frame(this.player.place, this.player.place));
+    this.watch.observe(this.shapes);
+    this.stopTheme = onTheme(() => {
+      for (const each of this.moving) each.shape.colours = shapeColours();
+      this.#frame(this.player.place, this.player.place);
+    });
+  }
+
+  destroy() {
+    super.destroy();
+    this.player.pause();
+    this.clicks.enable(false);
+    this.watch.disconnect();
+    this.stopTheme();
+  }
+
+  controls() {
+    const now = fields();
+    const starts = /** @type {[string, string][]} */ ([["mode", "an impact mode"], ["coordinate", "one coordinate moved"], ...(now.state ? [["state", "the state seen before"]] : [])]);
+    return [
+      choiceField("Start from", starts, now.start, (value) => this.reshape({ start: value, ...(value === "mode" && !now.mode ? { mode: 2.05 } : {}) }), { pointer: "/initial", name: "start" }),
+      ...(now.start === "mode" ? [
+        numberField("Ω of the mode", now.mode, this.set("mode"), { pointer: "/initial/impact_mode/Omega", min: 0, name: "mode" }),
+        numberField("periods", now.periods, (value) => this.change({ duration: undefined, periods: value }), { min: 0, name: "periods" })]
+        : now.start === "coordinate" ? [
+          numberField("coordinate", now.dof, this.set("dof"), { min: 0, whole: true, pointer: "/initial/x", name: "dof" }),
+          numberField("displacement", now.x, this.set("x"), { name: "x" }), numberField("velocity", now.v, this.set("v"), { pointer: "/initial/v", name: "v" })] : []),
+      ...(now.start === "mode" ? [] : [numberField("until t", duration(), this.set("duration"), { pointer: "/t_end", min: 0, name: "duration" })]),
+      numberField("shown coordinate", now.coordinate, (value) => { setFields({ coordinate: value }, { silent: true }); this.draw(); }, { min: 0, whole: true, name: "coordinate" }),
+      switchField("soft stops beside", now.soft, (value) => this.reshape({ soft: value }), { name: "soft" }),
+      ...(now.soft ? [
+        numberField("exponent", now.exponent, this.set("exponent"), { pointer: "/limiter/exponent", min: 1, name: "exponent" }),
+        numberField("force at the gap", now.stiffness, this.set("stiffness"), { pointer: "/limiter/stiffness", min: 0, name: "stiffness" }),
+        numberField("scale of gaps", now.scale, this.set("scale"), { pointer: "/limiter/scale", min: 0, name: "scale" })] : []),
+      loadFields(now.load, "frequency", this),
+    ];
+  }
+
+  requests() {
+    const now = fields();
+    const n = size(state.structure);
+    const dofs = n > 100 ? [...new Set([...neededDofs(state.structure, 100), now.coordinate])].sort((a, b) => a - b) : undefined;
+    const t_end = duration();
+    const count = dofs ? dofs.length : n;
+    const num = Math.max(200, Math.min(3001, Math.floor(150_000 / Math.max(1, count))));
+    const request = {
+      system: systemDocument(state.structure), initial: this.#initial(n), t_end, t: { num }, ...(dofs ? { dofs } : {}),
+      ...atTimes(now.load), outputs: ["x", "impacts", "contacts"],
+    };
+    const limiter = { law: "power", exponent: now.exponent, stiffness: now.stiffness, scale: now.scale };
+    return [
+      { title: "Rigid", kind: "time-history", request },
+      ...(now.soft && this.beginning ? [{ title: "Soft", kind: "time-history", request: { ...request, initial: this.beginning, limiter, tolerance: 1e-6, outputs: ["x"] } }] : []),
+    ];
+  }
+
+  /**
+   * Learn the state in which the motion between soft stops begins: impact modes are motions between
+   * rigid ones.
+   * @param {AbortSignal} signal
+   */
+  async #begin(signal) {
+    const now = fields();
+    const initial = this.#initial(size(state.structure));
+    this.beginning = now.soft ? initial : null;
+    if (!now.soft || now.start !== "mode") return;
+    const first = await compute("time-history", { system: systemDocument(state.structure), initial, t_end: duration(), t: [0], outputs: ["x", "v"] }, { signal });
+    this.beginning = { x: first.x[0], v: first.v[0] };
+  }
+
+  /** @param {number} n */
+  #initial(n) {
+    const now = fields();
+    if (now.start === "mode") {
+      const active = state.structure.stops.map((stop, i) => (stop.active ? i : -1)).filter((i) => i >= 0);
+      return { impact_mode: { Omega: now.mode, ...(active.length && active.length < state.structure.stops.length ? { active } : {}) } };
+    }
+    if (now.start === "state") return now.state;
+    const [x, v] = [new Array(n).fill(0), new Array(n).fill(0)];
+    if (now.dof < n) [x[now.dof], v[now.dof]] = [now.x, now.v];
+    return { x, v };
+  }
+
+  /** @param {AbortSignal} signal @param {import("./base_view.js").OnJob} onJob */
+  async work(signal, onJob) {
+    await this.#begin(signal);
+    const [rigid, soft] = this.requests();
+    [this.result, this.soft] = await Promise.all([
+      compute(rigid.kind, rigid.request, { signal, onJob }), soft ? compute(soft.kind, soft.request, { signal }) : null]);
+    this.draw();
+    this.#show();
+    if (!this.begun && !calm()) this.player.play();
+    this.begun = true;
+  }
+
+  draw() {
+    const { result: rigid, soft } = this;
+    if (!rigid) return;
+    const { coordinate } = fields();
+    const column = Math.max(0, rigid.dof.indexOf(coordinate));
+    const x = rigid.x.map((/** @type {number[]} */ row) => row[column]);
+    if (this.drawing) this.drawing.destroy();
+    const holder = make("div");
+    this.figure.replaceChildren(holder);
+    const until = rigid.error.predictable_until;
+    const end = rigid.t[rigid.t.length - 1];
+    const count = rigid.impacts.time.length;
+    this.curve = this.drawing = new Curve(holder, {
+      x: "time t", y: `x of coordinate ${rigid.dof[column]}`, height: 260, strip: 1,
+      label: `Displacement of coordinate ${rigid.dof[column]} over time with ${count} impacts${until < end ? `, predictable until t = ${shown(until, 4)}` : ""}.`,
+      series: [{ label: "rigid", colour: "accent", width: 1.6 }, { label: "soft", colour: "soft-curve", width: 1.3, dash: [5, 3] }],
+    });
+    this.curve.levels = state.structure.stops.filter((stop) => stop.dof === coordinate && stop.relativeTo === null)
+      .flatMap(({ lower, upper }) => [upper, lower === null ? null : -lower]).filter((at) => at !== null).map((at) => ({ at: /** @type {number} */ (at), colour: "stop", width: 1.5 }));
+    this.curve.bands = [
+      ...rigid.impacts.time.map((/** @type {number} */ time) => ({ start: time, stop: time, colour: "stop", row: 0 })),
+      ...(until < end ? [{ start: until, stop: end, colour: "alarm" }] : [])];
+    this.curve.extent = [0, end];
+    const beside = soft ? soft.x.map((/** @type {number[]} */ row) => row[column]) : [];
+    this.curve.range = wholeRange([...x, ...beside, ...this.curve.levels.map((level) => level.at)]);
+    this.curve.onPick = (at) => this.#seek(at / end);
+    this.curve.show([rigid.t, x, soft ? beside : x.map(() => null)]);
+    const trust = until < end
+      ? `Beyond t = ${shown(until, 4)} double precision cannot tell where the structure is: deviations grow ${shown(rigid.error.condition, 2)} times.`
+      : "Every digit shown can be trusted to the end.";
+    this.readout.textContent = `${count} impacts. ${trust}`;
+  }
+
+  #show() {
+    const geometry = geometryOf(state.structure);
+    const results = [["rigid stops", this.result], ...(this.soft ? [["soft stops", this.soft]] : [])];
+    this.shapes.replaceChildren();
+    this.moving = results.map(([name, result]) => {
+      const canvas = make("canvas", { class: "shape", role: "img", "aria-label": `The structure with ${name} at the time of the cursor` });
+      this.shapes.append(make("figure", {}, canvas, make("figcaption", { class: "hint" }, name)));
+      const kept = { ...geometry, drawn: geometry.drawn.filter((dof) => result.dof.includes(dof)) };
+      const rows = spread(result.x, result.dof, geometry.n);
+      const shape = new Shape(canvas, kept, state.structure.stops, shapeColours());
+      shape.fit(rows);
+      shape.envelope = null;
+      return { shape, rows, impacts: result.impacts, x: new Float64Array(geometry.n) };
+    });
+    const reach = Math.max(...this.moving.map(({ shape }) => shape.reach));
+    for (const { shape } of this.moving) shape.reach = reach;
+    this.#frame(this.player.place, this.player.place);
+  }
+
+  /** @param {number} place */
+  #seek(place) {
+    this.player.pause();
+    this.player.seek(place);
+  }
+
+  /** @param {number} place @param {number} from */
+  #frame(place, from) {
+    const { result: rigid } = this;
+    if (!rigid || !this.curve) return;
+    const end = rigid.t[rigid.t.length - 1];
+    const t = place * end;
+    const { time, constraint, side, velocity } = rigid.impacts;
+    const glow = Math.max(end * 0.004, 1e-9);
+    /** @type {import("./shape.js").Mark[]} */
+    const marks = [];
+    time.forEach((/** @type {number} */ at, /** @type {number} */ i) => {
+      if (Math.abs(at - t) < glow) marks.push({ stop: constraint[i], side: side[i] });
+      if (this.player.playing && at > from * end && at <= t) this.clicks.click(Math.abs(velocity[i]));
+    });
+    this.moving.forEach(({ shape, rows, x }, i) => {
+      shape.chosen = fields().coordinate;
+      shape.draw(interpolated(rows, place * (rows.length - 1), x), i ? [] : marks);
+    });
+    this.curve.point(t);
+    this.scrub.value = String(place);
+    this.time.textContent = `t = ${t.toFixed(2)}`;
+  }
+}

@@ -1,0 +1,61 @@
+// A small editor of mass and stiffness matrices, entry by entry; symmetric entries go together.
+
+import { make } from "./dom.js";
+import { numberField } from "./fields.js";
+
+const LARGEST = 8;
+
+/**
+ * @param {import("./structures.js").Structure} structure whose matrices are lists of rows
+ * @param {() => void} changed
+ * @returns {HTMLElement}
+ */
+export function matrixEditor(structure, changed) {
+  const box = make("div", { class: "matrices" });
+  const matrices = /** @type {{M: number[][], K: number[][]}} */ (structure.matrices);
+
+  /** @param {number} n */
+  function resize(n) {
+    for (const name of /** @type {("M" | "K")[]} */ (["M", "K"])) {
+      const old = matrices[name];
+      // New masses are coupled to their neighbours as the others are.
+      matrices[name] = Array.from({ length: n }, (_, i) => Array.from({ length: n }, (_2, j) => {
+        if (i < old.length && j < old.length) return old[i][j];
+        if (name === "M") return i === j ? 1 : 0;
+        return i === j ? 2 : Math.abs(i - j) === 1 ? -1 : 0;
+      }));
+    }
+    rebuild();
+    changed();
+  }
+
+  function rebuild() {
+    const n = matrices.K.length;
+    box.replaceChildren(
+      numberField("Degrees of freedom", n, (value) => resize(/** @type {number} */ (value)), { whole: true, min: 1, max: LARGEST }),
+      table("M", "Mass"), table("K", "Stiffness"),
+    );
+  }
+
+  /** @param {"M" | "K"} name @param {string} title */
+  function table(name, title) {
+    const rows = matrices[name];
+    const body = rows.map((row, i) => make("tr", {}, ...row.map((value, j) => {
+      const input = make("input", { type: "number", step: "any", "aria-label": `${name} ${i}, ${j}`, value });
+      input.addEventListener("input", () => {
+        if (input.value === "" || !input.checkValidity()) return;
+        rows[i][j] = Number(input.value);
+        rows[j][i] = Number(input.value);
+        const mirror = box.querySelector(`[aria-label="${name} ${j}, ${i}"]`);
+        if (mirror instanceof HTMLInputElement && mirror !== input) mirror.value = input.value;
+        changed();
+      });
+      return make("td", {}, input);
+    })));
+    return make("div", { "data-pointer": `/system/${name}`, class: "scroll", tabindex: 0, role: "group", "aria-label": `${title} matrix` },
+      make("table", { class: "matrix" }, make("caption", {}, `${title} ${name}`), make("tbody", {}, ...body)), make("span", { class: "fault", id: `fault-${name}` }));
+  }
+
+  rebuild();
+  return box;
+}

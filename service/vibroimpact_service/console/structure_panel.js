@@ -1,0 +1,228 @@
+// The form in which a structure is entered, with its drawing.
+
+import { ask, send } from "./api.js";
+import { button, make, settled } from "./dom.js";
+import { choiceField, clearFaults, numberField, showError, switchField } from "./fields.js";
+import { ENDINGS, structureOf } from "./files.js";
+import { matrixEditor } from "./matrix_editor.js";
+import { Shape } from "./shape.js";
+import { setStructure, state } from "./state.js";
+import { FORMS, geometryOf, preset, size, stop } from "./structures.js";
+import { onTheme, shapeColours } from "./theme.js";
+
+/** @typedef {import("./structures.js").Structure} Structure */
+
+const changed = settled(200, () => {
+  clearFaults();
+  setStructure(state.structure);
+});
+
+/** @param {HTMLElement} root */
+export function structurePanel(root) {
+  const canvas = make("canvas", { class: "still", role: "img" });
+  const hint = make("p", { class: "hint" }, "Click a coordinate to place a stop there, or to remove it.");
+  /** @type {Shape | null} */
+  let shape = null;
+
+  function drawStill() {
+    const n = size(state.structure);
+    if (!n || n > 5000) return;
+    const geometry = geometryOf(state.structure);
+    shape = new Shape(canvas, geometry, state.structure.stops.filter((each) => each.dof < n && (each.relativeTo || 0) < n), shapeColours());
+    shape.fit([]);
+    shape.envelope = null;
+    shape.draw(new Float64Array(n));
+    const stops = state.structure.stops.map((each) => each.dof).join(", ");
+    canvas.setAttribute("aria-label", `Structure with ${n} degrees of freedom at rest; stops at ${stops || "none"}.`);
+  }
+
+  canvas.addEventListener("click", (event) => {
+    const dof = shape ? shape.at(event.offsetX, event.offsetY) : -1;
+    if (dof >= 0) toggleStop(dof);
+  });
+
+  function toggleStop(/** @type {number} */ dof) {
+    const { stops } = state.structure;
+    const there = stops.findIndex((each) => each.dof === dof);
+    if (there >= 0) stops.splice(there, 1);
+    else {
+      const last = stops[stops.length - 1];
+      stops.push(last ? { ...last, dof, relativeTo: null, active: true } : stop(dof, 1, 1));
+    }
+    rebuild();
+    changed();
+  }
+
+  function rebuild() {
+    root.replaceChildren(
+      choiceField("Structure", Object.entries(FORMS).filter(([form]) => form !== "stored" || state.structure.form === "stored").map(([form, { label }]) => [form, label]),
+        state.structure.form, (form) => { clearFaults(); setStructure(preset(form), {}); }, { name: "form" }),
+      upload(),
+      canvas, hint,
+      parameters(), stops(toggleStop, rebuild), loads(rebuild),
+    );
+    drawStill();
+  }
+
+  new ResizeObserver(drawStill).observe(canvas);
+  onTheme(drawStill);
+  rebuild();
+  return { rebuild, drawStill };
+}
+
+function parameters() {
+  const { structure } = state;
+  const about = FORMS[structure.form];
+  const box = make("div", { class: "fields" });
+  if (structure.form === "stored") {
+    const text = `${structure.name || "structure"}: ${size(structure) || "…"} degrees of freedom`;
+    const force = structure.matrices && structure.matrices.force;
+    box.append(make("p", { class: "hint" }, text), geometryUpload(), ...(force && force.some(Boolean) ? [make("p", { class: "hint" }, "The file has a constant load; those below are added.")] : []));
+    return box;
+  }
+  if (structure.form === "matrices") box.append(matrixEditor(structure, changed));
+  for (const { label, name, whole, min } of about.parameters) {
+    box.append(numberField(label, structure.parameters[name], (value) => {
+      structure.parameters[name] = /** @type {number} */ (value);
+      changed();
+    }, { pointer: `/system/${name}`, whole, min, name }));
+  }
+  if (about.damped) {
+    box.append(numberField("Damping ratio ζ", structure.damping, (value) => {
+      structure.damping = /** @type {number} */ (value);
+      changed();
+    }, { pointer: "/system/C", min: 0, name: "zeta" }));
+  }
+  return box;
+}
+
+/** @param {(dof: number) => void} toggleStop @param {() => void} rebuild */
+function stops(toggleStop, rebuild) {
+  const { structure } = state;
+  const box = make("fieldset", { class: "stops", "data-pointer": "/system/constraints", tabindex: -1 }, make("legend", {}, "Stops"));
+  structure.stops.forEach((each, index) => {
+    const at = `/system/constraints/${index}`;
+    /** @param {"dof" | "relativeTo" | "lower" | "upper" | "restitution"} name */
+    const set = (name) => (/** @type {number | null} */ value) => {
+      /** @type {any} */ (each)[name] = value;
+      changed();
+    };
+    box.append(make("div", { class: "stop", role: "group", "aria-label": `Stop ${index}` },
+      numberField("Coordinate", each.dof, set("dof"), { pointer: `${at}/dof`, whole: true, min: 0 }),
+      numberField("relative to", each.relativeTo, set("relativeTo"), { pointer: `${at}/direction`, whole: true, min: 0, empty: "ground" }),
+      numberField("Lower gap", each.lower, set("lower"), { pointer: `${at}/gap/lower`, empty: "none" }),
+      numberField("Upper gap", each.upper, set("upper"), { pointer: `${at}/gap`, empty: "none" }),
+      numberField("Restitution", each.restitution, set("restitution"), { pointer: `${at}/restitution`, min: 0, max: 1 }),
+      make("div", { class: "stop-acts" },
+        switchField("struck", each.active, (value) => { each.active = value; changed(); }),
+        button("Remove", () => { structure.stops.splice(index, 1); rebuild(); changed(); }, { class: "quiet", "aria-label": `Remove stop ${index}` })),
+    ));
+  });
+  box.append(button("Add a stop", () => {
+    const taken = new Set(structure.stops.map((each) => each.dof));
+    const free = Array.from({ length: size(structure) }, (_, dof) => dof).find((dof) => !taken.has(dof));
+    if (free !== undefined) toggleStop(free);
+  }, { class: "quiet" }), make("span", { class: "fault", id: "fault-stops" }));
+  return box;
+}
+
+/** @param {() => void} rebuild */
+function loads(rebuild) {
+  const { structure } = state;
+  const box = make("fieldset", { class: "stops", "data-pointer": "/system/force", tabindex: -1 }, make("legend", {}, "Constant load"));
+  structure.loads.forEach((each, index) => {
+    /** @param {"dof" | "force"} name */
+    const set = (name) => (/** @type {number | null} */ value) => {
+      each[name] = /** @type {number} */ (value);
+      changed();
+    };
+    box.append(make("div", { class: "stop", role: "group", "aria-label": `Constant force ${index}` },
+      numberField("On coordinate", each.dof, set("dof"), { whole: true, min: 0 }), numberField("Force", each.force, set("force")),
+      button("Remove", () => { structure.loads.splice(index, 1); rebuild(); changed(); }, { class: "quiet", "aria-label": `Remove constant force ${index}` })));
+  });
+  box.append(button("Add a constant force", () => {
+    const first = structure.stops[0];
+    structure.loads.push({ dof: first ? first.dof : 0, force: 0 });
+    rebuild();
+  }, { class: "quiet" }), make("span", { class: "fault", id: "fault-loads" }));
+  return box;
+}
+
+function upload() {
+  const input = make("input", { type: "file", id: "upload", multiple: true, accept: ENDINGS.map((ending) => `.${ending}`).join(), class: "visually-hidden" });
+  input.addEventListener("change", async () => {
+    const files = [...(input.files || [])];
+    if (!files.length) return;
+    clearFaults();
+    try {
+      await take(files);
+    } catch (error) {
+      showError(error);
+    }
+    input.value = "";
+  });
+  return make("p", { class: "upload" }, input, make("label", { for: "upload", class: "quiet button" }, "Upload matrices …"),
+    make("span", { class: "hint" }, " .mtx, .npy, .npz, .csv or .json; one file, or M and K"));
+}
+
+/** Store files as a structure. @param {File[]} files */
+async function take(files) {
+  const { content, geometry } = await structureOf(files);
+  const { id } = await (await send("POST", "/v1/systems", content)).json();
+  const structure = await loaded({ ...preset("stored"), id, name: files.map(({ name }) => name).join(", "), geometry });
+  structure.stops = [stop(geometry ? geometryOf(structure).drawn[0] || 0 : 0, 1, 1)];
+  setStructure(structure, {});
+}
+
+/**
+ * Return a stored structure with its matrices, as the service keeps them.
+ * @param {Structure} structure
+ * @returns {Promise<Structure>}
+ */
+export async function loaded(structure) {
+  const document = await ask("GET", `/v1/systems/${structure.id}`);
+  const { M, K, C, force, units, geometry } = document;
+  if (!K) throw new Error("Presets are entered by their parameters.");
+  return { ...structure, geometry: structure.geometry || geometry, matrices: { M, K, C, force, units } };
+}
+
+function geometryUpload() {
+  const input = make("input", { type: "file", id: "geometry", accept: ".csv,.txt,.json", class: "visually-hidden" });
+  input.addEventListener("change", async () => {
+    const file = input.files && input.files[0];
+    if (!file) return;
+    try {
+      const text = await file.text();
+      state.structure.geometry = file.name.endsWith(".json") ? JSON.parse(text) : nodesOf(text);
+      setStructure(state.structure);
+    } catch (error) {
+      showError(error);
+    }
+  });
+  return make("p", { class: "upload" }, input, make("label", { for: "geometry", class: "quiet button" }, "Geometry …"),
+    make("span", { class: "hint" }, " one line per coordinate: x, y, z, direction"));
+}
+
+/**
+ * Return the geometry in a table with one line for each degree of freedom: x, y, z, direction.
+ * @param {string} text
+ * @returns {import("./structures.js").GeometryDocument}
+ */
+function nodesOf(text) {
+  /** @type {Map<string, number>} */
+  const index = new Map();
+  /** @type {number[][]} */
+  const nodes = [];
+  const dofs = text.split(/\r?\n/).map((line) => line.trim()).filter((line) => /^[-+.\d]/.test(line)).map((line) => {
+    const [x, y = "0", z = "0", direction = "z"] = line.split(/[\s,;]+/);
+    const place = [x, y, z].map(Number);
+    if (place.some(Number.isNaN)) throw new Error(`The geometry has a line without numbers: ${line.slice(0, 60)}`);
+    const name = place.join(" ");
+    if (!index.has(name)) index.set(name, nodes.push(place) - 1);
+    return { node: /** @type {number} */ (index.get(name)), direction };
+  });
+  if (dofs.length !== size(state.structure)) {
+    throw new Error(`The geometry has ${dofs.length} lines for ${size(state.structure)} degrees of freedom.`);
+  }
+  return { nodes, dofs };
+}

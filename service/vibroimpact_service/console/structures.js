@@ -1,0 +1,315 @@
+// Structures of the page: their documents, their matrices, and how they are drawn.
+
+/**
+ * @typedef {{dof: number, relativeTo: number | null, lower: number | null, upper: number | null,
+ *   restitution: number, active: boolean}} Stop
+ *
+ * @typedef {{form: string, parameters: Record<string, number>, damping: number, stops: Stop[],
+ *   loads: {dof: number, force: number}[], matrices?: {M: any, K: any, C?: any, force?: number[], units?: any}, id?: string, name?: string,
+ *   geometry?: GeometryDocument}} Structure
+ *
+ * Loads are constant forces, in addition to the one that a file may have.
+ *
+ * @typedef {{nodes: number[][], dofs?: {node: number, direction: string}[], links?: number[][]}} GeometryDocument
+ *
+ * @typedef {{layout: "row" | "profile" | "pendulum" | "cloud", n: number, drawn: number[],
+ *   fixed: [boolean, boolean], springs: boolean, smooth: boolean, element?: number,
+ *   nodes?: number[][], directions?: number[][], nodeOf?: number[], links?: number[][]}} Geometry
+ *
+ * A geometry with the length of an element is that of a beam: each rotation follows its displacement.
+ *
+ * @typedef {{label: string, name: string, value: number, whole?: boolean, min?: number}} Parameter
+ */
+
+/** @param {number} dof @param {number | null} lower @param {number | null} upper @returns {Stop} */
+export function stop(dof, lower, upper, restitution = 1, /** @type {number | null} */ relativeTo = null) {
+  return { dof, relativeTo, lower, upper, restitution, active: true };
+}
+
+/**
+ * The forms a structure can have: what one enters for it, and its first stops and frequencies.
+ * @type {Record<string, {label: string, parameters: Parameter[], stops: Stop[], damped: boolean,
+ *   range: [number, number]}>}
+ */
+export const FORMS = {
+  chain: {
+    label: "Chain of masses between walls", damped: true, range: [0.55, 2.6], stops: [stop(5, 0.2, 0.2)],
+    parameters: [
+      { label: "Masses", name: "n", value: 13, whole: true, min: 1 },
+      { label: "Mass", name: "mass", value: 1 }, { label: "Stiffness", name: "stiffness", value: 1 },
+    ],
+  },
+  beam: {
+    label: "Cantilever beam", damped: true, range: [3, 40], stops: [stop(6, 0.05, 0.05)],
+    parameters: [
+      { label: "Elements", name: "elements", value: 4, whole: true, min: 1 },
+      { label: "Length", name: "length", value: 1 }, { label: "Bending stiffness EI", name: "EI", value: 1 },
+      { label: "Mass per length ρA", name: "rhoA", value: 1 },
+    ],
+  },
+  oscillator: {
+    label: "Oscillator", damped: true, range: [0.5, 3], stops: [stop(0, 1, 1)],
+    parameters: [{ label: "Frequency Ω₀", name: "Omega0", value: 1 }],
+  },
+  two_mass: {
+    label: "Two coupled masses", damped: true, range: [0.4, 3.5], stops: [stop(0, 1, 1)],
+    parameters: [
+      { label: "Frequency Ω₀", name: "Omega0", value: 1 }, { label: "Coupling c", name: "coupling", value: 1 },
+    ],
+  },
+  double_pendulum: {
+    label: "Double pendulum", damped: false, range: [0.3, 4], stops: [stop(0, 0.1, 0.1)],
+    parameters: [{ label: "Mass ratio μ", name: "mu", value: 2, min: 1 }],
+  },
+  absorber: {
+    label: "Mass with impact absorber", damped: true, range: [0.5, 2], stops: [stop(1, 0.5, 0.5, 0.7, 0)],
+    parameters: [
+      { label: "Frequency Ω₀", name: "Omega0", value: 1 }, { label: "Mass ratio", name: "ratio", value: 0.05 },
+    ],
+  },
+  matrices: { label: "Matrices M, K", damped: false, range: [0.3, 3], stops: [stop(0, 1, 1)], parameters: [] },
+  stored: { label: "Uploaded structure", damped: false, range: [0.3, 3], stops: [stop(0, 1, 1)], parameters: [] },
+};
+
+/** @param {string} form @returns {Structure} */
+export function preset(form) {
+  const about = FORMS[form];
+  return {
+    form, damping: 0, loads: [], stops: about.stops.map((each) => ({ ...each })),
+    parameters: Object.fromEntries(about.parameters.map(({ name, value }) => [name, value])),
+    ...(form === "matrices" ? { matrices: { M: [[1, 0, 0], [0, 1, 0], [0, 0, 1]], K: [[2, -1, 0], [-1, 2, -1], [0, -1, 2]] } } : {}),
+  };
+}
+
+/** @param {Structure} structure @returns {number} degrees of freedom; 0 where they are not known yet */
+export function size(structure) {
+  const { form, parameters: p, matrices } = structure;
+  if (form === "chain") return p.n;
+  if (form === "beam") return 2 * p.elements;
+  if (form === "oscillator") return 1;
+  if (form === "matrices" || form === "stored") return matrices ? rows(matrices.K) : 0;
+  return 2;
+}
+
+/** @param {any} matrix in any form of the contract @returns {number} */
+function rows(matrix) {
+  if (Array.isArray(matrix)) return matrix.length;
+  if (matrix.diagonal) return matrix.diagonal.length;
+  if (matrix.bands) return matrix.bands["0"] ? matrix.bands["0"].length : 0;
+  return matrix.shape ? matrix.shape[0] : matrix.n;
+}
+
+/** @param {Stop} each @returns {any} the document of a constraint */
+function constraint(each) {
+  const place = each.relativeTo === null
+    ? { dof: each.dof } : { direction: { dofs: [each.dof, each.relativeTo], weights: [1, -1] } };
+  const gap = each.lower === each.upper && each.upper !== null && each.upper > 0
+    ? each.upper : { lower: each.lower, upper: each.upper };
+  return { ...place, gap, restitution: each.restitution };
+}
+
+/**
+ * Return the document of a structure. Damping is left out where a computation knows none.
+ * @param {Structure} structure
+ * @param {boolean} [damped]
+ */
+export function systemDocument(structure, damped = true) {
+  const { form, parameters: p, stops, id, loads } = structure;
+  const constraints = stops.map(constraint);
+  const zeta = damped ? structure.damping : 0;
+  const loaded = loads.some((each) => each.force);
+  if (!loaded) {
+    if (form === "stored") return { id, constraints };
+    if (form === "oscillator" || form === "two_mass") return { preset: form, ...p, ...(zeta ? { zeta } : {}), constraints };
+    if (form === "chain" && !zeta) return { preset: "chain", n: p.n, mass: p.mass, stiffness: p.stiffness, constraints };
+    if (form === "double_pendulum") return { preset: form, mu: p.mu, constraints };
+  }
+  const { M, K, C, force, units } = sparseMatrices(structure);
+  const damping = zeta ? dampingOf(structure, K, zeta) : damped ? C : undefined;
+  const constant = loaded ? total(size(structure), force, loads) : force;
+  return { M, K, ...(damping ? { C: damping } : {}), ...(constant ? { force: constant } : {}), ...(units ? { units } : {}), constraints };
+}
+
+/** @param {number} n @param {number[] | undefined | null} force @param {{dof: number, force: number}[]} loads @returns {number[]} */
+function total(n, force, loads) {
+  const all = force ? [...force] : new Array(n).fill(0);
+  // One beyond the end makes it too long, and the service says so at the field.
+  for (const { dof, force: value } of loads) all[Math.min(dof, n)] = (all[Math.min(dof, n)] || 0) + value;
+  return all;
+}
+
+/** @param {Structure} structure @param {any} K @param {number} zeta @returns {any} as the service's presets have it, or in proportion to stiffness */
+function dampingOf(structure, K, zeta) {
+  if (structure.form === "two_mass") return { diagonal: [2 * zeta * structure.parameters.Omega0, 0] };
+  return times(K, (2 * zeta) / lowest(structure));
+}
+
+/** @param {Structure} structure @returns {number} an estimate of the lowest natural frequency */
+function lowest({ form, parameters: p }) {
+  if (form === "chain") return 2 * Math.sqrt(p.stiffness / p.mass) * Math.sin(Math.PI / (2 * (p.n + 1)));
+  if (form === "beam") return 3.5160152685 * Math.sqrt(p.EI / p.rhoA) / p.length ** 2;
+  return p.Omega0 || 1;
+}
+
+/** @param {any} matrix @param {number} factor @returns {any} */
+function times(matrix, factor) {
+  if (Array.isArray(matrix)) return matrix.map((row) => row.map((/** @type {number} */ value) => value * factor));
+  return { bands: Object.fromEntries(Object.entries(matrix.bands).map(([k, row]) => [k, row.map((/** @type {number} */ v) => v * factor)])) };
+}
+
+/** @param {Structure} structure @returns {any} M, K and perhaps C, in forms of the contract */
+function sparseMatrices({ form, parameters: p, matrices }) {
+  if (form === "beam") return beam(p);
+  if (form === "absorber") {
+    const k = p.Omega0 ** 2;
+    return {
+      M: [[1, 0], [0, p.ratio]],
+      K: [[k * (1 + p.ratio), -k * p.ratio], [-k * p.ratio, k * p.ratio]],
+    };
+  }
+  if (form === "oscillator") return { M: [[1]], K: [[p.Omega0 ** 2]] };
+  if (form === "two_mass") {
+    const [k, c] = [p.Omega0 ** 2, p.coupling];
+    return { M: [[1, 0], [0, 1]], K: [[k * (1 + c), -k * c], [-k * c, k * (1 + c)]] };
+  }
+  if (form === "double_pendulum") return { M: [[p.mu ** 2, 1], [1, 1]], K: [[p.mu ** 2, 0], [0, 1]] };
+  if (form === "chain") {
+    /** @param {number} value @param {number} count */
+    const row = (value, count) => new Array(Math.max(0, count)).fill(value);
+    return {
+      M: { bands: { 0: row(p.mass, p.n) } },
+      K: { bands: { 0: row(2 * p.stiffness, p.n), ...(p.n > 1 ? { 1: row(-p.stiffness, p.n - 1) } : {}) } },
+    };
+  }
+  return matrices || { M: [[1]], K: [[1]] };
+}
+
+/**
+ * Return the matrices of a cantilever of Hermite elements; degrees of freedom: w₁, θ₁, w₂, θ₂ …
+ * @param {Record<string, number>} p
+ */
+function beam(p) {
+  const h = p.length / p.elements;
+  const [k, m] = [p.EI / h ** 3, (p.rhoA * h) / 420];
+  const stiffness = [[12, 6 * h, -12, 6 * h], [6 * h, 4 * h * h, -6 * h, 2 * h * h], [-12, -6 * h, 12, -6 * h], [6 * h, 2 * h * h, -6 * h, 4 * h * h]];
+  const mass = [[156, 22 * h, 54, -13 * h], [22 * h, 4 * h * h, 13 * h, -3 * h * h], [54, 13 * h, 156, -22 * h], [-13 * h, -3 * h * h, -22 * h, 4 * h * h]];
+  const n = 2 * p.elements;
+  /** @param {number[][]} local @param {number} factor */
+  const assembled = (local, factor) => {
+    const bands = [0, 1, 2, 3].map((offset) => new Array(Math.max(0, n - offset)).fill(0));
+    for (let e = 0; e < p.elements; e += 1) {
+      for (let i = 0; i < 4; i += 1) {
+        for (let j = i; j < 4; j += 1) {
+          const row = 2 * e + i - 2;
+          if (row >= 0) bands[j - i][row] += factor * local[i][j];
+        }
+      }
+    }
+    return { bands: Object.fromEntries(bands.map((row, offset) => [offset, row]).filter(([, row]) => /** @type {number[]} */ (row).length)) };
+  };
+  return { M: assembled(mass, m), K: assembled(stiffness, k) };
+}
+
+/** @param {Structure} structure @returns {[Float64Array[], Float64Array[]]} M and K with all entries */
+export function denseMatrices(structure) {
+  const n = size(structure);
+  const { M, K } = sparseMatrices(structure);
+  return [dense(M, n), dense(K, n)];
+}
+
+/** @param {any} matrix @param {number} n @returns {Float64Array[]} */
+function dense(matrix, n) {
+  if (Array.isArray(matrix)) return matrix.map((row) => Float64Array.from(row));
+  const full = Array.from({ length: n }, () => new Float64Array(n));
+  for (const [i, j, value] of entries(matrix, n)) full[i][j] += value;
+  return full;
+}
+
+/** @param {any} matrix @param {number} n @returns {Generator<[number, number, number]>} row, column, value */
+function* entries(matrix, n) {
+  if (Array.isArray(matrix)) {
+    for (let i = 0; i < n; i += 1) for (let j = 0; j < n; j += 1) if (matrix[i][j]) yield [i, j, matrix[i][j]];
+  } else if (matrix.bands) {
+    for (const [offset, row] of Object.entries(matrix.bands)) {
+      for (let i = 0; i < row.length; i += 1) {
+        yield [i, i + Number(offset), row[i]];
+        if (Number(offset)) yield [i + Number(offset), i, row[i]];
+      }
+    }
+  } else if (matrix.data) {
+    for (let e = 0; e < matrix.data.length; e += 1) yield [matrix.row[e], matrix.col[e], matrix.data[e]];
+  } else {
+    for (let i = 0; i < n; i += 1) yield [i, i, matrix.diagonal ? matrix.diagonal[i] : matrix.scalar];
+  }
+}
+
+const AXES = { x: 0, y: 1, z: 2 };
+
+/** @param {Structure} structure @returns {Geometry} how it is drawn */
+export function geometryOf(structure) {
+  const n = size(structure);
+  const all = Array.from({ length: n }, (_, i) => i);
+  /** @type {Geometry} */
+  const base = { layout: "profile", n, drawn: all, fixed: [false, false], springs: false, smooth: false };
+  const { form, parameters: p } = structure;
+  if (form === "chain") return n <= 3 ? { ...base, layout: "row", springs: true, fixed: [true, true] } : { ...base, fixed: [true, true] };
+  if (form === "beam") return { ...base, drawn: all.filter((i) => i % 2 === 0), fixed: [true, false], smooth: true, element: p.length / p.elements };
+  if (form === "oscillator") return { ...base, layout: "row", springs: true, fixed: [true, false] };
+  if (form === "two_mass") return { ...base, layout: "row", springs: true, fixed: [true, true] };
+  if (form === "absorber") return { ...base, layout: "row", springs: true, fixed: [true, false] };
+  if (form === "double_pendulum") return { ...base, layout: "pendulum" };
+  if (structure.geometry) return cloud(base, structure.geometry, structure);
+  return base;
+}
+
+/**
+ * Return the degrees of freedom that a drawing needs; where many lie closer than its pixels, some.
+ * @param {Structure} structure
+ * @param {number} most
+ */
+export function neededDofs(structure, most) {
+  const { drawn, element, n } = geometryOf(structure);
+  const step = Math.ceil(drawn.length / most);
+  const some = drawn.filter((_, i) => i % step === 0);
+  const stops = structure.stops.flatMap(({ dof, relativeTo }) => (relativeTo === null ? [dof] : [dof, relativeTo]));
+  const all = [...some, ...(element ? some.map((dof) => dof + 1) : []), ...stops];
+  return [...new Set(all)].filter((dof) => dof < n).sort((a, b) => a - b);
+}
+
+/** @param {Geometry} base @param {GeometryDocument} geometry @param {Structure} structure @returns {Geometry} */
+function cloud(base, geometry, structure) {
+  const flat = geometry.nodes.every((node) => node.length < 3 || node[2] === geometry.nodes[0][2]);
+  const where = geometry.dofs || geometry.nodes.map((_, node) => ({ node, direction: flat ? "y" : "z" }));
+  /** @param {string} direction */
+  const unit = (direction) => {
+    const vector = [0, 0, 0];
+    const axis = AXES[/** @type {"x" | "y" | "z"} */ (direction)];
+    if (axis !== undefined) vector[axis] = 1; // rotations are not drawn
+    return vector;
+  };
+  const nodeOf = where.map(({ node }) => node);
+  return {
+    ...base, layout: "cloud", nodes: geometry.nodes.map((node) => [node[0], node[1] || 0, node[2] || 0]),
+    directions: where.map(({ direction }) => unit(direction)), nodeOf,
+    drawn: base.drawn.filter((dof) => where[dof] && unit(where[dof].direction).some(Boolean)),
+    links: geometry.links || joined(structure, geometry, nodeOf),
+  };
+}
+
+/** Links of the geometries seen: they are asked for at every move of the cursor. @type {WeakMap<GeometryDocument, number[][]>} */
+const LINKS = new WeakMap();
+
+/** @param {Structure} structure @param {GeometryDocument} geometry @param {number[]} nodeOf @returns {number[][]} nodes that stiffness couples */
+function joined(structure, geometry, nodeOf) {
+  const known = LINKS.get(geometry);
+  if (known) return known;
+  const links = new Map();
+  const { K } = sparseMatrices(structure);
+  for (const [i, j, value] of entries(K, size(structure))) {
+    const [a, b] = [nodeOf[i], nodeOf[j]];
+    if (value && a < b && b !== undefined) links.set(`${a} ${b}`, [a, b]);
+  }
+  const made = [...links.values()].slice(0, 20_000);
+  LINKS.set(geometry, made);
+  return made;
+}

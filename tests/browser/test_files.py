@@ -1,0 +1,166 @@
+"""Files of matrices: those that the page reads itself, and what it says of the others."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.io
+import scipy.sparse as sparse
+from playwright.sync_api import Page, expect
+
+from tests.browser.visits import Visit
+
+N = 5
+M = np.diag(np.linspace(1.0, 2.0, N))
+K = 2.5 * np.eye(N) - np.eye(N, k=1) - np.eye(N, k=-1)
+
+
+def _numpy(folder: Path) -> list[str]:
+    np.savez(folder / "model.npz", M=M, K=np.asfortranarray(K))
+    return ["model.npz"]
+
+
+def _compressed(folder: Path) -> list[str]:
+    np.savez_compressed(folder / "model.npz", mass=M.astype(np.float32), stiffness=K)
+    return ["model.npz"]
+
+
+def _scipy(folder: Path) -> list[str]:
+    sparse.save_npz(folder / "M.npz", sparse.csr_array(M))
+    sparse.save_npz(folder / "K.npz", sparse.csc_array(K))
+    return ["K.npz", "M.npz"]
+
+
+def _coordinates(folder: Path) -> list[str]:
+    sparse.save_npz(folder / "M.npz", sparse.coo_array(M))
+    np.save(folder / "K.npy", K)
+    return ["M.npz", "K.npy"]
+
+
+def _text(folder: Path) -> list[str]:
+    np.savetxt(folder / "M.csv", M, delimiter=",", header="mass")
+    np.savetxt(folder / "K.txt", np.tril(K))
+    return ["M.csv", "K.txt"]
+
+
+def _abaqus(folder: Path) -> list[str]:
+    entries = [(i, j) for i in range(N) for j in range(i + 1)]
+    for name, matrix in (("M", M), ("K", K)):
+        lines = [f"{i + 1},2, {j + 1},2, {matrix[i, j]:.17e}" for i, j in entries if matrix[i, j]]
+        (folder / f"{name}.mtx").write_text("** matrix\n" + "\n".join(lines))
+    return ["M.mtx", "K.mtx"]
+
+
+def _market(folder: Path) -> list[str]:
+    scipy.io.mmwrite(folder / "M.mtx", sparse.coo_array(M))
+    np.savetxt(folder / "K.csv", K, delimiter=";")
+    return ["M.mtx", "K.csv"]
+
+
+def _dense(matrix: Any) -> np.ndarray:
+    if isinstance(matrix, list):
+        return np.array(matrix)
+    if "scalar" in matrix:
+        return matrix["scalar"] * np.eye(matrix["n"])
+    places = (matrix["row"], matrix["col"])
+    return sparse.coo_array((matrix["data"], places), shape=matrix["shape"]).toarray()
+
+
+def _stored(page: Page, console: Visit, files: list[Path]) -> Any:
+    """Upload files and return what the service has stored then."""
+    with page.expect_response(re.compile("/v1/systems$")) as answer:
+        page.locator("#upload").set_input_files(files)
+    assert answer.value.ok, answer.value.text()
+    expect(page.locator("#structure")).to_contain_text(f"{N} degrees of freedom")
+    return page.request.get(f"{console.url}/v1/systems/{answer.value.json()['id']}").json()
+
+
+@pytest.mark.parametrize(
+    "write", [_numpy, _compressed, _scipy, _coordinates, _text, _abaqus, _market]
+)
+def test_the_page_reads(console: Visit, tmp_path: Path, write: Callable[[Path], list[str]]) -> None:
+    page = console.open("modes")
+    system = _stored(page, console, [tmp_path / name for name in write(tmp_path)])
+    np.testing.assert_allclose(_dense(system["M"]), M, rtol=1e-7)
+    np.testing.assert_allclose(_dense(system["K"]), K, rtol=0)
+    expect(page.locator("#message")).to_be_empty()
+
+
+def test_two_market_files_go_to_the_service_in_their_order(console: Visit, tmp_path: Path) -> None:
+    page = console.open("modes")
+    for name, matrix in (("stiffness", K), ("mass", M)):
+        scipy.io.mmwrite(tmp_path / f"{name}.mtx", sparse.coo_array(matrix))
+    system = _stored(page, console, [tmp_path / "stiffness.mtx", tmp_path / "mass.mtx"])
+    np.testing.assert_allclose(_dense(system["M"]), M, rtol=1e-15)
+    np.testing.assert_allclose(_dense(system["K"]), K, rtol=0)
+
+
+def test_one_table_alone_is_the_stiffness_of_unit_masses(console: Visit, tmp_path: Path) -> None:
+    np.savetxt(tmp_path / "anything.csv", K, delimiter=",")
+    page = console.open("modes")
+    system = _stored(page, console, [tmp_path / "anything.csv"])
+    np.testing.assert_allclose(_dense(system["M"]), np.eye(N), rtol=0)
+    np.testing.assert_allclose(_dense(system["K"]), K, rtol=0)
+
+
+def test_what_it_cannot_read_it_names_with_the_way_out(console: Visit, tmp_path: Path) -> None:
+    scipy.io.savemat(tmp_path / "wing.mat", {"M": M, "K": K})
+    page = console.open("modes")
+    page.locator("#upload").set_input_files(tmp_path / "wing.mat")
+    expect(page.locator("#message")).to_contain_text("cannot read wing.mat")
+    message = page.locator("#message").inner_text()
+    # The way out is a way: the line of Python writes what can be uploaded.
+    line = (
+        message[message.index("import numpy") :]
+        .replace('read_model("wing.mat")', f"read_model({str(tmp_path / 'wing.mat')!r})")
+        .replace('"wing.npz"', repr(str(tmp_path / "wing.npz")))
+    )
+    exec(line)
+    system = _stored(page, console, [tmp_path / "wing.npz"])
+    np.testing.assert_allclose(_dense(system["M"]), M, rtol=1e-15)
+    expect(page.locator("#message")).to_be_empty()
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("K.csv", "1, 2\n3\n", "as many lines as numbers in each"),
+        ("K.csv", "1, x\n2, 3\n", "a line without numbers: 1, x"),
+        ("K.mtx", "1 1\n2 2\n", "neither Matrix Market nor of lines with 3 or 5 numbers"),
+        ("K.npz", "no archive", "is no .npz file"),
+        ("K.json", "{}", "M"),
+    ],
+)
+def test_faults_of_files_are_named(
+    console: Visit, tmp_path: Path, name: str, content: str, said: str
+) -> None:
+    (tmp_path / name).write_text(content)
+    page = console.open("modes")
+    page.locator("#upload").set_input_files(tmp_path / name)
+    expect(page.locator("#message")).to_contain_text(said)
+
+
+def test_names_that_do_not_tell_are_asked_for(console: Visit, tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        np.savetxt(tmp_path / f"{name}.csv", K, delimiter=",")
+    page = console.open("modes")
+    page.locator("#upload").set_input_files([tmp_path / "one.csv", tmp_path / "two.csv"])
+    expect(page.locator("#message")).to_contain_text("Name them M, K and C")
+
+
+def test_a_structure_comes_with_its_geometry(console: Visit, tmp_path: Path) -> None:
+    nodes = [[0.2 * k, 0.0, 0.0] for k in range(N)]
+    geometry = {"nodes": nodes, "dofs": [{"node": k, "direction": "z"} for k in range(N)]}
+    document = {"M": M.tolist(), "K": K.tolist(), "geometry": geometry}
+    (tmp_path / "frame.json").write_text(json.dumps(document))
+    page = console.open("modes")
+    _stored(page, console, [tmp_path / "frame.json"])
+    expect(page.locator("#structure")).to_contain_text("frame.json")
+    # The address holds the geometry: a colleague sees the same cloud of nodes.
+    expect(page).to_have_url(re.compile("geometry"))

@@ -1,0 +1,85 @@
+"""The operating system ends a worker whose call takes far more processor time than it may."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SPIN = """
+import resource, time
+from vibroimpact_service.jobs import worker_plugin
+worker_plugin._MARGIN_SECONDS = 0.0
+worker_plugin._limit_process({seconds})
+before = resource.getrlimit(resource.RLIMIT_CPU)[0]
+worker_plugin._limit_process(0.0)
+assert resource.getrlimit(resource.RLIMIT_CPU)[0] >= before  # a smaller one takes nothing away
+end = time.process_time() + {spin}
+while time.process_time() < end:
+    pass
+"""
+
+
+def spin(seconds: float, spent: float) -> int:
+    text = SPIN.format(seconds=seconds, spin=spent)
+    return subprocess.run([sys.executable, "-c", text], check=False, timeout=120).returncode
+
+
+def test_a_call_that_does_not_look_at_its_signal_ends_with_its_process() -> None:
+    assert spin(0.5, 30.0) == -signal.SIGXCPU
+
+
+def test_a_call_within_its_limit_is_left_alone() -> None:
+    assert spin(20.0, 1.0) == 0
+
+
+JOB = """
+import json, sys
+from vibroimpact_service import chunks, loading
+from vibroimpact_service.documents import digest, limits, planning, requests
+from vibroimpact_service.jobs import worker_plugin
+from vibroimpact_service.kinds import KINDS
+from vibroimpact_service.settings import Settings
+from vibroimpact_service.store import Store
+
+folder, kind, content = sys.argv[1], sys.argv[2], json.loads(sys.argv[3])
+loading.load()
+store, asked = Store(folder), requests.read("ann", KINDS[kind], content)
+open_end = Settings(data=folder)
+plan = planning.plan(store, asked.kind, asked.document, open_end).plan
+size = limits.result_bytes(plan)
+limit = int(limits._LIBRARIES + plan.bytes - size + limits._COPIES * size) + 1
+exact = Settings(data=folder, worker_memory_bytes=max(limit, 2**29))
+planning.plan(store, asked.kind, asked.document, exact)
+worker_plugin.limit_memory(exact.worker_memory_bytes)
+block = requests.stored_form("ann", asked.canonical)
+name = digest.content(block)
+store.requests.put(name, block)
+job = folder, kind, name, asked.digest
+pieces = chunks.split(*job)
+chunks.solve(*job, range(len(pieces)))
+chunks.join(*job, pieces)
+print(store.results.size(asked.digest) / size)
+"""
+
+
+@pytest.mark.parametrize("outputs", [["waveform"], ["impulse", "shape"]])
+def test_a_plan_that_is_accepted_fits_into_the_memory_of_a_worker(
+    tmp_path: Path, outputs: list[str]
+) -> None:
+    """With a limit of which the plan says that it is just enough."""
+    content = {
+        "system": {"preset": "chain", "n": 13, "constraints": [{"dof": 5, "gap": 0.2}]},
+        "frequency": {"start": 0.6, "stop": 1.9, "num": 1000 if "waveform" in outputs else 600_000},
+        "outputs": outputs,
+    }
+    if "waveform" in outputs:
+        content["tau"] = [i / 1000 for i in range(1000)]
+    command = [sys.executable, "-c", JOB, str(tmp_path), "impact-modes", json.dumps(content)]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=250)
+    assert ended.returncode == 0, ended.stderr[-2000:]
+    assert 0.3 < float(ended.stdout.split()[-1]) < 1.1  # it is as large as planned

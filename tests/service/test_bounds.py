@@ -1,0 +1,252 @@
+"""No request takes more to plan than a plan may, nor more to compute than its price tells."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from vibroimpact_service import problems
+from vibroimpact_service.documents import limits, planning, requests
+from vibroimpact_service.jobs.work import StoppedError, StopSignal
+from vibroimpact_service.kinds import KINDS
+from vibroimpact_service.problems import ProblemError
+from vibroimpact_service.results import encode
+from vibroimpact_service.settings import Settings
+from vibroimpact_service.store import Store
+
+PLAN_SECONDS = 0.1
+LIMITER = {"dof": 5, "gap": 0.2}
+BALL = {"preset": "bouncing_ball", "g": 9.81}
+OSCILLATOR = {"preset": "oscillator", "Omega0": 1.0, "zeta": 0.1}
+
+
+def chain(n: int, *constraints: dict[str, Any]) -> dict[str, Any]:
+    return {"preset": "chain", "n": n, "constraints": list(constraints) or [LIMITER]}
+
+
+def modes(num: int, n: int = 13, start: float = 0.6, **more: Any) -> dict[str, Any]:
+    frequency = {"start": start, "stop": 1.9, "num": num}
+    return {"system": chain(n), "frequency": frequency, **more}
+
+
+def sweep(kind: str, base: dict[str, Any], *axes: tuple[str, float, float, int]) -> dict[str, Any]:
+    listed = [
+        {"path": path, "start": start, "stop": stop, "num": num} for path, start, stop, num in axes
+    ]
+    return {"kind": kind, "base": base, "axes": listed}
+
+
+GAP = ("system.constraints.0.gap", 0.1, 1.0, 10**6)
+EVERYWHERE = [{"dof": i, "gap": 1.0} for i in range(0, 5000, 2)]
+COUPLED = [
+    {"direction": {"dofs": [i, i + 1], "weights": [1.0, -1.0]}, "gap": 1.0} for i in range(2500)
+]
+FREE = {"x": [0.0] * 13, "v": [1.0] + [0.0] * 12}
+HISTORY = {"system": chain(13), "initial": FREE, "t_end": 100.0, "outputs": ["impacts"]}
+PLANS: dict[str, tuple[str, dict[str, Any]]] = {
+    "a million frequencies": ("impact-modes", modes(10**6)),
+    "two million, all outputs": (
+        "impact-modes",
+        modes(2 * 10**6, outputs=["impulse", "exists", "energy", "stability"]),
+    ),
+    "two million of a large structure": ("impact-modes", modes(2 * 10**6, 800)),
+    "two million far below its modes": ("impact-modes", modes(2 * 10**6, 1000, 0.01)),
+    "thousands of limiters": ("impact-modes", {**modes(10), "system": chain(5000, *EVERYWHERE)}),
+    "limiters between neighbours": ("impact-modes", {**modes(10), "system": chain(2501, *COUPLED)}),
+    "bands far below the modes": (
+        "existence-bands",
+        {"system": chain(13), "frequency": {"start": 1e-12, "stop": 5.0}},
+    ),
+    "ten million times": (
+        "time-history",
+        {**HISTORY, "t": {"num": 10**7}, "dofs": [0], "outputs": ["x"]},
+    ),
+    "a million drives": (
+        "periodic-motions",
+        {
+            "system": {**OSCILLATOR, "constraints": [{"dof": 0, "gap": 0.2, "restitution": 0.8}]},
+            "load": [{"dof": 0, "amplitude": 1.0}],
+            "frequency": {"start": 0.5, "stop": 2.0, "num": 10**6},
+            "sequence": "symmetric",
+        },
+    ),
+    "a million gaps": ("sweep", sweep("impact-modes", modes(100), GAP)),
+    "a million structures": (
+        "sweep",
+        sweep(
+            "impact-modes",
+            modes(10),
+            ("system.stiffness", 0.1, 1.0, 1000),
+            ("system.mass", 0.1, 1.0, 1000),
+        ),
+    ),
+    "a million gaps at ten million frequencies": (
+        "sweep",
+        sweep("impact-modes", modes(10**7), GAP),
+    ),
+    "a million ends": ("sweep", sweep("time-history", HISTORY, ("t_end", 1.0, 2.0, 10**6))),
+    "no point is possible": (
+        "sweep",
+        sweep(
+            "impact-modes",
+            modes(10),
+            ("system.constraints.0.gap", -1.0, -0.1, 10**6),
+            ("system.stiffness", 0.1, 1.0, 1),
+        ),
+    ),
+}
+
+
+def planned(folder: Path, kind: str, content: dict[str, Any], **more: Any) -> planning.Planned:
+    asked = requests.read("ann", KINDS[kind], content)
+    settings = Settings(data=folder, **more)
+    return planning.plan(Store(str(folder)), asked.kind, asked.document, settings)
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_every_plan_is_quick_or_refused(tmp_path: Path, name: str) -> None:
+    kind, content = PLANS[name]
+    asked = requests.read("ann", KINDS[kind], content)
+    store, settings = Store(str(tmp_path)), Settings(data=tmp_path)
+    spent = []
+    for _ in range(4):  # the first one loads libraries; others on this machine disturb
+        began = time.thread_time()
+        with contextlib.suppress(ProblemError):
+            planning.plan(store, asked.kind, asked.document, settings)
+        spent.append(time.thread_time() - began)
+    assert min(spent) < PLAN_SECONDS
+
+
+def test_a_plan_that_takes_long_ends_with_the_reason(tmp_path: Path) -> None:
+    content = sweep("impact-modes", modes(10), ("system.stiffness", 0.1, 1.0, 1000))
+    with pytest.raises(ProblemError, match="The plan alone") as refused:
+        planned(tmp_path, "sweep", content, plan_seconds=1e-6)
+    assert refused.value.type is problems.TOO_COSTLY
+
+
+def test_a_plan_ends_when_its_caller_has_gone(tmp_path: Path) -> None:
+    content = sweep("impact-modes", modes(10), ("system.stiffness", 0.1, 1.0, 1000))
+    asked = requests.read("ann", KINDS["sweep"], content)
+    left, settings = StopSignal(), Settings(data=tmp_path)
+    left.stop()
+    with pytest.raises(StoppedError):
+        planning.plan(Store(str(tmp_path)), asked.kind, asked.document, settings, left)
+
+
+def ball(restitution: float, x: float) -> dict[str, Any]:
+    wall = {"dof": 0, "gap": {"lower": 0.0, "upper": None}, "restitution": restitution}
+    return {
+        "system": {**BALL, "constraints": [wall]}, "initial": {"x": [x], "v": [0.0]},
+        "t_end": 1e5, "outputs": ["impacts"],
+    }  # fmt: skip
+
+
+UNBOUNDED: dict[str, tuple[str, dict[str, Any], str | None]] = {
+    "an impact mode of any frequency": (
+        "time-history", {**HISTORY, "initial": {"impact_mode": {"Omega": 1e12}}}, "/outputs",
+    ),
+    "a ball that loses next to nothing": ("time-history", ball(1.0 - 1e-12, 1e-6), "/outputs"),
+    "a ball that loses nothing": ("time-history", ball(1.0, 1e-6), "/outputs"),
+    "all resonances with all odd numbers": (
+        "resonances", {"system": chain(5000), "constraint": 0, "odd_max": 9999}, "/outputs",
+    ),
+    "a motion as fast as can be": (
+        "ensemble",
+        {
+            "system": chain(13), "t_end": 100.0, "outputs": ["impacts"],
+            "initial": {"x": [[0.0] * 13] * 2, "v": [[0.0] * 13, [9e15] + [0.0] * 12]},
+        },
+        "/outputs",
+    ),
+    "ten million frequencies of a large structure": (
+        "impact-modes", modes(10**7, 5000, 1e-4), None,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", UNBOUNDED)
+def test_what_takes_far_too_much_is_refused_by_its_price(tmp_path: Path, name: str) -> None:
+    """Each of them was priced at milliseconds, or took gibibytes."""
+    kind, content, pointer = UNBOUNDED[name]
+    if pointer is None:  # a job, and charged as one
+        assert planned(tmp_path, kind, content, plan_seconds=10.0).seconds > 60.0
+        return
+    with pytest.raises(ProblemError, match=r"about \S+ bytes") as refused:
+        planned(tmp_path, kind, content)
+    assert refused.value.type.status == 413
+    assert refused.value.errors[0].pointer == pointer
+
+
+def test_a_ball_that_comes_to_rest_is_cheap(tmp_path: Path) -> None:
+    assert planned(tmp_path, "time-history", ball(0.7, 1.0)).seconds < 0.1
+    assert planned(tmp_path, "time-history", ball(0.99, 0.0)).seconds < 0.1
+
+
+def test_ensembles_are_priced_by_the_mean_of_their_speeds(tmp_path: Path) -> None:
+    def price(*speeds: float) -> float:
+        v = [[speed] + [0.0] * 12 for speed in speeds]
+        initial = {"x": [[0.0] * 13] * len(v), "v": v}
+        content = {"system": chain(13), "t_end": 100.0, "outputs": ["impacts"], "initial": initial}
+        return planned(tmp_path, "ensemble", content).plan.flops
+
+    assert price(1.0, 3.0) == pytest.approx(price(2.0, 2.0))
+    assert price(1.0, 3.0) == pytest.approx(price(3.0, 1.0))
+
+
+def test_a_price_that_is_no_bound_says_so(tmp_path: Path) -> None:
+    def plan(kind: str, content: dict[str, Any]) -> dict[str, Any]:
+        return planning.steps(planned(tmp_path, kind, content).plan)
+
+    def moving(wall: float) -> dict[str, Any]:
+        return plan("time-history", {**HISTORY, "system": chain(13, {"dof": 5, "gap": wall})})
+
+    near, far = moving(0.2), moving(1e3)  # where the motion does not reach it
+    assert not near["bounded"]
+    assert [step["bounded"] for step in near["steps"]] == [True, False]
+    assert "no upper bound" in near["steps"][1]["reason"]
+    assert far["bounded"]
+    assert "no upper bound" not in far["steps"][1]["reason"]
+    assert plan("impact-modes", modes(10, outputs=["impulse"]))["bounded"]
+    assert not plan("impact-modes", modes(10, outputs=["exists"]))["bounded"]
+    swept = sweep("impact-modes", modes(10, outputs=["impulse"]), GAP)
+    assert not plan("sweep", swept)["bounded"]  # the other points cost what the first one does
+
+
+DRIVEN = {
+    "system": {**OSCILLATOR, "constraints": [{"dof": 0, "gap": 0.2, "restitution": 0.8}]},
+    "load": [{"dof": 0, "amplitude": 1.0}],
+    "frequency": {"start": 0.5, "stop": 2.0, "num": 50},
+    "sequence": "symmetric",
+}
+SIZES: dict[str, tuple[str, dict[str, Any]]] = {
+    "impulses": ("impact-modes", modes(200, outputs=["impulse"])),
+    "waveforms": (
+        "impact-modes", modes(50, outputs=["waveform"], tau=[0.0, 0.5], dofs=[0, 1]),
+    ),
+    "shapes": ("impact-modes", modes(200, outputs=["shape"])),
+    "resonances": ("resonances", {"system": chain(13), "constraint": 0, "odd_max": 99}),
+    "solutions": ("periodic-motions", DRIVEN),
+    "multipliers": ("periodic-motions", {**DRIVEN, "outputs": ["multipliers"]}),
+    "positions": (
+        "time-history",
+        {
+            **HISTORY, "system": chain(13, {"dof": 5, "gap": 1e3}), "t": {"num": 500},
+            "outputs": ["x", "v", "energy"],
+        },
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SIZES)
+def test_results_are_as_large_as_planned(tmp_path: Path, name: str) -> None:
+    """What a plan promises is not a third of what there is, nor many times as much."""
+    kind, content = SIZES[name]
+    work = planned(tmp_path, kind, content)
+    result = work.kind.solver.solve(work.problem, work.plan)
+    size = encode.describe(result, {}).nbytes
+    assert size <= limits.result_bytes(work.plan) + 1000  # of what does not grow
+    assert limits.result_bytes(work.plan) <= 3 * size
