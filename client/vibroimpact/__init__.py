@@ -1,5 +1,7 @@
 """The client library of the vibroimpact computation service."""
 
+from typing import TYPE_CHECKING, Any
+
 from vibroimpact.async_client import AsyncClient
 from vibroimpact.client import Client
 from vibroimpact.errors import (
@@ -11,6 +13,7 @@ from vibroimpact.errors import (
     JobCancelled,
     JobFailed,
     JobTimeout,
+    MissingExtra,
     NotFound,
     ServerError,
     TooLarge,
@@ -19,7 +22,21 @@ from vibroimpact.errors import (
     VibroimpactError,
 )
 from vibroimpact.jobs import AsyncJob, Job, Submitted
+from vibroimpact.kinds import (
+    Branches,
+    Ensemble,
+    ExistenceBands,
+    ImpactModes,
+    PeriodicMotions,
+    Resonances,
+    SlowFlow,
+    Sweep,
+    TimeHistory,
+)
+from vibroimpact.local import Local
+from vibroimpact.plans import Plan
 from vibroimpact.requests import (
+    branches_request,
     ensemble_request,
     existence_bands_request,
     impact_modes_request,
@@ -31,6 +48,7 @@ from vibroimpact.requests import (
 )
 from vibroimpact.results import Result
 from vibroimpact.systems import (
+    base_motion,
     bouncing_ball,
     chain,
     constraint,
@@ -38,34 +56,65 @@ from vibroimpact.systems import (
     drive,
     harmonic,
     oscillator,
+    sampled,
     soft,
     system,
     two_mass,
 )
 
+if TYPE_CHECKING:
+    from vibroimpact.models import Model, Reduction, condense, read_model, reduce
+
+
+def __getattr__(name: str) -> Any:
+    """Load what needs scipy when it is first used."""
+    if name not in ("Model", "Reduction", "condense", "read_model", "reduce"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from vibroimpact import models
+
+    return getattr(models, name)
+
+
 __all__ = [
     "AccessDenied",
     "AsyncClient",
     "AsyncJob",
+    "Branches",
     "Client",
     "ConfigurationError",
     "ConnectionFailed",
     "EmbeddedServiceError",
+    "Ensemble",
+    "ExistenceBands",
+    "ImpactModes",
     "InvalidRequest",
     "Job",
     "JobCancelled",
     "JobFailed",
     "JobTimeout",
+    "Local",
+    "MissingExtra",
+    "Model",
     "NotFound",
+    "PeriodicMotions",
+    "Plan",
+    "Reduction",
+    "Resonances",
     "Result",
     "ServerError",
+    "SlowFlow",
     "Submitted",
+    "Sweep",
+    "TimeHistory",
     "TooLarge",
     "TooManyRequests",
     "Unavailable",
     "VibroimpactError",
+    "base_motion",
     "bouncing_ball",
+    "branches_request",
     "chain",
+    "condense",
     "constraint",
     "double_pendulum",
     "drive",
@@ -75,7 +124,10 @@ __all__ = [
     "impact_modes_request",
     "oscillator",
     "periodic_motions_request",
+    "read_model",
+    "reduce",
     "resonances_request",
+    "sampled",
     "slow_flow_request",
     "soft",
     "sweep_request",

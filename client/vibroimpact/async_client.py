@@ -5,22 +5,40 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator, Coroutine, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
-from vibroimpact import conversations
+from vibroimpact import conversations, kinds
+from vibroimpact.cache import Cache
 from vibroimpact.computations import Computations
 from vibroimpact.config import connection
 from vibroimpact.conversations import Terms
 from vibroimpact.embedded import EmbeddedService
-from vibroimpact.errors import ServerError
+from vibroimpact.errors import ServerError, as_answered
 from vibroimpact.jobs import AsyncJob, Submitted
 from vibroimpact.plans import Plan
 from vibroimpact.results import Result
-from vibroimpact.systems import Document
-from vibroimpact.transport import AsyncTransport
+from vibroimpact.transport import RETRIES, AsyncTransport
+
+if TYPE_CHECKING:
+    from vibroimpact import documents
+
+    Outcome = TypeVar("Outcome")
+    Later = Coroutine[Any, Any, Outcome]
 
 
-class AsyncClient(Computations[Coroutine[Any, Any, Result]]):
+class AsyncClient(
+    Computations[
+        "Later[kinds.ImpactModes]",
+        "Later[kinds.ExistenceBands]",
+        "Later[kinds.Resonances]",
+        "Later[kinds.PeriodicMotions]",
+        "Later[kinds.Branches]",
+        "Later[kinds.TimeHistory]",
+        "Later[kinds.Ensemble]",
+        "Later[kinds.SlowFlow]",
+        "Later[kinds.Sweep]",
+    ]
+):
     """A connection to a vibroimpact service, for use with ``async with`` and ``await``.
 
     It takes the parameters of `vibroimpact.Client` and has the same methods.
@@ -40,8 +58,11 @@ class AsyncClient(Computations[Coroutine[Any, Any, Result]]):
         *,
         key: str | None = None,
         profile: str | None = None,
+        retries: int = RETRIES,
+        cache: str | Path | None = None,
     ) -> None:
         self._connection, self._data = connection(url, key, timeout, profile), data
+        self._retries, self._cache = retries, None if cache is None else Cache(cache)
         self._service: EmbeddedService | None = None
         self._transport: AsyncTransport | None = None
 
@@ -56,25 +77,25 @@ class AsyncClient(Computations[Coroutine[Any, Any, Result]]):
             raise RuntimeError("open an AsyncClient first: async with AsyncClient() as client")
         return self._transport
 
-    async def compute(
+    async def _compute(
         self, kind: str, request: Mapping[str, Any], *, progress: bool = False
     ) -> Result:
-        """Compute a request of any kind; where the service queues it, wait for the job."""
-        answer = await self._open.hold(conversations.ask(kind, request))
+        answer = await self._open.hold(conversations.ask(kind, request, self._open.cache))
         if isinstance(answer, bytes):
-            return Result(answer)
+            return kinds.read(answer)
         job = AsyncJob(self._open, answer)
-        await job.wait(progress=progress)
-        return await job.result()
+        with as_answered():
+            await job.wait(progress=progress)
+            return await job.result()
 
     async def submit(
         self,
-        kind: str,
-        request: Mapping[str, Any],
+        kind: documents.Kind,
+        request: documents.Request,
         priority: int = 0,
         *,
         deadline: float | None = None,
-        webhook: Mapping[str, str] | None = None,
+        webhook: documents.Webhook | None = None,
     ) -> AsyncJob:
         """Queue a computation; see `Client.submit`."""
         terms = Terms(priority, deadline, webhook)
@@ -83,12 +104,12 @@ class AsyncClient(Computations[Coroutine[Any, Any, Result]]):
 
     async def submit_many(
         self,
-        kind: str,
-        requests: Sequence[Mapping[str, Any]],
+        kind: documents.Kind,
+        requests: Sequence[documents.Request],
         priority: int = 0,
         *,
         deadline: float | None = None,
-        webhook: Mapping[str, str] | None = None,
+        webhook: documents.Webhook | None = None,
     ) -> Submitted[AsyncJob]:
         """Queue many computations; those that are refused do not hold back the others.
 
@@ -104,26 +125,26 @@ class AsyncClient(Computations[Coroutine[Any, Any, Result]]):
         """Yield jobs as they end; see `Client.as_completed`."""
         waiting = list(jobs)
         while waiting:
-            documents = [job.document for job in waiting]
-            exchange = conversations.first_final(documents, timeout)
-            final, documents = await self._open.hold(exchange)
-            for job, document in zip(waiting, documents, strict=True):
+            known = [job.document for job in waiting]
+            exchange = conversations.first_final(known, timeout)
+            final, known = await self._open.hold(exchange)
+            for job, document in zip(waiting, known, strict=True):
                 job.document = document
             for place in final:
                 yield waiting[place]
             waiting = [job for job in waiting if not job.final]
 
-    async def store(self, system: Document) -> Document:
+    async def store(self, system: documents.System) -> documents.SystemReference:
         """Store a structure with the service; see `Client.store`."""
         return await self._open.hold(conversations.store(system))
 
     async def batch(
-        self, kind: str, requests: Sequence[Mapping[str, Any]]
-    ) -> list[dict[str, Any] | ServerError]:
+        self, kind: documents.Kind, requests: Sequence[documents.Request]
+    ) -> list[Mapping[str, Any] | ServerError]:
         """Compute many small requests in one exchange; see `Client.batch`."""
         return await self._open.hold(conversations.batch(kind, requests))
 
-    async def plan(self, kind: str, request: Mapping[str, Any]) -> Plan:
+    async def plan(self, kind: documents.Kind, request: documents.Request) -> Plan:
         """Return the steps of a computation and those it skips, with reasons; compute nothing."""
         return Plan(await self._open.hold(conversations.plan(kind, request)))
 
@@ -144,11 +165,12 @@ class AsyncClient(Computations[Coroutine[Any, Any, Result]]):
                 return
             params["cursor"] = page["next"]
 
-    async def result(self, digest: str) -> Result:
-        """Return a stored result by its digest."""
-        return Result(await self._open.hold(conversations.result(digest)))
+    async def result(self, digest: str, path: str | Path | None = None) -> Result:
+        """Return a stored result by its digest; see `Client.result`."""
+        to = None if path is None else Path(path)
+        return kinds.read(await self._open.hold(conversations.result(digest, to, self._open.cache)))
 
-    async def version(self) -> dict[str, Any]:
+    async def version(self) -> documents.Version:
         """Return the version, kinds and limits of the service."""
         return await self._open.hold(conversations.version())
 
@@ -168,7 +190,11 @@ class AsyncClient(Computations[Coroutine[Any, Any, Result]]):
             self._service = await asyncio.to_thread(EmbeddedService, self._data)
             address = self._service.url
         self._transport = AsyncTransport(
-            address, self._connection.timeout, key=self._connection.key
+            address,
+            self._connection.timeout,
+            key=self._connection.key,
+            retries=self._retries,
+            cache=self._cache,
         )
         return self
 

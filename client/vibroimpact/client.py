@@ -7,21 +7,36 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from vibroimpact import conversations
+from vibroimpact import conversations, kinds
 from vibroimpact import requests as builders
+from vibroimpact.cache import Cache
 from vibroimpact.computations import Computations
 from vibroimpact.config import connection
 from vibroimpact.conversations import Terms
 from vibroimpact.embedded import EmbeddedService
-from vibroimpact.errors import ServerError
+from vibroimpact.errors import ServerError, as_answered
 from vibroimpact.jobs import Job, Submitted
 from vibroimpact.plans import Plan
 from vibroimpact.results import Result
-from vibroimpact.systems import Document
-from vibroimpact.transport import Transport
+from vibroimpact.transport import RETRIES, Transport
+
+if TYPE_CHECKING:
+    from vibroimpact import documents
 
 
-class Client(Computations[Result]):
+class Client(
+    Computations[
+        kinds.ImpactModes,
+        kinds.ExistenceBands,
+        kinds.Resonances,
+        kinds.PeriodicMotions,
+        kinds.Branches,
+        kinds.TimeHistory,
+        kinds.Ensemble,
+        kinds.SlowFlow,
+        kinds.Sweep,
+    ]
+):
     """A connection to a vibroimpact service.
 
     Parameters
@@ -39,6 +54,11 @@ class Client(Computations[Result]):
     profile : str, optional
         Name of a profile in the configuration file, see `vibroimpact.config`; default:
         ``VIBROIMPACT_PROFILE``, or the default profile of the file.
+    retries : int
+        Repetitions of a request after temporary failures, with growing pauses.
+    cache : path, optional
+        Folder in which results are kept by their digest: they are fetched once, and are there
+        where no service answers.
 
     Examples
     --------
@@ -56,11 +76,16 @@ class Client(Computations[Result]):
         *,
         key: str | None = None,
         profile: str | None = None,
+        retries: int = RETRIES,
+        cache: str | Path | None = None,
     ) -> None:
         chosen = connection(url, key, timeout, profile)
         self._service = None if chosen.url else EmbeddedService(data)
         address = self._service.url if self._service is not None else str(chosen.url)
-        self._transport = Transport(address, chosen.timeout, key=chosen.key)
+        kept = None if cache is None else Cache(cache)
+        self._transport = Transport(
+            address, chosen.timeout, key=chosen.key, retries=retries, cache=kept
+        )
 
     @property
     def url(self) -> str:
@@ -71,21 +96,21 @@ class Client(Computations[Result]):
         """Return the address."""
         return f"<Client {self.url}>"
 
-    def compute(self, kind: str, request: Mapping[str, Any], *, progress: bool = False) -> Result:
-        """Compute a request of any kind; where the service queues it, wait for the job."""
-        answer = self._transport.hold(conversations.ask(kind, request))
+    def _compute(self, kind: str, request: Mapping[str, Any], *, progress: bool = False) -> Result:
+        answer = self._transport.hold(conversations.ask(kind, request, self._transport.cache))
         if isinstance(answer, bytes):
-            return Result(answer)
-        return Job(self._transport, answer).wait(progress=progress).result()
+            return kinds.read(answer)
+        with as_answered():
+            return Job(self._transport, answer).wait(progress=progress).result()
 
     def submit(
         self,
-        kind: str,
-        request: Mapping[str, Any],
+        kind: documents.Kind,
+        request: documents.Request,
         priority: int = 0,
         *,
         deadline: float | None = None,
-        webhook: Mapping[str, str] | None = None,
+        webhook: documents.Webhook | None = None,
     ) -> Job:
         """Queue a computation. The job is durable when this returns.
 
@@ -108,12 +133,12 @@ class Client(Computations[Result]):
 
     def submit_many(
         self,
-        kind: str,
-        requests: Sequence[Mapping[str, Any]],
+        kind: documents.Kind,
+        requests: Sequence[documents.Request],
         priority: int = 0,
         *,
         deadline: float | None = None,
-        webhook: Mapping[str, str] | None = None,
+        webhook: documents.Webhook | None = None,
     ) -> Submitted[Job]:
         """Queue many computations; those that are refused do not hold back the others.
 
@@ -133,14 +158,14 @@ class Client(Computations[Result]):
         """
         waiting = list(jobs)
         while waiting:
-            documents = [job.document for job in waiting]
-            final, documents = self._transport.hold(conversations.first_final(documents, timeout))
-            for job, document in zip(waiting, documents, strict=True):
+            known = [job.document for job in waiting]
+            final, known = self._transport.hold(conversations.first_final(known, timeout))
+            for job, document in zip(waiting, known, strict=True):
                 job.document = document
             yield from [waiting[place] for place in final]
             waiting = [job for job in waiting if not job.final]
 
-    def store(self, system: Document) -> Document:
+    def store(self, system: documents.System) -> documents.SystemReference:
         """Store a structure with the service; return the short document that stands for it.
 
         The document can replace the structure in every request, also with other constraints:
@@ -150,8 +175,8 @@ class Client(Computations[Result]):
         return self._transport.hold(conversations.store(system))
 
     def batch(
-        self, kind: str, requests: Sequence[Mapping[str, Any]]
-    ) -> list[dict[str, Any] | ServerError]:
+        self, kind: documents.Kind, requests: Sequence[documents.Request]
+    ) -> list[Mapping[str, Any] | ServerError]:
         """Compute many small requests in one exchange; nothing is stored.
 
         Returns
@@ -162,7 +187,7 @@ class Client(Computations[Result]):
         """
         return self._transport.hold(conversations.batch(kind, requests))
 
-    def plan(self, kind: str, request: Mapping[str, Any]) -> Plan:
+    def plan(self, kind: documents.Kind, request: documents.Request) -> Plan:
         """Return the steps of a computation and those it skips, with reasons; compute nothing."""
         return Plan(self._transport.hold(conversations.plan(kind, request)))
 
@@ -181,11 +206,13 @@ class Client(Computations[Result]):
                 return
             params["cursor"] = page["next"]
 
-    def result(self, digest: str) -> Result:
-        """Return a stored result by its digest."""
-        return Result(self._transport.hold(conversations.result(digest)))
+    def result(self, digest: str, path: str | Path | None = None) -> Result:
+        """Return a stored result by its digest; with a path it goes there, as in `Job.result`."""
+        to = None if path is None else Path(path)
+        exchange = conversations.result(digest, to, self._transport.cache)
+        return kinds.read(self._transport.hold(exchange))
 
-    def version(self) -> dict[str, Any]:
+    def version(self) -> documents.Version:
         """Return the version, kinds and limits of the service."""
         return self._transport.hold(conversations.version())
 

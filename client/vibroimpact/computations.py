@@ -5,36 +5,166 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral
-from typing import Any, Final, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Generic, Literal, TypeVar, overload
 
 import numpy as np
 
-from vibroimpact.systems import Document, axis, frequencies, names, times
+from vibroimpact.systems import axis, frequencies, names, times
 
-Answer = TypeVar("Answer")
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from vibroimpact import documents
+    from vibroimpact.systems import Document
+
+    Values = ArrayLike | Mapping[str, object]
+    """An array, (start, stop, num), or a document with start, stop and num or step."""
+    Swept = Literal[
+        "impact-modes",
+        "existence-bands",
+        "resonances",
+        "periodic-motions",
+        "time-history",
+        "slow-flow",
+    ]
+    Load = documents.HarmonicLoad | documents.SampledLoad | documents.BaseMotion
+    Initial = documents.InitialState | documents.InitialMode | float | tuple[ArrayLike, ArrayLike]
+    Limiter = documents.PowerLimiter | documents.RigidLimiter
+
+Modes = TypeVar("Modes")
+Bands = TypeVar("Bands")
+Resonant = TypeVar("Resonant")
+Motions = TypeVar("Motions")
+Curves = TypeVar("Curves")
+History = TypeVar("History")
+Many = TypeVar("Many")
+Slow = TypeVar("Slow")
+Grid = TypeVar("Grid")
 
 
-class Computations(ABC, Generic[Answer]):
+class Computations(
+    ABC, Generic[Modes, Bands, Resonant, Motions, Curves, History, Many, Slow, Grid]
+):
     """One method for each kind of computation: it makes the request document and computes it.
 
-    An answer is a result, an awaitable one, or the request itself.
+    An answer is a result, an awaitable one, or the request itself; each kind has its own type.
     """
 
+    @overload
+    def compute(
+        self,
+        kind: Literal["impact-modes"],
+        request: documents.ImpactModesRequest,
+        *,
+        progress: bool = False,
+    ) -> Modes: ...
+
+    @overload
+    def compute(
+        self,
+        kind: Literal["existence-bands"],
+        request: documents.ExistenceBandsRequest,
+        *,
+        progress: bool = False,
+    ) -> Bands: ...
+
+    @overload
+    def compute(
+        self,
+        kind: Literal["resonances"],
+        request: documents.ResonancesRequest,
+        *,
+        progress: bool = False,
+    ) -> Resonant: ...
+
+    @overload
+    def compute(
+        self,
+        kind: Literal["periodic-motions"],
+        request: documents.PeriodicMotionsRequest,
+        *,
+        progress: bool = False,
+    ) -> Motions: ...
+
+    @overload
+    def compute(
+        self,
+        kind: Literal["branches"],
+        request: documents.BranchesRequest,
+        *,
+        progress: bool = False,
+    ) -> Curves: ...
+
+    @overload
+    def compute(
+        self,
+        kind: Literal["time-history"],
+        request: documents.TimeHistoryRequest,
+        *,
+        progress: bool = False,
+    ) -> History: ...
+
+    @overload
+    def compute(
+        self,
+        kind: Literal["ensemble"],
+        request: documents.EnsembleRequest,
+        *,
+        progress: bool = False,
+    ) -> Many: ...
+
+    @overload
+    def compute(
+        self,
+        kind: Literal["slow-flow"],
+        request: documents.SlowFlowRequest,
+        *,
+        progress: bool = False,
+    ) -> Slow: ...
+
+    @overload
+    def compute(
+        self, kind: Literal["sweep"], request: documents.SweepRequest, *, progress: bool = False
+    ) -> Grid: ...
+
+    def compute(
+        self, kind: documents.Kind, request: documents.Request, *, progress: bool = False
+    ) -> Any:
+        """Compute a request of any kind; where the service queues it, wait for the job.
+
+        Parameters
+        ----------
+        kind : str
+            Kind of computation, such as ``"impact-modes"``.
+        request : mapping
+            The request document, for example from `impact_modes_request`.
+        progress : bool
+            Show a progress bar while a job runs.
+
+        Raises
+        ------
+        ServerError
+            If the request is wrong or cannot be computed.
+        MissingExtra
+            If the computation is to be done in this process and the solvers are not installed.
+        """
+        return self._compute(kind, request, progress=progress)
+
     @abstractmethod
-    def compute(self, kind: str, request: Mapping[str, Any], *, progress: bool = False) -> Answer:
-        """Compute a request of any kind; where the service queues it, wait for the job."""
+    def _compute(self, kind: str, request: Mapping[str, Any], *, progress: bool = False) -> Any:
+        """Return the answer to a request."""
 
     def impact_modes(
         self,
-        system: Document,
-        frequency: Any,
+        system: documents.System,
+        frequency: Values,
         *,
         unit: str = "Omega",
         outputs: Sequence[str] = ("impulse", "exists", "reason"),
         active: Sequence[int] | None = None,
         dofs: Sequence[int] | None = None,
-        tau: Any = None,
-    ) -> Answer:
+        tau: ArrayLike | None = None,
+    ) -> Modes:
         """Compute impact modes, eq. 10.49-10.59 and 10.87-10.89.
 
         Parameters
@@ -42,8 +172,8 @@ class Computations(ABC, Generic[Answer]):
         system : dict
             The structure, from `system`, `chain` or another function of `vibroimpact.systems`.
         frequency : array, (start, stop, num) or dict
-            Fundamental angular frequencies Omega, or frequencies omega of the triangle wave with
-            ``unit="omega"``.
+            Fundamental angular frequencies Omega; frequencies omega of the triangle wave with
+            ``unit="omega"``, Omega/(2 pi) in Hz or per minute with ``unit="Hz"`` or ``"rpm"``.
         outputs : sequence of str
             Quantities to compute: impulse, exists, reason, shape, waveform, energy, stability,
             harmonics.
@@ -60,11 +190,12 @@ class Computations(ABC, Generic[Answer]):
             "outputs": names(outputs),
         }
         options = _present(active=_indices(active), dofs=_indices(dofs), tau=_values(tau))
-        return self.compute("impact-modes", request | options)
+        answer: Modes = self._compute("impact-modes", request | options)
+        return answer
 
     def existence_bands(
         self,
-        system: Document,
+        system: documents.System,
         start: float,
         stop: float,
         *,
@@ -72,7 +203,7 @@ class Computations(ABC, Generic[Answer]):
         outputs: Sequence[str] = ("bands", "rejected"),
         active: Sequence[int] | None = None,
         tolerance: float | None = None,
-    ) -> Answer:
+    ) -> Bands:
         """Find the frequency bands in which impact modes are admissible.
 
         Parameters
@@ -80,7 +211,7 @@ class Computations(ABC, Generic[Answer]):
         system : dict
             The structure, from `system`, `chain` or another function of `vibroimpact.systems`.
         start, stop : float
-            Ends of the frequency range: Omega, or omega with ``unit="omega"``.
+            Ends of the frequency range: Omega, or omega, Hz or rpm by `unit`.
         outputs : sequence of str
             Tables to compute: bands, rejected, stability.
         active : sequence of int, optional
@@ -94,9 +225,12 @@ class Computations(ABC, Generic[Answer]):
             "outputs": names(outputs),
         }
         options = _present(active=_indices(active), tolerance=_number(tolerance))
-        return self.compute("existence-bands", request | options)
+        answer: Bands = self._compute("existence-bands", request | options)
+        return answer
 
-    def resonances(self, system: Document, constraint: int = 0, odd_max: int = 9) -> Answer:
+    def resonances(
+        self, system: documents.System, constraint: int = 0, odd_max: int = 9
+    ) -> Resonant:
         """Find the internal resonances of a structure, eq. 10.70-10.76.
 
         These are the natural frequencies of the structure with the constrained coordinate held
@@ -112,23 +246,25 @@ class Computations(ABC, Generic[Answer]):
             Highest odd harmonic.
         """
         numbers = {"constraint": int(constraint), "odd_max": int(odd_max)}
-        return self.compute("resonances", {"system": dict(system)} | numbers)
+        answer: Resonant = self._compute("resonances", {"system": dict(system)} | numbers)
+        return answer
 
     def periodic_motions(
         self,
-        system: Document,
-        frequency: Any,
-        load: Sequence[Mapping[str, Any]] = (),
+        system: documents.System,
+        frequency: Values,
+        load: Sequence[documents.DriveTerm] = (),
         *,
+        unit: str = "Omega",
         sequence: str | Sequence[tuple[int, str]] | None = None,
         constraint: int = 0,
         periods: int = 1,
-        phases: Any = None,
+        phases: ArrayLike | None = None,
         outputs: Sequence[str] | None = None,
         dofs: Sequence[int] | None = None,
-        tau: Any = None,
+        tau: ArrayLike | None = None,
         tolerance: float | None = None,
-    ) -> Answer:
+    ) -> Motions:
         """Find the periodic motions of a driven, damped structure that hits its limiters.
 
         Parameters
@@ -136,7 +272,7 @@ class Computations(ABC, Generic[Answer]):
         system : dict
             The structure, from `system`, `chain` or another function of `vibroimpact.systems`.
         frequency : array, (start, stop, num) or dict
-            Frequencies Omega of the drive.
+            Frequencies Omega of the drive, or in Hz or rpm with ``unit="Hz"`` or ``unit="rpm"``.
         load : sequence of dict
             Terms of the drive, from `drive`; empty: free motions of a structure without losses.
         sequence : "symmetric" or sequence of (int, str), optional
@@ -150,8 +286,8 @@ class Computations(ABC, Generic[Answer]):
             Phases Omega t of the impacts with which the search for several impacts per period
             begins; one and symmetric impacts need none.
         outputs : sequence of str, optional
-            Quantities to compute: exists, extremes, energy, multipliers, waveform; default: all,
-            the waveform where `tau` is given.
+            Quantities to compute: exists, extremes, energy, stability, multipliers, waveform;
+            default: all, the waveform where `tau` is given.
         dofs : sequence of int, optional
             Degrees of freedom of extremes and waveform; default: all.
         tau : array, optional
@@ -161,7 +297,7 @@ class Computations(ABC, Generic[Answer]):
         """
         request = {
             "system": dict(system),
-            "frequency": frequencies(frequency, "Omega"),
+            "frequency": frequencies(frequency, unit),
             "load": [dict(term) for term in load],
         }
         options = _present(
@@ -176,23 +312,73 @@ class Computations(ABC, Generic[Answer]):
             tau=_values(tau),
             tolerance=_number(tolerance),
         )
-        return self.compute("periodic-motions", request | options)
+        answer: Motions = self._compute("periodic-motions", request | options)
+        return answer
+
+    def branches(
+        self,
+        base: documents.PeriodicMotionsRequest,
+        path: str,
+        start: float,
+        stop: float,
+        *,
+        switch: int = 0,
+        stop_at: Sequence[str] = (),
+        points: int | None = None,
+        step: float | None = None,
+        progress: bool = False,
+    ) -> Curves:
+        """Follow branches of periodic motions over a range of one number of their request.
+
+        Parameters
+        ----------
+        base : dict
+            A request for periodic motions at one frequency, from `periodic_motions_request`.
+        path : str
+            The number that varies, such as "frequency.values.0" or "system.constraints.0.gap".
+        start, stop : float
+            Ends of the range.
+        switch : int
+            How many branches to follow that begin at flips and losses of symmetry.
+        stop_at : sequence of str
+            Special points at which a branch ends: fold, flip, torus, symmetry, grazing, end.
+        points : int, optional
+            Most points of a branch.
+        step : float, optional
+            Longest step: part of the range, change of a phase (rad) or relative one of an impulse.
+        progress : bool
+            Show a progress bar while a job runs.
+        """
+        request: Document = {
+            "base": dict(base),
+            "path": path,
+            "start": float(start),
+            "stop": float(stop),
+        }
+        options = _present(
+            switch=int(switch) or None,
+            stop_at=names(stop_at) or None,
+            points=None if points is None else int(points),
+            step=_number(step),
+        )
+        answer: Curves = self._compute("branches", request | options, progress=progress)
+        return answer
 
     def time_history(
         self,
-        system: Document,
-        initial: Any,
+        system: documents.System,
+        initial: Initial,
         t_end: float,
         *,
-        t: Any = None,
+        t: Values | None = None,
         outputs: Sequence[str] | None = None,
         dofs: Sequence[int] | None = None,
-        load: Sequence[Mapping[str, Any]] | None = None,
-        limiter: Mapping[str, Any] | None = None,
+        load: Sequence[Load] | None = None,
+        limiter: Limiter | None = None,
         method: str = "exact",
         tolerance: float | None = None,
         digits: int | None = None,
-    ) -> Answer:
+    ) -> History:
         """Compute the motion from an initial state, with its impacts.
 
         Parameters
@@ -204,15 +390,15 @@ class Computations(ABC, Generic[Answer]):
             which the motion starts; or the document itself.
         t_end : float
             Duration of the motion.
-        t : int or array, optional
-            Output times, or the number of equally spaced ones.
+        t : int, array, (start, stop, num) or dict, optional
+            Output times, or the number of equally spaced ones from 0 to `t_end`.
         outputs : sequence of str, optional
             Quantities to compute: x, v, impacts, energy, contacts; default: impacts and contacts
             and, where `t` is given, x, v and energy.
         dofs : sequence of int, optional
             Degrees of freedom of x and v; default: all.
         load : sequence of dict, optional
-            Harmonic loads, from `harmonic`.
+            Loads, from `harmonic`, `sampled` and `base_motion`.
         limiter : dict, optional
             The force law of soft limiters, from `soft`; default: rigid limiters.
         method : str
@@ -233,7 +419,7 @@ class Computations(ABC, Generic[Answer]):
             "outputs": names(outputs),
         }
         options = _present(
-            t={"num": int(t)} if isinstance(t, Integral) else _values(t),
+            t=_times(t),
             dofs=_indices(dofs),
             load=None if load is None else [dict(term) for term in load],
             limiter=None if limiter is None else dict(limiter),
@@ -241,23 +427,24 @@ class Computations(ABC, Generic[Answer]):
             tolerance=_number(tolerance),
             digits=None if digits is None else int(digits),
         )
-        return self.compute("time-history", request | options)
+        answer: History = self._compute("time-history", request | options)
+        return answer
 
     def ensemble(
         self,
-        system: Document,
-        x: Any,
-        v: Any,
+        system: documents.System,
+        x: ArrayLike,
+        v: ArrayLike,
         t_end: float,
         *,
-        t: Any = None,
+        t: Values | None = None,
         outputs: Sequence[str] | None = None,
         dofs: Sequence[int] | None = None,
-        load: Sequence[Mapping[str, Any]] | None = None,
-        limiter: Mapping[str, Any] | None = None,
+        load: Sequence[Load] | None = None,
+        limiter: Limiter | None = None,
         method: str = "exact",
         tolerance: float | None = None,
-    ) -> Answer:
+    ) -> Many:
         """Compute the motions from many initial states.
 
         `Result.each` returns the impacts of every member, ``result.plot()`` draws the basins.
@@ -273,7 +460,7 @@ class Computations(ABC, Generic[Answer]):
         t, outputs, dofs, load, limiter, method, tolerance
             As for `time_history`; they hold for all members.
         """
-        states = {
+        states: Any = {
             name: np.atleast_2d(np.asarray(given, dtype=np.float64)).tolist()
             for name, given in (("x", x), ("v", v))
         }
@@ -289,18 +476,19 @@ class Computations(ABC, Generic[Answer]):
             method=method,
             tolerance=tolerance,
         )
-        return self.compute("ensemble", request)
+        answer: Many = self._compute("ensemble", request)
+        return answer
 
     def slow_flow(
         self,
-        system: Document,
+        system: documents.System,
         model: str,
         variant: str,
-        initial: Mapping[str, float],
-        t: Any,
+        initial: documents.SlowFlowInitial | Mapping[str, float],
+        t: Values,
         *,
         outputs: Sequence[str] = ("state", "x", "v", "error"),
-    ) -> Answer:
+    ) -> Slow:
         """Compute a motion with slowly varying impacts, and the error of the description used.
 
         Parameters
@@ -319,25 +507,27 @@ class Computations(ABC, Generic[Answer]):
         outputs : sequence of str
             Quantities to compute: state, x, v, impulse, error.
         """
+        given: Mapping[str, Any] = initial
         request = {
             "system": dict(system),
             "model": model,
             "variant": variant,
-            "initial": {k: v if k == "root" else float(v) for k, v in initial.items()},
+            "initial": {k: v if k == "root" else float(v) for k, v in given.items()},
             "t": times(t),
             "outputs": names(outputs),
         }
-        return self.compute("slow-flow", request)
+        answer: Slow = self._compute("slow-flow", request)
+        return answer
 
     def sweep(
         self,
-        kind: str,
-        base: Mapping[str, Any],
-        axes: Mapping[str, Any],
+        kind: Swept,
+        base: documents.BaseRequest,
+        axes: Mapping[str, Values],
         outputs: Sequence[str] | None = None,
         *,
         progress: bool = False,
-    ) -> Answer:
+    ) -> Grid:
         """Compute a request at every point of a parameter grid.
 
         Whatever does not depend on an axis is computed once for all its values.
@@ -364,11 +554,24 @@ class Computations(ABC, Generic[Answer]):
         }
         if outputs is not None:
             request["outputs"] = names(outputs)
-        return self.compute("sweep", request, progress=progress)
+        answer: Grid = self._compute("sweep", request, progress=progress)
+        return answer
 
 
-class _Requests(Computations[Document]):
-    def compute(self, kind: str, request: Mapping[str, Any], *, progress: bool = False) -> Document:
+class _Requests(
+    Computations[
+        "documents.ImpactModesRequest",
+        "documents.ExistenceBandsRequest",
+        "documents.ResonancesRequest",
+        "documents.PeriodicMotionsRequest",
+        "documents.BranchesRequest",
+        "documents.TimeHistoryRequest",
+        "documents.EnsembleRequest",
+        "documents.SlowFlowRequest",
+        "documents.SweepRequest",
+    ]
+):
+    def _compute(self, kind: str, request: Mapping[str, Any], *, progress: bool = False) -> Any:
         return dict(request)
 
 
@@ -389,14 +592,22 @@ def _number(given: float | None) -> float | None:
     return None if given is None else float(given)
 
 
-def _values(given: Any) -> list[float] | None:
+def _values(given: ArrayLike | None) -> list[float] | None:
     if given is None:
         return None
     values: list[float] = np.atleast_1d(np.asarray(given, dtype=np.float64)).tolist()
     return values
 
 
-def _initial(initial: Any) -> Document:
+def _times(given: Any) -> Any:
+    """Return the output times of a motion: a number of them, a list, or a grid."""
+    if given is None or isinstance(given, Integral):
+        return None if given is None else {"num": int(given)}
+    document = times(given)
+    return document["values"] if set(document) == {"values"} else document
+
+
+def _initial(initial: Initial) -> Document:
     """Return the initial state: a document, the frequency of an impact mode, or (x, v)."""
     if isinstance(initial, Mapping):
         return dict(initial)

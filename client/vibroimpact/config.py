@@ -13,6 +13,7 @@ Arguments override the environment, and the environment overrides the file. The 
 
 from __future__ import annotations
 
+import json
 import os
 import tomllib
 from collections.abc import Mapping
@@ -70,6 +71,33 @@ def connection(
         key or environment.get("VIBROIMPACT_KEY") or own.get("key"),
         TIMEOUT if wait is None else float(wait),
     )
+
+
+def save(
+    profile: str, url: str, key: str | None, environment: Mapping[str, str] = os.environ
+) -> Path:
+    """Write a profile to the configuration file and make it the default; return the path.
+
+    The file can be read by its owner alone. What else it contains is kept, without comments.
+    """
+    path = _path(environment)
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        content = {}
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ConfigurationError(f"{path}: {error}") from None
+    profiles = dict(content.get("profiles", {}))
+    profiles[profile] = {"url": url} | ({} if key is None else {"key": key})
+    lines = [f"default = {json.dumps(profile)}"]
+    for name, fields in profiles.items():
+        lines += ["", f"[profiles.{json.dumps(name)}]"]
+        lines += [f"{field} = {json.dumps(value)}" for field, value in fields.items()]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.touch(mode=0o600)
+    path.chmod(0o600)
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
 
 
 def _seconds(environment: Mapping[str, str]) -> float | None:

@@ -12,11 +12,14 @@ import time
 import uuid
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, TypedDict, TypeVar
+from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NotRequired, TypedDict, TypeVar
 
 # httpx2 is the maintained successor of httpx, with the same interface.
 import httpx2
 
+from vibroimpact.cache import Cache
 from vibroimpact.errors import (
     ConnectionFailed,
     InvalidRequest,
@@ -26,10 +29,12 @@ from vibroimpact.errors import (
 )
 from vibroimpact.systems import Document
 
+if TYPE_CHECKING:
+    from vibroimpact import documents
+
 Outcome = TypeVar("Outcome")
 
 _RETRIED: Final = frozenset({408, 429, 500, 502, 503, 504})
-_ATTEMPTS: Final = 4
 _LONGEST_PAUSE: Final = 120.0
 _FIRST_BACKOFF: Final = 0.5
 _LONGEST_BACKOFF: Final = 8.0
@@ -50,13 +55,20 @@ class Send(TypedDict):
     json: Any
     params: Mapping[str, str] | None
     headers: Mapping[str, str]
+    to: NotRequired[Path]
+    """Where the body of a successful response goes, instead of to memory."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pause:
-    """A pause, in seconds."""
+    """A pause in seconds before an attempt, counted from 1 at the first repetition."""
 
     seconds: float
+    attempt: int
+
+
+class GiveUp:
+    """The answer to a pause: there are no more attempts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +79,7 @@ class NoAnswer:
     error: httpx2.TransportError
 
 
-Reply = httpx2.Response | NoAnswer | None
+Reply = httpx2.Response | NoAnswer | GiveUp | None
 Conversation = Generator[Send | Pause, Reply, Outcome]
 
 
@@ -78,8 +90,11 @@ def request(
     json: Any = None,
     params: Mapping[str, str] | None = None,
     headers: Mapping[str, str] | None = None,
+    to: Path | None = None,
 ) -> Conversation[httpx2.Response]:
     """Send a request, repeat it after temporary failures, and return the successful response.
+
+    How often it is repeated is decided by the transport. With `to` the body goes to that file.
 
     Raise `ConnectionFailed` if the service does not respond, `ServerError` if it responds with a
     problem document.
@@ -88,29 +103,31 @@ def request(
     if method == "POST":
         # The same key in all attempts, so that the service executes the request once.
         sent.setdefault("Idempotency-Key", uuid.uuid4().hex)
-    for attempt in range(_ATTEMPTS):
-        last = attempt == _ATTEMPTS - 1
-        answer = yield Send(method=method, url=path, json=json, params=params, headers=sent)
+    step = Send(method=method, url=path, json=json, params=params, headers=sent)
+    if to is not None:
+        step["to"] = to
+    for attempt in count():
+        answer = yield step
         if isinstance(answer, httpx2.Response):
             if answer.status_code < 400:
                 return answer
             problem = _problem(answer)
             again = answer.status_code in _RETRIED and problem.get("retryable", True)
-            if last or not again:
+            wait = Pause(_pause(attempt, answer.headers.get("Retry-After")), attempt + 1)
+            if not again or isinstance((yield wait), GiveUp):
                 raise from_problem(problem)
-            yield Pause(_pause(attempt, answer.headers.get("Retry-After")))
         elif isinstance(answer, NoAnswer):
-            if last:
+            given_up = yield Pause(_pause(attempt, None), attempt + 1)
+            if isinstance(given_up, GiveUp):
                 message = f"no answer from {answer.url}: {answer.error}"
                 raise ConnectionFailed(message) from answer.error
-            yield Pause(_pause(attempt, None))
     raise AssertionError("the last attempt returns or raises")
 
 
-def read(method: str, path: str, **options: Any) -> Conversation[Document]:
+def read(method: str, path: str, **options: Any) -> Conversation[Any]:
     """Send a request and return the document that answers it; parameters as of `request`."""
     answer = yield from request(method, path, **options)
-    return dict(answer.json())
+    return answer.json()
 
 
 def not_finite(content: Any, pointer: str = "") -> InvalidRequest | None:
@@ -148,25 +165,61 @@ def _problem(answer: httpx2.Response) -> Document:
 # -- Computations -------------------------------------------------------------------------
 
 
-def ask(kind: str, content: Mapping[str, Any]) -> Conversation[bytes | Document]:
-    """Return the file of the result, or the job in which the service computes it."""
-    path = f"/v1/compute/{kind}"
-    answer = yield from request("POST", path, json=dict(content), headers=_HDF5)
-    return dict(answer.json()) if answer.status_code == 202 else answer.content
+def ask(
+    kind: str, content: Mapping[str, Any], cache: Cache | None = None
+) -> Conversation[bytes | documents.Job]:
+    """Return the file of the result, or the job in which the service computes it.
+
+    With a cache, a result that is in it is not sent again, and serves where no service answers.
+    """
+    known = None if cache is None else cache.known(kind, content)
+    kept = None if cache is None or known is None else cache.result(known.digest)
+    headers = dict(_HDF5)
+    if kept is not None and known is not None and known.etag is not None:
+        headers["If-None-Match"] = known.etag
+    try:
+        path = f"/v1/compute/{kind}"
+        answer = yield from request("POST", path, json=dict(content), headers=headers)
+    except ConnectionFailed:
+        if kept is None:
+            raise
+        return kept
+    if answer.status_code == 304 and kept is not None:
+        return kept
+    if answer.status_code == 202:
+        job: documents.Job = answer.json()
+        return job
+    if cache is not None:
+        digest = cache.keep(answer.content)
+        cache.learn(kind, content, digest, answer.headers.get("ETag"))
+    return answer.content
 
 
-def plan(kind: str, content: Mapping[str, Any]) -> Conversation[Document]:
+def plan(kind: str, content: Mapping[str, Any]) -> Conversation[documents.Plan]:
     """Return the plan of a request."""
     return read("POST", f"/v1/plan/{kind}", json=dict(content))
 
 
-def result(digest: str) -> Conversation[bytes]:
-    """Return the file of a result by its digest."""
-    answer = yield from request("GET", f"/v1/results/{digest}", headers=_HDF5)
+def result(
+    digest: str, to: Path | None = None, cache: Cache | None = None
+) -> Conversation[bytes | Path]:
+    """Return the file of a result by its digest, or write it to a path and return that."""
+    kept = None if cache is None or to is not None else cache.result(digest)
+    if kept is not None:
+        return kept
+    return (yield from _file(f"/v1/results/{digest}", to, cache))
+
+
+def _file(address: str, to: Path | None, cache: Cache | None) -> Conversation[bytes | Path]:
+    answer = yield from request("GET", address, headers=_HDF5, to=to)
+    if to is not None:
+        return to
+    if cache is not None:
+        cache.keep(answer.content)
     return answer.content
 
 
-def store(system: Mapping[str, Any]) -> Conversation[Document]:
+def store(system: Mapping[str, Any]) -> Conversation[documents.SystemReference]:
     """Store a system; return the document that stands for it."""
     answer = yield from request("POST", "/v1/systems", json=dict(system))
     return {"id": answer.json()["id"]}
@@ -174,7 +227,7 @@ def store(system: Mapping[str, Any]) -> Conversation[Document]:
 
 def batch(
     kind: str, contents: Sequence[Mapping[str, Any]]
-) -> Conversation[list[Document | ServerError]]:
+) -> Conversation[list[Mapping[str, Any] | ServerError]]:
     """Return the result document of each request, or its error."""
     body = {"kind": kind, "requests": [dict(content) for content in contents]}
     answer = yield from request("POST", "/v1/batch", json=body)
@@ -184,7 +237,7 @@ def batch(
     ]
 
 
-def version() -> Conversation[Document]:
+def version() -> Conversation[documents.Version]:
     """Return the version, kinds and limits of the service."""
     return read("GET", "/v1/version")
 
@@ -198,7 +251,7 @@ class Terms:
 
     priority: int = 0
     deadline: float | None = None
-    webhook: Mapping[str, str] | None = None
+    webhook: documents.Webhook | None = None
 
     def document(self) -> Document:
         """Return the fields of a job document that state them."""
@@ -210,7 +263,7 @@ class Terms:
         return {"priority": self.priority} | given
 
 
-def submit(kind: str, content: Mapping[str, Any], terms: Terms) -> Conversation[Document]:
+def submit(kind: str, content: Mapping[str, Any], terms: Terms) -> Conversation[documents.Job]:
     """Queue a computation and return its job."""
     body = {"kind": kind, "request": dict(content), **terms.document()}
     return read("POST", "/v1/jobs", json=body)
@@ -218,9 +271,9 @@ def submit(kind: str, content: Mapping[str, Any], terms: Terms) -> Conversation[
 
 def submit_many(
     kind: str, contents: Sequence[Mapping[str, Any]], terms: Terms
-) -> Conversation[list[Document | ServerError]]:
+) -> Conversation[list[documents.Job | ServerError]]:
     """Queue computations; return the job of each, or its error."""
-    answers: list[Document | ServerError] = []
+    answers: list[documents.Job | ServerError] = []
     for content in contents:
         try:
             answers.append((yield from submit(kind, content, terms)))
@@ -229,7 +282,7 @@ def submit_many(
     return answers
 
 
-def job(job_id: str) -> Conversation[Document]:
+def job(job_id: str) -> Conversation[documents.Job]:
     """Return a job by its id."""
     return read("GET", f"/v1/jobs/{job_id}")
 
@@ -239,7 +292,7 @@ def job_page(params: Mapping[str, str]) -> Conversation[Document]:
     return read("GET", "/v1/jobs", params=params)
 
 
-def look(document: Document, wait: float = 0.0) -> Conversation[Document]:
+def look(document: documents.Job, wait: float = 0.0) -> Conversation[documents.Job]:
     """Read a job again, waiting up to `wait` seconds for a change."""
     params = None
     if wait > 0:
@@ -248,8 +301,8 @@ def look(document: Document, wait: float = 0.0) -> Conversation[Document]:
 
 
 def wait(
-    document: Document, timeout: float | None, note: Callable[[Document], None]
-) -> Conversation[Document]:
+    document: documents.Job, timeout: float | None, note: Callable[[documents.Job], None]
+) -> Conversation[documents.Job]:
     """Return a job once it has ended; call `note` with every change.
 
     Raise `JobTimeout` if it has not ended within `timeout` seconds; the job continues.
@@ -266,14 +319,14 @@ def wait(
 
 
 def first_final(
-    documents: Sequence[Document], timeout: float | None
-) -> Conversation[tuple[list[int], list[Document]]]:
+    jobs: Sequence[documents.Job], timeout: float | None
+) -> Conversation[tuple[list[int], list[documents.Job]]]:
     """Wait until a job has ended; return the indices of those that have, and all jobs as read.
 
     Raise `JobTimeout` if none has ended within `timeout` seconds; the jobs continue.
     """
     deadline = None if timeout is None else time.monotonic() + timeout
-    pause, current = 0.25, list(documents)
+    pause, current = 0.25, list(jobs)
     while True:
         final = [index for index, document in enumerate(current) if document["final"]]
         if final:
@@ -291,13 +344,13 @@ def first_final(
         pause = min(10.0, 1.5 * pause)
 
 
-def _look_at_many(documents: Sequence[Document]) -> Conversation[list[Document]]:
+def _look_at_many(jobs: Sequence[documents.Job]) -> Conversation[list[documents.Job]]:
     """Read jobs again by pages of the list of all jobs, newest first.
 
     Pages are read as long as they contain some of the jobs; the remaining ones are read singly.
     """
-    left = {document["id"]: index for index, document in enumerate(documents)}
-    current, params = list(documents), {"limit": str(_PAGE)}
+    left = {document["id"]: index for index, document in enumerate(jobs)}
+    current, params = list(jobs), {"limit": str(_PAGE)}
     while left:
         page = yield from job_page(params)
         listed = [document for document in page["jobs"] if document["id"] in left]
@@ -311,19 +364,20 @@ def _look_at_many(documents: Sequence[Document]) -> Conversation[list[Document]]
     return current
 
 
-def cancel(document: Document) -> Conversation[Document]:
+def cancel(document: documents.Job) -> Conversation[documents.Job]:
     """Cancel a job and return it."""
     yield from request("DELETE", f"/v1/jobs/{document['id']}")
     return (yield from look(document))
 
 
-def job_result(document: Document) -> Conversation[bytes]:
-    """Return the file of the result of a job."""
-    answer = yield from request("GET", f"/v1/jobs/{document['id']}/result", headers=_HDF5)
-    return answer.content
+def job_result(
+    document: documents.Job, to: Path | None = None, cache: Cache | None = None
+) -> Conversation[bytes | Path]:
+    """Return the file of the result of a job, or write it to a path and return that."""
+    return _file(f"/v1/jobs/{document['id']}/result", to, cache)
 
 
-def share(document: Document, readers: Sequence[str]) -> Conversation[list[str]]:
+def share(document: documents.Job, readers: Sequence[str]) -> Conversation[list[str]]:
     """Share a job with exactly these owners, and return them."""
     address = f"/v1/jobs/{document['id']}/share"
     if readers:
@@ -333,7 +387,7 @@ def share(document: Document, readers: Sequence[str]) -> Conversation[list[str]]
     return list(answer.json()["readers"])
 
 
-def readers(document: Document) -> Conversation[list[str]]:
+def readers(document: documents.Job) -> Conversation[list[str]]:
     """Return the owners with whom a job is shared."""
     answer = yield from request("GET", f"/v1/jobs/{document['id']}/share")
     return list(answer.json()["readers"])

@@ -9,7 +9,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from vibroimpact import plots
+from vibroimpact import plots, style
 from vibroimpact.client import Client
 from vibroimpact.requests import impact_modes_request
 from vibroimpact.results import Result
@@ -44,7 +44,7 @@ def run(out: Path) -> bool:
         out.mkdir(parents=True, exist_ok=True)
         modes.to_hdf5(out / "impact_modes.h5")
         mode.to_hdf5(out / "mode.h5")
-    draw_impulse(modes, mode, out / "impulse.png")
+    draw_momentum(modes, mode, out / "momentum.png")
     draw_mode(mode, out / "mode.png")
     computed = [
         ("p", float(mode.impulse[0, 0]), P_REFERENCE),
@@ -65,28 +65,24 @@ def _table(computed: list[tuple[str, float, float]]) -> Table:
     return table
 
 
-def draw_impulse(modes: Result, mode: Result, path: Path) -> None:
-    """Plot p over Omega as in Fig. 10.13a."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8.0, 4.5), layout="constrained")
-    ax = plots.impulse(modes, figure.add_subplot())
+def draw_momentum(modes: Result, mode: Result, path: Path) -> None:
+    """Plot the momentum per impact over Omega, as Fig. 10.13a does with p."""
+    ax = plots.momentum(modes, style.new_axes(style.PAGE))
     shown = NATURAL[(modes.Omega[0] <= NATURAL) & (modes.Omega[-1] >= NATURAL)]
-    ax.plot(shown, np.zeros_like(shown), "o", color=plots.WALL, label="natural frequencies")
     ax.plot(
-        mode.Omega, mode.impulse[:, 0], "D", color="black", label=r"$\omega=(2/\pi)\Omega_5+0.02$"
-    )
-    ax.set_ylim(-0.25, 1.0)
+        shown, np.zeros_like(shown), "o", color=style.WALL, markersize=3,
+        label="natural frequencies",
+    )  # fmt: skip
+    ax.plot(
+        mode.Omega, mode.momentum[:, 0], "D", color=style.OTHER, markersize=5,
+        label=r"$\omega=(2/\pi)\Omega_5+0.02$",
+    )  # fmt: skip
+    ax.set_ylim(-0.4, 1.4)
     ax.set_xlim(float(modes.Omega[0]), float(modes.Omega[-1]))
-    ax.set_title("Chain of 13 masses, the sixth between stops at ±0.2", fontsize="medium")
-    ax.legend(frameon=False, loc="upper right", fontsize="small", handlelength=0.9)
-    figure.savefig(path, dpi=150)
+    style.legend(ax)
+    style.save(ax, path)
 
 
 def draw_mode(mode: Result, path: Path) -> None:
     """Plot the mode shape as in Fig. 10.13b."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8.0, 4.5), layout="constrained")
-    plots.shape(mode, 0, figure.add_subplot())
-    figure.savefig(path, dpi=150)
+    style.save(plots.shape(mode, 0, style.new_axes(style.PAGE)), path)

@@ -5,6 +5,7 @@
     VibroimpactError
     ├── ConnectionFailed       the service does not respond
     ├── EmbeddedServiceError   the service that the client starts did not start
+    ├── MissingExtra           an optional library is not installed
     ├── ConfigurationError     an environment variable or the configuration file is wrong
     ├── JobFailed              the job ended without a result; `problem` says why
     ├── JobCancelled           the job was cancelled
@@ -20,7 +21,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from vibroimpact import documents
 
 # The names state conditions, without the suffix Error.
 # ruff: noqa: N818
@@ -38,6 +44,13 @@ class EmbeddedServiceError(VibroimpactError):
     """The service that the client starts in the background did not start."""
 
 
+class MissingExtra(VibroimpactError, ImportError):
+    """An optional library is not installed; the message is the line that installs it."""
+
+    def __init__(self, what: str, extra: str, error: ImportError) -> None:
+        super().__init__(f"{what} need:  pip install 'vibroimpact[{extra}]'  ({error})")
+
+
 class ConfigurationError(VibroimpactError):
     """An environment variable or the configuration file is wrong."""
 
@@ -53,9 +66,10 @@ class JobFailed(VibroimpactError):
         The problem document of the job.
     """
 
-    def __init__(self, job: str, problem: dict[str, Any]) -> None:
+    def __init__(self, job: str, problem: Mapping[str, Any]) -> None:
         super().__init__(f"job {job}: {problem.get('detail', 'failed')}")
-        self.job, self.problem = job, problem
+        self.job = job
+        self.problem: Mapping[str, Any] = problem
 
 
 class JobCancelled(VibroimpactError):
@@ -75,12 +89,12 @@ class ServerError(VibroimpactError):
         The problem document (RFC 9457).
     """
 
-    def __init__(self, problem: dict[str, Any]) -> None:
-        self.problem = problem
+    def __init__(self, problem: Mapping[str, Any]) -> None:
+        self.problem: Mapping[str, Any] = problem
         self.status = int(problem.get("status", 500))
         self.code = str(problem.get("code", "unknown"))
         self.request_id = problem.get("request_id")
-        self.errors: list[dict[str, Any]] = list(problem.get("errors", ()))
+        self.errors: list[documents.Fault] = list(problem.get("errors", ()))
         lines = [f"{fault.get('pointer', '')}: {fault.get('message', '')}" for fault in self.errors]
         detail = str(problem.get("detail") or problem.get("title") or "the service failed")
         # The detail mostly repeats the first fault.
@@ -125,7 +139,21 @@ _BY_STATUS = {
 }
 
 
-def from_problem(problem: dict[str, Any]) -> ServerError:
+def from_problem(problem: Mapping[str, Any]) -> ServerError:
     """Return the exception for a problem document."""
     status = int(problem.get("status", 500))
     return _BY_STATUS.get(status, Unavailable if status >= 500 else ServerError)(problem)
+
+
+@contextmanager
+def as_answered() -> Iterator[None]:
+    """Raise what an answer would have raised where a request became a job and is wrong.
+
+    Whether the service queues a computation depends on its load; the error does not.
+    """
+    try:
+        yield
+    except JobFailed as failed:
+        if not 400 <= int(failed.problem.get("status", 500)) < 500:
+            raise
+        raise from_problem(failed.problem) from failed

@@ -66,7 +66,7 @@ def run(names: Sequence[str], out: Path) -> bool:
 def _written(client: Client, figure: str, out: Path, console: Console) -> bool:
     path = out / f"{_module(figure)}.png"
     try:
-        draw(client, figure).savefig(path, dpi=110)
+        draw(client, figure).savefig(path, dpi=150)
     except AssertionError as error:
         console.print(f"Fig. {figure}: a number is not the expected one\n{error}")
         return False

@@ -6,13 +6,17 @@ import html
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Generic, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from vibroimpact import conversations
 from vibroimpact.errors import JobCancelled, JobFailed, ServerError
+from vibroimpact.kinds import read
 from vibroimpact.results import Result
-from vibroimpact.systems import Document
 from vibroimpact.transport import AsyncTransport, Transport
+
+if TYPE_CHECKING:
+    from vibroimpact import documents
 
 AnyJob = TypeVar("AnyJob")
 
@@ -20,7 +24,7 @@ AnyJob = TypeVar("AnyJob")
 class JobState:
     """The state of a job when it was last read from the service."""
 
-    def __init__(self, document: Document) -> None:
+    def __init__(self, document: documents.Job) -> None:
         self.document = document
 
     @property
@@ -44,17 +48,26 @@ class JobState:
         progress = self.document["progress"]
         return int(progress["done"]), int(progress["total"])
 
-    def _note(self, document: Document) -> None:
+    @property
+    def history(self) -> list[documents.Attempt]:
+        """The attempts at the job, the earliest first: worker, began, ended and why.
+
+        Lists and events do not carry them: `refresh` reads them.
+        """
+        return list(self.document.get("history") or ())
+
+    def _note(self, document: documents.Job) -> None:
         self.document = document
 
     def _require_success(self) -> None:
         if self.state == "failed":
-            raise JobFailed(self.id, self.document.get("error") or {})
+            problem: Any = self.document.get("error") or {}
+            raise JobFailed(self.id, problem)
         if self.state == "cancelled":
             raise JobCancelled(f"job {self.id} was cancelled")
 
     @contextmanager
-    def _shown(self, *, progress: bool) -> Iterator[Callable[[Document], None]]:
+    def _shown(self, *, progress: bool) -> Iterator[Callable[[documents.Job], None]]:
         """Yield the function to call with every change; with `progress` it updates a bar."""
         if not progress:
             yield self._note
@@ -62,8 +75,9 @@ class JobState:
         from vibroimpact.progress import bar
 
         with bar(str(self.document["kind"])) as show:
+            show(self.document)
 
-            def note(document: Document) -> None:
+            def note(document: documents.Job) -> None:
                 self._note(document)
                 show(document)
 
@@ -76,7 +90,7 @@ class JobState:
     def _repr_html_(self) -> str:
         done, total = self.progress
         waiting = self.document.get("waiting_reason") or ""
-        error = (self.document.get("error") or {}).get("detail", "")
+        error = problem["detail"] if (problem := self.document.get("error")) else ""
         return (
             f"<b>{html.escape(str(self.document['kind']))}</b> <code>{html.escape(self.id)}</code> "
             f"{self.state} <progress max='{total or 1}' value='{done}'></progress> "
@@ -87,7 +101,7 @@ class JobState:
 class Job(JobState):
     """A queued computation; `Client.submit` and `Client.job` return it."""
 
-    def __init__(self, transport: Transport, document: Document) -> None:
+    def __init__(self, transport: Transport, document: documents.Job) -> None:
         super().__init__(document)
         self._transport = transport
 
@@ -134,15 +148,24 @@ class Job(JobState):
         """Return the owners with whom the job is shared."""
         return self._transport.hold(conversations.readers(self.document))
 
-    def result(self) -> Result:
-        """Return the result of the job, which must have succeeded."""
-        return Result(self._transport.hold(conversations.job_result(self.document)))
+    def result(self, path: str | Path | None = None) -> Result:
+        """Return the result of the job, which must have succeeded.
+
+        Parameters
+        ----------
+        path : path, optional
+            File to which the result goes piece by piece instead of to memory; its arrays are read
+            as they are used.
+        """
+        to = None if path is None else Path(path)
+        exchange = conversations.job_result(self.document, to, self._transport.cache)
+        return read(self._transport.hold(exchange))
 
 
 class AsyncJob(JobState):
     """A queued computation whose methods are awaited; otherwise like `Job`."""
 
-    def __init__(self, transport: AsyncTransport, document: Document) -> None:
+    def __init__(self, transport: AsyncTransport, document: documents.Job) -> None:
         super().__init__(document)
         self._transport = transport
 
@@ -171,14 +194,18 @@ class AsyncJob(JobState):
         """Return the owners with whom the job is shared."""
         return await self._transport.hold(conversations.readers(self.document))
 
-    async def result(self) -> Result:
-        """Return the result of the job, which must have succeeded."""
-        return Result(await self._transport.hold(conversations.job_result(self.document)))
+    async def result(self, path: str | Path | None = None) -> Result:
+        """Return the result of the job, which must have succeeded; see `Job.result`."""
+        to = None if path is None else Path(path)
+        exchange = conversations.job_result(self.document, to, self._transport.cache)
+        return read(await self._transport.hold(exchange))
 
 
 @dataclass(frozen=True, slots=True)
 class Submitted(Generic[AnyJob]):
     """The outcome of queueing many computations at once.
+
+    All lists are in the order of the requests.
 
     Parameters
     ----------
@@ -188,22 +215,25 @@ class Submitted(Generic[AnyJob]):
         Jobs whose results already existed.
     errors : dict
         Index of a refused request -> its error.
+    of_request : dict
+        Index of a request -> its job.
     """
 
     inserted: list[AnyJob] = field(default_factory=list)
     existing: list[AnyJob] = field(default_factory=list)
     errors: dict[int, ServerError] = field(default_factory=dict)
+    of_request: dict[int, AnyJob] = field(default_factory=dict)
 
     @property
     def jobs(self) -> list[AnyJob]:
-        """All jobs."""
-        return [*self.existing, *self.inserted]
+        """All jobs, in the order of the requests; the refused ones have none."""
+        return list(self.of_request.values())
 
     @classmethod
     def of(
         cls,
-        answers: Sequence[Document | ServerError],
-        make: Callable[[Document], AnyJob],
+        answers: Sequence[documents.Job | ServerError],
+        make: Callable[[documents.Job], AnyJob],
     ) -> Submitted[AnyJob]:
         """Sort the answer to each request, a job or an error."""
         submitted = cls()
@@ -211,6 +241,6 @@ class Submitted(Generic[AnyJob]):
             if isinstance(answer, ServerError):
                 submitted.errors[index] = answer
             else:
-                jobs = submitted.existing if answer["reused"] else submitted.inserted
-                jobs.append(make(answer))
+                job = submitted.of_request[index] = make(answer)
+                (submitted.existing if answer["reused"] else submitted.inserted).append(job)
         return submitted

@@ -3,13 +3,33 @@
 from __future__ import annotations
 
 import html
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from vibroimpact.tables import html_table
+
+if TYPE_CHECKING:
+    from vibroimpact import documents
 
 
 class Plan(dict[str, Any]):
     """The steps of a computation and those it skips: the plan document of the service."""
+
+    @property
+    def steps(self) -> list[documents.PlanStep]:
+        """What is done, in order: stage, method, reason, cost."""
+        steps: list[documents.PlanStep] = self["steps"]
+        return steps
+
+    @property
+    def skips(self) -> list[documents.PlanSkip]:
+        """What is not computed, and why."""
+        skips: list[documents.PlanSkip] = self["skips"]
+        return skips
+
+    @property
+    def seconds(self) -> float:
+        """Estimated time of computing."""
+        return float(self["seconds"])
 
     def __str__(self) -> str:
         """Return steps, skipped steps and cost, one line each."""

@@ -1,4 +1,4 @@
-"""Plots of results."""
+"""Plots of impact modes, bands, resonances and periodic motions; see also `motion_plots`."""
 
 from __future__ import annotations
 
@@ -8,78 +8,143 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from vibroimpact.motion_plots import (
+    basins,
+    column_of,
+    constraints_of,
+    displacement,
+    gaps_of,
+    history,
+    phase_plane,
+)
 from vibroimpact.result_file import ResultFile
+from vibroimpact.style import (
+    ADMISSIBLE,
+    GREEN,
+    ORANGE,
+    PHANTOM,
+    SERIES,
+    WALL,
+    frequencies,
+    label,
+    legend,
+    new_axes,
+    title,
+)
 from vibroimpact.tables import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-ADMISSIBLE, PHANTOM, WALL = "#0b5394", "#b7b7b7", "#c0392b"
+__all__ = [
+    "ADMISSIBLE",
+    "PHANTOM",
+    "WALL",
+    "bands",
+    "basins",
+    "branches",
+    "displacement",
+    "existence",
+    "frequency_energy",
+    "harmonics",
+    "history",
+    "impulse",
+    "mode_plot",
+    "momentum",
+    "phase_plane",
+    "resonances",
+    "response",
+    "shape",
+    "stability",
+    "waveform",
+]
 
 
-def axes_or_new(ax: Axes | None) -> Axes:
-    """Return the given axes, or those of a new figure."""
-    if ax is not None:
-        return ax
-    from matplotlib import pyplot
+def momentum(result: ResultFile, ax: Axes | None = None) -> Axes:
+    """Plot the momentum of each impact, 2 p/omega, over the frequency.
 
-    return pyplot.subplots(figsize=(8.0, 4.5), layout="constrained")[1]
-
-
-def _label(text: str, result: ResultFile, output: str) -> str:
-    unit = result.unit(output)
-    return text if unit == "1" else f"{text} ({unit})"
+    Admissible solutions in colour, phantoms grey, poles left open.
+    """
+    values = 2.0 / result.omega[:, np.newaxis] * result.impulse
+    text = label("momentum per impact", result, "momentum")
+    return _over_frequency(result, values, text, ax)
 
 
 def impulse(result: ResultFile, ax: Axes | None = None) -> Axes:
-    """Plot p over Omega: admissible solutions in colour, phantoms in grey, poles left open."""
-    ax = axes_or_new(ax)
-    Omega, p = result.Omega, result.impulse
-    order = np.argsort(Omega, kind="stable")
-    exists: Array = result.exists if hasattr(result, "exists") else np.all(p > 0, axis=1)
+    """Plot the impulse parameter p over the frequency, as `momentum` does."""
+    text = label(r"impulse parameter $p$", result, "impulse")
+    return _over_frequency(result, result.impulse, text, ax)
+
+
+def _over_frequency(result: ResultFile, values: Array, text: str, ax: Axes | None) -> Axes:
+    ax = ax or new_axes()
+    order = np.argsort(result.Omega, kind="stable")
+    x, x_label = frequencies(result, result.Omega[order])
+    exists: Array = result.exists if hasattr(result, "exists") else np.all(values > 0, axis=1)
+    ax.axhline(0.0, color="black", linewidth=0.5)
     for column, index in enumerate(result.constraint):
-        curve = _broken(p[order, column])
-        name = f"p, constraint {index}" if p.shape[1] > 1 else "p"
-        ax.plot(Omega[order], curve, color=PHANTOM, linewidth=1.2, zorder=2)
+        # Later curves are narrower, so that equal ones show each other.
+        color, style = SERIES[column % len(SERIES)]
+        width = 2.0 / (1.0 + 0.35 * column)
+        curve = _broken(values[order, column])
+        ax.plot(x, curve, color=PHANTOM, linewidth=0.5 * width, linestyle=style, zorder=2)
+        several = values.shape[1] > 1
         shown = np.where(exists[order], curve, np.nan)
-        style = "-" if column == 0 else "--"
-        ax.plot(Omega[order], shown, style, color=ADMISSIBLE, linewidth=2.0, label=name, zorder=3)
-    positive = p[exists] if exists.any() else np.abs(p)
+        each = f"constraint {index}" if several else "admissible"
+        mark = "." if x.size < 3 else None
+        ax.plot(
+            x,
+            shown,
+            linestyle=style,
+            marker=mark,
+            color=color,
+            linewidth=width,
+            label=each,
+            zorder=3,
+        )
+    positive = values[exists] if exists.any() else np.abs(values)
     top = 1.15 * float(np.quantile(positive, 0.97)) if positive.size else 1.0
     ax.set_ylim(-0.35 * top, top)
-    ax.axhline(0.0, color="black", linewidth=0.6)
-    ax.set_xlabel(_label(r"fundamental frequency $\Omega$", result, "Omega"))
-    ax.set_ylabel(_label(r"impulse parameter $p$", result, "impulse"))
-    ax.plot([], [], color=PHANTOM, linewidth=1.2, label="phantom")
-    ax.legend(frameon=False, loc="upper left")
+    ax.set_xlabel(x_label)
+    ax.set_ylabel(text)
+    if not exists.all():
+        ax.plot([], [], color=PHANTOM, linewidth=1.0, label="phantom")
+    legend(ax)
     return ax
 
 
 def frequency_energy(result: ResultFile, ax: Axes | None = None) -> Axes:
-    """Plot Omega over the energy of the admissible solutions, unstable ones dashed.
+    """Plot the frequency over the energy of the admissible solutions, unstable ones dashed.
 
     Requires the output energy; uses exists and stability if they were computed.
     """
-    ax = axes_or_new(ax)
+    ax = ax or new_axes()
     order = np.argsort(result.Omega, kind="stable")
     Omega, energy = result.Omega[order], result.energy[order]
+    frequency, text = frequencies(result, Omega)
     admissible: Array = result.exists[order] if hasattr(result, "exists") else np.isfinite(energy)
     if hasattr(result, "stability"):
         # Moduli of an elastic motion are 1, but for rounding.
         stable = admissible & (result.stability[order] <= 1.0 + 1e-6)
-        branches = [(stable, "-", "stable"), (admissible & ~stable, "--", "unstable")]
+        branches = [
+            (stable, "-", ADMISSIBLE, "stable"),
+            (admissible & ~stable, ":", ORANGE, "unstable"),
+        ]
     else:
-        branches = [(admissible, "-", "impact modes")]
-    for some, style, name in branches:
+        branches = [(admissible, "-", ADMISSIBLE, "impact modes")]
+    for some, style, color, name in branches:
         if some.any():
             drawn = np.where(some, energy, np.nan)
             # A solution between two phantoms is a single point, which a line does not show.
             mark = "." if Omega.size < 200 else None
-            ax.plot(drawn, Omega, style, marker=mark, color=ADMISSIBLE, linewidth=1.8, label=name)
+            ax.plot(
+                drawn, frequency, style, marker=mark, markersize=3, color=color, linewidth=1.5,
+                label=name,
+            )  # fmt: skip
     ax.set_xscale("log")
-    ax.set_xlabel(_label("energy", result, "energy"))
-    ax.set_ylabel(_label(r"fundamental frequency $\Omega$", result, "Omega"))
-    ax.legend(frameon=False)
+    ax.set_xlabel(label("energy", result, "energy"))
+    ax.set_ylabel(text)
+    legend(ax)
     return ax
 
 
@@ -92,272 +157,292 @@ def mode_plot(output: str) -> Callable[..., Axes]:
         If there is none.
     """
     drawing: dict[str, Callable[..., Axes]] = {
+        "momentum": momentum,
         "impulse": impulse,
         "energy": frequency_energy,
+        "stability": stability,
+        "exists": existence,
+        "reason": existence,
         "shape": shape,
+        "waveform": waveform,
+        "harmonics": harmonics,
     }
     if output not in drawing:
         raise ValueError(f"impact modes: {', '.join(drawing)} can be drawn, not {output!r}")
     return drawing[output]
 
 
+def stability(result: ResultFile, ax: Axes | None = None) -> Axes:
+    """Plot the growth of the fastest disturbance per half period over the frequency."""
+    ax = ax or new_axes()
+    order = np.argsort(result.Omega, kind="stable")
+    x, text = frequencies(result, result.Omega[order])
+    ax.axhline(1.0, color="black", linewidth=0.5)
+    ax.plot(x, result.stability[order], ".-", color=ADMISSIBLE, markersize=2.5, linewidth=1.0)
+    ax.set_yscale("log")
+    ax.set_xlabel(text)
+    ax.set_ylabel("growth per half period")
+    return ax
+
+
+def existence(result: ResultFile, ax: Axes | None = None) -> Axes:
+    """Plot whether the solution at each frequency is admissible, and if not, why."""
+    ax = ax or new_axes()
+    if hasattr(result, "reason"):
+        words = np.asarray(result.reason)
+    else:
+        words = np.where(result.exists, "ok", "phantom")
+    x, text = frequencies(result, result.Omega)
+    rows = sorted(set(words.tolist()), key=lambda word: (word != "ok", word))
+    for place, word in enumerate(rows):
+        color = ADMISSIBLE if word == "ok" else PHANTOM
+        mine = words == word
+        ax.plot(x[mine], np.full(mine.sum(), place), "|", color=color, markersize=9)
+    names = ["admissible" if word == "ok" else str(word).replace("_", " ") for word in rows]
+    ax.set_yticks(range(len(rows)), names)
+    ax.set_ylim(len(rows) - 0.4, -0.6)
+    ax.set_xlabel(text)
+    return ax
+
+
 def bands(result: ResultFile, ax: Axes | None = None) -> Axes:
     """Plot the bands that are admissible, rejected despite positive impulses, and stable."""
-    ax = axes_or_new(ax)
+    ax = ax or new_axes()
     rows = [
-        ("bands", "admissible", ADMISSIBLE, None),
-        ("rejected", "rejected", PHANTOM, None),
-        ("stability", "stable", "#38761d", True),
-        ("stability", "unstable", "#e69138", False),
+        ("bands", "admissible", ADMISSIBLE, None, ""),
+        ("rejected", "rejected", PHANTOM, None, "////"),
+        ("stability", "stable", GREEN, True, ""),
+        ("stability", "unstable", ORANGE, False, "...."),
     ]
     shown = [row for row in rows if hasattr(result, row[0])]
-    for place, (name, _, color, stable) in enumerate(reversed(shown)):
+    text = ""
+    for place, (name, _, color, stable, hatch) in enumerate(reversed(shown)):
         table = getattr(result, name)
         some = np.ones(table.start.size, dtype=bool)
         if stable is not None:
             some = (table.stable == "yes") == stable
-        spans = list(zip(table.start[some], (table.stop - table.start)[some], strict=True))
-        ax.broken_barh(spans, (place - 0.35, 0.7), facecolors=color)
-    ax.set_yticks(range(len(shown)), [label for _, label, _, _ in reversed(shown)])
-    ax.set_xlabel(_label(r"fundamental frequency $\Omega$", result, "Omega"))
+        start, text = frequencies(result, table.start[some])
+        stop, _ = frequencies(result, table.stop[some])
+        ax.broken_barh(
+            list(zip(start, stop - start, strict=True)), (place - 0.35, 0.7), facecolors=color,
+            edgecolor="white" if hatch else color, hatch=hatch, linewidth=0.3,
+        )  # fmt: skip
+    ax.set_yticks(range(len(shown)), [name for _, name, *_ in reversed(shown)])
+    ax.set_xlabel(text)
     ax.margins(x=0.0)
     return ax
 
 
 def resonances(result: ResultFile, ax: Axes | None = None) -> Axes:
     """Plot the resonance frequencies, one row per harmonic, coloured by part of the structure."""
-    ax = axes_or_new(ax)
-    for part in np.unique(result.part):
-        mine = result.part == part
-        ax.plot(result.Omega[mine], result.harmonic[mine], "|", markersize=12, label=f"part {part}")
+    ax = ax or new_axes()
+    marks = ("|", "x", "+", "1", "2")
+    for place, part in enumerate(np.unique(result.part)):
+        mine, color = result.part == part, SERIES[place % len(SERIES)][0]
+        ax.plot(
+            result.Omega[mine], result.harmonic[mine], marks[place % len(marks)], color=color,
+            markersize=7, label=f"part {part}",
+        )  # fmt: skip
     ax.set_yticks(np.unique(result.harmonic))
-    ax.set_xlabel(_label(r"fundamental frequency $\Omega$", result, "Omega"))
+    ax.set_xlabel(label(r"fundamental frequency $\Omega$", result, "Omega"))
     ax.set_ylabel("resonating harmonic")
-    ax.legend(frameon=False)
+    legend(ax)
     return ax
+
+
+_OPEN_MARKS = 80  # side by side in a plot of journal width
 
 
 def response(result: ResultFile, dof: int | None = None, ax: Axes | None = None) -> Axes:
     """Plot the amplitude of periodic motions, half of peak to peak, over the drive's frequency.
 
     Filled marks are stable, open ones unstable motions, and small grey ones phantoms; motions
-    without impacts, with one impact per period and so on have colours of their own. Where extremes
-    were not computed, plot the momentum of the first impact.
+    without impacts, with one impact per period and so on have colours and marks of their own. Of
+    many frequencies some are left out for unstable motions, whose marks would hide one another.
+    Where extremes were not computed, plot the momentum of the first impact.
     """
-    ax = axes_or_new(ax)
+    ax = ax or new_axes()
     rows = result.solution
     exists = rows.exists if "exists" in rows else np.ones(rows.Omega.size, dtype=bool)
-    if "x_max" in rows:
-        dof, column = _column(result, dof)
-        height = 0.5 * (rows.x_max[:, column] - rows.x_min[:, column])
-        label = rf"amplitude of $x_{{{dof}}}$"
-    else:
-        first = np.unique(result.impact.solution, return_index=True)
-        height = np.zeros(rows.Omega.size)
-        height[first[0]] = result.impact.momentum[first[1]]
-        label = "momentum of the first impact"
+    height, text = _height(result, dof)
+    x, x_label = frequencies(result, rows.Omega, "frequency of the drive")
     stable = rows.stability <= 1.0 if "stability" in rows else exists
-    ax.plot(rows.Omega[~exists], height[~exists], ".", color=PHANTOM, markersize=3, zorder=1)
-    colors = (ADMISSIBLE, "#38761d", "#e69138", "#674ea7", WALL)
+    apart = rows.frequency_index % max(1, round(result.Omega.size / _OPEN_MARKS)) == 0
+    ax.plot(x[~exists], height[~exists], ".", color=PHANTOM, markersize=2, zorder=1)
     for place, count in enumerate(np.unique(rows.impacts)):
-        color = colors[place % len(colors)]
-        name = "no impact" if count == 0 else f"{count} impact{'s' if count > 1 else ''} per period"
+        color, mark = SERIES[place % len(SERIES)][0], "osD^v"[place % 5]
+        name = "no impact" if count == 0 else f"{count} impact{'s' if count > 1 else ''}"
         mine = exists & (rows.impacts == count)
-        for some, face in ((mine & stable, color), (mine & ~stable, "white")):
+        for some, face in ((mine & stable, color), (mine & ~stable & apart, "white")):
             ax.plot(
-                rows.Omega[some], height[some], "o", color=color, markersize=4,
-                markerfacecolor=face, markeredgewidth=0.8, zorder=2,
+                x[some], height[some], mark, color=color, markersize=3,
+                markerfacecolor=face, markeredgewidth=0.6, zorder=2,
             )  # fmt: skip
         if mine.any():
-            ax.plot([], [], "o", color=color, markersize=4, label=name)
+            ax.plot([], [], mark, color=color, markersize=3, label=name)
     if "stability" in rows and (exists & ~stable).any():
-        ax.plot([], [], "o", color="black", markerfacecolor="white", markersize=4, label="unstable")
+        ax.plot([], [], "o", color="black", markerfacecolor="white", markersize=3, label="unstable")
     if (~exists).any():
         ax.plot([], [], ".", color=PHANTOM, label="phantom")
     if exists.any():
         low, high = float(height[exists].min()), float(height[exists].max())
         room = 0.08 * max(high - low, 1e-3 * abs(high))
-        ax.set_ylim(low - room, high + 3.0 * room)
-    ax.set_xlabel(_label(r"frequency of the drive $\Omega$", result, "Omega"))
-    ax.set_ylabel(label)
-    ax.legend(frameon=False, ncols=2, loc="upper right")
+        ax.set_ylim(low - room, high + room)
+    ax.set_xlabel(x_label)
+    ax.set_ylabel(text)
+    legend(ax)
     ax.margins(x=0.02)
     return ax
 
 
+_MARKS = {
+    "fold": ("D", "white"), "flip": ("s", "black"), "torus": ("o", "white"),
+    "symmetry": ("P", "black"), "grazing": ("^", "white"), "end": ("X", "white"),
+}  # fmt: skip
+
+
+def branches(result: ResultFile, dof: int | None = None, ax: Axes | None = None) -> Axes:
+    """Plot branches of periodic motions over their parameter, with their special points.
+
+    Full lines are stable, dashed ones unstable motions, and dotted grey ones phantoms. The height
+    is the amplitude, half of peak to peak, or the momentum of the first impact where extremes were
+    not computed.
+    """
+    ax = ax or new_axes()
+    rows = result.solution
+    height, text = _height(result, dof)
+    exists = rows.exists if "exists" in rows else np.ones(rows.parameter.size, dtype=bool)
+    stable = rows.stability <= 1.0 if "stability" in rows else exists
+    states = (
+        (exists & stable, "-", 1.6), (exists & ~stable, "--", 1.2), (~exists, ":", 0.6),
+    )  # fmt: skip
+    for branch in np.unique(rows.branch):
+        mine = np.flatnonzero(rows.branch == branch)
+        count = int(rows.impacts[mine[0]])
+        color = SERIES[count % len(SERIES)][0]
+        for state, style, width in states:
+            # A segment has the state of its first point, so that lines do not end before a change.
+            shown = state[mine] | np.append(False, state[mine][:-1])
+            y = np.where(shown, height[mine], np.nan)
+            ax.plot(
+                rows.parameter[mine], y, style, linewidth=width,
+                color=PHANTOM if style == ":" else color, zorder=1 if style == ":" else 2,
+            )  # fmt: skip
+    for count in np.unique(rows.impacts[exists]):
+        name = "no impact" if count == 0 else f"{count} impact{'s' if count > 1 else ''}"
+        ax.plot([], [], "-", color=SERIES[count % len(SERIES)][0], label=name)
+    _mark_points(result, height, ax)
+    if exists.any():
+        low, high = float(height[exists].min()), float(height[exists].max())
+        room = 0.08 * max(high - low, 1e-3 * abs(high))
+        ax.set_ylim(low - room, high + room)
+    path = str(result.request.get("path", "parameter"))
+    if path.startswith("frequency."):
+        path = frequencies(result, rows.Omega, "frequency of the drive")[1]
+    ax.set_xlabel(path)
+    ax.set_ylabel(text)
+    legend(ax)
+    ax.margins(x=0.02)
+    return ax
+
+
+def _height(result: ResultFile, dof: int | None) -> tuple[Array, str]:
+    """Return the height of each periodic motion in plots, and its name."""
+    rows = result.solution
+    if "x_max" in rows:
+        dof, column = column_of(result, dof)
+        return 0.5 * (rows.x_max[:, column] - rows.x_min[:, column]), rf"amplitude of $x_{{{dof}}}$"
+    height = np.zeros(rows.Omega.size)
+    solutions, first = np.unique(result.impact.solution, return_index=True)
+    height[solutions] = result.impact.momentum[first]
+    return height, "momentum of the first impact"
+
+
+def _mark_points(result: ResultFile, height: Array, ax: Axes) -> None:
+    """Mark special points of admissible motions, each at the nearest point of its branch."""
+    rows, points, named = result.solution, result.points, set[str]()
+    for branch, parameter, kind, exists in zip(
+        points.branch, points.parameter, points.type, points.exists, strict=True
+    ):
+        if not exists:
+            continue
+        mine = np.flatnonzero(rows.branch == branch)
+        near = mine[np.argmin(np.abs(rows.parameter[mine] - parameter))]
+        mark, face = _MARKS[str(kind)]
+        ax.plot(
+            parameter, height[near], mark, color="black", markerfacecolor=face, markersize=5,
+            zorder=3, label=None if kind in named else str(kind),
+        )  # fmt: skip
+        named.add(str(kind))
+
+
 def shape(result: ResultFile, index: int = 0, ax: Axes | None = None) -> Axes:
     """Plot the displacement of every computed degree of freedom at tau = 1."""
-    ax = axes_or_new(ax)
+    ax = ax or new_axes()
     x = result.shape[index]
-    ax.axhline(0.0, color="black", linewidth=0.6)
-    ax.plot(result.dof, x, "-", color=ADMISSIBLE, linewidth=1.0, alpha=0.5)
-    ax.vlines(result.dof, 0.0, x, color=ADMISSIBLE, linewidth=1.0, alpha=0.3)
-    ax.plot(result.dof, x, "o", color=ADMISSIBLE, markersize=7)
-    _walls(result, ax)
+    ax.axhline(0.0, color="black", linewidth=0.5)
+    ax.plot(result.dof, x, "-", color=ADMISSIBLE, linewidth=1.0)
+    if result.dof.size <= 100:
+        ax.plot(result.dof, x, "o", color=ADMISSIBLE, markersize=4)
+    for dof in {c["dof"] for c in constraints_of(result) if c.get("dof") is not None}:
+        ax.hlines(gaps_of(result, dof), dof - 0.4, dof + 0.4, color=WALL, linewidth=2.0)
     ax.set_xlabel("degree of freedom")
-    ax.set_ylabel(_label(r"displacement at $\tau = 1$", result, "shape"))
-    ax.set_title(rf"impact mode at $\Omega$ = {result.Omega[index]:.6g}", fontsize="medium")
-    ax.set_xticks(result.dof if result.dof.size <= 30 else ax.get_xticks())
+    ax.set_ylabel(label(r"displacement at $\tau = 1$", result, "shape"))
+    title(ax, _at(result, index))
+    ax.set_xticks(result.dof if result.dof.size <= 15 else ax.get_xticks())
     return ax
 
 
-def history(result: ResultFile, dof: int | None = None, ax: Axes | None = None) -> Axes:
-    """Plot a displacement over time, with the walls and impacts of its constraint.
-
-    If only impacts were computed, plot their impulses over time.
-    """
-    ax = axes_or_new(ax)
-    if not hasattr(result, "x"):
-        return _impulses(result, ax)
-    dof, column = _column(result, dof)
-    ax.plot(result.t, result.x[:, column], color=ADMISSIBLE, linewidth=1.2)
-    _impacts(result, dof, ax)
-    until = result.error.predictable_until
-    if until < result.t[-1]:
-        ax.axvspan(until, result.t[-1], color=PHANTOM, alpha=0.25, linewidth=0.0)
-        ax.annotate("not predictable", (until, 1.0), (4, -4), va="top", fontsize="small",
-                    xycoords=("data", "axes fraction"), textcoords="offset points")  # fmt: skip
-    ax.set_xlabel(_label("time", result, "t"))
-    ax.set_ylabel(_label(rf"displacement $x_{{{dof}}}$", result, "x"))
-    ax.margins(x=0.0)
-    return ax
-
-
-def basins(result: ResultFile, values: Array | None = None, ax: Axes | None = None) -> Axes:
-    """Plot one value of each member of an ensemble over its initial state.
-
-    Parameters
-    ----------
-    result : ResultFile
-        Result of an ensemble whose initial states differ in one or two coordinates.
-    values : array, shape (member,), optional
-        Values to plot; default: the number of impacts.
-    ax : Axes, optional
-        Axes to draw in; default: those of a new figure.
-
-    Raises
-    ------
-    ValueError
-        If the states differ in no coordinate or in more than two.
-    """
-    ax = axes_or_new(ax)
-    initial = result.request["initial"]
-    x, v = np.array(initial["x"]), np.array(initial["v"])
-    columns = [(rf"$x_{{{dof}}}(0)$", x[:, dof]) for dof in range(x.shape[1])]
-    columns += [(rf"$v_{{{dof}}}(0)$", v[:, dof]) for dof in range(v.shape[1])]
-    varying = [column for column in columns if np.ptp(column[1]) > 0.0]
-    if not 1 <= len(varying) <= 2:
-        raise ValueError(f"the initial states differ in {len(varying)} coordinates, not in 1 or 2")
-    computed = result.status == "ok"
-    label = "number of impacts" if values is None else ""
-    shown = np.asarray(result.count.impacts if values is None else values, dtype=np.float64)
-    (across, first), (up, second) = varying[0], varying[-1]
-    if len(varying) == 1:
-        order = np.argsort(first[computed], kind="stable")
+def waveform(result: ResultFile, index: int = 0, ax: Axes | None = None) -> Axes:
+    """Plot the displacements of one impact mode over triangle-wave time, up to five of them."""
+    ax = ax or new_axes()
+    order = np.argsort(result.tau)
+    several = result.tau.size > 1
+    chosen = _telling(result)
+    for (color, style), dof in zip(SERIES, chosen, strict=False):
+        column = int(np.flatnonzero(result.dof == dof)[0])
         ax.plot(
-            first[computed][order], shown[computed][order], "o-", color=ADMISSIBLE, markersize=3.0
-        )
-        ax.set_ylabel(label)
-    else:
-        ax.plot(first[~computed], second[~computed], "x", color=PHANTOM, markersize=3.0)
-        size = float(np.clip(2e5 / max(first.size, 1), 4.0, 120.0))
-        drawn = ax.scatter(
-            first[computed], second[computed], size, shown[computed], marker="s", linewidths=0.0
-        )
-        ax.figure.colorbar(drawn, ax=ax, label=label)
-        ax.set_ylabel(up)
-    ax.set_xlabel(across)
+            result.tau[order], result.waveform[index][order, column], color=color,
+            linestyle=style if several else "", marker=None if several else "o",
+            linewidth=1.3, label=f"$x_{{{dof}}}$",
+        )  # fmt: skip
+    ax.locator_params(axis="x", nbins=5)
+    ax.set_xlabel(r"triangle-wave time $\tau$")
+    ax.set_ylabel(label("displacement", result, "waveform"))
+    legend(ax, 5, title=_at(result, index), title_fontsize=7.5)
     return ax
 
 
-def _impulses(result: ResultFile, ax: Axes) -> Axes:
-    for index in np.unique(result.impacts.constraint):
-        mine = result.impacts.constraint == index
-        ax.plot(result.impacts.time[mine], result.impacts.impulse[mine], ".", label=f"{index}")
-    ax.set_xlabel("time")
-    ax.set_ylabel("impulse of the impact")
-    ax.set_ylim(0.0, 1.15 * float(result.impacts.impulse.max(initial=0.0)) or 1.0)
-    if ax.lines:
-        ax.legend(frameon=False, title="constraint")
+def harmonics(result: ResultFile, index: int = 0, ax: Axes | None = None) -> Axes:
+    """Plot the sizes of the Fourier amplitudes of one impact mode over their multiples of Omega."""
+    ax = ax or new_axes()
+    chosen = _telling(result)
+    for place, ((color, _), dof) in enumerate(zip(SERIES, chosen, strict=False)):
+        column = int(np.flatnonzero(result.dof == dof)[0])
+        aside = result.harmonic + 0.18 * (place - 0.5 * (min(len(chosen), len(SERIES)) - 1))
+        sizes = np.abs(result.harmonics[index][:, column])
+        ax.plot(aside, sizes, "osD^v"[place], color=color, markersize=3.5, label=f"$x_{{{dof}}}$")
+    ax.set_yscale("log")
+    ax.set_xticks(result.harmonic)
+    ax.set_xlabel(r"multiple of $\Omega$")
+    ax.set_ylabel(label("amplitude", result, "harmonics"))
+    legend(ax, 5, title=_at(result, index), title_fontsize=7.5)
     return ax
 
 
-def phase_plane(result: ResultFile, dof: int | None = None, ax: Axes | None = None) -> Axes:
-    """Plot the velocity over the displacement of a degree of freedom, with its walls.
-
-    The line is interrupted at impacts, where the velocity jumps.
-    """
-    ax = axes_or_new(ax)
-    dof, column = _column(result, dof)
-    x, v = result.x[:, column], result.v[:, column]
-    breaks = np.zeros(0, dtype=np.int64)
-    if hasattr(result, "impacts"):
-        breaks = np.unique(np.searchsorted(result.t, result.impacts.time))
-        breaks = breaks[(breaks > 0) & (breaks < x.size)]
-    ax.plot(
-        np.insert(x, breaks, np.nan), np.insert(v, breaks, np.nan), color=ADMISSIBLE, linewidth=0.9
-    )
-    for wall in _gaps(result, dof):
-        ax.axvline(wall, color=WALL, linewidth=2.0)
-    ax.set_xlabel(_label(rf"displacement $x_{{{dof}}}$", result, "x"))
-    ax.set_ylabel(_label(rf"velocity $v_{{{dof}}}$", result, "v"))
-    return ax
+def _telling(result: ResultFile) -> list[int]:
+    """Return degrees of freedom for a plot of a few: the limited ones first."""
+    computed = [int(dof) for dof in result.dof]
+    limited = [c["dof"] for c in constraints_of(result) if c.get("dof") in computed]
+    return list(dict.fromkeys([*limited, *computed]))[: len(SERIES)]
 
 
-def _column(result: ResultFile, dof: int | None) -> tuple[int, int]:
-    """Return a degree of freedom, by default the first constrained one, and its column."""
-    computed = [int(d) for d in result.dof]
-    if dof is None:
-        struck = [c.get("dof") for c in _constraints(result)]
-        dof = next((d for d in struck if d in computed), computed[0])
-    return dof, computed.index(dof)
-
-
-def _constraints(result: ResultFile) -> list[dict[str, Any]]:
-    return list(result.request.get("system", {}).get("constraints") or ())
-
-
-def _gaps(result: ResultFile, dof: int) -> list[float]:
-    """Return the displacements at which the walls of a degree of freedom stand."""
-    walls: list[float] = []
-    for constraint in _constraints(result):
-        if constraint.get("dof") == dof:
-            gap = constraint["gap"]
-            single = isinstance(gap, int | float)
-            lower, upper = (gap, gap) if single else (gap.get("lower"), gap.get("upper"))
-            walls += [s * w for s, w in ((-1.0, lower), (1.0, upper)) if w is not None]
-    return walls
-
-
-def _impacts(result: ResultFile, dof: int, ax: Axes) -> None:
-    for wall in _gaps(result, dof):
-        ax.axhline(wall, color=WALL, linewidth=1.5)
-    if not hasattr(result, "impacts"):
-        return
-    constraints = _constraints(result)
-    mine = [i for i, c in enumerate(constraints) if c.get("dof") == dof]
-    struck = np.isin(result.impacts.constraint, mine)
-    walls = _gaps(result, dof)
-    if struck.any() and walls:
-        places = np.where(result.impacts.side > 0, max(walls), min(walls))
-        ax.plot(result.impacts.time[struck], places[struck], ".", color=WALL, markersize=5)
-
-
-def displacement(result: ResultFile, ax: Axes | None = None) -> Axes:
-    """Plot the displacement of every computed degree of freedom over time."""
-    ax = axes_or_new(ax)
-    for column, dof in enumerate(result.dof):
-        ax.plot(result.t, result.x[:, column], linewidth=1.2, label=f"degree of freedom {dof}")
-    ax.set_xlabel(_label("time", result, "t"))
-    ax.set_ylabel(_label("displacement", result, "x"))
-    if result.dof.size > 1:
-        ax.legend(frameon=False)
-    return ax
-
-
-def _walls(result: ResultFile, ax: Axes) -> None:
-    for dof in {c["dof"] for c in _constraints(result) if c.get("dof") is not None}:
-        ax.hlines(_gaps(result, dof), dof - 0.4, dof + 0.4, color=WALL, linewidth=3.0)
+def _at(result: ResultFile, index: int) -> str:
+    value, text = frequencies(result, result.Omega[index : index + 1])
+    unit = text.partition("(")[2].rstrip(")")
+    symbol = r"$\Omega$" if "Omega" in text else "$f$"
+    name = "impact mode" if getattr(result, "exists", {index: True})[index] else "phantom"
+    return f"{name} at {symbol} = {value[0]:.6g} {unit}".rstrip()
 
 
 def _broken(p: Array) -> Array:

@@ -13,6 +13,8 @@ resonances_request = REQUESTS.resonances
 """Return the request document that `Client.resonances` sends."""
 periodic_motions_request = REQUESTS.periodic_motions
 """Return the request document that `Client.periodic_motions` sends."""
+branches_request = REQUESTS.branches
+"""Return the request document that `Client.branches` sends."""
 time_history_request = REQUESTS.time_history
 """Return the request document that `Client.time_history` sends."""
 ensemble_request = REQUESTS.ensemble

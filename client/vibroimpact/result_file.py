@@ -4,50 +4,85 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Mapping
+import shutil
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
 
-import h5py
 import numpy as np
 
-from vibroimpact.tables import Array, Table, decoded
+from vibroimpact.errors import MissingExtra
+from vibroimpact.tables import Array, Table, decoded, is_group
 
 if TYPE_CHECKING:
+    import h5py
+    import pandas
     import xarray
+
+    JSON = None | bool | int | float | str | list["JSON"] | dict[str, "JSON"]
+
+Part = TypeVar("Part")
 
 
 class ResultFile:
-    """Arrays and tables of a result, read from its HDF5 file: what plots need, see `Result`."""
+    """Arrays and tables of a result, read from its HDF5 file: what plots need, see `Result`.
 
-    def __init__(self, content: bytes) -> None:
+    Each is read when it is first used, so that a large file on disk takes no memory.
+
+    Parameters
+    ----------
+    content : bytes or path
+        The file, or where it lies.
+    """
+
+    PARTS: ClassVar[Mapping[str, type[Table]]] = {}
+    """Name of a table -> its class."""
+
+    def __init__(self, content: bytes | Path) -> None:
         self._content = content
-        self._arrays: dict[str, Array] = {}
-        self._tables: dict[str, Table] = {}
+        self._arrays = _Lazy[Array](self._array)
+        self._tables = _Lazy[Table](self._table)
+        self._shapes: dict[str, tuple[int, ...]] = {}
         self._long_names: dict[str, str] = {}
         self._units: dict[str, str] = {}
-        with h5py.File(io.BytesIO(content), "r") as file:
+        with self.open() as file:
             self.kind = str(file.attrs["kind"])
             self.digest = str(file.attrs["digest"])
             self.solver_version = str(file.attrs["solver_version"])
-            self.request: dict[str, Any] = json.loads(str(file.attrs["request"]))
-            self.plan: dict[str, Any] = json.loads(str(file.attrs["plan"]))
+            self.request: Mapping[str, Any] = json.loads(str(file.attrs["request"]))
+            self.plan: Mapping[str, Any] = json.loads(str(file.attrs["plan"]))
+            self.of = str(file.attrs.get("of", self.kind))
             for name, item in file.items():
-                if isinstance(item, h5py.Dataset) and not _is_bare(item):
-                    self._arrays[name] = decoded(item)
+                if not is_group(item) and not _is_bare(item):
+                    self._arrays.names.append(name)
+                    self._shapes[name] = item.shape
                     self._long_names[name] = str(item.attrs.get("long_name", name))
                     self._units[name] = str(item.attrs.get("units", "1"))
-                elif isinstance(item, h5py.Group):
-                    self._tables[name] = Table.of(item)
+                elif is_group(item):
+                    self._tables.names.append(name)
+                    columns = ((k, v) for k, v in item.items() if not is_group(v))
+                    for column, values in columns:
+                        self._units[f"{name}/{column}"] = str(values.attrs.get("units", "1"))
+
+    def open(self) -> h5py.File:
+        """Open the file for reading, to read parts of its arrays: ``file["x"][:100]``."""
+        return opened(self._content)
+
+    def _array(self, name: str) -> Array:
+        with self.open() as file:
+            return decoded(file[name])
+
+    def _table(self, name: str) -> Table:
+        with self.open() as file:
+            return self.PARTS.get(name, Table).of(file[name])
 
     def __getattr__(self, name: str) -> Any:
         """Return an output, as an array or as a table."""
-        outputs: Mapping[str, Any] = self.__dict__.get("_arrays", {}) | self.__dict__.get(
-            "_tables", {}
-        )
-        if name in outputs:
-            return outputs[name]
-        available = ", ".join(sorted(outputs))
+        parts: list[_Lazy[Any]] = [self.__dict__.get(part, {}) for part in ("_arrays", "_tables")]
+        for part in parts:
+            if name in part:
+                return part[name]
+        available = ", ".join(sorted(name for part in parts for name in part))
         raise AttributeError(f"the result has no {name!r}; it has {available}")
 
     def __dir__(self) -> list[str]:
@@ -88,14 +123,74 @@ class ResultFile:
         return [rows.part(int(a), int(b)) for a, b in zip(starts, ends, strict=True)]
 
     def unit(self, name: str) -> str:
-        """Return the unit of an output, such as ``"m s-1"``; ``"1"`` if the system has no units."""
+        """Return the unit of an output, such as ``"m/s"``; ``"1"`` if the system has no units.
+
+        Columns of tables are named by their path, such as ``"impacts/time"``.
+        """
         return self._units.get(name, "1")
+
+    def in_unit(self, Omega: Any, unit: str) -> Array:
+        """Return angular frequencies of the result in another unit.
+
+        Parameters
+        ----------
+        Omega : array
+            Angular frequencies in the structure's unit of time, such as ``result.Omega``.
+        unit : str
+            ``"Hz"``, ``"rpm"``, ``"Omega"``, or ``"omega"`` for (2/pi) Omega.
+        """
+        given = np.asarray(Omega, dtype=np.float64)
+        if unit in ("Omega", "omega"):
+            return given if unit == "Omega" else given * (2.0 / np.pi)
+        time = self.unit("Omega").removeprefix("rad/")
+        return given * _per_turn(unit, "s" if time == "1" else time)
 
     def to_hdf5(self, path: str | Path) -> Path:
         """Write the file as the service sent it; return its path."""
         target = Path(path)
-        target.write_bytes(self._content)
+        if isinstance(self._content, bytes):
+            target.write_bytes(self._content)
+        elif target.resolve() != self._content.resolve():
+            shutil.copyfile(self._content, target)
         return target
+
+    def to_dict(self) -> dict[str, JSON]:
+        """Return the numbers as lists and words, as the JSON document of the service has them.
+
+        Tables are objects of columns here; NaN and infinity are None.
+        """
+        head: dict[str, Any] = {
+            "kind": self.kind,
+            "digest": self.digest,
+            "of": self.of,
+            "plan": self.plan,
+        }
+        arrays = {name: _plain(values) for name, values in self._arrays.items()}
+        return head | arrays | {name: _plain(table) for name, table in self._tables.items()}
+
+    def to_pandas(self, table: str | None = None) -> pandas.DataFrame:
+        """Return a data frame: the rows of a table, or the arrays with their axes as index.
+
+        Parameters
+        ----------
+        table : str, optional
+            Name of a table, such as ``"bands"`` or ``"impacts"``.
+
+        Raises
+        ------
+        MissingExtra
+            If pandas or xarray is not installed.
+        """
+        if table is None:
+            return self.to_xarray().to_dataframe()
+        try:
+            import pandas
+        except ImportError as error:
+            raise MissingExtra("data frames", "data", error) from error
+        columns = getattr(self, table)
+        return pandas.DataFrame(
+            {name: values for name, values in columns.items() if np.ndim(values) == 1}
+        )
 
     def to_xarray(self, table: str | None = None) -> xarray.Dataset:
         """Return a dataset with named dimensions, coordinates and attributes.
@@ -105,13 +200,78 @@ class ResultFile:
         table : str, optional
             Name of a table to return instead of the arrays, such as ``"bands"`` or ``"impacts"``.
         """
-        import xarray
-
+        try:
+            import xarray
+        except ImportError as error:
+            raise MissingExtra("datasets", "data", error) from error
         if table is not None and table not in self._tables:
             raise ValueError(f"there is no table {table!r}; there are {', '.join(self._tables)}")
+        if not isinstance(self._content, bytes):
+            # Read as it is used.
+            return xarray.open_dataset(self._content, engine="h5netcdf", group=table)
         file = io.BytesIO(self._content)
         with xarray.open_dataset(file, engine="h5netcdf", group=table) as data:
             return data.load()
+
+
+def opened(content: bytes | Path) -> h5py.File:
+    """Open the file of a result for reading."""
+    import h5py  # a tenth of a second, which the import of the client does not take
+
+    return h5py.File(io.BytesIO(content) if isinstance(content, bytes) else content, "r")
+
+
+class _Lazy(Mapping[str, Part]):
+    """Parts of a file by name, each read when it is first used."""
+
+    def __init__(self, read: Callable[[str], Part]) -> None:
+        self.names: list[str] = []
+        self._read, self._known = read, dict[str, Part]()
+
+    def __getitem__(self, name: str) -> Part:
+        if name not in self._known:
+            if name not in self.names:
+                raise KeyError(name)
+            self._known[name] = self._read(name)
+        return self._known[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+def _plain(values: Any) -> Any:
+    """Return lists, numbers and words, None for numbers that are not finite."""
+    if isinstance(values, Mapping):
+        return {name: _plain(value) for name, value in values.items()}
+    given = np.asarray(values)
+    if given.dtype.kind == "f":
+        given = given.astype(object)
+        given[~np.isfinite(given.astype(np.float64))] = None
+    return given.tolist()
+
+
+_SECONDS: Final = {
+    "ns": 1e-9,
+    "us": 1e-6,
+    "µs": 1e-6,
+    "ms": 1e-3,
+    "s": 1.0,
+    "min": 60.0,
+    "h": 3.6e3,
+}
+
+
+def _per_turn(unit: str, time: str) -> float:
+    """Return what 1 rad per unit of time is in Hz or revolutions per minute."""
+    if unit not in ("Hz", "rpm") or time not in _SECONDS:
+        raise ValueError(f"frequencies per {time} have no value in {unit!r}: Hz, rpm, Omega, omega")
+    return (60.0 if unit == "rpm" else 1.0) / (2.0 * np.pi * _SECONDS[time])
 
 
 def _is_bare(item: h5py.Dataset) -> bool:

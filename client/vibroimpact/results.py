@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import html
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from vibroimpact import plots, sweep_plots
+from vibroimpact import notebook, plots, sweep_plots
 from vibroimpact.result_file import ResultFile
 from vibroimpact.tables import Array, Table, html_table
 
@@ -27,8 +27,8 @@ class Result(ResultFile):
 
     Parameters
     ----------
-    content : bytes
-        The HDF5 file.
+    content : bytes or path
+        The HDF5 file, or where it lies; a file on disk is read part by part as it is used.
     """
 
     def plot(
@@ -40,8 +40,9 @@ class Result(ResultFile):
     ) -> Axes:
         """Plot the result; what is drawn depends on its kind.
 
-        Impact modes: the impulse over frequency, or the mode shape where there is one frequency
-        only; ``output="energy"`` gives the frequency-energy plot. Periodic motions: the
+        Impact modes: the momentum of the impacts over frequency, or the mode shape where there is
+        one frequency only, or else what was computed; ``output="energy"`` gives the
+        frequency-energy plot. Periodic motions: the
         amplitude over the frequency of the drive. Time histories: a displacement
         over time. Ensembles: the number of impacts over the initial states, see
         `vibroimpact.plots.basins`. Sweeps: an output over the one or two dimensions that are
@@ -64,19 +65,41 @@ class Result(ResultFile):
         if self.kind == "sweep":
             return sweep_plots.draw(self, output, at, ax)
         if self.kind == "impact-modes":
-            single = "shape" in self._arrays and self.Omega.size == 1
-            return plots.mode_plot(output or ("shape" if single else "impulse"))(self, ax=ax)
+            return plots.mode_plot(output or self._most_telling())(self, ax=ax)
         if output is not None:
             raise ValueError(f"{self.kind} has one plot only, so that output cannot be chosen")
         drawing: dict[str, Callable[..., Axes]] = {
             "existence-bands": plots.bands,
             "resonances": plots.resonances,
             "periodic-motions": plots.response,
+            "branches": plots.branches,
             "time-history": plots.history,
             "ensemble": plots.basins,
             "slow-flow": plots.displacement,
         }
         return drawing[self.kind](self, ax=ax)
+
+    def _most_telling(self) -> str:
+        """Return the output of impact modes that a plot without a choice shows."""
+        single = ("shape", "waveform", "harmonics") if self.Omega.size == 1 else ()
+        order = (*single, "impulse", "energy", "stability", "exists", "reason", "shape", "waveform")
+        output = next((name for name in order if name in self._arrays), "harmonics")
+        return "momentum" if output == "impulse" else output
+
+    def show(self) -> Any:
+        """Return a widget for notebooks in which the structure moves between its stops.
+
+        Impact modes and periodic motions need the output waveform, time histories x; see
+        `vibroimpact.notebook`. It comes with ``pip install "vibroimpact[notebook]"``.
+
+        Raises
+        ------
+        ValueError
+            If the result has no displacements over time.
+        ImportError
+            If anywidget is not installed.
+        """
+        return notebook.show(self)
 
     def _output_tables(self) -> list[tuple[str, Table]]:
         return [
@@ -87,12 +110,12 @@ class Result(ResultFile):
 
     def __repr__(self) -> str:
         """Return the kind, the digest and the sizes of the outputs."""
-        sizes = [f"{name} {array.shape}" for name, array in self._arrays.items()]
+        sizes = [f"{name} {shape}" for name, shape in self._shapes.items()]
         sizes += [f"{name} ({table.rows} rows)" for name, table in self._output_tables()]
         return f"<Result {self.kind} {self.digest[:12]}: {', '.join(sizes)}>"
 
     def _repr_html_(self) -> str:
-        rows = [[name, str(a.shape), self._long_names[name]] for name, a in self._arrays.items()]
+        rows = [[name, str(s), self._long_names[name]] for name, s in self._shapes.items()]
         rows += [
             [name, f"{table.rows} rows", ", ".join(table)] for name, table in self._output_tables()
         ]

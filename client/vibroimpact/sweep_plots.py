@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vibroimpact.plots import ADMISSIBLE, PHANTOM, axes_or_new
 from vibroimpact.result_file import ResultFile
+from vibroimpact.style import ADMISSIBLE, PHANTOM, colorbar, new_axes, title
 
 if TYPE_CHECKING:
     import xarray
@@ -49,20 +49,20 @@ def draw(
     if shown.ndim not in (1, 2):
         left = ", ".join(str(dim) for dim in shown.dims) or "none"
         raise ValueError(f"a plot has one or two dimensions; left are: {left}. Fix some by at")
-    target = axes_or_new(ax)
+    target = ax or new_axes()
     if shown.ndim == 1:
         _line(shown, admissible, target)
     else:
         _map(shown if admissible is None else shown.where(admissible), target)
     fixed = [f"{name} = {float(shown[name]):.4g}" for name in at or {} if name in shown.coords]
-    target.set_title(", ".join(fixed), fontsize="medium")
+    title(target, ", ".join(fixed))
     return target
 
 
 def _first(data: xarray.Dataset) -> str:
-    """Return the impulse if it was computed, else the first output."""
+    """Return the momentum of the impacts if it was computed, else the first output."""
     computed = [str(name) for name in data.data_vars if name != "status"]
-    return next((name for name in ("impulse", *computed) if name in computed), "status")
+    return next((name for name in ("momentum", "impulse", *computed) if name in computed), "status")
 
 
 def _admissible(
@@ -128,23 +128,43 @@ def _map(shown: xarray.DataArray, ax: Axes) -> None:
     if meanings:
         _codes(x[columns], y[rows], values, meanings, ax)
     else:
-        top = float(np.quantile(np.abs(values.compressed()), 0.98)) if values.count() else 1.0
-        low, high, colours = _range(values, top or 1.0)
+        scale, colours = _scale(values)
         drawn = ax.pcolormesh(
-            x[columns], y[rows], values, shading="nearest", cmap=colours, vmin=low, vmax=high
+            x[columns],
+            y[rows],
+            values,
+            shading="nearest",
+            cmap=colours,
+            norm=scale,
+            rasterized=True,
         )
-        ax.figure.colorbar(drawn, ax=ax, label=_label(shown), extend="both")
+        colorbar(drawn, ax, _label(shown))
     ax.set_xlabel(x_label)
     ax.set_ylabel(y_label)
 
 
-def _range(values: Any, top: float) -> tuple[float, float, str]:
-    """Return the limits and the colour map; values of both signs get one that is white at zero."""
-    if not values.count() or values.min() >= 0:
-        return 0.0, top, "viridis"
-    if values.max() <= 0:
-        return -top, 0.0, "viridis"
-    return -top, top, "RdBu_r"
+_PEAK = 20.0
+"""Values so many times larger than most are peaks, beside which the others would look alike."""
+
+
+def _scale(values: Any) -> tuple[Any, str]:
+    """Return a colour scale that shows all values, and its map.
+
+    Values of both signs get one that is white at zero. Where poles make few values far larger
+    than the others, the scale is logarithmic from the size of most of them on.
+    """
+    from matplotlib.colors import Normalize, SymLogNorm
+
+    sizes = np.abs(values.compressed())
+    top = float(sizes.max(initial=0.0)) or 1.0
+    both = bool(values.count()) and values.min() < 0.0 < values.max()
+    low = -top if both or (values.count() and values.max() <= 0.0 and values.min() < 0.0) else 0.0
+    high = top if both or low == 0.0 else 0.0
+    most = float(np.quantile(sizes, 0.9)) if sizes.size else 0.0
+    colours = "RdBu_r" if both else "viridis"
+    if most > 0.0 and top > _PEAK * most:
+        return SymLogNorm(most, vmin=low, vmax=high), colours
+    return Normalize(low, high), colours
 
 
 def _codes(x: Any, y: Any, values: Any, meanings: list[str], ax: Axes) -> None:
@@ -153,8 +173,8 @@ def _codes(x: Any, y: Any, values: Any, meanings: list[str], ax: Axes) -> None:
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
     bounds = np.arange(len(meanings) + 1) - 0.5
-    palette = ListedColormap(colormaps["Set2"].colors[: len(meanings)])  # type: ignore[attr-defined]
+    palette = ListedColormap(colormaps["cividis"](np.linspace(0.05, 0.95, len(meanings))))
     norm = BoundaryNorm(bounds, palette.N)
     drawn = ax.pcolormesh(x, y, values, shading="nearest", cmap=palette, norm=norm)
-    bar = ax.figure.colorbar(drawn, ax=ax, ticks=range(len(meanings)))
-    bar.ax.set_yticklabels(meanings)
+    bar = colorbar(drawn, ax, "", ticks=range(len(meanings)))
+    bar.ax.set_yticklabels([word.replace("_", " ") for word in meanings])

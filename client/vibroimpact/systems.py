@@ -3,20 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from numbers import Integral
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from vibroimpact import documents
+
+    Dense = Sequence[Sequence[float]]
+    Sparse = documents.DiagonalMatrix | documents.CoordinateMatrix
+    Constraints = Iterable[documents.Constraint] | documents.Constraint
 
 Document = dict[str, Any]
 
 
+class SparseMatrix(Protocol):
+    """A sparse matrix or array of scipy."""
+
+    def tocoo(self) -> Any:
+        """Return its nonzero entries by rows and columns."""
+
+
 def constraint(
     dof: int | None = None,
-    gap: float | Mapping[str, float | None] = 0.0,
+    gap: float | documents.Limits | Mapping[str, float | None] = 0.0,
     restitution: float = 1.0,
     *,
     direction: Mapping[int, float] | None = None,
-) -> Document:
+) -> documents.Constraint:
     """Return the document of a rigid amplitude limiter.
 
     Parameters
@@ -30,53 +47,73 @@ def constraint(
     direction : mapping of int to float
         Alternative to `dof`: weight of each degree of freedom in the constrained coordinate.
     """
-    limits = dict(gap) if isinstance(gap, Mapping) else float(gap)
-    document: Document = {"gap": limits, "restitution": float(restitution)}
-    if direction is not None:
-        dofs, weights = list(direction), [float(w) for w in direction.values()]
-        return document | {"direction": {"dofs": dofs, "weights": weights}}
-    return document | {"dof": dof}
+    limits: Any = dict(gap) if isinstance(gap, Mapping) else float(gap)
+    document: documents.Constraint = {"gap": limits, "restitution": float(restitution)}
+    if direction is None:
+        document["dof"] = dof
+    else:
+        document["direction"] = _direction(direction)
+    return document
 
 
 def chain(
-    n: int, constraints: Iterable[Document], mass: float = 1.0, stiffness: float = 1.0
-) -> Document:
+    n: int, constraints: Constraints, mass: float = 1.0, stiffness: float = 1.0
+) -> documents.Chain:
     """Return a chain of n equal masses and equal springs between fixed ends (eq. 10.60)."""
-    return _preset("chain", constraints, n=n, mass=float(mass), stiffness=float(stiffness))
+    return {
+        "preset": "chain",
+        "n": n,
+        "mass": float(mass),
+        "stiffness": float(stiffness),
+        "constraints": _several(constraints),
+    }
 
 
-def oscillator(constraints: Iterable[Document], Omega0: float = 1.0, zeta: float = 0.0) -> Document:
+def oscillator(
+    constraints: Constraints, Omega0: float = 1.0, zeta: float = 0.0
+) -> documents.Oscillator:
     """Return an oscillator with one degree of freedom."""
-    return _preset("oscillator", constraints, Omega0=float(Omega0), zeta=float(zeta))
+    return {
+        "preset": "oscillator",
+        "Omega0": float(Omega0),
+        "zeta": float(zeta),
+        "constraints": _several(constraints),
+    }
 
 
 def two_mass(
-    constraints: Iterable[Document], Omega0: float = 1.0, coupling: float = 1.0, zeta: float = 0.0
-) -> Document:
+    constraints: Constraints, Omega0: float = 1.0, coupling: float = 1.0, zeta: float = 0.0
+) -> documents.TwoMass:
     """Return two coupled oscillators (eq. 10.22, 10.42)."""
-    return _preset(
-        "two_mass", constraints, Omega0=float(Omega0), coupling=float(coupling), zeta=float(zeta)
-    )
+    return {
+        "preset": "two_mass",
+        "Omega0": float(Omega0),
+        "coupling": float(coupling),
+        "zeta": float(zeta),
+        "constraints": _several(constraints),
+    }
 
 
-def double_pendulum(constraints: Iterable[Document], mu: float) -> Document:
+def double_pendulum(constraints: Constraints, mu: float) -> documents.DoublePendulum:
     """Return the linearised double pendulum (eq. 10.33)."""
-    return _preset("double_pendulum", constraints, mu=float(mu))
+    limiters = _several(constraints)
+    return {"preset": "double_pendulum", "mu": float(mu), "constraints": limiters}
 
 
-def bouncing_ball(constraints: Iterable[Document], g: float = 9.81) -> Document:
+def bouncing_ball(constraints: Constraints, g: float = 9.81) -> documents.BouncingBall:
     """Return a ball above a floor, under gravity."""
-    return _preset("bouncing_ball", constraints, g=float(g))
+    limiters = _several(constraints)
+    return {"preset": "bouncing_ball", "g": float(g), "constraints": limiters}
 
 
 def system(
-    M: Any,
-    K: Any,
-    constraints: Iterable[Document],
-    C: Any = None,
+    M: ArrayLike | SparseMatrix,
+    K: ArrayLike | SparseMatrix,
+    constraints: Constraints,
+    C: ArrayLike | SparseMatrix | None = None,
     force: Sequence[float] | None = None,
-    units: Mapping[str, str] | None = None,
-) -> Document:
+    units: documents.Units | Mapping[str, str] | None = None,
+) -> documents.MatrixSystem:
     """Return a structure given by its matrices.
 
     Parameters
@@ -90,17 +127,22 @@ def system(
     units : mapping, optional
         ``{"length": "m", "mass": "kg", "time": "s"}``.
     """
-    document: Document = {"M": matrix(M), "K": matrix(K), "constraints": _several(constraints)}
+    document: documents.MatrixSystem = {
+        "M": matrix(M),
+        "K": matrix(K),
+        "constraints": _several(constraints),
+    }
     if C is not None:
         document["C"] = matrix(C)
     if force is not None:
         document["force"] = [float(f) for f in force]
     if units is not None:
-        document["units"] = dict(units)
+        names: Any = dict(units)
+        document["units"] = names
     return document
 
 
-def matrix(given: Any) -> Any:
+def matrix(given: Any) -> Dense | Sparse:
     """Return the shortest document of a matrix: diagonal, coordinates or rows."""
     if hasattr(given, "tocoo"):
         entries = given.tocoo()
@@ -113,7 +155,8 @@ def matrix(given: Any) -> Any:
     full = np.asarray(given, dtype=np.float64)
     if full.ndim == 1:
         return {"diagonal": full.tolist()}
-    return full.tolist()
+    rows: Dense = full.tolist()
+    return rows
 
 
 def frequencies(given: Any, unit: str = "Omega") -> Document:
@@ -122,13 +165,33 @@ def frequencies(given: Any, unit: str = "Omega") -> Document:
 
 
 def times(given: Any) -> Document:
-    """Return the document of times: an array, a mapping, or (start, stop, num)."""
+    """Return the document of times: an array, a mapping, or (start, stop, num).
+
+    Raises
+    ------
+    ValueError
+        If a tuple of three numbers can be meant as three values.
+    """
     if isinstance(given, Mapping):
         return dict(given)
     if isinstance(given, tuple) and len(given) == 3:
-        start, stop, num = given
-        return {"start": float(start), "stop": float(stop), "num": int(num)}
+        return _equally_spaced(*given)
     return {"values": np.atleast_1d(np.asarray(given, dtype=np.float64)).tolist()}
+
+
+_FEW = 10
+"""Three integers of which the last is smaller look like three values."""
+
+
+def _equally_spaced(start: Any, stop: Any, num: Any) -> Document:
+    whole = [isinstance(part, Integral) for part in (start, stop, num)]
+    if not whole[2] or (all(whole) and num < _FEW):
+        raise ValueError(
+            f"({start}, {stop}, {num}) can mean three values or (start, stop, num): write "
+            f"[{start}, {stop}, {num}] for three values, "
+            f'{{"start": {start}, "stop": {stop}, "num": n}} for n equally spaced ones'
+        )
+    return {"start": float(start), "stop": float(stop), "num": int(num)}
 
 
 def axis(path: str, values: Any) -> Document:
@@ -145,13 +208,10 @@ def axis(path: str, values: Any) -> Document:
     return {"path": path} | times(values)
 
 
-def _preset(name: str, constraints: Iterable[Document], **parameters: Any) -> Document:
-    return {"preset": name, **parameters, "constraints": _several(constraints)}
-
-
-def _several(constraints: Iterable[Document] | Document) -> list[Document]:
+def _several(constraints: Constraints) -> list[documents.Constraint]:
     """Return a list, also of a single constraint."""
-    return [constraints] if isinstance(constraints, dict) else list(constraints)
+    several: Any = [constraints] if isinstance(constraints, dict) else constraints
+    return list(several)
 
 
 def names(outputs: Sequence[str]) -> list[str]:
@@ -159,7 +219,9 @@ def names(outputs: Sequence[str]) -> list[str]:
     return [outputs] if isinstance(outputs, str) else list(outputs)
 
 
-def harmonic(dof: int, amplitude: float, frequency: float, phase: float = 0.0) -> Document:
+def harmonic(
+    dof: int, amplitude: float, frequency: float, phase: float = 0.0
+) -> documents.HarmonicLoad:
     """Return a load ``amplitude cos(frequency t + phase)`` on one degree of freedom."""
     return {
         "dof": int(dof),
@@ -169,26 +231,94 @@ def harmonic(dof: int, amplitude: float, frequency: float, phase: float = 0.0) -
     }
 
 
+def sampled(
+    dof: int | Mapping[int, float],
+    force: ArrayLike,
+    t: ArrayLike | None = None,
+    *,
+    interval: float | None = None,
+) -> documents.SampledLoad:
+    """Return a load given by samples, a straight line from each to the next.
+
+    Parameters
+    ----------
+    dof : int or dict
+        The degree of freedom on which it acts, or several as {dof: weight}.
+    force : array
+        Its values, mass length / time².
+    t : array, optional
+        Their times, from 0 or before to the end of the motion or after.
+    interval : float, optional
+        In place of `t`: the time between two samples, the first one at 0.
+    """
+    load: Any = _place(dof) | {"force": _numbers(force)} | _sample_times(t, interval)
+    document: documents.SampledLoad = load
+    return document
+
+
+def base_motion(
+    base: ArrayLike,
+    acceleration: ArrayLike,
+    t: ArrayLike | None = None,
+    *,
+    interval: float | None = None,
+) -> documents.BaseMotion:
+    """Return a moving base as a load; displacements and velocities are then relative to it.
+
+    Parameters
+    ----------
+    base : array
+        Displacements of the structure by a unit displacement of the base: 1 for every degree of
+        freedom in its direction.
+    acceleration : array
+        That of the base, a straight line from each sample to the next.
+    t, interval : optional
+        As for `sampled`.
+    """
+    parts = {"base": _numbers(base), "acceleration": _numbers(acceleration)}
+    load: Any = parts | _sample_times(t, interval)
+    document: documents.BaseMotion = load
+    return document
+
+
+def _numbers(values: Any) -> list[float]:
+    return list(np.asarray(values, dtype=np.float64).tolist())
+
+
+def _sample_times(t: Any, interval: float | None) -> Document:
+    given: Document = {} if t is None else {"t": _numbers(t)}
+    return given if interval is None else given | {"interval": float(interval)}
+
+
+def _place(dof: int | Mapping[int, float]) -> Document:
+    if not isinstance(dof, Mapping):
+        return {"dof": int(dof)}
+    return {"direction": _direction(dof)}
+
+
+def _direction(weights: Mapping[int, float]) -> documents.Direction:
+    return {"dofs": [int(dof) for dof in weights], "weights": [float(w) for w in weights.values()]}
+
+
 def drive(
     dof: int | Mapping[int, float],
     amplitude: float,
     harmonic: int = 1,
     phase: float = 0.0,
-) -> Document:
+) -> documents.DriveTerm:
     """Return a load ``amplitude cos(harmonic Omega t + phase)`` of periodic motions.
 
     It acts on one degree of freedom, or on several given as {dof: weight}.
     """
-    if isinstance(dof, Mapping):
-        weights = [float(weight) for weight in dof.values()]
-        place: Document = {"direction": {"dofs": [int(d) for d in dof], "weights": weights}}
-    else:
-        place = {"dof": int(dof)}
     terms = {"amplitude": float(amplitude), "harmonic": int(harmonic), "phase": float(phase)}
-    return place | terms
+    load: Any = _place(dof) | terms
+    document: documents.DriveTerm = load
+    return document
 
 
-def soft(exponent: float = 17.0, stiffness: float = 1.0, scale: float = 1.0) -> Document:
+def soft(
+    exponent: float = 17.0, stiffness: float = 1.0, scale: float = 1.0
+) -> documents.PowerLimiter:
     """Return soft limiters with the force ``-stiffness (y / (scale gap))^exponent``."""
     return {
         "law": "power",

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import html
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-import h5py
 import numpy as np
+
+if TYPE_CHECKING:
+    import h5py
 
 Array = np.ndarray[Any, Any]
 
@@ -17,14 +19,18 @@ _SHOWN_ROWS = 20
 class Table(Mapping[str, Any]):
     """Columns of equal length, or single numbers: ``impacts["time"]``, ``impacts.time``."""
 
+    PARTS: ClassVar[Mapping[str, type[Table]]] = {}
+    """Name of a table within -> its class."""
+
     def __init__(self, columns: dict[str, Any]) -> None:
         self._columns = columns
 
     @classmethod
-    def of(cls, group: h5py.Group) -> Table:
+    def of(cls, group: h5py.Group) -> Self:
         """Read a group of a file."""
         columns = {
-            k: decoded(v) if isinstance(v, h5py.Dataset) else cls.of(v) for k, v in group.items()
+            k: cls.PARTS.get(k, Table).of(v) if is_group(v) else decoded(v)
+            for k, v in group.items()
         }
         single = {k: _single(v) for k, v in group.attrs.items() if not k.startswith("_")}
         return cls({**columns, **single})
@@ -40,9 +46,9 @@ class Table(Mapping[str, Any]):
             return columns[name]
         raise AttributeError(f"the table has no {name!r}; it has {', '.join(columns)}")
 
-    def part(self, start: int, stop: int) -> Table:
+    def part(self, start: int, stop: int) -> Self:
         """Return some of the rows."""
-        return Table({name: column[start:stop] for name, column in self._columns.items()})
+        return type(self)({name: column[start:stop] for name, column in self._columns.items()})
 
     def __iter__(self) -> Iterator[str]:
         """Yield the names."""
@@ -90,6 +96,11 @@ def html_table(head: list[str], rows: list[list[str]]) -> str:
         for row in rows
     )
     return f"<table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def is_group(item: Any) -> bool:
+    """Return whether a part of a file is a group, and not a dataset."""
+    return isinstance(item, Mapping)
 
 
 def decoded(item: h5py.Dataset) -> Array:

@@ -108,7 +108,19 @@ def test_one_wrong_request_does_not_keep_the_others(hold: Hold) -> None:
     sorted_out = Submitted.of(answers, lambda document: document["id"])
     assert (len(sorted_out.inserted), len(sorted_out.existing)) == (1, 1)
     assert sorted_out.jobs == ["new", "new"]
+    assert sorted_out.of_request == {0: "new", 2: "new"}
     assert isinstance(sorted_out.errors[1], errors.InvalidRequest)
+
+
+def test_jobs_are_in_the_order_of_their_requests() -> None:
+    """New jobs and those whose results exist alternate; one request is refused."""
+    refused = errors.ServerError({"status": 422})
+    answers = [{"id": "a", "reused": False}, {"id": "b", "reused": True}, refused]
+    answers += [{"id": "c", "reused": False}, {"id": "d", "reused": True}]
+    submitted = Submitted.of(answers, lambda document: document["id"])
+    assert submitted.jobs == ["a", "b", "c", "d"]
+    assert submitted.of_request == {0: "a", 1: "b", 3: "c", 4: "d"}
+    assert (submitted.inserted, submitted.existing) == (["a", "c"], ["b", "d"])
 
 
 def test_jobs_are_queued_on_the_terms_that_are_given(hold: Hold) -> None:

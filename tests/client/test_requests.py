@@ -25,26 +25,35 @@ STATES = np.zeros((2, 3)), np.ones((2, 3))
 START = {"gamma": 0.2}
 
 
-class Recorder(Computations[tuple[str, Mapping[str, Any]]]):
+class Recorder(Computations[Any, Any, Any, Any, Any, Any, Any, Any, Any]):
     """Returns the kind and the request instead of a result."""
 
-    def compute(
-        self, kind: str, request: Mapping[str, Any], *, progress: bool = False
-    ) -> tuple[str, Mapping[str, Any]]:
+    def _compute(self, kind: str, request: Mapping[str, Any], *, progress: bool = False) -> Any:
         return kind, request
 
 
 @pytest.mark.parametrize(
     ("method", "build", "arguments", "options"),
     [
-        ("impact_modes", vi.impact_modes_request, (CHAIN, (1, 2, 5)), {"active": [0], "tau": 0.5}),
+        (
+            "impact_modes",
+            vi.impact_modes_request,
+            (CHAIN, (1.0, 2.0, 5)),
+            {"active": [0], "tau": 0.5},
+        ),
         ("existence_bands", vi.existence_bands_request, (CHAIN, 1, 2), {"tolerance": 1e-9}),
         ("resonances", vi.resonances_request, (CHAIN, 0), {"odd_max": 5}),
         (
             "periodic_motions",
             vi.periodic_motions_request,
-            (CHAIN, (1, 2, 5), [vi.drive(0, 1.0)]),
+            (CHAIN, (1.0, 2.0, 5), [vi.drive(0, 1.0)]),
             {"sequence": [(0, "upper"), (0, "lower")], "phases": [1.0, 4.0]},
+        ),
+        (
+            "branches",
+            vi.branches_request,
+            ({"system": CHAIN}, "frequency.values.0", 1.0, 2.0),
+            {"switch": 1, "stop_at": ["end"]},
         ),
         ("time_history", vi.time_history_request, (CHAIN, 2.0, 10), {"t": 7, "digits": 30}),
         ("ensemble", vi.ensemble_request, (CHAIN, *STATES, 10.0), {"dofs": [1]}),
@@ -90,7 +99,7 @@ def test_an_ensemble_is_asked_for_like_a_motion_alone() -> None:
         (ExistenceBandsRequest, vi.existence_bands_request(CHAIN, 1, 2, active=[0])),
         (ImpactModesRequest, vi.impact_modes_request(CHAIN, [1.0])),
         (ResonancesRequest, vi.resonances_request(CHAIN)),
-        (SlowFlowRequest, vi.slow_flow_request(CHAIN, "damped", "exact", START, (0, 1, 2))),
+        (SlowFlowRequest, vi.slow_flow_request(CHAIN, "damped", "exact", START, (0.0, 1.0, 2))),
     ],
 )
 def test_the_schema_accepts_requests(model: type[BaseModel], request_body: dict[str, Any]) -> None:
@@ -100,7 +109,9 @@ def test_the_schema_accepts_requests(model: type[BaseModel], request_body: dict[
 def test_both_clients_share_the_methods() -> None:
     for kind in ("impact_modes", "existence_bands", "resonances", "time_history", "sweep"):
         assert getattr(vi.Client, kind) is getattr(vi.AsyncClient, kind)
-    assert inspect.iscoroutinefunction(vi.AsyncClient.compute)
+    answer = vi.AsyncClient("http://service").compute("resonances", vi.resonances_request(CHAIN))
+    assert inspect.iscoroutine(answer)
+    answer.close()
 
 
 def test_former_addresses_warn() -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import xarray
 
+import vibroimpact as vi
 from vibroimpact import sweep_request
 from vibroimpact.sweep_plots import draw
 from vibroimpact.systems import axis
@@ -29,7 +30,7 @@ BASE = {
         (np.array([1.0, 2.0]), {"values": [1.0, 2.0]}),
         ([3], {"values": [3.0]}),
         (4.0, {"values": [4.0]}),
-        ((1, 2, 3), {"start": 1.0, "stop": 2.0, "num": 3}),
+        ((1.0, 2, 3), {"start": 1.0, "stop": 2.0, "num": 3}),
         (
             {"start": 1, "stop": 2, "step": 0.5, "name": "k"},
             {"start": 1, "stop": 2, "step": 0.5, "name": "k"},
@@ -91,6 +92,18 @@ def test_lines_over_one_axis() -> None:
     grey, colour = ax.lines
     np.testing.assert_array_equal(grey.get_xdata(), [0.1, 0.2, 0.3])
     np.testing.assert_array_equal(colour.get_ydata(), [15.0, 23.0, 7.0])
+
+
+def test_counts_of_events_are_named_after_what_they_count() -> None:
+    oscillator = vi.oscillator([vi.constraint(0, 1.0)])
+    base = vi.time_history_request(oscillator, ([0.0], [2.0]), 5.0, outputs=["impacts"])
+    axes = {"initial.v.0": [2.0, 3.0]}
+    result = vi.Local().sweep("time-history", base, axes)
+    # It moves as v sin t and is at the wall after arcsin 1/v, then after twice that each time.
+    first = np.arcsin([1 / 2, 1 / 3])
+    expected = 1 + (5.0 - first) // (2 * first)
+    assert result.impact_count.tolist() == expected.tolist()
+    assert result.plot(output="impact_count").get_ylabel() == "number of impacts at each point"
 
 
 def test_codes_are_drawn_with_their_meanings() -> None:

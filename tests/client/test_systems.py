@@ -9,7 +9,7 @@ from pydantic import TypeAdapter
 
 import vibroimpact as vi
 from vibroimpact.systems import frequencies, matrix
-from vibroimpact_schema.requests import ImpactModesRequest, SlowFlowRequest
+from vibroimpact_schema.requests import ImpactModesRequest, SlowFlowRequest, TimeHistoryRequest
 from vibroimpact_schema.systems import System
 
 STOP = [vi.constraint(0, 0.1)]
@@ -47,7 +47,7 @@ def test_matrices_keep_every_bit() -> None:
     [
         (np.array([1.0, 2.0]), {"values": [1.0, 2.0], "unit": "Omega"}),
         (1.5, {"values": [1.5], "unit": "Omega"}),
-        ((1, 2, 3), {"start": 1.0, "stop": 2.0, "num": 3, "unit": "Omega"}),
+        ((1.0, 2, 3), {"start": 1.0, "stop": 2.0, "num": 3, "unit": "Omega"}),
         (
             {"start": 1.0, "stop": 2.0, "step": 0.5},
             {"start": 1.0, "stop": 2.0, "step": 0.5, "unit": "Omega"},
@@ -76,12 +76,40 @@ def test_the_request_of_a_slow_flow_is_what_the_schema_takes() -> None:
 def test_a_single_constraint_or_output_needs_no_list() -> None:
     assert vi.chain(3, STOP[0]) == vi.chain(3, STOP)
     assert vi.system([1.0], [1.0], STOP[0]) == vi.system([1.0], [1.0], STOP)
-    request = vi.impact_modes_request(vi.chain(3, STOP), (1, 2, 3), outputs="impulse")
+    request = vi.impact_modes_request(vi.chain(3, STOP), (1.0, 2.0, 3), outputs="impulse")
     assert request["outputs"] == ["impulse"]
     assert vi.sweep_request("impact-modes", request, {}, "exists")["outputs"] == ["exists"]
+
+
+@pytest.mark.parametrize("given", [(1.0, 1.5, 2.0), (1, 2, 3), (0.5, 1, 1.5), (3, 2, 1)])
+def test_a_tuple_that_can_be_three_values_is_refused(given: tuple[float, ...]) -> None:
+    with pytest.raises(ValueError, match="three values"):
+        vi.impact_modes_request(vi.chain(3, STOP), given)
+    with pytest.raises(ValueError, match="three values"):
+        vi.sweep_request("impact-modes", {}, {"system.stiffness": given})
+    assert vi.impact_modes_request(vi.chain(3, STOP), list(given))["frequency"]["values"] == [
+        float(one) for one in given
+    ]
 
 
 def test_the_number_of_times_may_be_numpys() -> None:
     request = vi.time_history_request(vi.chain(3, STOP), 2.0, 10.0, t=np.int64(7))
     assert request["t"] == {"num": 7}
     assert type(request["t"]["num"]) is int
+
+
+def test_sampled_loads_and_moving_bases() -> None:
+    force, acceleration = np.array([0.0, 1.0, 0.5]), [0, 2]
+    load = [
+        vi.sampled(1, force, interval=0.5),
+        vi.sampled({0: 1.0, 2: -0.5}, force, np.array([0.0, 0.5, 1.0])),
+        vi.base_motion(np.ones(3), acceleration, interval=1),
+        vi.harmonic(0, 1.0, 2.0),
+    ]
+    request = vi.time_history_request(vi.chain(3, STOP), ([0.0] * 3, [0.1] * 3), 1.0, load=load)
+    read = TimeHistoryRequest.model_validate(request)
+    assert [type(term).__name__ for term in read.load or ()] == [
+        "SampledLoad", "SampledLoad", "BaseMotion", "HarmonicLoad"
+    ]  # fmt: skip
+    assert load[1]["direction"] == {"dofs": [0, 2], "weights": [1.0, -0.5]}
+    assert load[2] == {"base": [1.0] * 3, "acceleration": [0.0, 2.0], "interval": 1.0}

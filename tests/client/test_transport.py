@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import httpx2
@@ -126,3 +127,24 @@ def test_a_fault_is_said_once() -> None:
     assert str(errors.from_problem(two)) == "/a: is wrong\n  /b: too"
     other = errors.from_problem({"status": 413, "detail": "too much", "errors": [fault]})
     assert str(other) == "too much\n  /a: is wrong"
+
+
+def test_the_number_of_retries_is_chosen(pauses: list[float]) -> None:
+    for retries, sent in ((0, 1), (1, 2), (6, 7)):
+        played = Played(*[httpx2.ConnectError("down")] * 10)
+        transport = Transport("http://service", 5.0, httpx2.MockTransport(played), retries=retries)
+        with pytest.raises(errors.ConnectionFailed):
+            transport.hold(conversations.version())
+        assert len(played.requests) == sent
+    assert len(pauses) == 0 + 1 + 6
+
+
+def test_a_streamed_result_goes_to_its_file_alone(tmp_path: Path) -> None:
+    answer = httpx2.Response(200, content=iter([b"one", b"two"]))
+    transport = Transport(
+        "http://service", 5.0, httpx2.MockTransport(Played(httpx2.ConnectError("down"), answer))
+    )
+    path = tmp_path / "result.h5"
+    assert transport.hold(conversations.job_result({"id": "a"}, path)) == path
+    assert path.read_bytes() == b"onetwo"
+    assert [each.name for each in tmp_path.iterdir()] == ["result.h5"]

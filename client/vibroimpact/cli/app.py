@@ -1,4 +1,4 @@
-"""The command line; commands of the service are found by their entry points."""
+"""All commands; those of the service are found by their entry points."""
 
 from __future__ import annotations
 
@@ -9,11 +9,14 @@ from typing import Annotated
 
 import typer
 
+from vibroimpact.cli import computing, connecting, jobs
+from vibroimpact.cli.exits import CODES, reported
+
 app = typer.Typer(
     name="vibroimpact",
     help="How structures with amplitude limiters move, as a computation service.",
+    epilog=f"Exit codes: {CODES}.",
     no_args_is_help=True,
-    add_completion=False,
     # Pretty tracebacks show local variables, and with them keys and passwords.
     pretty_exceptions_enable=False,
 )
@@ -48,7 +51,7 @@ def common(
     """Accept the options that precede a command."""
 
 
-@app.command()
+@app.command(rich_help_panel="Examples")
 def demo(
     out: Annotated[Path, typer.Option(help="Folder for the files and the figures.")] = Path("demo"),
 ) -> None:
@@ -59,7 +62,7 @@ def demo(
         raise typer.Exit(1)
 
 
-@app.command()
+@app.command(rich_help_panel="Examples")
 def gallery(
     figures: Annotated[
         list[str] | None,
@@ -86,25 +89,26 @@ def _add_server_command(point: EntryPoint) -> None:
     The import takes a second, which ``vibroimpact --help`` saves.
     """
     if point.name not in sys.argv[1:2]:
-        app.command(point.name, help=_HELP.get(point.name))(lambda: None)
+        app.command(point.name, help=_HELP.get(point.name), rich_help_panel="Service")(lambda: None)
         return
     try:
         command = point.load()
         if isinstance(command, typer.Typer):
-            app.add_typer(command, name=point.name)
+            app.add_typer(command, name=point.name, rich_help_panel="Service")
         else:
-            app.command(point.name)(command)
+            app.command(point.name, rich_help_panel="Service")(command)
     except ImportError as error:
         message = f"vibroimpact {point.name} needs: pip install 'vibroimpact[all]'  ({error})"
         sys.exit(message)
 
 
-def main() -> None:
+for module in (computing, jobs, connecting):
+    module.add_to(app)
+
+
+def run() -> None:
     """Run the command line."""
     for point in entry_points(group="vibroimpact.commands"):
         _add_server_command(point)
-    app()
-
-
-if __name__ == "__main__":
-    main()
+    with reported():
+        app()

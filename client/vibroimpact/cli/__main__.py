@@ -1,0 +1,6 @@
+"""``python -m vibroimpact.cli``."""
+
+from vibroimpact.cli import main
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,87 @@
+"""Arguments and options that several commands have, and what they stand for."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+
+from vibroimpact.client import Client
+from vibroimpact.config import connection
+from vibroimpact.kinds import KINDS
+from vibroimpact.results import Result
+
+if TYPE_CHECKING:
+    from vibroimpact.documents import Kind as Kind
+else:  # any word: a service can be newer than this program
+    Kind = Annotated[
+        str,
+        typer.Argument(
+            help=f"Kind of computation: {', '.join(KINDS)}.", autocompletion=lambda: list(KINDS)
+        ),
+    ]
+RequestFile = Annotated[
+    str, typer.Argument(help="File of the request (JSON); - for standard input.", metavar="FILE")
+]
+Url = Annotated[str | None, typer.Option(help="Address of the service.", envvar="VIBROIMPACT_URL")]
+Profile = Annotated[
+    str | None,
+    typer.Option(help="Profile of the configuration file.", envvar="VIBROIMPACT_PROFILE"),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+Out = Annotated[
+    Path | None, typer.Option("--out", "-o", help="File of the result (HDF5).", dir_okay=False)
+]
+Plot = Annotated[
+    Path | None, typer.Option(help="File of a plot: .png, .pdf or .svg.", dir_okay=False)
+]
+Output = Annotated[str | None, typer.Option(help="The output that is plotted.")]
+
+
+def request(file: str) -> Any:
+    """Return the request in a file or on standard input.
+
+    Raises
+    ------
+    ValueError
+        If it is not a JSON object.
+    """
+    text = sys.stdin.read() if file == "-" else Path(file).read_text(encoding="utf-8")
+    try:
+        document = json.loads(text)
+    except ValueError as error:
+        raise ValueError(f"{'standard input' if file == '-' else file}: {error}") from None
+    match document:
+        case dict():
+            return document
+        case _:
+            raise ValueError("a request is a JSON object")
+
+
+def client(url: str | None, profile: str | None) -> Client:
+    """Return a client of the service that is configured.
+
+    Raises
+    ------
+    ValueError
+        If none is: jobs of a service that ends with the command would be lost.
+    """
+    if connection(url, profile=profile).url is None:
+        raise ValueError("no service is known: give --url, or run  vibroimpact login URL")
+    return Client(url, profile=profile)
+
+
+def show(result: Result, out: Path | None, plot: Path | None, output: str | None) -> None:
+    """Write the files that were asked for, and say so; without any, say what the result has."""
+    said = Console(stderr=True, soft_wrap=True)
+    if out is not None:
+        said.print(f"written: {result.to_hdf5(out)}", highlight=False)
+    if plot is not None:
+        from vibroimpact import style
+
+        style.save(result.plot(output=output), plot)
+        said.print(f"written: {plot}", highlight=False)

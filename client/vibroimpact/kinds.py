@@ -1,0 +1,797 @@
+"""The results of each kind of computation: which outputs there are, and what they mean.
+
+Written by ``client/write_types.py`` from the declarations of the solvers. Outputs are absent where
+they were not requested.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Final
+
+from vibroimpact.result_file import opened
+from vibroimpact.results import Result
+from vibroimpact.tables import Table
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from vibroimpact import documents
+
+    Floats = NDArray[np.float64]
+    Integers = NDArray[np.int64]
+    Booleans = NDArray[np.bool_]
+    Words = NDArray[np.str_]
+
+
+class ImpactModesFrequency(Table):
+    """The frequencies, as Omega and as omega."""
+
+    Omega: Floats
+    """Fundamental angular frequency, shape (Omega), 1/time."""
+    omega: Floats
+    """Triangle-wave frequency, shape (Omega), 1/time; (2/pi) Omega."""
+
+
+class ImpactModesError(Table):
+    """Errors of the outputs."""
+
+    impulse: Floats
+    """Relative error of the impulses, shape (Omega); nan: unknown."""
+    condition: Floats
+    """Magnification of relative rounding errors in the impulses, shape (Omega); nan:
+    unbounded.
+    """
+    stability: Floats
+    """Estimated relative error of the spectral radius, shape (Omega); nan: there is none, or
+    it is unbounded.
+    """
+    shape: Floats
+    """Error of the shape, shape (Omega, dof), length; nan: unbounded."""
+    waveform: Floats
+    """Error of the waveform at all times, shape (Omega, dof), length; nan: unbounded."""
+    energy: Floats
+    """Error of the total energy, shape (Omega), mass length² / time²; nan: unbounded."""
+    harmonics: Floats
+    """Error of every Fourier amplitude, shape (Omega, dof), length; nan: unbounded."""
+    within_tolerance: Words
+    """Whether the error of the impulses is within the requested tolerance, shape (Omega)."""
+    statement: str
+    """How the errors were obtained."""
+
+
+class ExistenceBandsBands(Table):
+    """A range of frequency in which solutions are admissible."""
+
+    start: Floats
+    """Lower edge of a band, Omega, shape (bands_index), 1/time."""
+    stop: Floats
+    """Upper edge of a band, Omega, shape (bands_index), 1/time."""
+    start_reason: Words
+    """Why solutions below are phantoms, or range at the end of the requested range, shape
+    (bands_index).
+    """
+    stop_reason: Words
+    """The same of solutions above, shape (bands_index)."""
+    edge_error: Floats
+    """Largest absolute error of the edges, shape (bands_index), 1/time."""
+    certified: Words
+    """Whether existence is proved throughout, shape (bands_index)."""
+
+
+class ExistenceBandsRejected(Table):
+    """A range whose solutions are phantoms though all impulses are positive."""
+
+    start: Floats
+    """Lower edge of a rejected range, Omega, shape (rejected_index), 1/time."""
+    stop: Floats
+    """Upper edge of a rejected range, Omega, shape (rejected_index), 1/time."""
+    reason: Words
+    """Why its solutions are phantoms, shape (rejected_index)."""
+    edge_error: Floats
+    """Largest absolute error of the edges, shape (rejected_index), 1/time."""
+    certified: Words
+    """Whether that is proved throughout, shape (rejected_index)."""
+    witness: Floats
+    """Triangle-wave time at which a limit is passed, somewhere in the range, shape
+    (rejected_index); nan: unknown.
+    """
+    constraint: Integers
+    """Constraint whose limit is passed, -1 where unknown, shape (rejected_index)."""
+
+
+class ExistenceBandsStability(Table):
+    """A range inside a band, of stable or of unstable solutions."""
+
+    start: Floats
+    """Lower edge of a range, Omega, shape (stability_index), 1/time."""
+    stop: Floats
+    """Upper edge of a range, Omega, shape (stability_index), 1/time."""
+    stable: Words
+    """Whether its solutions are stable, shape (stability_index)."""
+    radius: Floats
+    """Largest spectral radius of the half-period map at the frequencies examined, shape
+    (stability_index).
+    """
+
+
+class ExistenceBandsUnresolved(Table):
+    """A range that could not be decided; there are few."""
+
+    start: Floats
+    """Lower edge of an undecided range, Omega, shape (unresolved_index), 1/time."""
+    stop: Floats
+    """Upper edge of an undecided range, Omega, shape (unresolved_index), 1/time."""
+
+
+class ExistenceBandsError(Table):
+    """Errors of the bands."""
+
+    resolution: float
+    """Relative width below which a band or a gap between bands could be missed."""
+    statement: str
+    """How the errors were obtained."""
+
+
+class ResonancesError(Table):
+    """Errors of the natural frequencies."""
+
+    statement: str
+    """How the errors were obtained."""
+    natural: Floats
+    """Relative error of the natural frequency, shape (resonance)."""
+    Omega: Floats
+    """Absolute error of Omega, shape (resonance), 1/time."""
+    within_tolerance: Words
+    """Whether that error is within the requested tolerance, shape (resonance)."""
+
+
+class PeriodicMotionsFrequency(Table):
+    """Frequencies of the drive."""
+
+    Omega: Floats
+    """Frequency of the drive, shape (Omega), 1/time."""
+
+
+class PeriodicMotionsSolution(Table):
+    """One row for each periodic motion, admissible or phantom."""
+
+    frequency_index: Integers
+    """Index of the frequency, shape (solution_index)."""
+    Omega: Floats
+    """Frequency of the drive, shape (solution_index), 1/time."""
+    impacts: Integers
+    """Impacts per period, 0 of the motion without any, shape (solution_index)."""
+    exists: Booleans
+    """Whether the solution is admissible, shape (solution_index)."""
+    reason: Words
+    """Why it is not admissible, or ok, shape (solution_index)."""
+    witness: Floats
+    """Part of the period, from the drive's phase 0, at which it fails, shape (solution_index);
+    nan: none.
+    """
+    witness_constraint: Integers
+    """Constraint at which it fails, or -1, shape (solution_index)."""
+    certified: Words
+    """Whether the verdict holds for all motions within the error, shape (solution_index)."""
+    stability: Floats
+    """Largest modulus of the multipliers over one period, shape (solution_index); nan:
+    grazing.
+    """
+    bifurcation: Words
+    """How the largest multiplier leaves the unit circle: through 1, a fold or the loss of
+    symmetry, through -1, a flip, or as a complex pair, a torus; none where it does not, shape
+    (solution_index).
+    """
+    x_max: Floats
+    """Largest displacement, shape (solution_index, dof), length."""
+    x_min: Floats
+    """Smallest displacement, shape (solution_index, dof), length."""
+    rms: Floats
+    """Root mean square of the displacement, shape (solution_index, dof), length."""
+    energy_lost: Floats
+    """Energy lost by damping and impacts per period, shape (solution_index), mass length² /
+    time².
+    """
+    work: Floats
+    """Work of the load per period, shape (solution_index), mass length² / time²."""
+    within_tolerance: Words
+    """Whether the errors of its impulses are within the tolerance, shape (solution_index)."""
+
+
+class PeriodicMotionsImpact(Table):
+    """One row for each impact of the solutions."""
+
+    solution: Integers
+    """Row of its solution, shape (impact_index)."""
+    constraint: Integers
+    """Index of the constraint struck, shape (impact_index)."""
+    side: Integers
+    """Wall: 1 the upper, -1 the lower one, shape (impact_index)."""
+    phase: Floats
+    """Phase of the drive, Omega t modulo 2 pi, shape (impact_index)."""
+    momentum: Floats
+    """Momentum exchanged, positive where the wall pushes, shape (impact_index), mass length /
+    time.
+    """
+    velocity: Floats
+    """Velocity of the coordinate before the impact, shape (impact_index), length / time."""
+
+
+class PeriodicMotionsMultipliers(Table):
+    """Floquet multipliers, by descending modulus; of conjugate ones the one above first."""
+
+    real: Floats
+    """Real part, shape (solution_index, multiplier); nan: grazing."""
+    imaginary: Floats
+    """Imaginary part, shape (solution_index, multiplier); nan: grazing."""
+
+
+class PeriodicMotionsErrorSolution(Table):
+    """Absolute errors of columns of the solutions."""
+
+    stability: Floats
+    """Error of the largest modulus, shape (solution_index)."""
+    x_max: Floats
+    """Error of the largest displacement, shape (solution_index, dof), length."""
+    x_min: Floats
+    """Error of the smallest displacement, shape (solution_index, dof), length."""
+    rms: Floats
+    """Error of the root mean square, shape (solution_index, dof), length."""
+    energy_lost: Floats
+    """Error of the energy lost, shape (solution_index), mass length² / time²."""
+    work: Floats
+    """Error of the work, shape (solution_index), mass length² / time²."""
+
+
+class PeriodicMotionsErrorImpact(Table):
+    """Absolute errors of columns of the impacts."""
+
+    phase: Floats
+    """Error of the phase, shape (impact_index)."""
+    momentum: Floats
+    """Error of the momentum, shape (impact_index), mass length / time."""
+    velocity: Floats
+    """Error of the velocity, shape (impact_index), length / time."""
+
+
+class PeriodicMotionsError(Table):
+    """Absolute errors of the outputs."""
+
+    PARTS: ClassVar[dict[str, type[Table]]] = {
+        "solution": PeriodicMotionsErrorSolution,
+        "impact": PeriodicMotionsErrorImpact,
+    }
+    statement: str
+    """How the errors were obtained."""
+    multipliers: Floats
+    """Error of the multipliers, shape (solution_index, multiplier)."""
+    waveform: Floats
+    """Error of the displacement, shape (solution_index, dof), length."""
+    solution: PeriodicMotionsErrorSolution
+    """Absolute errors of columns of the solutions."""
+    impact: PeriodicMotionsErrorImpact
+    """Absolute errors of columns of the impacts."""
+
+
+class BranchesSolution(PeriodicMotionsSolution):
+    """One row for each periodic motion, admissible or phantom."""
+
+    branch: Integers
+    """Index of the branch, shape (solution_index)."""
+    parameter: Floats
+    """Value of the parameter, shape (solution_index)."""
+    periods: Integers
+    """Periods of the drive in one, shape (solution_index)."""
+
+
+class BranchesPoints(Table):
+    """A point of a branch at which its motions change."""
+
+    branch: Integers
+    """Index of the branch, shape (point)."""
+    parameter: Floats
+    """Value of the parameter, shape (point)."""
+    type: Words
+    """What happens: the branch turns (fold), period doubling (flip), two frequencies (torus),
+    loss of symmetry, an impact without velocity or a first touch without any impact (grazing),
+    or a limit that begins to be passed (end), shape (point).
+    """
+    Omega: Floats
+    """Frequency of the drive, shape (point), 1/time."""
+    exists: Booleans
+    """Whether motions on one side of it are admissible, shape (point)."""
+    leads_to: Integers
+    """Branch that begins there and was followed, or -1, shape (point)."""
+    error: Floats
+    """Absolute error of the parameter, shape (point)."""
+
+
+class TimeHistoryImpacts(Table):
+    """All impacts in order, one column each."""
+
+    time: Floats
+    """Time of the impact, shape (impact), time."""
+    constraint: Integers
+    """Index of the constraint, shape (impact)."""
+    side: Integers
+    """Wall: 1 the upper, -1 the lower one, shape (impact)."""
+    velocity: Floats
+    """Velocity of the coordinate before the impact, shape (impact), length / time."""
+    impulse: Floats
+    """Impulse on the structure, shape (impact), mass length / time."""
+    condition: Floats
+    """Estimated relative error of the state, in units of the rounding 2^-52, shape (impact);
+    nan: not estimated.
+    """
+
+
+class TimeHistoryContacts(Table):
+    """Times at which constrained coordinates rest at their walls, one column each."""
+
+    start: Floats
+    """Time of the last impact listed before it, shape (contact), time; the infinitely many
+    impacts from it to the rest are summed.
+    """
+    rest: Floats
+    """Time at which the coordinate comes to rest, shape (contact), time."""
+    stop: Floats
+    """Time of release, or the end of the motion, shape (contact), time."""
+    constraint: Integers
+    """Index of the constraint, shape (contact)."""
+    side: Integers
+    """Wall: 1 the upper, -1 the lower one, shape (contact)."""
+    impulse: Floats
+    """Impulse of the wall on the structure, rest to stop, shape (contact), mass length / time;
+    the integral of the contact force.
+    """
+
+
+class TimeHistoryCount(Table):
+    """Numbers of events."""
+
+    impacts: int
+    """Number of impacts, without those summed in a chatter."""
+    grazings: int
+    """Number of touches of a wall without an impulse."""
+    expansions: int
+    """Number of series expansions in the search for impacts."""
+
+
+class TimeHistoryError(Table):
+    """Errors of the motion."""
+
+    condition: float
+    """Largest relative error of the state, in units of the rounding 2^-52."""
+    penetration: float
+    """Largest distance between a wall and the place of an impact at it, length."""
+    predictable_until: float
+    """Time until which the tolerance can hold with the digits of the computation, at most the
+    end of the motion, time.
+    """
+    tolerance: float
+    """Tolerance on the error of the state, relative to it."""
+    energy_drift: float
+    """Largest relative change of the energy; absent where loads or losses change it, or it was
+    not requested.
+    """
+    difference: float
+    """Largest difference to a run of Taylor steps 32 times less accurate, whose initial state,
+    frequencies and limiters are off by their roundings, relative to the largest state; absent
+    where no Taylor steps are taken.
+    """
+    statement: str
+    """How the errors were obtained."""
+    digits: int
+    """Decimal digits of the arithmetic; absent for double precision."""
+
+
+class EnsembleCount(Table):
+    """Numbers of events of each member."""
+
+    impacts: Integers
+    """Number of impacts, without those summed in a chatter, shape (member)."""
+    grazings: Integers
+    """Number of touches of a wall without an impulse, shape (member)."""
+    expansions: Integers
+    """Number of series expansions in the search for impacts, shape (member)."""
+
+
+class EnsembleError(Table):
+    """Errors of each motion; null where a member has none."""
+
+    condition: Floats
+    """Largest relative error of the state, in units of the rounding 2^-52, shape (member);
+    nan: the member has no motion.
+    """
+    penetration: Floats
+    """Largest distance between a wall and the place of an impact at it, shape (member),
+    length; nan: the member has no motion.
+    """
+    predictable_until: Floats
+    """Time until which the tolerance can hold with the digits of the computation, at most the
+    end of the motion, shape (member), time; nan: the member has no motion.
+    """
+    energy_drift: Floats
+    """Largest relative change of the energy, shape (member); absent where loads or losses
+    change it, or it was not requested; nan: the member has no motion.
+    """
+    difference: Floats
+    """Largest difference to a run of Taylor steps 32 times less accurate, whose initial state,
+    frequencies and limiters are off by their roundings, relative to the largest state, shape
+    (member); absent where no Taylor steps are taken; nan: the member has no motion.
+    """
+    tolerance: float
+    """Tolerance on the error of the state, relative to it."""
+    statement: str
+    """How the errors were obtained."""
+    failures: str
+    """Why members have no motion, the first of them."""
+
+
+class SlowFlowImpacts(Table):
+    """The impacts of the exact motion."""
+
+    time: Floats
+    """Time of the exact impact, shape (impact), time."""
+    velocity: Floats
+    """Speed before the exact impact, shape (impact), length / time."""
+
+
+class SlowFlowError(Table):
+    """Differences of this variant from the exact motion, and times taken."""
+
+    x: Floats
+    """Displacement minus that of the exact motion, shape (t, dof), length."""
+    gamma: Floats
+    """Frequency ratio minus that of the exact motion, at its impacts, shape (impact); nan:
+    after the variant's last impact.
+    """
+    phi: Floats
+    """Phase minus that of the exact motion, at its impacts, shape (impact); nan: after the
+    variant's last impact.
+    """
+    seconds: Floats
+    """Computing time of this variant, s."""
+    seconds_exact: Floats
+    """Computing time of the exact motion, s."""
+    within_tolerance: Words
+    """Whether the largest error of the displacement, relative to the largest displacement, is
+    within the requested tolerance.
+    """
+    statement: str
+    """How the errors were obtained."""
+
+
+class ImpactModes(Result):
+    """Solutions of a family of impact modes; outputs that were not requested are absent.
+
+    Where the equations are singular to the last bit, the impulse and all else is 0.
+    """
+
+    PARTS: ClassVar[dict[str, type[Table]]] = {
+        "frequency": ImpactModesFrequency,
+        "error": ImpactModesError,
+    }
+    request: documents.ImpactModesRequest
+    Omega: Floats
+    """Fundamental angular frequency, shape (Omega), 1/time."""
+    omega: Floats
+    """Triangle-wave frequency, shape (Omega), 1/time; (2/pi) Omega."""
+    constraint: Integers
+    """Index of the active constraint, shape (constraint)."""
+    dof: Integers
+    """Index of the degree of freedom, shape (dof)."""
+    tau: Floats
+    """Triangle-wave time, shape (tau)."""
+    harmonic: Integers
+    """Multiple of Omega, shape (harmonic)."""
+    impulse: Floats
+    """Impulse parameter p, upper wall, shape (Omega, constraint), mass length / time²; 0 where
+    there is no such wall.
+    """
+    impulse_lower: Floats
+    """Impulse parameter p, lower wall, shape (Omega, constraint), mass length / time²; absent
+    where both walls are alike.
+    """
+    momentum: Floats
+    """Momentum exchanged at each impact, upper wall, shape (Omega, constraint), mass length /
+    time; 2 p/omega; its relative error is that of p.
+    """
+    momentum_lower: Floats
+    """Momentum exchanged at each impact, lower wall, shape (Omega, constraint), mass length /
+    time; absent where both walls are alike.
+    """
+    exists: Booleans
+    """Whether the solution is admissible, shape (Omega)."""
+    reason: Words
+    """Why the solution is a phantom, or ok, shape (Omega)."""
+    certified: Words
+    """Whether that is proved, errors included, shape (Omega)."""
+    extended: Words
+    """Whether ball arithmetic proved it, where double precision could not, shape (Omega)."""
+    witness: Floats
+    """Triangle-wave time at which a limit is passed, shape (Omega); nan: none is."""
+    shape: Floats
+    """Displacement at tau = 1, shape (Omega, dof), length."""
+    waveform: Floats
+    """Displacement, shape (Omega, tau, dof), length."""
+    energy: Floats
+    """Total energy, shape (Omega), mass length² / time²."""
+    stability: Floats
+    """Spectral radius of the half-period map, shape (Omega); nan: the order of simultaneous
+    impacts decides, or the solution is a phantom.
+    """
+    harmonics: Floats
+    """Fourier amplitude, of sin(n Omega t) for odd and cos(n Omega t) for even multiples n,
+    shape (Omega, harmonic, dof), length.
+    """
+    frequency: ImpactModesFrequency
+    """The frequencies, as Omega and as omega."""
+    error: ImpactModesError
+    """Errors of the outputs."""
+
+
+class ExistenceBands(Result):
+    """Bands of existence, ascending in Omega; outputs that were not requested are absent."""
+
+    PARTS: ClassVar[dict[str, type[Table]]] = {
+        "bands": ExistenceBandsBands,
+        "rejected": ExistenceBandsRejected,
+        "stability": ExistenceBandsStability,
+        "unresolved": ExistenceBandsUnresolved,
+        "error": ExistenceBandsError,
+    }
+    request: documents.ExistenceBandsRequest
+    bands: ExistenceBandsBands
+    """A range of frequency in which solutions are admissible."""
+    rejected: ExistenceBandsRejected
+    """A range whose solutions are phantoms though all impulses are positive."""
+    stability: ExistenceBandsStability
+    """A range inside a band, of stable or of unstable solutions."""
+    unresolved: ExistenceBandsUnresolved
+    """A range that could not be decided; there are few."""
+    error: ExistenceBandsError
+    """Errors of the bands."""
+
+
+class Resonances(Result):
+    """Internal resonances by ascending frequency."""
+
+    PARTS: ClassVar[dict[str, type[Table]]] = {"error": ResonancesError}
+    request: documents.ResonancesRequest
+    Omega: Floats
+    """Fundamental frequency of the impact mode, shape (resonance), 1/time."""
+    harmonic: Integers
+    """Odd multiple of Omega that resonates, shape (resonance)."""
+    part: Integers
+    """Part of the structure with the constrained coordinate held fixed, shape (resonance);
+    parts are counted from the lowest degree of freedom.
+    """
+    natural: Floats
+    """Natural frequency of the structure with the constrained coordinate held fixed, shape
+    (resonance), 1/time.
+    """
+    error: ResonancesError
+    """Errors of the natural frequencies."""
+
+
+class PeriodicMotions(Result):
+    """Solutions by ascending index of frequency; outputs that were not requested are absent."""
+
+    PARTS: ClassVar[dict[str, type[Table]]] = {
+        "frequency": PeriodicMotionsFrequency,
+        "solution": PeriodicMotionsSolution,
+        "impact": PeriodicMotionsImpact,
+        "multipliers": PeriodicMotionsMultipliers,
+        "error": PeriodicMotionsError,
+    }
+    request: documents.PeriodicMotionsRequest
+    Omega: Floats
+    """Frequency of the drive, shape (Omega), 1/time."""
+    dof: Integers
+    """Index of the degree of freedom, shape (dof)."""
+    tau: Floats
+    """Part of the period, from the drive's phase 0, shape (tau)."""
+    waveform: Floats
+    """Displacement, shape (solution_index, tau, dof), length."""
+    frequency: PeriodicMotionsFrequency
+    """Frequencies of the drive."""
+    solution: PeriodicMotionsSolution
+    """One row for each periodic motion, admissible or phantom."""
+    impact: PeriodicMotionsImpact
+    """One row for each impact of the solutions."""
+    multipliers: PeriodicMotionsMultipliers
+    """Floquet multipliers, by descending modulus; of conjugate ones the one above first."""
+    error: PeriodicMotionsError
+    """Absolute errors of the outputs."""
+
+
+class Branches(Result):
+    """Motions branch by branch, in their order along each; special points of all branches."""
+
+    PARTS: ClassVar[dict[str, type[Table]]] = {
+        "frequency": PeriodicMotionsFrequency,
+        "solution": BranchesSolution,
+        "impact": PeriodicMotionsImpact,
+        "multipliers": PeriodicMotionsMultipliers,
+        "error": PeriodicMotionsError,
+        "points": BranchesPoints,
+    }
+    request: documents.BranchesRequest
+    Omega: Floats
+    """Frequency of the drive, shape (Omega), 1/time."""
+    dof: Integers
+    """Index of the degree of freedom, shape (dof)."""
+    tau: Floats
+    """Part of the period, from the drive's phase 0, shape (tau)."""
+    waveform: Floats
+    """Displacement, shape (solution_index, tau, dof), length."""
+    frequency: PeriodicMotionsFrequency
+    """Frequencies of the drive."""
+    solution: BranchesSolution
+    """One row for each periodic motion, admissible or phantom."""
+    impact: PeriodicMotionsImpact
+    """One row for each impact of the solutions."""
+    multipliers: PeriodicMotionsMultipliers
+    """Floquet multipliers, by descending modulus; of conjugate ones the one above first."""
+    error: PeriodicMotionsError
+    """Absolute errors of the outputs."""
+    points: BranchesPoints
+    """A point of a branch at which its motions change."""
+
+
+class TimeHistory(Result):
+    """A motion; outputs that were not requested are absent."""
+
+    PARTS: ClassVar[dict[str, type[Table]]] = {
+        "impacts": TimeHistoryImpacts,
+        "contacts": TimeHistoryContacts,
+        "count": TimeHistoryCount,
+        "error": TimeHistoryError,
+    }
+    request: documents.TimeHistoryRequest
+    t: Floats
+    """Time, shape (t), time."""
+    dof: Integers
+    """Index of the degree of freedom, shape (dof)."""
+    x: Floats
+    """Displacement, shape (t, dof), length."""
+    v: Floats
+    """Velocity, shape (t, dof), length / time."""
+    energy: Floats
+    """Mechanical energy, that of the constant load included, shape (t), mass length² / time²."""
+    impacts: TimeHistoryImpacts
+    """All impacts in order, one column each."""
+    contacts: TimeHistoryContacts
+    """Times at which constrained coordinates rest at their walls, one column each."""
+    count: TimeHistoryCount
+    """Numbers of events."""
+    error: TimeHistoryError
+    """Errors of the motion."""
+
+
+class Ensemble(Result):
+    """The motions from many initial states; outputs that were not requested are absent.
+
+    The tables of all members follow one another in their order: member i has the rows
+    ``offset[i]`` to ``offset[i] + count[i]`` of ``<table>_offset`` and ``<table>_count``. A
+    member without a motion has no rows, and null (nan in files) in the arrays.
+    """
+
+    PARTS: ClassVar[dict[str, type[Table]]] = {
+        "impacts": TimeHistoryImpacts,
+        "contacts": TimeHistoryContacts,
+        "count": EnsembleCount,
+        "error": EnsembleError,
+    }
+    request: documents.EnsembleRequest
+    member: Integers
+    """Index of the initial state, shape (member)."""
+    status: Words
+    """Whether there is a motion, and if not why, shape (member)."""
+    t: Floats
+    """Time, shape (t), time."""
+    dof: Integers
+    """Index of the degree of freedom, shape (dof)."""
+    x: Floats
+    """Displacement, shape (member, t, dof), length; nan: the member has no motion."""
+    v: Floats
+    """Velocity, shape (member, t, dof), length / time; nan: the member has no motion."""
+    energy: Floats
+    """Mechanical energy, that of the constant load included, shape (member, t), mass length² /
+    time²; nan: the member has no motion.
+    """
+    impact_count: Integers
+    """Rows of impacts of each member, shape (member)."""
+    impact_offset: Integers
+    """First row of impacts of each member, shape (member)."""
+    contact_count: Integers
+    """Rows of contacts of each member, shape (member)."""
+    contact_offset: Integers
+    """First row of contacts of each member, shape (member)."""
+    impacts: TimeHistoryImpacts
+    """All impacts in order, one column each."""
+    contacts: TimeHistoryContacts
+    """Times at which constrained coordinates rest at their walls, one column each."""
+    count: EnsembleCount
+    """Numbers of events of each member."""
+    error: EnsembleError
+    """Errors of each motion; null where a member has none."""
+
+
+class SlowFlow(Result):
+    """A motion by one of its descriptions; outputs that were not requested are absent."""
+
+    PARTS: ClassVar[dict[str, type[Table]]] = {"impacts": SlowFlowImpacts, "error": SlowFlowError}
+    request: documents.SlowFlowRequest
+    t: Floats
+    """Time, shape (t), time."""
+    dof: Integers
+    """Index of the degree of freedom, shape (dof)."""
+    impact: Integers
+    """Number of the impact of the exact motion, from 1, shape (impact)."""
+    stage: Words
+    """Stage of the motion, shape (t)."""
+    gamma: Floats
+    """Frequency ratio Omega0/omega (lambda of eq. 10.110), shape (t); nan: after the last
+    impact.
+    """
+    omega: Floats
+    """Triangle-wave frequency, shape (t), 1/time; nan: after the last impact."""
+    phi: Floats
+    """Phase of the triangle wave, shape (t); nan: after the last impact."""
+    A: Floats
+    """Sine amplitude of the second mass, shape (t), length; nan: after the last impact."""
+    B: Floats
+    """Cosine amplitude of the second mass, shape (t), length; nan: after the last impact."""
+    x: Floats
+    """Displacement, shape (t, dof), length."""
+    v: Floats
+    """Velocity, shape (t, dof), length / time."""
+    impulse: Floats
+    """Impulse parameter p, shape (t), mass length / time²; nan: after the last impact."""
+    momentum: Floats
+    """Momentum exchanged at an impact, shape (t), mass length / time; 2 p/omega; nan: after
+    the last impact.
+    """
+    t_max: Floats
+    """End of the impacts by this variant, time; nan: they never end."""
+    t_max_exact: Floats
+    """End of the impacts of the exact motion, time; nan: they never end."""
+    exists: Booleans
+    """Whether the solution of a family is admissible."""
+    impacts: SlowFlowImpacts
+    """The impacts of the exact motion."""
+    error: SlowFlowError
+    """Differences of this variant from the exact motion, and times taken."""
+
+
+class Sweep(Result):
+    """Outputs of the base over a parameter grid."""
+
+    request: documents.SweepRequest
+    status: Words
+    """Whether there is a result."""
+
+
+KINDS: Final[dict[str, type[Result]]] = {
+    "impact-modes": ImpactModes,
+    "existence-bands": ExistenceBands,
+    "resonances": Resonances,
+    "periodic-motions": PeriodicMotions,
+    "branches": Branches,
+    "time-history": TimeHistory,
+    "ensemble": Ensemble,
+    "slow-flow": SlowFlow,
+    "sweep": Sweep,
+}
+"""Name of a kind -> class of its results."""
+
+
+def read(content: bytes | Path) -> Result:
+    """Return a result as what it is: the file of it, or where that lies."""
+    with opened(content) as file:
+        kind = str(file.attrs["kind"])
+    return KINDS.get(kind, Result)(content)

@@ -1,0 +1,77 @@
+"""Computations in this process, without a server."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Self
+
+from vibroimpact import kinds
+from vibroimpact.computations import Computations
+from vibroimpact.errors import MissingExtra, from_problem
+from vibroimpact.plans import Plan
+from vibroimpact.results import Result
+
+if TYPE_CHECKING:
+    from vibroimpact import documents
+
+
+class Local(
+    Computations[
+        kinds.ImpactModes,
+        kinds.ExistenceBands,
+        kinds.Resonances,
+        kinds.PeriodicMotions,
+        kinds.Branches,
+        kinds.TimeHistory,
+        kinds.Ensemble,
+        kinds.SlowFlow,
+        kinds.Sweep,
+    ]
+):
+    """Computes in this process, with the methods of `Client` for every kind of computation.
+
+    There is no server, no job and no store: nothing continues when the program ends. Results are
+    bit for bit those of a service.
+
+    Examples
+    --------
+    >>> result = Local().impact_modes(chain(13, [constraint(5, 0.2)]), [1.4])  # doctest: +SKIP
+    """
+
+    def _compute(self, kind: str, request: Mapping[str, Any], *, progress: bool = False) -> Result:
+        if not progress:
+            return kinds.read(self._answer("compute", kind, request))
+        from vibroimpact.progress import counter
+
+        with counter(kind) as tick:
+            return kinds.read(self._answer("compute", kind, request, tick))
+
+    def plan(self, kind: documents.Kind, request: documents.Request) -> Plan:
+        """Return the steps of a computation and those it skips, with reasons; compute nothing."""
+        return Plan(self._answer("plan", kind, request))
+
+    def close(self) -> None:
+        """Do nothing: there is nothing to close."""
+
+    def __enter__(self) -> Self:
+        """Return the object."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Do nothing."""
+
+    def _answer(self, function: str, *arguments: Any) -> Any:
+        module = _module()
+        try:
+            return getattr(module, function)(*arguments)
+        except module.RefusedError as error:
+            raise from_problem(error.document) from None
+
+
+def _module() -> ModuleType:
+    try:
+        return import_module("vibroimpact_service.local")
+    except ImportError as error:
+        raise MissingExtra("computations in this process", "all", error) from error

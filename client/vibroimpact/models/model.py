@@ -1,0 +1,261 @@
+"""A finite-element model: matrices, and the node and direction of every degree of freedom."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from vibroimpact.errors import MissingExtra
+from vibroimpact.systems import constraint, system
+from vibroimpact.tables import Array
+
+if TYPE_CHECKING:
+    from matplotlib.animation import FuncAnimation
+    from matplotlib.axes import Axes
+
+    from vibroimpact import documents
+    from vibroimpact.systems import Constraints
+
+try:
+    import scipy.sparse as sparse
+except ImportError as missing:
+    raise MissingExtra("finite-element models", "models", missing) from missing
+
+Label = tuple[int, str]
+DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
+"""Directions 1 to 6 of finite-element programs."""
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Mass, stiffness and damping with the labels of their rows.
+
+    Parameters
+    ----------
+    M, K, C : array or sparse matrix, shape (n, n)
+        Mass, stiffness and damping; C may be None. They are kept sparse and symmetric.
+    labels : sequence of (int, str), optional
+        Node and direction of each degree of freedom, such as ``(17, "z")``; default: its index,
+        and ``"x"``.
+    coordinates : mapping, optional
+        Node -> coordinates, one to three numbers.
+    units : mapping, optional
+        ``{"length": "m", "mass": "kg", "time": "s"}``.
+
+    Raises
+    ------
+    ValueError
+        If sizes do not fit, a label occurs twice, or a matrix is not symmetric.
+    """
+
+    M: Any
+    K: Any
+    C: Any = None
+    labels: Sequence[Label] = ()
+    coordinates: Mapping[int, Sequence[float]] = field(default_factory=dict)
+    units: Mapping[str, str] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("M", "K", "C"):
+            given = getattr(self, name)
+            if given is not None:
+                object.__setattr__(self, name, _symmetric(name, given))
+        n = self.M.shape[0]
+        labels = tuple(self.labels) or tuple((index, "x") for index in range(n))
+        if any(part is not None and part.shape[0] != n for part in (self.K, self.C)):
+            raise ValueError("M, K and C need the same size")
+        if len(labels) != n or len(set(labels)) != n:
+            raise ValueError(f"{n} degrees of freedom need {n} different labels")
+        object.__setattr__(self, "labels", labels)
+
+    @property
+    def n(self) -> int:
+        """Number of degrees of freedom."""
+        return int(self.M.shape[0])
+
+    def dof(self, node: int, direction: str = "x") -> int:
+        """Return the index of a degree of freedom.
+
+        Raises
+        ------
+        ValueError
+            Naming the directions that the node has.
+        """
+        try:
+            return self.labels.index((node, direction))
+        except ValueError:
+            have = [each for at, each in self.labels if at == node]
+            known = f"node {node} has {', '.join(have)}" if have else f"there is no node {node}"
+            raise ValueError(
+                f"no degree of freedom {direction!r} of node {node}: {known}"
+            ) from None
+
+    def constraint(
+        self,
+        node: int,
+        direction: str | Mapping[str, float] = "x",
+        gap: float | Mapping[str, float | None] = 0.0,
+        restitution: float = 1.0,
+        *,
+        against: int | None = None,
+    ) -> documents.Constraint:
+        """Return the document of a limiter at a node.
+
+        Parameters
+        ----------
+        node : int
+            Label of the node.
+        direction : str or mapping
+            Such as ``"z"``, or weights of several: ``{"x": 0.6, "y": 0.8}``.
+        gap, restitution
+            As of `vibroimpact.constraint`.
+        against : int, optional
+            Another node: the limiter is between both.
+        """
+        parts = {direction: 1.0} if isinstance(direction, str) else dict(direction)
+        weights = {self.dof(node, each): float(w) for each, w in parts.items()}
+        if against is not None:
+            weights |= {self.dof(against, each): -float(w) for each, w in parts.items()}
+        if len(weights) == 1 and 1.0 in weights.values():
+            return constraint(next(iter(weights)), gap, restitution)
+        return constraint(None, gap, restitution, direction=weights)
+
+    def system(
+        self, constraints: Constraints, force: Mapping[Label, float] | None = None
+    ) -> documents.MatrixSystem:
+        """Return the structure's document; `force` maps labels to static loads."""
+        load = None
+        if force is not None:
+            load = np.zeros(self.n)
+            for (node, direction), value in force.items():
+                load[self.dof(node, direction)] = value
+        given = None if load is None else load.tolist()
+        return system(self.M, self.K, constraints, self.C, given, self.units)
+
+    def fixed(self, nodes: Iterable[int], directions: Iterable[str] | None = None) -> Model:
+        """Return the model with nodes held fixed, in all directions or in some."""
+        held, chosen = set(nodes), None if directions is None else set(directions)
+        keep = [
+            index
+            for index, (node, direction) in enumerate(self.labels)
+            if node not in held or (chosen is not None and direction not in chosen)
+        ]
+        return self.part(keep)
+
+    def part(self, keep: Sequence[int]) -> Model:
+        """Return the model with some of its degrees of freedom, the others held fixed."""
+        rows = np.asarray(keep, dtype=np.int64)
+        M, K, C = (
+            None if part is None else part[rows][:, rows] for part in (self.M, self.K, self.C)
+        )
+        return replace(self, M=M, K=K, C=C, labels=tuple(self.labels[row] for row in rows))
+
+    # -- on the geometry -------------------------------------------------------------------
+
+    def displaced(self, x: Array, scale: float = 1.0) -> tuple[Array, Array]:
+        """Return the coordinates of the nodes at rest and displaced, each shape (node, 3).
+
+        Parameters
+        ----------
+        x : array, shape (dof,)
+            Displacements.
+        scale : float
+            Factor of the displacements.
+        """
+        nodes = list(self.coordinates)
+        places = {node: row for row, node in enumerate(nodes)}
+        rest = np.zeros((len(nodes), 3))
+        for node, row in places.items():
+            rest[row, : len(self.coordinates[node])] = self.coordinates[node]
+        moved = rest.copy()
+        for (node, direction), value in zip(self.labels, np.asarray(x), strict=True):
+            if node in places and direction in DIRECTIONS[:3]:
+                moved[places[node], DIRECTIONS.index(direction)] += scale * value
+        return rest, moved
+
+    def draw(self, x: Array, ax: Axes | None = None, scale: float | None = None) -> Axes:
+        """Plot the nodes at rest in grey and displaced, in the two widest directions.
+
+        `scale` magnifies the displacements; default: the largest becomes a tenth of the model.
+        """
+        from vibroimpact.style import ADMISSIBLE, PHANTOM, legend, new_axes
+
+        ax = ax or new_axes()
+        factor = self._factor(np.asarray(x)) if scale is None else scale
+        rest, moved = self.displaced(x, factor)
+        across, up = self._view(rest, moved)
+        ax.plot(rest[:, across], rest[:, up], ".", color=PHANTOM, markersize=2, label="at rest")
+        name = f"displaced, times {factor:.3g}"
+        ax.plot(moved[:, across], moved[:, up], ".", color=ADMISSIBLE, markersize=2, label=name)
+        ax.set_xlabel(self._axis(across))
+        ax.set_ylabel(self._axis(up))
+        legend(ax)
+        return ax
+
+    def animate(self, x: Array, scale: float | None = None) -> FuncAnimation:
+        """Return the animation of a motion on the geometry; ``.save("mode.gif")`` writes it.
+
+        Parameters
+        ----------
+        x : array, shape (time, dof)
+            Displacements half a period long, such as ``result.waveform[0]`` with ``tau`` from -1
+            to 1; the animation goes there and back.
+        scale : float, optional
+            As of `draw`.
+        """
+        from matplotlib.animation import FuncAnimation
+
+        frames = np.asarray(x)
+        largest = frames[np.abs(frames).max(axis=1).argmax()]
+        factor = self._factor(largest) if scale is None else scale
+        ax = self.draw(largest, scale=factor)
+        moved = ax.lines[1]
+        across, up = self._view(*self.displaced(largest, factor))
+
+        def show(frame: int) -> list[Any]:
+            _, places = self.displaced(frames[frame], factor)
+            moved.set_data(places[:, across], places[:, up])
+            return [moved]
+
+        figure = ax.get_figure(root=True)
+        assert figure is not None
+        there = list(range(len(frames)))
+        return FuncAnimation(figure, show, frames=there + there[-2:0:-1], blit=False)
+
+    def _factor(self, x: Array) -> float:
+        rest, moved = self.displaced(x)
+        largest = float(np.abs(moved - rest).max(initial=0.0))
+        return 0.1 * float(np.ptp(rest, axis=0).max(initial=0.0)) / largest if largest else 1.0
+
+    def _view(self, rest: Array, moved: Array) -> tuple[int, int]:
+        """Return the two directions in which the model and its motion extend most."""
+        spans = np.ptp(np.concatenate([rest, moved]), axis=0)
+        across = int(np.argmax(np.ptp(rest, axis=0)))
+        spans[across] = -1.0
+        return across, int(np.argmax(spans))
+
+    def _axis(self, direction: int) -> str:
+        unit = "" if self.units is None else f" ({self.units['length']})"
+        return f"{DIRECTIONS[direction]}{unit}"
+
+
+_SYMMETRY = 1e-9
+
+
+def _symmetric(name: str, given: Any) -> Any:
+    """Return a matrix as rows of its nonzero entries; a triangle stands for the whole."""
+    matrix = sparse.csr_array(given, dtype=np.float64)
+    if matrix.shape[0] != matrix.shape[1]:
+        raise ValueError(f"{name} is not square: {matrix.shape}")
+    largest = abs(matrix).max() if matrix.nnz else 0.0
+    lower, upper = sparse.tril(matrix, -1), sparse.triu(matrix, 1)
+    if lower.count_nonzero() == 0 or upper.count_nonzero() == 0:
+        matrix = matrix + lower.T + upper.T
+    elif abs(matrix - matrix.T).max() > _SYMMETRY * largest:
+        raise ValueError(f"{name} is not symmetric")
+    matrix = sparse.csr_array(0.5 * (matrix + matrix.T))
+    matrix.eliminate_zeros()
+    return matrix

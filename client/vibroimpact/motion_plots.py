@@ -1,0 +1,198 @@
+"""Plots of motions: displacements over time, phase planes, and ensembles over initial states."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from vibroimpact.result_file import ResultFile
+from vibroimpact.style import (
+    ADMISSIBLE,
+    OTHER,
+    PHANTOM,
+    SERIES,
+    WALL,
+    colorbar,
+    label,
+    legend,
+    new_axes,
+)
+from vibroimpact.tables import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+def history(result: ResultFile, dof: int | None = None, ax: Axes | None = None) -> Axes:
+    """Plot a displacement over time, with the walls and impacts of its constraint.
+
+    If only impacts were computed, plot their impulses over time.
+    """
+    ax = ax or new_axes()
+    if not hasattr(result, "x"):
+        return _impulses(result, ax)
+    dof, column = column_of(result, dof)
+    ax.plot(result.t, result.x[:, column], color=ADMISSIBLE, linewidth=1.2)
+    _impacts(result, dof, ax)
+    until = result.error.predictable_until
+    if until < result.t[-1]:
+        ax.axvspan(until, result.t[-1], color=PHANTOM, alpha=0.25, linewidth=0.0)
+        ax.annotate("not predictable", (until, 1.0), (4, -4), va="top", fontsize=7.0,
+                    xycoords=("data", "axes fraction"), textcoords="offset points")  # fmt: skip
+    ax.set_xlabel(label("time", result, "t"))
+    ax.set_ylabel(label(rf"displacement $x_{{{dof}}}$", result, "x"))
+    ax.margins(x=0.0)
+    return ax
+
+
+def basins(result: ResultFile, values: Array | None = None, ax: Axes | None = None) -> Axes:
+    """Plot one value of each member of an ensemble over its initial state.
+
+    Parameters
+    ----------
+    result : ResultFile
+        Result of an ensemble whose initial states differ in one or two coordinates.
+    values : array, shape (member,), optional
+        Values to plot; default: the number of impacts.
+    ax : Axes, optional
+        Axes to draw in; default: those of a new figure.
+
+    Raises
+    ------
+    ValueError
+        If the states differ in no coordinate or in more than two.
+    """
+    ax = ax or new_axes()
+    initial = result.request["initial"]
+    x, v = np.array(initial["x"]), np.array(initial["v"])
+    columns = [(rf"$x_{{{dof}}}(0)$", x[:, dof]) for dof in range(x.shape[1])]
+    columns += [(rf"$v_{{{dof}}}(0)$", v[:, dof]) for dof in range(v.shape[1])]
+    varying = [column for column in columns if np.ptp(column[1]) > 0.0]
+    if not 1 <= len(varying) <= 2:
+        raise ValueError(f"the initial states differ in {len(varying)} coordinates, not in 1 or 2")
+    computed = result.status == "ok"
+    text = "number of impacts" if values is None else ""
+    shown = np.asarray(result.count.impacts if values is None else values, dtype=np.float64)
+    (across, first), (up, second) = varying[0], varying[-1]
+    if len(varying) == 1:
+        order = np.argsort(first[computed], kind="stable")
+        ax.plot(
+            first[computed][order], shown[computed][order], "o-", color=ADMISSIBLE, markersize=3.0
+        )
+        ax.set_ylabel(text)
+    else:
+        drawn = _cells(first, second, np.where(computed, shown, np.nan), ax)
+        colorbar(drawn, ax, text)
+        ax.set_ylabel(up)
+    ax.set_xlabel(across)
+    return ax
+
+
+def _cells(x: Array, y: Array, values: Array, ax: Axes) -> Any:
+    """Colour the cells around states that form a grid, or else a mark at each state."""
+    (across, column), (up, row) = (
+        np.unique(x, return_inverse=True),
+        np.unique(y, return_inverse=True),
+    )
+    if across.size * up.size != x.size or len(set(zip(row, column, strict=True))) != x.size:
+        ax.plot(x[np.isnan(values)], y[np.isnan(values)], "x", color=PHANTOM, markersize=3.0)
+        size = float(np.clip(2e4 / x.size, 1.0, 40.0))
+        return ax.scatter(x, y, size, values, linewidths=0.0, cmap="viridis")
+    grid = np.full((up.size, across.size), np.nan)
+    grid[row, column] = values
+    ax.set_facecolor(PHANTOM)  # where there is no motion
+    return ax.pcolormesh(
+        across, up, np.ma.masked_invalid(grid), shading="nearest", cmap="viridis", rasterized=True
+    )
+
+
+def _impulses(result: ResultFile, ax: Axes) -> Axes:
+    for index in np.unique(result.impacts.constraint):
+        mine, color = result.impacts.constraint == index, SERIES[int(index) % len(SERIES)][0]
+        ax.plot(
+            result.impacts.time[mine], result.impacts.impulse[mine], "os^Dv"[int(index) % 5],
+            color=color, markersize=2.5, label=f"constraint {index}",
+        )  # fmt: skip
+    ax.set_xlabel(label("time", result, "impacts/time"))
+    ax.set_ylabel(label("momentum of the impact", result, "impacts/impulse"))
+    ax.set_ylim(0.0, 1.15 * float(result.impacts.impulse.max(initial=0.0)) or 1.0)
+    legend(ax)
+    return ax
+
+
+def phase_plane(result: ResultFile, dof: int | None = None, ax: Axes | None = None) -> Axes:
+    """Plot the velocity over the displacement of a degree of freedom, with its walls.
+
+    The line is interrupted at impacts, where the velocity jumps.
+    """
+    ax = ax or new_axes()
+    dof, column = column_of(result, dof)
+    x, v = result.x[:, column], result.v[:, column]
+    breaks = np.zeros(0, dtype=np.int64)
+    if hasattr(result, "impacts"):
+        breaks = np.unique(np.searchsorted(result.t, result.impacts.time))
+        breaks = breaks[(breaks > 0) & (breaks < x.size)]
+    ax.plot(
+        np.insert(x, breaks, np.nan), np.insert(v, breaks, np.nan), color=ADMISSIBLE, linewidth=0.9
+    )
+    for wall in gaps_of(result, dof):
+        ax.axvline(wall, color=WALL, linewidth=1.5)
+    ax.locator_params(axis="x", nbins=5)
+    ax.set_xlabel(label(rf"displacement $x_{{{dof}}}$", result, "x"))
+    ax.set_ylabel(label(rf"velocity $v_{{{dof}}}$", result, "v"))
+    return ax
+
+
+def column_of(result: ResultFile, dof: int | None) -> tuple[int, int]:
+    """Return a degree of freedom, by default the first constrained one, and its column."""
+    computed = [int(d) for d in result.dof]
+    if dof is None:
+        struck = [c.get("dof") for c in constraints_of(result)]
+        dof = next((d for d in struck if d in computed), computed[0])
+    return dof, computed.index(dof)
+
+
+def constraints_of(result: ResultFile) -> list[dict[str, Any]]:
+    """Return the documents of the limiters; none of a stored structure."""
+    return list(result.request.get("system", {}).get("constraints") or ())
+
+
+def gaps_of(result: ResultFile, dof: int) -> list[float]:
+    """Return the displacements at which the walls of a degree of freedom stand."""
+    walls: list[float] = []
+    for constraint in constraints_of(result):
+        if constraint.get("dof") == dof:
+            gap = constraint["gap"]
+            single = isinstance(gap, int | float)
+            lower, upper = (gap, gap) if single else (gap.get("lower"), gap.get("upper"))
+            walls += [s * w for s, w in ((-1.0, lower), (1.0, upper)) if w is not None]
+    return walls
+
+
+def _impacts(result: ResultFile, dof: int, ax: Axes) -> None:
+    for wall in gaps_of(result, dof):
+        ax.axhline(wall, color=WALL, linewidth=1.2)
+    if not hasattr(result, "impacts"):
+        return
+    constraints = constraints_of(result)
+    mine = [i for i, c in enumerate(constraints) if c.get("dof") == dof]
+    struck = np.isin(result.impacts.constraint, mine)
+    walls = gaps_of(result, dof)
+    if struck.any() and walls:
+        places = np.where(result.impacts.side > 0, max(walls), min(walls))
+        ax.plot(result.impacts.time[struck], places[struck], "o", color=OTHER, markersize=2.5)
+
+
+def displacement(result: ResultFile, ax: Axes | None = None) -> Axes:
+    """Plot the displacement of every computed degree of freedom over time."""
+    ax = ax or new_axes()
+    for column, dof in enumerate(result.dof):
+        color, style = SERIES[column % len(SERIES)]
+        name = f"$x_{{{dof}}}$"
+        ax.plot(result.t, result.x[:, column], linestyle=style, color=color, lw=1.2, label=name)
+    ax.set_xlabel(label("time", result, "t"))
+    ax.set_ylabel(label("displacement", result, "x"))
+    if result.dof.size > 1:
+        legend(ax, 5)
+    return ax
