@@ -17,6 +17,12 @@ nox.options.reuse_existing_virtualenvs = True
 nox.options.sessions = ["lint", "types", "contracts", "openapi", "docs", "tests"]
 
 ROOT = pathlib.Path(__file__).parent
+EXTRAS = ("service", "client", "postgresql", "s3")
+"""Extras of the project in the image."""
+
+
+LOCKED = {"image": EXTRAS, "ci": ("dev", "fuzz", "browser"), "build": (), "tools": ()}
+"""Files in requirements/ -> extras of the project that each holds, with versions and hashes."""
 
 
 def install(session: nox.Session, *packages: str) -> None:
@@ -25,46 +31,71 @@ def install(session: nox.Session, *packages: str) -> None:
         session.install(*packages)
 
 
+def install_locked(session: nox.Session) -> None:
+    """Install the versions of requirements/ci.txt, and this checkout."""
+    # The file is complete; pip must not look for anything else.
+    install(session, "--no-deps", "--require-hashes", "-r", "requirements/ci.txt")
+    install(session, "--no-deps", "--no-build-isolation", "-e", ".")
+
+
 @nox.session
 def lint(session: nox.Session) -> None:
     """Check the style of the sources: ruff's rules and its formatting."""
-    install(session, "-e", ".[dev]")
+    install_locked(session)
     session.run("ruff", "check", ".")
     session.run("ruff", "format", "--check", ".")
 
 
 @nox.session
 def types(session: nox.Session) -> None:
-    """Check the strict types of the four packages."""
-    install(session, "-e", ".[dev]")
+    """Check the strict types of the four packages, and of a user's script as users see them."""
+    install_locked(session)
     session.run("mypy")
+    session.run("mypy", "tests/client/typed_script.py")
+    session.run("basedpyright", "-p", "tests/client")
 
 
 @nox.session
 def contracts(session: nox.Session) -> None:
     """Check that imports point one way and nothing reaches past the use case."""
-    install(session, "-e", ".[dev]")
+    install_locked(session)
     session.run("lint-imports")
 
 
 @nox.session
 def openapi(session: nox.Session) -> None:
-    """Check that the committed contract is the one that the service speaks."""
-    install(session, "-e", ".[dev]")
+    """Check that the committed contract, and the client's types made from it, are up to date."""
+    install_locked(session)
     session.run("python", "-m", "vibroimpact_service.cli", "openapi", "--check")
+    session.run("python", "client/write_types.py", "--check")
 
 
 @nox.session
 def docs(session: nox.Session) -> None:
     """Build the documentation site, warnings as errors."""
-    install(session, "-e", ".[dev]")
+    install_locked(session)
     session.run("mkdocs", "build", "--strict", "--clean", env={"NO_MKDOCS_2_WARNING": "1"})
+
+
+@nox.session
+def site(session: nox.Session) -> None:
+    """Read every page of the documentation with axe, in light and dark, narrow and wide.
+
+    In a real Chromium (Debian: apt install chromium); ``nox -s site -- -k gallery`` for a part.
+    """
+    install_locked(session)
+    built = str(pathlib.Path(session.create_tmp()).absolute() / "site")
+    session.run("mkdocs", "build", "--strict", "-d", built, env={"NO_MKDOCS_2_WARNING": "1"})
+    session.run(
+        "pytest", "-n", "0", "--timeout", "300", "tests/pages", *session.posargs,
+        env={"VIBROIMPACT_SITE": built},
+    )  # fmt: skip
 
 
 @nox.session
 def tests(session: nox.Session) -> None:
     """Run the whole test suite."""
-    install(session, "-e", ".[test]")
+    install_locked(session)
     session.run("pytest", *session.posargs)
 
 
@@ -75,7 +106,7 @@ def fuzz(session: nox.Session) -> None:
     More than 20,000 cases, all checks, two users: two minutes of two cores.
     ``nox -s fuzz -- --cases 50000 --examples 400 --seed 7`` for a night.
     """
-    install(session, "-e", ".[fuzz]")
+    install_locked(session)
     session.run("python", "tests/fuzz/conformance.py", *session.posargs)
 
 
@@ -87,15 +118,30 @@ def truth(session: nox.Session) -> None:
     ``--folder FOLDER`` keeps what was done, to go on later; ``--show INDEX`` prints and checks one
     case, ``--case FILE`` one that was printed.
     """
-    install(session, "-e", ".[test]")
+    install_locked(session)
     session.run("python", "-m", "tests.truth", *session.posargs)
 
 
 @nox.session
 def browser(session: nox.Session) -> None:
-    """Look at the pages of the service in a real Chromium (Debian: apt install chromium)."""
-    install(session, "-e", ".[browser]")
-    session.run("pytest", "-n", "0", "tests/browser", *session.posargs)
+    """Look at the pages of the service in a real Chromium (Debian: apt install chromium).
+
+    Before that, their types are checked, where node is installed.
+    """
+    install_locked(session)
+    if shutil.which("npx"):
+        compiler = ("npx", "--yes", "--package", "typescript@5.9.3", "tsc")
+        session.run(*compiler, "-p", "tests/browser/tsconfig.json", external=True)
+    else:
+        session.warn("node is not installed: the types of the pages are not checked")
+    session.run("pytest", "-n", "0", "--timeout", "1200", "tests/browser", *session.posargs)
+
+
+@nox.session
+def browser_times(session: nox.Session) -> None:
+    """Measure the pages: first view, frames of an animation, answers to the cursor."""
+    install_locked(session)
+    session.run("python", "-m", "tests.browser.measure", *session.posargs)
 
 
 @nox.session
@@ -107,7 +153,7 @@ def guard(session: nox.Session) -> None:
     """
     if not shutil.which("valgrind"):
         session.error("valgrind is not installed: apt install valgrind (see CONTRIBUTING.md)")
-    install(session, "-e", ".[test]")
+    install_locked(session)
     session.run("python", "-m", "benchmarks.guard", *session.posargs)
     session.run("pytest", "-n", "0", "-m", "valgrind", "tests/benchmarks/test_guard.py")
 
@@ -122,9 +168,23 @@ def benchmarks(session: nox.Session) -> None:
 @nox.session
 def faults(session: nox.Session) -> None:
     """Kill processes at random moments, fill disks, cut networks; all jobs must end well."""
-    install(session, "-e", ".[test]")
+    install_locked(session)
     session.run(
         "pytest", "-n", "0", "-m", "faults", "-s", "tests/acceptance/faults", *session.posargs
+    )
+
+
+@nox.session
+def soak(session: nox.Session) -> None:
+    """Strike a service with random faults for an hour, under the load of 20 clients.
+
+    ``nox -s soak -- 600`` for ten minutes; VIBROIMPACT_SEED repeats a run.
+    """
+    install(session, "-e", ".[test]")
+    seconds = session.posargs[0] if session.posargs else "3600"
+    session.run(
+        *("pytest", "-n", "0", "-m", "faults", "-s", "tests/acceptance/faults/test_soak.py"),
+        env={"VIBROIMPACT_SOAK_SECONDS": seconds},
     )
 
 
@@ -135,12 +195,71 @@ def client_alone(session: nox.Session) -> None:
     shutil.rmtree(place, ignore_errors=True)
     session.run(sys.executable, "-m", "venv", str(place), external=True)
     python = str(place / "bin" / "python")
-    session.run(python, "-m", "pip", "install", "-q", f"{ROOT}[client]", external=True)
+    session.run(python, "-m", "pip", "install", "-q", str(ROOT), external=True)
     check = (
-        "import importlib.util as u, sys, vibroimpact, vibroimpact.cli\n"
+        "import importlib.metadata as m, importlib.util as u, sys, vibroimpact, vibroimpact.cli\n"
         "there = [n for n in ('numba', 'scipy', 'fastapi', 'distributed', 'sqlalchemy')"
         " if u.find_spec(n)]\n"
-        "sys.exit(f'the client brings {there}' if there else 0)\n"
+        "base = {'h5py', 'numpy', 'pip', 'setuptools', 'vibroimpact'}\n"
+        "more = {d.name.lower() for d in m.distributions()} - base\n"
+        "wrong = there or (more if len(more) > 12 else ())\n"
+        "sys.exit(f'the client brings {wrong}' if wrong else 0)\n"
     )
     session.run(python, "-c", check, external=True)
-    session.run(str(place / "bin" / "vibroimpact"), "--help", external=True)
+    command = str(place / "bin" / "vibroimpact")
+    session.run(command, "--help", external=True, success_codes=[1])  # it says what it needs
+    session.run(python, "-m", "pip", "install", "-q", f"{ROOT}[cli]", external=True)
+    session.run(command, "--help", external=True)
+
+
+@nox.session
+def release(session: nox.Session) -> None:
+    """Build what would be uploaded, check it as PyPI does, and draft the changelog.
+
+    Nothing is uploaded and nothing in the checkout changes; see CONTRIBUTING.md, Releases.
+    """
+    install(session, "--require-hashes", "-r", "requirements/tools.txt")
+    install_locked(session)
+    place = pathlib.Path(session.create_tmp()).absolute() / "dist"
+    shutil.rmtree(place, ignore_errors=True)
+    session.run("python", "-m", "build", "--no-isolation", "--outdir", str(place))
+    session.run("twine", "check", "--strict", *map(str, sorted(place.iterdir())))
+    session.run("towncrier", "build", "--draft", "--version", "0.2.0")
+    if "urls" not in nox.project.load_toml("pyproject.toml")["project"]:
+        session.warn("the project has no public address: see CONTRIBUTING.md, Releases")
+
+
+@nox.session
+def lock(session: nox.Session) -> None:
+    """Write the versions and hashes of all dependencies to requirements/.
+
+    They stay as they are where they still fit; ``nox -s lock -- --upgrade`` takes the newest.
+    """
+    session.install("--require-hashes", "-r", "requirements/tools.txt")
+    options = ("--universal", "--python-version", "3.11", "--generate-hashes", "--quiet")
+    options += ("--no-emit-index-url", "--custom-compile-command", "nox -s lock")
+    for name, extras in LOCKED.items():
+        given = ROOT / "requirements" / f"{name}.in"
+        sources = ["pyproject.toml"] if extras else [str(given.relative_to(ROOT))]
+        if name == "ci":
+            sources.append("requirements/build.in")
+        chosen = [word for extra in extras for word in ("--extra", extra)]
+        target = ("-o", f"requirements/{name}.txt")
+        session.run("uv", "pip", "compile", *sources, *chosen, *options, *target, *session.posargs)
+
+
+@nox.session
+def audit(session: nox.Session) -> None:
+    """Look up known vulnerabilities of what the image and the tools install, at PyPI."""
+    session.install("--require-hashes", "-r", "requirements/tools.txt")
+    for name in ("image", "build", "tools"):
+        file = f"requirements/{name}.txt"
+        session.run("pip-audit", "--strict", "--disable-pip", "--require-hashes", "-r", file)
+
+
+@nox.session
+def sbom(session: nox.Session) -> None:
+    """Write what is in the image to sbom.json (CycloneDX), with versions and hashes."""
+    session.install("--require-hashes", "-r", "requirements/tools.txt")
+    target = ("--output-format", "JSON", "--output-file", "sbom.json")
+    session.run("cyclonedx-py", "requirements", *target, "requirements/image.txt")

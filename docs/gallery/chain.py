@@ -29,5 +29,4 @@ def both(ax, result, soft, dofs, difference):
     profile(ax, soft, None, "soft limiter", SOFT, "x")
     part = np.abs(soft - shape).max() / np.abs(shape).max()
     assert part < difference, part
-    ax.set_title(rf"$\omega$ = {result.omega[0]:.5f}", fontsize="medium")
-    ax.legend(frameon=False, fontsize="small")
+    drawing.legend(ax, title=rf"$\omega$ = {result.omega[0]:.5f}", title_fontsize=7.5)

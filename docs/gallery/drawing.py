@@ -1,39 +1,72 @@
-"""Shared code of the gallery scripts: colours, plots, and impact modes with soft limiters."""
+"""Shared code of the gallery scripts: the style of all plots, and modes with soft limiters."""
 
 from __future__ import annotations
 
+import string
+
+import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
 import vibroimpact as vi
+from vibroimpact.style import ADMISSIBLE as BLUE
+from vibroimpact.style import GREEN as OTHER
+from vibroimpact.style import OTHER as SOFT
+from vibroimpact.style import PHANTOM, SHEET, WALL, legend, small
 
-BLUE, SOFT, PHANTOM, WALL, OTHER = "#0b5394", "#cc4125", "#b7b7b7", "#c0392b", "#38761d"
+__all__ = ["BLUE", "OTHER", "PHANTOM", "SOFT", "WALL", "legend", "line", "np", "panels", "vi"]
+
+_STYLES = {SOFT: (0, (5, 1.5)), OTHER: (0, (1, 1)), "black": (0, (5, 1, 1, 1))}
 
 
-def panels(rows: int = 1, columns: int = 1, size: tuple[float, float] = (8.0, 4.0)):
-    """Return a figure and its axes."""
-    figure = Figure(figsize=size, layout="constrained")
-    return figure, figure.subplots(rows, columns)
+def panels(rows: int = 1, columns: int = 1, size: tuple[float, float] = (7.0, 3.0)):
+    """Return a figure as wide as a page and its axes, with the letters of the chapter."""
+    with mpl.rc_context(SHEET):
+        figure = Figure(figsize=size, layout="constrained", dpi=SHEET["figure.dpi"])
+        axes = figure.subplots(rows, columns)
+        several = list(np.ravel(axes))
+        for letter, ax in zip(string.ascii_lowercase, several, strict=False):
+            small(ax)
+            if len(several) > 1:
+                ax.annotate(
+                    f"({letter})", (0.0, 1.0), (-4, 2), ha="right", va="bottom", weight="bold",
+                    xycoords="axes fraction", textcoords="offset points",
+                )  # fmt: skip
+    return figure, axes
+
+
+def line(ax, x, y, color, label="", **options):
+    """Plot a curve in a colour, and in the line style that goes with it."""
+    settings = {"linestyle": _STYLES.get(color, "-"), "linewidth": 1.1, "label": label}
+    ax.plot(x, y, color=color, **(settings | options))
+
+
+def say(ax, text):
+    """Write the title of a panel."""
+    ax.set_title(text, fontsize=SHEET["axes.titlesize"])
 
 
 def profile(ax, x, walls=None, label="", color=BLUE, marker="o"):
     """Plot the displacements of the masses of a chain, counted from 1."""
     masses = np.arange(1, len(x) + 1)
     ax.axhline(0.0, color="black", linewidth=0.5)
-    ax.plot(masses, x, "-" + marker, color=color, linewidth=1.2, markersize=5, label=label)
+    line(ax, masses, x, color, label, marker=marker, markersize=4)
     for mass, wall in (walls or {}).items():
         ax.hlines([-wall, wall], mass - 0.35, mass + 0.35, color=WALL, linewidth=3.0)
     ax.set_xticks(masses)
     ax.set_xlabel("mass")
+    ax.set_ylabel("displacement")
 
 
 def impulses(ax, modes, natural, top, index=0, color=BLUE, label="p"):
     """Plot p over Omega, phantoms in grey, natural frequencies as dots."""
     p = modes.impulse[:, index].copy()
     p[np.abs(p) > 20 * top] = np.nan
-    ax.plot(modes.Omega, p, color=PHANTOM, linewidth=1.2)
-    ax.plot(modes.Omega, np.where(modes.exists, p, np.nan), color=color, linewidth=2, label=label)
-    ax.plot(natural, np.zeros(len(natural)), "o", color=WALL, markersize=5)
+    width = 2.0 if index == 0 else 1.3
+    ax.plot(modes.Omega, p, color=PHANTOM, linewidth=0.8, label="" if index else "phantom")
+    line(ax, modes.Omega, np.where(modes.exists, p, np.nan), color, label, linewidth=width)
+    name = "" if index else "natural frequencies"
+    ax.plot(natural, np.zeros(len(natural)), "o", color=WALL, markersize=3.5, label=name)
     ax.axhline(0.0, color="black", linewidth=0.5)
     ax.set_ylim(-0.35 * top, top)
     ax.set_xlim(modes.Omega[0], modes.Omega[-1])

@@ -1,6 +1,6 @@
 """Fig. 10.3: the damped impact oscillator, exact, averaged and truncated, with its free decay."""
 
-from drawing import BLUE, OTHER, SOFT, WALL, close, np, panels, vi
+from drawing import BLUE, OTHER, SOFT, WALL, close, legend, line, np, panels, vi
 
 SYSTEM = vi.oscillator([vi.constraint(0, 1.0)], Omega0=1.0, zeta=0.01)
 DURATIONS = {
@@ -12,13 +12,12 @@ DURATIONS = {
 
 
 def draw(client):
-    figure, axes = panels(2, 1, (9, 5.5))
+    figure, axes = panels(3, 1, (7, 5.6))
     looks = {"exact": BLUE, "transformed": "black", "averaged": OTHER, "truncated": SOFT}
     for variant, color in looks.items():
         flow = client.slow_flow(SYSTEM, "damped", variant, {"gamma": 0.2}, (0, 110, 5501))
-        style = ":" if variant == "transformed" else "-"
         for ax in axes:
-            ax.plot(flow.t, flow.x[:, 0], style, color=color, linewidth=1.0, label=variant)
+            line(ax, flow.t, flow.x[:, 0], color, variant)
         worst = np.abs(flow.error.x).max()
         if variant == "transformed":
             assert worst < 1e-6  # eq. 10.15 is an exact change of variables
@@ -28,11 +27,11 @@ def draw(client):
         flow = client.slow_flow(SYSTEM, "damped", variant, {"gamma": 0.2}, [0.0])
         close(flow.t_max, end)
     axes[0].set_xlim(0, 20)
-    axes[1].set_xlim(80, 110)
-    axes[1].set_ylim(-1.5, 1.1)
-    axes[1].axvline(DURATIONS["exact"], color=WALL, linewidth=0.8)
-    axes[1].set_xlabel("t; the line marks the last impact, free decay follows")
-    axes[1].legend(ncols=4, frameon=False, loc="lower left", fontsize="small")
+    axes[1].set_xlim(20, 80)
+    axes[2].set_xlim(80, 110)
+    axes[2].axvline(DURATIONS["exact"], color=WALL, linewidth=0.8)
+    axes[2].set_xlabel("t; the line marks the last impact, free decay follows")
+    legend(axes[0])
     for ax in axes:
         ax.set_ylabel("x")
     return figure

@@ -10,7 +10,7 @@ CASES = (  # omega, p, largest displacement and its mass, eq. 10.75 and 10.76
 
 
 def draw(client):
-    figure, axes = panels(2, 1, (8, 6.5))
+    figure, axes = panels(2, 1, (7, 5.5))
     for ax, (omega, p, largest, mass, resonance) in zip(axes, CASES, strict=True):
         assert abs(2 / np.pi * resonance - omega) < 1e-5
         result, _, soft = chain.mode(client, 13, [5], omega, [p], alpha=0.968)

@@ -1,7 +1,7 @@
 """Fig. 10.16: localization above all resonances, the split chain, and soft limiters."""
 
 import chain
-from drawing import BLUE, OTHER, SOFT, close, np, panels, profile
+from drawing import BLUE, OTHER, SOFT, close, legend, line, np, panels, profile
 
 OMEGA = 1.34877
 
@@ -23,7 +23,7 @@ def split(a=6, n=13, gap=0.2, terms=200):
 
 
 def draw(client):
-    figure, axes = panels(2, 1, (8, 6.5))
+    figure, axes = panels(2, 1, (7, 5.5))
     result, motion, soft = chain.mode(
         client, 13, [5], OMEGA, [0.13723969271483], quarter=5, alpha=0.968
     )
@@ -32,11 +32,11 @@ def draw(client):
     np.testing.assert_allclose(parts[[0, 12]], [-4.27561672260665e-3, -1.08503928119176e-3], 1e-4)
     assert np.abs(parts - result.shape[0]).max() < 4.4e-3
     profile(axes[0], parts, None, "split chain, 10.73", OTHER, "+")
-    axes[0].legend(frameon=False, fontsize="small")
+    legend(axes[0])
     # "About 6 %": 8.0 % above the highest resonance 10.76, 6.6 % above Omega_13.
     highest = 2 / np.pi * 2 * np.sin(7 * np.pi / 16)
     close(OMEGA / highest - 1, 0.0801, 2e-3)
-    axes[1].plot(motion.t, (motion.x[:, 5] / (0.968 * 0.2)) ** 17, color=SOFT)
+    line(axes[1], motion.t, (motion.x[:, 5] / (0.968 * 0.2)) ** 17, SOFT, linestyle="-")
     for impact in np.arange(1, 6, 2) / OMEGA:
         axes[1].axvline(impact, color=BLUE, linewidth=0.8)
     axes[1].set_xlabel("t; lines: impacts of the mode")

@@ -1,7 +1,7 @@
 """Fig. 10.17: impulses of two masses that strike together, the fifth and ninth of twelve."""
 
 import chain
-from drawing import OTHER, close, impulses, np, panels, vi
+from drawing import OTHER, close, impulses, legend, np, panels, vi
 
 # The distances are not printed; equal ones are assumed.
 SYSTEM = vi.chain(12, [vi.constraint(4, 0.2), vi.constraint(8, 0.2)])
@@ -15,12 +15,13 @@ P = {
 
 
 def draw(client):
-    figure, ax = panels(size=(9, 4))
+    figure, ax = panels(size=(7, 3))
     modes = client.impact_modes(SYSTEM, (1.0, 2.4, 7001))
     natural = chain.natural(12)[4:]
     impulses(ax, modes, natural, 1.0, 0, label=r"$p_5$")
     impulses(ax, modes, natural, 1.0, 1, OTHER, r"$p_9$")
-    ax.legend(frameon=False)
+    ax.set_ylabel("impulse parameters")
+    legend(ax)
     result = client.impact_modes(SYSTEM, list(P))
     close(result.impulse, [row[:2] for row in P.values()], 1e-11)
     assert result.exists.tolist() == [row[2] for row in P.values()]

@@ -5,7 +5,7 @@ from drawing import close, np, panels
 
 
 def draw(client):
-    figure, ax = panels(size=(8, 3.5))
+    figure, ax = panels(size=(7, 2.8))
     omega = 2 / np.pi * chain.natural(12)[8] + 0.02
     p = [0.27439611800597, 0.37856420641731]
     result, _, soft = chain.mode(client, 12, [4, 8], omega, p, quarter=5)

@@ -1,6 +1,6 @@
 """Fig. 10.20: period of the impacts and their intensity p as the oscillator slows down."""
 
-from drawing import BLUE, SOFT, WALL, close, np, panels, vi
+from drawing import BLUE, SOFT, WALL, close, legend, line, np, panels, vi
 
 SYSTEM = vi.oscillator([vi.constraint(0, 1.0, 0.95)])
 KNOWN = {  # t: 4 lambda / Omega and p of the slow flow
@@ -11,18 +11,21 @@ KNOWN = {  # t: 4 lambda / Omega and p of the slow flow
 
 
 def draw(client):
-    figure, axes = panels(1, 2, (9, 3.5))
+    figure, axes = panels(1, 2, (7, 2.8))
     for variant, color in (("printed", SOFT), ("corrected", BLUE)):
         flow = client.slow_flow(
             SYSTEM, "restitution", variant, {"omega": 5}, (0, 200, 2001),
             outputs=("state", "impulse"),
         )  # fmt: skip
-        axes[0].plot(flow.t, 4 / flow.omega, color=color, label=f"$T_{{imp}}$, {variant}")
-        axes[1].semilogy(flow.t, flow.impulse, color=color, label=f"p, {variant}")
+        line(axes[0], flow.t, 4 / flow.omega, color, variant)
+        line(axes[1], flow.t, flow.impulse, color, variant)
     axes[0].axhline(2 * np.pi, color=WALL, linewidth=0.8, label=r"$T_{nat}$")
     for ax in axes:
         ax.set_xlabel("t")
-        ax.legend(frameon=False)
+        legend(ax)
+    axes[1].set_yscale("log")
+    axes[0].set_ylabel(r"period of the impacts $T_{imp}$")
+    axes[1].set_ylabel("impulse parameter p")
     flow = client.slow_flow(
         SYSTEM, "restitution", "corrected", {"omega": 5}, list(KNOWN), outputs=("state", "impulse")
     )

@@ -2,30 +2,43 @@
 
 from __future__ import annotations
 
+import json
+import os
 import re
+import shutil
+import subprocess
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+import matplotlib.image
 import numpy as np
 import pytest
 import scipy.linalg
 
+import vibroimpact as vi
 from tests.acceptance.conftest import Service
 
 mpl.use("Agg")
 ROOT = Path(__file__).parents[2]
+PLOTS = ROOT / "docs" / "images" / "plots"
 
 
 def _blocks(page: str) -> list[str]:
     return re.findall(r"^```python\n(.*?)^```$", (ROOT / page).read_text(), re.M | re.S)
 
 
-def _run(page: str) -> dict[str, Any]:
+def _run(page: str, *smaller: tuple[str, str]) -> dict[str, Any]:
+    """Run the blocks of a page one after the other; `smaller` replaces sizes that take long."""
     names: dict[str, Any] = {}
-    for block in _blocks(page):
+    blocks = _blocks(page)
+    for before, after in smaller:
+        assert any(before in block for block in blocks), before
+        blocks = [block.replace(before, after) for block in blocks]
+    for block in blocks:
         exec(compile(block, page, "exec"), names)
-    names["client"].close()
+    if "client" in names:
+        names["client"].close()
     return names
 
 
@@ -33,6 +46,136 @@ def _run(page: str) -> dict[str, Any]:
 def at(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     """Let clients find the service that is there."""
     monkeypatch.setenv("VIBROIMPACT_URL", service.url)
+
+
+def test_the_chapter_becomes_a_figure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    names = _run("docs/stories/chapter.md")
+    assert names["mode"].impulse[0, 0] == pytest.approx(names["p"], rel=1e-12)
+    assert (tmp_path / "momentum.png").stat().st_size > 10_000
+
+
+def test_the_home_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert _run("docs/index.md")["family"].exists.any()
+    assert (tmp_path / "family.png").stat().st_size > 10_000
+
+
+def test_a_finite_element_model_becomes_certified_bands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """scikit-fem's strip of 6,000 degrees of freedom; its first frequency is Euler's to 1 %."""
+    pytest.importorskip("skfem", reason="of the extra test")
+    monkeypatch.chdir(tmp_path)
+    names = _run("docs/stories/beam.md")
+    assert names["strip"].n >= 5000
+    euler = 1.8751**2 / (2 * np.pi) * np.sqrt(names["E"] * 0.02**2 / 12 / names["rho"])
+    assert names["hertz"][0] == pytest.approx(euler, rel=0.01)
+    assert set(names["bands"].bands.certified) == {"yes"}
+    assert names["mode"].exists.all()
+    tip = names["strip"].dof(names["tip"], "y")
+    at_tip = names["small"].expand(names["mode"].shape[0])[tip]
+    assert at_tip == pytest.approx(1e-3, rel=1e-9)
+    assert (tmp_path / "strip.png").stat().st_size > 10_000
+
+
+def _script(page: str, language: str) -> str:
+    blocks = re.findall(rf"^```{language}\n(.*?)^```$", (ROOT / page).read_text(), re.M | re.S)
+    return "\n".join(blocks)
+
+
+def test_curl_and_javascript_alone(service: Service, tmp_path: Path) -> None:
+    service.wait_ready()
+    environment = {**os.environ, "VIBROIMPACT_URL": service.url}
+    shell = "set -e\n" + _script("docs/stories/http.md", "bash")
+    subprocess.run(["bash", "-c", shell], cwd=tmp_path, env=environment, check=True, timeout=200)
+    answer = json.loads((tmp_path / "answer.json").read_text())
+    assert answer["momentum"] == json.loads((tmp_path / "result.json").read_text())["momentum"]
+    assert (tmp_path / "answer.h5").read_bytes().startswith(b"\x89HDF")
+    if shutil.which("node") is None:
+        pytest.skip("there is no JavaScript without a browser: apt install nodejs")
+    (tmp_path / "run.mjs").write_text(_script("docs/stories/http.md", "javascript"))
+    done = subprocess.run(
+        ["node", "run.mjs"], cwd=tmp_path, env=environment, check=True, capture_output=True,
+        text=True, timeout=200,
+    )  # fmt: skip
+    assert "succeeded 1 / 1" in done.stdout
+    assert f"impact-modes {answer['digest'][:12]}" in done.stdout
+
+
+def test_every_block_of_python_is_run() -> None:
+    """Each page with fenced blocks has a test here; other blocks would go unnoticed."""
+    pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
+    fenced = {path for path in pages if "```python" in path.read_text()}
+    names = {path.relative_to(ROOT).as_posix() for path in fenced}
+    assert names == set(re.findall(r'_run\("([^"]+)"', Path(__file__).read_text()))
+    indented = [
+        f"{path.name}: {line.strip()}"
+        for path in pages
+        for line in re.sub(r"^```.*?^```$", "", path.read_text(), flags=re.M | re.S).splitlines()
+        if re.match(r"    .*(\bvi\.[a-z]+\(|client\.[a-z_]+\()", line) and "read_model" not in line
+    ]
+    assert indented == []
+
+
+def test_getting_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    names = _run("docs/start.md", ("100_000", "2_000"))
+    assert [job.state for job in names["many"].jobs] == ["succeeded"] * 3
+    assert [each.Omega.size for each in names["results"]] == [1000] * 3
+    assert names["first"].shape == (1000, 3)
+
+
+def test_the_sweeps_page() -> None:
+    coarser = (('"step": 0.0001}', '"step": 0.0015}'), ('"step": 2}', '"step": 80}'))
+    names = _run("docs/sweeps.md", *coarser, ("progress=True", "progress=False"))
+    assert names["data"].impact_count.dims == ("gap", "restitution", "frequency")
+    assert names["one"].time.size > 0
+
+
+def test_the_plots_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    _run("docs/plots.md")
+    shown = re.findall(r"\(images/plots/(.+)\)", (ROOT / "docs/plots.md").read_text())
+    assert sorted(shown) == sorted(path.name for path in tmp_path.glob("*.png"))
+    for name in shown:
+        drawn, committed = (mpl.image.imread(at / name) for at in (tmp_path, PLOTS))
+        assert drawn.shape == committed.shape
+        assert np.abs(drawn - committed).mean() < 0.02  # fonts differ between machines
+
+
+def test_the_page_on_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    chain = vi.chain(3, [vi.constraint(0, 0.1)])
+    vi.Local().impact_modes(chain, (0.8, 3.0, 20)).to_hdf5("result.h5")
+    vi.Local().existence_bands(chain, 0.8, 3.0).to_hdf5("bands.h5")
+    names = _run("docs/service/files.md")
+    assert names["bands"].start.size > 0
+    names["result"].close()
+    names["bands"].close()
+
+
+def test_the_page_on_time_histories() -> None:
+    names = _run("docs/theory/time-histories.md", ("200j", "20j"))
+    assert names["result"].impact_time.size > 10
+
+
+def test_the_how_tos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    names = _run("docs/how-to.md")
+    assert names["first"].impulse.tolist() == names["again"].impulse.tolist()
+    assert (tmp_path / "bands.csv").read_text().count("\n") == 1 + names["bands"].bands.start.size
+    assert names["largest"] > 0.19
+
+
+def test_the_names_that_matlab_reads_are_in_the_file(tmp_path: Path) -> None:
+    script = _script("docs/how-to.md", "matlab")
+    chain = vi.chain(3, [vi.constraint(0, 0.1)])
+    modes = vi.Local().impact_modes(chain, (0.8, 3.0, 20), outputs=["impulse", "exists"])
+    with modes.open() as file:
+        for name in re.findall(r'h5read\("result.h5", "(/[^"]+)"\)', script):
+            assert name in file
+        assert {"units", "long_name"} <= set(file["momentum"].attrs)
 
 
 def test_the_readme() -> None:

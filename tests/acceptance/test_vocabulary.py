@@ -43,7 +43,8 @@ _OF_THE_ENSEMBLE = "the member of an ensemble, a dimension of its results"
 EXCEPTIONS: dict[tuple[str, str], str] = {
     ("solvers/.*/(ensemble/.*|results/ensemble|time_history/many).py", _MEMBER): _OF_THE_ENSEMBLE,
     ("openapi/vibroimpact_schema/(motions|requests).py", _MEMBER): _OF_THE_ENSEMBLE,
-    ("client/vibroimpact/(computations|plots|result_file).py", _MEMBER): _OF_THE_ENSEMBLE,
+    ("client/vibroimpact/(computations|motion_plots|result_file).py", _MEMBER): _OF_THE_ENSEMBLE,
+    ("client/vibroimpact/(documents|kinds).py", _MEMBER): _OF_THE_ENSEMBLE,
     ("docs/(theory/time-histories|service/files).md", _MEMBER): _OF_THE_ENSEMBLE,
     ("benchmarks/(skips/sweeps|scaling).py|changes/.*", _MEMBER): _OF_THE_ENSEMBLE,
     ("tests/.*/test_(ensemble|many|matrix|results|client).py", _MEMBER): _OF_THE_ENSEMBLE,
@@ -71,9 +72,10 @@ OUTSIDE = (
     "CHANGELOG.md",
     "benchmarks/results/",
     "docs/benchmarks/",
+    "docs/katex/",
     "tests/acceptance/test_vocabulary.py",
 )
-"""The changelog, kept results and the pages written from them, and the list above."""
+"""The changelog, kept results and the pages written from them, KaTeX, and the list above."""
 
 
 def _files() -> list[Path]:

@@ -30,7 +30,7 @@ def solve(
 ) -> None:
     """Compute chunks one by one and note each as it begins."""
     pieces = chunks.split(store_url, kind, request, result)
-    there = Store(store_url).chunks.present([pieces[index].name for index in indices])
+    there = Store(store_url).chunks.sound([pieces[index].name for index in indices])
     for index in indices:
         if pieces[index].name in there:
             continue  # as the functions of the service do

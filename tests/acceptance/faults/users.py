@@ -32,6 +32,17 @@ def tiny(start: float) -> dict[str, Any]:
     return sweep(start, 20)
 
 
+def history(t_end: float = 4000.0) -> dict[str, Any]:
+    """Return a request whose chunks follow one another."""
+    return {
+        "system": {"preset": "chain", "n": 13, "constraints": [{"dof": 5, "gap": 0.2}]},
+        "initial": {"x": [0.1 * (-1) ** i for i in range(13)], "v": [0.3] * 13},
+        "t_end": t_end,
+        "t": {"num": 200},
+        "outputs": ["x"],
+    }
+
+
 def impulses(content: dict[str, Any]) -> np.ndarray[Any, Any]:
     """Return the impulses that the solver computes in this process."""
     request = ImpactModesRequest.model_validate(content)
@@ -47,6 +58,7 @@ class User:
 
     replicas: list[Replica]
     accepted: dict[str, tuple[str, dict[str, Any]]] = field(default_factory=dict)
+    kind: str = "impact-modes"
 
     def ask(self, method: str, path: str, **arguments: Any) -> Any:
         """Repeat a request until it is answered, and return the answer."""
@@ -68,7 +80,7 @@ class User:
         """Submit jobs."""
         for content in contents:
             key = f"key-{len(self.accepted)}"
-            body = {"kind": "impact-modes", "request": content}
+            body = {"kind": self.kind, "request": content}
             answer = self.ask("POST", "/v1/jobs", json=body, headers={"Idempotency-Key": key})
             assert answer.status_code == 201, answer.text
             self.accepted[key] = (answer.json()["id"], content)
@@ -76,7 +88,7 @@ class User:
     def check(self) -> None:
         """Check that every accepted job ends well, with the right numbers, and is there once."""
         for key, (job, content) in self.accepted.items():
-            done = until(lambda job=job: self._final(job), f"{job} does not end")
+            done = until(lambda job=job: self.final(job), f"{job} does not end")
             assert done["state"] == "succeeded", done
             assert done["progress"]["done"] == done["progress"]["total"]
             answer = self.ask("GET", done["result"])
@@ -87,6 +99,7 @@ class User:
         listed = [job["id"] for job in self.ask("GET", "/v1/jobs?limit=500").json()["jobs"]]
         assert sorted(listed) == sorted(job for job, _ in self.accepted.values())
 
-    def _final(self, job: str) -> dict[str, Any] | None:
+    def final(self, job: str) -> dict[str, Any] | None:
+        """Return a job that has ended, or None."""
         document: dict[str, Any] = self.ask("GET", f"/v1/jobs/{job}?wait=5").json()
         return document if document["final"] else None

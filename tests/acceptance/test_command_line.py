@@ -1,0 +1,123 @@
+"""The client's commands as users run them: files and pipes, JSON, plots, exit codes."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import h5py
+import pytest
+
+from tests.acceptance.conftest import Service
+from vibroimpact.cli.exits import CODES
+
+REQUEST = {
+    "system": {"preset": "chain", "n": 13, "constraints": [{"dof": 5, "gap": 0.2}]},
+    "frequency": {"start": 0.6, "stop": 2.4, "num": 20},
+}
+
+
+class Shell:
+    """Runs commands in a folder with a configuration of its own."""
+
+    def __init__(self, folder: Path, url: str) -> None:
+        self.folder = folder
+        self.file = folder / "request.json"
+        self.file.write_text(json.dumps(REQUEST))
+        self.url = url
+
+    def __call__(
+        self, *arguments: str, text: str | None = None, url: str | None = ""
+    ) -> subprocess.CompletedProcess[str]:
+        environment = {k: v for k, v in os.environ.items() if not k.startswith("VIBROIMPACT_")}
+        environment |= {"VIBROIMPACT_CONFIG": str(self.folder / "config.toml"), "COLUMNS": "200"}
+        if url is not None:
+            environment["VIBROIMPACT_URL"] = url or self.url
+        return subprocess.run(
+            [sys.executable, "-m", "vibroimpact.cli", *arguments], input=text, env=environment,
+            capture_output=True, text=True, timeout=200, check=False, cwd=self.folder,
+        )  # fmt: skip
+
+
+@pytest.fixture
+def shell(service: Service, tmp_path: Path) -> Shell:
+    return Shell(tmp_path, service.url)
+
+
+def printed(done: subprocess.CompletedProcess[str]) -> Any:
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_a_request_becomes_a_file_a_plot_and_json(shell: Shell) -> None:
+    done = shell("compute", "impact-modes", "request.json", "-o", "out.h5", "--plot", "out.png")
+    assert (done.returncode, done.stdout) == (0, ""), done.stderr
+    with h5py.File(shell.folder / "out.h5") as file:
+        impulse = file["impulse"][()]
+    assert (shell.folder / "out.png").read_bytes().startswith(b"\x89PNG")
+    document = printed(shell("compute", "impact-modes", "--json", text=json.dumps(REQUEST)))
+    assert document["impulse"] == impulse.tolist()
+
+
+def test_a_job_is_queued_waited_for_and_fetched(shell: Shell) -> None:
+    name = shell("submit", "impact-modes", "request.json", "--priority", "3").stdout.strip()
+    assert name.startswith("job_")
+    assert printed(shell("wait", name, "--json"))["state"] == "succeeded"
+    assert name in [job["id"] for job in printed(shell("jobs", "--json", "--limit", "100"))]
+    assert name in shell("jobs", "--state", "succeeded").stdout
+    assert printed(shell("result", name, "--json"))["kind"] == "impact-modes"
+    assert shell("result", name, "-o", "job.h5").stdout == "job.h5\n"
+    assert printed(shell("plan", "impact-modes", "request.json", "--json"))["steps"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text", "url", "code", "said"),
+    [
+        (("compute", "impact-modes"), "{}", "", 2, "/system: this field is required"),
+        (("compute", "impact-modes"), "[]", "", 2, "a request is a JSON object"),
+        (("compute", "impact-modes", "none.json"), None, "", 1, "none.json"),
+        (("result", "job_none"), None, "", 2, "no such job"),
+        (("jobs",), None, None, 2, "vibroimpact login URL"),
+    ],
+)
+def test_exit_codes(
+    shell: Shell,
+    arguments: tuple[str, ...],
+    text: str | None,
+    url: str | None,
+    code: int,
+    said: str,
+) -> None:
+    done = shell(*arguments, text=text, url=url)
+    assert done.returncode == code
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+    assert f"{code} " in CODES
+
+
+def test_without_a_service_the_computation_is_done_in_the_process(shell: Shell) -> None:
+    here = printed(shell("compute", "impact-modes", "request.json", "--json", url=None))
+    there = printed(shell("compute", "impact-modes", "request.json", "--json"))
+    del here["plan"], there["plan"]
+    assert here == there
+    refused = shell("compute", "impact-modes", text="{}", url=None)
+    assert (refused.returncode, "/system: this field" in refused.stderr) == (2, True)
+
+
+def test_login_keeps_the_address_and_doctor_tells_it(shell: Shell) -> None:
+    assert shell("login", shell.url, text="\n", url=None).returncode == 0
+    path = shell.folder / "config.toml"
+    assert path.stat().st_mode & 0o077 == 0
+    assert shell.url in path.read_text()
+    done = shell("doctor", url=None)
+    assert done.returncode == 0, done.stderr
+    assert f"service: {shell.url}, without a key" in done.stdout
+    assert "answer: version" in done.stdout
+
+
+def test_completion_is_offered(shell: Shell) -> None:
+    assert "--install-completion" in shell("--help").stdout
