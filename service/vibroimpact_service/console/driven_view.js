@@ -25,6 +25,8 @@ const OUTPUTS = ["exists", "extremes", "energy", "stability"];
 const LONGEST = 0.05;
 /** Special points that the page lists; the others are only marked. */
 const LISTED = 24;
+/** Frequencies at most whose motions are marked by points where branches are drawn. */
+const MARKED = 60;
 /** Pixels by which a phantom is taken to lie farther from a click. */
 const AVERSION = 12;
 
@@ -205,7 +207,11 @@ export class DrivenView extends BaseView {
     curve.marks = special.filter(({ exists, height }) => exists && height <= top).map(({ Omega: x, height: y, kind }) => ({ x, y, kind, colour: "ink" }));
     curve.onPick = (x, y) => this.#move(x, y);
     curve.onHover = (index, x, y) => this.#hover(index === null ? null : this.#nearest(x, y));
-    const shownHere = single.filter(({ impacts, height }) => impacts > 0 && height < 4 * top);
+    // Beside branches they would hide whether the lines are dashed.
+    const every = branches ? Math.ceil(Omega.length / MARKED) : 1;
+    const marked = new Set();
+    for (let index = 0; index < Omega.length; index += every) marked.add(Omega[index]);
+    const shownHere = single.filter((each) => each.impacts > 0 && each.height < 4 * top && marked.has(each.Omega));
     curve.show([shownHere.map((each) => each.Omega), ...["phantom", "stable", "unstable"].map((each) => shownHere.map((motion) => (stateOf(motion) === each ? motion.height : null)))]);
     Object.assign(this.slider, { min: String(Omega[0]), max: String(Omega[Omega.length - 1]) });
     if (fields().Omega !== null) curve.choose(fields().Omega, state.fields.height);
