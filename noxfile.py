@@ -100,6 +100,13 @@ def tests(session: nox.Session) -> None:
 
 
 @nox.session
+def sfepy(session: nox.Session) -> None:
+    """Build SfePy from its sources and run the page of the documentation that uses it."""
+    install(session, "-e", ".[test]", "sfepy")
+    session.run("pytest", "-n", "0", "tests/acceptance/test_docs.py", "-k", "sfepy")
+
+
+@nox.session
 def fuzz(session: nox.Session) -> None:
     """Send schemathesis' requests to a service: no 5xx, nothing but what the contract says.
 

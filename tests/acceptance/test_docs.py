@@ -79,6 +79,19 @@ def test_a_finite_element_model_becomes_certified_bands(
     assert (tmp_path / "strip.png").stat().st_size > 10_000
 
 
+@pytest.mark.filterwarnings("default::DeprecationWarning")  # SfePy's own
+def test_the_same_model_from_sfepy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The strip as another program assembles it has the frequencies of scikit-fem's."""
+    pytest.importorskip("sfepy", reason="built from its sources in nox -s sfepy")
+    pytest.importorskip("skfem", reason="of the extra test")
+    monkeypatch.chdir(tmp_path)
+    names, others = _run("docs/stories/sfepy.md"), _run("docs/stories/beam.md")
+    # The highest eigenvalue is 1e8 times the lowest: roundings of K count so much more.
+    np.testing.assert_allclose(names["small"].Omega, others["small"].Omega, rtol=1e-6)
+    assert names["strip"].n == others["strip"].n
+    assert names["strip"].dof(names["tip"], "y") >= 0
+
+
 def _script(page: str, language: str) -> str:
     blocks = re.findall(rf"^```{language}\n(.*?)^```$", (ROOT / page).read_text(), re.M | re.S)
     return "\n".join(blocks)
