@@ -50,7 +50,12 @@ def test_a_full_disk(
     until(delayed, "no job says that the disk is full")
     time.sleep(1.0)
     filler.unlink()
+    moment = time.time()
     user.submit(tiny(1.0))
+    accepted = time.time() - moment
+    until(lambda: not delayed(), "the jobs still wait")
+    seconds = [round(accepted, 2), round(time.time() - moment, 2)]
+    print("seconds until jobs are accepted again, and until none waits:", seconds)
     user.check()
     # What failed on the full disk was begun again, but not what had been stored before.
     record.check()
