@@ -177,7 +177,8 @@ def faults(session: nox.Session) -> None:
     """Kill processes at random moments, fill disks, cut networks; all jobs must end well."""
     install_locked(session)
     session.run(
-        "pytest", "-n", "0", "-m", "faults", "-s", "tests/acceptance/faults", *session.posargs
+        *("pytest", "-n", "0", "-m", "faults", "-s", "--durations", "8"),
+        *("tests/acceptance/faults", *session.posargs),
     )
 
 

@@ -127,6 +127,7 @@ def test_a_server_that_is_gone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, 
     with socket.socket() as nobody:
         nobody.bind(("127.0.0.1", 0))
         monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{nobody.getsockname()[1]}")
+        monkeypatch.setenv("AWS_MAX_ATTEMPTS", "1")  # else botocore asks five times, with pauses
         fsspec.filesystem("s3").clear_instance_cache()
         gone = Store("s3://bucket/x").results
         with pytest.raises(StoreUnavailableError):
