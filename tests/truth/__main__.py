@@ -53,8 +53,8 @@ def _check(name: str, case: Case) -> int:
         print(f"FAILED {kind}: {message}")
     for what in report.counts:
         print(what)
-    for what, (ratio,) in report.ratios.items():
-        print(f"{what}: stated / true error {ratio:.3g}")
+    for what, ratios in report.ratios.items():
+        print(f"{what}: stated / true error at least {min(ratios):.3g}")
     return int(bool(report.failures))
 
 

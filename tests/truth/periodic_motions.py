@@ -19,6 +19,7 @@ from vibroimpact_solvers.results.periodic_motions import Result
 TWO_PI = 2.0 * np.pi
 _POINTS = 1201  # of the paths on which limits and extremes are checked
 _PHASES = 40_001  # at which solutions are looked for
+_DIGITS = 1e-45  # to which the reference knows multipliers, by the largest one
 _SMALL = 8  # degrees of freedom up to which multipliers are compared
 
 
@@ -262,7 +263,8 @@ def _check_multipliers(
     apart = np.abs(values[:, np.newaxis] - expected)
     ours, theirs = linear_sum_assignment(apart)
     off = apart[ours, theirs]
-    least = 4.0 * ROUNDING * np.abs(expected[theirs])  # of the comparison
+    # Roundings of the comparison, and those of the reference's matrix in small eigenvalues.
+    least = 4.0 * ROUNDING * np.abs(expected[theirs]) + _DIGITS * np.abs(expected).max()
     ratios = errors[ours] / np.maximum(off, least)
     worst = int(ratios.argmin())
     report.ratios.setdefault("multipliers", []).append(float(ratios[worst]))

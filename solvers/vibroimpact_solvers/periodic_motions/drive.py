@@ -98,7 +98,7 @@ class Driven:
             harmonics[keep],
             forces[keep],
             load[keep],
-            modes.shape_error + 4.0 * EPS + (basis.condition - 1.0) * 4.0 * EPS,
+            modes.shape_error + basis.vector_error + 4.0 * EPS * basis.condition,
         )
 
     def watched(self, walls: Floats) -> Coordinates:

@@ -15,22 +15,18 @@ from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
 from vibroimpact_solvers.arrays import Booleans, Floats, Integers
-from vibroimpact_solvers.errors import PlanError
 from vibroimpact_solvers.kernels.flow import DRIVE, Flow
 from vibroimpact_solvers.kernels.passages import LOW, ORDER
+from vibroimpact_solvers.time_history.complex_modes import complex_modes
 
-ILL: Final = 1e8
-"""Condition number of the complex modes beyond which they are not used."""
 COLUMNS: Final = 3
 """Deviations that are carried along where errors are estimated."""
 _NOISE = 16  # rows of signs that stand for rounding, half of them the others' negatives
 _FEW = 4  # pairs up to which none are added
 _LANES = 8  # numbers that a processor takes at a time: pairs are filled up to a multiple
-_CLOSE = 1e-2  # of its own size, from another rate, at which complex modes are almost equal
 _NEAR = 1e-3  # of its square, from a natural frequency, at which a load is in resonance
 _CLOCK = np.array([[0.0], [1.0]])
 _EPS = float(np.finfo(np.float64).eps)
@@ -117,6 +113,8 @@ class Basis:
         How the pairs move.
     condition : float
         Condition number of the complex modes; 1 where there are none.
+    vector_error : float
+        Their error, relative to their lengths.
     """
 
     def __init__(self, modes: Modes, exponent: int) -> None:
@@ -125,7 +123,7 @@ class Basis:
         self._roots = modes.roots * unit
         self._eigenvalues = self._roots * np.abs(self._roots)
         damping = np.zeros((0, 0)) if modes.damping is None else modes.damping * unit
-        self.condition = 1.0
+        self.condition, self.vector_error = 1.0, 0.0
         self._single, self._coupled = _apart(damping, self._roots.size)
         self._omega = modes.frequencies * unit
         self._eigenvalue_errors = modes.errors * (unit**2 / _EPS)
@@ -194,12 +192,14 @@ class Basis:
                 [-np.diag(self._eigenvalues[some]), -damping[np.ix_(some, some)]],
             ]
         )
-        sigma, vectors = np.linalg.eig(A)
         norm = np.concatenate([np.maximum(np.abs(self._eigenvalues[some]), 1e-8), np.ones(n)])
-        upper = np.flatnonzero(sigma.imag > 0.0)
-        chains = _chain(A, np.sqrt(norm), sigma, vectors, upper)
-        real = np.flatnonzero(sigma.imag == 0.0)
-        real = real[np.argsort(-sigma[real].real)]
+        doubt = np.zeros(A.shape)
+        doubt[n:, :n] = np.diag(_EPS * self._eigenvalue_errors[some])
+        of_damping = math.ldexp(1.0, -self.exponent) * self.modes.damping_errors[some]
+        doubt[n:, n:] = np.sqrt(np.outer(of_damping, of_damping))
+        modes = complex_modes(A, np.sqrt(norm), doubt)
+        sigma, vectors, upper, real = modes.rates, modes.vectors, modes.oscillating, modes.real
+        self.condition, self.vector_error = modes.condition, modes.vector_error
         first = [vectors[:, upper].real]
         second = [vectors[:, upper].imag]
         # Real rates in pairs, from the slowest decay to the fastest.
@@ -209,16 +209,12 @@ class Basis:
         columns: Floats = np.stack([np.concatenate(first, axis=1), np.concatenate(second, axis=1)])
         lengths = np.sqrt((columns**2 * norm[:, np.newaxis]).sum(axis=(0, 1)) / 2.0)
         columns /= lengths
-        self._chains = [(i, k, kappa * complex(lengths[i] / lengths[k])) for i, k, kappa in chains]
+        self._chains = [
+            (i, k, kappa * complex(lengths[i] / lengths[k])) for i, k, kappa in modes.chains
+        ]
+        either = np.maximum(modes.errors[fast], modes.errors[slow])
+        self._rate_errors = np.concatenate([modes.errors[upper], either])
         self._T = np.concatenate([columns[0], columns[1]], axis=1)
-        root = np.sqrt(norm)[:, np.newaxis]
-        self.condition = float(np.linalg.cond(root * self._T))
-        if not self.condition < ILL:
-            message = (
-                "damping makes modes of the structure almost equal, which complex modes cannot "
-                "tell apart"
-            )
-            raise PlanError(message)
         self._inverse = np.asarray(np.linalg.inv(self._T), dtype=np.float64)
         alpha = [sigma[upper].real, 0.5 * (sigma[fast] + sigma[slow]).real]
         nu = [sigma[upper].imag, 0.5 * (sigma[fast] - sigma[slow]).real]
@@ -501,9 +497,7 @@ class Basis:
         error += self._shares * stretch * float(np.finfo(np.longdouble).eps) / _EPS  # of the root
         drifts[:, : one.size] = error
         if some.size:
-            pairs = self._order.argsort()[one.size : one.size + some.size]
-            largest = float(np.hypot(self.alpha[pairs], self.nu[pairs]).max())
-            drifts[:, one.size : one.size + some.size] = self.condition * largest
+            drifts[:, one.size : one.size + some.size] = self._rate_errors / _EPS
         signs = np.random.default_rng(1).choice([-1.0, 1.0], drifts.shape)
         return np.ascontiguousarray((signs * drifts)[:, self._order])
 
@@ -515,7 +509,7 @@ class Basis:
         In units of 2^-52. All are those of the same rows ``w E`` of the modes, so that the motion
         is that of another coordinate, whose mobility goes with its kick.
         """
-        shape_error = 2.0 * (1.0 + self.modes.shape_error / _EPS)
+        shape_error = 2.0 * (1.0 + (self.modes.shape_error + self.vector_error) / _EPS)
         signs = np.random.default_rng(2).choice([-1.0, 1.0], (COLUMNS, len(kicks), 1, self.pairs))
         errors = shape_error * signs
         own = (slopes * kicks).sum(axis=(1, 2))
@@ -769,60 +763,6 @@ def _apart(damping: Floats, n: int) -> tuple[Integers, Integers]:
         return everyone, everyone[:0]
     coupled = (damping != np.diag(damping.diagonal())).any(axis=1)
     return everyone[~coupled], everyone[coupled]
-
-
-def _chain(
-    A: Floats,
-    root: Floats,
-    sigma: NDArray[np.complex128],
-    vectors: NDArray[np.complex128],
-    upper: Integers,
-) -> list[tuple[int, int, complex]]:
-    """Replace complex modes that are almost equal by two of which one drives the other.
-
-    Schur vectors of the two: ``A q1 = sigma1 q1``, ``A q2 = sigma2 q2 + kappa q1``. They stand at
-    right angles however near the modes are, and span the same motions.
-
-    Parameters
-    ----------
-    A : array, shape (2 mode, 2 mode)
-    root : array, shape (2 mode,)
-        Scales in which rates have no dimension.
-    sigma, vectors : array
-        Eigenvalues and eigenvectors; replaced where modes are almost equal.
-    upper : array of int
-        The eigenvalues with positive imaginary parts.
-
-    Returns
-    -------
-    list of tuple
-        Places in `upper` of the driven and of the driving mode, and kappa.
-    """
-    chains = []
-    apart = np.abs(sigma[upper, np.newaxis] - sigma[upper])
-    np.fill_diagonal(apart, np.inf)
-    close = apart < _CLOSE * np.abs(sigma[upper])
-    scaled = root[:, np.newaxis] * A / root
-    for i in range(upper.size):
-        others = np.flatnonzero(close[i])
-        if others.size != 1 or others[0] < i or close[others[0]].sum() != 1:
-            continue  # three that are almost equal: the condition number decides
-        k = int(others[0])
-        middle = 0.5 * (sigma[upper[i]] + sigma[upper[k]])
-        radius = apart[i, k]
-
-        def solve_many(s: Any, middle: Any = middle, radius: Any = radius) -> bool:
-            return bool(abs(s - middle) <= radius)
-
-        schur: Any = scipy.linalg.schur  # its stubs know selections of real rates only
-        T, Q, count = schur(scaled.astype(np.complex128), output="complex", sort=solve_many)
-        if count != 2:
-            continue
-        for place, column in ((i, 0), (k, 1)):
-            sigma[upper[place]] = T[column, column]
-            vectors[:, upper[place]] = Q[:, column] / root
-        chains.append((i, k, complex(T[0, 1])))
-    return chains
 
 
 def _padding(pairs: int) -> _Pairs:
