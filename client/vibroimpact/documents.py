@@ -402,7 +402,10 @@ class MatrixSystem(TypedDict):
     """M x″ + C x′ + K x = force, with constraints."""
 
     M: Sequence[Sequence[float]] | DiagonalMatrix | BandedMatrix | CoordinateMatrix | ScalarMatrix
-    """Mass matrix, symmetric positive definite, shape [n, n]."""
+    """Mass matrix, symmetric, shape [n, n]. Positive definite, apart from rows and columns of
+    zeros: such degrees of freedom have no mass and follow the others statically. They need
+    positive definite stiffness, and take no constraint, load or damping.
+    """
     K: Sequence[Sequence[float]] | DiagonalMatrix | BandedMatrix | CoordinateMatrix | ScalarMatrix
     """Stiffness matrix, symmetric, shape [n, n]."""
     C: NotRequired[

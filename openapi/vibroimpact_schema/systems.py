@@ -143,7 +143,13 @@ class Units(Document):
 class MatrixSystem(Document):
     """M x″ + C x′ + K x = force, with constraints."""
 
-    M: Matrix = Field(description="Mass matrix, symmetric positive definite, shape [n, n].")
+    M: Matrix = Field(
+        description=(
+            "Mass matrix, symmetric, shape [n, n]. Positive definite, apart from rows and columns "
+            "of zeros: such degrees of freedom have no mass and follow the others statically. "
+            "They need positive definite stiffness, and take no constraint, load or damping."
+        )
+    )
     K: Matrix = Field(description="Stiffness matrix, symmetric, shape [n, n].")
     C: Matrix | None = Field(None, description="Damping matrix, symmetric, shape [n, n].")
     force: Numbers | None = Field(None, description="Constant load, shape [n].")

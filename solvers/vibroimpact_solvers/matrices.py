@@ -243,6 +243,19 @@ class SymmetricMatrix:
             y[:-k] += part * x[k:]
         return np.asarray(y)
 
+    def block(self, rows: Integers, columns: Integers | None = None) -> scipy.sparse.csr_array:
+        """Return some rows, of some columns or of all, without zeros."""
+        some = self.to_sparse()[rows]
+        some = scipy.sparse.csr_array(some if columns is None else some[:, columns])
+        some.eliminate_zeros()
+        return some
+
+    def part(self, dofs: Integers) -> SymmetricMatrix:
+        """Return the matrix of some degrees of freedom."""
+        if self.form is Form.DENSE:
+            return SymmetricMatrix.dense(self.data[np.ix_(dofs, dofs)])
+        return SymmetricMatrix.leanest(self.block(dofs, dofs))
+
     def plus(self, factor: float, other: SymmetricMatrix) -> SymmetricMatrix:
         """Return ``self + factor * other``."""
         if Form.SPARSE in {self.form, other.form}:

@@ -1,5 +1,8 @@
 """The mechanical model: M x'' + C x' + K x = f with rigid limiters.
 
+Degrees of freedom whose rows of M are zero have no mass: they follow the others statically, see
+`condensation`.
+
 Examples
 --------
 >>> from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
@@ -15,17 +18,22 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.arrays import EPS, Floats, Integers
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.matrices import SymmetricMatrix
 
 RANGE: Final = (1e-100, 1e100)
 """Allowed magnitudes of gaps, matrices and frequencies: their squares stay finite."""
+
+_HELD: Final = 1e-14
+"""Part of the diagonal of K without which what has no mass must still be held by springs."""
+_ROUNDED: Final = 4.0 * EPS
+"""The same for every degree of freedom without mass, where there are many."""
 
 __all__ = [
     "RANGE",
@@ -34,6 +42,7 @@ __all__ = [
     "SymmetricMatrix",
     "System",
     "Units",
+    "listed",
     "within_range",
 ]
 
@@ -42,6 +51,11 @@ def within_range(values: Floats) -> bool:
     """Whether all magnitudes are in `RANGE`."""
     sizes = np.abs(values)
     return not sizes.size or bool(sizes.min() >= RANGE[0] and sizes.max() <= RANGE[1])
+
+
+def listed(dofs: Integers) -> str:
+    """Return degrees of freedom as text, the first of them where there are many."""
+    return ", ".join(map(str, dofs[:10].tolist())) + (", …" if dofs.size > 10 else "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +155,8 @@ class System:
     Parameters
     ----------
     M, K : SymmetricMatrix
-        Mass (positive definite) and stiffness, shape (n, n).
+        Mass and stiffness, shape (n, n). M is positive definite, apart from rows that are zero:
+        such degrees of freedom must be held by springs, without limiters, loads and damping.
     constraints : sequence of Constraint
         The limiters; results refer to them by index.
     C : SymmetricMatrix, optional
@@ -152,6 +167,11 @@ class System:
         Units of the numbers; None: dimensionless.
     chain : ChainShape, optional
         Set by `presets.chain`: the natural modes are known in closed form.
+
+    Attributes
+    ----------
+    massless : array of int
+        Degrees of freedom without mass, ascending.
 
     Raises
     ------
@@ -166,6 +186,7 @@ class System:
     force: Floats | None = None
     units: Units | None = None
     chain: ChainShape | None = None
+    massless: Integers = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "constraints", tuple(self.constraints))
@@ -182,8 +203,8 @@ class System:
             object.__setattr__(self, "force", force)
         self._check_constraints()
         self._check_magnitudes()
-        if self.chain is None and not self.M.is_positive_definite():
-            raise self._mass_error()
+        object.__setattr__(self, "massless", self._without_mass())
+        self._check_massless()
 
     def _check_magnitudes(self) -> None:
         parts = [("M", self.M.data), ("K", self.K.data)]
@@ -194,36 +215,80 @@ class System:
             if largest and not within_range(np.array([largest])):
                 message = f"the largest entry is {largest!r}, not between {RANGE[0]} and {RANGE[1]}"
                 raise ModelError((name,), message, code="out_of_range")
-        if self.chain is None and not within_range(self.M.main_diagonal):
-            if not (self.M.main_diagonal > 0.0).all():
-                raise self._mass_error()
+        masses = self.M.main_diagonal
+        if self.chain is None and not within_range(masses[masses > 0.0]):
             message = f"a mass is not between {RANGE[0]} and {RANGE[1]}"
             raise ModelError(("M",), message, code="out_of_range")
 
-    def _mass_error(self) -> ModelError:
-        """Return the error of a mass matrix, naming degrees of freedom without mass."""
-        message, code = "the mass matrix is not positive definite", "not_positive_definite"
-        massless = np.flatnonzero(self.M.main_diagonal == 0.0)
-        if massless.size:
-            listed = ", ".join(map(str, massless[:10])) + (", …" if massless.size > 10 else "")
+    def _without_mass(self) -> Integers:
+        """Return the degrees of freedom without mass; refuse other mass matrices than the class."""
+        masses = self.M.main_diagonal
+        massless = np.flatnonzero(masses == 0.0)
+        if self.chain is not None or (not massless.size and self.M.is_positive_definite()):
+            return massless
+        rest = np.flatnonzero(masses)
+        unclear = "the mass matrix is not positive definite"
+        if not massless.size or (masses < 0.0).any():
+            raise ModelError(("M",), unclear, code="not_positive_definite")
+        if not rest.size:
+            message = f"{unclear}: no degree of freedom has mass"
+            raise ModelError(("M",), message, code="not_positive_definite")
+        if self.M.block(massless).nnz:
+            message = f"{unclear}: a degree of freedom without mass is coupled to others by mass"
+            raise ModelError(("M",), message, code="not_positive_definite")
+        if not self.M.part(rest).is_positive_definite():
+            message = f"{unclear}, nor is what remains without its rows that are zero"
+            raise ModelError(("M",), message, code="not_positive_definite")
+        held = self.K.part(massless)
+        part = max(_HELD, _ROUNDED * massless.size)
+        held = held.plus(-part, SymmetricMatrix.diagonal(held.main_diagonal))
+        if not held.is_positive_definite():
             message = (
-                f"{massless.size} degrees of freedom have no mass ({listed}): condense them "
-                "statically first, they follow the others (vibroimpact.condense)"
+                f"the degrees of freedom without mass ({listed(massless)}) are not held by "
+                "springs: their part of the stiffness matrix is not positive definite, so that "
+                "they do not follow the others"
             )
-            struck = {dof for constraint in self.constraints for dof in constraint.dofs}
-            both = [str(dof) for dof in massless if dof in struck]
+            raise ModelError(("K",), message, code="massless_not_held")
+        return massless
+
+    def _check_massless(self) -> None:
+        """Refuse limiters, loads and damping of degrees of freedom without mass."""
+        if not self.massless.size:
+            return
+        without = set(self.massless.tolist())
+        for index, constraint in enumerate(self.constraints):
+            both = [str(dof) for dof, _ in constraint.coordinate if dof in without]
             if both:
-                message += (
-                    f"; {', '.join(both)} with a constraint too: without mass an impact is not "
-                    "defined there, give the stop a mass"
+                message = (
+                    f"dof {', '.join(both)} has no mass: an impact is not defined there, give the "
+                    "stop a mass"
                 )
-        return ModelError(("M",), message, code=code)
+                raise ModelError(("constraints", index), message, code="massless_constraint")
+        if self.force is not None:
+            self.check_load(self.force, ("force",))
+        if self.C is not None and self.C.block(self.massless).nnz:
+            message = (
+                f"degrees of freedom without mass ({listed(self.massless)}) have damping: they "
+                "would not follow the others statically; give them a mass, or no damping"
+            )
+            raise ModelError(("C",), message, code="massless_damping")
+
+    def check_load(self, forces: Floats, pointer: tuple[str | int, ...]) -> None:
+        """Refuse a load, shape (dof,), that acts where there is no mass."""
+        loaded = self.massless[forces[self.massless] != 0.0]
+        if loaded.size:
+            message = (
+                f"a load acts on dof {listed(loaded)}, without mass: put it on degrees of freedom "
+                "with mass, as the static condensation distributes it"
+            )
+            raise ModelError(pointer, message, code="massless_load")
 
     def limited(self, constraints: Sequence[Constraint]) -> System:
         """Return the same structure with other limiters; its matrices are not checked again."""
         system = copy.copy(self)
         object.__setattr__(system, "constraints", tuple(constraints))
         system._check_constraints()
+        system._check_massless()
         return system
 
     def _check_constraints(self) -> None:

@@ -28,7 +28,7 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.csgraph
 
-from vibroimpact_solvers import spectrum
+from vibroimpact_solvers import condensation, spectrum
 from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.checks import check_outputs, check_tolerance
 from vibroimpact_solvers.errors import ModelError, PlanError
@@ -106,6 +106,8 @@ def plan(problem: Problem) -> Plan:
         raise PlanError(message)
     names = sorted({str(method) for _, method in methods})
     reason = f"with the coordinate fixed the structure has {len(parts)} parts ({', '.join(names)})"
+    if problem.system.massless.size:
+        reason = f"{condensation.sentence(problem.system)}; {reason}"
     # Dividing the structure takes longer than the modes of small parts.
     flops = 1.5e6 + sum(spectrum.flops(part.system, method) for part, method in methods)
     chosen = tuple(method for _, method in methods)
@@ -250,6 +252,8 @@ def _parts(problem: Problem) -> Iterator[_Part]:
         dofs = np.flatnonzero(label == part)
         if not (stiff[dofs].any() or heavy[dofs].any()):
             continue
+        if not M[dofs].nnz:
+            continue  # nothing in it vibrates
         chain = None
         if system.chain is not None and len(coordinate) == 1:
             chain = ChainShape(dofs.size, system.chain.mass, system.chain.stiffness)

@@ -33,6 +33,7 @@ def _of_mean_speed(problem: Problem) -> time_history.Problem:
     usable = problem.v[(each > RANGE[0] * problem.system.n) & (each < RANGE[1])]
     speed = float(np.linalg.norm(usable, axis=1).mean()) if usable.size else 0.0
     v = np.full(problem.system.n, speed / math.sqrt(problem.system.n))
+    v[problem.system.massless] = 0.0  # stands for what follows from the others
     return replace(pattern, initial=time_history.State(start.x, v))
 
 

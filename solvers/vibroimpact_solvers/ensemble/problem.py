@@ -63,6 +63,7 @@ class Problem:
         if self.x.shape != self.v.shape or not self.size:
             message = f"{len(self.v)} velocities for {len(self.x)} displacements"
             raise ModelError(("initial", "v"), message, code="wrong_length")
+        time_history.check_followed(self.system, State(self.x, self.v))
         self.pattern  # noqa: B018 (checks the fields common to all members)
 
     @property

@@ -20,7 +20,7 @@ import flint
 import numpy as np
 import scipy.linalg
 
-from vibroimpact_solvers import precision
+from vibroimpact_solvers import condensation, precision
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.impact_modes.family import Family
 from vibroimpact_solvers.impact_modes.problem import Problem
@@ -56,13 +56,14 @@ def decided(problem: Problem, place: int) -> Verdict | None:
 class _Solution:
     def __init__(self, problem: Problem, place: int) -> None:
         system, family = problem.system, Family.of(problem)
-        self.n = n = system.n
+        condensed = condensation.in_balls(system)
+        M, K, massive = condensed.M, condensed.K, condensed.massive
+        self.n = n = massive.size
         self.constraints = system.constraints
         self.upper = [problem.active[i] for i in family.upper]
         self.lower = [problem.active[i] for i in family.lower]
-        M, K = (_exact(matrix.to_dense()) for matrix in (system.M, system.K))
-        self.rows = _exact(system.directions(range(len(self.constraints))))
-        force = np.zeros(n) if system.force is None else system.force
+        self.rows = _exact(system.directions(range(len(self.constraints)))[:, massive])
+        force = np.zeros(n) if system.force is None else system.force[massive]
         self.B, pull = M.solve(K), M.solve(_exact(force[:, np.newaxis]))
         self.mobility = M.solve(self.rows.transpose())
         self.A = flint.arb_mat(2 * n + 1, 2 * n + 1)

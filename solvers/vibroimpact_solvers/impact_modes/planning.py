@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from vibroimpact_solvers import receptance, spectrum, stability
+from vibroimpact_solvers import condensation, receptance, spectrum, stability
 from vibroimpact_solvers.errors import PlanError
 from vibroimpact_solvers.impact_modes import costs, extended
 from vibroimpact_solvers.impact_modes.family import Family, Kind
@@ -68,6 +68,8 @@ def steps_like(plan: Plan, problem: Problem) -> tuple[Step, ...]:
 def can_use_partial_modes(problem: Problem) -> bool:
     """Whether the solutions can be found without all natural modes, of which there are many."""
     system = problem.system
+    if system.massless.size:
+        return False  # series and counts of modes take a mass matrix that is positive definite
     antisymmetric = Family.of(problem).kind is Kind.ANTISYMMETRIC
     return antisymmetric and system.n > _ALWAYS_MODAL and costs.can_factorize(system)
 
@@ -147,6 +149,8 @@ def _sums_without_cancelling(problem: Problem) -> bool:
     neighbours. With a full M it would be as uncertain as the condition number of M makes it.
     """
     M, K = problem.system.M, problem.system.K
+    if problem.system.massless.size:
+        return False
     single = all(len(one.coordinate) == 1 for one in problem.struck)
     return single and M.form is Form.DIAGONAL and K.joins_by_springs
 
@@ -155,6 +159,13 @@ def _check_size(problem: Problem, method: spectrum.Method) -> None:
     """Refuse natural modes and maps that are too large."""
     system = problem.system
     if spectrum.nbytes(system, method) > spectrum.MEMORY:
+        if system.massless.size:
+            message = (
+                f"all natural modes of the {system.n - system.massless.size} degrees of freedom "
+                f"with mass take more than {spectrum.MEMORY / 1e9:.0f} GB, and they are needed "
+                "where others have no mass: reduce the model first (vibroimpact.reduce)"
+            )
+            raise PlanError(message)
         message = (
             f"all natural modes of {system.n} degrees of freedom take more than "
             f"{spectrum.MEMORY / 1e9:.0f} GB; without them only impulses, shapes and energy of "
@@ -162,9 +173,10 @@ def _check_size(problem: Problem, method: spectrum.Method) -> None:
             "structures"
         )
         raise PlanError(message)
-    if "stability" in problem.outputs and system.n > stability.LARGEST:
+    modes = system.n - system.massless.size
+    if "stability" in problem.outputs and modes > stability.LARGEST:
         message = (
-            f"stability needs the multipliers of a map of {2 * system.n} deviations, more than "
+            f"stability needs the multipliers of a map of {2 * modes} deviations, more than "
             f"{2 * stability.LARGEST}: leave the output out"
         )
         raise PlanError(message)
@@ -260,7 +272,7 @@ def _impacts_commute(problem: Problem) -> bool:
     if len(problem.active) == 1:
         return True
     rows = problem.system.directions(problem.active)
-    return stability.commutes(rows @ problem.system.M.factorize()(rows.T))
+    return stability.commutes(rows @ condensation.solve_mass(problem.system)(rows.T))
 
 
 def _displacements(problem: Problem) -> Iterator[tuple[str, Stage, int]]:

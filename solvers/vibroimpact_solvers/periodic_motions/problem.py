@@ -145,6 +145,7 @@ class Problem:
                 if not 0 <= dof < self.system.n:
                     message = f"dof {dof} is not below the number of degrees of freedom"
                     raise ModelError(("load", index, "dof"), message, code="index_out_of_range")
+            self._check_massless(index, force)
             if force.harmonic < 1:
                 message = "the harmonic is below 1; a constant load belongs to the system"
                 raise ModelError(("load", index, "harmonic"), message, code="out_of_range")
@@ -152,6 +153,13 @@ class Problem:
             if not all(map(math.isfinite, numbers)) or len(force.weights) != len(force.dofs):
                 message = "a load needs finite numbers, and one weight for each dof"
                 raise ModelError(("load", index), message, code="not_finite")
+
+    def _check_massless(self, index: int, force: Force) -> None:
+        """Refuse a load that acts where there is no mass."""
+        forces = np.zeros(self.system.n)
+        for dof, weight in zip(force.dofs, force.weights, strict=False):
+            forces[dof] = weight
+        self.system.check_load(forces, ("load", index, "dof"))
 
     def _check_sequence(self) -> None:
         constraints = self.system.constraints

@@ -69,6 +69,9 @@ class Problem:
     def __post_init__(self) -> None:
         object.__setattr__(self, "t", np.ascontiguousarray(self.t, dtype=np.float64))
         object.__setattr__(self, "outputs", frozenset(self.outputs))
+        if self.system.massless.size:
+            message = "slow flows take structures in which every degree of freedom has mass"
+            raise ModelError(("system", "M"), message, code="not_of_this_model")
         if self.t.ndim != 1 or self.t.size == 0:
             raise ModelError(("t",), "there is no time", code="empty_grid")
         if not (np.isfinite(self.t) & (self.t >= 0.0)).all():

@@ -8,7 +8,8 @@ import weakref
 import numpy as np
 import scipy.linalg
 
-from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers import condensation
+from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix
 from vibroimpact_solvers.model import System
@@ -21,17 +22,26 @@ def largest_frequency(system: System) -> float:
 
     For a diagonal M the bound of Gershgorin for ``M^(-1/2) K M^(-1/2)``. Otherwise an
     estimate by Lanczos' method, raised until a factorization of ``sigma M -+ K`` proves it.
+    Where there are degrees of freedom without mass, those of the condensed structure.
     """
     if system.chain is not None:
         # Eq. 10.63 with j = N + 1.
         return 2.0 * math.sqrt(system.chain.stiffness / system.chain.mass)
     bound = _BOUNDS.get(system)
     if bound is None:
-        bound = _BOUNDS[system] = math.sqrt(_bound(system.M, system.K))
+        bound = _BOUNDS[system] = math.sqrt(_square(system))
     return bound
 
 
 _BOUNDS: weakref.WeakKeyDictionary[System, float] = weakref.WeakKeyDictionary()
+
+
+def _square(system: System) -> float:
+    if not system.massless.size:
+        return _bound(system.M, system.K)
+    condensed = condensation.of(system)
+    rounded = 8.0 * system.n * EPS * _bound(condensed.M, condensed.sizes)
+    return _bound(condensed.M, condensed.K) + rounded
 
 
 def _bound(M: SymmetricMatrix, K: SymmetricMatrix) -> float:

@@ -13,13 +13,14 @@ import numpy as np
 import scipy.linalg
 from scipy.linalg import lapack
 
+from vibroimpact_solvers import condensation
 from vibroimpact_solvers import precision as precise
 from vibroimpact_solvers.arrays import EPS, Floats, Integers
 from vibroimpact_solvers.kernels import doubled
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix, frozen
 from vibroimpact_solvers.model import ChainShape, System
 from vibroimpact_solvers.plan import Stage, Step
-from vibroimpact_solvers.spectrum import refinement
+from vibroimpact_solvers.spectrum import refinement, static_rows
 from vibroimpact_solvers.spectrum.cache import CACHE
 from vibroimpact_solvers.spectrum.modes import Spectrum
 
@@ -41,6 +42,7 @@ class Method(StrEnum):
     TRIDIAGONAL = "tridiagonal"
     BANDED = "banded"
     DENSE = "dense"
+    CONDENSED = "static condensation"
 
 
 _REASONS: Final = {
@@ -56,6 +58,8 @@ def choose(system: System) -> Method:
     """Return the cheapest method for all modes that the structure of the system allows."""
     if system.chain is not None:
         return Method.CLOSED_FORM
+    if system.massless.size:
+        return Method.CONDENSED
     if system.M.form is not Form.DIAGONAL:
         return Method.DENSE
     return {
@@ -68,6 +72,10 @@ def choose(system: System) -> Method:
 def flops(system: System, method: Method) -> float:
     """Estimated floating-point operations of a method."""
     n = float(system.n)
+    if method is Method.CONDENSED:
+        massive = n - system.massless.size
+        balls = 100.0 if system.n <= refinement.LARGEST else 0.0  # flops of an operation of FLINT
+        return 14.0 * massive**3 + (1.0 + balls) * condensation.flops(system)
     return {
         Method.CLOSED_FORM: 20.0 * n,
         Method.DIAGONAL: n,
@@ -80,16 +88,24 @@ def flops(system: System, method: Method) -> float:
 def nbytes(system: System, method: Method) -> float:
     """Memory of a spectrum, bytes."""
     n = float(system.n)
+    if method is Method.CONDENSED:
+        massive = n - system.massless.size
+        return 8.0 * massive * (n + massive + 1.0)
     return 8.0 * n if method in {Method.CLOSED_FORM, Method.DIAGONAL} else 8.0 * n * (n + 1)
 
 
 def step(system: System, method: Method) -> Step:
     """Return the step of a plan for the natural modes, at no cost where they are cached."""
     known = _key(system, method) in CACHE
+    reason = (
+        f"{condensation.sentence(system)}; the natural modes are those of the others"
+        if method is Method.CONDENSED
+        else _REASONS[method]
+    )
     return Step(
         Stage.SPECTRUM,
         method,
-        _REASONS[method] + ("; already computed" if known else ""),
+        reason + ("; already computed" if known else ""),
         0.0 if known else flops(system, method),
         nbytes(system, method),
     )
@@ -120,14 +136,28 @@ def _compute(system: System, method: Method) -> Spectrum:
         return _chain(system.chain)
     if method is Method.DIAGONAL:
         return _diagonal(system.M.data[0], system.K.data[0])
+    if method is Method.CONDENSED:
+        return _condensed(system)
     if method is Method.DENSE:
         _, modes = scipy.linalg.eigh(system.K.to_dense(), system.M.to_dense(), check_finite=False)
     else:
         modes = _mass_scaled(system.M.data[0], system.K, method)
     if system.n <= refinement.LARGEST:
-        return _refined(system, np.asarray(modes))
-    magnitude, condition = _full(system) if method is Method.DENSE else (0.0, 1.0)
+        stiffness = refinement.Stiffness(system.K.to_dense())
+        return _refined(system, refinement.refine(_mass(system.M), stiffness, np.asarray(modes)))
+    magnitude, condition = _full(system.M, system.K) if method is Method.DENSE else (0.0, 1.0)
     return _numerical(system, np.asarray(modes), magnitude, condition)
+
+
+def _condensed(system: System) -> Spectrum:
+    """Natural modes of the condensed structure, with the rows of what has no mass."""
+    if system.n <= refinement.LARGEST:
+        return _refined(system, static_rows.refined(system))
+    modes, error = static_rows.in_doubles(system)
+    condensed = condensation.of(system)
+    natural = _numerical(system, modes, *_full(condensed.M, condensed.sizes))
+    assert natural.angles is not None
+    return replace(natural, angles=np.minimum(natural.angles + error, 1.0))
 
 
 def sensitivity(system: System, natural: Spectrum) -> tuple[float, float]:
@@ -139,15 +169,23 @@ def sensitivity(system: System, natural: Spectrum) -> tuple[float, float]:
     method = choose(system)
     if method in {Method.CLOSED_FORM, Method.DIAGONAL}:
         return 0.0, 0.0
-    magnitude, condition = _full(system) if method is Method.DENSE else (0.0, 1.0)
+    magnitude, condition = 0.0, 1.0
+    if method is Method.DENSE:
+        magnitude, condition = _full(system.M, system.K)
+    elif method is Method.CONDENSED:
+        condensed = condensation.of(system)
+        magnitude, condition = _full(condensed.M, condensed.sizes)
     scale = max(natural.largest_frequency**2, magnitude)
     return max(natural.uncertainty, 2.0 * EPS * scale), (1.0 + condition) * EPS
 
 
-def _refined(system: System, modes: Floats) -> Spectrum:
+def _mass(M: SymmetricMatrix) -> Floats:
+    """Return a mass matrix as `refinement` takes it."""
+    return M.data[0] if M.form is Form.DIAGONAL else M.to_dense()
+
+
+def _refined(system: System, refined: refinement.RefinedModes) -> Spectrum:
     """Return a spectrum with proved errors."""
-    M = system.M.data[0] if system.M.form is Form.DIAGONAL else system.M.to_dense()
-    refined = refinement.refine(M, system.K.to_dense(), modes)
     values, low, errors = refined.eigenvalues, refined.eigenvalues_low, refined.errors
     rigid = np.abs(values) <= errors
     small = np.flatnonzero(np.abs(values) <= _SMALL * np.abs(values).max())
@@ -175,7 +213,7 @@ def _own_sizes(K: SymmetricMatrix, modes: Floats) -> Floats:
     return np.asarray((magnitudes * (stiffness @ magnitudes)).sum(axis=0))
 
 
-def _full(system: System) -> tuple[float, float]:
+def _full(mass: SymmetricMatrix, stiffness: SymmetricMatrix) -> tuple[float, float]:
     """Return the magnitudes that rounding errors are relative to for full M and K.
 
     Errors of the eigenvalues are relative to ``|K| |M^-1|`` with the diagonal of M scaled to
@@ -183,7 +221,7 @@ def _full(system: System) -> tuple[float, float]:
     where M is close to singular. Errors of the norms of the modes are relative to the condition
     number of the scaled M.
     """
-    M, K = system.M.to_dense(), system.K.to_dense()
+    M, K = mass.to_dense(), stiffness.to_dense()
     scale = 1.0 / np.sqrt(np.diagonal(M))
     outer = np.outer(scale, scale)
     factor, _ = lapack.dpotrf(M * outer)
@@ -195,18 +233,19 @@ def _full(system: System) -> tuple[float, float]:
 
 def _numerical(system: System, modes: Floats, magnitude: float, condition: float) -> Spectrum:
     """Return a spectrum whose eigenvalues are known to a few roundings of the largest."""
+    count = modes.shape[1]
     eigenvalues = (modes * (system.K @ modes)).sum(axis=0)
     eigenvalues /= (modes * (system.M @ modes)).sum(axis=0)
     scale = max(float(np.abs(eigenvalues).max()), magnitude)
     # One below the errors of its own terms is a rigid-body mode.
-    small = np.flatnonzero(np.abs(eigenvalues) <= max(16.0, np.sqrt(system.n)) * EPS * scale)
+    small = np.flatnonzero(np.abs(eigenvalues) <= max(16.0, np.sqrt(count)) * EPS * scale)
     own = _own_sizes(system.K, modes[:, small])
-    rigid = small[np.abs(eigenvalues[small]) <= _NOISE * np.sqrt(system.n) * EPS * own]
+    rigid = small[np.abs(eigenvalues[small]) <= _NOISE * np.sqrt(count) * EPS * own]
     eigenvalues[rigid] = 0.0
     order = np.argsort(eigenvalues, kind="stable")
     roots = _roots(eigenvalues[order])
-    errors = np.full(system.n, (max(16.0, np.sqrt(system.n)) if rigid.size else 2.0) * EPS * scale)
-    gaps = np.full(system.n + 1, np.inf)
+    errors = np.full(count, (max(16.0, np.sqrt(count)) if rigid.size else 2.0) * EPS * scale)
+    gaps = np.full(count + 1, np.inf)
     gaps[1:-1] = np.diff(eigenvalues[order])
     gap = np.minimum(gaps[:-1], gaps[1:])
     angles = 2.0 * EPS * scale / np.maximum(gap, EPS * scale) + (1.0 + condition) * EPS

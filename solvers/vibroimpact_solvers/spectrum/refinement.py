@@ -19,7 +19,7 @@ structure depends on their choice by more than a change of its eigenvalues by ``
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -75,7 +75,16 @@ class _Couplings:
         return np.asarray(self.clusters[:, np.newaxis] != self.clusters)
 
 
-def refine(M: Floats, K: Floats, modes: Floats) -> RefinedModes:
+@dataclass(frozen=True, eq=False, slots=True)
+class Stiffness:
+    """A stiffness matrix that may itself have been computed to twice the working precision."""
+
+    high: Floats  # (n, n)
+    low: Floats = field(default_factory=lambda: _NONE)  # what rounding took from it
+    error: Floats | None = None  # bounds of what both leave out, (n, n)
+
+
+def refine(M: Floats, K: Stiffness, modes: Floats) -> RefinedModes:
     """Refine all modes of a structure, ``E^T M E = I`` up to rounding.
 
     M is full or, (n,), diagonal.
@@ -97,10 +106,10 @@ def refine(M: Floats, K: Floats, modes: Floats) -> RefinedModes:
     return RefinedModes(now.values, now.values_low, X, low, errors, angles)
 
 
-def _couplings(M: Floats, K: Floats, X: Floats, low: Floats) -> _Couplings:
+def _couplings(M: Floats, K: Stiffness, X: Floats, low: Floats) -> _Couplings:
     n = X.shape[1]
-    S, S_low = _form(K, X, low)
-    G, G_low = _form(M, X, low)
+    S, S_low = _form(K.high, K.low, X, low)
+    G, G_low = _form(M, _NONE, X, low)
     diagonal = np.arange(n)
     mass = (G - np.eye(n)) + G_low
     # lambda = s/(1 + m) with a small m.
@@ -113,19 +122,23 @@ def _couplings(M: Floats, K: Floats, X: Floats, low: Floats) -> _Couplings:
     coupling = stiffness - mass * values
     coupling[diagonal, diagonal] = 0.0
     apart = (values - values[:, np.newaxis]) + (values_low - values_low[:, np.newaxis])
-    size_K, size_M = _sizes(K, X), _sizes(M, X)
+    size_K, size_M = _sizes(K.high, X), _sizes(M, X)
     factor = 4.0 * doubled.roundings(n)
     rounding = factor * (size_K + np.abs(values) * size_M) + EPS * EPS * np.abs(values)
+    if K.error is not None:
+        magnitudes = np.abs(X)
+        unknown = np.linalg.norm(magnitudes.T @ (K.error @ magnitudes), axis=0)
+        rounding += _SAFETY * np.asarray(unknown)
     clusters = _clusters(coupling, apart)
     return _Couplings(
         values, values_low, stiffness, mass, coupling, apart, clusters, rounding, np.sqrt(size_M)
     )
 
 
-def _form(A: Floats, X: Floats, low: Floats) -> tuple[Floats, Floats]:
+def _form(A: Floats, A_low: Floats, X: Floats, low: Floats) -> tuple[Floats, Floats]:
     """Return ``X^T A X`` in two parts."""
     full = np.array(np.diag(A) if A.ndim == 1 else A)  # writable: one signature of the kernel
-    Y, Y_low = doubled.product(full, _NONE, X, low, False)
+    Y, Y_low = doubled.product(full, A_low, X, low, False)
     return doubled.product(X.T, low.T, Y, Y_low, True)
 
 

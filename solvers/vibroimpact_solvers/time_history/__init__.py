@@ -29,6 +29,7 @@ from vibroimpact_solvers.time_history.problem import (
     ImpactMode,
     Problem,
     State,
+    check_followed,
 )
 from vibroimpact_solvers.time_history.rigid_motions import Piece
 from vibroimpact_solvers.time_history.run import Tick
@@ -63,6 +64,7 @@ __all__ = [
     "State",
     "Tick",
     "Window",
+    "check_followed",
     "follow",
     "join",
     "plan",

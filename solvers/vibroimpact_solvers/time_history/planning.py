@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from vibroimpact_solvers import impact_modes, spectrum
+from vibroimpact_solvers import condensation, impact_modes, spectrum
 from vibroimpact_solvers.arrays import EPS
 from vibroimpact_solvers.cost import BYTES_PER_SECOND, FLOPS_PER_SECOND
 from vibroimpact_solvers.errors import ModelError, PlanError
@@ -244,7 +244,7 @@ def _bounces(problem: Problem, state: State) -> float:
     if problem.limiter is not None or system.force is None:
         return 0.0
     rows = system.directions(range(len(system.constraints)))
-    pushes = rows @ system.M.factorize()(system.force)
+    pushes = rows @ condensation.solve_mass(system)(system.force)
     bounces = 0.0
     for c, row, a in zip(system.constraints, rows, pushes.tolist(), strict=True):
         wall, y, v = c.upper if a > 0.0 else c.lower, float(row @ state.x), float(row @ state.v)

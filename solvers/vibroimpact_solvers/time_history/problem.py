@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from vibroimpact_solvers import condensation
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.checks import check_indices, check_outputs
 from vibroimpact_solvers.errors import ModelError
@@ -25,12 +26,18 @@ MOST_DOFS: Final = 200
 """Degrees of freedom up to which extended precision is available."""
 TOLERANCE: Final = 1e-6
 """Tolerance where the problem names none."""
+_FOLLOWS: Final = 1e-9
+"""Part of the largest entry by which a state may miss the static relation."""
 OUTPUTS: Final = ("x", "v", "impacts", "energy", "contacts")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class State:
-    """Displacements and velocities at t = 0, each shape (dof,)."""
+    """Displacements and velocities at t = 0, each shape (dof,).
+
+    Degrees of freedom without mass follow the others: zero stands for that, and another value
+    must agree with it.
+    """
 
     x: Floats
     v: Floats
@@ -110,6 +117,8 @@ class Problem:
         self._check_limiter()
         self._check_digits()
         self.check(self.initial)
+        if isinstance(self.initial, State) and self.system.massless.size:
+            object.__setattr__(self, "initial", _followed(self.system, self.initial))
 
     def check(self, initial: State | ImpactMode) -> None:
         """Raise `ModelError` where the motion cannot start from this state."""
@@ -151,6 +160,10 @@ class Problem:
             if not 0 <= term.dof < self.system.n:
                 message = f"{term.dof} is not below {self.system.n}"
                 raise ModelError(("load", place, "dof"), message, code="index_out_of_range")
+            if term.amplitude != 0.0 and term.dof in self.system.massless:
+                force = np.zeros(self.system.n)
+                force[term.dof] = 1.0
+                self.system.check_load(force, ("load", place, "dof"))
             for name in ("amplitude", "frequency", "phase"):
                 value = getattr(term, name)
                 if not np.isfinite(value) or (name == "frequency" and value < 0.0):
@@ -162,6 +175,7 @@ class Problem:
         if term.direction.shape != (self.system.n,):
             message = f"{term.direction.size} numbers for {self.system.n} degrees of freedom"
             raise ModelError(("load", place, "direction"), message, code="wrong_length")
+        self.system.check_load(term.direction, ("load", place, "direction"))
         if term.t.size < 2 or term.t.shape != term.values.shape:
             message = f"{term.values.size} values at {term.t.size} times"
             raise ModelError(("load", place, "values"), message, code="wrong_length")
@@ -235,6 +249,7 @@ class Problem:
                 message = "an entry is nan or infinite"
                 raise ModelError(("initial", name), message, code="not_finite")
             _check_magnitude(("initial", name), largest)
+        check_followed(self.system, state)
         rigid = self.system.constraints if self.limiter is None else ()
         for index, constraint in enumerate(rigid):
             terms = [weight * float(state.x[dof]) for dof, weight in constraint.coordinate]
@@ -274,6 +289,38 @@ class Problem:
         """Degrees of freedom of the history, shape (dof,)."""
         assert self.dofs is not None
         return self.dofs
+
+
+def check_followed(system: System, state: State) -> None:
+    """Refuse displacements and velocities, (…, dof), that contradict the static relation.
+
+    Where there is no mass, zero stands for what follows from the other degrees of freedom.
+    """
+    if not system.massless.size:
+        return
+    condensed = condensation.of(system)
+    for name, values in (("x", state.x), ("v", state.v)):
+        given, others = values[..., system.massless], values[..., condensed.massive]
+        if not given.any():
+            continue
+        follow = (condensed.static @ others.T).T
+        largest = np.abs(values).max(axis=-1, keepdims=True)
+        wrong = (given != 0.0) & (np.abs(given - follow) > _FOLLOWS * largest)
+        if wrong.any():
+            place = tuple(np.argwhere(wrong)[0].tolist())
+            dof = int(system.massless[place[-1]])
+            message = (
+                f"dof {dof} has no mass and follows the others: it is at {float(follow[place])!r}, "
+                f"not at {float(given[place])!r}; give that value, or zero"
+            )
+            raise ModelError(("initial", name), message, code="massless_state")
+
+
+def _followed(system: System, state: State) -> State:
+    """Return a state in which what has no mass follows the others."""
+    condensed = condensation.of(system)
+    x, v = (condensed.whole(values[condensed.massive]) for values in (state.x, state.v))
+    return State(x, v)
 
 
 def tolerance_of(problem: Problem) -> float:

@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 import scipy  # its parts load as they are used: they are slow to load
 
+from vibroimpact_solvers import condensation
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.time_history.limiters import Power
@@ -52,7 +53,11 @@ def follow(
         Where the integrator fails or impacts do not end.
     """
     system, n = structure.system, structure.system.n
-    solve, W, harmonic_loads = system.M.factorize(), structure.W, structure.harmonic_loads
+    solve, W, harmonic_loads = (
+        condensation.solve_mass(system),
+        structure.W,
+        structure.harmonic_loads,
+    )
     sizes, ramps = None if law is None else law.sizes(system), structure.ramps
 
     def rate(t: float, z: Floats) -> Floats:

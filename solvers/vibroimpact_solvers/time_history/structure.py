@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 import scipy.linalg
 
-from vibroimpact_solvers import spectrum
+from vibroimpact_solvers import condensation, spectrum
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels import rigid_state
 from vibroimpact_solvers.kernels.flow import Watched
@@ -194,8 +194,8 @@ class Structure:
         )  # fmt: skip
 
     def mass_solve(self, b: Floats) -> Floats:
-        """Return ``M^-1 b``."""
-        return np.asarray(self.system.M.factorize()(b))
+        """Return ``M^-1 b``; what has no mass follows."""
+        return np.asarray(condensation.solve_mass(self.system)(b))
 
     def _without_contacts(self) -> Modes:
         natural, system = self.natural, self.system
@@ -247,15 +247,24 @@ class Structure:
         system = self.system
         W = self.W[[index for index, _ in contacts]]
         M, K = system.M.to_dense(), system.K.to_dense()
-        Z = scipy.linalg.null_space(W)
+        Z: Floats
+        solved: Floats
+        if system.massless.size:
+            condensed = condensation.of(system)
+            Z = condensed.whole(scipy.linalg.null_space(W[:, condensed.massive]))
+            solved = np.asarray(condensed.solve_mass(np.ascontiguousarray(W.T)))
+        else:
+            Z, solved = scipy.linalg.null_space(W), np.asarray(np.linalg.solve(M, W.T))
         # The base is orthogonal to the rest in M, and so has no part in the inertia.
-        solved = np.linalg.solve(M, W.T)
         base = solved @ np.linalg.solve(W @ solved, [self.wall(c) for c in contacts])
         eigenvalues, vectors = scipy.linalg.eigh(Z.T @ K @ Z, Z.T @ M @ Z)
         scale = float(np.abs(eigenvalues).max(initial=0.0))
         eigenvalues[np.abs(eigenvalues) <= max(16.0, math.sqrt(system.n)) * _EPS * scale] = 0.0
         shapes = Z @ vectors
         roots = np.sign(eigenvalues) * np.sqrt(np.abs(eigenvalues))
+        if system.massless.size:  # terms of what has no mass may be larger, and cancel
+            magnitudes = np.abs(shapes)
+            scale = max(scale, float((magnitudes * (np.abs(K) @ magnitudes)).sum(axis=0).max()))
         errors = np.full(roots.size, 4.0 * _EPS * scale)
         return self._equations(
             roots, np.zeros(roots.size), shapes, base, system.M @ shapes, errors, _EPS
@@ -323,7 +332,7 @@ class Structure:
         system, modes = self.system, basis.modes
         W = self.W[[index for index, _ in contacts]]
         sides = np.array([side for _, side in contacts], dtype=np.float64)
-        solve = system.M.factorize()
+        solve = condensation.solve_mass(system)
         solved = solve(np.ascontiguousarray(W.T))
         # The wall's force along W is -(W M^-1 W^T)^-1 W M^-1 (f - K x - C v); a coordinate is
         # pressed with side times its negative.

@@ -138,7 +138,8 @@ class Motion:
         box, weights = self._enclosure.box, self.configuration.weights.tolist()
         q = widened(self.q, [b / w for b, w in zip(box, weights, strict=False)])
         v = widened(self.v, box[len(weights) :])
-        return tuple(part.entries() for part in self.configuration.displacements(q, v))
+        x, v = self.configuration.displacements(q, v)
+        return self.body.whole(x), self.body.whole(v)
 
     @property
     def condition(self) -> float:
@@ -165,7 +166,7 @@ class Motion:
                     self._leaving[(index, side)] = 1
                 else:
                     at_rest.append((index, side))
-        places = [column(list(map(real, z.tolist()))) for z in (x, v)]
+        places = [column(list(map(real, self.body.restricted(z).tolist()))) for z in (x, v)]
         force = self.body.force_series(self.now, 1.0, 1)[0]
         self.q, self.v = self.configuration.states(*places)
         self._enclosure = Enclosure(self._radii(self.configuration, self.q, self.v))

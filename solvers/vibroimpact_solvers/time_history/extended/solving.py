@@ -87,8 +87,8 @@ def _history(problem: Problem, run: Motion) -> dict[str, Any]:
         values["dof"] = dofs = problem.output_dofs
         for name, part in (("x", 0), ("v", 1)):
             if name in outputs:
-                rows = [_floats([sample[part][dof, 0] for dof in dofs.tolist()])
-                        for sample in run.samples]  # fmt: skip
+                samples = (run.body.whole(sample[part]) for sample in run.samples)
+                rows = [_floats([sample[dof] for dof in dofs.tolist()]) for sample in samples]
                 values[name] = np.array(rows).reshape(len(rows), dofs.size)
     if "energy" in outputs:
         energies = [_energy(run, place) for place in range(len(run.samples))]

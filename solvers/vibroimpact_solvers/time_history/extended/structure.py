@@ -22,6 +22,7 @@ import flint
 import numpy as np
 import scipy
 
+from vibroimpact_solvers import condensation
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.time_history.extended.precision import (
@@ -56,7 +57,9 @@ class Load:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A structure to all digits.
+    """A structure to all digits, without the degrees of freedom that have no mass.
+
+    Vectors and matrices are those of the condensed structure; `whole` returns all displacements.
 
     Parameters
     ----------
@@ -70,6 +73,7 @@ class Body:
     load: tuple[Harmonic, ...]
     t_end: float
     configurations: dict[frozenset[Contact], Configuration] = field(default_factory=dict)
+    condensed: condensation.InBalls = field(init=False)
     M: Matrix = field(init=False)
     K: Matrix = field(init=False)
     C: Matrix | None = field(init=False)
@@ -79,25 +83,30 @@ class Body:
     loads: tuple[Load, ...] = field(init=False)
 
     def __post_init__(self) -> None:
-        system, n = self.system, self.system.n
-        W = system.directions(range(len(system.constraints)))
-        force = (
-            flint.arb_mat(n, 1) if system.force is None else column(list(map(real, system.force)))
-        )
+        system, condensed = self.system, condensation.in_balls(self.system)
+        massive = condensed.massive
+        n, places = massive.size, {dof: place for place, dof in enumerate(massive.tolist())}
+        W = system.directions(range(len(system.constraints)))[:, massive]
+        force = flint.arb_mat(n, 1)
+        if system.force is not None:
+            force = column(list(map(real, system.force[massive])))
         loads = []
         for term in self.load:
             # cos(omega t + phase) = cos phase cos omega t - sin phase sin omega t.
             where = flint.arb_mat(n, 1)
-            where[term.dof, 0] = real(term.amplitude)
+            if term.amplitude:
+                where[places[term.dof], 0] = real(term.amplitude)
             sine, cosine = real(term.phase).sin_cos()
             if term.frequency > 0.0:
                 loads.append(Load(term.frequency, where * cosine, where * sine))
             else:
                 force += where * cosine
+        C = None if system.C is None else system.C.to_dense()
         put: dict[str, Any] = {
-            "M": exact(system.M.to_dense()),
-            "K": exact(system.K.to_dense()),
-            "C": None if system.C is None else exact(system.C.to_dense()),
+            "condensed": condensed,
+            "M": condensed.M,
+            "K": condensed.K,
+            "C": None if C is None else exact(C[np.ix_(massive, massive)]),
             "rows": [exact(row[np.newaxis]) for row in W],
             "force": force,
             "loads": tuple(loads),
@@ -105,6 +114,19 @@ class Body:
         put["changes"] = [put["M"].solve(row.transpose()) for row in put["rows"]]
         for name, value in put.items():
             object.__setattr__(self, name, value)
+
+    @property
+    def n(self) -> int:
+        """Number of degrees of freedom with mass."""
+        return int(self.condensed.massive.size)
+
+    def restricted(self, x: Floats) -> Floats:
+        """Return displacements of the degrees of freedom with mass."""
+        return np.asarray(x[self.condensed.massive])
+
+    def whole(self, x: Matrix) -> list[Real]:
+        """Return displacements of all degrees of freedom, of a column of those with mass."""
+        return self.condensed.whole(x)
 
     def row(self, contact: Contact) -> Matrix:
         """Return the row of a coordinate, towards its wall."""
@@ -134,7 +156,7 @@ class Body:
         """Return Taylor coefficients of the forces at a time, in units of h, each (dof, 1)."""
         series = [self.force]
         if self.loads:
-            series = [self.force, *(flint.arb_mat(self.system.n, 1) for _ in range(count - 1))]
+            series = [self.force, *(flint.arb_mat(self.n, 1) for _ in range(count - 1))]
         for load in self.loads:
             sine, cosine = (real(load.omega) * now).sin_cos()
             turn, factor = real(load.omega) * real(h), flint.arb(1)
@@ -198,12 +220,12 @@ class Configuration:
         self.body, self.contacts = body, contacts
         self._transforms: dict[Configuration, Matrix] = {}
         rows = [body.row(contact) for contact in (*contacts, *_independent(body, contacts))]
-        every = matrix([row.entries() for row in rows]) if rows else flint.arb_mat(0, body.system.n)
-        solved = body.M.solve(every.transpose()) if rows else flint.arb_mat(body.system.n, 0)
+        every = matrix([row.entries() for row in rows]) if rows else flint.arb_mat(0, body.n)
+        solved = body.M.solve(every.transpose()) if rows else flint.arb_mat(body.n, 0)
         # Columns: displacements per coordinate, the other coordinates fixed.
         unit = solved * (every * solved).inv() if rows else solved
         columns = [column(part) for part in unit.transpose().tolist()]
-        self.base = flint.arb_mat(body.system.n, 1)
+        self.base = flint.arb_mat(body.n, 1)
         if contacts:
             fixed = matrix([row.entries() for row in rows[: len(contacts)]]).transpose()
             pressing = body.M.solve(fixed)
@@ -223,8 +245,8 @@ class Configuration:
 
     def _span(self, coordinates: list[Matrix], rows: list[list[Real]]) -> Floats:
         """Set E: the free coordinates, and modes with all of them fixed; return frequencies."""
-        n = self.body.system.n
-        M, K = self.body.system.M.to_dense(), self.body.system.K.to_dense()
+        n = self.body.n
+        M, K = doubles(self.body.M), doubles(self.body.K)
         columns, roots = [], []
         for part in coordinates:
             y = doubles(part)[:, 0]
