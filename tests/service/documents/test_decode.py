@@ -271,10 +271,15 @@ def test_dependent_constraints_are_named() -> None:
     assert caught.value.code == "dependent_constraints"
 
 
-def test_degrees_of_freedom_without_mass_are_named() -> None:
-    with pytest.raises(ModelError, match=r"2 degrees .* no mass \(0, 2\).*condense.*; 0 with") as e:
+def test_stops_without_mass_are_named() -> None:
+    with pytest.raises(ModelError, match=r"dof 0 has no mass: .* give the stop a mass") as caught:
         system(M={"diagonal": [0.0, 1.0, 0.0]}, K={"diagonal": [1.0, 1.0, 1.0]})
-    assert e.value.pointer == ("M",)
+    assert caught.value.pointer == ("constraints", 0)
+
+
+def test_degrees_of_freedom_without_mass_are_accepted() -> None:
+    accepted = system(M={"diagonal": [1.0, 1.0, 0.0]}, K={"diagonal": [1.0, 1.0, 1.0]})
+    assert accepted.massless.tolist() == [2]
 
 
 def motion(*load: dict[str, Any]) -> Any:

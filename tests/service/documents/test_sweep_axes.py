@@ -126,6 +126,8 @@ class TestValues:
         axis = {"path": "system.M.diagonal.1", "start": 1.0, "stop": -1.0 + 2.0, "num": 1}
         assert problem(store, document(axis)).shape == (1,)
         axis = {"path": "system.M.diagonal.1", "values": [1.0, 0.0]}
+        assert problem(store, document(axis)).shape == (2,)  # without mass it follows
+        axis = {"path": "system.M.diagonal.1", "values": [1.0, -1.0]}
         pointer, code, _ = refused(store, document(axis))
         assert (pointer, code) == ("/axes/0/values/1", "not_positive_definite")
 

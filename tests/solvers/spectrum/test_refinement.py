@@ -11,7 +11,7 @@ import scipy.linalg
 
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
-from vibroimpact_solvers.spectrum.refinement import refine
+from vibroimpact_solvers.spectrum.refinement import Stiffness, refine
 
 rng = np.random.default_rng(7)
 
@@ -59,7 +59,7 @@ def exact(K: np.ndarray, M: np.ndarray) -> tuple[mpmath.matrix, mpmath.matrix]:
 @pytest.mark.parametrize("name", CASES)
 def test_errors_are_bounds_and_small(name: str) -> None:
     K, M = CASES[name]
-    refined = refine(M, K, scipy.linalg.eigh(K, M)[1])
+    refined = refine(M, Stiffness(K), scipy.linalg.eigh(K, M)[1])
     values, modes = exact(K, M)
     order = np.argsort(refined.eigenvalues, kind="stable")
     scale = max(abs(float(v)) for v in values)
