@@ -31,9 +31,9 @@ def abaqus(path: Path, matrix: np.ndarray) -> None:
     path.write_text("** Assemble\n" + "\n".join(rows))
 
 
-def write(folder: Path, form: str) -> dict[str, Path]:
+def write(folder: Path, form: str, mass: np.ndarray = M) -> dict[str, Path]:
     files = {name: folder / f"{name}.{form.partition('-')[0]}" for name in ("M", "K")}
-    for name, matrix in (("M", M), ("K", K)):
+    for name, matrix in (("M", mass), ("K", K)):
         match form:
             case "npz":
                 sparse.save_npz(files[name], sparse.csr_array(matrix))
@@ -155,6 +155,23 @@ def test_parts_without_mass_follow_statically() -> None:
     np.testing.assert_allclose(small, finite, rtol=1e-9)
     assert reduced.model.labels[1] == (12, "z")
     assert reduced.expand(np.ones(reduced.model.n)).shape == (20,)
+
+
+@pytest.mark.parametrize("form", ["npz", "mtx", "csv", "mtx-abaqus", "mtx-coordinates"])
+@pytest.mark.parametrize("massless", [0, 3])
+def test_models_without_mass_somewhere_are_read_and_computed(
+    tmp_path: Path, form: str, massless: int
+) -> None:
+    """Files may leave out rows of zeros: the sizes and labels are those of K."""
+    mass = np.array(M)
+    mass[massless] = mass[:, massless] = 0.0
+    model = vi.read_model(**write(tmp_path, form, mass))
+    np.testing.assert_array_equal(model.M.toarray(), mass)
+    np.testing.assert_array_equal(model.K.toarray(), K)
+    structure = model.system([vi.constraint(1, 0.2)])
+    shape = vi.Local().impact_modes(structure, [1.2], outputs=["shape"]).shape
+    assert shape[0] @ K[massless] == pytest.approx(0.0, abs=1e-14)
+    assert shape[0, 1] == 0.2
 
 
 @pytest.mark.parametrize("modes", [0, 3, 8])

@@ -23,7 +23,8 @@ import scipy.sparse as sparse
 from vibroimpact.models.model import DIRECTIONS, Label, Model
 
 Matrices = dict[str, Any]
-Parts = tuple[Matrices, list[Label]]
+Parts = tuple[Matrices, list[Label] | None]
+"""Matrices and their labels; none: numbers of rows alone, the last of which may be missing."""
 _NAMES: Final[Mapping[str, str]] = {
     **dict.fromkeys(("M", "MASS", "MAA", "MAAX", "MGG", "MXX"), "M"),
     **dict.fromkeys(("K", "STIFFNESS", "KAA", "KAAX", "KGG", "KXX", "STIF"), "K"),
@@ -56,18 +57,15 @@ def read_model(
     ValueError
         If a file has no known format, or M or K is missing.
     """
-    together: Matrices = {}
-    labels: list[Label] = []
+    read = list[tuple[Path, Matrices, list[Label] | None]]()
     for name, path in [*(("", path) for path in paths), *matrices.items()]:
         content, own = _read(Path(path))
         if name:
             if len(content) != 1:
                 raise ValueError(f"{path} has {', '.join(content)}; expected one matrix")
             content = {name: next(iter(content.values()))}
-        if own and labels and own != labels:
-            raise ValueError(f"{path} has other nodes or directions than the files before")
-        labels = own or labels
-        together |= content
+        read.append((Path(path), content, own))
+    together, labels = _together(read)
     missing = {"M", "K"} - set(together)
     if missing:
         raise ValueError(f"{' and '.join(sorted(missing))} missing; there are {list(together)}")
@@ -75,6 +73,39 @@ def read_model(
         rows = np.loadtxt(coordinates, delimiter=_delimiter(Path(coordinates)), ndmin=2)
         coordinates = {int(row[0]): row[1:].tolist() for row in rows}
     return Model(together["M"], together["K"], together.get("C"), labels, coordinates or {}, units)
+
+
+def _together(
+    read: list[tuple[Path, Matrices, list[Label] | None]],
+) -> tuple[Matrices, list[Label]]:
+    """Return the matrices of all files and their labels.
+
+    Files of nonzero entries leave out what has no mass, or no damping: there, the labels of the
+    stiffness count, and its size.
+    """
+    stiff = [(content["K"], own) for _, content, own in read if "K" in content]
+    labelled = [own for _, own in stiff if own] + [own for _, _, own in read if own]
+    labels = labelled[0] if labelled else []
+    place = {label: row for row, label in enumerate(labels)}
+    together: Matrices = {}
+    for path, content, own in read:
+        places = None
+        if own and own != labels:
+            if "K" in content or not set(own) <= place.keys():
+                raise ValueError(f"{path} has other nodes or directions than the files before")
+            places = [place[label] for label in own]
+        for name, matrix in content.items():
+            if own is None and stiff and matrix.shape[0] < stiff[0][0].shape[0]:
+                together[name] = _placed(matrix, range(matrix.shape[0]), stiff[0][0].shape[0])
+            else:
+                together[name] = matrix if places is None else _placed(matrix, places, len(labels))
+    return together, labels
+
+
+def _placed(matrix: Any, places: Sequence[int], n: int) -> Any:
+    """Return a larger matrix with the rows and columns of a smaller one at some places."""
+    entries, index = sparse.coo_array(matrix), np.asarray(places)
+    return sparse.coo_array((entries.data, (index[entries.row], index[entries.col])), shape=(n, n))
 
 
 def _read(path: Path) -> Parts:
@@ -125,7 +156,7 @@ def _abaqus(path: Path) -> Parts:
     if rows.shape[1] == 3:
         places, values = rows[:, :2].astype(np.int64) - 1, rows[:, 2]
         n = int(places.max()) + 1
-        return {path.stem: sparse.coo_array((values, tuple(places.T)), shape=(n, n))}, []
+        return {path.stem: sparse.coo_array((values, tuple(places.T)), shape=(n, n))}, None
     if rows.shape[1] != 5:
         raise ValueError(f"{path}: rows of {rows.shape[1]} numbers, not of 3 or 5")
     ends = rows[:, :4].astype(np.int64).reshape(-1, 2)
