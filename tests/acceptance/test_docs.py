@@ -212,6 +212,10 @@ def test_the_beam_of_the_structures_page() -> None:
         p = gap / per_kick * Omega / np.pi
         # Rates of a dense eigenproblem are uncertain by 1e-16 of the square of the highest.
         assert family.impulse[place, 0] == pytest.approx(p, rel=1e-6)
+    # Rotations without mass leave no moment at any node.
+    shape, K = names["light_modes"].shape, names["K"]
+    moments = shape @ K[:, 1::2]
+    assert np.abs(moments).max() < 1e-10 * (np.abs(shape) @ np.abs(K[:, 1::2])).max()
     bands = names["bands"].bands
     assert np.all(bands.certified == "yes")
     assert bands.start.size > 3
