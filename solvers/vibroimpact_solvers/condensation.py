@@ -54,22 +54,18 @@ _PRECISE: Final = 2.0**-100  # error of an entry over the largest of its terms
 
 @dataclass(frozen=True, eq=False)
 class Condensation:
-    """The condensed structure of a system, in double precision."""
+    """The condensed structure of a system, in double precision.
 
-    system: System
-    massive: Integers  # degrees of freedom with mass, ascending
+    It does not hold the system, beside which it is kept for as long as that is used.
+    """
+
+    massless: Integers  # degrees of freedom without mass, ascending
+    massive: Integers  # the others, ascending
     static: scipy.sparse.csr_array  # S, (massless, massive)
     M: SymmetricMatrix
     K: SymmetricMatrix
+    sizes: SymmetricMatrix  # of the terms of K, which its roundings are relative to
     solve_static: Solve  # with K_ss
-
-    @cached_property
-    def sizes(self) -> SymmetricMatrix:
-        """What roundings of the condensed K are relative to: sums of the magnitudes of terms."""
-        massive, massless = self.massive, self.system.massless
-        terms = abs(self.system.K.block(massive, massless)) @ abs(self.static)
-        total = abs(self.system.K.block(massive, massive)) + terms + terms.T
-        return SymmetricMatrix.leanest(scipy.sparse.csr_array(total))
 
     @cached_property
     def _solve_mass(self) -> Solve:
@@ -77,14 +73,14 @@ class Condensation:
 
     def whole(self, x: Floats) -> Floats:
         """Return displacements of all degrees of freedom, (dof, …), of those with mass."""
-        all_x = np.zeros((self.system.n, *x.shape[1:]))
+        all_x = np.zeros((self.massive.size + self.massless.size, *x.shape[1:]))
         all_x[self.massive] = x
-        all_x[self.system.massless] = self.static @ x
+        all_x[self.massless] = self.static @ x
         return all_x
 
     def solve_mass(self, b: Floats) -> Floats:
         """Return ``T M_mm^(-1) T^T b``."""
-        carried = b[self.massive] + self.static.T @ b[self.system.massless]
+        carried = b[self.massive] + self.static.T @ b[self.massless]
         return self.whole(self._solve_mass(np.ascontiguousarray(carried)))
 
 
@@ -144,11 +140,14 @@ def _condensed(system: System) -> Condensation:
             shape=(coupled.size, others.size),
         )
         static = scipy.sparse.csr_array(scipy.sparse.hstack(columns).tocsr() @ place)
-    stiffness = K.block(others, others) + coupling.T @ static
-    stiffness = scipy.sparse.csr_array(0.5 * (stiffness + stiffness.T))
+    own = K.block(others, others)
+    stiffness = scipy.sparse.csr_array(own + coupling.T @ static)
+    terms = abs(coupling).T @ abs(static)
     return Condensation(
-        system, others, static, system.M.part(others), SymmetricMatrix.leanest(stiffness), solve
-    )
+        massless, others, static, system.M.part(others),
+        SymmetricMatrix.leanest(scipy.sparse.csr_array(0.5 * (stiffness + stiffness.T))),
+        SymmetricMatrix.leanest(scipy.sparse.csr_array(abs(own) + terms + terms.T)), solve,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, slots=True)

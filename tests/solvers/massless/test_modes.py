@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
+
 import mpmath
 import numpy as np
 import pytest
@@ -167,3 +170,14 @@ def test_small_masses_tend_to_none() -> None:
         shapes = np.abs(light.modes[:, :3] * signs - natural.modes).max()
         apart.append(max(shapes, np.abs(light.roots[:3] - natural.roots).max()))
     assert apart[1] < 0.02 * apart[0] < 1e-3
+
+
+def test_a_condensed_structure_is_kept_as_long_as_its_system() -> None:
+    system = System(
+        SymmetricMatrix.diagonal([1.0, 0.0]), SymmetricMatrix.dense([[2.0, -1.0], [-1.0, 1.0]]), ()
+    )
+    condensed = weakref.ref(condensation.of(system))
+    assert condensation.of(system) is condensed()
+    del system
+    gc.collect()
+    assert condensed() is None
