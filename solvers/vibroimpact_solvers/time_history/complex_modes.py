@@ -116,6 +116,8 @@ def complex_modes(A: Floats, root: Floats, doubt: Floats) -> ComplexModes:
     errors = np.where(near, bound, 0.0).sum(axis=0)
     vector_error = float((np.where(near, 0.0, bound) / np.abs(apart)).sum(axis=0).max())
     vectors = vectors / root[:, np.newaxis]
+    # Real modes are used by their sums and differences, which must not drown the smaller one.
+    vectors[:, real] /= np.linalg.norm(vectors[:, real], axis=0)
     places = np.flatnonzero(real)
     places = places[np.argsort(-rates[places].real)]
     return ComplexModes(rates, vectors, condition, errors, vector_error, upper, places, chains)

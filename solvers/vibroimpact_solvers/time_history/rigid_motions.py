@@ -122,7 +122,7 @@ class RigidMotions:
         """Return the result of a motion that the loop stopped, or did not begin."""
         problem, structure, reason = self._problem, self._structure, None
         if stop == _REFUSED:  # though perhaps by a rounding only
-            arrays.Z[0] = initial_state(problem, initial, structure)
+            arrays.start(initial_state(problem, initial, structure))
         else:
             reason = Stop(stop)
         run = Run(structure, arrays, problem, history, tick)

@@ -80,6 +80,10 @@ class Arrays:
         self.progress_bytes = self.progress.view(np.uint8)
         self.state = self.Z[0], self.Z[1:], self.progress, self.table
 
+    def start(self, state: Floats) -> None:
+        """Start at a state, shape (2, pair); its deviations follow when the motion begins."""
+        self.Z[0], self.Z[1:] = state, 0.0
+
 
 def work_arrays(configuration: Configuration, dofs: int) -> tuple[Any, ...]:
     """Return the arrays of `rigid_state.workspace` for a configuration."""

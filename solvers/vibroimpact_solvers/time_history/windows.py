@@ -239,7 +239,7 @@ class _WindowRun(Run):
         arrays = Arrays(structure, COLUMNS if problem.estimate else 0, dofs)
         arrays.progress[:] = new_progress(structure, problem, window.stop)
         if before is None:
-            arrays.Z[0] = initial_state(problem, problem.initial, structure)
+            arrays.start(initial_state(problem, problem.initial, structure))
         super().__init__(structure, arrays, problem, history, tick)
         self._end = problem.t_end * self.scale
         self._last = window.index + 1 == window.count

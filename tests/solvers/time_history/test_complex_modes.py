@@ -115,3 +115,12 @@ def test_three_modes_that_are_alike_are_refused() -> None:
     A = np.block([[np.zeros((3, 3)), np.eye(3)], [-np.eye(3) + J, -0.1 * np.eye(3)]])
     with pytest.raises(PlanError, match="almost equal"):
         complex_modes(A, np.ones(6), np.zeros((6, 6)))
+
+
+def test_real_modes_are_of_one_size() -> None:
+    """A free body slides: its position, and its velocity that drag takes, differ in nothing."""
+    A = np.zeros((4, 4))
+    A[:2, 2:] = np.eye(2)
+    A[2:, 2:] = -np.array([[0.3, 0.1], [0.1, 0.2]])
+    modes = complex_modes(A, np.array([1e-4, 1e-4, 1.0, 1.0]), np.zeros((4, 4)))
+    np.testing.assert_allclose(np.linalg.norm(modes.vectors[:, modes.real], axis=0), 1.0)

@@ -56,6 +56,24 @@ def test_motions_beside_the_reference(given: dict[str, Any]) -> None:
     assert report.ratios
 
 
+def test_motions_do_not_depend_on_what_the_memory_held(monkeypatch: pytest.MonkeyPatch) -> None:
+    empty = np.empty
+
+    def poisoned(shape: Any, dtype: Any = np.float64, *arguments: Any, **more: Any) -> Any:
+        array = empty(shape, dtype, *arguments, **more)
+        if array.dtype == np.float64:
+            array.fill(np.inf)
+        return array
+
+    given = histories.problem_of(document(_STIFF, [[0.2, 0.0], [0.0, 0.4]]))
+    plan = time_history.plan(given)
+    expected = time_history.solve(given, plan)
+    monkeypatch.setattr(np, "empty", poisoned)
+    result = time_history.solve(given, plan)
+    np.testing.assert_array_equal(result.x, expected.x)
+    assert result.error_condition == expected.error_condition
+
+
 def problem(t: Any, values: Any, **more: Any) -> time_history.Problem:
     eye = SymmetricMatrix.dense([[1.0]])
     system = System(eye, SymmetricMatrix.dense([[0.0]]), (Constraint.at(0, gap=100.0),))
