@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.cases import chain
 from benchmarks.error_against_time.slow_flows import motions
 from benchmarks.skips.scene import Scene, solve
-from vibroimpact_solvers import periodic_motions, presets, slow_flow, time_history
+from vibroimpact_solvers import attractors, periodic_motions, presets, slow_flow, time_history
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.slow_flow import Initial
 from vibroimpact_solvers.time_history import OUTPUTS, Power, Problem, State
@@ -39,6 +39,14 @@ def scenes() -> Iterator[Scene]:
             lambda: solve(periodic_motions, _periodic(periodic_motions.OUTPUTS)),
             tuple(sorted(others)),
         )
+    for output, other in (("section", "stability"), ("stability", "section")):
+        yield Scene(
+            f"only {output} of attractors requested",
+            attractors,
+            partial(_attractors, {output}),
+            lambda: solve(attractors, _attractors(attractors.OUTPUTS)),
+            (other,),
+        )
     (lossy,) = (motion for motion in motions() if motion[0] == "restitution")
     for variant in ("exact", "corrected"):
         yield from slow_flow_scenes(variant, *lossy)
@@ -55,6 +63,18 @@ def _periodic(outputs: Any) -> periodic_motions.Problem:
     return periodic_motions.Problem(
         damped, np.linspace(0.2, 1.0, 30), load, outputs=frozenset(outputs), tau=tau
     )
+
+
+def _attractors(outputs: Any) -> attractors.Problem:
+    """Return four motions of a driven mass with one stop."""
+    one = SymmetricMatrix.diagonal([1.0])
+    stop = Constraint((0,), (1.0,), lower=None, upper=0.5, restitution=0.8)
+    system = System(one, one, (stop,), C=SymmetricMatrix.diagonal([0.1]))
+    v = np.linspace(-2.0, 1.0, 4)[:, np.newaxis]
+    return attractors.Problem(
+        system, np.array([1.2]), np.zeros((4, 1)), v, (attractors.Force((0,), (1.0,), 1.0),),
+        settle=100, observe=100, outputs=frozenset(outputs),
+    )  # fmt: skip
 
 
 def _with_outputs(name: str, outputs: Any, *states: str, **more: Any) -> Scene:

@@ -13,6 +13,7 @@ import vibroimpact_solvers
 _FOLDER = Path(vibroimpact_solvers.__file__).parent
 
 PUBLIC = (
+    "attractors",
     "branches",
     "ensemble",
     "existence_bands",

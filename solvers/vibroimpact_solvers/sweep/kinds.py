@@ -20,6 +20,7 @@ from types import ModuleType
 from typing import Any, Final
 
 from vibroimpact_solvers import (
+    attractors,
     existence_bands,
     impact_modes,
     periodic_motions,
@@ -151,6 +152,20 @@ KINDS: Final[Mapping[str, SweptKind]] = {
         ),
         ragged=frozenset({"solution", "impact"}),
     ),
+    "attractors": SweptKind(
+        attractors,
+        (
+            Rule("frequency.**", Stage.FREE_MOTION),
+            Rule("system.constraints.**", Stage.FREE_MOTION),
+            Rule("load.**", Stage.FREE_MOTION),
+            Rule("initial.**", Stage.FREE_MOTION),
+            Rule("settle", Stage.FREE_MOTION),
+            Rule("observe", Stage.FREE_MOTION),
+            Rule("dofs.*", Stage.FREE_MOTION, changes=("dof",)),
+            Rule("tolerance", Stage.FREE_MOTION),
+        ),
+        ragged=frozenset({"attractor", "impact", "section"}),
+    ),
     "time-history": SweptKind(
         time_history,
         (
@@ -204,6 +219,8 @@ _FIELDS: Final = (
     ("system.g", "length time-2", "acceleration of gravity"),
     ("frequency.num", "1", "number of frequencies"),
     ("frequency.**", _FREQUENCY, "frequency"),
+    ("initial.x.*.*", _LENGTH, "initial displacement"),
+    ("initial.v.*.*", "length time-1", "initial velocity"),
     ("initial.x.*", _LENGTH, "initial displacement"),
     ("initial.v.*", "length time-1", "initial velocity"),
     ("initial.impact_mode.Omega", _FREQUENCY, "frequency of the impact mode"),

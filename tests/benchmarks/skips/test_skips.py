@@ -20,6 +20,7 @@ from benchmarks.skips.scene import Scene
 from tests.benchmarks.skips.counters import NUMBERS, counted
 from tests.benchmarks.skips.scenes import scenes
 from vibroimpact_solvers import (
+    attractors,
     existence_bands,
     impact_modes,
     periodic_motions,
@@ -104,6 +105,8 @@ SAVED: Mapping[str, Mapping[str, tuple[int, int]]] = {
     # Of 48 solutions, 18 of them with an impact: 13 degrees of freedom, 26 multipliers, 33 times.
     "only exists of periodic motions requested, N=13": {NUMBERS: (576, 29_662)},
     "only energy of periodic motions requested, N=13": {NUMBERS: (528, 29_662)},
+    "only section of attractors requested": {NUMBERS: (53, 56)},
+    "only stability of attractors requested": {NUMBERS: (53, 56)},
     "fifty gaps of two coupled constraints, N=40": {
         MODES: (40, 50 * 40),
         RESPONSES: (400 * 40, 50 * 400 * 40),
@@ -206,7 +209,8 @@ def test_every_skip_that_a_plan_can_state_has_a_scene() -> None:
 
 
 @pytest.mark.parametrize(
-    "solver", [impact_modes, existence_bands, periodic_motions, time_history, slow_flow]
+    "solver",
+    [impact_modes, existence_bands, periodic_motions, attractors, time_history, slow_flow],
 )
 def test_every_output_that_may_not_be_asked_has_a_scene(solver: ModuleType) -> None:
     shown = {what for scene in SCENES if scene.solver is solver for what in scene.states}

@@ -1,0 +1,126 @@
+"""The plan of attractors: time histories, their linearised motion, and Newton's method."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vibroimpact_solvers import spectrum, time_history
+from vibroimpact_solvers.attractors.problem import KIND, OUTPUTS, Problem
+from vibroimpact_solvers.attractors.verification import MOST_IMPACTS
+from vibroimpact_solvers.cost import FLOPS_PER_SECOND, OVERHEAD_SECONDS
+from vibroimpact_solvers.errors import PlanError
+from vibroimpact_solvers.model import RANGE
+from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
+
+_MEMORY = 2**27  # bytes of the states and impacts of the motions that are observed at a time
+_LARGEST = 2**29  # and of those of one motion
+_EXPECTED = 4.0  # attractors
+_IMPACTS = 2.0  # per period of the drive
+_MOTION, _ATTRACTOR, _IMPACT = 48.0, 160.0, 72.0  # bytes of the rows of tables
+_ROW = 150.0  # bytes of an impact until it is looked at
+_EVENT_SECONDS = 3e-6  # of one motion in a loop over arrays of many
+
+
+@dataclass(frozen=True, slots=True)
+class Batches:
+    """How the motions are observed: the plan of each, and how many at a time."""
+
+    history: Plan
+    motions: int
+
+
+def plan(problem: Problem) -> Plan:
+    """Decide how the motions are computed and compared, and what is left out.
+
+    Raises
+    ------
+    PlanError
+        Where the states of one motion take more memory than there is.
+    """
+    if _each(problem) > _LARGEST:
+        periods = f"{problem.settle} + {problem.observe} periods"
+        message = (
+            f"states and impacts of one motion in {periods} take {_each(problem) / 1e9:.1f} GB"
+        )
+        raise PlanError(f"{message}: settle and observe for less time")
+    of_one = _of_histories(problem)
+    skips = (Skip(name, "not requested") for name in OUTPUTS if name not in problem.outputs)
+    return Plan(KIND, tuple(_steps(problem, of_one)), tuple(skips))
+
+
+def _of_histories(problem: Problem) -> Plan:
+    """Return the plan of a time history with the mean speed of all initial states."""
+    pattern = problem.pattern
+    each = np.abs(problem.v).max(axis=1)
+    usable = problem.v[(each > RANGE[0] * problem.system.n) & (each < RANGE[1])]
+    speed = float(np.linalg.norm(usable, axis=1).mean()) if usable.size else 0.0
+    v = np.full(problem.system.n, speed / math.sqrt(problem.system.n))
+    assert isinstance(pattern.initial, time_history.State)
+    return time_history.plan(replace(pattern, initial=replace(pattern.initial, v=v)))
+
+
+def _batch(problem: Problem) -> int:
+    """Return how many motions are observed at a time."""
+    return max(1, min(problem.size, int(_MEMORY / _each(problem))))
+
+
+def _each(problem: Problem) -> float:
+    """Return the bytes of the states and impacts of one motion, about."""
+    periods = float(problem.settle + problem.observe)
+    return 32.0 * (problem.observe + 1.0) * problem.system.n + _ROW * _IMPACTS * periods
+
+
+def _steps(problem: Problem, of_one: Plan) -> Iterator[Step]:
+    count, periods = float(problem.size), float(problem.observe)
+    modes = float(problem.system.n)
+    for step in of_one.steps:
+        if step.stage is Stage.SPECTRUM:
+            size = spectrum.nbytes(problem.system, spectrum.Method(step.method))
+            if size > spectrum.MEMORY:
+                message = f"the natural modes of the structure take more than {size / 1e9:.0f} GB"
+                raise PlanError(message)
+            yield replace(step, reason=f"{step.reason}; one for all motions")
+        elif step.stage is Stage.FREE_MOTION:
+            overhead = OVERHEAD_SECONDS * FLOPS_PER_SECOND
+            yield replace(
+                step, reason=f"{step.reason}; motions in parallel, without errors of their own",
+                flops=(step.flops + overhead) * count, bytes=0.0, count=problem.size, bounded=False,
+                settings=Batches(of_one, _batch(problem)),
+            )  # fmt: skip
+        elif step.stage is Stage.HISTORY:
+            reason = f"states once per period of the drive, of {_batch(problem)} motions at a time"
+            yield replace(step, reason=reason, flops=step.flops * count, bytes=0.0)
+    events = count * periods * (1.0 + _IMPACTS)
+    reason = (
+        "one deviation carried along by the linearised motion: its growth decides about chaos, "
+        "against its own error"
+    )
+    flops = events * (60.0 * modes + _EVENT_SECONDS * FLOPS_PER_SECOND)
+    yield Step(Stage.STABILITY, "saltation", reason, flops, _MOTION * count, bounded=False)
+    yield _comparison(problem)
+    if "stability" in problem.outputs:
+        reason = (
+            f"periodic attractors of up to {MOST_IMPACTS} impacts, begun at the impacts that time "
+            "histories end with"
+        )
+        flops = _EXPECTED * 2e5 * modes * 16.0
+        yield Step(Stage.IMPULSE, "newton", reason, flops, 0.0, bounded=False)
+
+
+def _comparison(problem: Problem) -> Step:
+    """Return the step that compares motions and makes the tables."""
+    dofs = float(problem.output_dofs.size)
+    flops = problem.size * problem.longest**2 * 8.0 * problem.system.n
+    size = _EXPECTED * (_ATTRACTOR + 16.0 * dofs + _IMPACTS * problem.longest * _IMPACT)
+    if "section" in problem.outputs:
+        points = min(float(problem.points), problem.observe + 1.0)
+        size += _EXPECTED * points * (8.0 + 16.0 * dofs if problem.section == "phase" else 40.0)
+    reason = (
+        f"states that return after up to {problem.longest} periods, equal up to a shift by whole "
+        "periods; sets of states that cover each other"
+    )
+    return Step(Stage.RESPONSE, "recurrence", reason, flops, size, bounded=False)

@@ -1,0 +1,51 @@
+"""Points of Poincare sections: states at the drive's phase 0, or impacts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import Integers
+from vibroimpact_solvers.attractors.problem import Problem
+from vibroimpact_solvers.attractors.verdicts import Verdict, sequence
+
+_PHASE = ("x", "v")
+_IMPACTS = ("constraint", "side", "phase", "velocity")
+
+
+def sections(problem: Problem, shown: Sequence[Verdict], dofs: Integers) -> dict[str, Any]:
+    """Return the table of points: those of one period, of others the last ones."""
+    columns: dict[str, Any] = dict.fromkeys(
+        f"section_{name}" for name in ("attractor", *_PHASE, *_IMPACTS)
+    )
+    if "section" not in problem.outputs:
+        return columns
+    points = [_points(problem, one, dofs) for one in shown]
+    kinds = {"constraint": np.int64, "side": np.int64}
+    names = _PHASE if problem.section == "phase" else _IMPACTS
+    for name in names:
+        shape = (0, dofs.size) if name in _PHASE else (0,)
+        empty = np.zeros(shape, kinds.get(name, np.float64))
+        columns[f"section_{name}"] = np.concatenate([empty, *(p[name] for p in points)])
+    sizes = [part[names[0]].shape[0] for part in points]
+    columns["section_attractor"] = np.repeat(np.arange(len(points)), sizes)
+    return columns
+
+
+def _points(problem: Problem, one: Verdict, dofs: Integers) -> dict[str, Any]:
+    """Return the points of one attractor."""
+    if problem.section == "phase":
+        last = slice(-min(problem.points, one.period or problem.points), None)
+        return {"x": one.motion.x[last][:, dofs], "v": one.motion.v[last][:, dofs]}
+    impacts, last = one.motion.impacts, slice(-problem.points, None)
+    if one.period:
+        impacts, last = sequence(problem, one), slice(problem.points)
+    phase = np.mod(float(problem.Omega[0]) * impacts.time, 2.0 * np.pi)
+    return {
+        "constraint": impacts.constraint[last],
+        "side": impacts.side[last],
+        "phase": phase[last],
+        "velocity": impacts.velocity[last],
+    }

@@ -1,0 +1,133 @@
+"""What a motion settles on: its period by recurrence, chaos by its exponent against its error.
+
+States at the drive's phase 0 are compared by the largest difference of displacements, and of
+velocities over the drive's frequency, relative to the amplitude of the motion.
+
+- periodic: the states of the last periods return after n periods of the drive, within the
+  tolerance, for the smallest such n, and the exponent is not proved positive;
+- chaotic: they do not, and the exponent is larger than its error;
+- quasi-periodic: they do not, the weighted mean of the exponent is zero within an error of at most
+  0.001 per period of the drive, and the spread of the states is the same, to 5 %, in both halves of
+  the observation. Neither a slow transient nor a periodic motion longer than is looked for has this
+  exponent;
+- undecided: everything else, and motions without impacts that damping does not draw together.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import EPS, Floats
+from vibroimpact_solvers.attractors.exponents import Growth, contraction
+from vibroimpact_solvers.attractors.observed import Impacts, Observed
+from vibroimpact_solvers.attractors.problem import Problem
+from vibroimpact_solvers.results.attractors import Nature
+
+_SMALL: Final = 1e-3  # of the structure's length: least scale of distances
+_FLAT: Final = 1e-3  # error per period of the drive of an exponent that is told to be zero
+_ZERO: Final = 1e-4  # per period of the drive: no exponent is told from zero that is smaller
+_SLOWEST: Final = 1e-3  # contraction per period that a transient is taken to have at least
+_STEADY: Final = 0.05  # difference of the spreads of both halves
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Verdict:
+    """What a motion settles on.
+
+    Parameters
+    ----------
+    nature : Nature
+    period : int
+        In periods of the drive; 0 where it is not periodic.
+    exponent, error : float
+        Largest Lyapunov exponent; nan and inf where there is none.
+    distance : float
+        How far the motion is from its limit, relative to the amplitude, as is estimated.
+    states : array, shape (section, 2 dof)
+        Displacements, and velocities over the drive's frequency, at the drive's phase 0.
+    scale : float
+        What distances are relative to.
+    """
+
+    motion: Observed
+    nature: Nature
+    period: int
+    exponent: float
+    error: float
+    distance: float
+    states: Floats
+    scale: float
+
+
+def verdict(problem: Problem, motion: Observed, growth: Growth, place: int) -> Verdict:
+    """Return what a motion settles on whose exponent has a place in these."""
+    exponent, error = float(growth.mean[place]), float(growth.error[place])
+    states = np.concatenate([motion.x, motion.v / float(problem.Omega[0])], axis=1)
+    scale = max(float(np.abs(states).max()), _SMALL * problem.length) or 1.0  # or all is still
+    period, apart = recurrence(states / scale, problem.longest, problem.close)
+    nature, T = Nature.UNDECIDED, problem.period
+    if not motion.impacts.time.size and not motion.rests and not exponent < -error:
+        pass  # whatever it returns to, its neighbours do not come closer
+    elif period and not exponent > error:
+        nature = Nature.PERIODIC
+    elif not period and exponent > error:
+        nature = Nature.CHAOTIC
+    elif not period and _zero(growth, place, T) and _steady(states):
+        nature = Nature.QUASI_PERIODIC
+    left = 1.0 - contraction(exponent, period * T) if math.isfinite(exponent) else 1.0
+    # Times of sections, and with them phases of the drive, are rounded.
+    rounding = 4.0 * EPS * float(problem.Omega[0]) * float(problem.sections[-1])
+    distance = apart / max(left, _SLOWEST) + rounding
+    periodic = nature is Nature.PERIODIC
+    return Verdict(
+        motion, nature, period if periodic else 0, exponent, error,
+        distance if periodic else math.inf, states, scale,
+    )  # fmt: skip
+
+
+def recurrence(states: Floats, longest: int, close: float) -> tuple[int, float]:
+    """Return the smallest period of the last states, or 0, and how far they are from returning."""
+    last = states.shape[0] - 1
+    for n in range(1, longest + 1):
+        now = np.arange(last - longest + 1, last + 1)
+        apart = float(np.abs(states[now] - states[now - n]).max())
+        if apart <= close:
+            before = states[last - 2 * n + 1 : last - n + 1]
+            return n, float(np.abs(states[last - n + 1 :] - before).max())
+    return 0, math.inf
+
+
+def _zero(growth: Growth, place: int, period: float) -> bool:
+    """Whether an exponent is zero, as far as that can be told."""
+    size, error = abs(float(growth.smooth[place])), float(growth.smooth_error[place])
+    return size <= max(error, _ZERO / period) and error <= _FLAT / period
+
+
+def _steady(states: Floats) -> bool:
+    """Whether states spread as far in the second half of the observation as in the first."""
+    middle = states.shape[0] // 2
+    first, second = states[:middle].std(axis=0), states[middle:].std(axis=0)
+    largest = np.maximum(first, second)
+    return bool((np.abs(first - second) <= _STEADY * largest.max()).all())
+
+
+def sequence(problem: Problem, settled: Verdict) -> Impacts:
+    """Return the impacts of the last period of a periodic motion, from between two impacts on."""
+    impacts, end = settled.motion.impacts, float(problem.sections[-1])
+    length = settled.period * problem.period
+    before = impacts.between(end - 2.0 * length, end)
+    early = before.time[before.time < end - length]
+    if not early.size:
+        return before.between(end - length, end)
+    after = np.append(early[1:], before.time[early.size : early.size + 1])
+    # Where the gap is widest, the beginning of the period does not divide impacts.
+    gaps = after - early[: after.size]
+    if not gaps.size:
+        return before.between(end - length, end)
+    widest = int(gaps.argmax())
+    start = float(early[widest] + 0.5 * gaps[widest])
+    return impacts.between(start, start + length)

@@ -1,0 +1,236 @@
+"""Attractors: what the motions of a driven structure settle on, and how many of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Annotated, Any, ClassVar, Final
+
+from vibroimpact_solvers.arrays import Booleans, Floats, Group, Integers, Quantity
+from vibroimpact_solvers.errors import STATUSES
+from vibroimpact_solvers.results.shared import Dofs, Statement
+
+
+class Nature(IntEnum):
+    """What motions settle on."""
+
+    PERIODIC = 0
+    QUASI_PERIODIC = 1
+    CHAOTIC = 2
+    UNDECIDED = 3
+
+
+class Verification(IntEnum):
+    """Whether Newton's method confirms a periodic attractor, and why not."""
+
+    CONFIRMED = 0
+    NOT_PERIODIC = 1
+    RESTS = 2
+    TOO_LONG = 3
+    NOT_REACHED = 4
+    UNSTABLE = 5
+
+
+NATURES: Final = tuple(nature.name.lower().replace("_", "-") for nature in Nature)
+VERIFICATIONS: Final = tuple(value.name.lower() for value in Verification)
+_NO_YES: Final = ("no", "yes")
+
+
+def _attractor(column: str, unit: str, long_name: str, *dims: str, **rest: Any) -> Quantity:
+    """Return the declaration of a column of the table of attractors."""
+    return Quantity(("attractor", *dims), unit, long_name, path=f"attractor/{column}", **rest)
+
+
+def _impact(column: str, unit: str, long_name: str, **rest: Any) -> Quantity:
+    return Quantity(("impact",), unit, long_name, path=f"impact/{column}", **rest)
+
+
+def _section(column: str, unit: str, long_name: str, *dims: str, **rest: Any) -> Quantity:
+    return Quantity(("section", *dims), unit, long_name, path=f"section/{column}", **rest)
+
+
+def _settled(column: str, unit: str, long_name: str, **rest: Any) -> Quantity:
+    return Quantity(("motion",), unit, long_name, path=f"settled/{column}", **rest)
+
+
+def _error(of: str, unit: str, long_name: str, *dims: str, **rest: Any) -> Quantity:
+    return Quantity(dims, unit, f"error of the {long_name}", path=f"error/{of}", **rest)
+
+
+_EXPONENT: Final = "largest Lyapunov exponent"
+_NONE: Final = "it rests at a wall, or the attractor is undecided"
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """Attractors in the order in which motions first settle on them; sections where requested."""
+
+    GROUPS: ClassVar[Mapping[str, Group]] = {
+        "attractor": Group(
+            "Attractors", "One row for each attractor; all undecided motions are one row.", False
+        ),
+        "impact": Group("AttractorImpacts", "The impacts of one period of periodic attractors."),
+        "section": Group("AttractorSections", "Points of the sections of attractors.", False),
+        "settled": Group("SettledMotions", "What each motion settles on."),
+        "error": Group("AttractorError", "Errors of the outputs."),
+        "error/attractor": Group("AttractorErrors", "Errors of columns of the attractors.", False),
+        "error/impact": Group("AttractorImpactErrors", "Errors of columns of the impacts."),
+        "error/settled": Group("SettledErrors", "Errors of columns of the motions."),
+    }
+
+    Omega: Annotated[float, Quantity((), "time-1", "frequency of the drive")]
+    dof: Dofs
+    motion: Annotated[Integers, Quantity(("motion",), "1", "index of the initial state", True)]
+    settled_status: Annotated[
+        Integers, _settled("status", "1", "whether there is a motion, or why not", flags=STATUSES)
+    ]
+    settled_attractor: Annotated[
+        Integers,
+        _settled("attractor", "1", "row of its attractor, -1 where it has none", integers=()),
+    ]
+    settled_period: Annotated[
+        Integers, _settled("period", "1", "period in periods of the drive, 0 of no periodic one")
+    ]
+    settled_exponent: Annotated[
+        Floats,
+        _settled("exponent", "time-1", _EXPONENT, error="error/settled/exponent",
+                 missing="it rests at a wall, or there is no motion"),
+    ]  # fmt: skip
+    attractor_nature: Annotated[
+        Integers, _attractor("nature", "1", "what it is, as far as is decided", flags=NATURES)
+    ]
+    attractor_period: Annotated[
+        Integers, _attractor("period", "1", "period in periods of the drive, 0 of no periodic one")
+    ]
+    attractor_impacts: Annotated[
+        Integers, _attractor("impacts", "1", "impacts in one period of a periodic one, else 0")
+    ]
+    attractor_impact_rate: Annotated[
+        Floats, _attractor("impact_rate", "1", "mean number of impacts per period of the drive")
+    ]
+    attractor_rests: Annotated[
+        Booleans, _attractor("rests", "1", "whether it rests at walls for a while", flags=_NO_YES)
+    ]
+    attractor_exponent: Annotated[
+        Floats,
+        _attractor("exponent", "time-1", _EXPONENT, error="error/attractor/exponent",
+                   missing=_NONE),
+    ]  # fmt: skip
+    attractor_motions: Annotated[
+        Integers, _attractor("motions", "1", "number of motions that settle on it")
+    ]
+    attractor_fraction: Annotated[
+        Floats,
+        _attractor("fraction", "1", "part of the motions that settle on it",
+                   error="error/attractor/fraction"),
+    ]  # fmt: skip
+    attractor_fraction_low: Annotated[
+        Floats, _attractor("fraction_low", "1", "lower end of the interval of 95 % of the fraction")
+    ]
+    attractor_fraction_high: Annotated[
+        Floats,
+        _attractor("fraction_high", "1", "upper end of the interval of 95 % of the fraction"),
+    ]
+    attractor_x: Annotated[
+        Floats,
+        _attractor("x", "length", "displacement at the drive's phase 0", "dof",
+                   error="error/attractor/x"),
+    ]  # fmt: skip
+    attractor_v: Annotated[
+        Floats,
+        _attractor("v", "length time-1", "velocity at the drive's phase 0", "dof",
+                   error="error/attractor/v"),
+    ]  # fmt: skip
+    attractor_verification: Annotated[
+        Integers | None,
+        _attractor("verification", "1", "whether Newton's method confirms a periodic one, or why "
+                   "not", flags=VERIFICATIONS),
+    ]  # fmt: skip
+    attractor_stability: Annotated[
+        Floats | None,
+        _attractor("stability", "1", "largest modulus of the multipliers over one period",
+                   error="error/attractor/stability", missing="not confirmed"),
+    ]  # fmt: skip
+    impact_attractor: Annotated[Integers, _impact("attractor", "1", "row of its attractor")]
+    impact_constraint: Annotated[
+        Integers, _impact("constraint", "1", "index of the constraint struck")
+    ]
+    impact_side: Annotated[
+        Integers, _impact("side", "1", "wall: 1 the upper, -1 the lower one", integers=(1, -1))
+    ]
+    impact_phase: Annotated[
+        Floats,
+        _impact("phase", "1", "phase of the drive, Omega t modulo 2 pi",
+                error="error/impact/phase"),
+    ]  # fmt: skip
+    impact_momentum: Annotated[
+        Floats,
+        _impact("momentum", "mass length time-1", "magnitude of the momentum exchanged",
+                error="error/impact/momentum"),
+    ]  # fmt: skip
+    impact_velocity: Annotated[
+        Floats,
+        _impact("velocity", "length time-1", "velocity of the coordinate before the impact",
+                error="error/impact/velocity"),
+    ]  # fmt: skip
+    section_attractor: Annotated[
+        Integers | None, _section("attractor", "1", "row of its attractor")
+    ]
+    section_x: Annotated[
+        Floats | None, _section("x", "length", "displacement at the drive's phase 0", "dof")
+    ]
+    section_v: Annotated[
+        Floats | None, _section("v", "length time-1", "velocity at the drive's phase 0", "dof")
+    ]
+    section_constraint: Annotated[
+        Integers | None, _section("constraint", "1", "index of the constraint struck")
+    ]
+    section_side: Annotated[
+        Integers | None,
+        _section("side", "1", "wall: 1 the upper, -1 the lower one", integers=(1, -1)),
+    ]
+    section_phase: Annotated[
+        Floats | None, _section("phase", "1", "phase of the drive, Omega t modulo 2 pi")
+    ]
+    section_velocity: Annotated[
+        Floats | None,
+        _section("velocity", "length time-1", "velocity of the coordinate before the impact"),
+    ]
+    error_statement: Statement
+    error_failures: Annotated[
+        list[str],
+        Quantity((), "1", "why there are no motions, the first of them", path="error/failures"),
+    ]
+    error_settled_exponent: Annotated[
+        Floats, _error("settled/exponent", "time-1", _EXPONENT, "motion", missing="none")
+    ]
+    error_attractor_exponent: Annotated[
+        Floats, _error("attractor/exponent", "time-1", _EXPONENT, "attractor", missing="none")
+    ]
+    error_fraction: Annotated[Floats, _error("attractor/fraction", "1", "fraction", "attractor")]
+    error_x: Annotated[
+        Floats,
+        _error("attractor/x", "length", "displacement", "attractor", "dof", missing="not periodic"),
+    ]
+    error_v: Annotated[
+        Floats,
+        _error("attractor/v", "length time-1", "velocity", "attractor", "dof",
+               missing="not periodic"),
+    ]  # fmt: skip
+    error_stability: Annotated[
+        Floats | None,
+        _error("attractor/stability", "1", "largest modulus", "attractor", missing="none"),
+    ]
+    error_phase: Annotated[
+        Floats, _error("impact/phase", "1", "phase", "impact", missing="not confirmed")
+    ]
+    error_momentum: Annotated[
+        Floats,
+        _error("impact/momentum", "mass length time-1", "momentum", "impact",
+               missing="not confirmed"),
+    ]  # fmt: skip
+    error_velocity: Annotated[
+        Floats,
+        _error("impact/velocity", "length time-1", "velocity", "impact", missing="not confirmed"),
+    ]
