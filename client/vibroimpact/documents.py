@@ -14,6 +14,7 @@ Kind = Literal[
     "resonances",
     "periodic-motions",
     "branches",
+    "attractors",
     "time-history",
     "ensemble",
     "slow-flow",
@@ -176,6 +177,40 @@ class BranchesRequest(TypedDict):
     step: NotRequired[float]
     """Longest step: part of the range, change of a phase (rad) or of an impulse relative to
     the first.
+    """
+
+
+class AttractorsRequest(TypedDict):
+    """Attractors: what the motions of a driven structure with stops settle on.
+
+    From each initial state the motion is computed for settle + observe periods of the drive.
+    Those that settle on the same attractor are counted. Motions start at the drive's phase 0.
+    """
+
+    system: System
+    tolerance: NotRequired[float | None]
+    """Distance of equal states relative to the amplitude; absent: 1e-6."""
+    load: Sequence[DriveTerm]
+    """The drive, in addition to the constant load of the system."""
+    frequency: FrequencyValues | FrequencyPoints | FrequencySteps
+    """Frequency of the drive: one value."""
+    initial: InitialStates
+    settle: NotRequired[int]
+    """Periods of the drive that are left out."""
+    observe: NotRequired[int]
+    """Periods of the drive that are looked at after them; at least twice longest."""
+    longest: NotRequired[int]
+    """Largest period, in periods of the drive, that is recognised."""
+    section: NotRequired[Literal["phase", "impacts"]]
+    """Points of the section: states at the drive's phase 0, or impacts."""
+    points: NotRequired[int]
+    """Most points of the section of each attractor."""
+    dofs: NotRequired[Sequence[int] | None]
+    """Degrees of freedom of states and sections; absent: all."""
+    outputs: NotRequired[Sequence[Literal["section", "stability"]]]
+    """What is computed beside the attractors, their impacts and what each motion settles on.
+    section: points of a Poincaré section of each attractor; stability: periodic attractors
+    confirmed by Newton's method, with their multipliers.
     """
 
 
@@ -362,6 +397,18 @@ class PeriodicMotionsSweep(TypedDict):
         Sequence[Literal["exists", "extremes", "energy", "stability", "multipliers", "waveform"]]
         | None
     ]
+    """What to compute; absent: the outputs of the base."""
+
+
+class AttractorsSweep(TypedDict):
+    """Attractors over a parameter grid: over one axis, a bifurcation diagram."""
+
+    kind: Literal["attractors"]
+    base: AttractorsRequest
+    """The request whose fields vary."""
+    axes: Sequence[AxisValues | AxisPoints | AxisSteps]
+    """Each is a dimension of the outputs; in this order, they come first."""
+    outputs: NotRequired[Sequence[Literal["section", "stability"]] | None]
     """What to compute; absent: the outputs of the base."""
 
 
@@ -597,6 +644,15 @@ class SequenceStart(TypedDict):
     """Phases Omega t of the impacts in their order [guess, impact], rad."""
 
 
+class InitialStates(TypedDict):
+    """Initial states of the members of an ensemble, at t = 0."""
+
+    x: Sequence[Sequence[float]]
+    """Displacements [member, dof]."""
+    v: Sequence[Sequence[float]]
+    """Velocities [member, dof]."""
+
+
 class EqualTimes(TypedDict):
     """A number of equally spaced times from 0 to t_end, both included."""
 
@@ -707,15 +763,6 @@ class InitialMode(TypedDict):
     """An impact mode at tau = 0, half-way between its impacts."""
 
     impact_mode: Member
-
-
-class InitialStates(TypedDict):
-    """Initial states of the members of an ensemble, at t = 0."""
-
-    x: Sequence[Sequence[float]]
-    """Displacements [member, dof]."""
-    v: Sequence[Sequence[float]]
-    """Velocities [member, dof]."""
 
 
 class SlowFlowInitial(TypedDict):
@@ -1105,6 +1152,7 @@ SweepRequest = (
     | ExistenceBandsSweep
     | ResonancesSweep
     | PeriodicMotionsSweep
+    | AttractorsSweep
     | TimeHistorySweep
     | SlowFlowSweep
 )
@@ -1116,6 +1164,7 @@ Request = (
     | ResonancesRequest
     | PeriodicMotionsRequest
     | BranchesRequest
+    | AttractorsRequest
     | TimeHistoryRequest
     | EnsembleRequest
     | SlowFlowRequest
@@ -1128,6 +1177,7 @@ BaseRequest = (
     | ExistenceBandsRequest
     | ResonancesRequest
     | PeriodicMotionsRequest
+    | AttractorsRequest
     | TimeHistoryRequest
     | SlowFlowRequest
 )

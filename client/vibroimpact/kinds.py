@@ -308,6 +308,147 @@ class BranchesPoints(Table):
     """Absolute error of the parameter, shape (point)."""
 
 
+class AttractorsAttractor(Table):
+    """One row for each attractor; all undecided motions are one row."""
+
+    nature: Words
+    """What it is, as far as is decided, shape (attractor_index)."""
+    period: Integers
+    """Period in periods of the drive, 0 of no periodic one, shape (attractor_index)."""
+    impacts: Integers
+    """Impacts in one period of a periodic one, else 0, shape (attractor_index)."""
+    impact_rate: Floats
+    """Mean number of impacts per period of the drive, shape (attractor_index)."""
+    rests: Words
+    """Whether it rests at walls for a while, shape (attractor_index)."""
+    exponent: Floats
+    """Largest Lyapunov exponent, shape (attractor_index), 1/time; nan: it rests at a wall, or
+    the attractor is undecided.
+    """
+    motions: Integers
+    """Number of motions that settle on it, shape (attractor_index)."""
+    fraction: Floats
+    """Part of the motions that settle on it, shape (attractor_index)."""
+    fraction_low: Floats
+    """Lower end of the interval of 95 % of the fraction, shape (attractor_index)."""
+    fraction_high: Floats
+    """Upper end of the interval of 95 % of the fraction, shape (attractor_index)."""
+    x: Floats
+    """Displacement at the drive's phase 0, shape (attractor_index, dof), length."""
+    v: Floats
+    """Velocity at the drive's phase 0, shape (attractor_index, dof), length / time."""
+    verification: Words
+    """Whether Newton's method confirms a periodic one, or why not, shape (attractor_index)."""
+    stability: Floats
+    """Largest modulus of the multipliers over one period, shape (attractor_index); nan: not
+    confirmed.
+    """
+
+
+class AttractorsImpact(Table):
+    """The impacts of one period of periodic attractors."""
+
+    attractor: Integers
+    """Row of its attractor, shape (impact_index)."""
+    constraint: Integers
+    """Index of the constraint struck, shape (impact_index)."""
+    side: Integers
+    """Wall: 1 the upper, -1 the lower one, shape (impact_index)."""
+    phase: Floats
+    """Phase of the drive, Omega t modulo 2 pi, shape (impact_index)."""
+    momentum: Floats
+    """Magnitude of the momentum exchanged, shape (impact_index), mass length / time."""
+    velocity: Floats
+    """Velocity of the coordinate before the impact, shape (impact_index), length / time."""
+
+
+class AttractorsSection(Table):
+    """Points of the sections of attractors."""
+
+    attractor: Integers
+    """Row of its attractor, shape (section_index)."""
+    x: Floats
+    """Displacement at the drive's phase 0, shape (section_index, dof), length."""
+    v: Floats
+    """Velocity at the drive's phase 0, shape (section_index, dof), length / time."""
+    constraint: Integers
+    """Index of the constraint struck, shape (section_index)."""
+    side: Integers
+    """Wall: 1 the upper, -1 the lower one, shape (section_index)."""
+    phase: Floats
+    """Phase of the drive, Omega t modulo 2 pi, shape (section_index)."""
+    velocity: Floats
+    """Velocity of the coordinate before the impact, shape (section_index), length / time."""
+
+
+class AttractorsSettled(Table):
+    """What each motion settles on."""
+
+    status: Words
+    """Whether there is a motion, or why not, shape (motion)."""
+    attractor: Integers
+    """Row of its attractor, -1 where it has none, shape (motion)."""
+    period: Integers
+    """Period in periods of the drive, 0 of no periodic one, shape (motion)."""
+    exponent: Floats
+    """Largest Lyapunov exponent, shape (motion), 1/time; nan: it rests at a wall, or there is
+    no motion.
+    """
+
+
+class AttractorsErrorAttractor(Table):
+    """Errors of columns of the attractors."""
+
+    exponent: Floats
+    """Error of the largest Lyapunov exponent, shape (attractor_index), 1/time; nan: none."""
+    fraction: Floats
+    """Error of the fraction, shape (attractor_index)."""
+    x: Floats
+    """Error of the displacement, shape (attractor_index, dof), length; nan: not periodic."""
+    v: Floats
+    """Error of the velocity, shape (attractor_index, dof), length / time; nan: not periodic."""
+    stability: Floats
+    """Error of the largest modulus, shape (attractor_index); nan: none."""
+
+
+class AttractorsErrorImpact(Table):
+    """Errors of columns of the impacts."""
+
+    phase: Floats
+    """Error of the phase, shape (impact_index); nan: not confirmed."""
+    momentum: Floats
+    """Error of the momentum, shape (impact_index), mass length / time; nan: not confirmed."""
+    velocity: Floats
+    """Error of the velocity, shape (impact_index), length / time; nan: not confirmed."""
+
+
+class AttractorsErrorSettled(Table):
+    """Errors of columns of the motions."""
+
+    exponent: Floats
+    """Error of the largest Lyapunov exponent, shape (motion), 1/time; nan: none."""
+
+
+class AttractorsError(Table):
+    """Errors of the outputs."""
+
+    PARTS: ClassVar[dict[str, type[Table]]] = {
+        "attractor": AttractorsErrorAttractor,
+        "impact": AttractorsErrorImpact,
+        "settled": AttractorsErrorSettled,
+    }
+    statement: str
+    """How the errors were obtained."""
+    failures: str
+    """Why there are no motions, the first of them."""
+    attractor: AttractorsErrorAttractor
+    """Errors of columns of the attractors."""
+    impact: AttractorsErrorImpact
+    """Errors of columns of the impacts."""
+    settled: AttractorsErrorSettled
+    """Errors of columns of the motions."""
+
+
 class TimeHistoryImpacts(Table):
     """All impacts in order, one column each."""
 
@@ -642,6 +783,33 @@ class Branches(Result):
     """A point of a branch at which its motions change."""
 
 
+class Attractors(Result):
+    """Attractors in the order in which motions first settle on them; sections where requested."""
+
+    PARTS: ClassVar[dict[str, type[Table]]] = {
+        "attractor": AttractorsAttractor,
+        "impact": AttractorsImpact,
+        "section": AttractorsSection,
+        "settled": AttractorsSettled,
+        "error": AttractorsError,
+    }
+    request: documents.AttractorsRequest
+    dof: Integers
+    """Index of the degree of freedom, shape (dof)."""
+    motion: Integers
+    """Index of the initial state, shape (motion)."""
+    attractor: AttractorsAttractor
+    """One row for each attractor; all undecided motions are one row."""
+    impact: AttractorsImpact
+    """The impacts of one period of periodic attractors."""
+    section: AttractorsSection
+    """Points of the sections of attractors."""
+    settled: AttractorsSettled
+    """What each motion settles on."""
+    error: AttractorsError
+    """Errors of the outputs."""
+
+
 class TimeHistory(Result):
     """A motion; outputs that were not requested are absent."""
 
@@ -782,6 +950,7 @@ KINDS: Final[dict[str, type[Result]]] = {
     "resonances": Resonances,
     "periodic-motions": PeriodicMotions,
     "branches": Branches,
+    "attractors": Attractors,
     "time-history": TimeHistory,
     "ensemble": Ensemble,
     "slow-flow": SlowFlow,

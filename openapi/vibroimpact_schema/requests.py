@@ -255,6 +255,52 @@ class PeriodicMotionsRequest(ComputationRequest):
     )
 
 
+AttractorsOutput = Literal["section", "stability"]
+
+
+class AttractorsRequest(ComputationRequest):
+    """Attractors: what the motions of a driven structure with stops settle on.
+
+    From each initial state the motion is computed for settle + observe periods of the drive. Those
+    that settle on the same attractor are counted. Motions start at the drive's phase 0.
+    """
+
+    tolerance: Annotated[Number, Field(ge=1e-12, le=1e-2)] | None = Field(
+        None, description="Distance of equal states relative to the amplitude; absent: 1e-6."
+    )
+    load: Annotated[list[DriveTerm], Field(min_length=1, max_length=1000, fail_fast=True)] = Field(
+        description="The drive, in addition to the constant load of the system."
+    )
+    frequency: FrequencyGrid = Field(description="Frequency of the drive: one value.")
+    initial: InitialStates
+    settle: Annotated[int, Field(strict=True, ge=0, le=1_000_000)] = Field(
+        200, description="Periods of the drive that are left out."
+    )
+    observe: Annotated[int, Field(strict=True, ge=8, le=1_000_000)] = Field(
+        400,
+        description="Periods of the drive that are looked at after them; at least twice longest.",
+    )
+    longest: Annotated[int, Field(strict=True, ge=1, le=1000)] = Field(
+        16, description="Largest period, in periods of the drive, that is recognised."
+    )
+    section: Literal["phase", "impacts"] = Field(
+        "phase", description="Points of the section: states at the drive's phase 0, or impacts."
+    )
+    points: Annotated[int, Field(strict=True, ge=1, le=1_000_000)] = Field(
+        200, description="Most points of the section of each attractor."
+    )
+    dofs: Annotated[Indices, Field(min_length=1)] | None = Field(
+        None, description="Degrees of freedom of states and sections; absent: all."
+    )
+    outputs: Annotated[list[AttractorsOutput], Field(min_length=1, fail_fast=True)] = Field(
+        ["section", "stability"],
+        description="What is computed beside the attractors, their impacts and what each motion "
+        "settles on. "
+        "section: points of a Poincaré section of each attractor; "
+        "stability: periodic attractors confirmed by Newton's method, with their multipliers.",
+    )
+
+
 SlowFlowModel = Literal["damped", "two_oscillator", "restitution", "bouncing_ball", "oscillator"]
 SlowFlowVariant = Literal[
     "exact",

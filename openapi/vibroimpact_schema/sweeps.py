@@ -129,6 +129,12 @@ class PeriodicMotionsSweep(
     kind: Literal["periodic-motions"]
 
 
+class AttractorsSweep(SweepOf[requests.AttractorsRequest, requests.AttractorsOutput]):
+    """Attractors over a parameter grid: over one axis, a bifurcation diagram."""
+
+    kind: Literal["attractors"]
+
+
 class TimeHistorySweep(SweepOf[requests.TimeHistoryRequest, requests.TimeHistoryOutput]):
     """Time histories over a parameter grid."""
 
@@ -146,6 +152,7 @@ AnySweep = Annotated[
     | ExistenceBandsSweep
     | ResonancesSweep
     | PeriodicMotionsSweep
+    | AttractorsSweep
     | TimeHistorySweep
     | SlowFlowSweep,
     Field(discriminator="kind"),

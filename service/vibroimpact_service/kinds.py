@@ -27,6 +27,7 @@ from vibroimpact_service import problems
 from vibroimpact_service.jobs.work import Tick
 from vibroimpact_service.result_documents import document
 from vibroimpact_solvers.results import (
+    attractors,
     branches,
     ensemble,
     existence_bands,
@@ -149,6 +150,12 @@ KINDS: Final[Mapping[str, Kind]] = {
             branch_requests.BranchesRequest,
             document("branches", branches.Result),
             structure=("base", "system"),
+        ),
+        Kind(
+            "attractors",
+            "Attractors",
+            requests.AttractorsRequest,
+            document("attractors", attractors.Result),
         ),
         Kind(
             "time-history",

@@ -43,7 +43,7 @@ _PROGRESS_SECONDS: Final = 0.2
 _ATTEMPTS: Final = 2
 """A process that was killed, for its memory perhaps, gets another chance."""
 _SHARED: Final = (
-    ("time-history", "ensemble"),
+    ("time-history", "ensemble", "attractors"),
     ("impact-modes", "existence-bands", "resonances", "sweep"),
 )
 """Kinds that need the same kernels, to be compiled one after the other; the longest first."""

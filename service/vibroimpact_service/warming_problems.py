@@ -31,6 +31,26 @@ PROBLEMS: Final[Mapping[str, Sequence[Mapping[str, Any]]]] = {
             "outputs": ["stability"],
         },
     ),
+    "attractors": (
+        # Masses that rest at their walls.
+        {
+            "system": {
+                "M": {"scalar": 1, "n": 2},
+                "K": [[2, -1], [-1, 2]],
+                "C": [[0.2, -0.1], [-0.1, 0.3]],
+                "constraints": [
+                    {"dof": 0, "gap": {"lower": None, "upper": 0.05}, "restitution": 0},
+                    {"dof": 1, "gap": {"lower": 0.1, "upper": 0.5}, "restitution": 0},
+                ],
+            },
+            "initial": {"x": [[0, 0]], "v": [[0.2, 0]]},
+            "load": [{"dof": 0, "amplitude": 0.6}],
+            "frequency": {"values": [0.5]},
+            "settle": 4,
+            "observe": 8,
+            "longest": 4,
+        },
+    ),
     "time-history": (
         # An impact of one mass while the other one rests at its wall.
         {

@@ -53,7 +53,10 @@ EXCEPTIONS: dict[tuple[str, str], str] = {
     ("tests/benchmarks/test_guard.py", "good for"): "an attribute in a comprehension",
     ("tests/.*.py", "walk"): "the function ast.walk",
     ("solvers/vibroimpact_solvers/plan.py", "flight"): "a stage in plan documents",
-    ("tests/.*/test_(long_histories|ensemble|slow_flow).py", "flight"): "a stage in plan documents",
+    (
+        "tests/.*/test_(long_histories|ensemble|attractors|slow_flow).py",
+        "flight",
+    ): "a stage in plan documents",
     ("changes/.*", "flights"): "a name in 0.1.0",
     (
         "service/.*/jobs/(tables|migrations/.*).py",

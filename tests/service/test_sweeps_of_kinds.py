@@ -79,6 +79,28 @@ CASES = [
         },
     ),
     Case(
+        "attractors",
+        {
+            "system": {
+                "preset": "oscillator",
+                "Omega0": 1.0,
+                "zeta": 0.05,
+                "constraints": [
+                    {"dof": 0, "gap": {"lower": None, "upper": 0.0}, "restitution": 0.8}
+                ],
+            },
+            "load": [{"dof": 0, "amplitude": 1.0}],
+            "frequency": {"values": [2.0]},
+            "initial": {"x": [[-1.0], [0.0]], "v": [[0.0], [-1.0]]},
+            "settle": 50,
+            "observe": 50,
+        },
+        {
+            "frequency.values.0": [2.0, 2.7, 2.8],
+            "system.constraints.0.gap.upper": [0.0, 5.0],
+        },
+    ),
+    Case(
         "time-history",
         {
             "system": {

@@ -16,6 +16,7 @@ import numpy as np
 from vibroimpact_schema import grids, motions, requests, systems
 from vibroimpact_service.documents import digest
 from vibroimpact_service.kinds import Kind
+from vibroimpact_solvers import attractors as settled
 from vibroimpact_solvers import ensemble as ensembles
 from vibroimpact_solvers import existence_bands as bands
 from vibroimpact_solvers import impact_modes as modes
@@ -267,6 +268,26 @@ def periodic_motions(request: requests.PeriodicMotionsRequest, of: System) -> dr
         frozenset(request.outputs),
         _indices(request.dofs),
         None if request.tau is None else np.array(request.tau),
+        request.tolerance,
+    )
+
+
+def attractors(request: requests.AttractorsRequest, of: System) -> settled.Problem:
+    """Return the problem of attractors."""
+    Omega, _ = frequencies(request.frequency, of.units)
+    return settled.Problem(
+        of,
+        Omega,
+        np.array(request.initial.x),
+        np.array(request.initial.v),
+        tuple(_force(term) for term in request.load),
+        request.settle,
+        request.observe,
+        request.longest,
+        request.section,
+        request.points,
+        frozenset(request.outputs),
+        _indices(request.dofs),
         request.tolerance,
     )
 
