@@ -23,6 +23,7 @@ from vibroimpact.errors import (
 )
 from vibroimpact.jobs import AsyncJob, Job, Submitted
 from vibroimpact.kinds import (
+    Attractors,
     Branches,
     Ensemble,
     ExistenceBands,
@@ -36,6 +37,7 @@ from vibroimpact.kinds import (
 from vibroimpact.local import Local
 from vibroimpact.plans import Plan
 from vibroimpact.requests import (
+    attractors_request,
     branches_request,
     ensemble_request,
     existence_bands_request,
@@ -79,6 +81,7 @@ __all__ = [
     "AccessDenied",
     "AsyncClient",
     "AsyncJob",
+    "Attractors",
     "Branches",
     "Client",
     "ConfigurationError",
@@ -110,6 +113,7 @@ __all__ = [
     "TooManyRequests",
     "Unavailable",
     "VibroimpactError",
+    "attractors_request",
     "base_motion",
     "bouncing_ball",
     "branches_request",

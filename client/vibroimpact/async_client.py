@@ -33,6 +33,7 @@ class AsyncClient(
         "Later[kinds.Resonances]",
         "Later[kinds.PeriodicMotions]",
         "Later[kinds.Branches]",
+        "Later[kinds.Attractors]",
         "Later[kinds.TimeHistory]",
         "Later[kinds.Ensemble]",
         "Later[kinds.SlowFlow]",

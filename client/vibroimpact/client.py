@@ -31,6 +31,7 @@ class Client(
         kinds.Resonances,
         kinds.PeriodicMotions,
         kinds.Branches,
+        kinds.Attractors,
         kinds.TimeHistory,
         kinds.Ensemble,
         kinds.SlowFlow,

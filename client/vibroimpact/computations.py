@@ -36,6 +36,7 @@ Bands = TypeVar("Bands")
 Resonant = TypeVar("Resonant")
 Motions = TypeVar("Motions")
 Curves = TypeVar("Curves")
+Settled = TypeVar("Settled")
 History = TypeVar("History")
 Many = TypeVar("Many")
 Slow = TypeVar("Slow")
@@ -43,7 +44,7 @@ Grid = TypeVar("Grid")
 
 
 class Computations(
-    ABC, Generic[Modes, Bands, Resonant, Motions, Curves, History, Many, Slow, Grid]
+    ABC, Generic[Modes, Bands, Resonant, Motions, Curves, Settled, History, Many, Slow, Grid]
 ):
     """One method for each kind of computation: it makes the request document and computes it.
 
@@ -94,6 +95,15 @@ class Computations(
         *,
         progress: bool = False,
     ) -> Curves: ...
+
+    @overload
+    def compute(
+        self,
+        kind: Literal["attractors"],
+        request: documents.AttractorsRequest,
+        *,
+        progress: bool = False,
+    ) -> Settled: ...
 
     @overload
     def compute(
@@ -364,6 +374,78 @@ class Computations(
         answer: Curves = self._compute("branches", request | options, progress=progress)
         return answer
 
+    def attractors(
+        self,
+        system: documents.System,
+        frequency: float | Mapping[str, Any],
+        load: Sequence[documents.DriveTerm],
+        x: ArrayLike,
+        v: ArrayLike,
+        *,
+        settle: int | None = None,
+        observe: int | None = None,
+        longest: int | None = None,
+        section: str = "phase",
+        points: int | None = None,
+        dofs: Sequence[int] | None = None,
+        outputs: Sequence[str] | None = None,
+        tolerance: float | None = None,
+        progress: bool = False,
+    ) -> Settled:
+        """Find what the motions of a driven structure with stops settle on, and how many do.
+
+        Parameters
+        ----------
+        system : dict
+            The structure, with damping or losses at its stops.
+        frequency : float or dict
+            Frequency of the drive.
+        load : sequence of dict
+            The drive, from `drive`.
+        x, v : array, shape (motion, dof)
+            Displacements and velocities at t = 0, the drive's phase 0.
+        settle, observe : int, optional
+            Periods of the drive that are left out, and those looked at after them; default: 200
+            and 400.
+        longest : int, optional
+            Largest period, in periods of the drive, that is recognised; default: 16.
+        section : str
+            Points of the section: "phase", the states at the drive's phase 0, or "impacts".
+        points : int, optional
+            Most points of the section of each attractor; default: 200.
+        dofs : sequence of int, optional
+            Degrees of freedom of states and sections; default: all.
+        outputs : sequence of str, optional
+            section, stability; default: both.
+        tolerance : float, optional
+            Distance of equal states relative to the amplitude; default: 1e-6.
+        progress : bool
+            Show a progress bar while a job runs.
+        """
+        request: Document = {
+            "system": dict(system),
+            "load": [dict(term) for term in load],
+            "frequency": dict(frequency)
+            if isinstance(frequency, Mapping)
+            else {"values": [float(frequency)]},
+            "initial": {
+                name: np.atleast_2d(np.asarray(given, dtype=np.float64)).tolist()
+                for name, given in (("x", x), ("v", v))
+            },
+        }
+        options = _present(
+            settle=None if settle is None else int(settle),
+            observe=None if observe is None else int(observe),
+            longest=None if longest is None else int(longest),
+            section=None if section == "phase" else section,
+            points=None if points is None else int(points),
+            dofs=_indices(dofs),
+            outputs=None if outputs is None else names(outputs),
+            tolerance=_number(tolerance),
+        )
+        answer: Settled = self._compute("attractors", request | options, progress=progress)
+        return answer
+
     def time_history(
         self,
         system: documents.System,
@@ -565,6 +647,7 @@ class _Requests(
         "documents.ResonancesRequest",
         "documents.PeriodicMotionsRequest",
         "documents.BranchesRequest",
+        "documents.AttractorsRequest",
         "documents.TimeHistoryRequest",
         "documents.EnsembleRequest",
         "documents.SlowFlowRequest",

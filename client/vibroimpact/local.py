@@ -24,6 +24,7 @@ class Local(
         kinds.Resonances,
         kinds.PeriodicMotions,
         kinds.Branches,
+        kinds.Attractors,
         kinds.TimeHistory,
         kinds.Ensemble,
         kinds.SlowFlow,

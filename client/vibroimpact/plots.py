@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from vibroimpact.attractor_plots import bifurcation, section
 from vibroimpact.motion_plots import (
     basins,
     column_of,
@@ -42,6 +43,7 @@ __all__ = [
     "WALL",
     "bands",
     "basins",
+    "bifurcation",
     "branches",
     "displacement",
     "existence",
@@ -54,6 +56,7 @@ __all__ = [
     "phase_plane",
     "resonances",
     "response",
+    "section",
     "shape",
     "stability",
     "waveform",

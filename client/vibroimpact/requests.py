@@ -15,6 +15,8 @@ periodic_motions_request = REQUESTS.periodic_motions
 """Return the request document that `Client.periodic_motions` sends."""
 branches_request = REQUESTS.branches
 """Return the request document that `Client.branches` sends."""
+attractors_request = REQUESTS.attractors
+"""Return the request document that `Client.attractors` sends."""
 time_history_request = REQUESTS.time_history
 """Return the request document that `Client.time_history` sends."""
 ensemble_request = REQUESTS.ensemble

@@ -43,7 +43,8 @@ class Result(ResultFile):
         Impact modes: the momentum of the impacts over frequency, or the mode shape where there is
         one frequency only, or else what was computed; ``output="energy"`` gives the
         frequency-energy plot. Periodic motions: the
-        amplitude over the frequency of the drive. Time histories: a displacement
+        amplitude over the frequency of the drive. Attractors: their Poincaré sections; of a sweep,
+        a bifurcation diagram. Time histories: a displacement
         over time. Ensembles: the number of impacts over the initial states, see
         `vibroimpact.plots.basins`. Sweeps: an output over the one or two dimensions that are
         left, see `vibroimpact.sweep_plots.draw`.
@@ -63,6 +64,8 @@ class Result(ResultFile):
             If there is no plot of that output.
         """
         if self.kind == "sweep":
+            if output is None and at is None and "section_count" in dir(self):
+                return plots.bifurcation(self, ax=ax)
             return sweep_plots.draw(self, output, at, ax)
         if self.kind == "impact-modes":
             return plots.mode_plot(output or self._most_telling())(self, ax=ax)
@@ -72,6 +75,7 @@ class Result(ResultFile):
             "existence-bands": plots.bands,
             "resonances": plots.resonances,
             "periodic-motions": plots.response,
+            "attractors": plots.section,
             "branches": plots.branches,
             "time-history": plots.history,
             "ensemble": plots.basins,

@@ -173,6 +173,12 @@ def test_the_page_on_time_histories() -> None:
     assert names["result"].impact_time.size > 10
 
 
+def test_the_page_on_periodic_motions() -> None:
+    names = _run("docs/theory/periodic-motions.md", ("(200, 1)", "(40, 1)"))
+    assert sorted(names["result"].attractor.period) == [1, 3]
+    assert list(names["chaos"].attractor.nature) == ["chaotic"]
+
+
 def test_the_how_tos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     names = _run("docs/how-to.md")

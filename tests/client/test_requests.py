@@ -25,7 +25,7 @@ STATES = np.zeros((2, 3)), np.ones((2, 3))
 START = {"gamma": 0.2}
 
 
-class Recorder(Computations[Any, Any, Any, Any, Any, Any, Any, Any, Any]):
+class Recorder(Computations[Any, Any, Any, Any, Any, Any, Any, Any, Any, Any]):
     """Returns the kind and the request instead of a result."""
 
     def _compute(self, kind: str, request: Mapping[str, Any], *, progress: bool = False) -> Any:
@@ -54,6 +54,12 @@ class Recorder(Computations[Any, Any, Any, Any, Any, Any, Any, Any, Any]):
             vi.branches_request,
             ({"system": CHAIN}, "frequency.values.0", 1.0, 2.0),
             {"switch": 1, "stop_at": ["end"]},
+        ),
+        (
+            "attractors",
+            vi.attractors_request,
+            (CHAIN, 1.0, [vi.drive(0, 1.0)], *STATES),
+            {"section": "impacts", "observe": 50},
         ),
         ("time_history", vi.time_history_request, (CHAIN, 2.0, 10), {"t": 7, "digits": 30}),
         ("ensemble", vi.ensemble_request, (CHAIN, *STATES, 10.0), {"dofs": [1]}),

@@ -1,0 +1,59 @@
+"""Plots of attractors: what is drawn, and at which axes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import vibroimpact as vi
+
+STOP = vi.constraint(dof=0, gap={"lower": None, "upper": 0.0}, restitution=0.8)
+MASS = vi.oscillator([STOP], zeta=0.05)
+LOAD = [vi.drive(dof=0, amplitude=1.0)]
+X, V = [[-1.0], [-0.5], [-2.0]], [[0.0], [1.0], [0.5]]
+
+
+@pytest.fixture(autouse=True)
+def closed() -> Iterator[None]:
+    """Close the figures of each test, and those that others left open."""
+    plt.close("all")
+    yield
+    plt.close("all")
+
+
+@pytest.fixture(scope="module")
+def local() -> vi.Local:
+    return vi.Local()
+
+
+def test_sections_have_the_points_of_each_attractor(local: vi.Local) -> None:
+    result = local.attractors(MASS, 2.8, LOAD, X, V, points=60)
+    ax = result.plot()
+    (drawn,) = ax.lines
+    np.testing.assert_array_equal(drawn.get_xdata(), result.section.x[:, 0])
+    np.testing.assert_array_equal(drawn.get_ydata(), result.section.v[:, 0])
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["100% chaotic"]
+
+
+def test_sections_at_impacts_have_phases_and_velocities(local: vi.Local) -> None:
+    result = local.attractors(MASS, 2.0, LOAD, X, V, section="impacts", settle=50, observe=50)
+    ax = vi.plots.section(result)
+    assert ax.get_xlabel() == "phase of the drive (rad)"
+    np.testing.assert_array_equal(ax.lines[0].get_ydata(), result.section.velocity)
+    plain = local.attractors(MASS, 2.0, LOAD, X, V, outputs=["stability"], settle=50, observe=50)
+    with pytest.raises(ValueError, match="ask for the output section"):
+        plain.plot()
+
+
+def test_a_sweep_is_drawn_as_a_bifurcation_diagram(local: vi.Local) -> None:
+    request = vi.attractors_request(MASS, 2.0, LOAD, X, V, settle=150, observe=50)
+    over = {"frequency.values.0": {"values": [2.0, 4.0]}}
+    result = local.sweep("attractors", request, over)
+    ax = result.plot()
+    assert ax.get_xlabel().startswith("frequency of the drive")
+    np.testing.assert_array_equal(ax.lines[0].get_xdata(), [2.0, 4.0, 4.0])
+    with pytest.raises(ValueError, match="sweep of attractors over one axis"):
+        vi.plots.bifurcation(local.attractors(MASS, 2.0, LOAD, X, V, settle=50, observe=50))
