@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import graphlib
 import re
 import sys
@@ -81,12 +82,15 @@ class Trace:
 @contextmanager
 def _traced() -> Iterator[Trace]:
     """Trace this thread and those started from now on."""
+    gc.collect()  # what other tests left ends here, and is no visit
+    gc.disable()
     trace, earlier = Trace(), sys.getprofile()
     threading.setprofile(trace)
     sys.setprofile(trace)
     try:
         yield trace
     finally:
+        gc.enable()
         sys.setprofile(earlier)
         threading.setprofile(None)  # type: ignore[arg-type]
 
