@@ -13,7 +13,7 @@ from sqlalchemy.engine import URL, Connection, Engine, make_url
 from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
-from vibroimpact_service.jobs.time_limits import SERVER_LIMITS, limit_time, remove_limits
+from vibroimpact_service.jobs.time_limits import NAME, SERVER_LIMITS, limit_time, remove_limits
 from vibroimpact_service.store import StoreFullError, private
 
 _READ_ONLY: Final = "25006"
@@ -93,7 +93,7 @@ def _open_server(address: URL) -> Engine:
         address,
         pool_size=8,
         pool_timeout=10,
-        connect_args={"application_name": "vibroimpact", "options": options, **_TCP_LIMITS},
+        connect_args={"application_name": NAME, "options": options, **_TCP_LIMITS},
     )
     limit_time(engine)
 

@@ -9,7 +9,7 @@ from typing import Final
 
 import structlog
 
-from vibroimpact_service.jobs import claims
+from vibroimpact_service.jobs import claims, time_limits
 from vibroimpact_service.jobs.run import Run, RunContext
 from vibroimpact_service.jobs.run_many import QuickRun
 from vibroimpact_service.jobs.run_one import JobRun
@@ -128,11 +128,13 @@ class Runner:
             log.error("a run broke off; its claims will expire", exc_info=error)
 
     async def renew_loop(self) -> None:
-        """Renew the claims of running jobs, and fail jobs after their deadline, until cancelled."""
+        """Renew the claims of running jobs, and end what is overdue, until cancelled."""
         while True:
             await asyncio.sleep(_RENEW_SECONDS)
             try:
                 await self._fail_overdue()
+                if ended := await self._records.read(time_limits.end_forgotten):
+                    log.warning("transactions without an end were ended", transactions=ended)
                 held = {job for run in self._runs for job in run.jobs}
                 if held:
                     renewed = await self._records.write(claims.renew, self._claim_owner, held)
