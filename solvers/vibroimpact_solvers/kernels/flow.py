@@ -50,6 +50,7 @@ DRIVE: Final = np.dtype(
 """A pair that another one drives: their indices, and kappa, of a ramp for z1 and z2."""
 
 
+_UNEQUAL = 0.125  # part of one sum of a pair that another is, below which it is near a saddle
 _TERMS = 20  # of the series of `_averages`, for |x| <= 1
 _VERY_LONG = 256  # and those for the coordinates whose passages are searched for
 
@@ -114,11 +115,18 @@ def propagate(flow: Flow, propagator: Floats, s: float, z: Floats, out: Floats) 
         out[Z1, j] = fma(even[j], a, odd[j] * b)
         out[Z2, j] = fma(even[j], b, -(odd[j] * a))
     for j in range(flow.rotations, flow.hyperbolas_end):
-        # One by one: near a saddle they are very unequal, and sums with cosh and sinh cancel.
-        decay = math.exp(((flow.alpha[j] - flow.nu[j]) - flow.rest[j]) * s)
-        plus = 0.5 * (even[j] + odd[j]) * (z[Z1, j] + z[Z2, j])
-        minus = 0.5 * decay * (z[Z1, j] - z[Z2, j])
-        out[Z1, j], out[Z2, j] = plus + minus, plus - minus
+        a, b = z[Z1, j], z[Z2, j]
+        total, apart = abs(a + b), abs(a - b)
+        if min(total, apart) > _UNEQUAL * max(total, apart):
+            # A sliding body moves by a small part of the way that drag leaves to it.
+            out[Z1, j] = even[j] * a + odd[j] * b
+            out[Z2, j] = even[j] * b + odd[j] * a
+        else:
+            # One by one: near a saddle they are very unequal, and sums with cosh and sinh cancel.
+            decay = math.exp(((flow.alpha[j] - flow.nu[j]) - flow.rest[j]) * s)
+            plus = 0.5 * (even[j] + odd[j]) * (a + b)
+            minus = 0.5 * decay * (a - b)
+            out[Z1, j], out[Z2, j] = plus + minus, plus - minus
     for j in range(flow.hyperbolas_end, even.size):
         a, b = z[Z1, j], z[Z2, j]
         out[Z1, j] = even[j] * a + odd[j] * b

@@ -10,7 +10,7 @@ from tests.truth import histories
 from tests.truth.verdicts import Case, Report
 from vibroimpact_solvers import presets, spectrum
 from vibroimpact_solvers import time_history as th
-from vibroimpact_solvers.model import Constraint
+from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.time_history.structure import Structure
 
 GAP = 0.2
@@ -106,3 +106,23 @@ def test_a_motion_that_passes_a_saddle_keeps_its_energy() -> None:
     histories.check(Case("", document), report)
     assert not report.failures
     assert report.counts["horizon at the end"] == 1
+
+
+@pytest.mark.parametrize("drag", [1e-2, 1e-5, 1e-8])
+def test_a_body_slides_to_the_last_digits(drag: float) -> None:
+    """A body without spring, and the faintest of drags: it moves a small part of its way."""
+    M, x, v, t = 2.5, -0.157, -0.0973, np.array([0.0, 2.0, 6.07, 20.8])
+    system = System(
+        SymmetricMatrix.diagonal([M]), SymmetricMatrix.diagonal([0.0]), (),
+        C=SymmetricMatrix.diagonal([drag]),
+    )  # fmt: skip
+    start, outputs = th.State(np.array([x]), np.array([v])), frozenset({"x"})
+    problem = th.Problem(system, start, 21.0, t=t, outputs=outputs)
+    result = th.solve(problem, th.plan(problem))
+    assert result.x is not None
+    with mp.workdps(40):
+        rate = mp.mpf(drag) / mp.mpf(M)
+        true = [mp.mpf(x) - mp.mpf(v) * mp.expm1(-rate * mp.mpf(float(each))) / rate for each in t]
+        places = [mp.mpf(float(place)) for place in result.x[:, 0]]
+        off = np.array([float(a - b) for a, b in zip(true, places, strict=True)])
+    assert (np.abs(off) <= 8.0 * EPS * np.abs(result.x[:, 0]).max()).all()
