@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-
-import numpy as np
 
 from vibroimpact_solvers import spectrum, time_history
 from vibroimpact_solvers.attractors.problem import KIND, OUTPUTS, Problem
 from vibroimpact_solvers.attractors.verification import MOST_IMPACTS
 from vibroimpact_solvers.cost import FLOPS_PER_SECOND, OVERHEAD_SECONDS
 from vibroimpact_solvers.errors import PlanError
-from vibroimpact_solvers.model import RANGE
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 
 _MEMORY = 2**27  # bytes of the states and impacts of the motions that are observed at a time
@@ -47,20 +43,9 @@ def plan(problem: Problem) -> Plan:
             f"states and impacts of one motion in {periods} take {_each(problem) / 1e9:.1f} GB"
         )
         raise PlanError(f"{message}: settle and observe for less time")
-    of_one = _of_histories(problem)
+    of_one = time_history.plan(time_history.of_mean_speed(problem.pattern, problem.v))
     skips = (Skip(name, "not requested") for name in OUTPUTS if name not in problem.outputs)
     return Plan(KIND, tuple(_steps(problem, of_one)), tuple(skips))
-
-
-def _of_histories(problem: Problem) -> Plan:
-    """Return the plan of a time history with the mean speed of all initial states."""
-    pattern = problem.pattern
-    each = np.abs(problem.v).max(axis=1)
-    usable = problem.v[(each > RANGE[0] * problem.system.n) & (each < RANGE[1])]
-    speed = float(np.linalg.norm(usable, axis=1).mean()) if usable.size else 0.0
-    v = np.full(problem.system.n, speed / math.sqrt(problem.system.n))
-    assert isinstance(pattern.initial, time_history.State)
-    return time_history.plan(replace(pattern, initial=replace(pattern.initial, v=v)))
 
 
 def _batch(problem: Problem) -> int:

@@ -76,7 +76,7 @@ class Problem:
         check_outputs(self.outputs, OUTPUTS)
         check_indices("dofs", self.output_dofs, self.system.n)
         self._check_structure()
-        self._check_states()
+        time_history.check_states(self.system, self.x, self.v)
         self._check_counts()
         self.pattern  # noqa: B018 (checks the rest of what all motions share)
 
@@ -112,13 +112,8 @@ class Problem:
     @cached_property
     def pattern(self) -> time_history.Problem:
         """The motion from the first initial state inside the limits."""
-        for row in range(self.size):
-            try:
-                return self.motion(row)
-            except ModelError as error:
-                if error.pointer[:1] != ("initial",):
-                    raise
-        return self._motion(self.system.limited(()), 0)
+        first = time_history.first_inside(self.size, self.motion)
+        return self._motion(self.system.limited(()), 0) if first is None else first
 
     def motion(self, row: int) -> time_history.Problem:
         """Return the time history from an initial state.
@@ -179,19 +174,6 @@ class Problem:
             message = "the drive has one frequency: give one value, and sweep it"
             raise ModelError(("frequency",), message, code="shapes_differ")
         self.driven()  # checks the load and the frequency
-
-    def _check_states(self) -> None:
-        for name, values in (("x", self.x), ("v", self.v)):
-            if values.ndim != 2 or values.shape[1] != self.system.n or not values.size:
-                width = values.shape[-1] if values.ndim else 0
-                message = f"{width} numbers for {self.system.n} degrees of freedom"
-                raise ModelError(("initial", name), message, code="wrong_length")
-            if not np.isfinite(values).all():
-                message = "an entry is nan or infinite"
-                raise ModelError(("initial", name), message, code="not_finite")
-        if self.x.shape != self.v.shape:
-            message = f"{len(self.v)} velocities for {len(self.x)} displacements"
-            raise ModelError(("initial", "v"), message, code="wrong_length")
 
     def _check_counts(self) -> None:
         for name, least in (("settle", 0), ("longest", 1), ("points", 1)):

@@ -3,38 +3,19 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Iterator
 from dataclasses import replace
-
-import numpy as np
 
 from vibroimpact_solvers import time_history
 from vibroimpact_solvers.cost import BYTES_PER_SECOND, FLOPS_PER_SECOND, OVERHEAD_SECONDS
 from vibroimpact_solvers.ensemble.problem import KIND, Problem
-from vibroimpact_solvers.model import RANGE
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 
 
 def plan(problem: Problem) -> Plan:
     """Decide how the motions are computed and what is left out: alike for all members."""
-    of_one = time_history.plan(_of_mean_speed(problem))
+    of_one = time_history.plan(time_history.of_mean_speed(problem.pattern, problem.v))
     return Plan(KIND, tuple(_steps(problem, of_one)), tuple(_skips(problem, of_one)))
-
-
-def _of_mean_speed(problem: Problem) -> time_history.Problem:
-    """Return a motion whose impacts, estimated by its speed, are the mean of all members.
-
-    Members whose speeds are out of range are refused when they are computed, each by itself.
-    """
-    pattern, start = problem.pattern, problem.pattern.initial
-    assert isinstance(start, time_history.State)
-    each = np.abs(problem.v).max(axis=1)
-    usable = problem.v[(each > RANGE[0] * problem.system.n) & (each < RANGE[1])]
-    speed = float(np.linalg.norm(usable, axis=1).mean()) if usable.size else 0.0
-    v = np.full(problem.system.n, speed / math.sqrt(problem.system.n))
-    v[problem.system.massless] = 0.0  # stands for what follows from the others
-    return replace(pattern, initial=time_history.State(start.x, v))
 
 
 def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Problem]:

@@ -6,11 +6,8 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, Final
 
-import numpy as np
-
 from vibroimpact_solvers import time_history
 from vibroimpact_solvers.arrays import Floats, Integers
-from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.time_history import Load, Power, State
 
@@ -52,18 +49,7 @@ class Problem:
     first: int = 0
 
     def __post_init__(self) -> None:
-        for name, values in (("x", self.x), ("v", self.v)):
-            if values.ndim != 2 or values.shape[1] != self.system.n:
-                width = values.shape[-1] if values.ndim else 0
-                message = f"{width} numbers for {self.system.n} degrees of freedom"
-                raise ModelError(("initial", name), message, code="wrong_length")
-            if not np.isfinite(values).all():
-                message = "an entry is nan or infinite"
-                raise ModelError(("initial", name), message, code="not_finite")
-        if self.x.shape != self.v.shape or not self.size:
-            message = f"{len(self.v)} velocities for {len(self.x)} displacements"
-            raise ModelError(("initial", "v"), message, code="wrong_length")
-        time_history.check_followed(self.system, State(self.x, self.v))
+        time_history.check_states(self.system, self.x, self.v)
         self.pattern  # noqa: B018 (checks the fields common to all members)
 
     @property
@@ -74,12 +60,9 @@ class Problem:
     @cached_property
     def pattern(self) -> time_history.Problem:
         """The first member inside its limits; where there is none, the first without limiters."""
-        for index in range(self.size):
-            try:
-                return self.member(index)
-            except ModelError as error:
-                if error.pointer[:1] != ("initial",):
-                    raise
+        first = time_history.first_inside(self.size, self.member)
+        if first is not None:
+            return first
         free = replace(self, system=self.system.limited(()), x=self.x[:1], v=self.v[:1])
         return free.member(0)
 

@@ -19,7 +19,14 @@ array([ 1.732051, -0.866025])
 from vibroimpact_solvers.results.time_history import Result
 from vibroimpact_solvers.time_history.limiters import Power
 from vibroimpact_solvers.time_history.loads import Harmonic, Load, Sampled
-from vibroimpact_solvers.time_history.many import Outcome, solve_many, solve_states
+from vibroimpact_solvers.time_history.many import (
+    Outcome,
+    check_states,
+    first_inside,
+    of_mean_speed,
+    solve_many,
+    solve_states,
+)
 from vibroimpact_solvers.time_history.planning import plan
 from vibroimpact_solvers.time_history.problem import (
     EXACT,
@@ -29,7 +36,6 @@ from vibroimpact_solvers.time_history.problem import (
     ImpactMode,
     Problem,
     State,
-    check_followed,
 )
 from vibroimpact_solvers.time_history.rigid_motions import Piece
 from vibroimpact_solvers.time_history.run import Tick
@@ -64,9 +70,11 @@ __all__ = [
     "State",
     "Tick",
     "Window",
-    "check_followed",
+    "check_states",
+    "first_inside",
     "follow",
     "join",
+    "of_mean_speed",
     "plan",
     "prepare",
     "solve",

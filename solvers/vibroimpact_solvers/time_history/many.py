@@ -6,6 +6,7 @@ contacts or soft limiters return to Python on their way, where threads wait for 
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -17,13 +18,14 @@ from typing import TypeVar
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.errors import Cancelled, SolverError, attempt
+from vibroimpact_solvers.errors import Cancelled, ModelError, SolverError, attempt
 from vibroimpact_solvers.kernels.threads import cores
+from vibroimpact_solvers.model import RANGE, System
 from vibroimpact_solvers.plan import Plan
 from vibroimpact_solvers.results.time_history import Result
 from vibroimpact_solvers.time_history.planning import plan as plan_of
 from vibroimpact_solvers.time_history.planning import windows
-from vibroimpact_solvers.time_history.problem import Problem, State
+from vibroimpact_solvers.time_history.problem import Problem, State, check_followed
 from vibroimpact_solvers.time_history.rigid_motions import Piece
 from vibroimpact_solvers.time_history.run import Tick
 from vibroimpact_solvers.time_history.solving import prepare
@@ -35,6 +37,68 @@ Outcome = Result | SolverError
 _T = TypeVar("_T")
 _FEWEST, _MOST = 16, 512  # motions that a thread takes at a time
 _LOOK_SECONDS = 0.05  # between two calls of the caller's report
+
+
+def check_states(system: System, x: Floats, v: Floats) -> None:
+    """Check initial states of many motions, displacements and velocities of shape (motion, dof).
+
+    Whether each is inside the limits is left to its motion.
+
+    Raises
+    ------
+    ModelError
+    """
+    for name, values in (("x", x), ("v", v)):
+        if values.ndim != 2 or values.shape[1] != system.n:
+            width = values.shape[-1] if values.ndim else 0
+            message = f"{width} numbers for {system.n} degrees of freedom"
+            raise ModelError(("initial", name), message, code="wrong_length")
+        if not np.isfinite(values).all():
+            message = "an entry is nan or infinite"
+            raise ModelError(("initial", name), message, code="not_finite")
+    if x.shape != v.shape or not len(x):
+        message = f"{len(v)} velocities for {len(x)} displacements"
+        raise ModelError(("initial", "v"), message, code="wrong_length")
+    check_followed(system, State(x, v))
+
+
+def first_inside(count: int, motion: Callable[[int], Problem]) -> Problem | None:
+    """Return the first of some motions that starts inside the limits, None where there is none.
+
+    Raises
+    ------
+    ModelError
+        Where something is wrong with all of them.
+    """
+    for index in range(count):
+        try:
+            return motion(index)
+        except ModelError as error:
+            if error.pointer[:1] != ("initial",):
+                raise
+    return None
+
+
+def of_mean_speed(pattern: Problem, v: Floats) -> Problem:
+    """Return a motion whose impacts, estimated by its speed, are the mean of many.
+
+    Motions whose speeds are out of range are refused when they are computed, each by itself.
+
+    Parameters
+    ----------
+    pattern : Problem
+        One of the motions.
+    v : array, shape (motion, dof)
+        Initial velocities of all.
+    """
+    system, start = pattern.system, pattern.initial
+    assert isinstance(start, State)
+    each = np.abs(v).max(axis=1)
+    usable = v[(each > RANGE[0] * system.n) & (each < RANGE[1])]
+    speed = float(np.linalg.norm(usable, axis=1).mean()) if usable.size else 0.0
+    mean = np.full(system.n, speed / math.sqrt(system.n))
+    mean[system.massless] = 0.0  # stands for what follows from the others
+    return replace(pattern, initial=State(start.x, mean))
 
 
 def solve_many(
@@ -86,6 +150,8 @@ def solve_states(
     """
     prepared = prepare(problem, plan)
     long = windows(plan) > 1
+    # Of another layout, the loop would be compiled once more.
+    x, v = np.ascontiguousarray(x), np.ascontiguousarray(v)
 
     def one(place: int, tick: Tick) -> Result:
         initial = State(x[place], v[place])
