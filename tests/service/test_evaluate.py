@@ -13,7 +13,7 @@ from typing import Any
 import orjson
 import pytest
 
-from vibroimpact_service import problems
+from vibroimpact_service import evaluate, problems
 from vibroimpact_service.documents import parse, requests
 from vibroimpact_service.documents.requests import Request
 from vibroimpact_service.evaluate import Admission, Answer, Evaluation, Preference
@@ -287,8 +287,12 @@ def test_a_result_that_is_lost_or_damaged_is_computed_again(
 
 
 def test_a_lost_result_whose_kernels_are_missing_is_left_to_the_workers(
-    use: Evaluation, queue: Any, store: Store, request_body: dict[str, Any], free: Admission
-) -> None:
+    use: Evaluation, queue: Any, store: Store, request_body: dict[str, Any], free: Admission,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    # One job for each ten minutes: none may end while the first answer is waited for.
+    monkeypatch.setattr(evaluate, "_LOST_SECONDS", 1e12)
+
     async def main() -> None:
         question = asked(request_body)
         quick = replace(await use.submit(question, free, None), queue="quick", state="succeeded")
