@@ -24,12 +24,13 @@ class QuickRun(Run):
         for job in missing:
             self.ensure_request(job)
         arguments = [self.arguments(job) for job in missing]
-        _, error = self.call(FAST, worker_calls.complete, arguments)
+        most = self.context.max_chunks_bytes
+        _, error = self.call(FAST, worker_calls.complete, arguments, most)
         if not isinstance(error, SUSPECT_ERRORS):
             self._record(missing, error)
             return
         for job in missing:  # only the one that killed the worker fails
-            _, error = self.repeat_alone(worker_calls.complete, [self.arguments(job)])
+            _, error = self.repeat_alone(worker_calls.complete, [self.arguments(job)], most)
             self._record([job], error)
 
     def _record(self, jobs: list[JobRow], error: BaseException | None) -> None:

@@ -218,9 +218,8 @@ class _ChunkBatches:
         """
         self._done += len(batch)
         self._size += self._size_of(batch)
-        if self._size > self._run.context.max_chunks_bytes:
-            what = f"Its pieces take {self._size:.3g} bytes, more than those of a job may"
-            raise LimitPassedError(f"{what}: {self._kept()}")
+        most = self._run.context.max_chunks_bytes
+        worker_calls.check_size(self._size, most, self._done, self._total)
 
     def _kept(self) -> str:
         return f"{self._done} of {self._total} pieces are kept."

@@ -8,7 +8,14 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any, Final
 
-from vibroimpact_service.jobs.work import Chunk, ChunkMissingError, StoppedError, Tick, Work
+from vibroimpact_service.jobs.work import (
+    Chunk,
+    ChunkMissingError,
+    LimitPassedError,
+    StoppedError,
+    Tick,
+    Work,
+)
 from vibroimpact_service.store import Store, StoreUnavailableError
 
 JobArguments = tuple[str, str, str, str]
@@ -63,19 +70,36 @@ def join(work: Work, job: JobArguments, chunks: Sequence[Chunk], _tick: Tick) ->
             store.chunks.remove(chunk.name)
 
 
-def _complete(work: Work, job: JobArguments, tick: Tick) -> None:
+def check_size(size: int, most: int, done: int, total: int) -> None:
+    """Check the size of the chunks of a job, of which some are done.
+
+    Raises
+    ------
+    LimitPassedError
+        Where they are larger than those of a job may be.
+    """
+    if size > most:
+        what = f"Its pieces take {size:.3g} bytes, more than those of a job may"
+        raise LimitPassedError(f"{what}: {done} of {total} pieces are kept.")
+
+
+def _complete(work: Work, job: JobArguments, max_chunks_bytes: int, tick: Tick) -> None:
     for _ in range(JOINS):
         chunks, missing = split(work, job, tick)
         if missing:
             work.solve(*job, missing, tick)
+        size = Store(job[0]).chunks.size_of_all([chunk.name for chunk in chunks])
+        check_size(size, max_chunks_bytes, len(chunks), len(chunks))
         with suppress(ChunkMissingError):
             join(work, job, chunks, tick)
             return
     raise DAMAGED
 
 
-def complete(work: Work, jobs: Sequence[JobArguments], tick: Tick) -> None:
+def complete(work: Work, jobs: Sequence[JobArguments], max_chunks_bytes: int, tick: Tick) -> None:
     """Compute several jobs, each from splitting to joining.
+
+    Those whose chunks are larger in all than the given size are given up.
 
     Raises
     ------
@@ -87,7 +111,7 @@ def complete(work: Work, jobs: Sequence[JobArguments], tick: Tick) -> None:
     delayed: dict[int, str] = {}
     for position, job in enumerate(jobs):
         try:
-            _complete(work, job, tick)
+            _complete(work, job, max_chunks_bytes, tick)
         except (StoppedError, MemoryError):
             raise  # the memory can have been another call's
         except TRANSIENT_ERRORS as error:

@@ -174,6 +174,7 @@ def test_a_job_that_passes_a_limit_says_which_and_what_is_kept(tmp_path: Path) -
     async def scenario(b: Bench) -> None:
         kept = {"n": 100, "chunk": 10, "sleep": 0.02}
         large = await b.submit(pad=300, **kept)
+        quick = await b.submit(pad=300, n=100, chunk=10, seconds=0.01)
         small = await b.submit(pad=100, **kept)
         hungry = await b.submit(hungry=3, chained=True)
         endless = await b.submit(poison=3, signal="SIGXCPU", chained=True)
@@ -188,6 +189,10 @@ def test_a_job_that_passes_a_limit_says_which_and_what_is_kept(tmp_path: Path) -
             assert what in failed.error["detail"]
             (done,) = re.findall(r"(\d+) of 10 pieces are kept", failed.error["detail"])
             assert 0 < int(done) < 10
+        quick = await b.queue.wait("ann", quick.id, 120)
+        assert quick.error["code"] == "LimitPassedError"
+        assert "10 of 10 pieces are kept" in quick.error["detail"]
+        assert b.store.results.has(quick.result) is False
         assert (await b.queue.wait("ann", small.id, 120)).state == "succeeded"
         again = await b.queue.retry("ann", large.id)
         assert again is not None
