@@ -1,4 +1,7 @@
-"""The commands of the service: serve, scheduler, worker, warm, certificates, the contract."""
+"""The commands of the service: serve, scheduler, worker, warm, certificates, the contract.
+
+Those of operators are in `operations.commands`.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +22,7 @@ import uvicorn
 from vibroimpact_service import loading, logs
 from vibroimpact_service.connection import connection
 from vibroimpact_service.jobs import forkserver
+from vibroimpact_service.operations import commands
 from vibroimpact_service.settings import Settings, SettingsInvalidError, read, renamed, unknown
 from vibroimpact_service.store import private
 
@@ -40,6 +44,7 @@ Tls = Annotated[
 app = typer.Typer(
     help=__doc__, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
 )
+app.add_typer(commands.app)
 
 
 @app.command()

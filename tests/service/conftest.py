@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator, Sequence
+import uuid
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import fsspec
 import pytest
 import structlog
 from starlette.testclient import TestClient
 
+from tests.service.object_store import Server
 from vibroimpact_service import chunks as job_chunks
 from vibroimpact_service.app import create_app
 from vibroimpact_service.jobs.attempts import Attempt
@@ -187,6 +190,30 @@ class Queue:
 
     def waiting_reason(self, job: JobRow, position: int) -> str | None:
         return "it is next" if job.state == "queued" else None
+
+
+@pytest.fixture(scope="module")
+def s3(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[], str]]:
+    """Return the function that makes a bucket and returns the URL of a store in it."""
+    server = Server(tmp_path_factory.mktemp("s3") / "log")
+    given = {
+        "AWS_ENDPOINT_URL": server.url,
+        "AWS_ACCESS_KEY_ID": "test",
+        "AWS_SECRET_ACCESS_KEY": "test",
+        "AWS_DEFAULT_REGION": "us-east-1",
+    }
+
+    def url() -> str:
+        bucket = f"bucket-{uuid.uuid4().hex}"
+        fsspec.filesystem("s3").mkdir(bucket)
+        return f"s3://{bucket}/vibroimpact"
+
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in given.items():
+            patch.setenv(name, value)
+        yield url
+    server.process.kill()
+    server.process.wait(10)
 
 
 @pytest.fixture

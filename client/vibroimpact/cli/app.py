@@ -22,9 +22,12 @@ app = typer.Typer(
 )
 
 _HELP = {
+    "backup": "Copy records and store of a service into a folder.",
     "bench": "Run the benchmarks of a checkout.",
     "certificates": "Create the TLS certificates of scheduler, workers and service.",
     "keys": "Create and revoke API keys.",
+    "migrate": "Bring the records of a service to the newest revision.",
+    "restore": "Restore a backup of a service.",
     "scheduler": "Run the scheduler of a cluster.",
     "serve": "Run the service.",
     "warm": "Compile the kernels of all computations beforehand.",

@@ -43,7 +43,7 @@ def keys_needed(settings: Settings) -> bool:
     """
     if settings.access == "open":
         return False
-    if settings.access == "keys" or settings.oidc_issuer is not None or _any_keys(settings):
+    if settings.access == "keys" or settings.oidc_issuer is not None or any_keys(settings):
         return True
     if not loopback(settings.host):
         raise ExposedError(
@@ -54,7 +54,14 @@ def keys_needed(settings: Settings) -> bool:
     return False
 
 
-def _any_keys(settings: Settings) -> bool:
+def any_keys(settings: Settings) -> bool:
+    """Whether a key was ever made; changes nothing.
+
+    Raises
+    ------
+    RecordsUnavailableError
+        Where the database cannot be reached.
+    """
     address = make_url(settings.database_url)
     if address.get_backend_name() == "sqlite" and not Path(address.database or "").exists():
         return False

@@ -5,6 +5,7 @@ from __future__ import annotations
 import getpass
 import json
 from collections.abc import Callable
+from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, TypeVar
@@ -16,6 +17,8 @@ from vibroimpact_schema.keys import KeyRequest
 from vibroimpact_service.access import records
 from vibroimpact_service.access.caller import Scope
 from vibroimpact_service.documents import parse
+from vibroimpact_service.jobs.database import RecordsUnavailableError
+from vibroimpact_service.jobs.record_access import RecordAccess
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import SettingsInvalidError, read
 
@@ -59,12 +62,14 @@ def create(
 
 @app.command("list")
 def show(data: Data = None) -> None:
-    """List all keys, without their secrets."""
-    for row in _change(data, records.listed):
+    """List all keys, without their secrets: id, state, owner, scopes, date, label."""
+    rows = _change(data, records.listed)
+    width = max((len(row.owner) for row in rows), default=0)
+    for row in rows:
         state = "valid" if row.valid else "revoked" if row.revoked is not None else "expired"
         scopes = row.scopes.replace(" ", ",")
         created = datetime.fromtimestamp(row.created, UTC).date()
-        typer.echo(f"{row.id}  {state:8}  {row.owner}  {scopes}  {created}  {row.label}")
+        typer.echo(f"{row.id}  {state:8}  {row.owner:{width}}  {scopes}  {created}  {row.label}")
 
 
 @app.command()
@@ -94,12 +99,12 @@ def _change(data: Path | None, operation: Callable[[Connection], Value]) -> Valu
     except SettingsInvalidError as error:
         typer.echo(f"Invalid setting: {error}", err=True)
         raise typer.Exit(2) from None
-    engine = records.open_keys(settings.database_url)
     try:
-        with engine.begin() as connection:
-            return operation(connection)
-    finally:
-        engine.dispose()
+        with closing(RecordAccess(records.open_keys(settings.database_url))) as access:
+            return access.write_now(operation)
+    except RecordsUnavailableError as error:
+        typer.echo(f"{error}: {error.__cause__}", err=True)
+        raise typer.Exit(3) from None
 
 
 def _actor() -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import sqlalchemy as sa
 from sqlalchemy.engine import Connection, Engine
@@ -13,6 +13,9 @@ from sqlalchemy.engine import Connection, Engine
 from vibroimpact_schema.keys import KeyRequest
 from vibroimpact_service.access import keys
 from vibroimpact_service.jobs.database import now, open_database
+from vibroimpact_service.jobs.revisions import Migrations
+
+MIGRATIONS: Final = Migrations(Path(__file__).with_name("migrations"), "alembic_version_access")
 
 metadata = sa.MetaData()
 
@@ -45,8 +48,7 @@ audit = sa.Table(
 
 def open_keys(url: str) -> Engine:
     """Open the database, with these tables brought up to date."""
-    migrations = Path(__file__).with_name("migrations")
-    return open_database(url, migrations, "alembic_version_access")
+    return open_database(url, MIGRATIONS)
 
 
 def any_keys(engine: Engine) -> bool:

@@ -1,4 +1,4 @@
-"""The database of job records: opening, migration, clock, and translation of its errors."""
+"""The database of job records: opening, clock, and translation of its errors."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from sqlalchemy.engine import URL, Connection, Engine, make_url
 from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
-from vibroimpact_service.jobs.time_limits import NAME, SERVER_LIMITS, limit_time, remove_limits
+from vibroimpact_service.jobs.revisions import JOBS, Migrations, migrate
+from vibroimpact_service.jobs.time_limits import NAME, SERVER_LIMITS, limit_time
 from vibroimpact_service.store import StoreFullError, private
 
 _READ_ONLY: Final = "25006"
@@ -25,30 +26,33 @@ _TCP_LIMITS: Final = {
     "keepalives_count": 3,
     "tcp_user_timeout": 10_000,
 }
-_MIGRATIONS = Path(__file__).with_name("migrations")
 
 
 class RecordsUnavailableError(ConnectionError):
     """The database cannot be reached at the moment."""
 
 
-def open_database(
-    url: str, versions: Path = _MIGRATIONS / "versions", table: str = "alembic_version"
-) -> Engine:
+def open_database(url: str, migrations: Migrations = JOBS) -> Engine:
     """Open the database and apply those migrations that it lacks.
 
     Parameters
     ----------
     url : str
-    versions : Path
-        Folder of the migrations of some tables; absent: of the tables of jobs.
-    table : str
-        Table that records the last migration. Tables with migrations of their own have one of
-        their own.
+    migrations : Migrations
+        Those of some tables; absent: of the tables of jobs.
+
+    Raises
+    ------
+    RecordsNewerError
+        Where a newer version has migrated it.
     """
     engine = connect(url)
-    with failing():
-        _migrate(engine, versions, table)
+    try:
+        with failing():
+            migrate(engine, migrations)
+    except BaseException:
+        engine.dispose()
+        raise
     return engine
 
 
@@ -109,33 +113,6 @@ def _open_server(address: URL) -> Engine:
 def reader(engine: Engine) -> Engine:
     """Return the same database for transactions that only read."""
     return engine.execution_options(reading=True)
-
-
-def _migrate(engine: Engine, versions: Path, table: str) -> None:
-    newest = max(versions.glob("v[0-9]*.py")).name[1:5]
-    with engine.connect() as connection:
-        if sa.inspect(connection).has_table(table):
-            version: sa.Select[Any] = sa.select(sa.column("version_num")).select_from(
-                sa.table(table)
-            )
-            if list(connection.execute(version).scalars()) == [newest]:
-                return
-    # Importing Alembic takes a good part of a second, and it is hardly ever needed.
-    from alembic import command
-    from alembic.config import Config
-
-    config = Config()
-    config.set_main_option("script_location", str(_MIGRATIONS))
-    config.set_main_option("version_locations", str(versions))
-    config.set_main_option("path_separator", "newline")
-    with engine.begin() as connection:
-        if engine.dialect.name == "postgresql":
-            remove_limits(connection)  # tables can be large
-            # Replicas that start together must not migrate together.
-            connection.execute(sa.text("SELECT pg_advisory_xact_lock(7309453)"))
-        config.attributes["connection"] = connection
-        config.attributes["table"] = table
-        command.upgrade(config, "head")
 
 
 def now(connection: Connection) -> sa.ColumnElement[float]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import fcntl
 import os
 import socket
 import time
@@ -11,10 +10,9 @@ import uuid
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import IO, Final
 
-from vibroimpact_service.jobs import attempts, claims, control, records, sealing
+from vibroimpact_service.jobs import attempts, claims, control, data_folder, records, sealing
 from vibroimpact_service.jobs.attempts import Attempt
 from vibroimpact_service.jobs.database import open_database
 from vibroimpact_service.jobs.engine import Engine
@@ -30,7 +28,7 @@ from vibroimpact_service.jobs.watch import Watch
 from vibroimpact_service.jobs.webhooks import Webhooks
 from vibroimpact_service.jobs.work import Work
 from vibroimpact_service.settings import Settings
-from vibroimpact_service.store import Store, private
+from vibroimpact_service.store import Store
 
 _WORKERS_POLL_SECONDS: Final = 0.25
 _CHUNKS_OF_RESULT: Final = 2
@@ -38,10 +36,6 @@ _CHUNKS_OF_RESULT: Final = 2
 windows of time."""
 _ENDED_JOBS: Final = 4096
 _ENDED_SECONDS: Final = 60.0
-
-
-class DataInUseError(RuntimeError):
-    """Another service runs on the same data folder."""
 
 
 class JobQueue:
@@ -72,7 +66,7 @@ class JobQueue:
         """
         self._loop = asyncio.get_running_loop()
         if self._settings.database is None:
-            self._lock = _lock(self._settings.data)
+            self._lock = data_folder.lock(self._settings.data)
         self.engine.start()
         try:
             database = await asyncio.to_thread(open_database, self._settings.database_url)
@@ -292,20 +286,3 @@ class JobQueue:
         if block is None:
             block = await self._records.read(records.request, name)
         return block
-
-
-def _lock(data: Path) -> IO[str]:
-    """Lock the data folder for this process.
-
-    Only the process that holds the lock may put running jobs of the records back at its start.
-    """
-    private.folder(data)
-    if data.stat().st_uid == os.getuid():
-        data.chmod(0o700)  # an earlier version made it readable for everybody
-    handle = open(data / "lock", "w", opener=private.opener)  # noqa: SIM115
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        handle.close()
-        raise DataInUseError(f"another service runs on {data}") from None
-    return handle

@@ -28,3 +28,13 @@ class Store:
         self.systems = ContentStore(url, "systems")
         self.chunks = ContentStore(url, "chunks")
         self.results = ContentStore(url, "results")
+
+    @property
+    def areas(self) -> dict[str, ContentStore]:
+        """All areas by name."""
+        return {
+            "requests": self.requests,
+            "systems": self.systems,
+            "chunks": self.chunks,
+            "results": self.results,
+        }

@@ -16,7 +16,7 @@ from datetime import datetime
 from io import BufferedWriter
 from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 
 import fsspec
 from fsspec.implementations.local import LocalFileSystem
@@ -87,11 +87,8 @@ class ContentStore:
         if self._local:
             self._put_file(path, digest, [data], durable)
             return
-        with _translated_errors():
-            try:
-                self._fs.pipe_file(path, digest + data)
-            except FileNotFoundError as error:  # there is no such bucket
-                raise StoreUnavailableError(errno.ENOENT, "there is no such store") from error
+        with _bucket_needed(), _translated_errors():
+            self._fs.pipe_file(path, digest + data)
 
     def _put_file(self, target: str, digest: bytes, data: Iterable[bytes], durable: bool) -> None:
         # Chunks that take some milliseconds to compute are written here.
@@ -190,18 +187,75 @@ class ContentStore:
 
     def put_file(self, name: str, source: Path) -> None:
         """Store the content of a file as a block, without reading it into memory; as `put`."""
-        path = self._path(name)
         with source.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").digest()
             file.seek(0)
-            pieces = iter(lambda: file.read(_READ_BYTES), b"")
-            if self._local:
-                self._put_file(path, digest, pieces, durable=True)
-                return
-            with _translated_errors(), self._fs.open(path, "wb") as target:
-                target.write(digest)
-                for piece in pieces:
-                    target.write(piece)
+            self._put_pieces(name, digest, iter(lambda: file.read(_READ_BYTES), b""), durable=True)
+
+    def _put_pieces(self, name: str, digest: bytes, data: Iterable[bytes], durable: bool) -> None:
+        path = self._path(name)
+        if self._local:
+            self._put_file(path, digest, data, durable)
+            return
+        with _bucket_needed(), _translated_errors(), self._fs.open(path, "wb") as target:
+            target.write(digest)
+            for piece in data:
+                target.write(piece)
+
+    def copy(self, name: str, target: ContentStore) -> bytes | None:
+        """Copy a block to another store, piece by piece.
+
+        A power failure soon after may take the copy away again.
+
+        Returns
+        -------
+        bytes or None
+            Its SHA-256; None where it is absent or damaged: then the other store has none either.
+
+        Raises
+        ------
+        StoreFullError, StoreUnavailableError
+            As `put` and `get`.
+        """
+        digest = hashlib.sha256()
+
+        def pieces(file: IO[bytes]) -> Iterator[bytes]:
+            for piece in iter(lambda: file.read(_READ_BYTES), b""):
+                digest.update(piece)
+                yield piece
+
+        try:
+            with self._opened(name) as file:
+                head = file.read(HEAD)
+                target._put_pieces(name, head, pieces(file), durable=False)
+        except FileNotFoundError:
+            return None
+        if digest.digest() != head:
+            target.remove(name)
+            return None
+        return head
+
+    @contextmanager
+    def _opened(self, name: str) -> Iterator[IO[bytes]]:
+        path = self._path(name)
+        if not self._local:
+            with _translated_errors(), self._fs.open(path, "rb") as file:
+                yield file
+            return
+        try:
+            with open(path, "rb") as file:  # noqa: PTH123
+                yield file
+        except (FileNotFoundError, StoreFullError, StoreUnavailableError):
+            raise
+        except OSError as error:
+            raise _translated(error) from error
+
+    def digest(self, name: str) -> bytes | None:
+        """Return the SHA-256 of a block, or None where it is absent or damaged; as `readable`."""
+        if not self.readable(name):
+            return None
+        with self._opened(name) as file:
+            return file.read(HEAD)
 
     @contextmanager
     def workspace(self) -> Iterator[Path]:
@@ -345,8 +399,16 @@ def _translated_errors() -> Iterator[None]:
     """Translate all errors of an object store into `StoreUnavailableError`."""
     try:
         yield
-    except (FileNotFoundError, StoreUnavailableError):
+    except (FileNotFoundError, StoreFullError, StoreUnavailableError):
         raise
     except Exception as error:
         reason = f"the store cannot be reached: {type(error).__name__}"
         raise StoreUnavailableError(errno.EIO, reason) from error
+
+
+@contextmanager
+def _bucket_needed() -> Iterator[None]:
+    try:
+        yield
+    except FileNotFoundError as error:
+        raise StoreUnavailableError(errno.ENOENT, "there is no such store") from error

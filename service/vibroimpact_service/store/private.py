@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 from pathlib import Path
+from typing import IO
 
 
 def folder(path: Path) -> None:
@@ -18,3 +20,20 @@ def folder(path: Path) -> None:
 def opener(path: str, flags: int) -> int:
     """Open a file with access for its owner alone where it is new; `opener` of `open`."""
     return os.open(path, flags, 0o600)
+
+
+def locked(path: Path) -> IO[str]:
+    """Return a file that no other process locks until it is closed or this process ends.
+
+    Raises
+    ------
+    BlockingIOError
+        Where another process does.
+    """
+    handle = open(path, "w", opener=opener)  # noqa: SIM115
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        handle.close()
+        raise
+    return handle

@@ -19,7 +19,8 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 import counting
 
-from vibroimpact_service.jobs.queue import DataInUseError, JobQueue
+from vibroimpact_service.jobs.data_folder import DataInUseError
+from vibroimpact_service.jobs.queue import JobQueue
 from vibroimpact_service.jobs.records import KeyReusedError, NewJob
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
