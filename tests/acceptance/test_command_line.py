@@ -117,6 +117,9 @@ def test_login_keeps_the_address_and_doctor_tells_it(shell: Shell) -> None:
     assert done.returncode == 0, done.stderr
     assert f"service: {shell.url}, without a key" in done.stdout
     assert "answer: version" in done.stdout
+    told = json.loads(shell("doctor", "--json", url=None).stdout)
+    assert told["service"] == f"{shell.url}, without a key"
+    assert told["installed"]["service"] == "yes"
 
 
 def test_completion_is_offered(shell: Shell) -> None:

@@ -23,6 +23,10 @@ HELP = {
     ("keys", "list"): ["./vibroimpact-data"],
     ("keys", "revoke"): ["./vibroimpact-data"],
     ("keys", "audit"): ["./vibroimpact-data"],
+    ("migrate",): ["./vibroimpact-data", "--check"],
+    ("doctor",): ["--service", "--data", "--json"],
+    ("backup",): ["./vibroimpact-data", "Folder of the backup."],
+    ("restore",): ["./vibroimpact-data", "--replace", "--check"],
     ("gallery",): ["[FIG]...", "10.19"],
     ("demo",): ["demo"],
     ("bench",): ["--list"],
@@ -102,3 +106,28 @@ def test_the_service_makes_its_folder_and_logs_json(tmp_path: Path) -> None:
     assert said == f"{url}\n"
     lines = [json.loads(line) for line in errors.read_text().splitlines()]
     assert [line["variable"] for line in lines if "variable" in line] == ["VIBROIMPACT_WORKER"]
+
+
+def test_operators_look_after_an_installation(tmp_path: Path) -> None:
+    """Every step as it is typed: migrate, a key, check, back up, verify, restore elsewhere."""
+    data, folder, other = (tmp_path / name for name in ("data", "backup", "other"))
+    assert _run("migrate", "--data", str(data)).returncode == 0
+    for owner in ("ann", "elizabeth"):
+        assert _run("keys", "create", owner, "--data", str(data)).returncode == 0
+    checked = _run("doctor", "--data", str(data), "--json")
+    assert (checked.returncode, json.loads(checked.stdout)["ok"]) == (0, True), checked.stderr
+    saved = _run("backup", str(folder), "--data", str(data))
+    assert saved.stdout == f"{folder}: 0 jobs, 2 keys, 0 files, 0.0 MB; 0 new files\n"
+    assert _run("restore", str(folder), "--check").returncode == 0
+    assert _run("restore", str(folder), "--data", str(other)).returncode == 0
+    listed = [_run("keys", "list", "--data", str(each)).stdout for each in (data, other)]
+    assert listed[0] == listed[1]
+    assert [line.split()[2] for line in listed[0].splitlines()] == ["ann", "elizabeth"]
+    assert len({line.index("read,submit") for line in listed[0].splitlines()}) == 1
+    again = _run("restore", str(folder), "--data", str(other))
+    assert (again.returncode, again.stdout) == (1, "")
+    assert again.stderr == "there are records already; --replace removes them\n"
+    for arguments in (("backup", str(folder / "manifest.json" / "x")), ("backup", "/proc/x/y")):
+        refused = _run(*arguments, "--data", str(data))
+        assert refused.returncode == 3, refused.stderr
+        assert refused.stderr.count("\n") == 1

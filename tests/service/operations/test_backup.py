@@ -17,6 +17,7 @@ from vibroimpact_service.jobs import data_folder, sealing
 from vibroimpact_service.jobs.data_folder import DataInUseError
 from vibroimpact_service.jobs.database import connect, open_database
 from vibroimpact_service.jobs.revisions import JOBS, upgrade
+from vibroimpact_service.jobs.tables import jobs
 from vibroimpact_service.operations import backup, manifest, migration, restore
 from vibroimpact_service.operations.backup import BackupBusyError, NoRecordsError
 from vibroimpact_service.operations.manifest import BackupInvalidError
@@ -25,7 +26,8 @@ from vibroimpact_service.store import ContentStore, private
 
 Make = Callable[..., Installation]
 DATABASES = ["sqlite", "postgresql"]
-INTERRUPTED = ("state", "phase", "lease_owner", "lease_until", "version", "note")
+CLAIM = (jobs.c.claim_owner, jobs.c.claim_until, jobs.c.waiting_note)
+INTERRUPTED = ("state", "phase", "version", *(column.name for column in CLAIM))
 
 
 def silent(_: int) -> Callable[[int], None]:
@@ -46,13 +48,13 @@ def comparable(place: Installation) -> dict[str, Any]:
     engine = connect(place.settings.database_url)
     columns = [column["name"] for column in sa.inspect(engine).get_columns("jobs")]
     engine.dispose()
-    jobs = [dict(zip(columns, row, strict=True)) for row in content["jobs"]]
-    for job in jobs:
+    recorded = [dict(zip(columns, row, strict=True)) for row in content["jobs"]]
+    for job in recorded:
         if job["state"] in ("queued", "running"):
             for column in INTERRUPTED:
                 del job[column]
     attempts = [row[:4] for row in content["attempts"]]
-    return content | {"jobs": jobs, "attempts": attempts}
+    return content | {"jobs": recorded, "attempts": attempts}
 
 
 @pytest.mark.parametrize("target", DATABASES)
@@ -98,11 +100,10 @@ def test_records_of_an_earlier_revision_are_restored_as_of_today(
     engine = connect(before.settings.database_url)
     with engine.begin() as connection:
         upgrade(connection, JOBS, "0002")
-        connection.execute(sa.text(
-            "INSERT INTO jobs (id, owner, kind, request, result, state, phase, priority, seconds,"
-            " done, total, attempts, reused, created, version, lane, kept) VALUES ('job_1', 'ann',"
-            " 'squares', 'r', 's', 'running', 'computing', 0, 1.5, 0, 1, 1, 1, 1e9, 1, 'bulk', 0)"
-        ))  # fmt: skip
+        texts = dict.fromkeys(("owner", "kind", "request", "result", "phase"), "x")
+        numbers = dict.fromkeys(("priority", "seconds", "done", "total", "kept", "created"), 1)
+        job = {"id": "job_1", "state": "running", "queue": "bulk", "reused": True, "version": 1}
+        connection.execute(jobs.insert().values(**texts, **numbers, **job, attempts=1))
     engine.dispose()
     written = write(before, tmp_path / "backup")
     assert written.manifest.revisions == {"jobs": "0002"}

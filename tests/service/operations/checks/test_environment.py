@@ -20,14 +20,14 @@ from vibroimpact_solvers.kernels import cache
 def test_names_of_settings() -> None:
     good = ["VIBROIMPACT_PORT", "VIBROIMPACT_URL", "HOME"]
     assert [c.state for c in environment.settings(good)] == ["ok"]
-    bad = ["VIBROIMPACT_PROT", "VIBROIMPACT_SPOT_SECONDS"]
+    bad = ["VIBROIMPACT_PROT", "VIBROIMPACT_DRIVEN_JOBS"]
     unknown, renamed = environment.settings(good + bad)
     assert unknown == Check(
         "settings", "warning", "there is no setting VIBROIMPACT_PROT", "correct or remove it"
     )
     assert (renamed.state, renamed.advice) == (
         "warning",
-        "call it VIBROIMPACT_ON_SUBMISSION_SECONDS",
+        "call it VIBROIMPACT_RUNNING_JOBS",
     )
 
 
