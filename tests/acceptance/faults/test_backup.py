@@ -56,7 +56,7 @@ def command(*arguments: str, **settings: str) -> subprocess.CompletedProcess[str
 
 
 def files(folder: Path) -> int:
-    """Return how many blocks a backup or a store holds; those that were interrupted do not count."""
+    """Return how many blocks a store holds, without those whose writer was interrupted."""
     return sum(not path.name.startswith(".") for path in folder.glob("store/*/*/*"))
 
 

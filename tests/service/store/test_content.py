@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
 from pathlib import Path
 
 import pytest
 
-from vibroimpact_service.store import Store, StoreFullError
+from vibroimpact_service.store import ContentStore, Store, StoreFullError
 
 NAME = "ab" * 32
 
@@ -84,3 +85,19 @@ def test_what_writers_that_died_left_goes_after_an_hour(tmp_path: Path) -> None:
     assert not any(path.exists() for path in (*left["old"], area / ".old"))
     assert all(path.exists() for path in left["new"])
     assert store.get(NAME) == b"block"
+
+
+def test_blocks_are_copied_with_their_hash(tmp_path: Path) -> None:
+    source, target = (ContentStore(str(tmp_path / name), "results") for name in "ab")
+    data = os.urandom(3_000_000)
+    source.put("ab" * 32, data)
+    source.put("cd" * 32, b"damaged")
+    (path,) = (tmp_path / "a").glob(f"*/*/{'cd' * 32}")
+    path.write_bytes(path.read_bytes()[:-1])
+    assert source.copy("ab" * 32, target) == hashlib.sha256(data).digest()
+    assert target.get("ab" * 32) == data
+    assert source.digest("ab" * 32) == target.digest("ab" * 32) == hashlib.sha256(data).digest()
+    for name in ("cd" * 32, "ef" * 32):
+        assert source.copy(name, target) is None
+        assert target.digest(name) is None
+    assert [entry.name for entry in target.entries()] == ["ab" * 32]
