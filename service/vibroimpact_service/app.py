@@ -14,7 +14,7 @@ from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.middleware.cors import CORSMiddleware
 
-from vibroimpact_service import chunks
+from vibroimpact_service import chunks, problems
 from vibroimpact_service.access.authenticator import Authenticator
 from vibroimpact_service.access.budget import Budget
 from vibroimpact_service.api import (
@@ -33,6 +33,7 @@ from vibroimpact_service.api.boundary import Boundary, cross_origin, http_error,
 from vibroimpact_service.api.dependencies import Services
 from vibroimpact_service.evaluate import Evaluation
 from vibroimpact_service.jobs.queue import JobQueue
+from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.metrics import Metrics
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
@@ -78,7 +79,8 @@ def create_app(
     jobs_queue = queue or JobQueue(chosen, store, chunks.WORK)
 
     authenticator = Authenticator(chosen)
-    metrics = Metrics()
+    jobs_queue.metrics.expect(KINDS, [problem.code for problem in problems.OF_THE_SERVICE])
+    metrics = Metrics(jobs_queue.metrics.registry)
     parts = Services(
         settings=chosen,
         authenticator=authenticator,
@@ -122,7 +124,13 @@ def create_app(
     app.state.services = parts
     if chosen.cors_origins:
         app.add_middleware(CORSMiddleware, **cross_origin(chosen))
-    app.add_middleware(Boundary, settings=chosen, metrics=metrics, authenticator=authenticator)
+    app.add_middleware(
+        Boundary,
+        metrics=metrics,
+        host=chosen.host,
+        names=chosen.hosts,
+        keys_required=lambda: authenticator.keys_required,
+    )
     app.add_exception_handler(HTTPException, http_error)
     app.add_exception_handler(RequestValidationError, parameter_error)
     return app

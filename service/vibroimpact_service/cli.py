@@ -29,6 +29,8 @@ from vibroimpact_service.store import private
 if TYPE_CHECKING:
     from fastapi import FastAPI
 
+    from vibroimpact_service.metrics_port import MetricsServer
+
 log = structlog.get_logger("vibroimpact.cli")
 
 _CONTRACT = Path(__file__).resolve().parents[2] / "openapi" / "openapi.json"
@@ -54,6 +56,9 @@ def serve(
     data: Annotated[
         Path | None, typer.Option(help="Folder for records and results (./vibroimpact-data).")
     ] = None,
+    metrics_port: Annotated[
+        int | None, typer.Option(help="Port for metrics and health alone, without keys (none).")
+    ] = None,
 ) -> None:
     """Start the service: HTTP, job queue, workers and store, until SIGTERM or Ctrl-C.
 
@@ -63,7 +68,7 @@ def serve(
     from vibroimpact_service.access.authenticator import ExposedError, keys_needed
     from vibroimpact_service.jobs.database import RecordsUnavailableError
 
-    settings = _settings(host=host, port=port, data=data)
+    settings = _settings(host=host, port=port, data=data, metrics_port=metrics_port)
     try:
         keys_needed(settings)
     except ExposedError as error:
@@ -250,6 +255,12 @@ def _end_threads() -> None:
         os._exit(0)
 
 
+def _address(server: uvicorn.Server) -> str:
+    """Return the URL at which a server listens."""
+    host, port = server.servers[0].sockets[0].getsockname()[:2]
+    return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+
+
 class Server(uvicorn.Server):
     """uvicorn that announces its address and tells the application when to stop."""
 
@@ -270,26 +281,43 @@ class Server(uvicorn.Server):
         )
         super().__init__(config)
         self._application, self._note = application, settings.data / "service.json"
+        self._metrics: MetricsServer | None = None
+        if settings.metrics_port is not None:
+            # Worker processes import this module too.
+            from vibroimpact_service.metrics_port import MetricsServer
+
+            self._metrics = MetricsServer(application.state.services, settings.metrics_port)
 
     async def startup(self, sockets: list[object] | None = None) -> None:  # type: ignore[override]
         """Listen, then write and print the address."""
         await super().startup(sockets)  # type: ignore[arg-type]
         if self.should_exit or not self.servers:
             return
-        host, port = self.servers[0].sockets[0].getsockname()[:2]
-        url = f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+        if self._metrics is not None:
+            try:
+                await self._metrics.start()
+            except SystemExit:
+                await super().shutdown()
+                raise
+        url = _address(self)
+        note: dict[str, Any] = {"url": url, "pid": os.getpid()}
+        if self._metrics is not None:
+            note["metrics"] = _address(self._metrics)
+            log.info("metrics and health", url=note["metrics"])
         # Other processes wait for this file, and must not read half of it.
         passing = self._note.with_suffix(".tmp")
         # If records and results are elsewhere, the folder may not exist.
         private.folder(self._note.parent)
         with open(passing, "w", opener=private.opener) as file:
-            file.write(json.dumps({"url": url, "pid": os.getpid()}))
+            file.write(json.dumps(note))
         passing.replace(self._note)
         typer.echo(url)
 
     async def shutdown(self, sockets: list[object] | None = None) -> None:  # type: ignore[override]
         """Remove the file and stop."""
         self._note.unlink(missing_ok=True)
+        if self._metrics is not None:
+            await self._metrics.shutdown()
         await super().shutdown(sockets)  # type: ignore[arg-type]
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:

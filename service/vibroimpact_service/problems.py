@@ -230,6 +230,8 @@ INTERNAL = _type(
     "Internal error",
     "The fault is the service's. Please report it with the request id.",
 )
+OF_THE_SERVICE: Final = (INTERNAL, WORKER_LOST)
+"""Problems of failed jobs that their requests did not bring about, or not alone."""
 STORE_FULL = _type(
     "store_full",
     507,

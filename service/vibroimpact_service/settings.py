@@ -29,6 +29,16 @@ class Settings(BaseSettings):
 
     host: str = Field("127.0.0.1", description="Address to listen on.")
     port: int = Field(8000, ge=0, le=65535, description="Port to listen on; 0 takes a free one.")
+    metrics_port: int | None = Field(
+        None,
+        ge=0,
+        le=65535,
+        description="Port that serves only metrics and health, without keys; 0 takes a free one, "
+        "unset: none.",
+    )
+    metrics_host: str = Field(
+        "127.0.0.1", description="Address on which that port is; whoever reaches it may read them."
+    )
     hosts: tuple[str, ...] = Field(
         (),
         description="Host names that the service answers to; unset: on a loopback address "

@@ -131,3 +131,13 @@ def test_operators_look_after_an_installation(tmp_path: Path) -> None:
         refused = _run(*arguments, "--data", str(data))
         assert refused.returncode == 3, refused.stderr
         assert refused.stderr.count("\n") == 1
+
+
+def test_a_port_for_metrics_that_is_taken_ends_the_start(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = str(other.getsockname()[1])
+        arguments = ("serve", "--port", "0", "--data", str(tmp_path), "--metrics-port", port)
+        done = _run(*arguments, workers=1)
+    assert done.returncode == 3
+    assert "address already in use" in done.stderr
+    assert not (tmp_path / "service.json").exists()

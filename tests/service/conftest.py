@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import uuid
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +20,8 @@ from vibroimpact_service import chunks as job_chunks
 from vibroimpact_service.app import create_app
 from vibroimpact_service.jobs.attempts import Attempt
 from vibroimpact_service.jobs.engine import EngineUnavailableError
+from vibroimpact_service.jobs.metrics import JobMetrics
+from vibroimpact_service.jobs.observation import Backlog, Observation
 from vibroimpact_service.jobs.records import KeyReusedError, NewJob
 from vibroimpact_service.jobs.tables import JobRow
 from vibroimpact_service.settings import Settings
@@ -54,6 +57,7 @@ class Queue:
         self.keys: dict[str, NewJob] = {}
         self.key_results: dict[tuple[str, str], str] = {}
         self.engine = Engine()
+        self.metrics = JobMetrics()
         self.faults: dict[str, str] = {}
         self.at_once = False
         self._changed = asyncio.Event()
@@ -185,8 +189,9 @@ class Queue:
         mine = [row for row in self.rows.values() if row.owner == owner and not row.final]
         return min(most, len(mine))
 
-    async def waiting(self) -> dict[str, int]:
-        return {s: sum(r.state == s for r in self.rows.values()) for s in ("queued", "running")}
+    async def observe(self) -> Observation:
+        counts = Counter((r.kind, r.owner, r.state) for r in self.rows.values() if not r.final)
+        return Observation([Backlog(*alike, jobs, 7.0) for alike, jobs in counts.items()])
 
     def waiting_reason(self, job: JobRow, position: int) -> str | None:
         return "it is next" if job.state == "queued" else None

@@ -6,7 +6,7 @@ import asyncio
 import re
 import secrets
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, Final
 
 import structlog
@@ -19,7 +19,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from vibroimpact_schema.problems import Fault
 from vibroimpact_service import problems, validation
-from vibroimpact_service.access.authenticator import Authenticator, loopback
+from vibroimpact_service.access.authenticator import loopback
 from vibroimpact_service.api import request_headers
 from vibroimpact_service.api.pacing import Pacing
 from vibroimpact_service.metrics import Metrics
@@ -52,14 +52,32 @@ _REQUEST_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 
 
 class Boundary:
-    """The outermost middleware: every request and answer, and every exception, passes it."""
+    """The outermost middleware: every request and answer, and every exception, passes it.
+
+    Parameters
+    ----------
+    app : ASGIApp
+    metrics : Metrics
+    host : str
+        Address on which the service listens.
+    names : collection of str
+        Host names to which it answers; none: those of this machine where it listens on a
+        loopback address and requires no keys, else any.
+    keys_required : callable
+        ``() -> bool``.
+    """
 
     def __init__(
-        self, app: ASGIApp, settings: Settings, metrics: Metrics, authenticator: Authenticator
+        self,
+        app: ASGIApp,
+        metrics: Metrics,
+        host: str,
+        names: Collection[str],
+        keys_required: Callable[[], bool],
     ) -> None:
-        self._app, self._settings, self._metrics = app, settings, metrics
-        self._authenticator = authenticator
-        self._loopback = loopback(settings.host)
+        self._app, self._metrics = app, metrics
+        self._names, self._keys_required = names, keys_required
+        self._loopback = loopback(host)
         self._pacing = Pacing()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -121,9 +139,9 @@ class Boundary:
         A page in a browser of this machine could reach a service without keys under a host name
         of its own that resolves to this machine; requiring ours keeps it out.
         """
-        names: Collection[str] = self._settings.hosts
+        names = self._names
         if not names:
-            if self._authenticator.keys_required or not self._loopback:
+            if self._keys_required() or not self._loopback:
                 return
             names = _LOCAL_NAMES
         name = host.rpartition(":")[0] if _PORT.search(host) else host

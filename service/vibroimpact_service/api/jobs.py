@@ -339,6 +339,14 @@ async def _events(
     request: Request, queue: JobQueue, job: JobRow, seen: int
 ) -> AsyncIterator[bytes]:
     """Yield the job whenever it changed, under the number of the change, until it is final."""
+    with services(request).metrics.event_streams.track_inprogress():
+        async for event in _changes(request, queue, job, seen):
+            yield event
+
+
+async def _changes(
+    request: Request, queue: JobQueue, job: JobRow, seen: int
+) -> AsyncIterator[bytes]:
     yield b"retry: 1000\n\n"
     final = False
     while not final:

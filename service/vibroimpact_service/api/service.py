@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import html
 from importlib.metadata import version
 
@@ -18,7 +19,7 @@ from vibroimpact_service.api.dependencies import services
 from vibroimpact_service.api.jobs import LONGEST_POLL
 from vibroimpact_service.documents import stored_systems
 from vibroimpact_service.kinds import KINDS
-from vibroimpact_service.metrics import MEDIA_TYPE
+from vibroimpact_service.metrics import MEDIA_TYPE, Present
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.results import representations
 
@@ -50,18 +51,21 @@ async def health_live() -> Response:
 )
 async def health_ready(request: Request) -> Response:
     """Whether records, store and workers accept work; what needs cold kernels becomes a job."""
-    evaluation = services(request).evaluation
-    queue = evaluation.queue
-    state = _state(request)
-    checks = (
-        {"service": state} if state == "stopping" else {**await queue.checks(), "service": state}
-    )
+    checks = await _checks(request)
     faults = [f"{part}: {state}" for part, state in checks.items() if state != "ok"]
     if faults:
         detail = "; ".join(faults)
         raise ProblemError(problems.UNAVAILABLE, detail, headers={"Retry-After": "1"})
-    kernels = evaluation.warming.summary
+    kernels = services(request).evaluation.warming.summary
     return answers.document(Health(status="ok", checks=checks, kernels=kernels))
+
+
+async def _checks(request: Request) -> dict[str, str]:
+    """Return what is wrong with each part of the service, or ``ok``."""
+    state = _state(request)
+    if state == "stopping":
+        return {"service": state}
+    return {**await services(request).evaluation.queue.checks(), "service": state}
 
 
 def _state(request: Request) -> str:
@@ -132,9 +136,20 @@ async def get_version(request: Request) -> Response:
 )
 async def get_metrics(request: Request) -> Response:
     """Return requests, queue, workers, cache and solve times, in the format of Prometheus."""
+    # This is answered as well while records and store are not: it is needed most then.
     metrics, evaluation = services(request).metrics, services(request).evaluation
-    queue, kernels = evaluation.queue, evaluation.warming.states
-    text = metrics.text(await queue.waiting(), queue.engine.workers, queue.engine.ready, kernels)
+    queue = evaluation.queue
+    checks, observed = await asyncio.gather(_checks(request), queue.observe())
+    text = metrics.text(
+        Present(
+            checks,
+            queue.engine.workers,
+            evaluation.warming.states,
+            observed.backlog,
+            observed.room,
+            observed.expiry,
+        )
+    )
     return Response(text, media_type=MEDIA_TYPE)
 
 

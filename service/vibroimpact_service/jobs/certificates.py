@@ -37,6 +37,16 @@ def of_settings(settings: Settings) -> Security:
     return _security(str(settings.tls_ca), str(settings.tls_cert), str(settings.tls_key))
 
 
+def expiry(settings: Settings) -> dict[str, float]:
+    """Return when the certificates that settings name expire, in seconds since 1970."""
+    named = {"ca": settings.tls_ca, "cert": settings.tls_cert}
+    return {
+        name: x509.load_pem_x509_certificate(path.read_bytes()).not_valid_after_utc.timestamp()
+        for name, path in named.items()
+        if path is not None
+    }
+
+
 def write(folder: Path, days: int) -> list[Path]:
     """Write new ones; return the paths of authority, certificate and key.
 

@@ -8,7 +8,8 @@ still holds, and returns which these were.
 from __future__ import annotations
 
 import random
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import sqlalchemy as sa
@@ -201,7 +202,11 @@ def _claim(connection: Connection, claim_owner: str, chosen: Sequence[JobRow]) -
         return [job for one in chosen for job in _claim(connection, claim_owner, [one])]
     if claimed:
         attempts.begin(connection, list(claimed), claim_owner)
-    return [claimed[job.id] for job in chosen if job.id in claimed]
+    return [
+        replace(claimed[job.id], taken_over=True) if job.state == "running" else claimed[job.id]
+        for job in chosen
+        if job.id in claimed
+    ]
 
 
 def change(where: sa.ColumnElement[bool], **values: Any) -> sa.Update:
@@ -240,53 +245,64 @@ def put_back(
 
 def succeed(
     connection: Connection, claim_owner: str, held: Collection[str], reused: bool
-) -> set[str]:
+) -> dict[str, JobRow]:
     """End running jobs as succeeded, and with them queued jobs with the same results.
 
     Returns
     -------
-    set of str
-        All jobs that ended.
+    dict
+        Id -> job, of all that ended.
     """
     values = {"state": "succeeded", "done": jobs.c.total, "reused": reused}
-    ended, results = _end(connection, _claimed(claim_owner, held), values)
-    same = QUEUED & jobs.c.result.in_(results)
-    return ended | _end(connection, same, values | {"reused": True})[0]
+    ended = _end(connection, _claimed(claim_owner, held), values)
+    return ended | _end(connection, _queued_equals(ended), values | {"reused": True})
 
 
-def fail(connection: Connection, claim_owner: str, job: str, error: dict[str, Any]) -> set[str]:
+def fail(
+    connection: Connection, claim_owner: str, job: str, error: dict[str, Any]
+) -> dict[str, JobRow]:
     """End a running job as failed, and queued jobs with the same request; return all that ended."""
     values = {"state": "failed", "error": error}
-    ended, results = _end(connection, _claimed(claim_owner, [job]), values)
-    return ended | _end(connection, QUEUED & jobs.c.result.in_(results), values)[0]
+    ended = _end(connection, _claimed(claim_owner, [job]), values)
+    return ended | _end(connection, _queued_equals(ended), values)
 
 
-def fail_overdue(connection: Connection, error: dict[str, Any]) -> set[str]:
+def _queued_equals(ended: Mapping[str, JobRow]) -> sa.ColumnElement[bool]:
+    return QUEUED & jobs.c.result.in_({job.result for job in ended.values()})
+
+
+def fail_overdue(connection: Connection, error: dict[str, Any]) -> dict[str, JobRow]:
     """End all jobs whose deadline has passed as failed; return them."""
     late = (QUEUED | RUNNING) & (jobs.c.deadline < now(connection))
-    return _end(connection, late, {"state": "failed", "error": error})[0]
+    return _end(connection, late, {"state": "failed", "error": error})
 
 
-def cancel(connection: Connection, owner: str, job: str) -> JobRow | None:
-    """Cancel a job that is not final, and return it; the process that runs it loses its claim."""
+def cancel(connection: Connection, owner: str, job: str) -> tuple[JobRow | None, bool]:
+    """Cancel a job that is not final; the process that runs it loses its claim.
+
+    Returns
+    -------
+    job : JobRow or None
+    ended : bool
+        Whether it was not final before.
+    """
     where = (jobs.c.id == job) & (jobs.c.owner == owner) & (QUEUED | RUNNING)
-    _end(connection, where, {"state": "cancelled"})
-    return find(connection, owner, job)
+    ended = _end(connection, where, {"state": "cancelled"})
+    return ended.get(job) or find(connection, owner, job), bool(ended)
 
 
 def _end(
     connection: Connection, where: sa.ColumnElement[bool], values: dict[str, Any]
-) -> tuple[set[str], set[str]]:
-    """End jobs; return them and their results."""
+) -> dict[str, JobRow]:
+    """End jobs and return them."""
     finished = now(connection)
     update = change(
         where, phase="done", waiting_note=None, finished=finished, **_UNCLAIMED, **values
     )
-    rows = connection.execute(update.returning(jobs.c.id, jobs.c.result)).all()
-    ended = {each.id for each in rows}
+    ended = {each.id: row(each) for each in connection.execute(update.returning(*jobs.c)).all()}
     error = values.get("error") or {}
     attempts.end(connection, ended, str(error.get("detail") or values["state"]))
-    return ended, {each.result for each in rows}
+    return ended
 
 
 def _claimed(claim_owner: str, held: Collection[str]) -> sa.ColumnElement[bool]:

@@ -18,14 +18,14 @@ from vibroimpact_service.jobs.records import QUEUED, RUNNING, find
 from vibroimpact_service.jobs.tables import JobRow, jobs
 
 _NEVER: Final = 1e12
-_HELD: Final = "held"
+HELD: Final = "held"
 HELD_NOTE: Final = "it is held, until it is released"
 
 
 def hold(connection: Connection, owner: str, job: str) -> JobRow | None:
     """Keep a job from running, and return it; the process that runs it loses its claim."""
-    where = _own(owner, [job]) & (QUEUED | RUNNING) & (jobs.c.phase != _HELD)
-    values = QUEUED_AGAIN | {"phase": _HELD, "retry_at": _NEVER, "waiting_note": HELD_NOTE}
+    where = _own(owner, [job]) & (QUEUED | RUNNING) & (jobs.c.phase != HELD)
+    values = QUEUED_AGAIN | {"phase": HELD, "retry_at": _NEVER, "waiting_note": HELD_NOTE}
     if connection.execute(change(where, **values)).rowcount:
         attempts.end(connection, [job], "held")
     return find(connection, owner, job)
@@ -33,7 +33,7 @@ def hold(connection: Connection, owner: str, job: str) -> JobRow | None:
 
 def release(connection: Connection, owner: str, job: str) -> JobRow | None:
     """Let a held job run, and return it."""
-    where = _own(owner, [job]) & QUEUED & (jobs.c.phase == _HELD)
+    where = _own(owner, [job]) & QUEUED & (jobs.c.phase == HELD)
     connection.execute(change(where, **QUEUED_AGAIN, retry_at=None, waiting_note=None))
     return find(connection, owner, job)
 

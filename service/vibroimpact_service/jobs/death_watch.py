@@ -15,9 +15,10 @@ from typing import Any, Final
 from distributed import NannyPlugin
 
 TOPIC: Final = "vibroimpact-workers"
-"""Topic of the events: ``{"worker": address}`` while it lives; ``why`` and ``own`` when not."""
+"""Topic of the events: ``{"worker": address}`` while it lives, else also why, own and cause."""
 ALIVE_SECONDS: Final = 4
 
+_STOPPED: Final = "it was stopped"
 _STARTING_SECONDS: Final = 0.05
 _STANDING_SECONDS: Final = 8
 _NO_PARENT: Final = 255
@@ -62,7 +63,8 @@ async def _watch(nanny: Any) -> None:
         last = nanny.worker_address
         # Its nanny's address stands for one that died before its own was known.
         worker = address or nanny.address
-        nanny.log_event(TOPIC, {"worker": worker, "why": why, "own": own})
+        sort = "stopped" if why == _STOPPED else "fault" if own else "killed"
+        nanny.log_event(TOPIC, {"worker": worker, "why": why, "own": own, "cause": sort})
 
 
 def _process(nanny: Any) -> Any:
@@ -101,7 +103,7 @@ async def _death(nanny: Any, process: Any, last: str | None) -> tuple[str, bool,
 def cause(exitcode: int | None, *, out_of_memory: bool) -> tuple[str, bool]:
     """Return why a process ended, and whether its own work brought that about."""
     if not exitcode:
-        return "it was stopped", False
+        return _STOPPED, False
     if exitcode == _NO_PARENT:
         return "the process that had started it ended", False
     if exitcode > 0:

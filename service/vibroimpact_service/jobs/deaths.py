@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 from typing import Any, Final
 
 from vibroimpact_service.jobs.work import WorkerLostError
@@ -15,9 +16,16 @@ _MOST: Final = 1000
 
 
 class Deaths:
-    """Collects the events of `death_watch`."""
+    """Collects the events of `death_watch`.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    counted : callable
+        ``(cause) -> None``: called for each death; see `jobs.metrics.DEATHS`.
+    """
+
+    def __init__(self, counted: Callable[[str], None]) -> None:
+        self._counted = counted
         self._deaths: dict[str, tuple[str, bool]] = {}
         self._alive: dict[str, float] = {}
         self._changed = threading.Condition()
@@ -28,6 +36,7 @@ class Deaths:
         message = event[1]
         with self._changed:
             if "why" in message:
+                self._counted(message["cause"])
                 self._alive.pop(message["worker"], None)
                 self._deaths[message["worker"]] = message["why"], message["own"]
                 if len(self._deaths) > _MOST:
@@ -56,4 +65,5 @@ class Deaths:
             silent = [each for each, at in self._alive.items() if now - at > _SILENT_SECONDS]
             for each in silent:
                 del self._alive[each]
+                self._counted("silent")
         return silent

@@ -22,6 +22,7 @@ from distributed.scheduler import KilledWorker
 
 from vibroimpact_service.jobs import certificates, death_watch, forkserver, worker_plugin
 from vibroimpact_service.jobs.deaths import Deaths
+from vibroimpact_service.jobs.metrics import JobMetrics
 from vibroimpact_service.jobs.work import nothing
 from vibroimpact_service.settings import Settings
 
@@ -97,6 +98,8 @@ class Engine:
         Called once in every worker as it starts, in a thread of its own.
     modules : sequence of str
         Modules that own workers have imported when they start; see `forkserver`.
+    metrics : JobMetrics, optional
+        What counts the deaths of workers.
 
     Attributes
     ----------
@@ -113,6 +116,7 @@ class Engine:
         settings: Settings,
         prepare: Callable[[], None] = nothing,
         modules: Sequence[str] = (),
+        metrics: JobMetrics | None = None,
     ) -> None:
         self._settings, self._prepare = settings, prepare
         self._modules = tuple(modules)
@@ -121,7 +125,7 @@ class Engine:
         self._closing = threading.Event()
         self._thread: threading.Thread | None = None
         self._cancelled: dict[str, float] = {}
-        self._deaths = Deaths()
+        self._deaths = Deaths((metrics or JobMetrics()).worker_died)
         self.workers = 0
         self.failure: str | None = None
         self.isolation = threading.Lock()

@@ -12,11 +12,21 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import IO, Final
 
-from vibroimpact_service.jobs import attempts, claims, control, data_folder, records, sealing
+from vibroimpact_service.jobs import (
+    attempts,
+    claims,
+    control,
+    data_folder,
+    records,
+    sealing,
+    traces,
+)
 from vibroimpact_service.jobs.attempts import Attempt
 from vibroimpact_service.jobs.database import open_database
 from vibroimpact_service.jobs.engine import Engine
 from vibroimpact_service.jobs.fair_share import FairShare
+from vibroimpact_service.jobs.metrics import JobMetrics
+from vibroimpact_service.jobs.observation import Observation, Observer
 from vibroimpact_service.jobs.probes import Probes
 from vibroimpact_service.jobs.record_access import RecordAccess
 from vibroimpact_service.jobs.records import NewJob
@@ -47,11 +57,16 @@ class JobQueue:
     store : Store
     work : Work
         How the jobs are computed.
+
+    Attributes
+    ----------
+    metrics : JobMetrics
     """
 
     def __init__(self, settings: Settings, store: Store, work: Work) -> None:
         self._settings, self._store, self._work = settings, store, work
-        self.engine = Engine(settings, work.prepare, work.modules)
+        self.metrics = JobMetrics()
+        self.engine = Engine(settings, work.prepare, work.modules, self.metrics)
         self._ended: OrderedDict[str, tuple[float, JobRow]] = OrderedDict()
         self._tasks: list[asyncio.Task[None]] = []
         self._lock: IO[str] | None = None
@@ -73,13 +88,14 @@ class JobQueue:
         except BaseException:
             await asyncio.to_thread(self.engine.close)
             raise
-        self._records = RecordAccess(database)
+        self._records = RecordAccess(database, self.metrics.transaction)
         if self._lock is not None:
             await self._records.write(claims.release_all)
         self._watch = Watch(self._records)
         self._sealing = await asyncio.to_thread(sealing.of_settings, self._settings)
         name = f"{socket.gethostname()}-{os.getpid()}-{uuid.uuid4().hex[:8]}"[-64:]
         self._probes = Probes(self._records, self._store, name)
+        self._observer = Observer(self._settings, self._records, self._store)
         context = RunContext(
             claim_owner=name,
             records=self._records,
@@ -89,14 +105,16 @@ class JobQueue:
             work=self._work,
             notify=self._watch.notify,
             max_chunks_bytes=_CHUNKS_OF_RESULT * self._settings.max_result_bytes,
+            metrics=self.metrics,
         )
         self._runner = Runner(context, self._settings.running_jobs)
+        settings, metrics = self._settings, self.metrics
         loops = (
             self._runner.claim_loop(),
             self._runner.renew_loop(),
             self._watch.poll(),
-            Retention(self._settings, self._store, self._records).loop(),
-            Webhooks(self._settings, self._records, self._sealing).loop(),
+            Retention(settings, self._store, self._records, metrics.store_size).loop(),
+            Webhooks(settings, self._records, self._sealing, metrics.webhook).loop(),
         )
         self._tasks = [asyncio.create_task(loop) for loop in loops]
         self._preparing = asyncio.create_task(self._prepare())
@@ -109,6 +127,7 @@ class JobQueue:
         await asyncio.gather(*tasks, return_exceptions=True)
         await self._runner.close()
         self._probes.close()
+        self._observer.close()
         await asyncio.to_thread(self.engine.close)
         await asyncio.to_thread(self._records.close)
         if self._lock is not None:
@@ -147,9 +166,13 @@ class JobQueue:
         if new.webhook is not None:
             url, secret = new.webhook
             new = replace(new, webhook=(url, self._sealing.seal(new.id, secret)))
+        if not new.done and (context := traces.current()) is not None:
+            new = replace(new, trace=context)
         job = await self._records.write(records.insert, new)
         if not job.final:
             self._runner.wake()
+        elif job.id == new.id:  # another one was recorded before, with the same key
+            self.metrics.finished([job])
         self._remember(job)
         return job
 
@@ -197,16 +220,18 @@ class JobQueue:
         """Return how many jobs of an owner are not final; counting ends at `most`."""
         return await self._records.read(records.unfinished, owner, most)
 
-    async def waiting(self) -> dict[str, int]:
-        """Return how many jobs are queued, and how many running."""
-        return await self._records.read(records.waiting)
+    async def observe(self) -> Observation:
+        """Return what waits, the room in the store and the like, as of a minute ago at most."""
+        return await self._observer.state()
 
     async def cancel(self, owner: str, job: str) -> JobRow | None:
         """Cancel a job; return it, or None where that owner has no such job.
 
         It is cancelled when this returns. Calls that compute it stop soon after.
         """
-        row = await self._records.write(claims.cancel, owner, job)
+        row, ended = await self._records.write(claims.cancel, owner, job)
+        if row is not None and ended:
+            self.metrics.finished([row])
         if row is not None and row.final:
             self._runner.claims_lost({job})
             self._watch.notify([job])

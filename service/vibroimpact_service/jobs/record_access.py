@@ -5,8 +5,10 @@ from __future__ import annotations
 import asyncio
 import queue
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import Any, Final, TypeVar, TypeVarTuple
 
 from sqlalchemy.engine import Connection, Engine
@@ -23,6 +25,10 @@ _MAX_OPERATIONS: Final = 200
 _Operation = Callable[[Connection], Any]
 
 
+def _unmeasured(_operation: str, _seconds: float) -> None:
+    """Keep no account of transactions."""
+
+
 class RecordAccess:
     """Reads records in a few threads, and writes them in one thread, several per transaction.
 
@@ -31,10 +37,18 @@ class RecordAccess:
 
     A write is done only after its transaction was committed. Where one operation of a group
     fails, the group is rolled back and each operation is repeated alone.
+
+    Parameters
+    ----------
+    database : Engine
+    measured : callable
+        ``("read" or "write", seconds) -> None``: called after each transaction.
     """
 
-    def __init__(self, database: Engine) -> None:
-        self.database = database
+    def __init__(
+        self, database: Engine, measured: Callable[[str, float], None] = _unmeasured
+    ) -> None:
+        self.database, self._measured = database, measured
         self._reader = reader(database)
         self._threads = ThreadPoolExecutor(_READERS, "records")
         self._waiting: queue.SimpleQueue[tuple[_Operation, Future[Any]] | None]
@@ -74,7 +88,7 @@ class RecordAccess:
         self, query: Callable[[Connection, *Arguments], Value], *args: *Arguments
     ) -> Value:
         """Return the value of a query; blocks the calling thread."""
-        with failing(), self._reader.connect() as connection:
+        with self._timed("read"), failing(), self._reader.connect() as connection:
             return query(connection, *args)
 
     async def read(
@@ -94,6 +108,14 @@ class RecordAccess:
         self._threads.shutdown()
         self.database.dispose()
 
+    @contextmanager
+    def _timed(self, operation: str) -> Iterator[None]:
+        began = time.perf_counter()
+        try:
+            yield
+        finally:
+            self._measured(operation, time.perf_counter() - began)
+
     def _write_all(self) -> None:
         while True:
             group = []
@@ -112,7 +134,7 @@ class RecordAccess:
 
     def _commit(self, group: list[tuple[_Operation, Future[Any]]]) -> None:
         try:
-            with failing(), self.database.begin() as connection:
+            with self._timed("write"), failing(), self.database.begin() as connection:
                 values = [operation(connection) for operation, _ in group]
         except (RecordsUnavailableError, StoreFullError) as error:
             # No single operation is to blame, so repeating each alone would only take longer.

@@ -62,6 +62,8 @@ class NewJob:
         The request itself, to be recorded with the job; absent: it is in the store already.
     computed : bool
         Whether the result was computed for this job already, before it is recorded.
+    trace : str, optional
+        Context of the span of the request.
     """
 
     id: str
@@ -77,6 +79,7 @@ class NewJob:
     webhook: tuple[str, str] | None = None
     block: bytes | None = None
     computed: bool = False
+    trace: str | None = None
 
     @property
     def done(self) -> bool:
@@ -147,6 +150,7 @@ def _values(new: NewJob) -> dict[str, Any]:
         "attempts": int(new.computed),
         "reused": new.reused,
         "version": 1,
+        "trace": new.trace,
     }
 
 
@@ -221,13 +225,6 @@ def unfinished(connection: Connection, owner: str, most: int) -> int:
     own = sa.select(jobs.c.seq).where(jobs.c.owner == owner, jobs.c.state.in_(UNFINISHED))
     some = own.limit(most).subquery()
     return int(connection.execute(sa.select(sa.func.count()).select_from(some)).scalar_one())
-
-
-def waiting(connection: Connection) -> dict[str, int]:
-    """Return how many jobs are queued, and how many running."""
-    counts = {"queued": sa.select(sa.func.count()).select_from(jobs).where(QUEUED)}
-    counts["running"] = sa.select(sa.func.count()).select_from(jobs).where(RUNNING)
-    return {state: int(connection.execute(q).scalar_one()) for state, q in counts.items()}
 
 
 def versions(connection: Connection, asked: Sequence[str]) -> dict[str, int]:

@@ -35,19 +35,38 @@ _CLOCK_SECONDS: Final = 60.0
 _BATCH: Final = 500  # records removed in one transaction
 
 
+def _unmeasured(_area: str, _size: int) -> None:
+    """Keep no account of sizes."""
+
+
 class Retention:
     """Keeps records and store within the limits of the settings.
 
     Pinned results stay, and so does everything that unfinished jobs need. Replicas may clean at
     the same time: every step can be repeated.
+
+    Parameters
+    ----------
+    settings : Settings
+    store : Store
+    records : RecordAccess
+    measured : callable
+        ``(area, bytes) -> None``: called with the size of each area that was cleaned.
     """
 
-    def __init__(self, settings: Settings, store: Store, records: RecordAccess) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        store: Store,
+        records: RecordAccess,
+        measured: Callable[[str, int], None] = _unmeasured,
+    ) -> None:
         self._settings, self._store, self._records = settings, store, records
+        self._measured = measured
 
     async def loop(self) -> None:
         """Clean at intervals until cancelled."""
-        await asyncio.sleep(_FIRST_SECONDS)
+        await asyncio.sleep(min(_FIRST_SECONDS, self._settings.clean_seconds))
         while True:
             try:
                 await asyncio.to_thread(self.clean)
@@ -74,27 +93,35 @@ class Retention:
 
     def _remove_results(self) -> None:
         needed, settings = self._records.read_now(_needed), self._settings
-        self._remove_oldest(
+        size = self._remove_oldest(
             self._store.results,
             settings.keep_results_days,
             settings.max_store_bytes,
             lambda entry: entry.name.split(".", 1)[0] in needed,
         )
+        self._measured("results", size)
 
     def _remove_chunks(self) -> None:
         # Those that unfinished jobs have computed or reused stay: the jobs need them to end.
         used, settings = self._records.read_now(_earliest_start), self._settings
-        self._remove_oldest(
+        size = self._remove_oldest(
             self._store.chunks,
             settings.keep_chunks_days,
             settings.max_chunks_bytes,
             lambda entry: entry.modified >= used,
         )
+        self._measured("chunks", size)
 
     def _remove_oldest(
         self, area: ContentStore, days: float, most: int | None, stays: Callable[[Entry], bool]
-    ) -> None:
-        """Remove blocks beyond an age, then the oldest ones beyond a size, but those that stay."""
+    ) -> int:
+        """Remove blocks beyond an age, then the oldest ones beyond a size, but those that stay.
+
+        Returns
+        -------
+        int
+            Size of all that is left, in bytes.
+        """
         oldest = time.time() - days * _DAY
         entries = sorted(area.entries(), key=lambda entry: entry.modified)
         size = sum(entry.size for entry in entries)
@@ -103,11 +130,14 @@ class Retention:
             if (entry.modified < oldest or too_much) and not stays(entry):
                 area.remove(entry.name)
                 size -= entry.size
+        return size
 
     def _remove_requests(self) -> None:
         """Remove requests that no job refers to."""
         recent = time.time() - _RECENT_SECONDS
-        old = [e.name for e in self._store.requests.entries() if e.modified < recent]
+        entries = list(self._store.requests.entries())
+        self._measured("requests", sum(entry.size for entry in entries))
+        old = [entry.name for entry in entries if entry.modified < recent]
         for start in range(0, len(old), _BATCH):
             some = old[start : start + _BATCH]
             for name in set(some) - self._records.read_now(_used_requests, some):

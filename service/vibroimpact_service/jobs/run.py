@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import queue
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, TypeVar
 
 import structlog
+from opentelemetry.trace import Span
 
-from vibroimpact_service.jobs import attempts, claims, records, worker_calls
+from vibroimpact_service.jobs import attempts, claims, records, traces, worker_calls
 from vibroimpact_service.jobs.database import RecordsUnavailableError
 from vibroimpact_service.jobs.engine import BULK, Call, Engine, EngineUnavailableError
 from vibroimpact_service.jobs.fair_share import FairShare
+from vibroimpact_service.jobs.metrics import JobMetrics
 from vibroimpact_service.jobs.record_access import RecordAccess
 from vibroimpact_service.jobs.tables import JobRow
 from vibroimpact_service.jobs.work import Work, WorkerLostError
 from vibroimpact_service.store import Store, StoreFullError, StoreUnavailableError
 
 Value = TypeVar("Value")
+Changed = TypeVar("Changed", bound=Collection[str])
 
 log = structlog.get_logger("vibroimpact.jobs")
 
@@ -58,6 +61,7 @@ class RunContext:
         ``(jobs) -> None``: announces that these jobs changed.
     max_chunks_bytes : int
         Total size of the chunks of a job above which it is given up.
+    metrics : JobMetrics
     """
 
     claim_owner: str
@@ -68,6 +72,7 @@ class RunContext:
     work: Work
     notify: Callable[[Collection[str]], None]
     max_chunks_bytes: int
+    metrics: JobMetrics
 
 
 class Run:
@@ -85,6 +90,7 @@ class Run:
         self._calls = 0
         self._began = time.monotonic()
         self._lost: set[str] = set()
+        self.spans: dict[str, Span] = {}
 
     def claim_lost(self, job: str) -> None:
         """Take note that the claim of a job is lost; the run stops once all are."""
@@ -104,16 +110,22 @@ class Run:
 
     def run(self) -> None:
         """Bring the jobs to their end, or put them back into the queue."""
+        with traces.attempts(self.jobs.values()) as self.spans:
+            self._run_to_end()
+
+    def _run_to_end(self) -> None:
         try:
             self._run()
         except ClaimLostError:
             log.info("claim lost", jobs=list(self.jobs))
-        except (ClosingError, EngineUnavailableError):
-            self._finally(lambda: self.put_back(self.jobs))
+            self.context.metrics.attempts_ended("claim_lost", len(self.jobs))
+        except (ClosingError, EngineUnavailableError) as error:
+            cause = "stopped" if isinstance(error, ClosingError) else "no_workers"
+            self._finally(lambda: self.put_back(self.jobs, cause))
         except worker_calls.TRANSIENT_ERRORS as error:
             note = str(error.strerror or error)
             log.warning("jobs delayed", jobs=list(self.jobs), reason=note)
-            self._finally(lambda: self.put_back(self.jobs, note))
+            self._finally(lambda: self.put_back(self.jobs, "delayed", note))
         except Exception as error:
             log.info("job failed", jobs=list(self.jobs), error=type(error).__name__)
             problem = self.context.work.explain(error)
@@ -216,6 +228,7 @@ class Run:
             seconds = time.monotonic() - self._began
             lost, records = attempts.lost, self.context.records
             records.submit(lost, list(self.jobs), error.worker, seconds, error.why)
+            self.context.metrics.attempts_ended("worker_lost", len(self.jobs))
         return not error.own
 
     def pause(self, seconds: float) -> None:
@@ -225,7 +238,7 @@ class Run:
             self.check()
             time.sleep(min(_STOP_SECONDS, seconds))
 
-    def write(self, operation: Callable[..., set[str]], *args: Any) -> set[str]:
+    def write(self, operation: Callable[..., Changed], *args: Any) -> Changed:
         """Perform an operation of `claims`, however long the records are unavailable.
 
         Meanwhile the claim may expire and another replica may take the job over. The operation
@@ -233,7 +246,7 @@ class Run:
 
         Returns
         -------
-        set of str
+        collection of str
             The jobs that it changed.
         """
         claim_owner, write = self.context.claim_owner, self.context.records.write_now
@@ -265,19 +278,29 @@ class Run:
 
     def succeed(self, jobs: Collection[str], *, reused: bool) -> None:
         """Record that jobs succeeded."""
-        self._log_lost(jobs, self.write(claims.succeed, jobs, reused))
+        self._count(jobs, self.write(claims.succeed, jobs, reused), "succeeded")
 
     def fail(self, jobs: Collection[str], problem: dict[str, Any]) -> None:
         """Record that jobs failed."""
         for job in jobs:
-            self._log_lost([job], self.write(claims.fail, job, problem))
+            traces.fail(self.spans[job], str(problem.get("code", "")))
+            self._count([job], self.write(claims.fail, job, problem), "failed")
 
-    def _log_lost(self, jobs: Collection[str], ended: set[str]) -> None:
-        if not ended.issuperset(jobs):
-            log.info("claim lost", jobs=sorted(set(jobs) - ended))
+    def _count(self, jobs: Collection[str], ended: Mapping[str, JobRow], cause: str) -> None:
+        """Count jobs that ended, and attempts at jobs that somebody else ended meanwhile."""
+        lost = sorted(set(jobs) - ended.keys())
+        if lost:
+            log.info("claim lost", jobs=lost)
+        self.context.metrics.finished(ended.values())
+        self.context.metrics.attempts_ended(cause, len(jobs) - len(lost))
+        self.context.metrics.attempts_ended("claim_lost", len(lost))
 
-    def put_back(self, jobs: Collection[str], note: str | None = None) -> None:
-        """Queue jobs again; after a growing delay where there is a note why."""
+    def put_back(self, jobs: Collection[str], cause: str, note: str | None = None) -> None:
+        """Queue jobs again; after a growing delay where there is a note why.
+
+        `cause` is that by which the ends of the attempts are counted.
+        """
         attempts = max(self.jobs[job].attempts for job in jobs)
         delay = 0.0 if note is None else min(_MAX_DELAY, 0.5 * 2.0 ** min(attempts, 10))
-        self.write(claims.put_back, jobs, delay, note)
+        queued = self.write(claims.put_back, jobs, delay, note)
+        self.context.metrics.attempts_ended(cause, len(queued))

@@ -49,4 +49,4 @@ class QuickRun(Run):
         for i, problem in failed.items():
             self.fail([jobs[i].id], problem)
         for i, note in delayed.items():
-            self.put_back([jobs[i].id], note)
+            self.put_back([jobs[i].id], "delayed", note)

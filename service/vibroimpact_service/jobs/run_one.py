@@ -8,7 +8,9 @@ from concurrent.futures import Future
 from contextlib import suppress
 from typing import Any, Final
 
-from vibroimpact_service.jobs import batch_size, claims, worker_calls
+from opentelemetry.trace import Span
+
+from vibroimpact_service.jobs import batch_size, claims, traces, worker_calls
 from vibroimpact_service.jobs.engine import BULK, FAST, Call, EngineUnavailableError
 from vibroimpact_service.jobs.run import (
     MAX_DEATH_DELAY,
@@ -115,12 +117,13 @@ class _ChunkBatches:
         self._run, self._engine = run, run.context.engine
         self._share, self._owner = run.context.fair_share, run.job.owner
         self._names = [chunk.name for chunk in chunks]
+        self._planned = [chunk.seconds for chunk in chunks]
         self._size = self._size_of(set(range(len(chunks))) - set(missing))
         self._waiting = missing[::-1]
         self._chained = any(chunk.chained for chunk in chunks)
         self._total = len(chunks)
         self._done = self._total - len(missing)
-        self._running: dict[str, tuple[Call, list[int]]] = {}
+        self._running: dict[str, tuple[Call, list[int], Span]] = {}
         self._suspects: list[int] = []
         self._delay = _FIRST_DELAY
         planned = [chunks[i].seconds for i in missing if chunks[i].seconds > 0]
@@ -139,8 +142,9 @@ class _ChunkBatches:
                 self._receive(self._run.ended_calls())
                 self._run.progress(self._done, self._total)
         finally:
-            self._engine.cancel([call for call, _ in self._running.values()])
-            for _ in self._running:
+            self._engine.cancel([call for call, _, _ in self._running.values()])
+            for _, _, span in self._running.values():
+                traces.end(span)
                 self._share.release(self._owner)
             self._share.leave(self._owner, self._run.wake)
         for index in self._suspects:
@@ -166,7 +170,8 @@ class _ChunkBatches:
             except BaseException:
                 self._share.release(self._owner)
                 raise
-            self._running[call.key] = (call, batch)
+            span = traces.batch(self._run.spans[self._run.job.id], len(batch))
+            self._running[call.key] = (call, batch, span)
 
     def _batch_size(self) -> int:
         """Return how many chunks the next batch has."""
@@ -182,9 +187,10 @@ class _ChunkBatches:
         for call in ended:
             if call.key not in self._running:
                 continue
-            _, batch = self._running.pop(call.key)
+            _, batch, span = self._running.pop(call.key)
             self._share.release(self._owner)
             error = self._engine.error(call)
+            traces.end(span, error)
             if error is None:
                 self._count(batch)
                 succeeded.append((call, batch))
@@ -242,6 +248,8 @@ class _ChunkBatches:
             (spent,) = self._engine.values([call])
         except EngineUnavailableError:
             return  # its worker is gone; the chunks that it computed are stored
+        planned = sum(self._planned[index] for index in batch)
+        self._run.context.metrics.chunks(self._run.job.kind, len(batch), planned, spent)
         each = max(spent / len(batch), 1e-5)
         self._seconds = each if self._measured_at is None else 0.5 * (self._seconds + each)
         self._measured_at = now

@@ -107,13 +107,17 @@ class Runner:
         if room <= 0:
             return []
         try:
-            return await self._records.write(claims.claim, self._claim_owner, queue, room, seconds)
+            write, owner = self._records.write, self._claim_owner
+            jobs = await write(claims.claim, owner, queue, room, seconds)
         except (ConnectionError, StoreFullError) as error:
             log.warning("no jobs can be claimed", error=str(error))
             return []
         except Exception:
             log.exception("claim failed")
             return []
+        expired = sum(job.taken_over for job in jobs)
+        self._context.metrics.attempts_ended("claim_expired", expired)
+        return jobs
 
     def _start(self, run: Run) -> None:
         self._runs.add(run)
@@ -148,4 +152,6 @@ class Runner:
         if await self._records.read(claims.overdue):
             error = DeadlineError("the job was not done by its deadline")
             problem = self._context.work.explain(error)
-            self._context.notify(await self._records.write(claims.fail_overdue, problem))
+            ended = await self._records.write(claims.fail_overdue, problem)
+            self._context.metrics.finished(ended.values())
+            self._context.notify(ended)

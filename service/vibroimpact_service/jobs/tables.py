@@ -39,6 +39,7 @@ jobs = sa.Table(
     sa.Column("deadline", sa.Float),
     sa.Column("retry_at", sa.Float),
     sa.Column("note", sa.String(200), key="waiting_note"),
+    sa.Column("trace", sa.String(64)),
 )
 
 idempotency = sa.Table(
@@ -124,6 +125,10 @@ class JobRow:
         The job is not tried again before.
     waiting_note : str, optional
         Why the job waits, where other jobs are not the reason.
+    trace : str, optional
+        Context of the span of the request that submitted it.
+    taken_over : bool
+        Whether it was claimed because the claim of another process had expired; no column.
     """
 
     seq: int
@@ -152,6 +157,8 @@ class JobRow:
     deadline: float | None = None
     retry_at: float | None = None
     waiting_note: str | None = None
+    trace: str | None = None
+    taken_over: bool = False
 
     @property
     def final(self) -> bool:

@@ -14,7 +14,7 @@ import socket
 import ssl
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any, Final
@@ -55,6 +55,10 @@ class RefusedError(ValueError):
     """Nothing is sent to the address: it is not https, or lies in a private network."""
 
 
+def _uncounted(_outcome: str) -> None:
+    """Keep no account of attempts."""
+
+
 class Webhooks:
     """Sends the messages that are due. Each is sent by one replica at a time.
 
@@ -62,10 +66,24 @@ class Webhooks:
     time: a slow one holds up no others. A message stays in the records until it is delivered, so
     it outlives the process. It can arrive twice, where a replica ends between sending and
     recording it: receivers recognise it by ``webhook-id``, which is the id of the job.
+
+    Parameters
+    ----------
+    settings : Settings
+    records : RecordAccess
+    sealing : Sealing
+    counted : callable
+        ``(outcome) -> None``: called after each attempt; see `jobs.metrics.OUTCOMES`.
     """
 
-    def __init__(self, settings: Settings, records: RecordAccess, sealing: Sealing) -> None:
-        self._sealing = sealing
+    def __init__(
+        self,
+        settings: Settings,
+        records: RecordAccess,
+        sealing: Sealing,
+        counted: Callable[[str], None] = _uncounted,
+    ) -> None:
+        self._sealing, self._counted = sealing, counted
         self._private = settings.webhook_private
         self._trust = ssl.create_default_context(
             cafile=None if settings.webhook_ca is None else str(settings.webhook_ca)
@@ -105,19 +123,26 @@ class Webhooks:
         return bool(due)
 
     async def _deliver(self, job: JobRow, url: str, secret: str, attempts: int) -> None:
-        body, status = json.dumps(_message(job)).encode(), 0
+        body, status, outcome = json.dumps(_message(job)).encode(), 0, "failed"
         try:
             head = headers(job.id, self._sealing.open(job.id, secret), body)
             status = await send(url, head, body, self._trust, self._private, self._resolving)
         except RefusedError as error:
             log.warning("message refused", job=job.id, error=str(error))
-            status = http.client.GONE
+            status, outcome = http.client.GONE, "refused"
         except SealedError as error:
             # Another replica may have the key.
             log.warning("message cannot be signed", job=job.id, error=str(error))
+            outcome = "unsigned"
         except (OSError, ValueError) as error:
             log.info("message not delivered", job=job.id, error=type(error).__name__)
-        if 200 <= status < 300 or status == http.client.GONE or attempts > len(_DELAYS):
+        delivered, last = 200 <= status < 300, attempts > len(_DELAYS)
+        if delivered:
+            outcome = "delivered"
+        elif outcome != "refused" and (last or status == http.client.GONE):
+            outcome = "given_up"
+        self._counted(outcome)
+        if delivered or last or status == http.client.GONE:
             try:
                 await self._records.write(_delete, job.id)
             except ConnectionError as error:

@@ -6,11 +6,20 @@ from vibroimpact_service.store.content import (
     HEAD,
     ContentStore,
     Entry,
+    Room,
     StoreFullError,
     StoreUnavailableError,
 )
 
-__all__ = ["HEAD", "ContentStore", "Entry", "Store", "StoreFullError", "StoreUnavailableError"]
+__all__ = [
+    "HEAD",
+    "ContentStore",
+    "Entry",
+    "Room",
+    "Store",
+    "StoreFullError",
+    "StoreUnavailableError",
+]
 
 
 class Store:

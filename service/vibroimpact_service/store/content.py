@@ -48,6 +48,13 @@ class Entry(NamedTuple):
     modified: float
 
 
+class Room(NamedTuple):
+    """Bytes of a disk: those that are free for its users, and all."""
+
+    free: int
+    total: int
+
+
 class ContentStore:
     """Blocks by name below a URL that fsspec understands.
 
@@ -279,6 +286,13 @@ class ContentStore:
     def local(self) -> bool:
         """Whether the store is a folder."""
         return self._local
+
+    def room(self) -> Room | None:
+        """Return the room of the disk; None of an object store, or before the first block."""
+        if not self._local or not os.path.isdir(self._root):  # noqa: PTH112
+            return None
+        disk = shutil.disk_usage(self._root)
+        return Room(disk.free, disk.total)
 
     def has(self, name: str) -> bool:
         """Whether there is a block of that name, damaged or not."""

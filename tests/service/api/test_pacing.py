@@ -5,13 +5,12 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable
 
+from prometheus_client import CollectorRegistry
 from starlette.types import Message, Receive, Scope, Send
 
-from vibroimpact_service.access.authenticator import Authenticator
 from vibroimpact_service.api.boundary import Boundary
 from vibroimpact_service.api.pacing import Pacing
 from vibroimpact_service.metrics import Metrics
-from vibroimpact_service.settings import Settings
 
 
 async def nothing() -> Message:
@@ -105,12 +104,13 @@ def test_those_that_give_up_take_no_turn() -> None:
 
 
 def test_at_the_boundary_requests_wait_and_nothing_else() -> None:
-    settings = Settings(hosts=("here",))
     http = {"method": "GET", "path": "/", "headers": [(b"host", b"here")]}
     app = Begun()
 
     async def main() -> None:
-        boundary = Boundary(app, settings, Metrics(), Authenticator(settings))
+        boundary = Boundary(
+            app, Metrics(CollectorRegistry()), "127.0.0.1", ("here",), lambda: False
+        )
         counting = asyncio.create_task(app.count())
         await asyncio.sleep(0)
         scopes: list[Scope] = [{"type": "http", "number": n, **http} for n in range(40)]

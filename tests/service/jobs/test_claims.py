@@ -75,24 +75,25 @@ def test_a_process_changes_only_jobs_whose_claim_it_holds(tmp_path: Path) -> Non
         assert claims.renew(connection, "other", [job]) == set()
         assert not claims.report(connection, "other", job, {"done": 1})
         assert claims.put_back(connection, "other", [job]) == set()
-        assert claims.succeed(connection, "other", [job], reused=False) == set()
-        assert claims.fail(connection, "other", job, {"code": "no"}) == set()
+        assert claims.succeed(connection, "other", [job], reused=False) == {}
+        assert claims.fail(connection, "other", job, {"code": "no"}) == {}
         held = find(connection, "ann", job)
         assert held is not None
         assert (held.state, held.claim_owner, held.done) == ("running", "me", 0)
         assert claims.renew(connection, "me", [job]) == {job}
-        assert claims.succeed(connection, "me", [job], reused=False) == {job}
+        assert set(claims.succeed(connection, "me", [job], reused=False)) == {job}
 
 
 def test_only_its_owner_cancels_a_job(tmp_path: Path) -> None:
     engine = _engine(tmp_path)
     job = _submitted(engine)
     with engine.begin() as connection:
-        assert claims.cancel(connection, "bob", job) is None
+        assert claims.cancel(connection, "bob", job) == (None, False)
         asked = find(connection, "ann", job)
         assert asked is not None
         assert asked.state == "queued"
-        cancelled = claims.cancel(connection, "ann", job)
+        cancelled, ended = claims.cancel(connection, "ann", job)
+        assert ended
         assert cancelled is not None
         assert cancelled.state == "cancelled"
 

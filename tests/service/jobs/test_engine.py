@@ -175,7 +175,8 @@ def test_silent_machines_are_given_up_unless_this_process_stood_still(
 ) -> None:
     clock = [100.0]
     monkeypatch.setattr(deaths.time, "monotonic", lambda: clock[0])
-    lives = deaths.Deaths()
+    counted: list[str] = []
+    lives = deaths.Deaths(counted.append)
     for _ in range(4):
         lives.note((0.0, {"worker": "far"}))
         lives.note((0.0, {"worker": "near"}))

@@ -206,7 +206,8 @@ def job(name: str, webhook: tuple[str, str] | None) -> NewJob:
 def test_a_message_arrives_once_the_job_ended(receiver: Receiver, url: str, tmp_path: Path) -> None:
     access = RecordAccess(open_database(url))
     settings = Settings(data=tmp_path, webhook_private=True, webhook_ca=receiver.authority)
-    hooks = webhooks.Webhooks(settings, access, sealing.of_settings(settings))
+    counted: list[str] = []
+    hooks = webhooks.Webhooks(settings, access, sealing.of_settings(settings), counted.append)
     told = (receiver.url, SECRET)
     for new in (job("one", told), job("two", None), job("three", told)):
         access.write_now(records.insert, new)
@@ -227,6 +228,7 @@ def test_a_message_arrives_once_the_job_ended(receiver: Receiver, url: str, tmp_
 
     asyncio.run(scenario())
     access.close()
+    assert counted == ["failed", "delivered"]
     (_, first), (head, body) = receiver.got
     assert first == body
     document = json.loads(body)
