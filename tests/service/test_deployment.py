@@ -269,3 +269,39 @@ def test_the_batch_script_starts_workers_as_slurm_says(tmp_path: Path) -> None:
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode != 0
     assert "the store of the services" in done.stderr
+
+
+def test_prometheus_reads_the_port_that_needs_no_key() -> None:
+    """The example's scrape, annotations and policies name the port of the metrics."""
+    (compose,) = _documents(DOCKER / "cluster" / "compose.yaml")
+    environment = compose["services"]["service"]["environment"]
+    assert environment["VIBROIMPACT_ACCESS"] == "keys"
+    (prometheus,) = _documents(DOCKER / "monitoring" / "prometheus.yaml")
+    (job,) = prometheus["scrape_configs"]
+    (targets,) = job["dns_sd_configs"]
+    assert targets["names"] == ["service"]
+    assert targets["port"] == environment["VIBROIMPACT_METRICS_PORT"]
+    assert all((DOCKER / "monitoring" / name).is_file() for name in prometheus["rule_files"])
+
+    deployment = _documents(DOCKER / "kubernetes" / "service.yaml")[0]
+    pod = deployment["spec"]["template"]
+    (container,) = pod["spec"]["containers"]
+    given = {each["name"]: each["value"] for each in container["env"]}
+    assert given["VIBROIMPACT_ACCESS"] == "keys"
+    ports = {port["name"]: port["containerPort"] for port in container["ports"]}
+    assert str(ports["metrics"]) == given["VIBROIMPACT_METRICS_PORT"]
+    assert pod["metadata"]["annotations"]["prometheus.io/port"] == str(ports["metrics"])
+    policies = _documents(DOCKER / "kubernetes" / "network.yaml")
+    (service,) = (
+        each
+        for each in policies
+        if each["metadata"]["name"] == "service" and each["kind"] == "NetworkPolicy"
+    )
+    outside = {
+        rule["from"][0]["namespaceSelector"]["matchLabels"]["kubernetes.io/metadata.name"]: [
+            port["port"] for port in rule["ports"]
+        ]
+        for rule in service["spec"]["ingress"]
+        if "ports" in rule
+    }
+    assert outside == {"ingress-nginx": ["http"], "monitoring": ["metrics"]}
