@@ -1,6 +1,7 @@
 """The computations of the service, slowed down, with notes of each chunk that begins or is stored.
 
-The file is named by RECORD; each line is ``begun|stored result index pid time``.
+The file is named by RECORD; each line is ``begun|stored result index pid time``. While there is a
+file of the name RECORD_FAIL, chunks have an error.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import os
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from vibroimpact_service import chunks
 from vibroimpact_service.jobs.work import Tick
@@ -17,6 +19,7 @@ from vibroimpact_service.store import Store
 # Small pieces, so that a job of a few seconds has many.
 chunks.CHUNK_SECONDS = 0.01  # type: ignore[misc]
 
+FAIL = os.environ.get("RECORD_FAIL", "")
 SLEEP = float(os.environ.get("RECORD_SLEEP", "0.1"))
 
 
@@ -34,6 +37,8 @@ def solve(
     for index in indices:
         if pieces[index].name in there:
             continue  # as the functions of the service do
+        if Path(FAIL).is_file():
+            raise RuntimeError("an error that nobody expects")
         _note("begun", result, index)
         end = time.monotonic() + SLEEP
         while time.monotonic() < end:

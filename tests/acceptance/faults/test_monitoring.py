@@ -1,0 +1,367 @@
+"""Prometheus reads two replicas that require keys; each alert fires by its fault, and then ends."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from processes import Process, Record, Replica, program, until
+from prometheus import FOLDER, WINDOW, Prometheus, free_port
+from prometheus import program as of_prometheus
+from users import sweep, tiny
+
+from tests.conftest import PostgreSQL, programs
+from tests.service.jobs.test_webhooks import SECRET, Receiver
+from vibroimpact_service.jobs import certificates
+
+THRESHOLDS = {"VibroimpactQueueOld": "3", "VibroimpactWorkerDeaths": "0"}
+"""Alerts whose faults would take long -> numbers that are reached within seconds."""
+
+
+class Cluster:
+    """Database, scheduler, worker, two replicas, a receiver of webhooks, and their Prometheus."""
+
+    def __init__(self, folder: Path, opened: ExitStack) -> None:
+        self.folder, self.record, self._opened = folder, Record(folder / "record"), opened
+        self.database = PostgreSQL(programs())
+        opened.callback(self.database.stop)
+        (folder / "receiver").mkdir()
+        self.receiver = Receiver(folder / "receiver")
+        opened.callback(self.receiver.close)
+        self.disk = folder / "disk"
+        self.disk.mkdir()
+        mount = ["mount", "-t", "tmpfs", "-o", "size=32m", "tmpfs", str(self.disk)]
+        self.mounted = not subprocess.run(mount, capture_output=True, check=False).returncode
+        if self.mounted:
+            unmount = ["umount", "-l", str(self.disk)]
+            opened.callback(lambda: subprocess.run(unmount, check=True))
+        ca, cert, key = certificates.write(folder / "tls", days=30)
+        self.settings = {
+            "database": self.database.new(),
+            "store": str(self.disk),
+            "scheduler": f"tls://127.0.0.1:{free_port()}",
+            "tls_ca": str(ca),
+            "tls_cert": str(cert),
+            "tls_key": str(key),
+            "access": "keys",
+            "clean_seconds": "3",
+            "webhook_private": "true",
+            "webhook_ca": str(self.receiver.authority),
+        }
+        self.environment = {f"VIBROIMPACT_{k.upper()}": v for k, v in self.settings.items()}
+        self.key = self._key("ann")
+        self.key_of_prometheus = self._key("prometheus", "--scope", "metrics")
+        port = self.settings["scheduler"].rpartition(":")[2]
+        self._process("scheduler", "scheduler", "--port", port)
+        self.start_worker()
+        self.ports = {name: free_port() for name in "ab"}
+        self.replicas = {name: self.start_replica(name) for name in self.ports}
+        for replica in self.replicas.values():
+            until(replica.ready, "it is not ready")
+        targets = [f"127.0.0.1:{port}" for port in self.ports.values()]
+        self.prometheus = Prometheus(folder / "prometheus", targets, **THRESHOLDS)
+        opened.callback(self.prometheus.end)
+
+    def _key(self, *arguments: str) -> str:
+        created = subprocess.run(
+            program("keys", "create", *arguments),
+            env={**os.environ, **self.environment},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        (key,) = re.findall(r"vik_\S+", created.stdout)
+        return str(key)
+
+    def _process(self, name: str, *command: str) -> Process:
+        files = {"RECORD": str(self.record.path), "RECORD_FAIL": str(self.folder / "fail")}
+        process = Process(program(*command), self.folder / name, **files, **self.environment)
+        self._opened.callback(process.end)
+        return process
+
+    def start_worker(self) -> None:
+        """Start the worker; the one process in it has a parent that replaces it."""
+        address = self.settings["scheduler"]
+        self.worker = self._process("worker", "worker", address, "--workers", "1")
+
+    def start_replica(self, name: str) -> Replica:
+        """Start a replica, with its own port for metrics."""
+        metrics = {"metrics_port": str(self.ports[name])}
+        replica = Replica(self.folder / name, self.record, **self.settings, **metrics)
+        self._opened.callback(replica.end)
+        replica.http.headers["Authorization"] = f"Bearer {self.key}"
+        return replica
+
+    def submit(self, content: dict[str, Any], name: str = "a", **more: Any) -> str:
+        """Submit a job to a replica and return its id."""
+        body = {"kind": "impact-modes", "request": content, **more}
+        answer = self.replicas[name].http.post("/v1/jobs", json=body)
+        assert answer.status_code == 201, answer.text
+        job: str = answer.json()["id"]
+        return job
+
+    def done(self, job: str) -> dict[str, Any] | None:
+        """Return a job that has ended, or None."""
+        document: dict[str, Any] = self.replicas["a"].http.get(f"/v1/jobs/{job}?wait=5").json()
+        return document if document["final"] else None
+
+    @contextmanager
+    def firing(self, *alerts: str) -> Iterator[None]:
+        """Wait for alerts to fire, once a fault is there, and for all to end after it."""
+        begin = time.monotonic()
+        until(
+            lambda: self.prometheus.firing() >= set(alerts),
+            f"{set(alerts)} do not fire",
+            60,
+        )
+        fired = time.monotonic()
+        print(f"{', '.join(alerts)}: fired after {fired - begin:.1f} s", end="", flush=True)
+        yield
+        end = time.monotonic()
+        until(lambda: not self.prometheus.firing(), "an alert does not end", 60)
+        print(f", ended after {time.monotonic() - end:.1f} s", flush=True)
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    of_prometheus("prometheus")
+    with ExitStack() as opened:
+        yield Cluster(tmp_path_factory.mktemp("cluster"), opened)
+
+
+def test_a_key_is_needed_at_one_port_and_not_at_the_other(cluster: Cluster) -> None:
+    until(
+        lambda: {each["health"] for each in cluster.prometheus.targets()} == {"up"},
+        "Prometheus does not read the replicas",
+    )
+    replica = cluster.replicas["a"]
+    for key, status in ((None, 401), (cluster.key, 403), (cluster.key_of_prometheus, 200)):
+        headers = {"Authorization": f"Bearer {key}"}
+        assert replica.http.get("/metrics", headers=headers).status_code == status
+    inside = json.loads(replica.note.read_text())["metrics"]
+    assert replica.http.get(f"{inside}/v1/jobs").status_code == 404
+    assert replica.http.get(f"{inside}/v1/health/ready").status_code == 200
+
+
+def test_every_query_of_the_dashboard_has_data(cluster: Cluster) -> None:
+    jobs = [cluster.submit(tiny(0.7 + i / 100)) for i in range(3)]
+    webhook = {"url": cluster.receiver.url, "secret": SECRET}
+    first = cluster.submit(sweep(0.6), webhook=webhook)
+    failing = cluster.submit(sweep(0.9), deadline_seconds=0.01)
+    http = cluster.replicas["a"].http
+    assert http.post("/v1/compute/impact-modes", json=tiny(1.0)).status_code == 200
+    computed = "vibroimpact_solve_seconds_count"
+    until(lambda: cluster.prometheus.query(computed), "no computation is counted")
+    # A rate needs two values of a series, and this one begins with the first computation.
+    assert http.post("/v1/compute/impact-modes", json=tiny(1.01)).status_code == 200
+    with http.stream("GET", f"/v1/jobs/{first}/events") as events:
+        assert events.status_code == 200
+        next(events.iter_bytes())
+        for job in (*jobs, first, failing):
+            until(lambda job=job: cluster.done(job), f"{job} does not end")
+    dashboard = json.loads((FOLDER / "dashboard.json").read_text())
+    queries = [
+        target["expr"].replace("$__rate_interval", "2m")
+        for panel in dashboard["panels"]
+        for target in panel.get("targets", ())
+    ]
+    assert len(queries) > 25
+    empty = set(queries)
+
+    def answered() -> bool:
+        for query in tuple(empty):
+            values = [float(each["value"][1]) for each in cluster.prometheus.query(query)]
+            if any(value == value for value in values):  # not NaN
+                empty.discard(query)
+        return not empty
+
+    with contextlib.suppress(AssertionError):
+        until(answered, "", 30)
+    assert empty == set()
+    series = len(cluster.prometheus.query('{instance=~".+"}')) / 2
+    print("series per replica:", series)
+    assert series < 1500
+
+
+def test_nothing_fires_without_a_fault(cluster: Cluster) -> None:
+    until(lambda: not cluster.prometheus.firing(), "an alert fires", 30)
+    rules = cluster.prometheus.http.get("/api/v1/rules").json()["data"]["groups"][0]["rules"]
+    assert {rule["health"] for rule in rules} == {"ok"}
+
+
+def test_no_workers(cluster: Cluster) -> None:
+    cluster.worker.end()
+    job = cluster.submit(tiny(1.1))
+    with cluster.firing("VibroimpactNoWorkers", "VibroimpactNotReady", "VibroimpactQueueOld"):
+        cluster.start_worker()
+        until(lambda: cluster.done(job), "the job does not end")
+
+
+def test_deaths_of_workers(cluster: Cluster) -> None:
+    job = cluster.submit(sweep(0.61))
+    moment = time.time()
+    worker = until(lambda: cluster.record.after(moment), "nothing begins").pid
+    os.kill(worker, signal.SIGKILL)
+    with cluster.firing("VibroimpactWorkerDeaths"):
+        until(lambda: cluster.done(job), "the job does not end")
+
+
+def test_a_killed_replica(cluster: Cluster) -> None:
+    job = cluster.submit(sweep(0.62))
+
+    def holder() -> str | None:
+        attempts = cluster.replicas["a"].http.get(f"/v1/jobs/{job}").json()["history"]
+        pids = {str(each.process.pid): name for name, each in cluster.replicas.items()}
+        names = [pids.get(each["worker"].split("-")[-2]) for each in attempts]
+        return names[0] if names else None
+
+    name = until(holder, "no replica holds the job")
+    cluster.replicas[name].kill()
+    with cluster.firing("VibroimpactReplicaDown", "VibroimpactClaimsExpired"):
+        cluster.replicas[name] = cluster.start_replica(name)
+        until(lambda: cluster.done(job), "the job does not end")
+
+
+def test_a_dead_database(cluster: Cluster) -> None:
+    cluster.database.kill()
+    for _ in range(20):
+        assert cluster.replicas["a"].http.get("/v1/jobs").status_code == 503
+        time.sleep(0.1)
+    with cluster.firing("VibroimpactDatabaseFailing", "VibroimpactServerErrors"):
+        cluster.database.start()
+        until(cluster.replicas["a"].ready, "it is not ready")
+
+
+def test_a_full_store(cluster: Cluster) -> None:
+    if not cluster.mounted:
+        pytest.skip("mounting a file system is not permitted here")
+    filler = cluster.disk / "filler"
+    with filler.open("wb", buffering=0) as file, contextlib.suppress(OSError):
+        while True:
+            file.write(bytes(4096))
+    with cluster.firing("VibroimpactStoreFailing", "VibroimpactStoreNearlyFull"):
+        filler.unlink()
+
+
+def test_failing_jobs(cluster: Cluster) -> None:
+    failure = cluster.folder / "fail"
+    failure.touch()
+    job = cluster.submit(sweep(0.63))
+    ended = until(lambda: cluster.done(job), "the job does not end")
+    assert ended["error"]["code"] == "internal_error"
+    with cluster.firing("VibroimpactJobsFailing"):
+        failure.unlink()
+
+
+def test_failing_webhooks(cluster: Cluster) -> None:
+    cluster.receiver.statuses = [500]
+    before = len(cluster.receiver.got)
+    cluster.submit(tiny(1.2), webhook={"url": cluster.receiver.url, "secret": SECRET})
+    with cluster.firing("VibroimpactWebhookFailures"):
+        until(lambda: len(cluster.receiver.got) == before + 2, "it is not delivered")
+
+
+def test_prometheus_accepts_the_files(tmp_path: Path) -> None:
+    for what, name in (("config", "prometheus.yaml"), ("rules", "alerts.yaml")):
+        command = [of_prometheus("promtool"), "check", what, str(FOLDER / name)]
+        checked = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert checked.returncode == 0, checked.stderr
+
+
+_WRITES = 'vibroimpact_records_transaction_seconds_bucket{{operation="write",le="{}"}}'
+_LAG = 'vibroimpact_event_loop_lag_seconds_bucket{{le="{}"}}'
+CASES: dict[str, dict[str, str]] = {
+    "VibroimpactReplicaDown": {'up{job="vibroimpact",instance="a"}': "1x20 0x40"},
+    "VibroimpactNoReplica": {'up{job="vibroimpact",instance="a"}': "1x20 0x40"},
+    "VibroimpactNotReady": {'vibroimpact_ready{instance="a"}': "1x20 0x40"},
+    "VibroimpactDatabaseFailing": {'vibroimpact_check_ok{part="records"}': "1x20 0x40"},
+    "VibroimpactStoreFailing": {'vibroimpact_check_ok{part="store"}': "1x20 0x40"},
+    "VibroimpactNoWorkers": {"vibroimpact_worker_slots": "4x20 0x40"},
+    "VibroimpactQueueOld": {'vibroimpact_queue_oldest_seconds{kind="k"}': "3600x20 3660+60x40"},
+    "VibroimpactWorkerDeaths": {
+        # Deaths that the service wants, and some others, do not count.
+        'vibroimpact_worker_deaths_total{cause="stopped",instance="a"}': "0+10x60",
+        'vibroimpact_worker_deaths_total{cause="killed",instance="a"}': "0x10 1x10 1+1x40",
+        'vibroimpact_worker_deaths_total{cause="killed",instance="b"}': "0x10 1x10 1+1x40",
+    },
+    "VibroimpactClaimsExpired": {
+        'vibroimpact_attempts_ended_total{cause="claim_lost"}': "0+1x60",
+        'vibroimpact_attempts_ended_total{cause="claim_expired"}': "0x45 1x15",
+    },
+    "VibroimpactJobsFailing": {
+        'vibroimpact_jobs_finished_total{kind="k",state="failed",code="limit_passed"}': "0+1x60",
+        'vibroimpact_jobs_finished_total{kind="k",state="failed",code="worker_lost"}': "0x45 1x15",
+    },
+    "VibroimpactServerErrors": {
+        'vibroimpact_http_requests_total{route="/v1/jobs",status="200"}': "0+100x60",
+        'vibroimpact_http_requests_total{route="/v1/health/ready",status="503"}': "0+100x60",
+        'vibroimpact_http_requests_total{route="/v1/jobs",status="503"}': "0x20 0+10x40",
+    },
+    "VibroimpactStoreNearlyFull": {
+        "vibroimpact_store_capacity_bytes": "100x60",
+        "vibroimpact_store_free_bytes": "11x20 9x40",
+    },
+    "VibroimpactDatabaseSlow": {
+        _WRITES.format("0.5"): "0+10x20 200x40",
+        _WRITES.format("1.0"): "0+10x60",
+        _WRITES.format("+Inf"): "0+10x60",
+    },
+    "VibroimpactWebhookFailures": {
+        'vibroimpact_webhook_deliveries_total{outcome="delivered"}': "0+2x60",
+        'vibroimpact_webhook_deliveries_total{outcome="failed"}': "0+1x20 20+9x40",
+    },
+    "VibroimpactKernelsCold": {'vibroimpact_kernels_warm{kind="k"}': "1x20 0x40"},
+    "VibroimpactEventLoopLag": {
+        _LAG.format("0.25"): "0+10x20 200x40",
+        _LAG.format("0.5"): "0+10x60",
+        _LAG.format("+Inf"): "0+10x60",
+    },
+    "VibroimpactCertificateExpires": {
+        # Fourteen days, and twenty minutes: the clock of these tests begins at 0.
+        'vibroimpact_certificate_expiry_timestamp_seconds{file="ca"}': f"{14 * 86400 + 1260}x60"
+    },
+}
+"""Alert -> series, a value each minute, by which it fires in the last forty minutes of an hour."""
+
+
+def test_each_alert_fires_by_its_series_and_not_before(tmp_path: Path) -> None:
+    alerts = yaml.safe_load((FOLDER / "alerts.yaml").read_text())["groups"][0]["rules"]
+    assert set(CASES) == {each["alert"] for each in alerts}
+    cases = []
+    for alert, series in CASES.items():
+        firing = f'sum(max by (alertname) (ALERTS{{alertname="{alert}",alertstate="firing"}}))'
+        cases.append(
+            {
+                "interval": "1m",
+                "name": alert,
+                "input_series": [{"series": s, "values": v} for s, v in series.items()],
+                "promql_expr_test": [
+                    {"expr": firing, "eval_time": "20m", "exp_samples": []},
+                    {
+                        "expr": firing,
+                        "eval_time": "59m",
+                        "exp_samples": [{"labels": "{}", "value": 1}],
+                    },
+                ],
+            }
+        )
+    waiting = {each["alert"]: each["for"] for each in alerts if "for" in each}
+    assert waiting
+    assert WINDOW not in waiting.values()
+    file = tmp_path / "cases.yaml"
+    content = {"rule_files": [str(FOLDER / "alerts.yaml")], "tests": cases}
+    file.write_text(yaml.safe_dump(content))
+    command = [of_prometheus("promtool"), "test", "rules", str(file)]
+    tested = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert tested.returncode == 0, tested.stdout + tested.stderr
