@@ -1,4 +1,4 @@
-"""The figures of the chapter: one script each, which computes, plots and checks it."""
+"""The figures of the gallery: one script each, which computes, plots and checks it."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def folder() -> Path:
 
 
 def figures() -> list[str]:
-    """Return the numbers of all figures, such as ``"10.19"``."""
-    return [_number(path) for path in sorted(folder().glob("fig_*.py"))]
+    """Return the names of all figures: numbers of the chapter, such as ``"10.19"``, and words."""
+    return [_name(path) for path in sorted(folder().glob("fig_*.py"))]
 
 
 def draw(client: Client, figure: str) -> Figure:
@@ -76,12 +76,12 @@ def _written(client: Client, figure: str, out: Path, console: Console) -> bool:
 
 def _module(figure: str) -> str:
     chapter, _, number = figure.partition(".")
-    return f"fig_{chapter}_{int(number):02d}"
+    return f"fig_{chapter}_{int(number):02d}" if number else f"fig_{figure}"
 
 
-def _number(path: Path) -> str:
-    _, chapter, number = path.stem.split("_")
-    return f"{chapter}.{int(number)}"
+def _name(path: Path) -> str:
+    chapter, _, number = path.stem.removeprefix("fig_").partition("_")
+    return f"{chapter}.{int(number)}" if number else chapter
 
 
 @contextmanager

@@ -73,6 +73,78 @@ def impulses(ax, modes, natural, top, index=0, color=BLUE, label="p"):
     ax.set_xlabel(r"fundamental frequency $\Omega$")
 
 
+def tracks(result, impacts):
+    """Yield the rows of the first, and of the second solution with so many impacts.
+
+    One row for each frequency, -1 where there is none: both are smooth over the frequency, and
+    they meet where the solutions end.
+    """
+    rows = result.solution
+    mine = np.flatnonzero(rows.impacts == impacts)
+    first = np.append(True, np.diff(rows.frequency_index[mine]) > 0)
+    for some in (mine[first], mine[~first]):
+        track = np.full(result.Omega.size, -1)
+        track[rows.frequency_index[some]] = some
+        yield track
+
+
+def states(ax, x, y, exists, stability, color, label="", width=1.8):
+    """Plot a curve of periodic motions: full, dashed where unstable, dotted for phantoms.
+
+    Where y is nan, there is none.
+    """
+    stable, there = exists & (stability <= 1.0), np.isfinite(y)
+    looks = (
+        (stable, color, "-", width), (exists & ~stable, color, (0, (3, 1.5)), 0.6 * width),
+        (there & ~exists, PHANTOM, (0, (1, 1.5)), 0.8),
+    )  # fmt: skip
+    for some, shade, style, thick in looks:
+        # A segment has the state of its first point, so that lines do not end before a change.
+        shown = some | np.append(False, some[:-1])
+        ax.plot(x, np.where(shown, y, np.nan), linestyle=style, color=shade, linewidth=thick)
+    if label:
+        ax.plot([], [], "-", color=color, linewidth=width, label=label)
+
+
+_WIDTHS = (2.2, 1.5)  # of motions without impacts, and with one
+_MARKS = {"grazing": "^", "flip": "s", "fold": "D", "end": "X", "torus": "o", "symmetry": "P"}
+
+
+def branches(ax, result, height, colors):
+    """Plot branches of admissible motions and phantoms, and their special points.
+
+    `colors` are those of motions without impacts, and with one.
+    """
+    rows, points = result.solution, result.points
+    x = rows.parameter
+    named = set()
+    for branch in np.unique(rows.branch):
+        mine = np.flatnonzero(rows.branch == branch)
+        count = int(rows.impacts[mine[0]])
+        name = ("no impact", "one impact")[count]
+        states(
+            ax, x[mine], height[mine], rows.exists[mine], rows.stability[mine], colors[count],
+            "" if name in named else name, width=_WIDTHS[count],
+        )  # fmt: skip
+        named.add(name)
+    state_keys(ax)
+    for row in np.flatnonzero(points.exists):
+        branch, at, kind = points.branch[row], points.parameter[row], points.type[row]
+        mine = np.flatnonzero((rows.branch == branch) & rows.exists)
+        near = mine[np.argmin(np.abs(rows.parameter[mine] - at))]
+        ax.plot(
+            at, height[near], _MARKS[str(kind)], color="black", markersize=4.5, zorder=3,
+            markerfacecolor="white", markeredgewidth=0.8, label="" if kind in named else str(kind),
+        )  # fmt: skip
+        named.add(kind)
+
+
+def state_keys(ax):
+    """List the line styles of `states` in the legend."""
+    ax.plot([], [], linestyle=(0, (3, 1.5)), color="black", linewidth=1.1, label="unstable")
+    ax.plot([], [], linestyle=(0, (1, 1.5)), color=PHANTOM, linewidth=0.8, label="phantom")
+
+
 def mode(client, system, omega, p, dof, t_end, around, **law):
     """Return an impact mode, after checks, and the motion between soft limiters from its start.
 

@@ -69,11 +69,11 @@ def demo(
 def gallery(
     figures: Annotated[
         list[str] | None,
-        typer.Argument(help="Figures such as 10.19; default: all.", metavar="FIG"),
+        typer.Argument(help="Figures such as 10.19 or beam; default: all.", metavar="FIG"),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the figures.")] = Path("gallery"),
 ) -> None:
-    """Start a service; compute, plot and check figures of the chapter."""
+    """Start a service; compute, plot and check figures of the gallery."""
     from vibroimpact.gallery import run
 
     if not run(figures or [], out):
