@@ -22,6 +22,7 @@ from vibroimpact_solvers.errors import SolverError
 from vibroimpact_solvers.periodic_motions import Problem as Motions
 from vibroimpact_solvers.periodic_motions import closed_form, sequences
 from vibroimpact_solvers.periodic_motions.drive import Driven
+from vibroimpact_solvers.periodic_motions.pairs import Complexes
 from vibroimpact_solvers.periodic_motions.sequences import Search
 from vibroimpact_solvers.periodic_motions.solutions import Cells, Solutions
 
@@ -59,10 +60,25 @@ class Curve:
         self.span = problem.stop - problem.start
         self.impulse = 1.0
         self._driven: Driven | None = None
+        self._largest: dict[bytes, tuple[complex, float]] = {}
 
     def value(self, x: Floats) -> float:
         """Return the parameter at a point."""
         return float(self.problem.start + x[-1] * self.span)
+
+    def keep_largest(self, points: list[Floats], values: Complexes, errors: Floats) -> None:
+        """Keep the largest multipliers at points, (point, 1) each, which the tables show, too."""
+        for x, value, error in zip(points, values[:, 0], errors[:, 0], strict=True):
+            self._largest[x.tobytes()] = complex(value), float(error)
+
+    def largest(self, points: list[Floats]) -> tuple[Complexes, Floats] | None:
+        """Return the largest multipliers at points and errors, None unless all were kept."""
+        kept = [self._largest.get(x.tobytes()) for x in points]
+        known = [each for each in kept if each is not None]
+        if len(known) < len(kept):
+            return None
+        values, errors = zip(*known, strict=True)
+        return np.array(values)[:, np.newaxis], np.array(errors)[:, np.newaxis]
 
     def driven(self, motions: Motions) -> Driven:
         """Return the structure, which stays the same where the frequency varies."""

@@ -184,7 +184,10 @@ def _result(problem: Problem, branches: list[Branch]) -> Result:
         points = [place.x for place in branch.places]
         motions = branch.curve.motions(problem.start)
         groups = [points] if problem.frequency else [[x] for x in points]
-        parts += [columns.of(*branch.curve.solutions(group)) for group in groups if group]
+        curve = branch.curve
+        parts += [
+            columns.of(*curve.solutions(group), curve.largest(group)) for group in groups if group
+        ]
         of += [number] * len(points)
         values += [branch.curve.value(x) for x in points]
         periods += [motions.periods] * len(points)

@@ -74,6 +74,7 @@ def _tests(curve: Curve, points: list[Floats]) -> tuple[Floats, ...]:
     problem, driven, cells, solved = curve.solutions(points)
     problem = replace(problem, outputs=frozenset({"stability"}))
     values, errors = multipliers(problem, driven, cells, solved)
+    curve.keep_largest(points, values, errors)
     plus, minus = determinants(problem, driven, cells, solved)
     largest = values[:, 0]
     imaginary = np.abs(largest.imag)

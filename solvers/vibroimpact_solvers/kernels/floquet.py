@@ -35,7 +35,7 @@ B_PART: Final = 1
 
 _STEPS = 6  # of Newton's method
 _SWEEPS = 60  # over all zeros
-_SETTLED = 1e-12  # relative correction after which a zero is left
+_SETTLED = 1e-8  # relative correction after which a zero is left: it is then far smaller
 _SLIGHT = 1e-3  # angle by which approximations start off the real axis, where pairs may be born
 _FARTHEST = 0.5  # of a multiplier, relative to it, that an approximation starts from it
 _REAL = 1e-9  # of a multiplier, below which its imaginary part is rounding
@@ -65,6 +65,8 @@ class Room(NamedTuple):
     slope: Complexes  # (2 m, 2 m): its derivative
     minor: Complexes  # (2 m, 2 m)
     spread: Floats  # (2 m, 2 m): error of F
+    x: Floats  # (2 mode,): real parts of all approximations
+    y: Floats
 
 
 @inner
@@ -119,13 +121,21 @@ def _set_inverses(c: Cells, s: int, rho: complex, room: Room) -> complex:
 
 
 @sums
-def _along(a: Floats, real: Floats, imaginary: Floats) -> complex:
-    """Return the sum of the terms a (real + i imaginary)."""
-    first, second = 0.0, 0.0
+def _entry(a: Floats, b: Floats, room: Room) -> tuple[complex, complex, complex, complex]:
+    """Return the sums of a and b along the inverses, and of both along their rates."""
+    first, second, third, fourth = 0.0, 0.0, 0.0, 0.0
+    fifth, sixth, seventh, eighth = 0.0, 0.0, 0.0, 0.0
     for p in range(a.size):
-        first += a[p] * real[p]
-        second += a[p] * imaginary[p]
-    return complex(first, second)
+        first += a[p] * room.real[p]
+        second += a[p] * room.imaginary[p]
+        third += b[p] * room.real[p]
+        fourth += b[p] * room.imaginary[p]
+        fifth += a[p] * room.real_rate[p]
+        sixth += a[p] * room.imaginary_rate[p]
+        seventh += b[p] * room.real_rate[p]
+        eighth += b[p] * room.imaginary_rate[p]
+    level, rest = complex(first, second), complex(third, fourth)
+    return level, rest, complex(fifth, sixth), complex(seventh, eighth)
 
 
 @inner
@@ -136,10 +146,9 @@ def _set_F(c: Cells, s: int, rho: complex, room: Room) -> complex:
     for i in range(n):
         for j in range(n):
             a, b = c.terms[s, i, j, A_PART], c.terms[s, i, j, B_PART]
-            level = _along(a, room.real, room.imaginary)
-            whole = rho * level + _along(b, room.real, room.imaginary)
-            slope = level - rho * _along(a, room.real_rate, room.imaginary_rate)
-            slope -= _along(b, room.real_rate, room.imaginary_rate)
+            level, rest, a_rate, b_rate = _entry(a, b, room)
+            whole = rho * level + rest
+            slope = level - rho * a_rate - b_rate
             if i // 2 > j // 2:
                 slope = rho * slope + whole
                 whole *= rho
@@ -240,6 +249,19 @@ def _start(c: Cells, s: int, values: Complexes) -> float:
     return largest
 
 
+@sums
+def _others(x: Floats, y: Floats, k: int) -> complex:
+    """Return the sum of ``1 / (z_k - z_j)`` over all other approximations z = x + i y."""
+    total, total_imaginary = 0.0, 0.0
+    for j in range(x.size):
+        u, v = x[k] - x[j], y[k] - y[j]
+        length = u * u + v * v
+        weight = 1.0 / (length if length > 0.0 else math.inf)  # itself, and equal ones
+        total += u * weight
+        total_imaginary -= v * weight
+    return complex(total, total_imaginary)
+
+
 @kernel
 def zeros(c: Cells, values: Complexes, room: Room) -> None:
     """Approximate all multipliers of solutions.
@@ -260,6 +282,7 @@ def zeros(c: Cells, values: Complexes, room: Room) -> None:
             active[k] = abs(z[k]) > tiny
             if not active[k]:
                 z[k] = complex(0.0, 0.0)
+            room.x[k], room.y[k] = z[k].real, z[k].imag
         for _ in range(_SWEEPS):
             left = 0
             for k in range(count):
@@ -268,14 +291,11 @@ def zeros(c: Cells, values: Complexes, room: Room) -> None:
                 poles = _set_F(c, s, z[k], room)
                 step = _newton(room)
                 total = poles - 1.0 / step if step != 0.0 else complex(math.inf, 0.0)
-                for j in range(count):
-                    apart = z[k] - z[j]
-                    if j != k and apart != 0.0:
-                        total -= 1.0 / apart
-                change = 1.0 / total
+                change = 1.0 / (total - _others(room.x, room.y, k))
                 if not abs(change) < math.inf:
                     change = complex(0.0, 0.0)
                 z[k] -= change
+                room.x[k], room.y[k] = z[k].real, z[k].imag
                 active[k] = abs(change) > _SETTLED * abs(z[k])
                 left += int(active[k])
             if left == 0:

@@ -21,8 +21,17 @@ from vibroimpact_solvers.results.periodic_motions import Bifurcation, Result
 Columns = dict[str, Any]
 
 
-def of(problem: Problem, driven: Driven, cells: Cells, solved: Solutions) -> Columns:
-    """Return the columns of some solutions, by the names of the result's fields."""
+def of(
+    problem: Problem,
+    driven: Driven,
+    cells: Cells,
+    solved: Solutions,
+    largest: tuple[Complexes, Floats] | None = None,
+) -> Columns:
+    """Return the columns of some solutions, by the names of the result's fields.
+
+    Their largest multipliers and errors, each (solution, 1), may be known.
+    """
     count = solved.index.size
     columns = _impacts(problem, driven, solved)
     size = columns["impact_phase"].size // max(count, 1)
@@ -44,7 +53,9 @@ def of(problem: Problem, driven: Driven, cells: Cells, solved: Solutions) -> Col
             "solution_certified": decided.certified,
         }
     if {"stability", "multipliers"} & problem.outputs:
-        columns |= _multipliers(problem, *multipliers(problem, driven, cells, solved))
+        if largest is None or "multipliers" in problem.outputs:
+            largest = multipliers(problem, driven, cells, solved)
+        columns |= _multipliers(problem, *largest)
     if {"extremes", "energy", "waveform"} & problem.outputs:
         columns |= _along(problem, driven, cells, solved)
     return columns

@@ -130,8 +130,8 @@ def _room(modes: int, n: int) -> Room:
     sums, square = np.empty((4, modes)), np.empty((3, n, n), dtype=np.complex128)
     real, imaginary, real_rate, imaginary_rate = sums
     F, slope, minor = square
-    spread = np.empty((n, n))
-    return Room(real, imaginary, real_rate, imaginary_rate, F, slope, minor, spread)
+    spread, (x, y) = np.empty((n, n)), np.empty((2, 2 * modes))
+    return Room(real, imaginary, real_rate, imaginary_rate, F, slope, minor, spread, x, y)
 
 
 def _of_modes(driven: Driven, length: Floats) -> tuple[Complexes, Floats]:
