@@ -107,6 +107,16 @@ BENCHMARKS: Final[tuple[Benchmark, ...]] = (
         ),
     ),
     Benchmark(
+        "periodic-motions",
+        "Periodic motions",
+        "responses, multipliers and branches of driven structures; against shooting with heyoka",
+        (
+            "periodic_motions.responses",
+            "periodic_motions.following",
+            "periodic_motions.shooting",
+        ),
+    ),
+    Benchmark(
         "service",
         "Service",
         "answers over HTTP, more and more clients, small jobs and a cold start",
