@@ -21,6 +21,9 @@ EXTRAS = ("service", "client", "postgresql", "s3")
 """Extras of the project in the image."""
 
 
+FIRST_RELEASE = "388e0f2"
+"""Revision of 0.1.0."""
+
 LOCKED = {"image": EXTRAS, "ci": ("dev", "fuzz", "browser"), "build": (), "tools": ()}
 """Files in requirements/ -> extras of the project that each holds, with versions and hashes."""
 
@@ -179,6 +182,29 @@ def faults(session: nox.Session) -> None:
     session.run(
         *("pytest", "-n", "0", "-m", "faults", "-s", "--durations", "8"),
         *("tests/acceptance/faults", *session.posargs),
+    )
+
+
+@nox.session
+def upgrade(session: nox.Session) -> None:
+    """Replace the replicas of an earlier version by this one, under load: nothing may be lost.
+
+    ``nox -s upgrade -- REVISION`` begins with another version than 0.1.0.
+    """
+    install_locked(session)
+    revision = session.posargs[0] if session.posargs else FIRST_RELEASE
+    place = pathlib.Path(session.create_tmp()).resolve() / revision
+    sources, earlier = place / "sources", place / "environment"
+    if not (earlier / "bin" / "vibroimpact").exists():
+        sources.mkdir(parents=True, exist_ok=True)
+        archive = place / "sources.tar"
+        session.run("git", "archive", "-o", str(archive), revision, external=True)
+        session.run("tar", "-xf", str(archive), "-C", str(sources), external=True)
+        session.run("python", "-m", "venv", str(earlier))
+        session.run(str(earlier / "bin" / "pip"), "install", "-q", f"{sources}[all,postgresql]")
+    session.run(
+        *("pytest", "-n", "0", "-m", "upgrade", "-s", "tests/acceptance/upgrade"),
+        env={"VIBROIMPACT_EARLIER": str(earlier / "bin" / "vibroimpact")},
     )
 
 
