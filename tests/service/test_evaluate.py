@@ -17,6 +17,7 @@ from vibroimpact_service import evaluate, problems
 from vibroimpact_service.documents import parse, requests
 from vibroimpact_service.documents.requests import Request
 from vibroimpact_service.evaluate import Admission, Answer, Evaluation, Preference
+from vibroimpact_service.jobs.metrics import JobMetrics
 from vibroimpact_service.jobs.records import NewJob
 from vibroimpact_service.jobs.tables import JobRow
 from vibroimpact_service.kinds import KINDS, Kind, Solver
@@ -76,7 +77,7 @@ def free(request: pytest.FixtureRequest) -> Admission:
 
 @pytest.fixture
 def use(settings: Settings, store: Store, queue: Any) -> Iterator[Evaluation]:
-    evaluation = Evaluation(settings, store, queue, Metrics())
+    evaluation = Evaluation(settings, store, queue, Metrics(JobMetrics().registry))
     yield evaluation
     evaluation.close()
 
@@ -204,7 +205,11 @@ def test_a_job_that_is_computed_while_it_is_submitted_is_new_and_an_equal_one_re
     settings: Settings, store: Store, queue: Any, request_body: dict[str, Any], free: Admission
 ) -> None:
     chosen = settings.model_copy(update={"on_submission_seconds": 10.0})
-    use, kind, submitted = Evaluation(chosen, store, queue, Metrics()), counting(), []
+    use, kind, submitted = (
+        Evaluation(chosen, store, queue, Metrics(JobMetrics().registry)),
+        counting(),
+        [],
+    )
 
     async def submit(new: NewJob) -> NewJob:
         submitted.append(new)
@@ -337,7 +342,7 @@ def test_large_work_becomes_a_job(
         Settings(data=Path("unused"), inline_seconds=0, on_submission_seconds=0),
         store,
         queue,
-        Metrics(),
+        Metrics(JobMetrics().registry),
     )
 
     async def main() -> None:
@@ -491,7 +496,7 @@ def test_too_many_waiting_requests_are_sent_away(
     settings: Settings, store: Store, queue: Any, request_body: dict[str, Any], free: Admission
 ) -> None:
     chosen = settings.model_copy(update={"max_waiting": 2, "inline_threads": 1})
-    use = Evaluation(chosen, store, queue, Metrics())
+    use = Evaluation(chosen, store, queue, Metrics(JobMetrics().registry))
 
     async def main() -> None:
         questions = []
@@ -518,7 +523,7 @@ def test_a_wait_is_kept_whatever_runs(
 ) -> None:
     """One computation takes the only thread for longer; another waits for the same thread."""
     chosen = settings.model_copy(update={"inline_threads": 1})
-    use, kind = Evaluation(chosen, store, queue, Metrics()), counting()
+    use, kind = Evaluation(chosen, store, queue, Metrics(JobMetrics().registry)), counting()
 
     async def main() -> None:
         clock, held = asyncio.get_running_loop().time, asked(request_body, kind)
@@ -551,7 +556,10 @@ def test_a_wait_is_kept_where_the_result_takes_long_to_read(
 ) -> None:
     chosen = settings.model_copy(update={"inline_seconds": 0.0, "on_submission_seconds": 0.0})
     queue.at_once = True
-    use, load = Evaluation(chosen, store, queue, Metrics()), representations.load
+    use, load = (
+        Evaluation(chosen, store, queue, Metrics(JobMetrics().registry)),
+        representations.load,
+    )
     read = threading.Event()
 
     def load_slowly(*arguments: Any) -> Any:

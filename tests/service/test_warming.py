@@ -18,6 +18,7 @@ from vibroimpact_service import cli, warming
 from vibroimpact_service.app import create_app
 from vibroimpact_service.documents import parse, planning, requests
 from vibroimpact_service.evaluate import Admission, Answer, Evaluation, Preference
+from vibroimpact_service.jobs.metrics import JobMetrics
 from vibroimpact_service.jobs.tables import JobRow
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.metrics import Metrics
@@ -159,7 +160,7 @@ def test_what_needs_missing_kernels_becomes_a_job(
     chosen = settings.model_copy(
         update={"inline_overrun_seconds": 0.05, "on_submission_seconds": 1.0}
     )
-    use = Evaluation(chosen, store, queue, Metrics(), cold)
+    use = Evaluation(chosen, store, queue, Metrics(JobMetrics().registry), cold)
     free = Admission(lambda *_: asyncio.sleep(0), True)
     sweep = {
         "kind": "impact-modes",
