@@ -105,14 +105,19 @@ def complex_modes(A: Floats, root: Floats, doubt: Floats) -> ComplexModes:
     free = np.diag(together.sum(axis=0) == 1)
     rates = rates + np.where(free, E, 0.0).diagonal()
     rates[real] = rates[real].real
-    vectors = vectors + vectors @ (E / apart)
+    step = E / apart
+    chains = [(i, k, _improve(rates, step, E, upper[[i, k]], kappa)) for i, k, kappa in chains]
+    vectors = vectors + vectors @ step
     vectors[:, real] = vectors[:, real].real
     size = np.abs(vectors)
     residual = EPS * (np.abs(scaled) @ size + size * np.abs(rates) + size @ np.abs(feeds))
     residual += (root[:, np.newaxis] * doubt / root) @ size
     bound = np.abs(inverse) @ residual
+    # Rates that are equal to the last bit are not told apart.
+    equal = np.isinf(apart)
+    bound += np.where(equal & ~together, np.abs(E), 0.0)
     # Modes near one another exchange energy so slowly that it counts as an error of their rates.
-    near = together | (np.abs(apart) < _NEAR * np.abs(rates))
+    near = equal | (np.abs(apart) < _NEAR * np.abs(rates))
     errors = np.where(near, bound, 0.0).sum(axis=0)
     vector_error = float((np.where(near, 0.0, bound) / np.abs(apart)).sum(axis=0).max())
     vectors = vectors / root[:, np.newaxis]
@@ -173,3 +178,41 @@ def _chain(scaled: Floats, rates: Complexes, vectors: Complexes, two: Integers) 
     rates[two], rates[two + 1] = T.diagonal()[:2], T.diagonal()[:2].conj()
     vectors[:, two], vectors[:, two + 1] = Q[:, :2], Q[:, :2].conj()
     return complex(T[0, 1])
+
+
+def _improve(
+    rates: Complexes, step: Complexes, E: Complexes, two: Integers, kappa: complex
+) -> complex:
+    """Take what two modes in a chain leave of the matrix to their rates, vectors and coupling.
+
+    With ``B = [[s1, kappa], [0, s2]] + E`` the first vector becomes ``q1 + x q2``, where
+    ``B12 x^2 - (B22 - B11) x - B21 = 0`` makes the two triangular again.
+
+    Parameters
+    ----------
+    rates : array, shape (2 mode,)
+        Those of the modes and of their conjugates are replaced.
+    step : array, shape (2 mode, 2 mode)
+        Takes the steps of their vectors.
+    E : array, shape (2 mode, 2 mode)
+        What is left, in the basis of the vectors.
+    two : array of int, shape (2,)
+        Places of the modes.
+    kappa : complex
+
+    Returns
+    -------
+    complex
+        The new coupling.
+    """
+    left = E[np.ix_(two, two)]
+    kappa += complex(left[0, 1])
+    first, second = rates[two] + left.diagonal()
+    half = 0.5 * (second - first)
+    root = np.sqrt(half * half + kappa * left[1, 0])
+    low = half + root if abs(half + root) > abs(half - root) else half - root
+    x = -left[1, 0] / low if low != 0.0 else 0.0
+    rates[two] = first + kappa * x, second - kappa * x
+    rates[two + 1] = rates[two].conj()
+    step[two[1], two[0]], step[two[1] + 1, two[0] + 1] = x, np.conj(x)
+    return kappa

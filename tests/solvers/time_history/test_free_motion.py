@@ -142,7 +142,7 @@ def test_unstable_equilibrium_between_walls() -> None:
     assert worst < 40.0
 
 
-@pytest.mark.parametrize("beside", [1e-3, 1e-7, 0.0])
+@pytest.mark.parametrize("beside", [1e-3, 1e-7, 1e-10, 0.0])
 def test_damping_that_makes_two_modes_equal(beside: float) -> None:
     """At the exceptional point of a pair of oscillators the modal matrix is defective.
 
