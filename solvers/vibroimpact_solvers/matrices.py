@@ -268,6 +268,18 @@ class SymmetricMatrix:
         data[: other.width + 1] += factor * other.data
         return SymmetricMatrix(data, _banded_form(width))
 
+    def scaled(self, by: Floats) -> SymmetricMatrix:
+        """Return the matrix with rows and columns times positive factors, shape (n,)."""
+        if self.form is Form.DENSE:
+            return SymmetricMatrix(by[:, np.newaxis] * self.data * by, Form.DENSE)
+        if self.form is Form.SPARSE:
+            diagonal = scipy.sparse.diags_array(by)
+            return SymmetricMatrix.leanest((diagonal @ self.to_sparse() @ diagonal).tocsr())
+        data = np.zeros_like(self.data)
+        for k, band in enumerate(self.data):
+            data[k, : self.n - k] = by[: self.n - k] * band[: self.n - k] * by[k:]
+        return SymmetricMatrix(data, self.form)
+
     def factorize(self) -> Solve:
         """Return the function that solves with this matrix; it may be indefinite.
 

@@ -26,9 +26,10 @@ system is symmetric and stays well conditioned through the pole.
 Errors dA and db of the equations come from roundings and from errors of eigenvalues,
 participations and loads. The computed z leaves a residual r, B is the computed inverse, and with
 
-    t = |B| (|r| + |dA| |z| + |db|) ,      kappa = max_i (|B| |dA| t)_i / t_i < 1
+    t = |B| (|r| + |dA| |z| + |db|) ,      kappa = max_i ((|1 - B A| + |B| |dA|) t)_i / t_i < 1
 
-the error of z is at most ``t/(1 - kappa)`` (from ``dz = B (r - dA z - db - dA dz)``).
+the error of z is at most ``t/(1 - kappa)``, from
+``dz = B (r - dA z - db - dA dz) + (1 - B A) dz``.
 
 Modal amplitudes inherit it; beside it they have the errors of their own eigenvalue and
 participation, magnified by ``1/cos gamma`` or ``1/sin gamma``. As modes are orthogonal, the error
@@ -587,17 +588,17 @@ def _solve(system: _Bordered, m: int, s: int, z: Floats, error: Floats) -> None:
 
 @inner
 def _contraction(system: _Bordered, m: int) -> float:
-    """Return kappa, see the module; the inverse is that of a matrix within a few roundings."""
-    A, dA, inverse, t, spread = system.A, system.dA, system.inverse, system.error, system.spread
-    for i in range(m):
-        spread[i] = 0.0
-        for k in range(m):
-            spread[i] += (dA[i, k] + 2.0 * m * _EPS * abs(A[i, k])) * t[k]
-    largest = 0.0
+    """Return kappa, see the module, with what the inverse misses of being one."""
+    A, dA, inverse, t = system.A, system.dA, system.inverse, system.error
+    largest, noise = 0.0, (m + 2) * _UNIT
     for i in range(m):
         moved = 0.0
         for k in range(m):
-            moved += abs(inverse[i, k]) * spread[k]
+            missed, loose = 1.0 if i == k else 0.0, 0.0
+            for j in range(m):
+                missed -= inverse[i, j] * A[j, k]
+                loose += abs(inverse[i, j]) * (dA[j, k] + noise * abs(A[j, k]))
+            moved += (abs(missed) + loose) * t[k]
         largest = max(largest, moved / t[i])
     return largest
 
@@ -682,10 +683,14 @@ def _amplitudes(
         _symmetric_amplitudes(phases, room.terms, modes.load, omega, U)
     for k in range(kept):
         j, place = room.near[k] // 2, v[n + k] * scale
+        mu, s, c = phases.mu[j], phases.sine[j], phases.cosine[j]
+        # The digits of a large phase are in its sine and cosine and in the rest, not in mu.
+        gamma = math.sqrt(abs(mu))
+        turned = 0.5 * phases.rest[j] / gamma if mu >= _SOFT else 0.0
         if room.near[k] % 2 == 0 and D.size > 0:
-            D[j] = place / sine(phases.mu[j])
+            D[j] = place * gamma / (s + c * turned)
         elif room.near[k] % 2 == 1 and U.size > 0:
-            U[j] = place / cosine(phases.mu[j])
+            U[j] = place / (c - s * turned if mu >= _SOFT else cosine(mu))
 
 
 @inner

@@ -34,6 +34,12 @@ class DirectFrequencyResponse:
 
     def __init__(self, system: System, directions: Floats, bound: float) -> None:
         self.system, self.directions, self.bound = system, directions, bound
+        # In coordinates with masses near 1: else rows would be exchanged for their units alone,
+        # and light degrees of freedom would lose the digits by which heavy ones exceed them.
+        # Powers of two change no digit.
+        self._scale = np.exp2(np.round(-0.5 * np.log2(system.M.main_diagonal)))
+        self._M, self._K = system.M.scaled(self._scale), system.K.scaled(self._scale)
+        self._right = self._scale[:, np.newaxis] * directions
         # Impulses, energy and limits of one solution need the same responses.
         kept = max(1, _KEPT // directions.size)
         self._response = lru_cache(kept)(self._factorized)
@@ -50,11 +56,11 @@ class DirectFrequencyResponse:
         return ConstraintReceptance(self.directions.T @ response, slope, error)
 
     def _factorized(self, frequency: float) -> Floats:
-        K, M = self.system.K, self.system.M
         for nudge in (0.0, 4e-16, -4e-16, 1e-15, -1e-15):
-            stiffness = M.plus(-1.0 / (frequency * (1.0 + nudge)) ** 2, K)
+            stiffness = self._M.plus(-1.0 / (frequency * (1.0 + nudge)) ** 2, self._K)
             try:
-                return stiffness.factorize()(self.directions) / frequency**2
+                response = stiffness.factorize()(self._right) / frequency**2
+                return self._scale[:, np.newaxis] * response
             except scipy.linalg.LinAlgError:
                 # At a natural frequency to the last bit: take its neighbour instead.
                 continue
