@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -196,7 +196,8 @@ class Exponents:
     def _free_states(self, motions: Sequence[Observed]) -> Floats:
         """Return the states at the beginning less the response to the load, (motion, 2, pair)."""
         driven = self._driven
-        configuration, unit = driven.structure.configuration(), 1.0 / driven.scale
+        unit = 1.0 / driven.scale
+        configuration = replace(driven.structure.configuration(), basis=driven.basis)
         loads = configuration.basis.loads_at_start()
         states = [
             driven.structure.state_of(configuration, motion.x[0], unit * motion.v[0], loads)

@@ -106,6 +106,9 @@ class Basis:
     ----------
     modes : Modes
     exponent : int
+    chains : bool
+        Whether of complex modes that are almost equal one may drive the other, which keeps more
+        digits; otherwise each moves by itself.
 
     Attributes
     ----------
@@ -117,8 +120,8 @@ class Basis:
         Their error, relative to their lengths.
     """
 
-    def __init__(self, modes: Modes, exponent: int) -> None:
-        self.modes, self.exponent = modes, exponent
+    def __init__(self, modes: Modes, exponent: int, *, chains: bool = True) -> None:
+        self.modes, self.exponent, self._chained = modes, exponent, chains
         unit = math.ldexp(1.0, -exponent)
         self._roots = modes.roots * unit
         self._eigenvalues = self._roots * np.abs(self._roots)
@@ -150,6 +153,10 @@ class Basis:
             bool(self.alpha.any()),
             float(self.alpha[:turning].max(initial=0.0)),
         )
+
+    def without_chains(self) -> Basis:
+        """Return the basis in which every complex mode moves by itself."""
+        return Basis(self.modes, self.exponent, chains=False) if self._chains else self
 
     # -- construction of the pairs --
 
@@ -197,7 +204,7 @@ class Basis:
         doubt[n:, :n] = np.diag(_EPS * self._eigenvalue_errors[some])
         of_damping = math.ldexp(1.0, -self.exponent) * self.modes.damping_errors[some]
         doubt[n:, n:] = np.sqrt(np.outer(of_damping, of_damping))
-        modes = complex_modes(A, np.sqrt(norm), doubt)
+        modes = complex_modes(A, np.sqrt(norm), doubt, chained=self._chained)
         sigma, vectors, upper, real = modes.rates, modes.vectors, modes.oscillating, modes.real
         self.condition, self.vector_error = modes.condition, modes.vector_error
         first = [vectors[:, upper].real]

@@ -52,7 +52,7 @@ class ComplexModes:
     chains: list[tuple[int, int, complex]]
 
 
-def complex_modes(A: Floats, root: Floats, doubt: Floats) -> ComplexModes:
+def complex_modes(A: Floats, root: Floats, doubt: Floats, *, chained: bool = True) -> ComplexModes:
     """Return the complex modes of a real matrix.
 
     The eigenvectors V and eigenvalues s of LAPACK leave ``V^-1 A V = s + E``, E being of the size
@@ -67,6 +67,8 @@ def complex_modes(A: Floats, root: Floats, doubt: Floats) -> ComplexModes:
         Scales in which rates have no dimension.
     doubt : array, shape (2 mode, 2 mode)
         Absolute errors of the entries of A.
+    chained : bool
+        Whether of two modes that are almost equal one may drive the other.
 
     Returns
     -------
@@ -83,7 +85,7 @@ def complex_modes(A: Floats, root: Floats, doubt: Floats) -> ComplexModes:
     upper = np.flatnonzero(rates.imag > 0.0)
     chains, feeds = [], np.zeros(scaled.shape, dtype=np.complex128)
     together = np.eye(rates.size, dtype=bool)  # what no vector is corrected by
-    for i, k in _almost_equal(rates, vectors, upper):
+    for i, k in _almost_equal(rates, vectors, upper) if chained else ():
         two = upper[[i, k]]
         kappa = _chain(scaled, rates, vectors, two)
         if kappa is not None:
