@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import flint
 import numpy as np
-from flint import arb, arb_mat
+from flint import acb_mat, arb, arb_mat
 
 DIGITS = 50
 
@@ -60,10 +60,44 @@ class Structure:
             rate, c = harmonic * arb(self.Omega), 2 * n + 2 * k
             A[c][c + 1], A[c + 1][c] = -rate, rate
         self.A, self.size, self.orders = arb_mat(A), size, orders
+        self.vectors = vectors
 
     def flow(self, time: arb) -> arb_mat:
         """Return the flow of the augmented state over a time."""
         return (self.A * time).exp()
+
+    def condition(self) -> float:
+        """Return the condition number of the complex modes, velocities over the largest rate."""
+        n = 2 * self.n
+        own = acb_mat([[self.A[i, j].mid() for j in range(n)] for i in range(n)])
+        rates, vectors = own.eig(right=True, algorithm="approx")
+        V = np.array([[complex(vectors[i, j].mid()) for j in range(n)] for i in range(n)])
+        V[self.n :] /= max(abs(complex(rate.mid())) for rate in rates)
+        return float(np.linalg.cond(V / np.linalg.norm(V, axis=0)))
+
+    def integral(self, form: arb_mat, time: arb, state: arb_mat) -> arb:
+        """Return the integral of ``state(t)^T form state(t)`` over a time.
+
+        By the block exponential of Van Loan over a short time, and by doubling.
+        """
+        size, norm = self.size, 0.0
+        for i in range(size):
+            norm = max(norm, sum(abs(float(self.A[i, j].mid())) for j in range(size)))
+        halvings = max(0, int(np.ceil(np.log2(norm * float(time.mid()) + 1.0))))
+        block = arb_mat(2 * size, 2 * size)
+        for i in range(size):
+            for j in range(size):
+                block[i, j], block[size + i, size + j] = -self.A[j, i], self.A[i, j]
+                block[i, size + j] = form[i, j]
+        whole = (block * (time / 2**halvings)).exp()
+        places = range(size)
+        upper = arb_mat([[whole[i, size + j] for j in places] for i in places])
+        flow = arb_mat([[whole[size + i, size + j] for j in places] for i in places])
+        total = flow.transpose() * upper
+        for _ in range(halvings):
+            total = (total + flow.transpose() * total * flow).mid()
+            flow = (flow * flow).mid()
+        return (state.transpose() * total * state)[0, 0]
 
     def load_state(self, theta: arb) -> list[arb]:
         """Return sines and cosines at a phase of the drive, and the constant."""
@@ -166,6 +200,19 @@ class Motion:
             # Radii would grow by the norm of each step; the digits are many enough without them.
             state = arb_mat([[moved[i, 0].mid()] for i in range(self.s.size)])
         return np.array(rows)
+
+    def energies(self, theta: arb, z: arb_mat) -> tuple[arb, arb]:
+        """Return the work of the harmonic load in a cell, and what damping takes in it."""
+        s, n = self.s, self.s.n
+        load = s.load_state(theta)
+        state = arb_mat([[z[i, 0]] for i in range(2 * n)] + [[v] for v in load])
+        power, damping = arb_mat(s.size, s.size), arb_mat(s.size, s.size)
+        for i in range(n):
+            for j in range(n):
+                damping[n + i, n + j] = arb(float(s.C[i, j]))
+            for column, vector in enumerate(s.vectors[:-1]):  # a constant load does no work
+                power[n + i, 2 * n + column] = vector[i]
+        return s.integral(power, self.cell, state), s.integral(damping, self.cell, state)
 
     def after_one_cell(self, theta: arb, z: arb_mat) -> arb_mat:
         """Return the state after the impact that ends the cell, from a state at a phase near it.

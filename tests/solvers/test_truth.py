@@ -79,3 +79,12 @@ def test_motions_are_what_they_are_said_to_be(maker: str) -> None:
 def test_motions_between_soft_limiters_are_what_they_are_said_to_be() -> None:
     report = outcome("soft", 6, lambda case: kind(case) in {"plain", "damped"})
     assert not report.failures
+
+
+def test_periodic_motions_are_what_they_are_said_to_be() -> None:
+    report = outcome("periodic-motions", 25, lambda case: kind(case) != "large")
+    assert not report.failures
+    assert median(report, "momentum") < 100.0
+    assert median(report, "phase") < 100.0
+    assert median(report, "multipliers") < 100.0
+    assert report.counts["verdicts certified"] > 100

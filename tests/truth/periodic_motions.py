@@ -13,6 +13,7 @@ from tests.truth import structures
 from tests.truth.structures import Document
 from tests.truth.verdicts import ROUNDING, Case, Report
 from vibroimpact_solvers import periodic_motions
+from vibroimpact_solvers.errors import PlanError
 from vibroimpact_solvers.results.impact_modes import Reason
 from vibroimpact_solvers.results.periodic_motions import Result
 
@@ -20,15 +21,31 @@ TWO_PI = 2.0 * np.pi
 _POINTS = 1201  # of the paths on which limits and extremes are checked
 _PHASES = 40_001  # at which solutions are looked for
 _DIGITS = 1e-45  # to which the reference knows multipliers, by the largest one
-_SMALL = 8  # degrees of freedom up to which multipliers are compared
+_ILL = 1e7  # condition number of complex modes from which doubles need not tell them apart
+_SMALL = 8  # degrees of freedom up to which energies are compared
+_PATIENCE = 900.0  # seconds for the reference of larger ones
 
 
 def case(rng: np.random.Generator) -> Case:
     """Return a random driven structure."""
-    large = rng.random() < 0.02
-    n = int(rng.integers(10, 51)) if large else int(rng.integers(2, 7))
-    name = "large" if large else str(rng.choice(["dense", "diagonal", "chain", "mirror"]))
+    if rng.random() < 0.02:
+        return _case(rng, "large", int(rng.integers(10, 51)))
+    n = int(rng.integers(2, 7))
+    return _case(rng, str(rng.choice(["dense", "diagonal", "chain", "mirror"])), n)
+
+
+def large_case(rng: np.random.Generator) -> Case:
+    """Return one with more degrees of freedom, up to 50."""
+    n = int(rng.integers(10, 51))
+    return _case(rng, "large", n, least=n - 5)
+
+
+def _case(rng: np.random.Generator, name: str, n: int, least: int = 1) -> Case:
+    """Return a random structure of a kind, with at most about n degrees of freedom."""
+    large = name == "large"
     document = structures.structure(rng, "dense" if large else name, n)
+    while len(document["M"]) < least:
+        document = structures.structure(rng, "dense", n)
     M, K = np.array(document["M"]), np.array(document["K"])
     n = M.shape[0]
     lowest = float(np.sqrt(np.linalg.eigvals(np.linalg.solve(M, K)).real.min()))
@@ -118,8 +135,16 @@ def check(case: Case, report: Report) -> None:
     given = problem(document)
     plan = periodic_motions.plan(given)
     report.work(plan)
-    result = periodic_motions.solve(given, plan)
-    report.phase("reference")
+    try:
+        result = periodic_motions.solve(given, plan)
+    except PlanError as error:
+        report.phase("reference")
+        condition = motion(document, document["Omega"][0]).s.condition()
+        if "almost equal" not in str(error) or condition < _ILL:
+            raise
+        report.count("refused: complex modes that are almost one")
+        return
+    report.phase("reference", _PATIENCE if len(document["M"]) > _SMALL else None)
     for index, Omega in enumerate(document["Omega"]):
         exact = motion(document, Omega)
         rows = np.flatnonzero(result.solution_frequency_index == index)
@@ -130,6 +155,7 @@ def check(case: Case, report: Report) -> None:
                 _check_impact(document, exact, result, int(row), report)
             else:
                 state = exact.without_impact()
+                _check_energies(exact, arb(0), state, arb(0), result, int(row), report)
                 path = exact.path(arb(0), state, _POINTS)
                 _check_path(document, path, result, int(row), None, report)
 
@@ -162,16 +188,38 @@ def _check_impact(
         ("velocity", result.impact_velocity[at], velocity, result.error_velocity[at]),
     ):
         report.compare(what, [float(value)], [true], error)
+    k = arb(document["constraints"][0]["restitution"])
+    impact = (1 - k * k) / (2 * exact.mu) * velocity * velocity
+    _check_energies(exact, phase, state, impact, result, row, report)
+    path = exact.path(phase, state, _POINTS)
+    _check_path(document, path, result, row, float((-side * p).mid()), report)
+    _check_multipliers(exact, phase, state, p, result, row, report)
+
+
+def _check_energies(
+    exact: Motion, phase: arb, state: arb_mat, impact: arb, result: Result, row: int, report: Report
+) -> None:
+    """Compare work and losses with each other, and with those of the reference."""
     work, lost = result.solution_work, result.solution_energy_lost
     assert work is not None
     assert lost is not None
-    size = abs(float(work[row])) + abs(result.impact_momentum[at] * result.impact_velocity[at])
+    # The work is that of the response without impacts and of what impacts change in it.
+    alone = (result.solution_frequency_index == result.solution_frequency_index[row]) & (
+        result.solution_impacts == 0
+    )
+    size = max(float(lost[row]), float(lost[alone].max(initial=0.0)))
     if abs(float(work[row] - lost[row])) > 1e-12 * size:
-        report.fail("work", f"{work[row]!r} of the load, {lost[row]!r} lost")
-    path = exact.path(phase, state, _POINTS)
-    _check_path(document, path, result, row, float((-side * p).mid()), report)
-    if exact.s.n <= _SMALL:
-        _check_multipliers(exact, phase, state, p, result, row, report)
+        report.fail("work is what is lost", f"{work[row]!r} of the load, {lost[row]!r} lost")
+    if exact.s.n > _SMALL:
+        return
+    true_work, true_lost = exact.energies(phase, state)
+    both = 2 if exact.sign < 0 else 1
+    for what, value, true, error in (
+        ("work", work, true_work, result.error_work),
+        ("energy_lost", lost, true_lost + impact, result.error_energy_lost),
+    ):
+        assert error is not None
+        report.compare(what, [float(value[row])], [both * true], float(error[row]))
 
 
 def _check_path(
@@ -265,7 +313,7 @@ def _check_multipliers(
     off = apart[ours, theirs]
     # Roundings of the comparison, and those of the reference's matrix in small eigenvalues.
     least = 4.0 * ROUNDING * np.abs(expected[theirs]) + _DIGITS * np.abs(expected).max()
-    ratios = errors[ours] / np.maximum(off, least)
+    ratios = np.maximum(errors[ours] / np.maximum(off, least), off <= least)
     worst = int(ratios.argmin())
     report.ratios.setdefault("multipliers", []).append(float(ratios[worst]))
     if ratios[worst] < 1.0 and off[worst] > least[worst]:

@@ -33,4 +33,5 @@ SETS: Final = {
     "digits": Set(3, digits.case, digits.check, 1_000),
     "soft": Set(4, soft.case, soft.check, 1_000),
     "periodic-motions": Set(5, periodic_motions.case, periodic_motions.check, 3_000),
+    "large-periodic-motions": Set(6, periodic_motions.large_case, periodic_motions.check, 100),
 }

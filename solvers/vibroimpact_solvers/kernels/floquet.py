@@ -49,7 +49,7 @@ class Cells(NamedTuple):
     determinant: Floats  # (solution, mode): q
     terms: Floats  # (solution, 2 m, 2 m, 2, mode): A and B
     doubt: Floats  # (solution, 2 m, 2 m, mode): error of rho A + B is doubt (|rho| + size)
-    late: Floats  # (solution, m): relative to column 2 j, error of column 2 j + 1
+    late: Floats  # (solution, m): error of column 2 j + 1, relative to 1 - column 2 j
     size: Floats  # (solution, mode): moduli of the modes' own multipliers
     inexact: Floats  # (solution, mode): their relative errors
 
@@ -171,10 +171,6 @@ def _set_spread(c: Cells, s: int, rho: complex, room: Room) -> None:
                 near = 2.0 * c.size[s, p] * c.inexact[s, p] * own * length
                 spread += c.doubt[s, i, j, p] * own * length + value * near
             room.spread[i, j] = spread * size if i // 2 > j // 2 else spread
-    for i in range(n):
-        for j in range(1, n, 2):
-            column = abs((1.0 if i == j - 1 else 0.0) - room.F[i, j - 1])
-            room.spread[i, j] += column * c.late[s, j // 2]
 
 
 @inner
@@ -208,8 +204,13 @@ def _newton(room: Room) -> complex:
 
 
 @inner
-def _effect(room: Room) -> float:
-    """Return what errors of F do to a zero of det F."""
+def _effect(c: Cells, s: int, room: Room) -> float:
+    """Return what errors of F do to a zero of det F.
+
+    An error ``late`` of the acceleration adds as much of the column before, less 1 in its own
+    row, to a column. The determinant with the column before in place of this one vanishes, so
+    that the 1 is what is left.
+    """
     n = room.F.shape[0]
     along, doubt = complex(0.0, 0.0), 0.0
     for i in range(n):
@@ -217,6 +218,8 @@ def _effect(room: Room) -> float:
             cofactor = _cofactor(room, i, j)
             along += cofactor * room.slope[i, j]
             doubt += abs(cofactor) * room.spread[i, j]
+            if j == i + 1 and j % 2 == 1:
+                doubt += abs(cofactor) * c.late[s, j // 2]
     return math.inf if along == 0.0 else doubt / abs(along)
 
 
@@ -340,4 +343,4 @@ def refine(c: Cells, close: float, values: Complexes, errors: Floats, room: Room
                 step = _newton(room)
             _set_spread(c, s, rho, room)
             values[s, k] = rho
-            errors[s, k] = _effect(room) + abs(step) + 4.0 * EPS * abs(rho)
+            errors[s, k] = _effect(c, s, room) + abs(step) + 4.0 * EPS * abs(rho)

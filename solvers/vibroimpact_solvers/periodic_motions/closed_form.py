@@ -18,17 +18,22 @@ damping); then p = (wall - level) / g, at any phase.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vibroimpact_solvers.arrays import EPS, Floats, Integers
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
 from vibroimpact_solvers.periodic_motions.problem import Impact
-from vibroimpact_solvers.periodic_motions.solutions import Cells, Solutions
+from vibroimpact_solvers.periodic_motions.solutions import PI, Cells, Solutions
 
-_ROUNDINGS = 16.0 * EPS
+_ROUNDINGS = 2.0 * EPS  # of a few real operations, or of a complex product
 _HALVINGS = 54  # to the last bit
+_WIDE = 4.0 * float(np.finfo(np.longdouble).eps)  # of an angle and a sum in the wider type
+
+Wide = NDArray[np.longdouble]
 
 
 def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
@@ -37,66 +42,134 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
     k = driven.structure.system.constraints[a].restitution
     form, slope = driven.position[a], driven.velocity[a]
     response = driven.pairs.impulse_response(cells.length, cells.rest, cells.sign, driven.kick[a])
-    inexact = response.error + 2.0 * driven.shape_error
+    inexact = response.error + 2.0 * driven.shape_error + driven.summed
     g = np.einsum("sj,fsj->f", form, response.after)
-    g_error = np.einsum("sj,fsj,fj->f", np.abs(form), np.abs(response.after), inexact)
+    after, before = (driven.pairs.size(z) for z in (response.after, response.before))
+    g_error = np.einsum("sj,fsj,fj->f", np.abs(form), after, inexact)
     rate = np.einsum("sj,fsj->f", slope, response.before)
-    rate_error = np.einsum("sj,fsj,fj->f", np.abs(slope), np.abs(response.before), inexact)
+    rate_error = np.einsum("sj,fsj,fj->f", np.abs(slope), before, inexact)
     mu = driven.mobility[a, a]
-    wall = driven.walls[1 if side > 0 else 0, a] - driven.level[a]
+    level = driven.level[a]
+    wall = driven.walls[1 if side > 0 else 0, a] - level
+    wall_error = driven.level_error[a] + EPS * abs(wall)
     denominator = mu + (1.0 + k) * rate
     doubt = (1.0 + k) * rate_error + _ROUNDINGS * (mu + (1.0 + k) * np.abs(rate))
     with np.errstate(divide="ignore", invalid="ignore"):
         c = -(1.0 + k) / denominator
-        c_error = np.abs(c) * (doubt / np.abs(denominator) + _ROUNDINGS)
     if driven.harmonics.size == 0:
         index = np.flatnonzero(np.isfinite(g) & (np.abs(denominator) <= doubt) & (g != 0.0))
         phase = np.zeros(index.size)
         p = wall / g[index]
         p_error = np.abs(p) * (g_error / np.abs(g) + _ROUNDINGS)[index]
+        p_error += wall_error / np.abs(g[index])
         phase_error = np.zeros(index.size)
     else:
         Y = np.einsum("sj,fhsj->fh", form, cells.steady)
         Y_error = np.einsum(
             "sj,fhsj,fhj->fh", np.abs(form), np.abs(cells.steady),
-            cells.steady_error + 2.0 * driven.shape_error,
+            cells.steady_error + 2.0 * driven.shape_error + driven.summed,
         )  # fmt: skip
         turning = cells.Omega[:, np.newaxis] * driven.harmonics
         Q = Y * (1.0 + 1j * turning * (c * g)[:, np.newaxis])
-        relative = turning * (np.abs(c) * g_error + c_error * np.abs(g))[:, np.newaxis]
-        Q_error = np.abs(Y) * relative + Y_error * np.abs(
-            1.0 + 1j * turning * (c * g)[:, np.newaxis]
-        )
-        Q_error += _ROUNDINGS * np.abs(Y) * (1.0 + turning * np.abs(c * g)[:, np.newaxis])
         clear = np.isfinite(Q).all(axis=1) & (np.abs(denominator) > doubt)
-        index, phase, phase_error = _phases(
-            Q, Q_error, np.full(g.size, wall), driven.harmonics, clear
-        )
-        turned = np.exp(1j * phase[:, np.newaxis] * driven.harmonics)
-        pull = (1j * turning[index] * Y[index] * turned).real.sum(axis=1)
-        bend = (turning[index] * driven.harmonics * np.abs(Y[index])).sum(axis=1)
-        pull_error = (turning * Y_error)[index].sum(axis=1) + bend * phase_error
-        pull_error += _ROUNDINGS * (turning * np.abs(Y))[index].sum(axis=1)
-        p = c[index] * pull
-        p_error = np.abs(c[index]) * pull_error + c_error[index] * np.abs(pull)
+        index, rough = _roots(Q, np.full(g.size, wall), driven.harmonics, clear)
+        law = _Law(
+            cells.Omega[index], driven.harmonics, Y[index], Y_error[index], g[index],
+            g_error[index], c[index], (doubt / (1.0 + k))[index], wall, wall_error,
+        )  # fmt: skip
+        phase, p, phase_error, p_error = law.solved(rough)
     velocity = -p * mu / (1.0 + k)
     state = p[:, np.newaxis, np.newaxis] * response.after[index]
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = np.where(p == 0.0, 0.0, p_error / np.abs(p))
-    state_error = inexact[index] + relative[:, np.newaxis]
-    velocity_error = p_error * mu / (1.0 + k) + np.abs(velocity) * (2.0 * driven.shape_error)
+    velocity_error = p_error * mu / (1.0 + k) + np.abs(velocity) * (2.0 * driven.shape_error + EPS)
     one = np.newaxis  # impact, or free motion
     return Solutions(
         index, phase[:, one], p[:, one], velocity[:, one], state[:, one],
         cells.length[index, one], phase_error[:, one], p_error[:, one], velocity_error[:, one],
-        state_error,
+        inexact[index], relative,
     )  # fmt: skip
 
 
-def _phases(
-    Q: Complexes, Q_error: Floats, wall: Floats, harmonics: Floats, clear: np.ndarray
-) -> tuple[Integers, Floats, Floats]:
-    """Return the frequencies, phases and their errors of all roots of ``Re sum Q_h e^(ih) = wall``.
+@dataclass(frozen=True, eq=False, slots=True)
+class _Law:
+    """The two equations of impacts, ``y + g p = wall`` and ``p / c = y'``, with their errors.
+
+    Parameters
+    ----------
+    Omega : array, shape (solution,)
+    harmonics : array, shape (harmonic,)
+    Y, Y_error : array, shape (solution, harmonic)
+    g, g_error, c, inertia_error : array, shape (solution,)
+        The error is that of 1 / c.
+    wall, wall_error : float
+    """
+
+    Omega: Floats
+    harmonics: Floats
+    Y: Complexes
+    Y_error: Floats
+    g: Floats
+    g_error: Floats
+    c: Floats
+    inertia_error: Floats
+    wall: float
+    wall_error: float
+
+    def along(self, phases: Wide) -> tuple[Wide, Wide, Wide]:
+        """Return y, y' and the derivative of y' by the phase, without rounding of angles."""
+        angles = phases[:, np.newaxis] * self.harmonics
+        terms = self.Y * (np.cos(angles) + 1j * np.sin(angles))
+        turning = self.Omega[:, np.newaxis] * self.harmonics
+        y, v = terms.real.sum(axis=1), -(turning * terms.imag).sum(axis=1)
+        return y, v, -(turning * self.harmonics * terms.real).sum(axis=1)
+
+    def solved(self, rough: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return phases and impulses near approximate phases, and their errors.
+
+        One step of Newton's method. The phase's error is told by the bound of the second
+        derivative, as two solutions may be about to meet; that of the impulse by the linear
+        equations of both errors elsewhere, as phases that are late need not be wrong impulses.
+        """
+        h, Omega, c, g = self.harmonics, self.Omega, self.c, self.g
+        turning, size = Omega[:, np.newaxis] * h, np.abs(self.Y)
+        wide = rough.astype(np.longdouble)
+        near = self.along(wide)
+        value = (near[0] + g * c * near[1] - self.wall).astype(np.float64)
+        slope = (near[1] / Omega + c * g * near[2]).astype(np.float64)
+        terms = size * np.hypot(1.0, turning * (c * g)[:, np.newaxis])
+        bend = terms @ h**2
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = np.where(slope**2 > 4.0 * bend * np.abs(value), -value / slope, 0.0)
+        wide = wide + step
+        v, a = (part.astype(np.float64) for part in self.along(wide)[1:])
+        p = c * v
+        at_wall = self.Y_error.sum(axis=1) + np.abs(p) * self.g_error + self.wall_error
+        at_wall += _WIDE * (abs(self.wall) + terms @ (1.0 + 2.0 * np.pi * h))
+        at_wall += np.where(step == 0.0, np.abs(value), 0.5 * bend * step**2)
+        of_law = (turning * self.Y_error).sum(axis=1) + np.abs(p) * self.inertia_error
+        doubt = at_wall + np.abs(c * g) * of_law
+        with np.errstate(divide="ignore", invalid="ignore"):
+            square = slope**2 - 2.0 * bend * doubt
+            late = np.where(
+                square > 0.0,
+                2.0 * doubt / (np.abs(slope) + np.sqrt(np.maximum(square, 0.0))),
+                2.0 * np.sqrt(2.0 * doubt / bend) + np.abs(slope) / bend,
+            )
+            turned = np.abs(a) + (size * turning) @ h**2 * late
+            error = np.abs(c) * (of_law + turned * late)
+            linear = np.abs(c) * (turned * at_wall + np.abs(v / Omega) * of_law) / np.abs(slope)
+        clear = slope**2 > 16.0 * bend * doubt  # the slope stays what it is to an eighth
+        error = np.where(clear, np.minimum(error, 1.25 * linear), error)
+        period = 2 * PI / math.gcd(*h.astype(np.int64).tolist())
+        phase = np.mod(wide, period).astype(np.float64)
+        return phase, p, late + 4.0 * EPS, error + EPS * np.abs(p)
+
+
+def _roots(
+    Q: Complexes, wall: Floats, harmonics: Floats, clear: np.ndarray
+) -> tuple[Integers, Floats]:
+    """Return the frequencies and about the phases of all roots of ``Re sum Q_h e^(ih) = wall``.
 
     Each root once: where all harmonics are multiples of a number, the load repeats itself within
     the period of the drive, and so do the roots.
@@ -107,24 +180,7 @@ def _phases(
         index, phase = _two(Q[:, 0], wall, clear)
     else:
         index, phase = _many(Q, wall, orders.astype(np.int64), clear)
-    # One step of Newton's method, and the error by the bound of the second derivative.
-    turned = Q[index] * np.exp(1j * phase[:, np.newaxis] * orders)
-    value = turned.real.sum(axis=1) - wall[index]
-    slope = -(turned.imag * orders).sum(axis=1)
-    bend = (np.abs(Q[index]) * orders**2).sum(axis=1)
-    size = np.abs(wall[index]) + np.abs(Q[index]).sum(axis=1)
-    doubt = Q_error[index].sum(axis=1) + _ROUNDINGS * size * orders[-1]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        step = np.where(slope**2 > 4.0 * bend * np.abs(value), -value / slope, 0.0)
-        doubt = doubt + np.where(step == 0.0, np.abs(value), 0.5 * bend * step**2)
-        square = slope**2 - 2.0 * bend * doubt
-        error = np.where(
-            square > 0.0,
-            2.0 * doubt / (np.abs(slope) + np.sqrt(np.maximum(square, 0.0))),
-            2.0 * np.sqrt(2.0 * doubt / bend) + np.abs(slope) / bend,
-        )
-    phase = np.mod(phase + step, 2.0 * np.pi) / common
-    return index, phase, (error + 4.0 * EPS) / common
+    return index, phase / common
 
 
 def _two(Q: Complexes, wall: Floats, clear: np.ndarray) -> tuple[Integers, Floats]:

@@ -161,9 +161,11 @@ def _along(problem: Problem, driven: Driven, cells: Cells, solved: Solutions) ->
             for name in ("x_max", "x_min", "rms"):
                 columns[f"error_{name}"][row] = error
         if "energy" in problem.outputs:
-            work, lost, difference = orbit.energies()
-            columns["solution_work"][row], columns["solution_energy_lost"][row] = work, lost
-            columns["error_work"][row] = columns["error_energy_lost"][row] = difference
+            energies = orbit.energies()
+            columns["solution_work"][row] = energies.work
+            columns["solution_energy_lost"][row] = energies.lost
+            columns["error_work"][row] = energies.work_error
+            columns["error_energy_lost"][row] = energies.lost_error
         if "waveform" in problem.outputs:
             assert problem.tau is not None
             columns["waveform"][row] = orbit.waveform(problem.tau)

@@ -13,6 +13,7 @@ from vibroimpact_solvers.errors import PlanError
 from vibroimpact_solvers.kernels.limit_check import Coordinates
 from vibroimpact_solvers.periodic_motions.pairs import Complexes, Pairs
 from vibroimpact_solvers.periodic_motions.problem import Problem
+from vibroimpact_solvers.time_history.basis import Basis
 from vibroimpact_solvers.time_history.structure import Structure
 
 
@@ -22,13 +23,17 @@ class Driven:
 
     Parameters
     ----------
+    basis : Basis
+        Every mode, or complex mode, by itself.
     pairs : Pairs
+        Those of the basis.
     scale : float
         Units of the basis' time in one of time.
     position, velocity, kick : array, shape (constraint, 2, pair)
         Forms of the limited coordinates, and changes of state by unit impulses on them.
     level : array, shape (constraint,)
         The coordinates under the constant load.
+    level_error : array, shape (constraint,)
     mobility : array, shape (constraint, constraint)
         ``W M^-1 W^T``.
     harmonics : array of float, shape (harmonic,)
@@ -42,17 +47,24 @@ class Driven:
     """
 
     structure: Structure
+    basis: Basis
     pairs: Pairs
     scale: float
     position: Floats
     velocity: Floats
     kick: Floats
     level: Floats
+    level_error: Floats
     mobility: Floats
     harmonics: Floats
     forces: Complexes
     load: Complexes
     shape_error: float
+
+    @property
+    def summed(self) -> float:
+        """Rounding of sums over the pairs, of random sign, relative to their terms."""
+        return EPS * math.sqrt(self.pairs.moving.size)
 
     @classmethod
     def of(cls, problem: Problem, method: spectrum.Method) -> Driven:
@@ -65,7 +77,7 @@ class Driven:
         """
         system = problem.system
         structure = Structure.of(system, method, 2.0 * math.pi / float(problem.Omega[0]))
-        basis = structure.configuration().basis
+        basis = structure.configuration().basis.without_chains()
         modes = basis.modes
         if modes.load[modes.roots == 0.0].any():
             raise PlanError("a constant load drives a rigid-body mode: no motion is periodic")
@@ -85,20 +97,27 @@ class Driven:
         load = unit * (
             basis.kick(forces.real @ modes.shapes) + 1j * basis.kick(forces.imag @ modes.shapes)
         )
+        rounded = 2.0 * EPS * (2.0 * basis.condition - 1.0)  # complex modes are inverted, too
+        shape_error = modes.shape_error + basis.vector_error + rounded
+        eigenvalues = modes.roots * np.abs(modes.roots)
+        stiff = np.where(eigenvalues == 0.0, np.inf, np.abs(eigenvalues))
+        loose = 2.0 * shape_error + 4.0 * EPS + modes.errors / stiff
         keep = (load != 0.0).any(axis=(1, 2))
         return cls(
             structure,
+            basis,
             Pairs(basis),
             structure.scale,
             basis.displacement(rows),
             basis.velocity(rows),
             basis.kick(rows),
             structure.level(structure.configuration()),
+            np.abs(structure.W @ modes.shapes) @ (np.abs(basis.still) * loose),
             structure.mobility,
             harmonics[keep],
             forces[keep],
             load[keep],
-            modes.shape_error + basis.vector_error + 4.0 * EPS * basis.condition,
+            shape_error,
         )
 
     def watched(self, walls: Floats) -> Coordinates:
@@ -130,7 +149,7 @@ class Driven:
 
     def rates_of(self, forms: Floats) -> Floats:
         """Return the forms of the time derivatives of forms, loads apart."""
-        return self.structure.configuration().basis.rates_of(forms)
+        return self.basis.rates_of(forms)
 
     @property
     def walls(self) -> Floats:

@@ -116,8 +116,10 @@ def _legs(
     starts = solved.phase if impacts else np.zeros((count, 1))
     turned = np.exp(1j * starts[..., np.newaxis] * driven.harmonics)
     amplitude = Y[solved.index, np.newaxis] * turned[:, :, np.newaxis]
-    inexact = solved.state_error + 2.0 * driven.shape_error
-    error = np.einsum("csj,mfsj,mj->mfc", np.abs(driven.position), np.abs(solved.state), inexact)
+    inexact = solved.whole_error + 2.0 * driven.shape_error
+    error = np.einsum(
+        "csj,mfsj,mj->mfc", np.abs(driven.position), driven.pairs.size(solved.state), inexact
+    )
     error += Y_error[solved.index, np.newaxis]
     late = solved.phase_error.max(axis=1, initial=0.0)[:, np.newaxis, np.newaxis]
     error += late * (np.abs(amplitude) * driven.harmonics).sum(axis=-1)

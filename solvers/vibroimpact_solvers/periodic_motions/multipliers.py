@@ -29,7 +29,7 @@ from vibroimpact_solvers.periodic_motions.pairs import Complexes
 from vibroimpact_solvers.periodic_motions.problem import Problem
 from vibroimpact_solvers.periodic_motions.solutions import Cells, Solutions
 
-_ROUNDINGS = 8.0 * EPS
+_ROUNDINGS = 2.0 * EPS  # of a propagator, or of a product of complex numbers
 _CLOSE = 1e-6  # relative distance within which approximate multipliers are refined
 _LARGEST = 4  # approximations of the largest multiplier that are refined
 _MEMORY = 2**26  # bytes of the couplings that are there at once
@@ -45,7 +45,7 @@ def multipliers(
     infinite, where a motion grazes.
     """
     every = "multipliers" in problem.outputs
-    values, errors = _of_modes(driven, solved.length.sum(axis=1))
+    values, errors = _of_modes(driven, cells.at(solved.index))
     if solved.phase.size:
         struck = np.array([impact.constraint for impact in problem.impacts])
         walls = _Walls.of(driven, struck)
@@ -89,7 +89,7 @@ def determinants(
     walls = _Walls.of(driven, struck)
     coupled = np.flatnonzero(walls.size.any(axis=(0, 1)))
     jumps, late = _jumps(driven, walls, cells, solved)
-    cycles = _cycles(driven, walls, coupled, solved, jumps, late)
+    cycles = _cycles(driven, walls, coupled, cells, solved, jumps, late)
     n = 2 * struck.size
     later = np.arange(n)[:, np.newaxis] // 2 > np.arange(n) // 2
     values = []
@@ -115,7 +115,7 @@ def _coupled(
     block = max(1, _MEMORY // (400 * max(1, coupled.size) * walls.struck.size**2))
     for start in range(0, left.size, block):
         at = left[start : start + block]
-        cycles = _cycles(driven, walls, coupled, solved.at(at), jumps[at], late[at])
+        cycles = _cycles(driven, walls, coupled, cells, solved.at(at), jumps[at], late[at])
         rough, near = np.empty((at.size, size), dtype=np.complex128), np.empty((at.size, width))
         zeros(cycles, rough, room)
         order = np.argsort(-np.abs(rough), axis=1, kind="stable")[:, :width]
@@ -134,23 +134,23 @@ def _room(modes: int, n: int) -> Room:
     return Room(real, imaginary, real_rate, imaginary_rate, F, slope, minor, spread, x, y)
 
 
-def _of_modes(driven: Driven, length: Floats) -> tuple[Complexes, Floats]:
-    """Return the multipliers of the structure by itself, (solution, 2 mode)."""
+def _of_modes(driven: Driven, cells: Cells) -> tuple[Complexes, Floats]:
+    """Return the multipliers of the structure by itself, (cell, 2 mode)."""
     pairs, moving = driven.pairs, driven.pairs.moving
-    propagators = pairs.propagators(np.ascontiguousarray(length))
+    propagators = pairs.propagators(cells.length, cells.rest)
     even, odd = propagators[:, 0].astype(np.complex128), propagators[:, 1].astype(np.complex128)
     odd[:, pairs.rotations] *= 1j
     odd[:, pairs.parabolas] = 0.0
     values = np.concatenate([(even + odd)[:, moving], (even - odd)[:, moving]], axis=1)
-    return values, np.abs(values) * np.tile(_inexact(driven, moving, length), 2)
+    return values, np.abs(values) * np.tile(_inexact(driven, moving, cells.length), 2)
 
 
 def _inexact(driven: Driven, modes: Integers, period: Floats) -> Floats:
-    """Return the relative errors of propagators over periods, (solution, mode).
+    """Return the relative errors of propagators over exact periods, (solution, mode).
 
-    Rates are off by their drifts, and periods by their rounding.
+    Rates are off by their drifts, and decays by the rounding of their exponents.
     """
-    rates: Floats = driven.pairs.drift + EPS * driven.pairs.speed
+    rates: Floats = 2.0 * driven.pairs.drift + EPS * np.abs(driven.pairs.alpha)
     return np.asarray(_ROUNDINGS + rates[modes] * period[:, np.newaxis])
 
 
@@ -188,18 +188,26 @@ class _Walls(NamedTuple):
 
 
 def _cycles(
-    driven: Driven, walls: _Walls, coupled: Integers, solved: Solutions, jumps: Floats, late: Floats
+    driven: Driven,
+    walls: _Walls,
+    coupled: Integers,
+    cells: Cells,
+    solved: Solutions,
+    jumps: Floats,
+    late: Floats,
 ) -> Cycles:
     """Return the cells of solutions, of the modes that impacts couple."""
     pairs, modes = driven.pairs, driven.pairs.moving[coupled]
     count, m = solved.phase.shape
-    own, period = np.arange(m), solved.length.sum(axis=1)
+    own, period = np.arange(m), cells.length[solved.index]
     starts = np.cumsum(solved.length, axis=1) - solved.length
     apart = np.mod(
         starts[:, :, np.newaxis] - starts[:, np.newaxis], period[:, np.newaxis, np.newaxis]
     )
     apart[:, own, own] = period[:, np.newaxis]
-    there = pairs.propagators(np.ascontiguousarray(apart.ravel()))[..., modes]
+    rest = np.zeros(apart.shape)
+    rest[:, own, own] = cells.rest[solved.index, np.newaxis]
+    there = pairs.propagators(apart.ravel(), rest.ravel())[..., modes]
     there = there.reshape(count, m, m, 2, modes.size)
     decay = np.exp(2.0 * pairs.alpha[modes] * apart[..., np.newaxis])
     back = there.swapaxes(1, 2).copy()  # from i to j is what is left of the period from j to i
@@ -218,13 +226,19 @@ def _cycles(
     doubt = np.einsum("nijcp,njcb->nijbp", spread, np.abs(jumps), optimize=True)
     doubt = doubt.reshape(count, 2 * m, 2 * m, -1)
     inexact = _inexact(driven, modes, period)
-    relative = inexact + 4.0 * driven.shape_error + 2.0 * _ROUNDINGS
+    relative = inexact + 4.0 * driven.shape_error + _ROUNDINGS + driven.summed
+    # The period is exact; the times between two impacts are as inexact as their phases.
+    between = solved.phase_error[:, :, np.newaxis] + solved.phase_error[:, np.newaxis]
+    between /= cells.Omega[solved.index, np.newaxis, np.newaxis]
+    between[:, own, own] = 0.0
+    between = between.repeat(2, axis=1).repeat(2, axis=2)[..., np.newaxis] * pairs.speed[modes]
+    doubt *= relative[:, np.newaxis, np.newaxis] + between
     trace, determinant = 2.0 * there[:, 0, 0, 0], decay[:, 0, 0]
     root = np.sqrt(determinant)
     return Cycles(
         np.ascontiguousarray(trace), np.ascontiguousarray(determinant),
         np.ascontiguousarray(terms.reshape(count, 2 * m, 2 * m, 2, -1)),
-        np.ascontiguousarray(doubt * relative[:, np.newaxis, np.newaxis]), late,
+        np.ascontiguousarray(doubt), late,
         np.where(np.abs(trace) <= 2.0 * root, root, np.abs(trace)), inexact,
     )  # fmt: skip
 
@@ -243,26 +257,33 @@ def _jumps(driven: Driven, walls: _Walls, cells: Cells, solved: Solutions) -> tu
     struck = walls.struck
     form, place = driven.rates_of(driven.velocity[struck]), driven.position[struck]
     before = solved.state - solved.impulse[..., np.newaxis, np.newaxis] * driven.kick[struck]
-    inexact = solved.state_error + 2.0 * driven.shape_error
-    a = np.einsum("isj,nisj->ni", form, before)
-    error = np.einsum("isj,nisj,nj->ni", np.abs(form), np.abs(before), inexact)
+    inexact = solved.state_error + 2.0 * driven.shape_error + driven.summed
+    own = np.einsum("isj,nisj->ni", form, before)
+    error = np.einsum("isj,nisj,nj->ni", np.abs(form), driven.pairs.size(before), inexact)
+    by_load = np.zeros_like(own)
     if driven.harmonics.size:
         Y = np.einsum("isj,fhsj->fih", place, cells.steady)
-        doubt = cells.steady_error + 2.0 * driven.shape_error + _ROUNDINGS
+        doubt = cells.steady_error + 2.0 * driven.shape_error + driven.summed + _ROUNDINGS
         Y_error = np.einsum("isj,fhsj,fhj->fih", np.abs(place), np.abs(cells.steady), doubt)
         turning = (cells.Omega[:, np.newaxis] * driven.harmonics)[:, np.newaxis]
         rates, rates_error = turning**2 * Y, turning**2 * Y_error
         turned = np.exp(1j * solved.phase[..., np.newaxis] * driven.harmonics)
-        a -= (rates[solved.index] * turned).real.sum(axis=-1)
+        by_load = -(rates[solved.index] * turned).real.sum(axis=-1)
         error += rates_error[solved.index].sum(axis=-1)
-        moves = (np.abs(rates) * driven.harmonics).sum(axis=-1)[solved.index]
+        there = rates[solved.index] * driven.harmonics
+        moves = np.abs((there * turned).imag.sum(axis=-1))
+        moves += (np.abs(there) @ driven.harmonics) * solved.phase_error
         error += moves * solved.phase_error
     v = solved.velocity
     k = np.array([driven.structure.system.constraints[a].restitution for a in struck])
     factor = (1.0 + k) / driven.mobility[struck, struck]
     with np.errstate(divide="ignore", invalid="ignore"):
-        bend = a / v
-        late = (error + np.abs(bend) * (solved.velocity_error + 4.0 * EPS * np.abs(v))) / np.abs(v)
+        bend = (own + by_load) / v
+        # An error that the velocity has in common with the state is none of their quotient.
+        relative = solved.velocity_error / np.abs(v)
+        apart = np.maximum(0.0, relative - solved.common_error[:, np.newaxis])
+        late = (error + np.abs(own) * apart + np.abs(by_load) * relative) / np.abs(v)
+        late += 4.0 * EPS * np.abs(bend)
     jumps = np.zeros((*v.shape, 2, 2))
     jumps[..., 0, 0], jumps[..., 0, 1], jumps[..., 1, 1] = -factor, factor * bend, -factor
     return jumps, late

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -58,13 +58,11 @@ class Outputs:
     @classmethod
     def of(cls, problem: Problem, driven: Driven) -> Outputs:
         """Return the forms for the requested outputs."""
-        configuration = driven.structure.configuration()
-        basis, modes = configuration.basis, configuration.basis.modes
+        basis, modes = driven.basis, driven.basis.modes
         shapes = modes.shapes[problem.output_dofs]
         level = (modes.base + modes.shapes @ basis.still)[problem.output_dofs]
-        forces = driven.forces
-        power = basis.velocity(forces.real @ modes.shapes) + 1j * basis.velocity(
-            forces.imag @ modes.shapes
+        power = basis.velocity(driven.forces.real @ modes.shapes) + 1j * basis.velocity(
+            driven.forces.imag @ modes.shapes
         )
         rates = basis.velocity(np.eye(modes.roots.size))
         x, v = basis.displacement(shapes), basis.velocity(shapes)
@@ -79,6 +77,15 @@ class Extremes:
     smallest: Floats
     rms: Floats
     error: Floats
+
+
+class Energies(NamedTuple):
+    """Work of the load and energy lost in a period, and their errors."""
+
+    work: float
+    lost: float
+    work_error: float
+    lost_error: float
 
 
 class Orbit:
@@ -110,9 +117,10 @@ class Orbit:
         self.steady_error = cells.steady_error[index]
         self.starts = solved.phase[row] if solved.phase.shape[1] else np.zeros(1)
         self.lengths, self.states = solved.length[row], solved.state[row]
-        self.state_error = solved.state_error[row]
-        self.phase_error = float(solved.phase_error[row].max(initial=0.0))
+        self.state_error = solved.whole_error[row]
+        self.phase_errors, self.impulse_errors = solved.phase_error[row], solved.impulse_error[row]
         self.impulses, self.velocities = solved.impulse[row], solved.velocity[row]
+        self.velocity_errors = solved.velocity_error[row]
         self.mirrored = problem.symmetric and solved.phase.shape[1] > 0
         self.times, self.weights = zip(*map(self._nodes, self.lengths.tolist()), strict=True)
 
@@ -137,8 +145,11 @@ class Orbit:
 
     def _turned(self, leg: int, times: Floats) -> Complexes:
         """Return the factors of the load's amplitudes, shape (time, harmonic)."""
-        phase = self.starts[leg] + self.Omega * times
-        return np.asarray(np.exp(1j * phase[:, np.newaxis] * self.driven.harmonics))
+        return self._turned_at(self.starts[leg] + self.Omega * times)
+
+    def _turned_at(self, phases: Floats) -> Complexes:
+        """Return the factors of the load's amplitudes at phases, shape (phase, harmonic)."""
+        return np.asarray(np.exp(1j * phases[:, np.newaxis] * self.driven.harmonics))
 
     @cached_property
     def _samples(self) -> list[Floats]:
@@ -205,33 +216,107 @@ class Orbit:
 
     def error(self) -> Floats:
         """Return the error of the displacements, shape (dof,)."""
-        out, shape = np.abs(self.outputs.x), 2.0 * self.driven.shape_error
+        return self._error_of(self.outputs.x) + 4.0 * EPS * np.abs(self.outputs.still)
+
+    def _error_of(self, forms: Floats) -> Floats:
+        """Return the errors of forms anywhere along the motion, shape (form,)."""
+        out, shape = np.abs(forms), 2.0 * self.driven.shape_error
         inexact = self.state_error + shape + 4.0 * EPS
-        error = np.einsum("dsj,fsj,j->fd", out, np.abs(self.states), inexact).max(axis=0)
+        error = np.einsum("dsj,fsj,j->fd", out, self.driven.pairs.size(self.states), inexact).max(
+            axis=0
+        )
         steady = np.abs(self.steady)
         error += np.einsum("dsj,hsj,hj->d", out, steady, self.steady_error + shape + 4.0 * EPS)
         moves = np.einsum("dsj,hsj,h->d", out, steady, self.driven.harmonics)
-        return np.asarray(error + moves * self.phase_error + 4.0 * EPS * np.abs(self.outputs.still))
+        return np.asarray(error + moves * self.phase_errors.max(initial=0.0))
 
-    def energies(self) -> tuple[float, float, float]:
-        """Return the work of the load, the energy lost by damping and impacts, and their error."""
-        out, scale = self.outputs, self.driven.scale
-        work = size = lost = 0.0
+    def energies(self) -> Energies:
+        """Return the work of the load, and the energy lost by damping and impacts.
+
+        The work is computed in two ways, of which the one with fewer roundings counts. Whatever
+        it is in truth, it is what is lost, so that each tells how far the other may be off.
+        """
+        both = 2.0 if self.mirrored else 1.0
+        lost, lost_error = self._losses()
+        work, work_error = self._work_of_parts()
+        along, rounding = self._work_along()
+        if rounding < work_error:
+            work, work_error = along, math.inf
+        apart = abs(work - lost)
+        errors = min(work_error, apart + lost_error), min(lost_error, apart + work_error)
+        return Energies(both * work, both * lost, both * errors[0], both * errors[1])
+
+    def _work_along(self) -> tuple[float, float]:
+        """Return the work of the load in a cell by its power, and the rounding of this integral."""
+        work = size = 0.0
         for leg, states in enumerate(self._samples):
-            weights = self.weights[leg]
-            along = np.tensordot(states, out.power, _PAIRS)
+            along = np.tensordot(states, self.outputs.power, _PAIRS)
             power = (self._turned(leg, self.times[leg]) * along).real.sum(axis=1)
-            work += float(weights @ power)
-            size += float(weights @ np.abs(power))
-            if out.damping is not None:
-                rates = np.tensordot(states, out.rates, _PAIRS)
-                lost += scale * float(weights @ ((rates @ out.damping) * rates).sum(axis=1))
-        for impact, v in zip(self.problem.impacts, self.velocities, strict=False):
+            work += float(self.weights[leg] @ power)
+            size += float(self.weights[leg] @ np.abs(power))
+        return work, 16.0 * EPS * size
+
+    def _work_of_parts(self) -> tuple[float, float]:
+        """Return the work of the load in a cell, and its error to first order.
+
+        Much of the power of the load may flow back within the period, and its integral then
+        loses digits. The response to the load alone takes as much as damping dissipates in it.
+        The impulses' responses x_p take, M, C and K being symmetric, with the steady response y
+        to the load where damping has the other sign,
+
+            integral F . x_p' = -integral F' . x_p = -sum_j p_j w_j . y'(t_j).
+        """
+        out, scale, driven = self.outputs, self.driven.scale, self.driven
+        work = error = 0.0
+        if out.damping is not None:
+            v = np.einsum("hsj,msj->hm", self.steady, out.rates)
+            inexact = self.steady_error + 2.0 * driven.shape_error + 4.0 * EPS
+            v_error = np.einsum("hsj,msj,hj->hm", np.abs(self.steady), np.abs(out.rates), inexact)
+            length = scale * float(self.lengths.sum())
+            work += 0.5 * length * float(np.einsum("hm,mk,hk->", v.conj(), out.damping, v).real)
+            damping = np.abs(out.damping)
+            error += length * float(np.einsum("hm,mk,hk->", np.abs(v), damping, v_error))
+        if self.impulses.size == 0 or driven.harmonics.size == 0:
+            return work, error
+        struck = [impact.constraint for impact in self.problem.impacts]
+        rates = self.Omega * driven.harmonics
+        form, shape = driven.position[struck], 2.0 * driven.shape_error + 4.0 * EPS
+        y = np.empty((rates.size, len(struck)), dtype=np.complex128)
+        y_error = np.empty(y.shape)
+        for h, load in enumerate(driven.load):
+            back, inexact = driven.pairs.steady_response(rates[h : h + 1], load.conj())
+            y[h] = np.einsum("sj,isj->i", back[0], form).conj()
+            doubt = inexact[0] + shape
+            y_error[h] = np.einsum("sj,isj,j->i", np.abs(back[0]), np.abs(form), doubt)
+        turned = self._turned_at(self.starts).T
+        along = rates @ (1j * y * turned).real
+        work -= scale**2 * float(self.impulses @ along)
+        sizes = np.abs(self.impulses), rates @ np.abs(y)
+        moved = rates @ y_error + (rates * driven.harmonics) @ np.abs(y) * self.phase_errors
+        error += scale**2 * float(self.impulse_errors @ np.abs(along) + sizes[0] @ moved)
+        error += 4.0 * EPS * scale**2 * float(sizes[0] @ sizes[1])
+        return work, error
+
+    def _losses(self) -> tuple[float, float]:
+        """Return the energy lost in a cell, and its error to first order."""
+        out, scale = self.outputs, self.driven.scale
+        lost = error = 0.0
+        for leg, states in enumerate(self._samples if out.damping is not None else ()):
+            assert out.damping is not None
+            weights = self.weights[leg]
+            rates = np.tensordot(states, out.rates, _PAIRS)
+            lost += scale * float(weights @ ((rates @ out.damping) * rates).sum(axis=1))
+            moved = self._error_of(out.rates)
+            error += 2.0 * scale * float(weights @ np.abs(rates) @ np.abs(out.damping) @ moved)
+        for impact, v, doubt in zip(
+            self.problem.impacts, self.velocities, self.velocity_errors, strict=False
+        ):
             k = self.problem.system.constraints[impact.constraint].restitution
             mu = self.driven.mobility[impact.constraint, impact.constraint]
-            lost += 0.5 * (1.0 - k * k) / mu * (float(v) * scale) ** 2
-        both = 2.0 if self.mirrored else 1.0
-        return both * work, both * lost, both * (abs(work - lost) + 16.0 * EPS * (size + lost))
+            factor = (1.0 - k * k) / mu * scale**2
+            lost += 0.5 * factor * float(v) ** 2
+            error += factor * abs(float(v)) * float(doubt)
+        return lost, error + 16.0 * EPS * lost
 
     def waveform(self, tau: Floats) -> Floats:
         """Return displacements at parts of the period from the drive's phase 0, (tau, dof)."""

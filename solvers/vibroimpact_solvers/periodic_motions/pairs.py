@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact_solvers.arrays import EPS, Floats
-from vibroimpact_solvers.errors import PlanError
 from vibroimpact_solvers.kernels.flow import Flow
 from vibroimpact_solvers.kernels.propagators import propagators
 from vibroimpact_solvers.time_history.basis import Basis
 
 Complexes = NDArray[np.complex128]
+
+_ROUNDINGS = 4.0 * EPS  # a product and a quotient of complex numbers, or a propagator
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -45,18 +46,12 @@ class Pairs:
     Parameters
     ----------
     basis : Basis
-        Of a structure without harmonic loads.
-
-    Raises
-    ------
-    PlanError
-        Where damping makes two modes almost equal.
+        Of a structure without harmonic loads, in which no mode drives another.
     """
 
     def __init__(self, basis: Basis) -> None:
         self.flow: Flow = basis.flow
-        if self.flow.drives.size:
-            raise PlanError("damping makes modes of the structure almost equal")
+        assert not self.flow.drives.size
         self.alpha, self.nu, self.rest = self.flow.alpha, self.flow.nu, self.flow.rest
         self.rotations = slice(0, self.flow.rotations)
         self.hyperbolas = slice(self.flow.rotations, self.flow.hyperbolas_end)
@@ -85,6 +80,18 @@ class Pairs:
         back[..., self.rotations] *= -1.0
         back[..., self.parabolas] = 0.0
         return np.stack([even * a + odd * b, even * b + back * a], axis=-2)
+
+    def size(self, z: Floats) -> Floats:
+        """Return what relative errors of pairs are relative to, of both numbers of each.
+
+        A pair turns: its errors are those of its length, even where one of its numbers is small.
+        """
+        sizes = np.abs(z)
+        at = self.rotations
+        sizes[..., at] = np.hypot(z[..., 0, at], z[..., 1, at])[..., np.newaxis, :]
+        at = self.hyperbolas
+        sizes[..., at] = sizes[..., at].max(axis=-2, keepdims=True)
+        return sizes
 
     def rate(self, z: Floats | Complexes) -> Floats:
         """Return the rates of states without loads."""
@@ -142,10 +149,9 @@ class Pairs:
             after[..., still] = 0.0
             before = sign * self.move(flow, after)
             decay = np.minimum(1.0, np.exp(self.growth * cells[:, np.newaxis]))
-            error = 16.0 * EPS + size * decay * (
-                16.0 * EPS
-                + 2.0 * (self.drift + 2.0 * EPS * np.abs(self.alpha)) * cells[:, np.newaxis]
-            )
+            rates = 2.0 * self.drift + EPS * np.abs(self.alpha)
+            moved = _ROUNDINGS + rates * cells[:, np.newaxis]
+            error = _ROUNDINGS + size * decay * moved
         return ImpulseResponse(after, before, np.where(still, 0.0, error))
 
     def steady_response(self, rates: Floats, load: Complexes) -> tuple[Complexes, Floats]:
@@ -180,10 +186,11 @@ class Pairs:
         with np.errstate(divide="ignore", invalid="ignore"):
             both = 1.0 / (first * second)
             response = np.stack([(d * a + there * b) * both, (d * b + back * a) * both], axis=-2)
-            error = (self.drift + EPS * np.abs(s)) * (1.0 / np.abs(first) + 1.0 / np.abs(second))
+            rounded = 2.0 * self.drift + 0.5 * EPS * np.abs(s)
+            error = rounded * (1.0 / np.abs(first) + 1.0 / np.abs(second))
         still = (load == 0.0).all(axis=0)
         response[..., still] = 0.0
-        return response, np.where(still, 0.0, 2.0 * error + 16.0 * EPS)
+        return response, np.where(still, 0.0, error + 2.0 * _ROUNDINGS)
 
 
 def _repeated(rates: Floats, cells: Floats, sign: float) -> Floats:

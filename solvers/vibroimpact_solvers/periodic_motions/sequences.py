@@ -201,4 +201,5 @@ class Search:
             np.full(count, self.index), times * self.Omega, p, velocity, state, lengths,
             errors[:, m:] * self.Omega, errors[:, :m],
             errors[:, :m] * self.inertia, self.inexact + moved[:, np.newaxis] + late,
+            np.zeros(count),
         )  # fmt: skip

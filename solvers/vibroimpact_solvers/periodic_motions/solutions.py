@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from typing import Final
 
 import numpy as np
 
@@ -10,6 +11,8 @@ from vibroimpact_solvers.arrays import EPS, Floats, Integers
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
 from vibroimpact_solvers.periodic_motions.problem import Problem
+
+PI: Final = np.longdouble("3.14159265358979323846264338327950288")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -42,7 +45,7 @@ class Cells:
     def of(cls, driven: Driven, problem: Problem) -> Cells:
         """Return the cells of a problem's frequencies."""
         periods = 0.5 * problem.periods if problem.symmetric else float(problem.periods)
-        wide = np.longdouble(driven.scale) * periods * _TWO_PI / problem.Omega
+        wide = np.longdouble(driven.scale) * periods * 2 * PI / problem.Omega
         length = wide.astype(np.float64)
         Omega = problem.Omega / driven.scale
         steady = np.zeros((Omega.size, driven.harmonics.size, 2, driven.kick.shape[2]), complex)
@@ -76,9 +79,6 @@ class Cells:
         return np.asarray(np.einsum("f...h,fhsj->f...sj", turned, self.steady).real)
 
 
-_TWO_PI = 2 * np.longdouble("3.14159265358979323846264338327950288")
-
-
 @dataclass(frozen=True, eq=False, slots=True)
 class Solutions:
     """Solutions with m impacts per cell, m free motions after them; one free motion where m is 0.
@@ -100,6 +100,9 @@ class Solutions:
     phase_error, impulse_error, velocity_error : array, shape (solution, impact)
     state_error : array, shape (solution, pair)
         Errors of the pairs of the state, relative to them.
+    common_error : array, shape (solution,)
+        Relative error that all pairs of the state have in common with the impulse, where there
+        is one.
     """
 
     index: Integers
@@ -112,6 +115,12 @@ class Solutions:
     impulse_error: Floats
     velocity_error: Floats
     state_error: Floats
+    common_error: Floats
+
+    @property
+    def whole_error(self) -> Floats:
+        """Return both errors of the pairs of the state, shape (solution, pair)."""
+        return self.state_error + self.common_error[:, np.newaxis]
 
     def at(self, chosen: Integers) -> Solutions:
         """Return some of the solutions."""
@@ -125,4 +134,5 @@ def without_impacts(cells: Cells) -> Solutions:
     return Solutions(
         np.arange(count), none, none, none, np.zeros((count, 1, 2, pairs)),
         cells.length[:, np.newaxis], none, none, none, np.full((count, pairs), 2.0 * EPS),
+        np.zeros(count),
     )  # fmt: skip

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from flint import arb
+import scipy.optimize
+from flint import arb, arb_mat
 from scipy.optimize import linear_sum_assignment
 
 from tests.reference.periodic import Impact, Motion, Structure
@@ -101,6 +102,21 @@ def off(reference: arb, value: float) -> float:
     return abs(float((reference - arb(value)).mid()))
 
 
+def within_errors_of_energies(
+    motion: Motion, result: driven.Result, row: int, phase: arb, state: arb_mat, velocity: arb
+) -> None:
+    work, lost = result.solution_work[row], result.solution_energy_lost[row]
+    assert abs(work - lost) <= 1e-12 * lost
+    k = arb(motion.impact.restitution)
+    true_work, damped = motion.energies(phase, state)
+    impact = (1 - k * k) / (2 * motion.mu) * velocity * velocity
+    both = 2 if motion.sign < 0 else 1
+    assert off(both * true_work, work) <= result.error_work[row]
+    assert off(both * (damped + impact), lost) <= result.error_energy_lost[row]
+    assert result.error_work[row] <= 1e-9 * work
+    assert result.error_energy_lost[row] <= 1e-9 * work
+
+
 @pytest.mark.parametrize("seed", range(24))
 def test_every_number_is_within_its_error(seed: int) -> None:
     case = Case.random(seed)
@@ -114,9 +130,7 @@ def test_every_number_is_within_its_error(seed: int) -> None:
         assert min(apart, abs(apart - TWO_PI)) <= result.error_phase[at]
         assert off(-case.side * p, float(result.impact_momentum[at])) <= result.error_momentum[at]
         assert off(velocity, float(result.impact_velocity[at])) <= result.error_velocity[at]
-        assert abs(result.solution_work[row] - result.solution_energy_lost[row]) <= 1e-12 * abs(
-            result.solution_work[row]
-        ) + 1e-14 * abs(result.impact_momentum[at] * result.impact_velocity[at])
+        within_errors_of_energies(motion, result, row, phase, state, velocity)
         path = motion.path(phase, state, 301)
         path = np.concatenate([path, -path]) if case.symmetric else path
         highest, scale = path.max(axis=0), np.abs(path).max()
@@ -129,6 +143,76 @@ def test_every_number_is_within_its_error(seed: int) -> None:
         if result.solution_reason[row] != NEGATIVE and not 1e-10 < over < 1e-3:
             near = result.solution_reason[row] == 3 and over > -1e-4  # between the points
             assert result.solution_exists[row] == (over <= 1e-10) or near
+
+
+@pytest.mark.parametrize(
+    ("ratio", "Omega"),
+    [(1e-4, 8.0), (1e-3, 1.0 + 1e-4)],
+    ids=["the power flows back", "the load's own response is far larger"],
+)
+def test_work_is_what_is_lost_to_the_last_digits(ratio: float, Omega: float) -> None:
+    """Above resonance the power's integral cancels, in resonance that of the parts does."""
+    case = replace(
+        Case.random(1), M=np.diag([1.0, 2.0]), K=np.array([[3.0, -1.0], [-1.0, 4.0]]),
+        C=ratio * np.array([[3.0, -1.0], [-1.0, 2.0]]), force=np.zeros(2),
+        constraint=Constraint((0,), (1.0,), None, 0.01, 0.6), loads=[(0, 1.0, 1, 0.3)],
+        periods=1, side=1, symmetric=False,
+    )  # fmt: skip
+    lowest = np.sqrt(np.linalg.eigvals(np.linalg.solve(case.M, case.K)).real.min())
+    case = replace(case, Omega=np.array([Omega * lowest]))
+    result = solved(case.problem)
+    motion = case.motion(float(case.Omega[0]))
+    struck = np.flatnonzero(result.solution_impacts)
+    assert struck.size == 2
+    for row in struck:
+        at = int(np.flatnonzero(result.impact_solution == row)[0])
+        phase, _, velocity, state = motion.refined(float(result.impact_phase[at]))
+        within_errors_of_energies(motion, result, row, phase, state, velocity)
+
+
+class TestModesThatAreAlike:
+    """Near the exceptional point of two oscillators, where damping makes two modes one."""
+
+    def _case(self, apart: float) -> Case:
+        def damped(g: float, d: float) -> np.ndarray:
+            K = np.array([[1.0, 0.05], [0.05, 1.0 + d]])
+            return np.block([[np.zeros((2, 2)), np.eye(2)], [-K, -np.diag([2.0 * g, 0.0])]])
+
+        def distance(p: np.ndarray) -> list[float]:
+            rates = np.linalg.eigvals(damped(*p))
+            one, other = rates[rates.imag > 0.0]
+            square = complex(one - other) ** 2
+            return [square.real, square.imag]
+
+        g, d = scipy.optimize.root(distance, [0.05, -0.0025], tol=1e-14).x
+        return replace(
+            Case.random(1), M=np.eye(2), K=np.array([[1.0, 0.05], [0.05, 1.0 + d]]),
+            C=np.diag([2.0 * g * (1.0 + apart), 0.0]), force=np.zeros(2),
+            constraint=Constraint((0,), (1.0,), None, 0.2, 0.6), loads=[(1, 1.0, 1, 0.3)],
+            Omega=np.array([1.3]), periods=1, side=1, symmetric=False,
+        )  # fmt: skip
+
+    @pytest.mark.parametrize("apart", [1e-2, 1e-5, 1e-9])
+    def test_numbers_are_within_their_errors(self, apart: float) -> None:
+        case = self._case(apart)
+        result = solved(case.problem)
+        motion = case.motion(1.3)
+        assert motion.s.condition() > 0.1 / np.sqrt(apart)
+        struck = np.flatnonzero(result.solution_impacts)
+        assert struck.size == 2
+        for row in struck:
+            at = int(np.flatnonzero(result.impact_solution == row)[0])
+            phase, p, velocity, state = motion.refined(float(result.impact_phase[at]))
+            assert off(phase, float(result.impact_phase[at])) <= result.error_phase[at]
+            assert result.error_phase[at] < 1e-12 / apart
+            assert off(-p, float(result.impact_momentum[at])) <= result.error_momentum[at]
+            assert off(velocity, float(result.impact_velocity[at])) <= result.error_velocity[at]
+            expected = motion.multipliers(phase, state)
+            values = result.multipliers_real[row] + 1j * result.multipliers_imaginary[row]
+            apart_from = np.abs(values[:, np.newaxis] - expected)
+            ours, theirs = linear_sum_assignment(apart_from)
+            allowed = result.error_multipliers[row] + 1e-9 * np.abs(expected).max()
+            assert (apart_from[ours, theirs] <= allowed[ours]).all()
 
 
 @pytest.mark.parametrize("seed", [1, 2, 4, 9, 12])
