@@ -24,7 +24,7 @@ EXTRAS = ("service", "client", "postgresql", "s3")
 FIRST_RELEASE = "388e0f2"
 """Revision of 0.1.0."""
 
-LOCKED = {"image": EXTRAS, "ci": ("dev", "fuzz", "browser"), "build": (), "tools": ()}
+LOCKED = {"image": EXTRAS, "ci": ("dev", "fuzz", "browser", "manifests"), "build": (), "tools": ()}
 """Files in requirements/ -> extras of the project that each holds, with versions and hashes."""
 
 
@@ -206,6 +206,36 @@ def upgrade(session: nox.Session) -> None:
         *("pytest", "-n", "0", "-m", "upgrade", "-s", "tests/acceptance/upgrade"),
         env={"VIBROIMPACT_EARLIER": str(earlier / "bin" / "vibroimpact")},
     )
+
+
+@nox.session
+def image(session: nox.Session) -> None:
+    """Build the image without a container engine, and run it as the compose files say.
+
+    As root, with buildah and debootstrap (see CONTRIBUTING.md): some 15 minutes, half of them for
+    kernels. ``nox -s image -- --built`` tests what was built before; other arguments are pytest's.
+    """
+    install_locked(session)
+    arguments = list(session.posargs)
+    place = str(pathlib.Path(session.create_tmp()).absolute())
+    if "--built" in arguments:
+        arguments.remove("--built")
+    else:
+        session.run("python", "-m", "tests.container.build", place)
+    session.run(
+        *("pytest", "-n", "0", "-s", "--timeout", "600"),
+        *("tests/container/test_image.py", "tests/container/test_cluster.py", *arguments),
+        env={"VIBROIMPACT_IMAGES": place},
+    )
+
+
+@nox.session
+def manifests(session: nox.Session) -> None:
+    """Check compose files, and Kubernetes objects as kubectl renders them, by their schemas."""
+    if not shutil.which("kubectl"):
+        session.error("kubectl is not installed (see CONTRIBUTING.md)")
+    install_locked(session)
+    session.run("pytest", "-n", "0", "tests/container/test_manifests.py", *session.posargs)
 
 
 @nox.session

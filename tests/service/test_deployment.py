@@ -7,6 +7,7 @@ import os
 import re
 import shlex
 import subprocess
+import sys
 import tomllib
 from collections.abc import Iterator
 from fnmatch import fnmatch
@@ -27,11 +28,25 @@ ROOT = Path(__file__).parents[2]
 DOCKER = ROOT / "docker"
 FILES = sorted(path for path in DOCKER.rglob("*") if path.is_file())
 YAML = [path for path in FILES if path.suffix == ".yaml"]
-KUBERNETES = sorted((DOCKER / "kubernetes").glob("*.yaml"))
+KUBERNETES = sorted((DOCKER / "kubernetes").rglob("*.yaml"))
+SERVICE = DOCKER / "kubernetes" / "base" / "service.yaml"
+COMPOSE = [DOCKER / "compose.yaml", DOCKER / "cluster" / "compose.yaml"]
+ARCHITECTURES = {"amd64": "x86_64", "arm64": "aarch64"}
+"""Of an image -> of the compiler."""
 
 
 def _documents(path: Path) -> list[Any]:
     return list(yaml.safe_load_all(path.read_text()))
+
+
+def _literals(*overlays: str) -> dict[str, str]:
+    """Return the configuration of the base and of overlays on it."""
+    found: dict[str, str] = {}
+    for name in ("base", *(f"overlays/{each}" for each in overlays)):
+        (document,) = _documents(DOCKER / "kubernetes" / name / "kustomization.yaml")
+        for generator in document["configMapGenerator"]:
+            found |= dict(literal.split("=", 1) for literal in generator["literals"])
+    return found
 
 
 def _mappings(node: Any) -> Iterator[dict[str, Any]]:
@@ -157,14 +172,83 @@ def test_what_the_image_needs_is_locked() -> None:
 
 def test_images_are_named_by_digest() -> None:
     text = (DOCKER / "Dockerfile").read_text()
-    given = set(re.findall(r"^FROM (\S+)", text, re.M))
-    assert given == {"${PYTHON_IMAGE}"}
+    given = re.findall(r"^FROM (\S+)(?: AS (\S+))?", text, re.M)
+    stages = {name for _, name in given} - {""}
+    architectures = {f"base-{architecture}" for architecture in ARCHITECTURES}
+    assert architectures <= stages
+    assert {image for image, _ in given} == {"${PYTHON_IMAGE}", "base-${TARGETARCH}"}
     assert "*@sha256:*) ;;" in text  # whatever is no digest ends the build
-    for path in (DOCKER / "compose.yaml", DOCKER / "cluster" / "compose.yaml"):
+    for path in COMPOSE:
         (found,) = _documents(path)
         for service in found["services"].values():
             image = service.get("image", "vibroimpact")
             assert image == "vibroimpact" or re.fullmatch(r"\$\{[A-Z_]+:\?.+@sha256:…\}", image)
+
+
+@pytest.mark.parametrize("architecture", ARCHITECTURES)
+def test_kernels_are_compiled_for_processors_that_the_compiler_knows(architecture: str) -> None:
+    """It warns of names that it does not know, and ignores them."""
+    text = (DOCKER / "Dockerfile").read_text().replace("\\\n", " ")
+    (stage,) = re.findall(rf"AS base-{architecture}\nENV (.+)", text)
+    given = dict(each.split("=", 1) for each in stage.split())
+    assert given.keys() == {"NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES"}
+    code = (
+        "import sys; from llvmlite import binding as llvm; llvm.initialize_all_targets()\n"
+        "llvm.initialize_all_asmprinters()\n"
+        "triple, name, features = sys.argv[1:]\n"
+        "target = llvm.Target.from_triple(triple)\n"
+        "machine = target.create_target_machine(cpu=name, features=features)\n"
+        "machine.emit_object(llvm.parse_assembly('define void @f() { ret void }'))\n"
+    )
+    command = [sys.executable, "-c", code, f"{ARCHITECTURES[architecture]}-unknown-linux-gnu"]
+
+    def said(name: str, features: str) -> str:
+        words = [*command, name, features]
+        return subprocess.run(words, capture_output=True, text=True, check=False).stderr
+
+    name, features = given.values()
+    assert said(name, features) == ""
+    assert "not a recognized processor" in said("neither", features)
+    assert "not a recognized feature" in said(name, f"{features},+neither")
+
+
+def test_the_build_file_names_the_architectures_and_the_version() -> None:
+    text = (DOCKER / "bake.hcl").read_text()
+    (platforms,) = re.findall(r"platforms = (\[.+\])", text)
+    assert yaml.safe_load(platforms) == [f"linux/{each}" for each in ARCHITECTURES]
+    (version,) = re.findall(r'variable "VERSION" {\s*default = "(.+)"', text)
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert version == project["version"]
+    (file,) = re.findall(r'dockerfile = "(.+)"', text)
+    assert (ROOT / file).is_file()
+    arguments = re.findall(r"^    ([A-Z_]+) = \1$", text, re.M)
+    assert arguments == ["PYTHON_IMAGE"]
+    assert "@sha256:[0-9a-f]{64}$" in text  # anything else ends the build
+
+
+@pytest.mark.parametrize("path", COMPOSE, ids=lambda path: path.parent.name)
+def test_containers_are_closed_and_limited(path: Path) -> None:
+    (document,) = _documents(path)
+    for name, service in document["services"].items():
+        assert service["read_only"] is True, name
+        assert service["cap_drop"] == ["ALL"], name
+        assert service["security_opt"] == ["no-new-privileges:true"], name
+        assert {"memory", "pids"} <= set(service["deploy"]["resources"]["limits"]), name
+        if service["image"] == "vibroimpact":
+            assert "cap_add" not in service, name
+            environment = service.get("environment", {})
+            cores = service["deploy"]["resources"]["limits"].get("cpus")
+            assert cores is None or cores == environment["PYTHON_CPU_COUNT"], name
+
+
+def test_only_the_service_has_the_database() -> None:
+    (document,) = _documents(COMPOSE[1])
+    has = {
+        name
+        for name, service in document["services"].items()
+        if "VIBROIMPACT_DATABASE" in service.get("environment", {})
+    }
+    assert has == {"service"}
 
 
 def test_probes_ask_routes_and_ports_that_are_there() -> None:
@@ -183,12 +267,20 @@ def test_probes_ask_routes_and_ports_that_are_there() -> None:
     assert "/v1/health/live" in (DOCKER / "Dockerfile").read_text()
 
 
-def test_kubernetes_names_what_it_has() -> None:
+@pytest.mark.parametrize("overlay", ["embedded", "cluster"])
+def test_kubernetes_names_what_it_has(overlay: str) -> None:
     """Services select pods that there are; secrets and files have their names in the comments."""
-    kustomization = _documents(DOCKER / "kubernetes" / "kustomization.yaml")[0]
-    there = {path.name for path in KUBERNETES} - {"kustomization.yaml"}
-    assert set(kustomization["resources"]) == there
-    objects = [found for name in there for found in _documents(DOCKER / "kubernetes" / name)]
+    folders = [DOCKER / "kubernetes" / name for name in ("base", f"overlays/{overlay}")]
+    objects, patches = [], []
+    for folder in folders:
+        (kustomization,) = _documents(folder / "kustomization.yaml")
+        assert kustomization["namespace"] == "vibroimpact"
+        named = [each for each in kustomization["resources"] if each != "../../base"]
+        patching = [each["path"] for each in kustomization.get("patches", ())]
+        there = {path.name for path in folder.glob("*.yaml")} - {"kustomization.yaml"}
+        assert {*named, *patching} == there
+        objects += [found for name in named for found in _documents(folder / name)]
+        patches += [found for name in patching for found in _documents(folder / name)]
     pods = [
         one["spec"]["template"]["metadata"]["labels"]
         for one in objects
@@ -198,22 +290,34 @@ def test_kubernetes_names_what_it_has() -> None:
         if one["kind"] == "Service":
             selector = one["spec"]["selector"].items()
             assert any(selector <= labels.items() for labels in pods)
-    text = (DOCKER / "kubernetes" / "kustomization.yaml").read_text()
+    for patch in patches:
+        names = [one["metadata"]["name"] for one in objects if one["kind"] == patch["kind"]]
+        assert patch["metadata"]["name"] in names
+    text = (folders[-1] / "kustomization.yaml").read_text()
     secrets = set(re.findall(r"secret generic (\S+)", text))
     used = {
         node[key][name]
-        for node in _mappings(objects)
+        for node in _mappings([*objects, *patches])
         for key, name in (("secretRef", "name"), ("secret", "secretName"))
         if key in node
     }
     assert used == secrets
-    literals = dict(
-        literal.split("=", 1)
-        for generator in kustomization["configMapGenerator"]
-        for literal in generator["literals"]
-    )
-    files = {Path(literals[f"VIBROIMPACT_TLS_{name}"]).name for name in ("CA", "CERT", "KEY")}
-    assert files == {"ca.pem", "cert.pem", "key.pem"}
+    literals = _literals(overlay)
+    names = [f"VIBROIMPACT_TLS_{name}" for name in ("CA", "CERT", "KEY")]
+    files = {Path(literals.get(name, "")).name for name in names}
+    assert files == ({"ca.pem", "cert.pem", "key.pem"} if overlay == "cluster" else {""})
+
+
+def test_workers_are_scaled_by_a_metric_that_there_is() -> None:
+    (scaler, *_) = _documents(DOCKER / "kubernetes" / "overlays" / "cluster" / "scaling.yaml")
+    (external, _) = scaler["spec"]["metrics"]
+    name = external["external"]["metric"]["name"]
+    (adapter,) = _documents(DOCKER / "monitoring" / "adapter.yaml")
+    (rule,) = adapter["rules"]["external"]
+    assert rule["name"]["as"] == name
+    served = (ROOT / "docs" / "service" / "operation.md").read_text()
+    for metric in re.findall(r"vibroimpact_\w+", f"{rule['seriesQuery']} {rule['metricsQuery']}"):
+        assert f"| `{metric}` |" in served  # the table that test_monitoring compares
 
 
 def test_certificates_have_the_names_that_the_examples_use(tmp_path: Path) -> None:
@@ -222,7 +326,7 @@ def test_certificates_have_the_names_that_the_examples_use(tmp_path: Path) -> No
 
 
 def test_compose_depends_on_what_there_is() -> None:
-    for path in (DOCKER / "compose.yaml", DOCKER / "cluster" / "compose.yaml"):
+    for path in COMPOSE:
         (found,) = _documents(path)
         for service in found["services"].values():
             assert set(service.get("depends_on", ())) <= set(found["services"])
@@ -240,7 +344,7 @@ def test_forwarded_addresses_are_believed_of_the_proxy_alone() -> None:
     for path in FILES:
         for value in re.findall(r"FORWARDED_ALLOW_IPS[=:] *(\S+)", path.read_text()):
             given[path.parent.name] = [ipaddress.ip_address(each) for each in value.split(",")]
-    assert given.keys() == {"cluster", "kubernetes"}
+    assert given.keys() == {"cluster", "base"}
     (cluster,) = _documents(DOCKER / "cluster" / "compose.yaml")
     proxy = cluster["services"]["proxy"]["networks"]["default"]["ipv4_address"]
     assert [str(each) for each in given["cluster"]] == [proxy]
@@ -283,25 +387,11 @@ def test_prometheus_reads_the_port_that_needs_no_key() -> None:
     assert targets["port"] == environment["VIBROIMPACT_METRICS_PORT"]
     assert all((DOCKER / "monitoring" / name).is_file() for name in prometheus["rule_files"])
 
-    deployment = _documents(DOCKER / "kubernetes" / "service.yaml")[0]
-    pod = deployment["spec"]["template"]
+    pod = _documents(SERVICE)[0]["spec"]["template"]
     (container,) = pod["spec"]["containers"]
-    given = {each["name"]: each["value"] for each in container["env"]}
+    given = _literals()
     assert given["VIBROIMPACT_ACCESS"] == "keys"
     ports = {port["name"]: port["containerPort"] for port in container["ports"]}
     assert str(ports["metrics"]) == given["VIBROIMPACT_METRICS_PORT"]
     assert pod["metadata"]["annotations"]["prometheus.io/port"] == str(ports["metrics"])
-    policies = _documents(DOCKER / "kubernetes" / "network.yaml")
-    (service,) = (
-        each
-        for each in policies
-        if each["metadata"]["name"] == "service" and each["kind"] == "NetworkPolicy"
-    )
-    outside = {
-        rule["from"][0]["namespaceSelector"]["matchLabels"]["kubernetes.io/metadata.name"]: [
-            port["port"] for port in rule["ports"]
-        ]
-        for rule in service["spec"]["ingress"]
-        if "ports" in rule
-    }
-    assert outside == {"ingress-nginx": ["http"], "monitoring": ["metrics"]}
+    # Who reaches it: test_network_policies.
