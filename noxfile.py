@@ -210,10 +210,11 @@ def upgrade(session: nox.Session) -> None:
 
 @nox.session
 def image(session: nox.Session) -> None:
-    """Build the image without a container engine, and run it as the compose files say.
+    """Build the image without a container engine, and run it as compose files and pods say.
 
-    As root, with buildah and debootstrap (see CONTRIBUTING.md): some 15 minutes, half of them for
-    kernels. ``nox -s image -- --built`` tests what was built before; other arguments are pytest's.
+    As root, with buildah, debootstrap and kubectl (see CONTRIBUTING.md): some 15 minutes, half of
+    them for kernels. ``nox -s image -- --built`` tests what was built before; other arguments are
+    pytest's.
     """
     install_locked(session)
     arguments = list(session.posargs)
@@ -224,7 +225,8 @@ def image(session: nox.Session) -> None:
         session.run("python", "-m", "tests.container.build", place)
     session.run(
         *("pytest", "-n", "0", "-s", "--timeout", "600"),
-        *("tests/container/test_image.py", "tests/container/test_cluster.py", *arguments),
+        *("tests/container/test_image.py", "tests/container/test_cluster.py"),
+        *("tests/container/test_pod.py", *arguments),
         env={"VIBROIMPACT_IMAGES": place},
     )
 

@@ -7,7 +7,7 @@
 #   docker run --privileged --rm tonistiigi/binfmt --install arm64
 variable "PYTHON_IMAGE" {
   validation {
-    condition = can(regex("^.+@sha256:[0-9a-f]{64}$", PYTHON_IMAGE))
+    condition = length(regexall("@sha256:[0-9a-f]{64}$", PYTHON_IMAGE)) == 1
     error_message = "PYTHON_IMAGE must name a digest: python:3.13-slim@sha256:…"
   }
 }

@@ -97,9 +97,9 @@ def test_workers_of_the_script_do_a_job(
     answer = service.http.post("/v1/jobs", json={"kind": "impact-modes", "request": REQUEST})
     job = answer.json()["id"]
     end = time.monotonic() + 120
-    while not (found := service.http.get(f"/v1/jobs/{job}", params={"wait": 20}).json())["final"]:
-        assert time.monotonic() < end, (found, output.read_text())
-    assert found["state"] == "succeeded", found
+    while not (state := service.http.get(f"/v1/jobs/{job}", params={"wait": 20}).json())["final"]:
+        assert time.monotonic() < end, (state, output.read_text())
+    assert state["state"] == "succeeded", state
     assert f"memory {1024 * 2**20}\n" in output.read_text()
 
     # SLURM sends SIGTERM to the processes of the step 60 s before the time is up.

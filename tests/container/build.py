@@ -80,8 +80,8 @@ class Storage:
 
     def inspect(self, image: str) -> dict[str, Any]:
         """Return the configuration of an image: Env, Cmd, Entrypoint, User, Healthcheck, …"""
-        found = json.loads(self.ask("inspect", "--type", "image", image))
-        configuration: dict[str, Any] = found["Docker"]["config"]
+        inspected = json.loads(self.ask("inspect", "--type", "image", image))
+        configuration: dict[str, Any] = inspected["Docker"]["config"]
         return configuration
 
     def make_base(self) -> None:

@@ -44,7 +44,8 @@ def started(
     containers: list[Container] = []
 
     def start(service: dict[str, Any], name: str, **more: Any) -> Container:
-        containers.append(Container(image, service, network, name, folder, volumes, **more))
+        more = {"volumes": volumes} | more
+        containers.append(Container(image, service, network, name, folder, **more))
         return containers[-1]
 
     yield start

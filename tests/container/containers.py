@@ -172,6 +172,8 @@ class Container:
         Name -> folder of the volumes that containers share.
     command, environment
         In place of, and in addition to, those of the service.
+    group : int, optional
+        A further group of its processes, as `fsGroup` in Kubernetes is.
     """
 
     def __init__(
@@ -184,6 +186,7 @@ class Container:
         volumes: Mapping[str, Path],
         command: Sequence[str] = (),
         environment: Mapping[str, str] | None = None,
+        group: int | None = None,
     ) -> None:
         assert set(service) <= _OF_THE_ENGINE, set(service) - _OF_THE_ENGINE
         self.name, self.address, self.image = name, network.place(name), image
@@ -207,6 +210,7 @@ class Container:
         hosts.write_text("".join(f"{address} {name}\n" for name, address in known.items()))
         given = list(command or service.get("command", configuration["Cmd"]))
         words = [*configuration["Entrypoint"], *given]
+        self._groups = "--clear-groups" if group is None else f"--groups {group}"
         self.volumes: dict[str, Path] = {}
         """Place in the container -> folder outside."""
         assert service["cap_drop"] == ["ALL"]
@@ -260,7 +264,7 @@ class Container:
     def _entering(self, words: Sequence[str]) -> str:
         """Return the line of shell that becomes a command in the container."""
         user, group = self.image.user
-        rights = f"--reuid {user} --regid {group} --clear-groups --no-new-privs"
+        rights = f"--reuid {user} --regid {group} {self._groups} --no-new-privs"
         rights += " --inh-caps=-all --bounding-set=-all"
         return f"exec chroot {self.root} setpriv {rights} -- {shlex.join(words)}"
 
@@ -293,13 +297,13 @@ class Container:
 
     def processes(self) -> dict[int, dict[str, str]]:
         """Return the entries of /proc/…/status of all processes in it, by their number outside."""
-        found = {}
+        states = {}
         for number in map(int, (self.limits.folders[0] / "cgroup.procs").read_text().split()):
             text = Path(f"/proc/{number}/status").read_text()
             entries = dict(line.split(":\t", 1) for line in text.splitlines() if ":\t" in line)
             if number != self.process.pid:  # which only waits for the first one
-                found[number] = entries
-        return found
+                states[number] = entries
+        return states
 
     def wait(self, seconds: float = 60) -> int:
         """Wait for its end and return the exit code."""

@@ -37,8 +37,8 @@ SWEEP = {
 @pytest.fixture(scope="module")
 def services() -> dict[str, dict[str, Any]]:
     document = compose.read(ROOT / "docker" / "cluster" / "compose.yaml", VARIABLES)
-    found: dict[str, dict[str, Any]] = document["services"]
-    return found
+    services: dict[str, dict[str, Any]] = document["services"]
+    return services
 
 
 @pytest.fixture(scope="module")
@@ -128,9 +128,9 @@ def test_a_job_is_done_by_the_workers(cluster: dict[str, Container], key: str) -
         assert answer.status_code == 201, answer.text
         job = answer.json()["id"]
         end = start + 120
-        while not (found := other.get(f"/v1/jobs/{job}", params={"wait": 20}).json())["final"]:
-            assert time.monotonic() < end, found
-        assert found["state"] == "succeeded", found
+        while not (state := other.get(f"/v1/jobs/{job}", params={"wait": 20}).json())["final"]:
+            assert time.monotonic() < end, state
+        assert state["state"] == "succeeded", state
         print(f"a job of {SWEEP['frequency']['num']} frequencies: {time.monotonic() - start:.1f} s")
         result = other.get(f"/v1/jobs/{job}/result", headers={"Accept": "application/x-hdf5"})
         assert result.status_code == 200

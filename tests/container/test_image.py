@@ -45,8 +45,8 @@ def files(tree: Path) -> Iterator[tuple[Path, os.stat_result]]:
 def kernels(tree: Path) -> dict[str, bytes]:
     """Return the compiled kernels below a folder, by name."""
     (place,) = tree.glob("**/compiled-*")
-    found = (path for path in place.rglob("*") if path.is_file() and path.name != "used")
-    return {str(path.relative_to(place)): path.read_bytes() for path in found}
+    kept = (path for path in place.rglob("*") if path.is_file() and path.name != "used")
+    return {str(path.relative_to(place)): path.read_bytes() for path in kept}
 
 
 def test_the_size_is_as_stated(image: Image) -> None:
@@ -85,8 +85,8 @@ def test_the_kernels_are_for_the_architecture(image: Image) -> None:
 @pytest.fixture(scope="module")
 def service() -> dict[str, Any]:
     document = compose.read(ROOT / "docker" / "compose.yaml", VARIABLES)
-    found: dict[str, Any] = document["services"]["vibroimpact"]
-    return found
+    service: dict[str, Any] = document["services"]["vibroimpact"]
+    return service
 
 
 @pytest.fixture(scope="module")
@@ -108,8 +108,8 @@ def health(container: Container) -> dict[str, Any]:
     with suppress(httpx2.TransportError):
         answer = httpx2.get(f"http://{container.address}:8000/v1/health/ready", timeout=5)
         if answer.is_success:
-            found: dict[str, Any] = answer.json()
-            return found
+            answered: dict[str, Any] = answer.json()
+            return answered
     return {}
 
 
@@ -133,10 +133,10 @@ def ask(container: Container, key: str) -> httpx2.Client:
 def ended(client: httpx2.Client, job: str) -> dict[str, Any]:
     """Wait for the end of a job and return it."""
     end = time.monotonic() + 120
-    while not (found := client.get(f"/v1/jobs/{job}", params={"wait": 20}).json())["final"]:
-        assert time.monotonic() < end, found
-    assert found["state"] == "succeeded", found
-    document: dict[str, Any] = found
+    while not (state := client.get(f"/v1/jobs/{job}", params={"wait": 20}).json())["final"]:
+        assert time.monotonic() < end, state
+    assert state["state"] == "succeeded", state
+    document: dict[str, Any] = state
     return document
 
 
@@ -165,7 +165,7 @@ def test_nothing_but_data_and_temporary_files_can_be_written(running: Container)
     assert running.execute(["touch", "/etc/hosts"]).returncode != 0
 
 
-@pytest.mark.parametrize(("kind", "name"), EXAMPLES, ids=map(".".join, EXAMPLES))
+@pytest.mark.parametrize(("kind", "name"), EXAMPLES)
 def test_every_kind_is_answered(running: Container, key: str, kind: str, name: str) -> None:
     content = examples.requests(kind)[name]["request"]
     with ask(running, key) as client:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
-import subprocess
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -12,12 +10,11 @@ from typing import Any
 import jsonschema
 import kubernetes_validate
 import pytest
-import yaml
 
 from tests.container import compose
 from tests.container.build import ROOT
+from tests.container.kubectl import pods, rendered
 
-KUBERNETES = ROOT / "docker" / "kubernetes" / "overlays"
 VERSIONS = ("1.32", "1.37")
 """Oldest version of Kubernetes that has all that is used, and the newest with a schema."""
 IMAGES = dict.fromkeys(("PYTHON_IMAGE", "POSTGRES_IMAGE", "CADDY_IMAGE"), "x@sha256:0")
@@ -46,17 +43,6 @@ def test_compose_says_which_variable_is_missing(path: Path) -> None:
         compose.read(path, {})
 
 
-def rendered(overlay: str) -> list[dict[str, Any]]:
-    kubectl = shutil.which("kubectl")
-    if kubectl is None:
-        pytest.fail("kubectl is not installed (see CONTRIBUTING.md)")
-    command = [kubectl, "kustomize", str(KUBERNETES / overlay)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert done.stderr == ""  # deprecations
-    return list(yaml.safe_load_all(done.stdout))
-
-
 @pytest.fixture(scope="module", params=["embedded", "cluster"])
 def objects(request: pytest.FixtureRequest) -> list[dict[str, Any]]:
     return rendered(request.param)
@@ -69,14 +55,6 @@ def test_objects_are_valid(objects: list[dict[str, Any]], version: str) -> None:
     wrong = objects[0] | {"metadata": {"nmae": "x"}}
     with pytest.raises(kubernetes_validate.ValidationError):
         kubernetes_validate.validate(wrong, version, strict=True)
-
-
-def pods(objects: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    return {
-        each["metadata"]["name"]: each["spec"]["template"]
-        for each in objects
-        if each["kind"] == "Deployment"
-    }
 
 
 def test_pods_are_restricted(objects: list[dict[str, Any]]) -> None:

@@ -354,6 +354,11 @@ def test_forwarded_addresses_are_believed_of_the_proxy_alone() -> None:
     assert fixed not in ipaddress.ip_network(network["ip_range"])  # else another could get it
 
 
+def test_scripts_are_read_by_the_shell() -> None:
+    (script,) = (path for path in FILES if path.suffix == ".sbatch")
+    subprocess.run(["bash", "-n", str(script)], check=True)
+
+
 def test_the_batch_script_starts_workers_as_slurm_says(tmp_path: Path) -> None:
     """Runs the script with a double of srun, which writes what it is told."""
     srun = tmp_path / "srun"

@@ -16,12 +16,12 @@ OURS = "vibroimpact"
 
 def policies(*files: str) -> list[dict[str, Any]]:
     """Return the policies of some files, in the namespace that kustomize gives them."""
-    found = []
+    there = []
     for file in files:
         for each in yaml.safe_load_all((KUBERNETES / file).read_text()):
             if each["kind"] == "NetworkPolicy":
-                found.append(each | {"metadata": each["metadata"] | {"namespace": OURS}})
-    return found
+                there.append(each | {"metadata": each["metadata"] | {"namespace": OURS}})
+    return there
 
 
 def ports(file: str) -> dict[str, int]:
@@ -105,11 +105,11 @@ def test_who_may_talk_to_whom(name: str) -> None:
         for target in PEERS:
             if source == target or not {source, target} & ours:
                 continue
-            found = {
+            open_ports = {
                 port for port in ANY if permitted(there, PEERS[source], PEERS[target], port, "TCP")
             }
-            if found != table.get((source, target), set()):
-                wrong.append((source, target, found))
+            if open_ports != table.get((source, target), set()):
+                wrong.append((source, target, open_ports))
     assert wrong == []
 
 
