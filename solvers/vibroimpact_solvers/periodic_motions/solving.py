@@ -20,8 +20,8 @@ from vibroimpact_solvers.results.periodic_motions import Result
 
 _STATEMENT: Final = (
     "estimate: roundings and errors of natural modes, counted in every sum and carried to first "
-    "order through the equations of the impacts; work and energy lost: their difference, which "
-    "is zero in exact arithmetic; extremes and multipliers: to first order"
+    "order through the equations of the impacts; work and energy lost: by these errors and their "
+    "difference, which is zero in exact arithmetic; extremes and multipliers: to first order"
 )
 _BLOCK = 2e6  # numbers in the states of a block of frequencies
 
