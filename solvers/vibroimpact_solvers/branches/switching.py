@@ -61,6 +61,9 @@ def outwards(old: Curve, new: Curve, point: Special) -> tuple[Floats, Floats] | 
     away = null - np.outer(null @ tangent, tangent)
     away = away[np.argmax(np.linalg.norm(away, axis=1))]
     away = away / np.linalg.norm(away)
+    # Of two mirrored branches the same one comes first whatever the roundings of the vectors are.
+    first = np.flatnonzero(np.abs(away) > 0.1 * np.abs(away).max())[0]
+    away = away if away[first] > 0.0 else -away
     for length in _STEPS:
         near = new.onto(x + length * away, away)
         if near is not None and np.linalg.norm(near - x) < 3.0 * length and 0.0 <= near[-1] <= 1.0:
