@@ -213,6 +213,8 @@ def s3(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[], str]]:
         fsspec.filesystem("s3").mkdir(bucket)
         return f"s3://{bucket}/vibroimpact"
 
+    # File systems are kept by fsspec, with the server of the module before.
+    fsspec.get_filesystem_class("s3").clear_instance_cache()
     with pytest.MonkeyPatch.context() as patch:
         for name, value in given.items():
             patch.setenv(name, value)

@@ -21,7 +21,8 @@ from vibroimpact_service.settings import (
 
 PAGE = Path(__file__).parents[2] / "docs" / "service" / "settings.md"
 ROW = re.compile(r"^\| `VIBROIMPACT_([A-Z0-9_]+)` \| (.+?) \| (.+) \|$", re.M)
-OF_CLIENTS = {"url", "key", "profile", "timeout", "name"}  # the last is the example's proxy's
+# The last two are those of the examples' proxy and batch script.
+OF_CLIENTS = {"url", "key", "profile", "timeout", "name", "tls"}
 OF_THE_MACHINE = {"workers", "inline_threads"}
 
 
