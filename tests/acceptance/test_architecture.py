@@ -97,7 +97,8 @@ def _traced() -> Iterator[Trace]:
 
 def _application(data: Path) -> TestClient:
     """Return a client of the application, in this process and without workers."""
-    settings = Settings(data=data, hosts=("testserver",))
+    # The memory of this process is that of all tests before this one.
+    settings = Settings(data=data, hosts=("testserver",), inline_memory_bytes=2**50)
     return TestClient(create_app(settings, Queue(Store(settings.store_url))))  # type: ignore[arg-type]
 
 
