@@ -25,8 +25,14 @@ from tests.conftest import PostgreSQL, programs
 from tests.service.jobs.test_webhooks import SECRET, Receiver
 from vibroimpact_service.jobs import certificates
 
-THRESHOLDS = {"VibroimpactQueueOld": "3", "VibroimpactWorkerDeaths": "0"}
-"""Alerts whose faults would take long -> numbers that are reached within seconds."""
+THRESHOLDS = {
+    "VibroimpactQueueOld": "3",
+    "VibroimpactWorkerDeaths": "0",
+    "VibroimpactEventLoopLag": "20",
+    "VibroimpactDatabaseSlow": "20",
+}
+"""Alerts -> numbers that their faults reach within seconds, and that the load of a machine which
+is busy with other things does not reach."""
 
 
 class Cluster:
@@ -196,8 +202,12 @@ def test_every_query_of_the_dashboard_has_data(cluster: Cluster) -> None:
 
 def test_nothing_fires_without_a_fault(cluster: Cluster) -> None:
     until(lambda: not cluster.prometheus.firing(), "an alert fires", 30)
-    rules = cluster.prometheus.http.get("/api/v1/rules").json()["data"]["groups"][0]["rules"]
-    assert {rule["health"] for rule in rules} == {"ok"}
+
+    def health() -> set[str]:
+        rules = cluster.prometheus.http.get("/api/v1/rules").json()["data"]["groups"][0]["rules"]
+        return {rule["health"] for rule in rules}
+
+    until(lambda: health() == {"ok"}, "a rule is not evaluated", 30)
 
 
 def test_no_workers(cluster: Cluster) -> None:
