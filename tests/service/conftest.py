@@ -232,6 +232,8 @@ def settings(tmp_path: Path) -> Settings:
         hosts=("testserver",),
         # The first request loads libraries, which takes long while the machine does other things.
         max_waiting_seconds=60.0,
+        # The memory of this process is that of all tests before this one.
+        inline_memory_bytes=2**50,
         # Jobs go to the queue, which computes them when the test says so.
         on_submission_seconds=0.0,
     )
