@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 import scipy.linalg
 
 from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.errors import ConvergenceError
+from vibroimpact_solvers.matrices import SymmetricMatrix
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.receptance.coordinates import Coordinates
 
@@ -34,12 +35,6 @@ class DirectFrequencyResponse:
 
     def __init__(self, system: System, directions: Floats, bound: float) -> None:
         self.system, self.directions, self.bound = system, directions, bound
-        # In coordinates with masses near 1: else rows would be exchanged for their units alone,
-        # and light degrees of freedom would lose the digits by which heavy ones exceed them.
-        # Powers of two change no digit.
-        self._scale = np.exp2(np.round(-0.5 * np.log2(system.M.main_diagonal)))
-        self._M, self._K = system.M.scaled(self._scale), system.K.scaled(self._scale)
-        self._right = self._scale[:, np.newaxis] * directions
         # Impulses, energy and limits of one solution need the same responses.
         kept = max(1, _KEPT // directions.size)
         self._response = lru_cache(kept)(self._factorized)
@@ -55,12 +50,25 @@ class DirectFrequencyResponse:
         error = 2.0 * EPS * self.bound**2 * np.abs(slope)
         return ConstraintReceptance(self.directions.T @ response, slope, error)
 
+    @cached_property
+    def _scaled(self) -> tuple[Floats, SymmetricMatrix, SymmetricMatrix]:
+        """Scales of the coordinates, and M and K in them; many a series needs no factors.
+
+        With masses near 1. Else rows would be exchanged for their units alone, and light degrees
+        of freedom would lose the digits by which heavy ones exceed them. Powers of two change no
+        digit.
+        """
+        K, M = self.system.K, self.system.M
+        scale = np.exp2(np.round(-0.5 * np.log2(M.main_diagonal)))
+        return scale, M.scaled(scale), K.scaled(scale)
+
     def _factorized(self, frequency: float) -> Floats:
+        scale, M, K = self._scaled
+        column = scale[:, np.newaxis]
         for nudge in (0.0, 4e-16, -4e-16, 1e-15, -1e-15):
-            stiffness = self._M.plus(-1.0 / (frequency * (1.0 + nudge)) ** 2, self._K)
+            stiffness = M.plus(-1.0 / (frequency * (1.0 + nudge)) ** 2, K)
             try:
-                response = stiffness.factorize()(self._right) / frequency**2
-                return self._scale[:, np.newaxis] * response
+                return column * stiffness.factorize()(column * self.directions) / frequency**2
             except scipy.linalg.LinAlgError:
                 # At a natural frequency to the last bit: take its neighbour instead.
                 continue
