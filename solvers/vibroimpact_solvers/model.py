@@ -79,6 +79,8 @@ class Constraint:
     lower: float | None
     upper: float | None
     restitution: float = 1.0
+    coordinate: tuple[tuple[int, float], ...] = field(init=False, repr=False, compare=False)
+    """Pairs of a degree of freedom and its nonzero weight, ascending."""
 
     def __post_init__(self) -> None:
         if not self.dofs or len(set(self.dofs)) != len(self.dofs):
@@ -90,14 +92,14 @@ class Constraint:
         if not any(self.weights):
             message = "all weights of the direction are zero"
             raise ModelError(("direction", "weights"), message, code="zero_direction")
-        if not within_range(np.array([weight for weight in self.weights if weight])):
+        if not all(RANGE[0] <= abs(weight) <= RANGE[1] for weight in self.weights if weight):
             message = f"a weight is neither zero nor between {RANGE[0]} and {RANGE[1]}"
             raise ModelError(("direction", "weights"), message, code="out_of_range")
         walls = [wall for wall in (self.lower, self.upper) if wall is not None]
         if not walls or not all(map(math.isfinite, walls)):
             message = "a constraint needs at least one wall, at a finite distance"
             raise ModelError(("gap",), message, code="no_wall")
-        if not within_range(np.array([wall for wall in walls if wall])):
+        if not all(RANGE[0] <= abs(wall) <= RANGE[1] for wall in walls if wall):
             message = f"a wall's distance is neither zero nor between {RANGE[0]} and {RANGE[1]}"
             raise ModelError(("gap",), message, code="out_of_range")
         if len(walls) == 2 and sum(walls) <= 0:
@@ -106,6 +108,8 @@ class Constraint:
         if not 0.0 <= self.restitution <= 1.0:
             message = f"the coefficient of restitution is {self.restitution!r}, not in [0, 1]"
             raise ModelError(("restitution",), message, code="restitution_out_of_range")
+        pairs = sorted((d, w) for d, w in zip(self.dofs, self.weights, strict=True) if w)
+        object.__setattr__(self, "coordinate", tuple(pairs))
 
     @classmethod
     def at(cls, dof: int, gap: float, restitution: float = 1.0) -> Constraint:
@@ -116,12 +120,6 @@ class Constraint:
     def symmetric(self) -> bool:
         """Whether there are two walls at equal distances."""
         return self.lower is not None and self.lower == self.upper
-
-    @property
-    def coordinate(self) -> tuple[tuple[int, float], ...]:
-        """Pairs of a degree of freedom and its nonzero weight, ascending."""
-        pairs = sorted((d, w) for d, w in zip(self.dofs, self.weights, strict=True) if w)
-        return tuple(pairs)
 
     @property
     def line(self) -> tuple[tuple[int, float], ...]:
@@ -293,11 +291,12 @@ class System:
 
     def _check_constraints(self) -> None:
         seen: dict[tuple[tuple[int, float], ...], int] = {}
+        n = self.n
         for index, constraint in enumerate(self.constraints):
             for dof in constraint.dofs:
-                if not 0 <= dof < self.n:
+                if not 0 <= dof < n:
                     field = ("dof",) if len(constraint.dofs) == 1 else ("direction", "dofs")
-                    message = f"dof {dof} is not below the number of degrees of freedom, {self.n}"
+                    message = f"dof {dof} is not below the number of degrees of freedom, {n}"
                     pointer = ("constraints", index, *field)
                     raise ModelError(pointer, message, code="index_out_of_range")
             first = seen.setdefault(constraint.line, index)

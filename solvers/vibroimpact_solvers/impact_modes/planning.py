@@ -369,7 +369,8 @@ def inactive_constraints(
     constraints: tuple[object, ...], active: tuple[int, ...]
 ) -> Iterator[Skip]:
     """Yield what is left out at the constraints that are not active."""
-    inactive = [str(i) for i in range(len(constraints)) if i not in active]
+    struck = set(active)
+    inactive = [str(i) for i in range(len(constraints)) if i not in struck]
     if inactive:
         listed = ", ".join(inactive)
         yield Skip(f"impulses at constraints {listed}", "not active; their limits are checked")

@@ -37,6 +37,7 @@ SAFETY: Final = 4.0
 """Factor on the largest of the sampled deviations: errors do not exceed the product."""
 EPS: Final = 2.0**-52
 _SHARP = 2.0**-8  # how well the end of a tolerance is told, relative to the free motion
+_STEADY = 0.05  # part by which what decays does not matter
 _STILL = 0  # the row of what constant loads carry
 _PROPAGATED = 2.0  # rounding of a pair by the free motion from one impact to the next
 
@@ -48,12 +49,12 @@ def random_row(count: int, rows: int) -> int:
 
 
 @inline
-def length(z: Floats, own: Floats) -> float:
-    """Return the root of the sum of squares of a state, loads apart."""
+def length(z: Floats, weights: Floats) -> float:
+    """Return the root of the weighted sum of squares of a state, shape (2, pair)."""
     s1, s2 = 0.0, 0.0
-    for j in range(own.size):
-        s1 += own[j] * z[Z1, j] * z[Z1, j]
-        s2 += own[j] * z[Z2, j] * z[Z2, j]
+    for j in range(weights.size):
+        s1 += weights[j] * z[Z1, j] * z[Z1, j]
+        s2 += weights[j] * z[Z2, j] * z[Z2, j]
     return math.sqrt(s1 + s2)
 
 
@@ -74,19 +75,24 @@ def lengths(z: Floats, errors: Errors, level: float) -> tuple[float, float]:
 
     level is 1 for a state and 0 for a deviation, which constant loads do not act on.
     """
-    free = length(z, errors.own)
-    return _with_carried(z, errors, level, free) if errors.carried.shape[0] > 0 else (free, free)
+    weights = errors.own if level > 0.0 else errors.measure
+    free = length(z, weights)
+    if errors.carried.shape[0] == 0:
+        return free, free
+    return _with_carried(z, errors, weights, level, free)
 
 
 @inner
-def _with_carried(z: Floats, errors: Errors, level: float, free: float) -> tuple[float, float]:
+def _with_carried(
+    z: Floats, errors: Errors, weights: Floats, level: float, free: float
+) -> tuple[float, float]:
     whole, carried = 0.0, 0.0
-    for j in range(errors.own.size):
-        if errors.own[j] > 0.0:
+    for j in range(weights.size):
+        if weights[j] > 0.0:
             a, b = _carried(errors, z, Z1, j, level), _carried(errors, z, Z2, j, level)
-            carried += a * a + b * b
+            carried += weights[j] * (a * a + b * b)
             a, b = a + z[Z1, j], b + z[Z2, j]
-            whole += a * a + b * b
+            whole += weights[j] * (a * a + b * b)
     return math.sqrt(whole), free + math.sqrt(carried)
 
 
@@ -114,7 +120,8 @@ def add_rounding(flow: Flow, motion: Motion, errors: Errors, row: int, s: float)
     """Add the rounding of a free motion of duration s to the deviations.
 
     That of a pair has any sign, that of a frequency the same one from impact to impact: it turns
-    rotations, ``dz = s dnu (z2, -z1)``, and stretches hyperbolas, ``dz = s dnu (z2, z1)``.
+    rotations, ``dz = s dnu (z2, -z1)``, and stretches hyperbolas, ``dz = s dnu (z2, z1)``. That of
+    an eigenvalue pushes a free body by its displacement, ``dz2' = -2 dnu z1``.
     """
     z, deviations, progress = motion.z, motion.deviations, motion.progress[0]
     whole, _ = lengths(z, errors, 1.0)
@@ -133,11 +140,17 @@ def _add_rounding_to(
     for j in range(z.shape[1]):
         a, b = z[Z1, j], z[Z2, j]
         rounding = _PROPAGATED * (abs(a) + abs(b))
-        turned = s * drifts[c, j]
+        turned = s * drifts[c, j] if j < flow.hyperbolas_end else 0.0
         dz[Z1, j] += rounding * signs[at, Z1, j] + turned * b
         dz[Z2, j] += rounding * signs[at, Z2, j] - turned * a
     for j in range(flow.rotations, flow.hyperbolas_end):
         dz[Z2, j] += 2.0 * s * drifts[c, j] * z[Z1, j]
+    for j in range(flow.hyperbolas_end, z.shape[1]):
+        # Integrals of the displacement, backwards from the end.
+        a, b, p = z[Z1, j], z[Z2, j], flow.push[j]
+        pushed = 2.0 * s * drifts[c, j]
+        dz[Z1, j] -= pushed * s * (0.5 * a - s * (b / 3.0 - 0.125 * s * p))
+        dz[Z2, j] -= pushed * (a - s * (0.5 * b - s * p / 6.0))
 
 
 @inline
@@ -190,6 +203,22 @@ def error_after(structure: Structure, motion: Motion, scratch: Scratch, s: float
     size, _ = lengths(z, errors, 1.0)
     size = max(now.largest, size)
     return SAFETY * largest / size if size > 0.0 else 0.0
+
+
+@inner
+def note_what_decays(structure: Structure, motion: Motion, scratch: Scratch, s: float) -> None:
+    """Note errors of a free motion of duration s that are smaller at its end than on the way.
+
+    That of a frequency is like ``t exp(alpha t)``, with its largest value at ``t = -1 / alpha``:
+    where anything decays to 1/e or less, they are estimated at half the duration, a quarter of it,
+    and so on, until nothing decays.
+    """
+    now, alpha, fastest, t = motion.progress[0], structure.flow.alpha, 0.0, 0.5 * s
+    for j in range(alpha.size):
+        fastest = max(fastest, -alpha[j])
+    while fastest * s > 1.0 and fastest * t > _STEADY:
+        now.growth = max(now.growth, error_after(structure, motion, scratch, t))
+        t *= 0.5
 
 
 @inner

@@ -736,8 +736,9 @@ def grows(flow: Flow) -> bool:
 
 
 @inline
-def reach(flow: Flow, sizes: Floats, z: Floats, lengths: Floats, H: float) -> float:
-    """Return a bound of the magnitude of a coordinate in the next H; sizes: those of its form."""
+def reach(flow: Flow, watched: Watched, i: int, z: Floats, lengths: Floats, H: float) -> float:
+    """Return a bound of the magnitude of coordinate i in the next H."""
+    sizes, form = watched.size[i], watched.coordinate[i]
     largest, alpha, push = weighted(sizes, lengths, flow.rotations), flow.alpha, flow.push
     if flow.growth > 0.0:
         largest *= math.exp(flow.growth * H)
@@ -746,8 +747,10 @@ def reach(flow: Flow, sizes: Floats, z: Floats, lengths: Floats, H: float) -> fl
             largest += sizes[j] * lengths[j] * math.exp(max(0.0, alpha[j] + flow.nu[j]) * H)
     for j in range(flow.hyperbolas_end, alpha.size):
         if sizes[j] > 0.0:
-            moved = abs(z[Z1, j]) + H * abs(z[Z2, j]) + 0.5 * H * H * abs(push[j])
-            largest += sizes[j] * math.exp(max(0.0, alpha[j]) * H) * moved
+            rate, pushed = abs(z[Z2, j]), H * abs(push[j])
+            moved = abs(form[Z1, j]) * (abs(z[Z1, j]) + H * (rate + 0.5 * pushed))
+            moved += abs(form[Z2, j]) * (rate + pushed)  # a response to a load's slope
+            largest += math.exp(max(0.0, alpha[j]) * H) * moved
     for row in range(flow.drives.size):
         drive = flow.drives[row]
         j, k = drive.driven, drive.driving

@@ -79,7 +79,8 @@ def _turn_deviations(
     for c in range(deviations.shape[0]):
         dz, kick_error = deviations[c], errors.kicks[c, i]
         dy = product(watched.coordinate[i], dz) + product(errors.coordinates[c, i], motion.z)
-        dy += -place if c & 1 else place
+        # That of their distance makes what goes to and fro between two walls drift.
+        dy += -place if c & 1 else one.side * place
         if at_wall:
             dy = 0.0
         faster = acceleration * dy / speed
@@ -376,6 +377,8 @@ def strike(structure: Structure, motion: Motion, scratch: Scratch) -> bool:
     count = _find_struck(structure, motion, scratch)
     if count == 1:
         rests = _strike_one(structure, motion, scratch, row)
+        if not rests and structure.walls[progress.coordinate].restitution == 0.0:
+            progress.released = progress.coordinate  # it leaves with a speed that is rounding
     else:
         rests = _strike_several(structure, motion, scratch, count, row)
     if count > 1 or progress.rows > first:

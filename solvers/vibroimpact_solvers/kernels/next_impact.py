@@ -92,9 +92,9 @@ def find_reach(structure: Structure, motion: Motion, scratch: Scratch) -> None:
         set_spread(flow, motion.deviations, spread)
     for i in range(walls.size):
         wall, sizes = walls[i], watched.size[i]
-        now = far = reach(flow, sizes, z, lengths, 0.0)
+        now = far = reach(flow, watched, i, z, lengths, 0.0)
         if grows(flow):
-            far = reach(flow, sizes, z, lengths, left)
+            far = reach(flow, watched, i, z, lengths, left)
         rounding = ROUNDING * (now + wall.size)
         margin = rate = 0.0
         if claims and wall.restitution >= 0.0:
@@ -213,7 +213,7 @@ def _grow_roundings(structure: Structure, scratch: Scratch) -> None:
     """Let the roundings of the watched coordinates grow with the motion."""
     flow, watched, walls = structure.flow, structure.watched, structure.walls
     for i in range(walls.size):
-        now = reach(flow, watched.size[i], scratch.z, scratch.lengths, 0.0)
+        now = reach(flow, watched, i, scratch.z, scratch.lengths, 0.0)
         scratch.rounding[i] = max(scratch.rounding[i], ROUNDING * (now + walls[i].size))
 
 

@@ -23,6 +23,7 @@ from vibroimpact_solvers.kernels.deviations import (
     length,
     lose,
     lose_on_the_way,
+    note_what_decays,
     random_row,
     start_deviations,
 )
@@ -169,6 +170,8 @@ def _advance(
             drifted = structure.errors.drift * s * EPS > _DRIFTED * now.tolerance
             if drifted or grows(structure.flow):
                 lose_on_the_way(structure, motion, scratch, s)
+        if motion.deviations.shape[0] > 0 and structure.flow.damped:
+            note_what_decays(structure, motion, scratch, s)
         begun = now.time
         _move(structure, motion, scratch, s, ds)
         if who < 0:
@@ -270,6 +273,9 @@ def follow(
                 return _REFUSED, place
         if not now.begun:
             start_deviations(current, named.errors)
+            now.growth = max(
+                now.growth, estimated_error(deviations, named.errors, current.progress)
+            )
             now.begun = 1
             for i in range(named.walls.size):
                 scratch.grazing[i] = NOT_GRAZING

@@ -118,6 +118,7 @@ class Errors(NamedTuple):
     coordinates: Floats  # (column, watched, 2, pair): of the watched coordinates
     velocities: Floats  # (column, watched, 2, pair): and of their velocities
     own: Floats  # (pair,): 0 for the pairs of loads, 1 for the others
+    measure: Floats  # (pair,): of deviations, weights of the squares in their lengths
     doubts: Floats  # (pair,): of the loads, relative to them, by the responses to them
     # What constant loads and then each of the numbers of the pairs of loads make of the other
     # pairs, (1 + 2 load, 2, pair); none where there are no loads.
@@ -182,7 +183,7 @@ class Scratch(NamedTuple):
     sums: Floats  # (row output dof,)
 
 
-_ALPHA, _NU, _REST, _PUSH, _OWN, _DOUBTS, _RATES = range(7)
+_ALPHA, _NU, _REST, _PUSH, _OWN, _MEASURE, _DOUBTS, _RATES = range(8)
 _COORDINATE, _VELOCITY, _KICK, _KICK_RATE, _FORMS = range(5)
 _SIZE, _HIGH, _LOW_BOUND, _SIZES = range(4)
 """Rows of what `handed_over` returns, and how many there are."""
@@ -197,7 +198,9 @@ def handed_over(structure: Structure) -> tuple[Any, ...]:
     flow, watched, walls, mobility, errors = structure
     pairs = flow.nu.size
     parts = (
-        np.array([flow.alpha, flow.nu, flow.rest, flow.push, errors.own, errors.doubts]),
+        np.array([
+            flow.alpha, flow.nu, flow.rest, flow.push, errors.own, errors.measure, errors.doubts
+        ]),
         errors.drifts, *watched, errors.kicks, errors.coordinates, errors.velocities,
         errors.carried, errors.signs,
     )  # fmt: skip
@@ -231,10 +234,11 @@ def structure_of(given: tuple[Any, ...]) -> Structure:
         forms[_COORDINATE], forms[_VELOCITY], forms[_KICK], forms[_KICK_RATE], sizes[_SIZE],
         sizes[_HIGH], sizes[_LOW_BOUND],
     )  # fmt: skip
-    own, doubts = table[_OWN], table[_DOUBTS]
+    own, measure, doubts = table[_OWN], table[_MEASURE], table[_DOUBTS]
     errors = Errors(
-        signs, drifts, kicks, coordinates, velocities, own, doubts, carried, loads, still, drift
-    )
+        signs, drifts, kicks, coordinates, velocities, own, measure, doubts, carried, loads,
+        still, drift,
+    )  # fmt: skip
     return Structure(flow, watched, walls, mobility, errors)
 
 

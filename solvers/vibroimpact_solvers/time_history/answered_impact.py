@@ -58,6 +58,11 @@ class AnsweredImpact:
         return float(self.rows[0] @ self.v)
 
     @property
+    def leaves_slowly(self) -> bool:
+        """Whether the coordinate leaves its wall with a speed that is rounding."""
+        return self.structure.system.constraints[self.contacts[0][0]].restitution == 0.0
+
+    @property
     def after(self) -> Floats:
         """Velocities after the impact, shape (dof,)."""
         return self.v - self.structure.mass_solve(self.rows.T @ self.impulses)

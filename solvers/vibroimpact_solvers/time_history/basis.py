@@ -24,6 +24,7 @@ from vibroimpact_solvers.time_history.complex_modes import complex_modes
 
 COLUMNS: Final = 3
 """Deviations that are carried along where errors are estimated."""
+_SLOW = 1e-2  # stiffness of a mode, the largest being about one, below which creeping counts whole
 _NOISE = 16  # rows of signs that stand for rounding, half of them the others' negatives
 _FEW = 4  # pairs up to which none are added
 _LANES = 8  # numbers that a processor takes at a time: pairs are filled up to a multiple
@@ -191,7 +192,7 @@ class Basis:
         self._chains: list[tuple[int, int, complex]] = []
         if n == 0:
             self._T: Floats = np.zeros((0, 0))
-            self._inverse = self._T
+            self._inverse, self._coupled_sizes = self._T, none
             return _Pairs(np.zeros(0, np.int64), none, none, none, none)
         A = np.block(
             [
@@ -216,6 +217,12 @@ class Basis:
         columns: Floats = np.stack([np.concatenate(first, axis=1), np.concatenate(second, axis=1)])
         lengths = np.sqrt((columns**2 * norm[:, np.newaxis]).sum(axis=(0, 1)) / 2.0)
         columns /= lengths
+        # Displacements of free bodies that drag couples are small differences of long pairs, and
+        # so are those of modes that creep: in the norm of energy they would hardly count.
+        creeps = np.arange(n) >= upper.size
+        soft = np.abs(self._eigenvalues[some])[:, np.newaxis] <= np.where(creeps, _SLOW, 0.0)
+        whole = np.where(np.tile(soft, (2, 1)), 1.0, norm[:, np.newaxis])
+        self._coupled_sizes = (columns**2 * whole).sum(axis=(0, 1)) / 2.0
         self._chains = [
             (i, k, kappa * complex(lengths[i] / lengths[k])) for i, k, kappa in modes.chains
         ]
@@ -358,6 +365,14 @@ class Basis:
         return np.where(self._order < self._loads.start, 1.0, 0.0)
 
     @cached_property
+    def measure(self) -> Floats:
+        """Weights of the squares of the pairs in the length of a deviation, shape (pair,)."""
+        measure = np.zeros(self.pairs)
+        measure[: self._single.size] = 1.0
+        measure[self._single.size : self._loads.start] = np.maximum(self._coupled_sizes, 1.0)
+        return measure[self._order]
+
+    @cached_property
     def carried(self) -> Floats:
         """What constant loads and then each number of the pairs of loads make of the others.
 
@@ -406,7 +421,7 @@ class Basis:
         if len(self.carried):
             numbers = z[:, self.load_places].T.ravel()
             whole = whole + np.tensordot(numbers, self.carried[1:], 1)
-        return float(np.sqrt((whole**2).sum()))
+        return float(np.sqrt((self.measure * whole**2).sum()))
 
     @cached_property
     def weights(self) -> Floats:

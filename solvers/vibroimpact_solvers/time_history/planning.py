@@ -32,6 +32,7 @@ from vibroimpact_solvers.time_history.start import impact_mode_problem
 _MOST = 2**14  # windows; of the longest motions allowed, each then takes a few hundred megabytes
 _DOUBT = 1e-10  # of the diagonal of K, within which it may be singular
 _FEW = 500  # degrees of freedom up to which a full K is factorized for a plan
+_QUICK = 2e7  # operations of some nanoseconds for which a plan looks what walls are within reach
 
 
 MOST_IMPACTS: Final = 10**11
@@ -292,7 +293,11 @@ def _reaches(system: System) -> tuple[tuple[float, ...], float]:
     And a lower bound of the mass that moves with any degree of freedom.
     """
     dense = Form.DENSE in {system.K.form, system.M.form}
-    if dense and system.n > _FEW:
+    # Factors of K within its band, from which each constraint asks for one column of the inverse.
+    width = system.K.width
+    column = 12.0 + (width / 8.0 if system.K.form is Form.DENSE else width)
+    work = system.n * (width**2 / 6.0 + len(system.constraints) * column)
+    if (dense and system.n > _FEW) or work > _QUICK:
         return (), 0.0
     # Less than K by more than roundings: positive definite, it is so beyond doubt.
     less = system.K.plus(-_DOUBT, SymmetricMatrix.diagonal(system.K.main_diagonal))

@@ -153,20 +153,21 @@ class Problem:
             raise ModelError(("tolerance",), message, code="out_of_range")
 
     def _check_load(self) -> None:
+        n, massless = self.system.n, set(self.system.massless.tolist())
         for place, term in enumerate(self.load):
             if isinstance(term, Sampled):
                 self._check_samples(place, term)
                 continue
-            if not 0 <= term.dof < self.system.n:
-                message = f"{term.dof} is not below {self.system.n}"
+            if not 0 <= term.dof < n:
+                message = f"{term.dof} is not below {n}"
                 raise ModelError(("load", place, "dof"), message, code="index_out_of_range")
-            if term.amplitude != 0.0 and term.dof in self.system.massless:
-                force = np.zeros(self.system.n)
+            if term.amplitude != 0.0 and term.dof in massless:
+                force = np.zeros(n)
                 force[term.dof] = 1.0
                 self.system.check_load(force, ("load", place, "dof"))
             for name in ("amplitude", "frequency", "phase"):
                 value = getattr(term, name)
-                if not np.isfinite(value) or (name == "frequency" and value < 0.0):
+                if not math.isfinite(value) or (name == "frequency" and value < 0.0):
                     message = f"the {name} is {value!r}"
                     raise ModelError(("load", place, name), message, code="out_of_range")
                 _check_magnitude(("load", place, name), value)

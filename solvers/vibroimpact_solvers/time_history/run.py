@@ -385,11 +385,13 @@ class Run:
                 self._end_contact(other)
         self._begin_contacts(self._at_walls(x, impact.after), contact, {})
         self._resolve_contacts(x, impact.after)
+        if contact not in self.contacts and impact.leaves_slowly:
+            self._mark_released(contact[0])
         if not impact.impulses[0] > 0.0:
             return
         place = float(self.structure.configuration().kernel.walls["size"][contact[0]])
         for c, deviation in enumerate(moved):
-            error = -place if c & 1 else place
+            error = -side * place if c & 1 else place  # that of the wall, as in the kernel
             turned = impact.through(deviation, before, self._acceleration(), error)
             self.Z[1 + c] = self.structure.state_of(self.configuration, *turned)
         self.configuration.basis.doubt_loads(self.Z)

@@ -10,13 +10,15 @@ from typing import Any, Final
 
 import numpy as np
 import scipy.linalg
+import scipy.sparse
 
 from vibroimpact_solvers import condensation, spectrum
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels import rigid_state
+from vibroimpact_solvers.kernels.deviations import SAFETY
 from vibroimpact_solvers.kernels.flow import Watched
 from vibroimpact_solvers.kernels.modal import Modal, handed_over
-from vibroimpact_solvers.matrices import SymmetricMatrix
+from vibroimpact_solvers.matrices import Form, SymmetricMatrix
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.spectrum import Spectrum
 from vibroimpact_solvers.time_history.basis import Basis, Modes, exponent_of
@@ -31,6 +33,7 @@ from vibroimpact_solvers.time_history.loads import (
 )
 
 _EPS: Final = float(np.finfo(np.float64).eps)
+_TERMS: Final = 100_000  # that are in memory at once
 Contact = tuple[int, int]
 """A constraint at rest at a wall: its index, and 1 for the upper or -1 for the lower wall."""
 
@@ -209,7 +212,8 @@ class Structure:
         if natural.errors is not None and natural.angles is not None:
             errors = errors + natural.errors
             shape_error += float(natural.angles.max(initial=0.0))
-        errors[natural.roots == 0.0] = 0.0
+        rigid = natural.roots == 0.0
+        errors[rigid] = _left_by_rounding(system.K, shapes[:, rigid])
         return self._equations(natural.roots, rests, shapes, still, weighted, errors, shape_error)
 
     def _equations(
@@ -227,6 +231,8 @@ class Structure:
         damping, damping_errors = None, np.zeros(roots.size)
         if system.C is not None:
             shapes = _with_separate_rigid_modes(system.C, roots, shapes)
+            rigid = roots == 0.0
+            errors[rigid] = errors[rigid].sum()  # each of them may be any of those before
             weighted = system.M @ shapes
             damping, damping_errors = _modal_damping(system.C, shapes)
         force = self.force - (system.K @ base if base.any() else 0.0)
@@ -258,14 +264,16 @@ class Structure:
         # The base is orthogonal to the rest in M, and so has no part in the inertia.
         base = solved @ np.linalg.solve(W @ solved, [self.wall(c) for c in contacts])
         eigenvalues, vectors = scipy.linalg.eigh(Z.T @ K @ Z, Z.T @ M @ Z)
-        scale = float(np.abs(eigenvalues).max(initial=0.0))
-        eigenvalues[np.abs(eigenvalues) <= max(16.0, math.sqrt(system.n)) * _EPS * scale] = 0.0
         shapes = Z @ vectors
+        # Terms may be larger than their sums: of a rigid body that nothing else is left of, and of
+        # what has no mass.
+        magnitudes = np.abs(shapes)
+        terms = (magnitudes * (np.abs(K) @ magnitudes)).sum(axis=0)
+        scale = float(np.maximum(np.abs(eigenvalues), terms).max(initial=0.0))
+        rounding = max(16.0, math.sqrt(system.n)) * _EPS * scale
+        eigenvalues[np.abs(eigenvalues) <= rounding] = 0.0
         roots = np.sign(eigenvalues) * np.sqrt(np.abs(eigenvalues))
-        if system.massless.size:  # terms of what has no mass may be larger, and cancel
-            magnitudes = np.abs(shapes)
-            scale = max(scale, float((magnitudes * (np.abs(K) @ magnitudes)).sum(axis=0).max()))
-        errors = np.full(roots.size, 4.0 * _EPS * scale)
+        errors = np.full(roots.size, rounding / SAFETY)
         return self._equations(
             roots, np.zeros(roots.size), shapes, base, system.M @ shapes, errors, _EPS
         )
@@ -304,7 +312,7 @@ class Structure:
             restitution = np.concatenate([restitution, np.full(len(contacts), -1.0)])
         mobility = np.zeros((restitution.size, restitution.size))
         mobility[: len(free), : len(free)] = rows @ rows.T
-        factor, rest = _quotients(rows, restitution[: len(free)])
+        factor, rest = _quotients(slopes[: len(free)], kicks[: len(free)], restitution)
         fill = np.zeros(len(contacts))
         factor, rest = (np.concatenate([part, fill]) for part in (factor, rest))
         jumps = (slopes * basis.drift(kicks)).sum(axis=(1, 2))
@@ -317,7 +325,7 @@ class Structure:
         form_errors, slope_errors, kick_errors = basis.form_errors(forms, slopes, kicks)
         drift = float(np.abs(basis.drifts).max(initial=0.0))
         doubts, still = basis.doubts
-        own = kick_errors, form_errors, slope_errors, basis.own, doubts
+        own = kick_errors, form_errors, slope_errors, basis.own, basis.measure, doubts
         carried = basis.carried, basis.load_places, still
         errors = basis.signs, basis.drifts, *own, *carried, drift
         kernel = rigid_state.Structure(
@@ -376,14 +384,30 @@ def _modal_damping(C: SymmetricMatrix, shapes: Floats) -> tuple[Floats, Floats]:
     return damping, _EPS * sizes**2
 
 
-def _quotients(rows: Floats, restitution: Floats) -> tuple[Floats, Floats]:
-    """Return (1 + restitution) / |row|^2 as two doubles each.
+def _left_by_rounding(K: SymmetricMatrix, rigid: Floats) -> Floats:
+    """Return the eigenvalues of rigid-body modes, shape (mode,): K is singular up to rounding."""
+    if rigid.shape[1] == 0:
+        return np.zeros(0)
+    matrix = K.to_dense() if K.form is Form.DENSE else K.to_sparse()
+    wide, left = rigid.astype(np.longdouble), np.zeros(rigid.shape[1], np.longdouble)
+    rows = max(1, _TERMS * K.n // max(1, matrix.size))
+    for begin in range(0, K.n, rows):
+        part = scipy.sparse.coo_array(matrix[begin : begin + rows])
+        terms = part.data[:, np.newaxis] * wide[begin + part.row] * wide[part.col]
+        left += terms.sum(axis=0)
+    return np.asarray(np.abs(left), dtype=np.float64)
 
-    A rounded quotient would change the energy by the same part of itself at every impact.
+
+def _quotients(slopes: Floats, kicks: Floats, restitution: Floats) -> tuple[Floats, Floats]:
+    """Return (1 + restitution) over the change of velocity by a unit impulse, as two doubles each.
+
+    What is rounded in the quotient, or in the forms and not in the quotient, would change the
+    energy by the same part of itself at every impact. Of a coordinate that contacts hold it is 0.
     """
-    factor, rest = np.empty((2, rows.shape[0]))
-    for i, row in enumerate(rows.astype(np.longdouble)):
-        exact = (1 + np.longdouble(restitution[i])) / (row @ row)
+    factor, rest = np.empty((2, len(slopes)))
+    for i, (slope, kick) in enumerate(zip(slopes.astype(np.longdouble), kicks, strict=True)):
+        change = (slope * kick).sum()
+        exact = (1 + np.longdouble(restitution[i])) / change if change > 0 else np.longdouble(0)
         factor[i] = exact
         rest[i] = exact - np.longdouble(factor[i])
     return factor, rest

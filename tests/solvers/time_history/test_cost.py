@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 
 import mpmath as mp
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 from vibroimpact_solvers import impact_modes, presets, spectrum
 from vibroimpact_solvers import time_history as th
-from vibroimpact_solvers.model import Constraint, System
+from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.time_history.history import new_history
 
 GAP = 0.2
@@ -127,3 +128,19 @@ def test_histories_cost_what_is_asked() -> None:
         problem = th.Problem(system, state, 50.0, outputs=frozenset(outputs), **given)  # type: ignore[arg-type]
         assert tuple(array.size for array in new_history(problem, 1)) == sizes
     assert solve(system, state, 50.0).x is None
+
+
+def test_free_bodies_of_a_dense_structure_take_the_memory_of_its_modes() -> None:
+    """Six of them: the roundings in their eigenvalues are sums of n^2 terms for each."""
+    n, bodies = 600, 6
+    rng = np.random.default_rng(5)
+    rest, _ = np.linalg.qr(rng.standard_normal((n, n - bodies)))
+    K = SymmetricMatrix.dense(rest @ np.diag(np.arange(1.0, n - bodies + 1)) @ rest.T)
+    system = System(SymmetricMatrix.diagonal(np.ones(n)), K, (Constraint.at(0, GAP),))
+    problem = th.Problem(system, th.State(np.zeros(n), np.eye(1, n)[0]), 0.1)
+    tracemalloc.start()
+    th.prepare(problem, th.plan(problem))
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert (spectrum.spectrum(system).roots == 0.0).sum() == bodies
+    assert peak < 20 * 8 * n**2

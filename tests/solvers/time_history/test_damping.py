@@ -98,3 +98,25 @@ def test_overdamped_modes_last() -> None:
     """Of rates 1e6 and 1e-6 neither is lost, however long the motion."""
     M, K, C = (np.array([[a]]) for a in (1.0, 1.0, 1e6))
     check(M, K, C, np.zeros(1), np.array([1.0]), 1e6)
+
+
+@pytest.mark.parametrize(
+    ("M", "K", "C"),
+    [
+        ([[1.3]], [[0.9]], [[0.01]]),
+        ([[1.0, -0.04], [-0.04, 0.4]], [[1.0, 0.4], [0.4, 0.4]], [[0.9, 0.0], [0.0, 0.3]]),
+        ([[1.0, 0.0], [0.0, 1.3]], [[2.0, -1.0], [-1.0, 2.0]], [[0.02, -0.01], [-0.01, 0.02]]),
+    ],
+)
+def test_errors_are_not_those_of_the_end_where_everything_has_decayed(
+    M: list[list[float]], K: list[list[float]], C: list[list[float]]
+) -> None:
+    n = len(M)
+    matrices = [SymmetricMatrix.dense(A) for A in (M, K, C)]
+    system = System(*matrices[:2], (Constraint.at(0, 100.0),), C=matrices[2])
+    conditions = []
+    for t_end in (0.2, 5.0, 50.0, 500.0, 5000.0):
+        problem = th.Problem(system, th.State(np.full(n, 0.3), np.ones(n)), t_end)
+        conditions.append(th.solve(problem, th.plan(problem)).error_condition)
+    largest = np.maximum.accumulate(conditions)
+    assert (conditions >= 0.5 * largest).all()
