@@ -194,6 +194,10 @@ class PeriodicMotionsSolution(Table):
     """Energy lost by damping and impacts per period, shape (solution_index), mass length² /
     time².
     """
+    energy: Floats
+    """Energy after the first impact, from the equilibrium under the constant load; without
+    impacts at phase 0, shape (solution_index), mass length² / time².
+    """
     work: Floats
     """Work of the load per period, shape (solution_index), mass length² / time²."""
     within_tolerance: Words
@@ -241,6 +245,8 @@ class PeriodicMotionsErrorSolution(Table):
     """Error of the root mean square, shape (solution_index, dof), length."""
     energy_lost: Floats
     """Error of the energy lost, shape (solution_index), mass length² / time²."""
+    energy: Floats
+    """Error of the energy, shape (solution_index), mass length² / time²."""
     work: Floats
     """Error of the work, shape (solution_index), mass length² / time²."""
 

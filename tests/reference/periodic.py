@@ -66,6 +66,16 @@ class Structure:
         """Return the flow of the augmented state over a time."""
         return (self.A * time).exp()
 
+    def damping_ratio(self) -> float:
+        """Return the smallest ratio of damping of the modes."""
+        n = self.n
+        M, C, K = self.M, self.C, self.K
+        A = np.block(
+            [[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, each) for each in (K, C)]]
+        )
+        roots = np.linalg.eigvals(A)
+        return float((-roots.real / np.abs(roots)).min())
+
     def condition(self) -> float:
         """Return the condition number of the complex modes, velocities over the largest rate."""
         n = 2 * self.n

@@ -10,8 +10,11 @@ take the equation that is left over.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,7 +26,7 @@ from vibroimpact_solvers.periodic_motions import Problem as Motions
 from vibroimpact_solvers.periodic_motions import closed_form, sequences
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
-from vibroimpact_solvers.periodic_motions.sequences import Search
+from vibroimpact_solvers.periodic_motions.sequences import Laws, Search
 from vibroimpact_solvers.periodic_motions.solutions import Cells, Solutions
 
 _DIFFERENCE = 1e-7  # of the range: step of the difference by the parameter
@@ -32,6 +35,9 @@ _CLOSE = 1e-12  # residual, relative to its terms, of a point
 _BEND = 0.97  # least cosine between neighbouring tangents
 _FIRST = 0.1  # first step, as a part of the longest
 _SHORTEST = 1e-7  # and the shortest one
+_KEPT = 4  # evaluations of the equations
+_HUGE = 1e6  # impulses of seeds, relative to the first, beyond which they are at a resonance
+_LARGEST = 1e3  # impulses, relative to all that begin one, at which one without load ends
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -41,6 +47,15 @@ class Place:
     x: Floats
     tangent: Floats
     change: Floats
+
+
+class Equations(NamedTuple):
+    """The equations at a point."""
+
+    residual: Floats  # (2 m,): relative to the sizes of their terms
+    jacobian: Floats  # (2 m, 2 m): derivatives by all numbers of the point but the last
+    size: Floats  # (2 m,)
+    search: Search
 
 
 class Curve:
@@ -54,13 +69,17 @@ class Curve:
     """
 
     def __init__(self, problem: Problem, motions: Callable[[float], Motions]) -> None:
-        self.problem, self.motions = problem, motions
-        base = motions(problem.start)
-        self.m = len(base.impacts)
+        self.problem, self.base = problem, motions(problem.start)
+        self.motions = self._at if problem.frequency else motions
+        self._rate = float(self.base.Omega[0]) / problem.start if problem.frequency else math.nan
+        self.m = len(self.base.impacts)
         self.span = problem.stop - problem.start
-        self.impulse = 1.0
-        self._driven: Driven | None = None
+        self.impulse = self.largest_seed = 1.0
+        self._laws: Laws | None = None
         self._largest: dict[bytes, tuple[complex, float]] = {}
+        # Newton's method, tangents and tests ask for the same points one after the other.
+        self.search = lru_cache(_KEPT)(self._search)
+        self._equations = lru_cache(_KEPT)(self._equations_at)
 
     def value(self, x: Floats) -> float:
         """Return the parameter at a point."""
@@ -80,22 +99,30 @@ class Curve:
         values, errors = zip(*known, strict=True)
         return np.array(values)[:, np.newaxis], np.array(errors)[:, np.newaxis]
 
-    def driven(self, motions: Motions) -> Driven:
-        """Return the structure, which stays the same where the frequency varies."""
-        if self._driven is None or not self.problem.frequency:
-            self._driven = Driven.of(motions, spectrum.choose(motions.system))
-        return self._driven
+    def joint(self, values: Floats) -> Motions:
+        """Return the problem at several values of the parameter, which is the frequency."""
+        return self.base.at(values * self._rate)
 
-    def search(self, x: Floats) -> Search:
+    def _at(self, value: float) -> Motions:
+        return self.joint(np.array([value]))
+
+    def laws(self, motions: Motions) -> Laws:
+        """Return the impacts of a structure, which stays the same where the frequency varies."""
+        if self._laws is None or not self.problem.frequency:
+            driven = Driven.of(motions, spectrum.choose(motions.system))
+            self._laws = Laws.of(driven, motions)
+        return self._laws
+
+    def _search(self, value: float) -> Search:
         """Return the equations at a value of the parameter."""
-        motions = self.motions(self.value(x))
-        driven = self.driven(motions)
-        return Search(driven, Cells.of(driven, motions), motions, 0)
+        motions = self.motions(value)
+        laws = self.laws(motions)
+        return Search(laws, Cells.of(laws.driven, motions), np.zeros(1, np.int64))
 
     def start(self, x: float) -> list[Floats]:
         """Return all points with a value of the parameter, as a part of the range."""
         motions = self.motions(self.value(np.array([x])))
-        driven = self.driven(motions)
+        driven = self.laws(motions).driven
         cells = Cells.of(driven, motions)
         if self.m == 1:
             solved = closed_form.solutions(driven, cells, motions.impacts[0])
@@ -103,32 +130,39 @@ class Curve:
             solved = sequences.solutions(driven, cells, motions)
         if solved.impulse.size and self.impulse == 1.0:
             self.impulse = float(np.abs(solved.impulse).max()) or 1.0
-        return [
+        seeds = [
             np.concatenate([phase, impulse / self.impulse, [x]])
             for phase, impulse in zip(solved.phase, solved.impulse, strict=True)
         ]
+        sizes = [size for size in map(self._impulses, seeds) if size < _HUGE]
+        self.largest_seed = max([self.largest_seed, *sizes])
+        return seeds
 
-    def equations(self, x: Floats) -> tuple[Floats, Floats, Search]:
-        """Return residuals relative to their terms, derivatives by all numbers but the last."""
-        search = self.search(x)
-        times, impulses = x[np.newaxis, : self.m] / search.Omega, x[self.m : -1] * self.impulse
-        residual, jacobian, size = search.equations(times, impulses[np.newaxis])
-        jacobian[..., : self.m] *= self.impulse
-        jacobian[..., self.m :] /= search.Omega
-        swapped = np.concatenate([jacobian[0, :, self.m :], jacobian[0, :, : self.m]], axis=1)
+    def equations(self, x: Floats) -> Equations:
+        """Return the equations at a point."""
+        return self._equations(x.tobytes())
+
+    def _equations_at(self, point: bytes) -> Equations:
+        x, m = np.frombuffer(point), self.m
+        search = self.search(self.value(x))
+        p = x[np.newaxis, m:-1] * self.impulse
+        residual, jacobian, size = search.equations(x[:m] / search.Omega, p)
+        size = np.where(size > 0.0, size, 1.0)  # at gap 0, without load: those of rest
+        by_phases = jacobian[0, :, m:] / search.Omega[0]
         if search.autonomous:
-            swapped[:, 0] = 0.0
-        return residual[0] / size[0], swapped / size[0][:, np.newaxis], search
+            by_phases[:, 0] = 0.0
+        slopes = np.concatenate([by_phases, jacobian[0, :, :m] * self.impulse], axis=1)
+        return Equations(residual[0] / size[0], slopes / size[0][:, np.newaxis], size[0], search)
 
     def slopes(self, x: Floats) -> Floats:
         """Return the derivatives of the residuals, (2 m, 2 m + 1)."""
-        residual, jacobian, search = self.equations(x)
+        here = self.equations(x)
         h = -_DIFFERENCE if x[-1] > 0.5 else _DIFFERENCE
         ahead = x.copy()
         ahead[-1] += h
-        change = (self.equations(ahead)[0] - residual) / h
-        both = np.concatenate([jacobian, change[:, np.newaxis]], axis=1)
-        if search.autonomous:
+        change = (self.equations(ahead).residual - here.residual) / h
+        both = np.concatenate([here.jacobian, change[:, np.newaxis]], axis=1)
+        if here.search.autonomous:
             both = np.concatenate([both, np.eye(1, both.shape[1])])
         return both
 
@@ -148,7 +182,7 @@ class Curve:
         first, before = x, np.inf
         try:
             for count in range(_ITERATIONS):
-                residual, jacobian, search = self.equations(x)
+                residual, jacobian, _, search = self.equations(x)
                 if change is None:
                     change = self.slopes(x)[: 2 * self.m, -1]
                 size = float(np.abs(residual).max())
@@ -176,16 +210,25 @@ class Curve:
         """Return the point near x with a value of the parameter, as a part of the range."""
         moved = x.copy()
         moved[-1] = value
-        return self.onto(moved, np.eye(1, x.size, x.size - 1)[0])
+        return self.onto(moved, np.eye(1, x.size, x.size - 1)[0], np.zeros(2 * self.m))
 
     def trace(
         self, x: Floats, direction: Floats, finished: Callable[[Floats], bool]
     ) -> list[Place]:
-        """Return the points of the curve from x on, until it leaves the range or comes back."""
-        place = self.place(x, direction)
-        places, longest = [place], self.problem.step
-        length = _FIRST * longest
-        while len(places) < self.problem.points:
+        """Return the points of the curve from x on, until it leaves the range or comes back.
+
+        Nothing bounds impulses where neither load nor damping acts: there it ends where they are
+        large. Empty where there is no tangent at x.
+        """
+        begin = self._next(x, direction)
+        if begin is None:
+            return []
+        place, places = begin, [begin]
+        most = _LARGEST * self.largest_seed if self.free else math.inf
+        length = _FIRST * self._longest(place)
+        while len(places) < self.problem.points and self._impulses(place.x) <= most:
+            longest = self._longest(place)
+            length = min(length, longest)
             point = self.along(place, length)
             next_place = None if point is None else self._next(point, place.tangent)
             if point is None or next_place is None or next_place.tangent @ place.tangent < _BEND:
@@ -205,6 +248,46 @@ class Curve:
             if place.tangent @ places[-2].tangent > 0.999:
                 length = min(1.5 * length, longest)
         return places
+
+    def _impulses(self, x: Floats) -> float:
+        return float(np.abs(x[self.m : -1]).max())
+
+    def _longest(self, place: Place) -> float:
+        """Return the longest step from a point: of impulses, relative to the largest one."""
+        pushed = place.tangent[self.m : -1] / max(1.0, self._impulses(place.x))
+        others = np.append(place.tangent[: self.m], place.tangent[-1])
+        return self.problem.step / math.hypot(np.linalg.norm(others), np.linalg.norm(pushed))
+
+    def turned(self, x: Floats) -> list[Floats]:
+        """Return a point as it is where the motion begins at any of its impacts, without load."""
+        if not self.free:
+            return [x]
+        phases, impulses = x[: self.m], x[self.m : -1]
+        return [
+            np.concatenate([np.roll(phases, -s) - phases[s], np.roll(impulses, -s), x[-1:]])
+            for s in sequences.turns(self.base.impacts)
+        ]
+
+    def crossing(self, x: Floats, tangent: Floats) -> float:
+        """Return a determinant that changes sign where two curves of free motions cross.
+
+        Of motions without load, ``det(1 - Z)`` is zero everywhere: they may begin at any time, and
+        with more energy. Their equations are one more than needed, which a loss at the impacts
+        makes up for, as one more unknown that is zero.
+        """
+        slopes, (*_, size, search) = self.slopes(x), self.equations(x)
+        loss = np.zeros(slopes.shape[0])
+        p = x[self.m : -1] * self.impulse
+        loss[self.m : 2 * self.m] = search.laws.impacts.inertia * p / size[self.m :]
+        rows = np.column_stack([slopes, loss])
+        rows = np.concatenate([rows, [np.append(tangent, 0.0)]])
+        return float(np.linalg.det(rows / np.linalg.norm(rows, axis=1, keepdims=True)))
+
+    @cached_property
+    def free(self) -> bool:
+        """Whether there is no load, at any value: motions may begin at any time."""
+        ends = [self.motions(value) for value in (self.problem.start, self.problem.stop)]
+        return all(self.laws(motions).driven.harmonics.size == 0 for motions in ends)
 
     def place(self, x: Floats, along: Floats) -> Place:
         """Return a point with its tangent in a direction."""
@@ -233,17 +316,18 @@ class Curve:
 
     def solutions(self, points: list[Floats]) -> tuple[Motions, Driven, Cells, Solutions]:
         """Return the motions at points with one structure: of several frequencies, or at one."""
-        parts = []
-        for place, x in enumerate(points):
-            search = self.search(x)
-            times, p = x[np.newaxis, : self.m] / search.Omega, x[self.m : -1] * self.impulse
-            part = search.collected(times, p[np.newaxis])
-            parts.append(replace(part, index=np.full(1, place)))
-        motions = [self.motions(self.value(x)) for x in points]
-        problem = replace(motions[0], Omega=np.concatenate([each.Omega for each in motions]))
-        names = Solutions.__dataclass_fields__
-        solved = Solutions(
-            *(np.concatenate([getattr(part, name) for part in parts]) for name in names)
-        )
-        driven = self.driven(motions[0])
-        return problem, driven, Cells.of(driven, problem), solved
+        x = np.array(points)
+        motions = self.motions(self.value(points[0]))
+        if self.problem.frequency:
+            motions = self.joint(self.problem.start + x[:, -1] * self.span)
+        laws = self.laws(motions)
+        cells = Cells.of(laws.driven, motions)
+        search = Search(laws, cells, np.arange(len(points)))
+        solved = search.collected(x[:, : self.m] / search.Omega, x[:, self.m : -1] * self.impulse)
+        return motions, laws.driven, cells, solved
+
+    def nothing(self, x: float) -> tuple[Motions, Driven, Cells, Solutions]:
+        """Return no motions, at a value of the parameter as a part of the range."""
+        value = float(self.problem.start + x * self.span)
+        search, none = self.search(value), np.empty((0, self.m))
+        return self.motions(value), search.driven, search.cells, search.collected(none, none)

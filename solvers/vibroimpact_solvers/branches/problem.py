@@ -30,7 +30,8 @@ class Problem:
     system : System
         The structure of the base, which has the units.
     frequency : bool
-        Whether the parameter is the frequency of the drive: the structure then stays the same.
+        Whether the parameter is the frequency of the drive, in any unit: the structure then stays
+        the same.
     switch : int
         How many branches to follow that begin at flips and losses of symmetry.
     stop_at : frozenset of str
@@ -38,7 +39,8 @@ class Problem:
     points : int
         Most points of a branch.
     step : float
-        Longest step, as a part of the range, or in rad of the phases.
+        Longest step, as a part of the range, in rad of the phases, or of the impulses relative to
+        the first or, if they have grown, the largest ones.
     unit, long_name : str
         Of the parameter, see `vibroimpact_solvers.arrays.Quantity`.
     """
@@ -64,7 +66,13 @@ class Problem:
         if unknown:
             message = f"special points are {', '.join(TYPES)}"
             raise ModelError(("stop_at",), message, code="unknown_choice")
+        Omega = []
         for value in (self.start, self.stop):
-            if self.at(value).Omega.size != 1:
+            motions = self.at(value)
+            if motions.Omega.size != 1:
                 message = "branches are those of one frequency: give one value"
                 raise ModelError(("base", "frequency"), message, code="shapes_differ")
+            Omega.append(float(motions.Omega[0]))
+        if self.frequency and not math.isclose(Omega[1] * self.start, Omega[0] * self.stop):
+            message = "it is not the frequency of the drive"
+            raise ModelError(("path",), message, code="unknown_choice")

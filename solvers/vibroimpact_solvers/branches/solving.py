@@ -27,6 +27,7 @@ _STATEMENT: Final = (
     "functions on both sides, at the errors of these"
 )
 _SEEDS = 9  # values of the parameter at which all solutions begin branches
+_STARTS: Final = tuple(np.linspace(0.0, 1.0, _SEEDS).tolist())  # as parts of the range
 _LINEAR = 101  # values at which the motion without impacts is listed
 _SAME = 1e-6  # difference of phases and impulses of equal motions
 
@@ -59,11 +60,18 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     tick = tick or _no_tick
     branches: list[Branch] = []
     curve = Curve(problem, problem.at)
-    for k, x in enumerate(np.linspace(0.0, 1.0, _SEEDS)):
-        tick(k, _SEEDS + problem.switch)
-        for seed in _seeds(curve, float(x)):
-            if not any(_contains(branch, seed) for branch in branches):
-                branches.append(_followed(curve, seed))
+    seeds, total = [], 2 * _SEEDS + problem.switch
+    for k, x in enumerate(_STARTS):
+        tick(k, total)
+        seeds.append(_seeds(curve, x))
+    for k, some in enumerate(seeds, start=_SEEDS):
+        tick(k, total)
+        for seed in some:
+            turned = curve.turned(seed)
+            if not any(_contains(branch, each) for branch in branches for each in turned):
+                branch = _followed(curve, seed)
+                if branch.places:
+                    branches.append(branch)
     _switch(problem, branches, tick)
     return _result(problem, branches)
 
@@ -118,7 +126,7 @@ def _followed(
     finished = halves(curve) if one_way else _never
     places = curve.trace(seed, ahead, finished)
     begin = 0
-    if not one_way and not (len(places) > 2 and curve.is_closed(places)):
+    if places and not one_way and not (len(places) > 2 and curve.is_closed(places)):
         back = curve.trace(seed, -places[0].tangent, finished)
         begin = len(back) - 1
         places = [replace(p, tangent=-p.tangent) for p in reversed(back[1:])] + places
@@ -170,9 +178,11 @@ def _switch(problem: Problem, branches: list[Branch], tick: Tick) -> None:
             ):
                 continue
             left -= 1
-            tick(_SEEDS + problem.switch - left, _SEEDS + problem.switch)
-            branch.leads_to[number] = len(branches)
-            branches.append(_followed(curve, *begin, one_way=True))
+            tick(2 * _SEEDS + problem.switch - left, 2 * _SEEDS + problem.switch)
+            followed = _followed(curve, *begin, one_way=True)
+            if followed.places:
+                branch.leads_to[number] = len(branches)
+                branches.append(followed)
         place += 1
 
 
@@ -182,7 +192,6 @@ def _result(problem: Problem, branches: list[Branch]) -> Result:
     table: list[_Row] = []
     for number, branch in enumerate(branches):
         points = [place.x for place in branch.places]
-        motions = branch.curve.motions(problem.start)
         groups = [points] if problem.frequency else [[x] for x in points]
         curve = branch.curve
         parts += [
@@ -190,7 +199,7 @@ def _result(problem: Problem, branches: list[Branch]) -> Result:
         ]
         of += [number] * len(points)
         values += [branch.curve.value(x) for x in points]
-        periods += [motions.periods] * len(points)
+        periods += [branch.curve.base.periods] * len(points)
         for place, point in enumerate(branch.points):
             value = branch.curve.value(point.x)
             Omega = float(branch.curve.motions(value).Omega[0])
@@ -204,6 +213,8 @@ def _result(problem: Problem, branches: list[Branch]) -> Result:
         of, values = of + [len(branches)] * _LINEAR, values + grid
         periods += [problem.at(problem.start).periods] * _LINEAR
         table += touches
+    if not parts:
+        parts.append(_nothing(problem))
     fields = nothing(Result) | _stacked(parts)
     base = problem.at(problem.start)
     fields["Omega"], fields["error_statement"] = fields["solution_Omega"], _STATEMENT
@@ -218,10 +229,25 @@ def _result(problem: Problem, branches: list[Branch]) -> Result:
     return Result(**fields)
 
 
+def _nothing(problem: Problem) -> columns.Columns:
+    """Return the columns of no motions.
+
+    Raises
+    ------
+    SolverError
+        Where there are no equations at any of the values that were tried.
+    """
+    curve, failure = Curve(problem, problem.at), SolverError("no value")
+    for x in _STARTS:
+        try:
+            return columns.of(*curve.nothing(x))
+        except SolverError as error:
+            failure = error
+    raise failure
+
+
 def _stacked(parts: Sequence[columns.Columns]) -> dict[str, Any]:
     """Return the columns of all points one after the other."""
-    if not parts:
-        return {}
     rows, impacts = 0, []
     for part in parts:
         impacts.append(part["impact_solution"] + rows)
@@ -241,9 +267,8 @@ def _linear(problem: Problem, number: int) -> tuple[list[columns.Columns], list[
     curve = Curve(problem, problem.at)
 
     def solved(values: Sequence[float]) -> Any:
-        motions = [problem.at(value) for value in values]
-        joint = replace(motions[0], Omega=np.concatenate([each.Omega for each in motions]))
-        driven = curve.driven(motions[0])
+        joint = curve.joint(np.array(values)) if problem.frequency else curve.motions(values[0])
+        driven = curve.laws(joint).driven
         cells = Cells.of(driven, joint)
         whole = cells if cells.sign > 0.0 else cells.doubled()
         return joint, driven, whole, without_impacts(whole)

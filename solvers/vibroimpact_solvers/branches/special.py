@@ -3,8 +3,9 @@
 - fold: the parameter along the tangent;
 - flip: ``det(1 + Z)`` of the linearised motion Z over the period; in the half period of a symmetric
   motion, whose mirror image is the next one, the same determinant tells the loss of symmetry;
-- symmetry of other motions: ``det(1 - Z)`` where there is no fold;
-- torus: the largest modulus less 1, where the multiplier is complex;
+- symmetry of other motions: ``det(1 - Z)`` where there is no fold, without load that of
+  `Curve.crossing`;
+- torus: the largest modulus less 1 and less its error, where the multiplier is complex;
 - grazing: the impulses; end: the verdict about the limits in between.
 """
 
@@ -25,6 +26,7 @@ from vibroimpact_solvers.results.impact_modes import Reason
 
 _CLOSE = 1e-13  # of a segment: how near a sign change is located
 _BRACKET = 1e-9  # and half of the bracket that gives its error
+_UPRIGHT = 1e-9  # part of a tangent along the parameter that is rounding
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -50,7 +52,7 @@ class Tests:
     turning: Floats
     plus: Floats  # det(1 + Z), or of a half period det(1 - Z)
     minus: Floats  # det(1 - Z), or of a half period det(1 + Z)
-    largest: Floats  # modulus of the largest multiplier
+    leaves: Booleans  # whether the largest multiplier is outside of the unit circle
     turned: Floats  # its imaginary part, beyond its error
     impulses: Floats  # (point, m), positive where they push
     kept: Floats  # 1 where all limits are kept, else -1
@@ -66,22 +68,26 @@ def tests(curve: Curve, points: list[Floats], tangents: list[Floats]) -> Tests:
         parts = [_tests(curve, points)]
     else:
         parts = [_tests(curve, [x]) for x in points]
-    values = [np.concatenate(each) for each in zip(*parts, strict=True)]
-    return Tests(np.array([tangent[-1] for tangent in tangents]), *values)
+    plus, minus, leaves, *others = (np.concatenate(each) for each in zip(*parts, strict=True))
+    if curve.free:
+        both = zip(points, tangents, strict=True)
+        minus = np.array([curve.crossing(x, tangent) for x, tangent in both])
+    turning = np.array([tangent[-1] for tangent in tangents])
+    turning[np.abs(turning) < _UPRIGHT] = 0.0
+    return Tests(turning, plus, minus, leaves, *others)
 
 
-def _tests(curve: Curve, points: list[Floats]) -> tuple[Floats, ...]:
+def _tests(curve: Curve, points: list[Floats]) -> tuple[Floats | Booleans, ...]:
     problem, driven, cells, solved = curve.solutions(points)
     problem = replace(problem, outputs=frozenset({"stability"}))
     values, errors = multipliers(problem, driven, cells, solved)
     curve.keep_largest(points, values, errors)
     plus, minus = determinants(problem, driven, cells, solved)
-    largest = values[:, 0]
-    imaginary = np.abs(largest.imag)
+    imaginary, leaves = np.abs(values[:, 0].imag), np.abs(values[:, 0]) - 1.0 > errors[:, 0]
     sides = np.array([-impact.side for impact in problem.impacts])
     reason = verdicts(problem, driven, cells, solved).reason
     return (
-        plus, minus, np.abs(largest),
+        plus, minus, leaves,
         np.where(imaginary > errors[:, 0], imaginary, 0.0),
         sides * solved.impulse,
         np.where(reason == Reason.PENETRATION, -1.0, 1.0),
@@ -115,7 +121,6 @@ def _changes(curve: Curve, at: Tests, k: int) -> list[tuple[Type, int]]:
         return bool(values[k] * values[k + 1] < 0.0)
 
     kinds = []
-    symmetric = curve.motions(curve.problem.start).symmetric
     turns = changes(at.turning)
     if turns:
         kinds.append((Type.FOLD, 0))
@@ -124,11 +129,11 @@ def _changes(curve: Curve, at: Tests, k: int) -> list[tuple[Type, int]]:
     if zeros:  # where multipliers are infinite
         return kinds
     if changes(at.plus):
-        kinds.append((Type.SYMMETRY if symmetric else Type.FLIP, 0))
+        kinds.append((Type.SYMMETRY if curve.base.symmetric else Type.FLIP, 0))
     if changes(at.minus) and not turns:
         kinds.append((Type.SYMMETRY, 0))
-    apart = at.largest - 1.0
-    if changes(apart) and at.turned[k + int(apart[k + 1] > 0.0)] > 0.0:
+    before, after = at.leaves[k : k + 2]
+    if before != after and at.turned[k + int(after)] > 0.0:
         kinds.append((Type.TORUS, 0))
     pushes = bool((at.impulses[k : k + 2] > 0.0).all())
     if changes(at.kept) and pushes:
@@ -147,8 +152,8 @@ def _located(curve: Curve, places: list[Place], k: int, kind: Type, place: int) 
             raise ValueError(s)
         return x
 
-    def value(s: float) -> float:
-        return _value(curve, kind, place, point(s), across)
+    def value(s: float, margin: float = 1.0) -> float:
+        return _value(curve, kind, place, point(s), across, margin)
 
     try:
         s = float(brentq(value, 0.0, 1.0, xtol=_CLOSE, rtol=4.0 * EPS))
@@ -163,23 +168,26 @@ def _located(curve: Curve, places: list[Place], k: int, kind: Type, place: int) 
     return Special(kind, x, tangent, k, True, error)
 
 
-def _half_bracket(value: Callable[[float], float], s: float) -> float:
-    """Return how far to both sides a test function has its two signs."""
+def _half_bracket(value: Callable[[float, float], float], s: float) -> float:
+    """Return how far to both sides a test function has its two signs, with twice its errors.
+
+    A multiplier that leaves the circle like a straight line, or a root, has left it within that.
+    """
     width = _BRACKET
     while width < 1e-3:
-        low, high = value(max(s - width, 0.0)), value(min(s + width, 1.0))
+        low, high = value(max(s - width, 0.0), 2.0), value(min(s + width, 1.0), 2.0)
         if low * high < 0.0:
             break
         width *= 10.0
     return width
 
 
-def _value(curve: Curve, kind: Type, place: int, x: Floats, across: Floats) -> float:
-    """Return the test function of a type at a point."""
+def _value(curve: Curve, kind: Type, place: int, x: Floats, across: Floats, margin: float) -> float:
+    """Return the test function of a type at a point, for a torus less so many times its error."""
     if kind is Type.FOLD:
         return float(curve.tangent(curve.slopes(x), across)[-1])
     if kind is Type.GRAZING:
-        side = curve.motions(curve.value(x)).impacts[place].side
+        side = curve.base.impacts[place].side
         return float(-side * x[curve.m + place])
     problem, driven, cells, solved = curve.solutions([x])
     problem = replace(problem, outputs=frozenset({"stability"}))
@@ -187,7 +195,10 @@ def _value(curve: Curve, kind: Type, place: int, x: Floats, across: Floats) -> f
         passed = verdicts(problem, driven, cells, solved).reason[0] == Reason.PENETRATION
         return -1.0 if passed else 1.0
     if kind is Type.TORUS:
-        return float(np.abs(multipliers(problem, driven, cells, solved)[0][0, 0]) - 1.0)
-    plus, minus = determinants(problem, driven, cells, solved)
+        values, errors = multipliers(problem, driven, cells, solved)
+        return float(np.abs(values[0, 0]) - 1.0 - margin * errors[0, 0])
     lost = kind is Type.SYMMETRY and not problem.symmetric
+    if lost and curve.free:
+        return curve.crossing(x, curve.tangent(curve.slopes(x), across))
+    plus, minus = determinants(problem, driven, cells, solved)
     return float((minus if lost else plus)[0])

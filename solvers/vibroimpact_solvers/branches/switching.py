@@ -26,7 +26,7 @@ _STEPS = 1e-2, 3e-3, 1e-3, 1e-4  # lengths of the first step onto a new branch
 def doubled(curve: Curve, kind: Type) -> Callable[[float], Motions] | None:
     """Return the problems of motions that repeat after twice as many impacts; None: too many."""
     before = curve.motions
-    symmetric = before(curve.problem.start).symmetric
+    symmetric = curve.base.symmetric
     if 2 * curve.m > _MOST or (kind is Type.SYMMETRY and not symmetric):
         return None
 
@@ -45,7 +45,7 @@ def outwards(old: Curve, new: Curve, point: Special) -> tuple[Floats, Floats] | 
     base = old.motions(old.value(point.x))
     mirrored = base.symmetric
     turn = np.pi * base.periods * (1.0 if mirrored else 2.0)
-    new.impulse = old.impulse
+    new.impulse, new.largest_seed = old.impulse, old.largest_seed
     m = old.m
     phases, impulses = point.x[:m], point.x[m:-1]
     x = np.concatenate(
@@ -76,7 +76,7 @@ def halves(curve: Curve) -> Callable[[Floats], bool]:
 
     The difference of the two halves of its impulses then changes sign.
     """
-    m, sides = curve.m, [impact.side for impact in curve.motions(curve.problem.start).impacts]
+    m, sides = curve.m, [impact.side for impact in curve.base.impacts]
     signs = np.array(sides, dtype=np.float64)
     begun: list[tuple[int, float]] = []
 

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact_solvers.arrays import EPS, Floats, Integers
+from vibroimpact_solvers.kernels.periodic import Response
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
 from vibroimpact_solvers.periodic_motions.problem import Impact
@@ -41,7 +42,9 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
     a, side = impact.constraint, impact.side
     k = driven.structure.system.constraints[a].restitution
     form, slope = driven.position[a], driven.velocity[a]
-    response = driven.pairs.impulse_response(cells.length, cells.rest, cells.sign, driven.kick[a])
+    kicks = driven.kick[a : a + 1]
+    each = driven.pairs.impulse_response(cells.length, cells.rest, cells.sign, kicks)
+    response = Response(*(part[:, 0] for part in each))
     inexact = response.error + 2.0 * driven.shape_error + driven.summed
     g = np.einsum("sj,fsj->f", form, response.after)
     after, before = (driven.pairs.size(z) for z in (response.after, response.before))
@@ -57,7 +60,8 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
     with np.errstate(divide="ignore", invalid="ignore"):
         c = -(1.0 + k) / denominator
     if driven.harmonics.size == 0:
-        index = np.flatnonzero(np.isfinite(g) & (np.abs(denominator) <= doubt) & (g != 0.0))
+        moving = np.isfinite(g) & (g != 0.0) & (wall != 0.0)  # at gap 0 only rest
+        index = np.flatnonzero(moving & (np.abs(denominator) <= doubt))
         phase = np.zeros(index.size)
         p = wall / g[index]
         p_error = np.abs(p) * (g_error / np.abs(g) + _ROUNDINGS)[index]
@@ -70,7 +74,8 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
             cells.steady_error + 2.0 * driven.shape_error + driven.summed,
         )  # fmt: skip
         turning = cells.Omega[:, np.newaxis] * driven.harmonics
-        Q = Y * (1.0 + 1j * turning * (c * g)[:, np.newaxis])
+        with np.errstate(invalid="ignore"):
+            Q = Y * (1.0 + 1j * turning * (c * g)[:, np.newaxis])
         clear = np.isfinite(Q).all(axis=1) & (np.abs(denominator) > doubt)
         index, rough = _roots(Q, np.full(g.size, wall), driven.harmonics, clear)
         law = _Law(

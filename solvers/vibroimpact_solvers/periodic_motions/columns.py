@@ -144,8 +144,9 @@ def _along(problem: Problem, driven: Driven, cells: Cells, solved: Solutions) ->
             columns[f"solution_{name}"] = np.empty((count, dofs))
             columns[f"error_{name}"] = np.empty((count, dofs))
     if "energy" in problem.outputs:
-        for name in ("solution_work", "solution_energy_lost", "error_work", "error_energy_lost"):
-            columns[name] = np.empty(count)
+        for name in ("work", "energy_lost", "energy"):
+            columns[f"solution_{name}"] = np.empty(count)
+            columns[f"error_{name}"] = np.empty(count)
     if "waveform" in problem.outputs:
         assert problem.tau is not None
         columns["waveform"] = np.empty((count, problem.tau.size, dofs))
@@ -166,6 +167,8 @@ def _along(problem: Problem, driven: Driven, cells: Cells, solved: Solutions) ->
             columns["solution_energy_lost"][row] = energies.lost
             columns["error_work"][row] = energies.work_error
             columns["error_energy_lost"][row] = energies.lost_error
+            columns["solution_energy"][row] = energies.energy
+            columns["error_energy"][row] = energies.energy_error
         if "waveform" in problem.outputs:
             assert problem.tau is not None
             columns["waveform"][row] = orbit.waveform(problem.tau)

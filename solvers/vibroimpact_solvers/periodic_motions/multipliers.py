@@ -27,7 +27,7 @@ from vibroimpact_solvers.kernels.floquet import Cells as Cycles
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
 from vibroimpact_solvers.periodic_motions.problem import Problem
-from vibroimpact_solvers.periodic_motions.solutions import Cells, Solutions
+from vibroimpact_solvers.periodic_motions.solutions import Cells, Solutions, time_between
 
 _ROUNDINGS = 2.0 * EPS  # of a propagator, or of a product of complex numbers
 _CLOSE = 1e-6  # relative distance within which approximate multipliers are refined
@@ -201,8 +201,9 @@ def _cycles(
     count, m = solved.phase.shape
     own, period = np.arange(m), cells.length[solved.index]
     starts = np.cumsum(solved.length, axis=1) - solved.length
-    apart = np.mod(
-        starts[:, :, np.newaxis] - starts[:, np.newaxis], period[:, np.newaxis, np.newaxis]
+    order = own[:, np.newaxis] > own
+    apart = time_between(
+        starts[:, :, np.newaxis], starts[:, np.newaxis], order, period[:, np.newaxis, np.newaxis]
     )
     apart[:, own, own] = period[:, np.newaxis]
     rest = np.zeros(apart.shape)

@@ -40,8 +40,10 @@ class Outputs:
         of freedom.
     still : array, shape (dof,)
         Displacements under the constant load.
-    rates : array, shape (mode, 2, pair)
-        Velocities of the modes.
+    coordinates, rates : array, shape (mode, 2, pair)
+        Coordinates of the modes from the equilibrium, and their velocities.
+    stiffness, stiffness_error : array, shape (mode,)
+        Eigenvalues, and their errors.
     damping : array, shape (mode, mode), optional
     power : array, shape (harmonic, 2, pair), complex
         Velocities along the amplitudes of the load.
@@ -51,7 +53,10 @@ class Outputs:
     v: Floats
     a: Floats
     still: Floats
+    coordinates: Floats
     rates: Floats
+    stiffness: Floats
+    stiffness_error: Floats
     damping: Floats | None
     power: Complexes
 
@@ -64,9 +69,13 @@ class Outputs:
         power = basis.velocity(driven.forces.real @ modes.shapes) + 1j * basis.velocity(
             driven.forces.imag @ modes.shapes
         )
-        rates = basis.velocity(np.eye(modes.roots.size))
+        each = np.eye(modes.roots.size)
         x, v = basis.displacement(shapes), basis.velocity(shapes)
-        return cls(x, v, basis.rates_of(v), level, rates, modes.damping, power)
+        roots = modes.roots * (1.0 + modes.rests)
+        return cls(
+            x, v, basis.rates_of(v), level, basis.displacement(each), basis.velocity(each),
+            roots * np.abs(roots), modes.errors, modes.damping, power,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -80,12 +89,14 @@ class Extremes:
 
 
 class Energies(NamedTuple):
-    """Work of the load and energy lost in a period, and their errors."""
+    """Work of the load and energy lost in a period, energy at its beginning, and their errors."""
 
     work: float
     lost: float
+    energy: float
     work_error: float
     lost_error: float
+    energy_error: float
 
 
 class Orbit:
@@ -244,7 +255,23 @@ class Orbit:
             work, work_error = along, math.inf
         apart = abs(work - lost)
         errors = min(work_error, apart + lost_error), min(lost_error, apart + work_error)
-        return Energies(both * work, both * lost, both * errors[0], both * errors[1])
+        energy, energy_error = self._energy()
+        return Energies(
+            both * work, both * lost, energy, both * errors[0], both * errors[1], energy_error
+        )
+
+    def _energy(self) -> tuple[float, float]:
+        """Return the energy just after the first impact, from the equilibrium, and its error."""
+        out, scale = self.outputs, self.driven.scale
+        start = self.state(0, np.zeros(1))[0]
+        q = np.tensordot(out.coordinates, start, 2)
+        v = scale * np.tensordot(out.rates, start, 2)
+        stored = 0.5 * out.stiffness * q**2
+        error = np.abs(out.stiffness * q) @ self._error_of(out.coordinates)
+        error += scale * np.abs(v) @ self._error_of(out.rates)
+        error += 0.5 * out.stiffness_error @ q**2
+        sizes = float(np.abs(stored).sum() + 0.5 * (v @ v))
+        return float(stored.sum() + 0.5 * (v @ v)), float(error) + 16.0 * EPS * sizes
 
     def _work_along(self) -> tuple[float, float]:
         """Return the work of the load in a cell by its power, and the rounding of this integral."""
@@ -281,13 +308,10 @@ class Orbit:
         struck = [impact.constraint for impact in self.problem.impacts]
         rates = self.Omega * driven.harmonics
         form, shape = driven.position[struck], 2.0 * driven.shape_error + 4.0 * EPS
-        y = np.empty((rates.size, len(struck)), dtype=np.complex128)
-        y_error = np.empty(y.shape)
-        for h, load in enumerate(driven.load):
-            back, inexact = driven.pairs.steady_response(rates[h : h + 1], load.conj())
-            y[h] = np.einsum("sj,isj->i", back[0], form).conj()
-            doubt = inexact[0] + shape
-            y_error[h] = np.einsum("sj,isj,j->i", np.abs(back[0]), np.abs(form), doubt)
+        back, inexact = driven.pairs.steady_response(rates[np.newaxis], driven.load.conj())
+        y = np.einsum("hsj,isj->hi", back[0], form).conj()
+        doubt = inexact[0] + shape
+        y_error = np.einsum("hsj,isj,hj->hi", np.abs(back[0]), np.abs(form), doubt)
         turned = self._turned_at(self.starts).T
         along = rates @ (1j * y * turned).real
         work -= scale**2 * float(self.impulses @ along)

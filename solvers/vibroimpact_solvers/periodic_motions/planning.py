@@ -12,7 +12,7 @@ from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 
 _NODES = 300.0  # at which a solution is evaluated, about
 # Bytes of the columns of a solution, with their errors; those of an extreme are for each dof.
-_SOLUTION, _EXISTENCE, _EXTREMES, _ENERGIES, _STABILITY, _MULTIPLIER = 25, 26, 48, 32, 24, 24
+_SOLUTION, _EXISTENCE, _EXTREMES, _ENERGIES, _STABILITY, _MULTIPLIER = 25, 26, 48, 48, 24, 24
 _IMPACT = 72  # bytes of the columns of an impact, with their errors
 _STARTS = 40.0  # of the search for a sequence, times steps
 _SWEEPS = 8.0  # over the multipliers until all are settled

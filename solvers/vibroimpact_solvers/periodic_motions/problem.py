@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from copy import copy
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -122,9 +123,14 @@ class Problem:
 
     def slice(self, start: int, stop: int) -> Problem:
         """Return the problem of some of the frequencies."""
-        values = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        del values["output_dofs"]
-        return Problem(**(values | {"Omega": self.Omega[start:stop]}))
+        return self.at(self.Omega[start:stop])
+
+    def at(self, Omega: Floats) -> Problem:
+        """Return the problem at other frequencies; the rest of it is checked already."""
+        other = copy(self)
+        object.__setattr__(other, "Omega", np.ascontiguousarray(Omega, dtype=np.float64))
+        other._check_frequencies()
+        return other
 
     def _check_frequencies(self) -> None:
         Omega = self.Omega

@@ -13,73 +13,110 @@ that is then left over by conservation of energy.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from vibroimpact_solvers.arrays import EPS, Floats
+from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers
+from vibroimpact_solvers.kernels.impact_equations import Cells as Cycles
+from vibroimpact_solvers.kernels.impact_equations import Equations, Impacts, Room, set_equations
 from vibroimpact_solvers.periodic_motions.drive import Driven
-from vibroimpact_solvers.periodic_motions.pairs import ImpulseResponse
-from vibroimpact_solvers.periodic_motions.problem import Problem
-from vibroimpact_solvers.periodic_motions.solutions import Cells, Solutions
+from vibroimpact_solvers.periodic_motions.problem import Impact, Problem
+from vibroimpact_solvers.periodic_motions.solutions import (
+    COINCIDENT,
+    Cells,
+    Solutions,
+    time_between,
+)
 
 _STARTS = 48  # random sequences of phases at each frequency
 _STEPS = 40
 _CLOSE = 1e-13  # residual, relative to its terms, of a solution
-_SAME = 1e-6  # difference of phases of equal solutions, rad
+_SAME = 1e-6  # difference of phases of equal solutions or coincident impacts, rad
+_DIGITS = 6  # to which phases and impulses decide about an order
 _LONGEST = 0.5  # of the period: largest change of a time in one step
 
 
 def solutions(driven: Driven, cells: Cells, problem: Problem) -> Solutions:
     """Return the solutions that are reached from the starts, shape (solution, impact) each."""
-    m = len(problem.impacts)
-    parts = []
-    before = np.empty((0, m))
+    laws = Laws.of(driven, problem)
+    parts, before = [], np.empty((0, laws.impacts.wall.size))
     for k in range(cells.Omega.size):
-        search = Search(driven, cells, problem, k)
-        starts = np.concatenate([search.starts(), before])
-        part = search.solutions(starts)
+        search = Search(laws, cells, np.array([k]))
+        part = search.solutions(np.concatenate([search.starts(), before / search.Omega]))
         before = part.phase
         parts.append(part)
     names = Solutions.__dataclass_fields__
     return Solutions(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
-class Search:
-    """The search at one frequency; one impact may be that of a symmetric motion.
+def turns(impacts: tuple[Impact, ...]) -> list[int]:
+    """Return the impacts of a sequence at which it may begin as well."""
+    return [s for s in range(len(impacts)) if impacts[s:] + impacts[:s] == impacts]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Laws:
+    """The impacts of a cell, whatever the frequency is.
 
     Parameters
     ----------
     driven : Driven
-    cells : Cells
     problem : Problem
-    k : int
-        The frequency.
+    impacts : Impacts
+    kicks : array, shape (impact, 2, pair)
+    others : tuple of two arrays of int, shape (pair of impacts,)
+        All pairs of different impacts.
     """
 
-    def __init__(self, driven: Driven, cells: Cells, problem: Problem, k: int) -> None:
-        self.driven, self.problem, self.index = driven, problem, k
-        self.cells = cells.at(np.array([k]))
-        self.Omega, self.length = float(cells.Omega[k]), float(cells.length[k])
-        impacts = problem.impacts
-        self.struck = np.array([impact.constraint for impact in impacts])
-        self.m = self.struck.size
-        sides = np.array([impact.side for impact in impacts])
-        self.walls = driven.walls[(sides > 0).astype(int), self.struck] - driven.level[self.struck]
+    driven: Driven
+    problem: Problem
+    impacts: Impacts
+    kicks: Floats
+    others: tuple[Integers, Integers]
+
+    @classmethod
+    def of(cls, driven: Driven, problem: Problem) -> Laws:
+        """Return those of a problem; one impact may be that of a symmetric motion."""
+        struck = np.array([impact.constraint for impact in problem.impacts])
+        upper = np.array([int(impact.side > 0) for impact in problem.impacts])
         constraints = driven.structure.system.constraints
-        k_of = np.array([constraints[a].restitution for a in self.struck])
-        self.inertia = driven.mobility[self.struck, self.struck] / (1.0 + k_of)
-        self.responses: list[ImpulseResponse] = [
-            driven.pairs.impulse_response(
-                self.cells.length, self.cells.rest, cells.sign, driven.kick[a]
-            )
-            for a in self.struck
-        ]
-        self.after = np.concatenate([r.after for r in self.responses])
-        self.before = np.concatenate([r.before for r in self.responses])
-        self.inexact = np.concatenate([r.error for r in self.responses]).max(axis=0)
-        self.inexact = self.inexact + 2.0 * driven.shape_error
-        self.forms = driven.position[self.struck], driven.velocity[self.struck]
-        self.bend = driven.rates_of(self.forms[1])
-        self.Y = np.einsum("isj,hsj->ih", self.forms[0], self.cells.steady[0])
+        k = np.array([constraints[a].restitution for a in struck])
+        velocity = driven.velocity[struck]
+        impacts = Impacts(
+            driven.position[struck], velocity, driven.rates_of(velocity),
+            driven.walls[upper, struck] - driven.level[struck],
+            driven.mobility[struck, struck] / (1.0 + k),
+        )  # fmt: skip
+        i, j = np.nonzero(~np.eye(struck.size, dtype=bool))
+        return cls(driven, problem, impacts, driven.kick[struck], (i, j))
+
+
+class Search:
+    """The equations in some cells, and the search in one.
+
+    Parameters
+    ----------
+    laws : Laws
+    cells : Cells
+    chosen : array of int, shape (cell,)
+        Times and impulses, shape (row, impact), are those of all chosen cells one after the other,
+        or of any number of motions in the only one.
+    """
+
+    def __init__(self, laws: Laws, cells: Cells, chosen: Integers) -> None:
+        self.laws, self.driven, self.problem = laws, laws.driven, laws.problem
+        self.index, self.cells = chosen, cells.at(chosen)
+        self.m = laws.impacts.wall.size
+        driven, cells = self.driven, self.cells
+        self.Omega, self.length = cells.Omega[:, np.newaxis], cells.length[:, np.newaxis]
+        self.response = driven.pairs.impulse_response(
+            cells.length, cells.rest, cells.sign, laws.kicks
+        )
+        self.seen = Cycles(
+            cells.length, self.Omega * driven.harmonics, cells.steady,
+            self.response.after, self.response.before,
+        )  # fmt: skip
         self.autonomous = driven.harmonics.size == 0
 
     def starts(self) -> Floats:
@@ -93,7 +130,7 @@ class Search:
     def solutions(self, times: Floats) -> Solutions:
         """Return the different solutions that Newton's method reaches."""
         impulses = np.zeros(times.shape)
-        good = np.isfinite(self.after).all()
+        good = np.isfinite(self.response.after).all()
         if not good or times.shape[0] == 0:
             return self.collected(times[:0], impulses[:0])
         impulses = self._first_impulses(times)
@@ -107,11 +144,12 @@ class Search:
                 singular = ~np.isfinite(jacobian).all(axis=(1, 2))
                 jacobian[singular] = np.eye(2 * self.m)
                 step = -np.einsum("sij,sj->si", np.linalg.pinv(jacobian), residual)
-            longest = np.abs(step[:, self.m :]).max(axis=1) / (_LONGEST * self.length / self.m)
-            step /= np.maximum(1.0, longest)[:, np.newaxis]
+            longest = np.abs(step[:, self.m :]).max(axis=1, keepdims=True)
+            step /= np.maximum(1.0, longest / (_LONGEST * self.length / self.m))
             impulses, times = impulses + step[:, : self.m], times + step[:, self.m :]
         residual, _, size = self.equations(times, impulses)
         solved = (np.abs(residual) <= _CLOSE * size).all(axis=1)
+        solved &= impulses.any(axis=1)  # at gap 0, without load: rest
         return self.collected(*self._different(times[solved], impulses[solved]))
 
     def _first_impulses(self, times: Floats) -> Floats:
@@ -123,83 +161,110 @@ class Search:
             laws, value = jacobian[:, self.m :, : self.m], residual[:, self.m :]
         return np.asarray(-np.einsum("sij,sj->si", np.linalg.pinv(laws), value))
 
-    def equations(self, times: Floats, p: Floats) -> tuple[Floats, Floats, Floats]:
+    def equations(self, times: Floats, p: Floats) -> Equations:
         """Return residuals, derivatives by impulses and times, and the sizes of their terms."""
-        m, count = self.m, times.shape[0]
-        apart = np.mod(times[:, :, np.newaxis] - times[:, np.newaxis, :], self.length)
+        count, size = times.shape[0], 2 * self.m
+        shapes = (count, size), (count, size, size), (count, size)
+        equations = Equations(*map(np.empty, shapes))
+        room = Room(*np.empty((2, *self.laws.kicks.shape[1:])))
+        flow, impacts = self.driven.pairs.flow, self.laws.impacts
+        times, p = np.ascontiguousarray(times), np.ascontiguousarray(p)
+        set_equations(flow, impacts, self.seen, times, p, equations, room)
+        return equations
+
+    def _moved(self, times: Floats) -> Floats:
+        """Return the responses at impacts to all others, shape (row, pair of impacts, 2, pair)."""
+        i, j = self.laws.others
+        apart = time_between(times[:, i], times[:, j], i > j, self.length)
         flows = self.driven.pairs.propagators(np.ascontiguousarray(apart.ravel()))
-        flows = flows.reshape(count, m, m, *self.after.shape[1:])
-        z = self.driven.pairs.move(flows, self.after[np.newaxis, np.newaxis])
-        own = np.arange(m)
-        g = np.einsum("isj,nimsj->nim", self.forms[0], z)
-        g[:, own, own] = np.einsum("isj,isj->i", self.forms[0], self.after)
-        rate = np.einsum("isj,nimsj->nim", self.forms[1], z)
-        across = rate * (1.0 - np.eye(m))
-        rate[:, own, own] = np.einsum("isj,isj->i", self.forms[1], self.before)
-        bend = np.einsum("isj,nimsj->nim", self.bend, z) * (1.0 - np.eye(m))
-        turning = self.Omega * self.driven.harmonics
-        turned = self.Y * np.exp(1j * turning * times[..., np.newaxis])
-        y, v, a = ((turned * (1j * turning) ** order).real.sum(axis=-1) for order in range(3))
-        place = y + np.einsum("nij,nj->ni", g, p) - self.walls
-        law = self.inertia * p + v + np.einsum("nij,nj->ni", rate, p)
-        residual = np.concatenate([place, law], axis=1)
-        jacobian = np.empty((count, 2 * m, 2 * m))
-        jacobian[:, :m, :m] = g
-        jacobian[:, m:, :m] = rate
-        jacobian[:, m + own, own] += self.inertia
-        for rows, change, along in ((slice(0, m), v, across), (slice(m, None), a, bend)):
-            block = -along * p[:, np.newaxis, :]
-            block[:, own, own] = change + np.einsum("nij,nj->ni", along, p)
-            jacobian[:, rows, m:] = block
-        size = np.concatenate(
-            [
-                np.abs(self.walls) + np.abs(self.Y).sum(axis=-1)
-                + np.einsum("nij,nj->ni", np.abs(g), np.abs(p)),
-                np.abs(self.Y) @ turning + np.einsum("nij,nj->ni", np.abs(rate), np.abs(p))
-                + self.inertia * np.abs(p),
-            ],
-            axis=1,
-        )  # fmt: skip
-        return residual, jacobian, size
+        flows = flows.reshape(*apart.shape, *flows.shape[1:])
+        return self.driven.pairs.move(flows, self.response.after[:, j])
 
     def _different(self, times: Floats, impulses: Floats) -> tuple[Floats, Floats]:
-        """Return each solution once, impacts in order, the first in the drive's first period."""
+        """Return each solution once, impacts in order, the first in the drive's first period.
+
+        Impacts of several constraints may coincide unless one changes the velocity of the other,
+        in either order, as roundings decide. Two of one constraint at one time, with opposite
+        impulses, solve the equations, too.
+        """
         drive = 2.0 * np.pi / self.Omega
         times = times - np.floor(times[:, :1] / drive) * drive
-        after = times[:, :1] + np.mod(times - times[:, :1], self.length)
-        ordered = (np.diff(after, axis=1) > 0.0).all(axis=1)
+        late = COINCIDENT * self.length
+        apart = np.mod(times - times[:, :1], self.length)
+        apart -= np.where(apart >= self.length - late, self.length, 0.0)
+        highest = np.maximum.accumulate(apart, axis=1)[:, :-1]
+        ends = (apart[:, 1:] <= late) & (apart[:, 1:] < highest - late)  # with the first one again
+        apart[:, 1:] += np.where(ends, self.length, 0.0)
+        after = times[:, :1] + np.maximum.accumulate(apart, axis=1)
+        ordered = (np.diff(apart, axis=1) > -late).all(axis=1) & ~self._doubled(apart)
         times, impulses = after[ordered], impulses[ordered]
+        if self.autonomous:
+            times, impulses = self._begun_alike(times, impulses)
         kept: list[int] = []
         for row in range(times.shape[0]):
             apart = np.abs(times[kept] - times[row])
             if not (np.minimum(apart, self.length - apart) * self.Omega < _SAME).all(axis=1).any():
                 kept.append(row)
-        order = [kept[place] for place in np.argsort(times[kept, 0], kind="stable")]
+        places = np.lexsort(np.round(times[kept] * self.Omega, _DIGITS).T[::-1])
+        order = [kept[place] for place in places]
         return times[order], impulses[order]
+
+    def _doubled(self, times: Floats) -> Booleans:
+        """Return whether impacts coincide of which each changes the other, shape (row,)."""
+        constraint = np.array([impact.constraint for impact in self.problem.impacts])
+        i, j = self.laws.others
+        a, b, mobility = constraint[i], constraint[j], self.driven.mobility
+        coupled = np.abs(mobility[a, b]) > 16.0 * EPS * np.sqrt(mobility[a, a] * mobility[b, b])
+        limit = np.where(coupled, COINCIDENT * self.length, -1.0)
+        limit = np.where(a == b, _SAME / self.Omega, limit)
+        apart = np.abs(times[:, i] - times[:, j])
+        return np.asarray((np.minimum(apart, self.length - apart) <= limit).any(axis=1))
+
+    def _begun_alike(self, times: Floats, impulses: Floats) -> tuple[Floats, Floats]:
+        """Return motions that may begin at any of their impacts, those at which they may alike.
+
+        With the largest impulse first, of equal ones that with the largest second one, and so on;
+        of all equal ones with the longest time to the next impact.
+        """
+        times, impulses = times.copy(), impulses.copy()
+        first = turns(self.problem.impacts)
+        for row, (t, p) in enumerate(zip(times, impulses, strict=True)):
+            sizes = np.abs(p) / np.abs(p).max()
+            waits = np.append(t[1:], t[0] + self.length[0, 0]) - t
+            both = np.round([sizes, waits / self.length[0, 0]], _DIGITS)
+            orders = {tuple(np.roll(both, -s, axis=1).ravel()): s for s in first}
+            begin = orders[max(orders)]
+            times[row] = np.mod(np.roll(t, -begin) - t[begin], self.length)
+            impulses[row] = np.roll(p, -begin)
+        return times, impulses
 
     def collected(self, times: Floats, p: Floats) -> Solutions:
         """Return the solutions with their states, and errors to first order."""
         count, m = times.shape
+        times = times.copy()
+        for one, other in zip(times.T[:-1], times.T[1:], strict=True):
+            late = (one > other) & (one - other <= COINCIDENT * self.length[:, 0])
+            other[late] = one[late]
         residual, jacobian, size = self.equations(times, p)
         if self.autonomous:
             jacobian[:, :, m] = 0.0
-        relative = float(self.inexact.max(initial=0.0)) + 16.0 * EPS
+        inexact = self.response.error.max(axis=1) + 2.0 * self.driven.shape_error
+        relative = inexact.max(axis=1, initial=0.0)[:, np.newaxis] + 16.0 * EPS
         doubt = np.abs(residual) + size * relative
         errors = np.einsum("nij,nj->ni", np.abs(np.linalg.pinv(jacobian)), doubt)
         lengths = np.diff(np.concatenate([times, times[:, :1] + self.length], axis=1), axis=1)
-        apart = np.mod(times[:, :, np.newaxis] - times[:, np.newaxis, :], self.length)
-        flows = self.driven.pairs.propagators(np.ascontiguousarray(apart.ravel()))
-        z = self.driven.pairs.move(flows.reshape(count, m, m, *self.after.shape[1:]), self.after)
-        z[:, np.arange(m), np.arange(m)] = self.after
-        state = np.einsum("nimsj,nm->nisj", z, p)
-        velocity = -self.inertia * p
+        state = self.response.after * p[..., np.newaxis, np.newaxis]
+        there = self._moved(times)
+        for k, (i, j) in enumerate(zip(*self.laws.others, strict=True)):
+            state[:, i] += there[:, k] * p[:, j, np.newaxis, np.newaxis]
+        velocity = -self.laws.impacts.inertia * p
         with np.errstate(divide="ignore", invalid="ignore"):
             moved = (errors[:, :m] / np.abs(p)).max(axis=1, initial=0.0)
         speeds = self.driven.pairs.speed
         late = errors[:, m:].max(axis=1, initial=0.0)[:, np.newaxis] * speeds
         return Solutions(
-            np.full(count, self.index), times * self.Omega, p, velocity, state, lengths,
+            np.broadcast_to(self.index, count), times * self.Omega, p, velocity, state, lengths,
             errors[:, m:] * self.Omega, errors[:, :m],
-            errors[:, :m] * self.inertia, self.inexact + moved[:, np.newaxis] + late,
+            errors[:, :m] * self.laws.impacts.inertia, inexact + moved[:, np.newaxis] + late,
             np.zeros(count),
         )  # fmt: skip

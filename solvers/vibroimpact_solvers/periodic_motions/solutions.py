@@ -7,12 +7,13 @@ from typing import Final
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import EPS, Floats, Integers
+from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
 from vibroimpact_solvers.periodic_motions.problem import Problem
 
 PI: Final = np.longdouble("3.14159265358979323846264338327950288")
+COINCIDENT: Final = 1e-12  # of the period: times within which impacts coincide
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -48,12 +49,8 @@ class Cells:
         wide = np.longdouble(driven.scale) * periods * 2 * PI / problem.Omega
         length = wide.astype(np.float64)
         Omega = problem.Omega / driven.scale
-        steady = np.zeros((Omega.size, driven.harmonics.size, 2, driven.kick.shape[2]), complex)
-        error = np.zeros((Omega.size, driven.harmonics.size, driven.kick.shape[2]))
-        for k, harmonic in enumerate(driven.harmonics):
-            steady[:, k], error[:, k] = driven.pairs.steady_response(
-                harmonic * Omega, driven.load[k]
-            )
+        rates = Omega[:, np.newaxis] * driven.harmonics
+        steady, error = driven.pairs.steady_response(rates, driven.load)
         return cls(
             Omega, length, (wide - length).astype(np.float64), -1.0 if problem.symmetric else 1.0,
             steady, error,
@@ -125,6 +122,17 @@ class Solutions:
     def at(self, chosen: Integers) -> Solutions:
         """Return some of the solutions."""
         return Solutions(*(getattr(self, field.name)[chosen] for field in fields(self)))
+
+
+def time_between(later: Floats, earlier: Floats, order: Booleans, period: Floats) -> Floats:
+    """Return the times from impacts to others within a period.
+
+    Of two that coincide up to rounding, that which is listed first strikes first (`order`: the
+    later one is the second): it is 0 from the first to the second, and a period back.
+    """
+    apart = np.mod(later - earlier, period)
+    close = np.minimum(apart, period - apart) <= COINCIDENT * period
+    return np.where(close, np.where(order, 0.0, period), apart)
 
 
 def without_impacts(cells: Cells) -> Solutions:

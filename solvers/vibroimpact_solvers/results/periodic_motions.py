@@ -147,6 +147,15 @@ class Result:
             error="error/solution/energy_lost",
         ),
     ]  # fmt: skip
+    solution_energy: Annotated[
+        Floats | None,
+        _solution(
+            "energy", "mass length2 time-2",
+            "energy after the first impact, from the equilibrium under the constant load; without "
+            "impacts at phase 0",
+            error="error/solution/energy",
+        ),
+    ]  # fmt: skip
     solution_work: Annotated[
         Floats | None,
         _solution(
@@ -226,6 +235,9 @@ class Result:
     ]
     error_energy_lost: Annotated[
         Floats | None, _error("solution/energy_lost", "mass length2 time-2", "energy lost", _ALL)
+    ]
+    error_energy: Annotated[
+        Floats | None, _error("solution/energy", "mass length2 time-2", "energy", _ALL)
     ]
     error_work: Annotated[
         Floats | None, _error("solution/work", "mass length2 time-2", "work", _ALL)

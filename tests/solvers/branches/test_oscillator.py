@@ -13,6 +13,7 @@ import pytest
 from tests.solvers.branches.shooting import Oscillator
 from vibroimpact_solvers import branches
 from vibroimpact_solvers import periodic_motions as driven
+from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 
 ONE = SymmetricMatrix.diagonal([1.0])
@@ -102,3 +103,74 @@ def test_the_loss_of_symmetry() -> None:
     assert child.sum() > 3
     momenta = result.impact_momentum[np.isin(result.impact_solution, np.flatnonzero(child))]
     assert np.abs(momenta[0::2] - momenta[1::2]).max() > 1e-2
+
+
+def test_the_frequency_of_the_drive_may_have_any_unit() -> None:
+    wall = Constraint((0,), (1.0,), None, 0.0, 0.8)
+    system = System(ONE, ONE, (wall,), C=SymmetricMatrix.diagonal([0.1]))
+    load, turn = (driven.Force((0,), (1.0,), 1.0),), 2.0 * np.pi
+
+    def results(unit: float) -> branches.Result:
+        def at(value: float) -> driven.Problem:
+            return driven.Problem(system, np.array([unit * value]), load, outputs=OUTPUTS)
+
+        problem = branches.Problem(at, 2.6 / unit, 2.9 / unit, system, frequency=True)
+        return branches.solve(problem, branches.plan(problem))
+
+    radians, hertz = results(1.0), results(turn)
+    assert hertz.solution_Omega == pytest.approx(radians.solution_Omega, rel=1e-9)
+    assert turn * hertz.solution_parameter == pytest.approx(radians.solution_parameter, rel=1e-9)
+    assert hertz.point_type.tolist() == radians.point_type.tolist()
+
+
+def test_what_is_not_the_frequency_of_the_drive_is_refused() -> None:
+    system = System(ONE, ONE, (Constraint.at(0, 1.0),), C=SymmetricMatrix.diagonal([0.1]))
+    load = (driven.Force((0,), (1.0,), 1.0),)
+    with pytest.raises(ModelError, match="not the frequency of the drive"):
+        branches.Problem(
+            lambda _: driven.Problem(system, np.array([2.0]), load), 1.0, 2.0, system,
+            frequency=True,
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize("smallest", [0.0, 0.0005, 0.1])
+def test_impulses_that_are_like_the_load_end_no_branch(smallest: float) -> None:
+    """At gap 0 motions are like their load, however small it is where branches begin."""
+    wall = Constraint((0,), (1.0,), None, 0.0, 0.8)
+    system = System(ONE, ONE, (wall,), C=SymmetricMatrix.diagonal([0.1]))
+
+    def at(amplitude: float) -> driven.Problem:
+        load = (driven.Force((0,), (1.0,), amplitude),)
+        return driven.Problem(system, np.array([2.7]), load, outputs=OUTPUTS)
+
+    problem = branches.Problem(at, smallest, 10.0, system, step=0.1)
+    result = branches.solve(problem, branches.plan(problem))
+    assert set(result.solution_branch) == {0, 1, 2}  # of two motions, and without impacts
+    for branch in range(2):
+        rows = np.flatnonzero(result.solution_branch == branch)
+        load, pushed = result.solution_parameter[rows], result.impact_momentum[rows]
+        ends = sorted(load[[0, -1]])
+        assert ends == pytest.approx([max(smallest, ends[0]), 10.0])
+        assert ends[0] < 0.2
+        assert np.abs(np.diff(load)).max() < 1.001 * 0.1 * (10.0 - smallest)
+        assert pushed / load == pytest.approx(pushed[0] / load[0], rel=1e-9)
+
+
+@pytest.mark.parametrize("symmetric", [False, True])
+def test_branches_that_begin_without_load(symmetric: bool) -> None:
+    """At amplitude 0 the motion may begin at any time, elsewhere it may not."""
+    wall = Constraint((0,), (1.0,), 1.0 if symmetric else None, 1.0)
+    system = System(ONE, ONE, (wall,))
+    sequence = driven.SYMMETRIC if symmetric else (driven.Impact(0),)
+
+    def at(amplitude: float) -> driven.Problem:
+        load = (driven.Force((0,), (1.0,), amplitude),)
+        return driven.Problem(system, np.array([1.3]), load, sequence=sequence, outputs=OUTPUTS)
+
+    results = []
+    for start, stop in ((0.0, 0.5), (0.5, 0.0)):
+        problem = branches.Problem(at, start, stop, system, points=60)
+        results.append(branches.solve(problem, branches.plan(problem)))
+    for result in results:
+        touches = result.point_parameter[result.point_type == branches.Type.GRAZING]
+        assert touches == pytest.approx([])

@@ -125,3 +125,43 @@ def test_stable_motions_attract_and_are_repeated() -> None:
         result.impact_phase[mine][order] / Omega[0], abs=1e-6
     )
     assert history.impact_impulse == pytest.approx(result.impact_momentum[mine][order], abs=1e-6)
+
+
+@pytest.mark.parametrize("Omega", [1.5, 2.2])
+@pytest.mark.parametrize("coupling", [0.0, 0.05])
+def test_impacts_of_two_walls_may_coincide(Omega: float, coupling: float) -> None:
+    """A symmetric structure driven in phase strikes both, as half of it strikes one."""
+    K = np.array([[2.0, -1.0], [-1.0, 2.0]])
+    walls = [Constraint((dof,), (1.0,), None, 0.2, 0.8) for dof in range(2)]
+    ones, C = SymmetricMatrix.diagonal([1.0, 1.0]), coupling * K if coupling else 0.1 * np.eye(2)
+    both = System(ones, SymmetricMatrix.dense(K), tuple(walls), C=SymmetricMatrix.dense(C))
+    one = SymmetricMatrix.diagonal([1.0])
+    half = System(one, one, tuple(walls[:1]), C=SymmetricMatrix.diagonal(C.sum(axis=1)[:1]))
+    outputs = frozenset(driven.OUTPUTS) - {"waveform"}
+    sequence = driven.Impact(0), driven.Impact(1)
+    load = (driven.Force((0, 1), (1.0, 1.0), 1.0),)
+    pairs = driven.Problem(both, np.array([Omega]), load, sequence=sequence, outputs=outputs)
+    alone = driven.Problem(
+        half, np.array([Omega]), (driven.Force((0,), (1.0,), 1.0),), outputs=outputs
+    )
+    result, expected = (driven.solve(each, driven.plan(each)) for each in (pairs, alone))
+    for row in np.flatnonzero(expected.solution_exists & (expected.solution_impacts == 1)):
+        (k,) = np.flatnonzero(expected.impact_solution == row)
+        phases = result.impact_phase.reshape(-1, 2)
+        near = np.abs(phases - expected.impact_phase[k]).max(axis=1) < 1e-9
+        (same,) = np.flatnonzero(near)
+        pushed = result.impact_momentum.reshape(-1, 2)[same]
+        assert pushed == pytest.approx(expected.impact_momentum[k], rel=1e-10)
+        two = int(np.flatnonzero(result.solution_impacts == 2)[same])
+        assert result.solution_exists[two]
+        mine, theirs = (
+            each.multipliers_real[of] + 1j * each.multipliers_imaginary[of]
+            for each, of in ((result, two), (expected, row))
+        )
+        for multiplier in theirs:
+            assert np.abs(mine - multiplier).min() < 1e-9
+        for multiplier in mine:
+            assert np.abs(mine - multiplier.conjugate()).min() < 1e-9
+        energies = result.solution_energy_lost[two], expected.solution_energy_lost[row]
+        assert energies[0] == pytest.approx(2.0 * energies[1], rel=1e-10)
+    assert (expected.solution_exists & (expected.solution_impacts == 1)).any()
