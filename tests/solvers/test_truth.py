@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
 from tests.truth.sets import SETS
@@ -76,15 +77,65 @@ def test_motions_are_what_they_are_said_to_be(maker: str) -> None:
     assert report.counts["horizon at the end"] >= 4
 
 
+@pytest.mark.parametrize(
+    "index",
+    [
+        143,  # a free body that K holds by its roundings
+        3022,  # the same with drag
+        730,  # 1,552 impacts of modes that damping couples, each of which took from the energy
+        539,  # the same of one stiff mode among others
+        5328,  # free bodies that slow drag couples
+        715,  # a load's slope displaces a body so far that its wall seemed out of reach
+        5107,  # impulses as small as the error of the state
+    ],
+)
+def test_hard_motions(index: int) -> None:
+    """Cases of seed 20 that were outside their errors."""
+    report = Report()
+    SETS["histories"].check(SETS["histories"].case(20, index), report)
+    assert not report.failures
+    assert report.counts["horizon at the end"] == 1
+
+
+@pytest.mark.parametrize("seed", [0, 3, 6, 8])
+def test_rattling_between_close_stops(seed: int) -> None:
+    """1,200 impacts, each later or earlier by the rounding of the distance between the stops."""
+    rng = np.random.default_rng(seed)
+    gap = 5e-4 * float(rng.uniform(0.7, 1.3))
+    stops = {"dofs": [0], "weights": [1.0], "lower": gap, "upper": 1.1 * gap, "restitution": 1.0}
+    document = {
+        "M": [[float(rng.uniform(0.5, 2.0))]],
+        "K": [[float(rng.uniform(0.5, 2.0))]],
+        "force": [float(rng.uniform(1.0, 2.0))],
+        "constraints": [stops],
+        "x": [0.0],
+        "v": [3.0],
+        "t": [0.4],
+        "t_end": 0.4,
+    }
+    report = Report()
+    SETS["histories"].check(Case("rattling", document), report)
+    assert not report.failures
+    assert report.counts["horizon at the end"] == 1
+
+
 def test_motions_between_soft_limiters_are_what_they_are_said_to_be() -> None:
     report = outcome("soft", 6, lambda case: kind(case) in {"plain", "damped"})
     assert not report.failures
 
 
 def test_periodic_motions_are_what_they_are_said_to_be() -> None:
-    report = outcome("periodic-motions", 25, lambda case: kind(case) != "large")
+    report = outcome("periodic-motions", 14, lambda case: kind(case) != "large")
     assert not report.failures
     assert median(report, "momentum") < 100.0
     assert median(report, "phase") < 100.0
     assert median(report, "multipliers") < 100.0
-    assert report.counts["verdicts certified"] > 100
+    assert report.counts["verdicts certified"] > 60
+
+
+def test_histories_do_what_verdicts_on_periodic_motions_say() -> None:
+    report = outcome("settling", 24, lambda _: True)
+    assert not report.failures
+    assert report.counts["existence judged"] > 30
+    assert report.counts["stability judged: stable"]
+    assert report.counts["stability judged: unstable"]

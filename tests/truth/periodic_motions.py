@@ -22,6 +22,7 @@ _POINTS = 1201  # of the paths on which limits and extremes are checked
 _PHASES = 40_001  # at which solutions are looked for
 _DIGITS = 1e-45  # to which the reference knows multipliers, by the largest one
 _ILL = 1e7  # condition number of complex modes from which doubles need not tell them apart
+_DAMPED = 1e-3  # damping ratio from which work and losses agree to twelve digits
 _SMALL = 8  # degrees of freedom up to which energies are compared
 _PATIENCE = 900.0  # seconds for the reference of larger ones
 
@@ -29,18 +30,18 @@ _PATIENCE = 900.0  # seconds for the reference of larger ones
 def case(rng: np.random.Generator) -> Case:
     """Return a random driven structure."""
     if rng.random() < 0.02:
-        return _case(rng, "large", int(rng.integers(10, 51)))
+        return random_case(rng, "large", int(rng.integers(10, 51)))
     n = int(rng.integers(2, 7))
-    return _case(rng, str(rng.choice(["dense", "diagonal", "chain", "mirror"])), n)
+    return random_case(rng, str(rng.choice(["dense", "diagonal", "chain", "mirror"])), n)
 
 
 def large_case(rng: np.random.Generator) -> Case:
     """Return one with more degrees of freedom, up to 50."""
     n = int(rng.integers(10, 51))
-    return _case(rng, "large", n, least=n - 5)
+    return random_case(rng, "large", n, least=n - 5)
 
 
-def _case(rng: np.random.Generator, name: str, n: int, least: int = 1) -> Case:
+def random_case(rng: np.random.Generator, name: str, n: int, least: int = 1) -> Case:
     """Return a random structure of a kind, with at most about n degrees of freedom."""
     large = name == "large"
     document = structures.structure(rng, "dense" if large else name, n)
@@ -208,7 +209,10 @@ def _check_energies(
         result.solution_impacts == 0
     )
     size = max(float(lost[row]), float(lost[alone].max(initial=0.0)))
-    if abs(float(work[row] - lost[row])) > 1e-12 * size:
+    # Less damping takes a smaller part of what flows to and fro than the phase, as a double, lets
+    # be known to twelve digits: the errors of both are then what is checked.
+    damped = exact.s.damping_ratio() >= _DAMPED
+    if damped and abs(float(work[row] - lost[row])) > 1e-12 * size:
         report.fail("work is what is lost", f"{work[row]!r} of the load, {lost[row]!r} lost")
     if exact.s.n > _SMALL:
         return

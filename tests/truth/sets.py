@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from tests.truth import bands, digits, histories, impact_modes, periodic_motions, soft
+from tests.truth import bands, digits, histories, impact_modes, periodic_motions, settling, soft
 from tests.truth.verdicts import Case, Report
 
 
@@ -34,4 +34,5 @@ SETS: Final = {
     "soft": Set(4, soft.case, soft.check, 1_000),
     "periodic-motions": Set(5, periodic_motions.case, periodic_motions.check, 3_000),
     "large-periodic-motions": Set(6, periodic_motions.large_case, periodic_motions.check, 100),
+    "settling": Set(7, settling.case, settling.check, 2_000),
 }
