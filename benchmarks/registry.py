@@ -81,6 +81,7 @@ BENCHMARKS: Final[tuple[Benchmark, ...]] = (
         "run time and error of every method, from loose to tight tolerances",
         (
             "error_against_time.time_histories.time_histories",
+            "error_against_time.stated_errors.stated_errors",
             "error_against_time.impact_modes.impulses",
             "error_against_time.existence_bands.bands_by_scans",
             "error_against_time.slow_flows.slow_flow_variants",

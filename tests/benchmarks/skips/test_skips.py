@@ -103,8 +103,8 @@ SAVED: Mapping[str, Mapping[str, tuple[int, int]]] = {
     # One state instead of four at the end of each free motion.
     "no estimate of errors requested, N=13": {STATES: (333, 369)},
     # Of 48 solutions, 18 of them with an impact: 13 degrees of freedom, 26 multipliers, 33 times.
-    "only exists of periodic motions requested, N=13": {NUMBERS: (576, 29_662)},
-    "only energy of periodic motions requested, N=13": {NUMBERS: (528, 29_662)},
+    "only exists of periodic motions requested, N=13": {NUMBERS: (576, 29_758)},
+    "only energy of periodic motions requested, N=13": {NUMBERS: (624, 29_758)},
     "only section of attractors requested": {NUMBERS: (53, 56)},
     "only stability of attractors requested": {NUMBERS: (53, 56)},
     "fifty gaps of two coupled constraints, N=40": {
