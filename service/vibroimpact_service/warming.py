@@ -9,6 +9,7 @@ services that start at the same time share the work.
 from __future__ import annotations
 
 import fcntl
+import functools
 import multiprocessing
 import os
 import signal
@@ -207,6 +208,17 @@ def is_warm(place: Path, kind: str) -> bool:
         return _mark(place, kind).read_text() == _VERSION
     except OSError:
         return False
+
+
+@functools.cache
+def _place() -> Path | None:
+    return cache.folder()
+
+
+def is_compiled(kind: str) -> bool:
+    """Whether the kernels of a kind are known to be there for this process."""
+    place = _place()
+    return place is not None and is_warm(place, kind)
 
 
 def compile_kind(place: Path, kind: str, solve: Callable[[str], None]) -> None:

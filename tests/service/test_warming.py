@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import os
+import subprocess
+import sys
 import time
 from functools import partial
 from pathlib import Path
@@ -152,6 +155,35 @@ def test_the_problems_of_a_kind_can_be_solved(kind: str, tmp_path: Path) -> None
         assert planning.plan(Store(str(tmp_path)), each.kind, each.document).plan.steps
 
 
+PLANS = """
+import sys, tempfile
+from numba import njit
+from numba.core import event
+from vibroimpact_service import warming
+from vibroimpact_service.documents import planning, requests
+from vibroimpact_service.kinds import KINDS
+from vibroimpact_service.settings import Settings
+from vibroimpact_service.store import Store
+
+store, settings = Store(sys.argv[1]), Settings(data=sys.argv[1])
+with event.install_recorder("numba:compile") as compiled:
+    for kind in KINDS:
+        for content in warming.problems(kind):
+            request = requests.read("ann", KINDS[kind], content)
+            planning.plan(store, request.kind, request.document, settings)
+    during_plans = len(compiled.buffer)
+    njit(lambda x: x + 1)(1)
+assert len(compiled.buffer) > during_plans == 0
+"""
+
+
+def test_plans_compile_nothing(tmp_path: Path) -> None:
+    """Else they would be refused for their processor time while kernels are missing."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "empty")}
+    command = [sys.executable, "-c", PLANS, str(tmp_path)]
+    subprocess.run(command, env=environment, check=True, timeout=120)
+
+
 def test_what_needs_missing_kernels_becomes_a_job(
     settings: Settings, store: Store, queue: Any, request_body: dict[str, Any]
 ) -> None:
@@ -211,3 +243,14 @@ def test_a_service_says_what_is_missing(
             batch = {"kind": "impact-modes", "requests": [request_body]}
             answer = http.post("/v1/batch", json=batch)
             assert answer.status_code == (200 if state == "warm" else 503)
+
+
+def test_what_is_marked_counts_as_compiled(
+    place: Path, notes: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(warming, "_place", lambda: place)
+    assert not any(map(warming.is_compiled, KINDS))
+    run(Warming(partial(noted, notes)))
+    assert all(map(warming.is_compiled, KINDS))
+    monkeypatch.setattr(warming, "_place", lambda: None)  # kernels cannot be kept
+    assert not any(map(warming.is_compiled, KINDS))

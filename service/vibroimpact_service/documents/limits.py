@@ -9,6 +9,7 @@ from vibroimpact_schema import systems
 from vibroimpact_schema.branches import BranchesRequest
 from vibroimpact_schema.sweeps import SweepRequest
 from vibroimpact_service import problems
+from vibroimpact_service.documents import fill
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
 from vibroimpact_solvers.plan import Plan, Stage
@@ -124,8 +125,17 @@ def least_bytes(plan: Plan) -> float:
 
 
 def check_system(system: systems.AnySystem, settings: Settings, where: str = "") -> None:
-    """Refuse a system with more degrees of freedom than the service accepts."""
+    """Refuse a system with more degrees of freedom, or of longer factors, than are accepted."""
     check_dofs(dofs(system), settings, where)
+    if not isinstance(system, systems.MatrixSystem):
+        return
+    for name, matrix in fill.factorized(system):
+        if (work := fill.work(matrix)) > fill.MOST:
+            message = (
+                f"its factors take about {work:.2g} operations, more than {fill.MOST:.0e}: its "
+                "entries lie anywhere, and not near those of neighbours as in a structure"
+            )
+            raise problems.too_large(f"{where}/{name}", "too_many_operations", message)
 
 
 def check_dofs(n: int, settings: Settings, where: str = "") -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
@@ -13,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
-from vibroimpact_schema import grids, sweeps
+from vibroimpact_schema import grids, sweeps, systems
 from vibroimpact_service import validation
 from vibroimpact_service.documents import decode
 from vibroimpact_service.kinds import KINDS
@@ -38,9 +39,16 @@ _SORTS: Final = {NoneType: "null", bool: "true or false", str: "text", list: "a 
 _VALUES_TRIED: Final = 64
 """Values of an axis that are tried before the sweep is accepted: the least, the greatest, and some
 between, as what a field permits is an interval. What is wrong with others is said at their points.
+Of large structures fewer are, and then all that is wrong is said there.
 """
 _POINTS_TRIED: Final = 256
 """Points at which a value is tried before it is taken to be wrong everywhere."""
+_ALL_TRIED: Final = 20, 1000
+"""Points after which no more are tried, of the largest and of small structures."""
+_NUMBERS_TRIED: Final = 1_000_000
+"""Numbers in the structures of all points that are tried; each takes some 0.1 microseconds."""
+_LIMITER_NUMBERS: Final = 20
+"""Numbers in whose time a limiter is checked."""
 _OTHER_SIZE: Final = ModelError(
     (), "the results would have other sizes than those of the base", code="shapes_differ"
 )
@@ -74,9 +82,11 @@ def problem(
         decode.problem(KINDS[kind], base, system)
     except ModelError as error:
         raise error.under("base") from None
-    axes = [_axis(base, place, axis) for place, axis in enumerate(request.root.axes)]
+    points = _tried_points(base.system)
+    most = max(2, min(_VALUES_TRIED, points // (4 * len(request.root.axes))))
+    axes = [_axis(base, place, axis, most) for place, axis in enumerate(request.root.axes)]
     _check_different(axes)
-    _Grid(kind, _thinned(base, axes), axes).check(meter)
+    _Grid(kind, _thinned(base, axes), axes).check(meter, points)
     grid = _Grid(kind, base, axes)
     return sweep.Problem(kind, tuple(_described(kind, base, axes)), grid.at, system)
 
@@ -180,21 +190,47 @@ def number(base: Any, text: str) -> Varying:
     return Varying(path, _mirror(base, path), isinstance(here, int))
 
 
-def _axis(base: Any, place: int, document: sweeps.AnyAxis) -> _Axis:
+def _axis(base: Any, place: int, document: sweeps.AnyAxis, most: int) -> _Axis:
     try:
         of = number(base, document.path)
     except ModelError as error:
         raise error.under("axes", place) from None
     values = _values(document)
-    return _Axis(of.path, of.mirror, of.whole, document, values, _tried(values))
+    return _Axis(of.path, of.mirror, of.whole, document, values, _tried(values, most))
 
 
-def _tried(values: Floats) -> Sequence[int]:
+def _tried(values: Floats, most: int) -> Sequence[int]:
     """Return the positions of the values that are checked; see `_VALUES_TRIED`."""
-    if values.size <= _VALUES_TRIED:
+    if values.size <= most:
         return range(values.size)
-    spread = np.linspace(0.0, values.size - 1.0, _VALUES_TRIED - 2).astype(np.int64)
+    spread = np.linspace(0.0, values.size - 1.0, most - 2).astype(np.int64)
     return sorted({int(values.argmin()), int(values.argmax()), *spread.tolist()})
+
+
+def _tried_points(system: Any) -> int:
+    """Return how many points are tried before a sweep is accepted: fewer of large structures."""
+    given = [getattr(system, name, None) for name in ("M", "K", "C")]
+    numbers = sum(map(_numbers, given)) + getattr(system, "n", 0)
+    numbers += _LIMITER_NUMBERS * len(system.constraints)
+    least, most = _ALL_TRIED
+    return max(least, min(most, _NUMBERS_TRIED // max(numbers, 1)))
+
+
+def _numbers(matrix: Any) -> int:
+    """Return how many numbers a matrix is made of, 0 for none."""
+    match matrix:
+        case None:
+            return 0
+        case systems.DiagonalMatrix():
+            return len(matrix.diagonal)
+        case systems.BandedMatrix():
+            return sum(map(len, matrix.bands.values()))
+        case systems.CoordinateMatrix():
+            return len(matrix.data)
+        case systems.ScalarMatrix():
+            return matrix.n
+        case _:
+            return sum(map(len, matrix))
 
 
 def _check_different(axes: Sequence[_Axis]) -> None:
@@ -386,9 +422,12 @@ class _Grid:
         document = self._set(self._structural, positions).system
         return decode.system(document.model_copy(update={"constraints": []}))
 
-    def check(self, meter: Callable[[], None]) -> None:
-        """Refuse values with which no point is possible; `meter` as of `problem`."""
-        self._meter = meter
+    def check(self, meter: Callable[[], None], points: int) -> None:
+        """Refuse values with which none of so many points is possible; `meter` as of `problem`."""
+        self._meter, self._left = meter, points
+        tried = [axis.tried for axis in self._axes]
+        usual = [_tried(axis.values, _VALUES_TRIED) for axis in self._axes]
+        few = tried != usual or points < min(_POINTS_TRIED, math.prod(map(len, tried)))
         for place, axis in enumerate(self._axes):
             if axis.whole and (broken := axis.values % 1.0 != 0.0).any():
                 error = ModelError((), "must be a whole number", code="wrong_type")
@@ -399,42 +438,46 @@ class _Grid:
                     axis.check(self._base, k)
                 except ModelError as error:
                     raise self._wrong(place, k, error) from None
-        good = self._first_possible(self._some())
-        if isinstance(good, ModelError):
-            related = [_related(axis.path, good.pointer) for axis in self._axes]
-            raise self._wrong(related.index(True) if any(related) else 0, 0, good)
-        size = self._size(good)
+        outcome = self._first_possible(self._some())
+        if isinstance(outcome, ModelError):
+            if few:
+                return
+            related = [_related(axis.path, outcome.pointer) for axis in self._axes]
+            raise self._wrong(related.index(True) if any(related) else 0, 0, outcome)
+        good, point = outcome
+        size = self._size(point)
         for place, axis in enumerate(self._axes):
             for k in axis.tried:
-                neighbour = self._possible_beside(good, place, k)
+                neighbour = self._possible_beside(good, place, k, few)
                 if neighbour is not None and self._size(neighbour) != size:
                     raise self._wrong(place, k, _OTHER_SIZE)
 
-    def _size(self, index: Index) -> int:
-        return 0 if self._response_count is None else self._response_count(self.at(index))
+    def _size(self, point: Any) -> int:
+        return 0 if self._response_count is None else self._response_count(point)
 
-    def _possible_beside(self, good: Index, place: int, k: int) -> Index | None:
-        """Return a possible point with a value, None where there are too many to try."""
+    def _possible_beside(self, good: Index, place: int, k: int, few: bool) -> Any:
+        """Return the problem of a possible point with a value, None where others may be."""
+        if self._left <= 0:
+            return None
         beside = (*good[:place], k, *good[place + 1 :])
         points = itertools.chain([beside], self._some((place, k)))
         outcome = self._first_possible(points)
         if not isinstance(outcome, ModelError):
-            return outcome
-        if next(points, None) is not None:
+            return outcome[1]
+        if few or next(points, None) is not None:
             return None
         raise self._wrong(place, k, outcome)
 
-    def _first_possible(self, points: Iterator[Index]) -> Index | ModelError:
-        """Return the first possible one of some points, or the first error where there is none."""
+    def _first_possible(self, points: Iterator[Index]) -> tuple[Index, Any] | ModelError:
+        """Return the first possible one of some points and its problem, or the first error."""
         first: ModelError | None = None
-        for index in itertools.islice(points, _POINTS_TRIED):
+        for index in itertools.islice(points, max(1, min(_POINTS_TRIED, self._left))):
             self._meter()
+            self._left -= 1
             try:
-                self.at(index)
+                return index, self.at(index)
             except ModelError as error:
                 first = first or error
-            else:
-                return index
         assert first is not None
         return first
 

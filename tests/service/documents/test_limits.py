@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
+import random
+import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +14,7 @@ from starlette.testclient import TestClient
 
 from vibroimpact_schema.requests import ImpactModesRequest
 from vibroimpact_schema.sweeps import SweepRequest
+from vibroimpact_schema.systems import MatrixSystem
 from vibroimpact_service import problems
 from vibroimpact_service.documents import limits
 from vibroimpact_service.problems import ProblemError
@@ -68,6 +73,64 @@ def test_too_many_points(frequency: dict[str, Any]) -> None:
 
 def test_what_is_at_the_limits_passes() -> None:
     check({**CHAIN, "n": 100}, {"start": 1, "stop": 2, "num": 1000})
+
+
+def entries(pairs: Any, n: int, diagonal: float = 10.0) -> dict[str, Any]:
+    """Return the symmetric matrix with small entries at some places beside its diagonal."""
+    places = {(i, j) for i, j in pairs if i != j}
+    both = sorted(places | {(j, i) for i, j in places})
+    own = range(n) if diagonal else range(0)
+    rows, columns = [*own, *(i for i, _ in both)], [*own, *(j for _, j in both)]
+    data = [diagonal] * len(own) + [0.01] * len(both)
+    return {"shape": [n, n], "row": rows, "col": columns, "data": data}
+
+
+def anywhere(n: int, each: int) -> Iterator[tuple[int, int]]:
+    draw = random.Random(1)
+    return ((draw.randrange(n), draw.randrange(n)) for _ in range(n * each))
+
+
+def near(k: int) -> Iterator[tuple[int, int]]:
+    """Yield neighbours in a cube of k^3 nodes with three degrees of freedom each."""
+    steps = list(itertools.product((-1, 0, 1), repeat=3))
+    for at in itertools.product(range(k), repeat=3):
+        for step in steps:
+            to = [a + b for a, b in zip(at, step, strict=True)]
+            if min(to) >= 0 and max(to) < k:
+                one, other = (3 * (k * (k * a + b) + c) for a, b, c in (at, to))
+                yield from ((one + p, other + q) for p in range(3) for q in range(3))
+
+
+N = 5000
+UNIT = {"scalar": 1.0, "n": N}
+STAR = [(0, k) for k in range(1, N)]
+MASSLESS = {"diagonal": [1.0] * 100 + [0.0] * (N - 100)}
+
+
+@pytest.mark.parametrize(
+    ("M", "K", "pointer"),
+    [
+        (entries(anywhere(N, 8), N), UNIT, "/system/M"),
+        (MASSLESS, entries(anywhere(N, 8), N), "/system/K"),
+        (entries([], N, 0.0), entries(anywhere(N, 8), N), "/system/K"),
+        (UNIT, entries(anywhere(N, 8), N), None),  # whose factors no plan needs
+        (entries(near(11), 3993), {"scalar": 1.0, "n": 3993}, None),
+        (MASSLESS, entries(STAR, N), None),
+    ],
+)
+def test_factors_of_plans_are_bounded(M: Any, K: Any, pointer: str | None) -> None:
+    """Three of those that are refused took the threads of all plans for a minute."""
+    settings = SETTINGS.model_copy(update={"max_dofs": N})
+    system = MatrixSystem.model_validate({"M": M, "K": K, "constraints": []})
+    if pointer is None:
+        limits.check_system(system, settings, "/system")
+        return
+    began = time.thread_time()
+    with pytest.raises(ProblemError, match="operations") as refused:
+        limits.check_system(system, settings, "/system")
+    assert time.thread_time() - began < 1.0
+    assert refused.value.type.status == 413
+    assert refused.value.errors[0].pointer == pointer
 
 
 def test_results_are_bounded_and_spectra_are_not_results() -> None:

@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 import copy
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from vibroimpact_schema.sweeps import SweepRequest
-from vibroimpact_service.documents import planning
+from vibroimpact_service.documents import planning, sweep_axes
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.problems import ProblemError
+from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 from vibroimpact_solvers import sweep
-from vibroimpact_solvers.errors import Status
+from vibroimpact_solvers.errors import ModelError, Status
 
 MATRICES: dict[str, Any] = {
     "M": {"diagonal": [1.0, 2.0]},
     "K": [[2.0, -1.0], [-1.0, 2.0]],
     "constraints": [{"dof": 0, "gap": {"lower": 0.1, "upper": 0.2}}],
 }
+
+
+FULL: dict[str, Any] = MATRICES | {"M": [[1.0, 0.0], [0.0, 2.0]]}
 
 
 def document(*axes: dict[str, Any], system: dict[str, Any] = MATRICES, **more: Any) -> Any:
@@ -229,3 +234,65 @@ class TestBase:
         assert found.at((0,)).system.constraints[0].upper == 0.5
         missing = document(axis, system={"id": "sys_" + "1" * 64})
         assert refused(store, missing)[:2] == ("/base/system/id", "unknown_system")
+
+
+@pytest.mark.parametrize("count", [64, 65, 1000])
+def test_extremes_of_many_values_are_tried(store: Store, count: int) -> None:
+    values = np.linspace(0.0, 1.0, count).tolist()
+    problem(store, document({"path": "system.M.0.1", "values": values}, system=FULL))
+    values[-1] = 2.5
+    pointer, code, _ = refused(
+        store, document({"path": "system.M.0.1", "values": values}, system=FULL)
+    )
+    assert pointer == f"/axes/0/values/{count - 1}"
+    assert code == "not_positive_definite"
+
+
+def of_two_masses(n: int, *values: float) -> Any:
+    """Return a sweep over two entries of the mass matrix of a structure whose others are few."""
+    bands = {str(k): [-0.01 if k else 10.0] * (n - k) for k in range(40)}
+    places = [(0, 1), (1, 0), (1, 2), (2, 1)]
+    rows, columns = [*range(n), *(i for i, _ in places)], [*range(n), *(j for _, j in places)]
+    system = {
+        "M": {
+            "shape": [n, n], "row": rows, "col": columns,
+            "data": [1.0] * n + [0.5] * 4,
+        },
+        "K": {"bands": bands},
+        "constraints": [{"dof": 0, "gap": 1.0}],
+    }  # fmt: skip
+    axes = [
+        {"path": f"system.M.data.{n + 2 * k}", "values": list(values), "name": name}
+        for k, name in enumerate("ab")
+    ]
+    return document(*axes, system=system)
+
+
+@pytest.mark.parametrize("n", [200, 1500])
+def test_a_sweep_is_not_refused_for_the_few_points_that_are_tried(store: Store, n: int) -> None:
+    """Only the extremes of both axes are tried of the large structure, and all of them fail."""
+    grid = problem(store, of_two_masses(n, -0.9, 0.0, 0.9))
+    statuses = []
+    for index in ((0, 0), (0, 1), (2, 2)):
+        try:
+            grid.at(index)
+            statuses.append("ok")
+        except ModelError as error:
+            statuses.append(error.code)
+    assert statuses == ["not_positive_definite", "ok", "not_positive_definite"]
+
+
+def test_a_sweep_of_a_large_structure_without_any_point(store: Store) -> None:
+    pointer, code, message = refused(store, of_two_masses(1500, 2.0, 3.0, 4.0))
+    assert (pointer, code) == ("/base/system/M", "not_positive_definite")
+    assert message.startswith("at all points that were tried: ")
+
+
+def test_the_search_for_a_point_that_is_possible_is_bounded(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sweep_axes, "_ALL_TRIED", (1, 1))  # so that the plan looks for it
+    request = SweepRequest.model_validate(of_two_masses(200, *np.linspace(2.0, 3.0, 40).tolist()))
+    settings = Settings(data=Path(store.url), plan_seconds=0.02)
+    with pytest.raises(ProblemError, match="The plan alone takes more than"):
+        planning.plan(store, KINDS["sweep"], request, settings)
