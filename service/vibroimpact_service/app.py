@@ -75,7 +75,7 @@ def create_app(
         Absent: kernels are compiled where they are needed first.
     """
     chosen = settings or Settings()
-    store = Store(chosen.store_url)
+    store = Store(chosen.store_url, patient=False)
     jobs_queue = queue or JobQueue(chosen, store, chunks.WORK)
 
     authenticator = Authenticator(chosen)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from functools import lru_cache
@@ -10,7 +11,7 @@ from typing import Any, Final, NamedTuple
 import orjson
 import structlog
 
-from vibroimpact_service import execute, loading, logs, problems
+from vibroimpact_service import execute, loading, logs, problems, warming
 from vibroimpact_service.documents import digest, parse, planning
 from vibroimpact_service.documents.planning import Planned
 from vibroimpact_service.jobs.work import (
@@ -27,7 +28,7 @@ from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.results import encode
 from vibroimpact_service.results.rows import RowFiles
-from vibroimpact_service.store import Store
+from vibroimpact_service.store import Store, StoreUnavailableError
 
 log = structlog.get_logger("vibroimpact.chunks")
 
@@ -39,6 +40,9 @@ _PIECE_SECONDS: Final = 60.0
 _TIMES_PLANNED: Final = 100.0
 """A piece that takes longer than so many times its planned time, and the seconds above, ends."""
 _MOST_PIECE_SECONDS: Final = 86_400.0
+_COMPILATION_SECONDS: Final = 600.0
+"""More of them where kernels may have to be compiled first: all take some 70, on a busy machine
+several times as many."""
 
 
 class Pieces(NamedTuple):
@@ -60,7 +64,8 @@ def _pieces(store_url: str, kind: str, request: str, seconds_each: float) -> Pie
     store = Store(store_url)
     data = store.requests.get(request)
     if data is None:
-        raise LookupError("the request of the job is gone")
+        # It was there when the job was begun, and is stored again when it is begun again.
+        raise StoreUnavailableError(errno.ENOENT, "the store has lost the request of the job")
     owner, _, canonical = data.rpartition(b"\n")
     document = parse.document(KINDS[kind].request, orjson.loads(canonical))
     planned = planning.plan(store, KINDS[kind], document)
@@ -148,6 +153,8 @@ def _limited(store: Store, job: Pieces, tick: Tick | None) -> Iterator[None]:
     """
     planned = job.planned.seconds / max(1, len(job.names))
     most = min(_PIECE_SECONDS + _TIMES_PLANNED * planned, _MOST_PIECE_SECONDS)
+    if not warming.is_compiled(job.planned.kind.name):
+        most += _COMPILATION_SECONDS
     if isinstance(tick, StopSignal):
         tick.allow(most)
     try:

@@ -10,12 +10,12 @@ import pytest
 
 from vibroimpact_schema.requests import ImpactModesRequest
 from vibroimpact_service import chunks as job_chunks
-from vibroimpact_service import execute
+from vibroimpact_service import execute, warming
 from vibroimpact_service.documents import digest, planning, requests
 from vibroimpact_service.jobs.work import ChunkMissingError, LimitPassedError, StopSignal
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.results import encode
-from vibroimpact_service.store import Store
+from vibroimpact_service.store import Store, StoreUnavailableError
 from vibroimpact_solvers.errors import ConvergenceError
 
 KIND = KINDS["impact-modes"]
@@ -138,7 +138,8 @@ def test_a_failure_is_explained_without_its_inner_words() -> None:
 
 
 def test_lost_requests_and_chunks_are_errors(store: Store, request_body: dict[str, Any]) -> None:
-    with pytest.raises(LookupError):
+    # It is no fault of the job, which is begun again, with its request from the records.
+    with pytest.raises(StoreUnavailableError):
         job_chunks.split(store.url, KIND.name, "f" * 64, RESULT)
     _, name, _ = keep_request(store, request_body)
     names = job_chunks.split(store.url, KIND.name, name, RESULT)
@@ -177,8 +178,26 @@ def test_a_piece_that_takes_far_more_than_planned_ends_and_says_what_is_kept(
 
     monkeypatch.setattr(impact_modes, "solve", endless)
     monkeypatch.setattr(job_chunks, "_PIECE_SECONDS", 0.05)
+    monkeypatch.setattr(warming, "is_compiled", lambda kind: kind == KIND.name)
     with pytest.raises(LimitPassedError, match=f"1 of {total} pieces are kept") as passed:
         job_chunks.solve(*arguments, [1], StopSignal())
     problem = job_chunks.explain(passed.value)
     assert (problem["code"], problem["status"]) == ("limit_passed", 422)
     assert problem["detail"] == str(passed.value)
+
+
+def test_kernels_may_be_compiled_beside_the_limit_of_a_piece(
+    store: Store, request_body: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No processor time is left for the piece: what it takes could be that of its kernels."""
+    name = keep_for(store, "ann", {**request_body, "frequency": steps(0.6, 1.6)})
+    arguments = (store.url, KIND.name, name, RESULT)
+    monkeypatch.setattr(job_chunks, "_PIECE_SECONDS", 0.0)
+    monkeypatch.setattr(job_chunks, "_TIMES_PLANNED", 0.0)
+    monkeypatch.setattr(warming, "is_compiled", lambda _kind: True)
+    with pytest.raises(LimitPassedError):
+        job_chunks.solve(*arguments, [0], StopSignal())
+    monkeypatch.setattr(warming, "is_compiled", lambda _kind: False)
+    job_chunks.solve(*arguments, [0], StopSignal())
+    (chunk, *_) = job_chunks.split(*arguments)
+    assert store.chunks.has(chunk.name)

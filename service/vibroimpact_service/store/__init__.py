@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from vibroimpact_service.store.content import (
-    HEAD,
-    ContentStore,
-    Entry,
-    Room,
-    StoreFullError,
-    StoreUnavailableError,
-)
+from vibroimpact_service.store.content import HEAD, ContentStore, Entry, Room
+from vibroimpact_service.store.errors import StoreFullError, StoreUnavailableError
+from vibroimpact_service.store.outage import Outage
 
 __all__ = [
     "HEAD",
@@ -29,14 +24,22 @@ class Store:
     ----------
     url : str
         Folder, or URL that fsspec understands.
+    patient : bool
+        Whether requests to a server that does not answer all wait for it; see `Outage`.
     """
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, *, patient: bool = True) -> None:
         self.url = url
-        self.requests = ContentStore(url, "requests")
-        self.systems = ContentStore(url, "systems")
-        self.chunks = ContentStore(url, "chunks")
-        self.results = ContentStore(url, "results")
+        self._outage = outage = Outage(patient=patient)
+        self.requests = ContentStore(url, "requests", outage)
+        self.systems = ContentStore(url, "systems", outage)
+        self.chunks = ContentStore(url, "chunks", outage)
+        self.results = ContentStore(url, "results", outage)
+
+    @property
+    def silent(self) -> bool:
+        """Whether the server of the store is known not to answer."""
+        return self._outage.known
 
     @property
     def areas(self) -> dict[str, ContentStore]:

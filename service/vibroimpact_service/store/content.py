@@ -16,12 +16,14 @@ from datetime import datetime
 from io import BufferedWriter
 from itertools import chain
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import IO, Any, NamedTuple, NoReturn
 
 import fsspec
 from fsspec.implementations.local import LocalFileSystem
 
 from vibroimpact_service.store import private
+from vibroimpact_service.store.errors import StoreFullError, StoreUnavailableError
+from vibroimpact_service.store.outage import Outage
 
 _NAME = re.compile(r"[0-9a-z_]{8,80}(\.[0-9a-z]{1,12})?")
 HEAD = 32
@@ -30,14 +32,17 @@ _READ_BYTES = 2**20
 _MAX_REQUESTS = 32  # requests to an object store at the same time
 _LEFTOVER_SECONDS = 3600.0
 _MAX_CHECKED = 10_000
-
-
-class StoreFullError(OSError):
-    """The store has no room for another block."""
-
-
-class StoreUnavailableError(ConnectionError):
-    """The store cannot be reached, cannot be read or written at the moment, or refuses."""
+_S3_ATTEMPTS = 2
+"""How often s3fs makes a request; each time, botocore tries as often as its limits say."""
+_S3_LIMITS: dict[str, Any] = {
+    # A server that is cut off says nothing. By default, 25 attempts of 5 s would be made, for the
+    # whole of which the call of a worker, and its job, would wait for that one worker.
+    "config_kwargs": {
+        "connect_timeout": 2,
+        "read_timeout": 10,
+        "retries": {"mode": "standard", "total_max_attempts": 2},
+    }
+}
 
 
 class Entry(NamedTuple):
@@ -67,12 +72,19 @@ class ContentStore:
         Folder, or URL of a bucket.
     area : str
         Subfolder of it that this store uses.
+    outage : Outage, optional
+        What is known of its server.
     """
 
-    def __init__(self, url: str, area: str) -> None:
+    def __init__(self, url: str, area: str, outage: Outage | None = None) -> None:
+        self._outage = outage or Outage(patient=True)
         # Other processes write too, so listings must not be cached.
         options: dict[str, Any] = {"use_listings_cache": False} if "://" in url else {}
+        if url.startswith("s3://"):
+            options |= _S3_LIMITS
         self._fs, root = fsspec.core.url_to_fs(url, **options)
+        if url.startswith("s3://"):
+            self._fs.retries = _S3_ATTEMPTS
         self._local = isinstance(self._fs, LocalFileSystem)
         self._root = f"{root.rstrip('/')}/{area}"
         self._checked: dict[str, tuple[int, int, int]] = {}
@@ -94,7 +106,7 @@ class ContentStore:
         if self._local:
             self._put_file(path, digest, [data], durable)
             return
-        with _bucket_needed(), _translated_errors():
+        with _bucket_needed(), self._outage.requests():
             self._fs.pipe_file(path, digest + data)
 
     def _put_file(self, target: str, digest: bytes, data: Iterable[bytes], durable: bool) -> None:
@@ -114,7 +126,7 @@ class ContentStore:
         except OSError as error:
             with suppress(OSError):
                 os.unlink(temporary)  # noqa: PTH108 (hot path)
-            raise _translated(error) from error
+            _fail(error)
 
     def get(self, name: str) -> bytes | None:
         """Return a block, or None where it is absent or damaged.
@@ -130,12 +142,12 @@ class ContentStore:
                 with open(path, "rb", buffering=0) as file:  # noqa: PTH123 (hot path)
                     content = file.readall()
             else:
-                with _translated_errors():
+                with self._outage.requests():
                     content = self._fs.cat_file(path)
         except FileNotFoundError:
             return None
         except OSError as error:
-            raise _translated(error) from error
+            _fail(error)
         data = content[32:]
         if hashlib.sha256(data).digest() != content[:32]:
             self.remove(name)
@@ -149,7 +161,7 @@ class ContentStore:
         except FileNotFoundError:
             return None
         except OSError as error:
-            raise _translated(error) from error
+            _fail(error)
 
     def size_of_all(self, names: Sequence[str]) -> int:
         """Return the size in bytes of those of some blocks that are there, in any store."""
@@ -159,7 +171,7 @@ class ContentStore:
             return sum(threads.map(self._remote_size, names))
 
     def _remote_size(self, name: str) -> int:
-        with suppress(FileNotFoundError), _translated_errors():
+        with suppress(FileNotFoundError), self._outage.requests():
             return int(self._fs.size(self._path(name))) - HEAD
         return 0
 
@@ -183,7 +195,7 @@ class ContentStore:
         except FileNotFoundError:
             return None
         except OSError as error:
-            raise _translated(error) from error
+            _fail(error)
         if not sound:
             self.remove(name)
             return None
@@ -204,7 +216,7 @@ class ContentStore:
         if self._local:
             self._put_file(path, digest, data, durable)
             return
-        with _bucket_needed(), _translated_errors(), self._fs.open(path, "wb") as target:
+        with _bucket_needed(), self._outage.requests(), self._fs.open(path, "wb") as target:
             target.write(digest)
             for piece in data:
                 target.write(piece)
@@ -246,7 +258,7 @@ class ContentStore:
     def _opened(self, name: str) -> Iterator[IO[bytes]]:
         path = self._path(name)
         if not self._local:
-            with _translated_errors(), self._fs.open(path, "rb") as file:
+            with self._outage.requests(), self._fs.open(path, "rb") as file:
                 yield file
             return
         try:
@@ -255,7 +267,7 @@ class ContentStore:
         except (FileNotFoundError, StoreFullError, StoreUnavailableError):
             raise
         except OSError as error:
-            raise _translated(error) from error
+            _fail(error)
 
     def digest(self, name: str) -> bytes | None:
         """Return the SHA-256 of a block, or None where it is absent or damaged; as `readable`."""
@@ -280,7 +292,7 @@ class ContentStore:
             with tempfile.TemporaryDirectory(prefix=".", dir=beside) as folder:
                 yield Path(folder)
         except OSError as error:
-            raise _translated(error) from error
+            _fail(error)
 
     @property
     def local(self) -> bool:
@@ -299,7 +311,7 @@ class ContentStore:
         path = self._path(name)
         if self._local:
             return os.path.exists(path)  # noqa: PTH110 (hot path)
-        with _translated_errors():
+        with self._outage.requests():
             return bool(self._fs.exists(path))
 
     def readable(self, name: str) -> bool:
@@ -323,12 +335,12 @@ class ContentStore:
             if self._local:
                 os.unlink(path)  # noqa: PTH108 (hot path)
             else:
-                with _translated_errors():
+                with self._outage.requests():
                     self._fs.rm_file(path)
         except FileNotFoundError:
             return
         except OSError as error:
-            raise _translated(error) from error
+            _fail(error)
 
     def touch(self, name: str) -> None:
         """Make a block count as new; without effect in an object store."""
@@ -341,7 +353,7 @@ class ContentStore:
         if self._local:
             yield from self._files()
             return
-        with _translated_errors():
+        with self._outage.requests():
             blocks = self._fs.find(self._root, detail=True)
         for path, details in blocks.items():
             modified = details.get("LastModified") or details.get("created")
@@ -398,26 +410,16 @@ def _sync_folder(folder: str) -> None:
         os.close(handle)
 
 
-def _translated(error: OSError) -> OSError:
-    """Return what an error of the file system means for the store."""
+def _fail(error: OSError) -> NoReturn:
+    """Raise what an error of the file system means for the store."""
+    # Never from itself: Dask follows the causes of an error to their end.
     if isinstance(error, StoreFullError | StoreUnavailableError):
-        return error
+        raise error
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return StoreFullError(error.errno, "the store is full")
+        raise StoreFullError(error.errno, "the store is full") from error
     reason = (error.strerror or type(error).__name__).lower()
-    return StoreUnavailableError(error.errno or errno.EIO, f"the store does not work: {reason}")
-
-
-@contextmanager
-def _translated_errors() -> Iterator[None]:
-    """Translate all errors of an object store into `StoreUnavailableError`."""
-    try:
-        yield
-    except (FileNotFoundError, StoreFullError, StoreUnavailableError):
-        raise
-    except Exception as error:
-        reason = f"the store cannot be reached: {type(error).__name__}"
-        raise StoreUnavailableError(errno.EIO, reason) from error
+    number = error.errno or errno.EIO
+    raise StoreUnavailableError(number, f"the store does not work: {reason}") from error
 
 
 @contextmanager

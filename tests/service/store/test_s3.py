@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from vibroimpact_service.documents import digest, requests
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.results import encode
 from vibroimpact_service.store import Store, StoreUnavailableError
+from vibroimpact_service.store.outage import Outage
 
 NAME = "ab" * 32
 
@@ -79,12 +81,130 @@ def test_a_server_that_is_gone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, 
     with socket.socket() as nobody:
         nobody.bind(("127.0.0.1", 0))
         monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{nobody.getsockname()[1]}")
-        monkeypatch.setenv("AWS_MAX_ATTEMPTS", "1")  # else botocore asks five times, with pauses
         fsspec.filesystem("s3").clear_instance_cache()
         gone = Store("s3://bucket/x").results
-        with pytest.raises(StoreUnavailableError):
-            gone.put(NAME, b"block")
-        with pytest.raises(StoreUnavailableError):
-            gone.get(NAME)
+        for action in (
+            lambda: gone.put(NAME, b"block"),
+            lambda: gone.get(NAME),
+            lambda: gone.has(NAME),
+            lambda: gone.remove(NAME),
+            lambda: list(gone.entries()),
+        ):
+            with pytest.raises(StoreUnavailableError) as raised:
+                action()
+            # A worker that has such an error follows its causes, and would never come to an end.
+            assert len(set(causes(raised.value))) == len(causes(raised.value)) < 20
     fsspec.filesystem("s3").clear_instance_cache()
     store.put(NAME, b"block")
+
+
+def causes(error: BaseException) -> list[int]:
+    """Return the identities of an error and its causes, 20 at most."""
+    chain: list[int] = []
+    cause: BaseException | None = error
+    while cause is not None and len(chain) < 20:
+        chain.append(id(cause))
+        cause = cause.__cause__
+    return chain
+
+
+@pytest.fixture
+def silent(monkeypatch: pytest.MonkeyPatch, s3: Any) -> Iterator[None]:
+    """Let the server of the store be one that says nothing, as one that is cut off."""
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        listening.listen(0)
+        # Its queue of one connection is full.
+        with socket.create_connection(listening.getsockname()):
+            url = f"http://127.0.0.1:{listening.getsockname()[1]}"
+            monkeypatch.setenv("AWS_ENDPOINT_URL", url)
+            fsspec.filesystem("s3").clear_instance_cache()
+            yield
+    fsspec.filesystem("s3").clear_instance_cache()
+
+
+def seconds_of(action: Callable[[], object]) -> float:
+    """Return how long it takes to learn that the store cannot be reached."""
+    started = time.monotonic()
+    with pytest.raises(StoreUnavailableError):
+        action()
+    return time.monotonic() - started
+
+
+@pytest.mark.usefixtures("silent")
+def test_a_request_to_a_silent_server_is_given_up() -> None:
+    """In time for the job to go elsewhere; later ones of a worker take as long."""
+    blocks = Store("s3://bucket/x").chunks
+    assert 2.0 < seconds_of(lambda: blocks.get(NAME)) < 20.0
+    assert 2.0 < seconds_of(lambda: blocks.get(NAME)) < 20.0
+
+
+@pytest.mark.usefixtures("silent")
+def test_not_everybody_waits_for_a_silent_server() -> None:
+    """Of the requests of a service one at a time does; others can go to another replica."""
+    store = Store("s3://bucket/x", patient=False)
+    seconds_of(lambda: store.chunks.get(NAME))
+    with ThreadPoolExecutor(1) as pool:
+        trial = pool.submit(seconds_of, lambda: store.results.get(NAME))
+        while not store._outage._next_trial:
+            assert not trial.done()
+            time.sleep(0.01)
+        assert seconds_of(lambda: store.requests.put(NAME, b"block")) < 2.0
+        assert trial.result() > 2.0
+
+
+def test_a_silent_server_that_speaks_again() -> None:
+    outage = Outage(patient=False)
+
+    def ask(error: type[OSError] | None, seconds: float = 0.0) -> None:
+        with outage.requests():
+            time.sleep(seconds)
+            if error is not None:
+                raise error
+
+    with pytest.raises(StoreUnavailableError):
+        ask(TimeoutError, 2.1)
+    with outage.requests(), pytest.raises(StoreUnavailableError):
+        ask(None)  # beside the one that tries it
+    with outage.requests():
+        ask(None)  # as the other one was answered
+
+
+def test_a_long_trial_keeps_others_waiting_for_some_seconds_only(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It may be the transfer of much from a server that has long been back."""
+    monkeypatch.setattr("vibroimpact_service.store.outage._TRIAL_SECONDS", 0.2)
+    monkeypatch.setattr("vibroimpact_service.store.outage._LONG_SECONDS", 0.0)
+    outage = Outage(patient=False)
+
+    def fail() -> None:
+        with outage.requests():
+            time.sleep(0.01)
+            raise TimeoutError
+
+    with pytest.raises(StoreUnavailableError):
+        fail()
+    assert outage.known
+    with outage.requests():
+        time.sleep(0.3)
+        with outage.requests():
+            assert outage.known
+        assert not outage.known
+
+
+def test_a_trial_that_fails_after_another_was_answered_says_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("vibroimpact_service.store.outage._LONG_SECONDS", 0.0)
+    outage = Outage(patient=False)
+
+    def fail_late() -> None:
+        with outage.requests():
+            with outage.requests():
+                time.sleep(0.01)
+            raise TimeoutError
+
+    with pytest.raises(StoreUnavailableError):
+        fail_late()
+    assert not outage.known
