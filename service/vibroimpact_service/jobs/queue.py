@@ -107,7 +107,7 @@ class JobQueue:
             max_chunks_bytes=_CHUNKS_OF_RESULT * self._settings.max_result_bytes,
             metrics=self.metrics,
         )
-        self._runner = Runner(context, self._settings.running_jobs)
+        self._runner = Runner(context, self._settings.running_jobs, self._probes.store.state)
         settings, metrics = self._settings, self.metrics
         loops = (
             self._runner.claim_loop(),

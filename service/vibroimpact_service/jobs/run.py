@@ -19,7 +19,7 @@ from vibroimpact_service.jobs.metrics import JobMetrics
 from vibroimpact_service.jobs.record_access import RecordAccess
 from vibroimpact_service.jobs.tables import JobRow
 from vibroimpact_service.jobs.work import Work, WorkerLostError
-from vibroimpact_service.store import Store, StoreFullError, StoreUnavailableError
+from vibroimpact_service.store import Store, StoreFullError
 
 Value = TypeVar("Value")
 Changed = TypeVar("Changed", bound=Collection[str])
@@ -28,10 +28,11 @@ log = structlog.get_logger("vibroimpact.jobs")
 
 _STOP_SECONDS: Final = 0.25  # how soon a run notices that it must stop while no call ends
 _RETRY_SECONDS: Final = 0.5
+_WORKERS_SECONDS: Final = 10.0  # in which workers that died are replaced
 _MAX_DELAY: Final = 15.0
 MAX_DEATH_DELAY: Final = 2.0
 """Longest pause after deaths of workers that are not the job's fault."""
-_ATTEMPTS_ALONE: Final = 2
+_ATTEMPTS_ALONE: Final = 5  # calls beside it that were not suspected so far can end each
 SUSPECT_ERRORS: Final = (WorkerLostError, MemoryError)
 """Failures that another call in the same worker process may have brought about."""
 
@@ -152,7 +153,18 @@ class Run:
     def submit(
         self, queue_name: str, priority: int, function: Callable[..., Any], *args: Any
     ) -> Call:
-        """Send a call to the workers; `ended_calls` returns it when it has ended."""
+        """Send a call to the workers; `ended_calls` returns it when it has ended.
+
+        Where all have just died it waits for those that replace them.
+
+        Raises
+        ------
+        EngineUnavailableError
+            Where there are none for longer than that.
+        """
+        patience = time.monotonic() + _WORKERS_SECONDS
+        while not self.context.engine.ready and time.monotonic() < patience:
+            self.pause(_STOP_SECONDS)
         self._calls += 1
         first = next(iter(self.jobs.values()))
         # A key of an earlier attempt must not come back: Dask would take the call that was
@@ -187,17 +199,22 @@ class Run:
         """Repeat a call that failed with its worker, with no other such call beside it.
 
         All calls that a worker held are suspected of its death, or of having used its memory.
-        Alone, only the guilty call fails again; twice, because a call beside it that was not
-        suspected so far can be the guilty one.
+        Alone, only the guilty call fails again; twice for the same reason, because a call beside
+        it that was not suspected so far can be the guilty one.
         """
         isolation = self.context.engine.isolation
         while not isolation.acquire(timeout=_STOP_SECONDS):
             self.check()
         try:
+            reasons: set[str] = set()
             for _ in range(_ATTEMPTS_ALONE):
                 call, error = self.call(BULK, function, *args)
                 if not isinstance(error, SUSPECT_ERRORS):
                     break
+                reason = error.why if isinstance(error, WorkerLostError) else "memory"
+                if reason in reasons:
+                    break
+                reasons.add(reason)
         finally:
             isolation.release()
         return call, error
@@ -255,24 +272,29 @@ class Run:
         return changed
 
     def ensure_request(self, job: JobRow) -> None:
-        """Store the request of a job for the workers, where it is only in the records."""
+        """Store the request of a job for the workers, where it is only in the records.
 
-        def ensure() -> None:
-            requests, name = self.context.store.requests, job.request
-            if requests.readable(name):
-                return
-            block = self.context.records.read_now(records.request, name)
-            if block is not None:
-                # It is in the records too, and can be stored here again.
-                requests.put(name, block, durable=False)
-
-        self._until_available(ensure)
+        Raises
+        ------
+        LookupError
+            Where it is nowhere: the store has lost it, and it was too large for the records.
+        OSError
+            Where the store cannot be reached: another replica may reach it.
+        """
+        requests, name = self.context.store.requests, job.request
+        if requests.readable(name):
+            return
+        read = self.context.records.read_now
+        block = self._until_available(lambda: read(records.request, name))
+        if block is None:
+            raise LookupError("the request of the job is gone")
+        requests.put(name, block, durable=False)
 
     def _until_available(self, action: Callable[[], Value]) -> Value:
         while True:
             try:
                 return action()
-            except (RecordsUnavailableError, StoreFullError, StoreUnavailableError):
+            except (RecordsUnavailableError, StoreFullError):
                 self.check()
                 time.sleep(_RETRY_SECONDS)
 

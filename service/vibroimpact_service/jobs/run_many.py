@@ -18,11 +18,9 @@ class QuickRun(Run):
         stored = [job for job in self.jobs.values() if store.readable(job.result)]
         if stored:
             self.succeed([job.id for job in stored], reused=True)
-        missing = [job for job in self.jobs.values() if job not in stored]
+        missing = [job for job in self.jobs.values() if job not in stored and self._ensured(job)]
         if not missing:
             return
-        for job in missing:
-            self.ensure_request(job)
         arguments = [self.arguments(job) for job in missing]
         most = self.context.max_chunks_bytes
         _, error = self.call(FAST, worker_calls.complete, arguments, most)
@@ -32,6 +30,15 @@ class QuickRun(Run):
         for job in missing:  # only the one that killed the worker fails
             _, error = self.repeat_alone(worker_calls.complete, [self.arguments(job)], most)
             self._record([job], error)
+
+    def _ensured(self, job: JobRow) -> bool:
+        """Whether the workers can have the request of a job, which fails if they cannot."""
+        try:
+            self.ensure_request(job)
+        except LookupError as error:
+            self.fail([job.id], self.context.work.explain(error))
+            return False
+        return True
 
     def _record(self, jobs: list[JobRow], error: BaseException | None) -> None:
         """Record how the jobs of a call ended."""

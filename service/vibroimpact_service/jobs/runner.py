@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Collection, Sequence
+from collections.abc import Awaitable, Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Final
 
@@ -38,11 +38,16 @@ class Runner:
     context : RunContext
     max_jobs : int
         Bulk jobs that run at once.
+    store_state : callable
+        Tries the store: returns ``ok``, or what is wrong.
     """
 
-    def __init__(self, context: RunContext, max_jobs: int) -> None:
+    def __init__(
+        self, context: RunContext, max_jobs: int, store_state: Callable[[], Awaitable[str]]
+    ) -> None:
         self._records, self._context, self._max_jobs = context.records, context, max_jobs
         self._engine, self._claim_owner = context.engine, context.claim_owner
+        self._store_state = store_state
         self._threads = ThreadPoolExecutor(max_jobs + _MAX_QUICK_RUNS, "run")
         self._runs: set[Run] = set()
         self._woken = asyncio.Event()
@@ -73,7 +78,7 @@ class Runner:
         woken = False
         while True:
             self._woken.clear()
-            if self._engine.ready and (woken or await self._claimable()):
+            if self._engine.ready and (woken or await self._claimable()) and await self._reaches():
                 await asyncio.gather(self._claim_bulk(), self._claim_quick())
             pause = _POLL_SECONDS if self._engine.ready else _STARTING_SECONDS
             try:
@@ -81,6 +86,10 @@ class Runner:
                     woken = await self._woken.wait()
             except TimeoutError:
                 woken = False
+
+    async def _reaches(self) -> bool:
+        """Whether the store answers: others may reach it, and shall have the jobs."""
+        return not self._context.store.silent or await self._store_state() == "ok"
 
     async def _claimable(self) -> bool:
         try:

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from vibroimpact_service.jobs import death_watch, deaths, worker_plugin
-from vibroimpact_service.jobs.engine import BULK, FAST, Call, Engine
+from vibroimpact_service.jobs.engine import BULK, FAST, Call, Engine, EngineUnavailableError
 from vibroimpact_service.jobs.work import StoppedError, Tick, WorkerLostError, nothing
 from vibroimpact_service.settings import Settings
 
@@ -63,15 +63,23 @@ def hang(folder: Path, _tick: Tick) -> None:
 class Bench:
     """An engine with one worker, and a short way to call it."""
 
-    def __init__(self, folder: Path) -> None:
-        settings = Settings(data=folder, workers=1, grace_seconds=1.0, worker_memory_bytes=2**30)
+    def __init__(self, folder: Path, grace: float = 1.0) -> None:
+        settings = Settings(data=folder, workers=1, grace_seconds=grace, worker_memory_bytes=2**30)
         self.engine = Engine(settings)
         self.engine.start()
         wait_for(lambda: self.engine.ready)
         self.ended: queue.SimpleQueue[Call] = queue.SimpleQueue()
 
     def submit(self, queue_name: str, function: Any, *args: Any) -> Call:
-        return self.engine.submit(uuid.uuid4().hex, queue_name, 0, self.ended.put, function, *args)
+        """Submit a call once there is a worker, which may be replaced at this moment."""
+        end = time.monotonic() + 60.0
+        while True:
+            wait_for(lambda: self.engine.ready)
+            key = uuid.uuid4().hex
+            try:
+                return self.engine.submit(key, queue_name, 0, self.ended.put, function, *args)
+            except EngineUnavailableError:
+                assert time.monotonic() < end
 
     def outcome(self, queue_name: str, function: Any, *args: Any) -> Any:
         """Return what a call returns, or why it failed."""
@@ -87,9 +95,23 @@ def wait_for(condition: Any, seconds: float = 60.0) -> None:
         time.sleep(0.01)
 
 
+def content(file: Path) -> str:
+    """Wait until something is written to a file, and return it."""
+    wait_for(lambda: file.exists() and file.read_text())
+    return file.read_text()
+
+
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
     bench = Bench(tmp_path_factory.mktemp("engine"))
+    yield bench
+    bench.engine.close()
+
+
+@pytest.fixture
+def patient(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    """Return one whose workers have long to stop before they are restarted."""
+    bench = Bench(tmp_path_factory.mktemp("patient"), grace=60.0)
     yield bench
     bench.engine.close()
 
@@ -99,24 +121,24 @@ def test_values_and_errors_come_back(bench: Bench) -> None:
     assert isinstance(bench.outcome(BULK, fail), ValueError)
 
 
-def test_a_cancelled_call_stops_at_its_next_tick(bench: Bench, tmp_path: Path) -> None:
+def test_a_cancelled_call_stops_at_its_next_tick(patient: Bench, tmp_path: Path) -> None:
     """The plugin in the worker depends on the states in which Dask reports calls."""
-    call = bench.submit(BULK, turn, tmp_path)
+    call = patient.submit(BULK, turn, tmp_path)
     wait_for((tmp_path / "begun").exists)
-    assert bench.outcome(FAST, double, 1) == 2  # the other queue is free
+    worker = patient.outcome(FAST, process)  # the other queue is free
     assert not (tmp_path / "stopped").exists()
-    bench.engine.cancel([call])
-    assert bench.ended.get(timeout=10) is call
-    wait_for((tmp_path / "stopped").exists, 1.0)
+    patient.engine.cancel([call])
+    assert patient.ended.get(timeout=20) is call
+    wait_for((tmp_path / "stopped").exists, 20.0)
+    assert patient.outcome(FAST, process) == worker
 
 
 def test_a_cancelled_call_that_does_not_stop_loses_its_worker(bench: Bench, tmp_path: Path) -> None:
     call = bench.submit(BULK, hang, tmp_path)
-    wait_for((tmp_path / "begun").exists)
-    worker = int((tmp_path / "begun").read_text() or 0)
+    worker = int(content(tmp_path / "begun"))
     bench.engine.cancel([call])
-    assert bench.ended.get(timeout=10) is call
-    wait_for(lambda: not Path(f"/proc/{worker}").exists(), 10.0)
+    assert bench.ended.get(timeout=60) is call
+    wait_for(lambda: not Path(f"/proc/{worker}").exists())  # far sooner than the call would end
     assert bench.outcome(BULK, double, 3) == 6
 
 
@@ -133,8 +155,9 @@ def test_a_worker_that_is_killed_by_others_is_not_the_fault_of_its_call(
     bench: Bench, tmp_path: Path
 ) -> None:
     call = bench.submit(BULK, hang, tmp_path)
-    wait_for((tmp_path / "begun").exists)  # else it would begin at the next worker
-    os.kill(bench.outcome(FAST, process), signal.SIGKILL)
+    worker = int(content(tmp_path / "begun"))  # else it would begin at the next worker
+    assert bench.outcome(FAST, process) == worker
+    os.kill(worker, signal.SIGKILL)
     assert bench.ended.get(timeout=60) is call
     lost = bench.engine.error(call)
     assert isinstance(lost, WorkerLostError)

@@ -55,11 +55,13 @@ class Bench:
         key: str | None = None,
         seconds: float = 5.0,
         deadline: float | None = None,
+        stored: bool = True,
         **asked: Any,
     ) -> Any:
         data = json.dumps({"n": 100, "chunk": 10} | asked, sort_keys=True).encode()
         request = hashlib.sha256(data).hexdigest()
-        self.store.requests.put(request, data)
+        if stored:
+            self.store.requests.put(request, data)
         result = hashlib.sha256(owner.encode() + data).hexdigest()
         new = NewJob(
             uuid.uuid4().hex, owner, "squares", request, result, 0, seconds,
@@ -167,6 +169,22 @@ def test_a_poison_chunk_fails_its_own_job_only(place: Place) -> None:
         assert bad.error["code"] == "WorkerLostError"
         assert good.state == "succeeded"
         assert b.value(good) == squares(200)
+
+    run(scenario, place)
+
+
+@pytest.mark.parametrize("seconds", [5.0, 0.01])
+def test_a_request_that_is_nowhere_fails_its_own_job_only(place: Place, seconds: float) -> None:
+    """The store has lost it, and the records do not have it either."""
+
+    async def scenario(b: Bench) -> None:
+        gone = await b.submit(seconds=seconds, n=300, stored=False)
+        good = await b.submit(seconds=seconds, n=200)
+        gone = await b.queue.wait("ann", gone.id, 120)
+        good = await b.queue.wait("ann", good.id, 120)
+        assert gone.state == "failed"
+        assert gone.error["code"] == "LookupError"
+        assert good.state == "succeeded"
 
     run(scenario, place)
 
