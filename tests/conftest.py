@@ -11,7 +11,7 @@ import sys
 import tempfile
 import time
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,16 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
 
 GIVEN = "VIBROIMPACT_TEST_POSTGRESQL"
+
+
+def begin_a_minute(seconds: float = 15.0) -> None:
+    """Wait for the next minute, unless so much of this one is left.
+
+    Rates are counted by the minutes of the clock: at the turn of one, there is room for more.
+    """
+    left = 60.0 - time.time() % 60.0
+    if left < seconds:
+        time.sleep(left + 0.1)
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
@@ -53,11 +63,24 @@ def _each_kernel_has_one_signature() -> Iterator[None]:
     assert not several
 
 
-class PostgreSQL:
-    """A server on a free port of this machine, which can be killed and started again."""
+@pytest.fixture(autouse=True)
+def _closed_figures() -> Iterator[None]:
+    """Close the pictures of a test, of which matplotlib keeps hold."""
+    yield
+    pyplot = sys.modules.get("matplotlib.pyplot")
+    if pyplot is not None:
+        pyplot.close("all")
 
-    def __init__(self, programs: Path) -> None:
-        self._programs = programs
+
+class PostgreSQL:
+    """A server on a free port of this machine, which can be killed and started again.
+
+    `host` is its address, and `within` is written before its command: it may be in a network
+    namespace, where all who reach it are trusted.
+    """
+
+    def __init__(self, programs: Path, host: str = "127.0.0.1", within: Sequence[str] = ()) -> None:
+        self._programs, self._host, self._within = programs, host, within
         self.folder = Path(tempfile.mkdtemp(prefix="vibroimpact-postgresql-"))
         # The server refuses to run as root.
         self._as: dict[str, Any] = {}
@@ -71,6 +94,9 @@ class PostgreSQL:
             "initdb", "-D", self._data, "-U", "test", "-A", "trust", "-E", "UTF8",
             "--locale=C", "--no-sync",
         )  # fmt: skip
+        if within:
+            with Path(self._data, "pg_hba.conf").open("a") as rules:
+                rules.write("host all all samenet trust\n")
         self.process: subprocess.Popen[bytes] | None = None
         self.start()
 
@@ -88,12 +114,16 @@ class PostgreSQL:
     def start(self) -> None:
         """Start it and wait until it takes connections."""
         command = [
-            str(self._programs / "postgres"), "-D", self._data, "-h", "127.0.0.1",
+            str(self._programs / "postgres"), "-D", self._data, "-h", self._host,
             "-p", str(self.port), "-k", str(self.folder), "-c", "max_connections=200",
         ]  # fmt: skip
+        user = self._as
+        if self._within:  # only root may enter it
+            as_nobody = ["setpriv", "--reuid=nobody", "--regid=nogroup", "--clear-groups"]
+            command, user = [*self._within, *as_nobody, *command], {}
         with (self.folder / "log").open("ab") as log:
             self.process = subprocess.Popen(
-                command, cwd=self.folder, stdout=log, stderr=log, **self._as
+                command, cwd=self.folder, stdout=log, stderr=log, **user
             )
         end = time.monotonic() + 60
         while not self._answers():
@@ -127,7 +157,7 @@ class PostgreSQL:
     def _ask(self, statement: str, database: str) -> None:
         import psycopg
 
-        url = f"postgresql://test@127.0.0.1:{self.port}/{database}"
+        url = f"postgresql://test@{self._host}:{self.port}/{database}"
         with psycopg.connect(url, autocommit=True, connect_timeout=5) as connection:
             connection.execute(statement)
 
@@ -135,7 +165,7 @@ class PostgreSQL:
         """Make a database and return its URL."""
         name = f"vibroimpact_{uuid.uuid4().hex}"
         self._ask(f"CREATE DATABASE {name}", "postgres")
-        return f"postgresql://test@127.0.0.1:{self.port}/{name}"
+        return f"postgresql://test@{self._host}:{self.port}/{name}"
 
 
 def programs() -> Path:

@@ -56,15 +56,6 @@ class Service:
         return code
 
 
-@pytest.fixture(autouse=True)
-def _closed_figures() -> Iterator[None]:
-    """Close the pictures of a test, of which matplotlib keeps hold."""
-    yield
-    pyplot = sys.modules.get("matplotlib.pyplot")
-    if pyplot is not None:
-        pyplot.close("all")
-
-
 @pytest.fixture(scope="session")
 def start() -> Iterator[Callable[..., Service]]:
     """Return the function that starts a service; what still runs at the end is stopped.

@@ -94,8 +94,6 @@ def test_pictures(client: vi.Client) -> None:
     assert curve.get_xlabel()
     profile = client.impact_modes(STRUCTURE, [1.1], outputs=("impulse", "shape")).plot()
     assert profile.get_ylabel()
-    for ax in (curve, profile):
-        mpl.pyplot.close(ax.figure)
 
 
 def test_a_service_that_cannot_start_says_why(tmp_path: Path) -> None:

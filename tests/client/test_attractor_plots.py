@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -14,14 +11,6 @@ STOP = vi.constraint(dof=0, gap={"lower": None, "upper": 0.0}, restitution=0.8)
 MASS = vi.oscillator([STOP], zeta=0.05)
 LOAD = [vi.drive(dof=0, amplitude=1.0)]
 X, V = [[-1.0], [-0.5], [-2.0]], [[0.0], [1.0], [0.5]]
-
-
-@pytest.fixture(autouse=True)
-def closed() -> Iterator[None]:
-    """Close the figures of each test, and those that others left open."""
-    plt.close("all")
-    yield
-    plt.close("all")
 
 
 @pytest.fixture(scope="module")
