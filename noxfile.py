@@ -186,6 +186,20 @@ def faults(session: nox.Session) -> None:
 
 
 @nox.session
+def network(session: nox.Session) -> None:
+    """Run a cluster whose parts have network namespaces of their own: kill, stop and cut them.
+
+    As root, with caddy (see CONTRIBUTING.md): half an hour of faults one by one, then ten minutes
+    of random ones under load. ``-- -k partition`` for a part, VIBROIMPACT_SOAK_SECONDS for longer.
+    """
+    install_locked(session)
+    session.run(
+        *("pytest", "-n", "0", "-m", "network", "-s", "--timeout", "600"),
+        *("tests/acceptance/network", *session.posargs),
+    )
+
+
+@nox.session
 def upgrade(session: nox.Session) -> None:
     """Replace the replicas of an earlier version by this one, under load: nothing may be lost.
 

@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 
 from tests.container.build import IMAGE, Storage, missing
-from tests.container.containers import Container, Image, Network
+from tests.container.containers import Container, Image
+from tests.container.network import Network
 
 IMAGES = "VIBROIMPACT_IMAGES"
 """Variable that names the folder of `python -m tests.container.build`."""

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tests.container import compose
+from tests.container.network import Network
 
 _OF_THE_ENGINE = {
     "build", "image", "restart", "ports", "depends_on", "healthcheck", "networks", "environment",
@@ -41,45 +42,6 @@ class Image(NamedTuple):
         lines = (self.tree / "etc/passwd").read_text().splitlines()
         (entry,) = (line.split(":") for line in lines if line.split(":")[0] == name)
         return int(entry[2]), int(entry[3])
-
-
-class Network:
-    """A bridge of this machine and addresses with names."""
-
-    def __init__(self, name: str, prefix: str) -> None:
-        self._name, self._prefix = name, prefix
-        self.gateway = f"{prefix}.1"
-        self.names: dict[str, str] = {}
-        _run(f"ip link add {name} type bridge")
-        _run(f"ip address add {self.gateway}/24 dev {name}")
-        _run(f"ip link set {name} up")
-
-    def place(self, name: str) -> str:
-        """Make the namespace of a container, and return its address."""
-        self.names[name] = address = f"{self._prefix}.{len(self.names) + 10}"
-        space, outer = self.space(name), f"{self._name[:6]}{len(self.names)}"
-        _run(f"ip netns add {space}")
-        _run(f"ip link add {outer} type veth peer name eth0 netns {space}")
-        _run(f"ip link set {outer} master {self._name} up")
-        _run(f"ip -n {space} address add {address}/24 dev eth0")
-        _run(f"ip -n {space} link set eth0 up")
-        _run(f"ip -n {space} link set lo up")
-        return address
-
-    def space(self, name: str) -> str:
-        """Return the name of the namespace of a container."""
-        return f"{self._name}-{name}"
-
-    def forbid(self, name: str, other: str) -> None:
-        """Let no packet of one container reach another."""
-        _run(f"ip -n {self.space(name)} route add unreachable {self.names[other]}")
-
-    def close(self) -> None:
-        """Remove all."""
-        for name, address in self.names.items():
-            if address != self.gateway:
-                _run(f"ip netns del {self.space(name)}")
-        _run(f"ip link del {self._name}")
 
 
 class Relay:
@@ -329,7 +291,3 @@ def _new_volume(folder: Path, place: Path) -> None:
         return
     folder.parent.mkdir(parents=True, exist_ok=True)
     subprocess.run(["cp", "-a", str(place), str(folder)], check=True)
-
-
-def _run(line: str) -> None:
-    subprocess.run(line.split(), check=True)

@@ -17,7 +17,8 @@ import pytest
 
 from tests.container import compose
 from tests.container.build import ROOT
-from tests.container.containers import Container, Network, Relay
+from tests.container.containers import Container, Relay
+from tests.container.network import Network
 
 PASSWORD = "not-a-secret"
 VARIABLES = {

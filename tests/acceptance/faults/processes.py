@@ -123,19 +123,25 @@ class Process:
 
 
 class Replica(Process):
-    """A service with HTTP."""
+    """A service with HTTP; `within` is written before its command, as for another namespace."""
 
-    def __init__(self, folder: Path, record: Record, **settings: str) -> None:
+    def __init__(
+        self, folder: Path, record: Record, within: Sequence[str] = (), **settings: str
+    ) -> None:
         self.note = folder / "service.json"
         self.note.unlink(missing_ok=True)
-        environment = {f"VIBROIMPACT_{name.upper()}": value for name, value in settings.items()}
+        # Names in capitals are variables as they are.
+        environment = {
+            name if name.isupper() else f"VIBROIMPACT_{name.upper()}": value
+            for name, value in settings.items()
+        }
         # Quick jobs are sent through the queue and the workers, where more can go wrong.
         defaults = {
             "VIBROIMPACT_PORT": "0",
             "VIBROIMPACT_DATA": str(folder),
             "VIBROIMPACT_ON_SUBMISSION_SECONDS": "0",
         }
-        command = [sys.executable, str(HERE / "replica.py")]
+        command = [*within, sys.executable, str(HERE / "replica.py")]
         super().__init__(
             command,
             folder,
@@ -156,6 +162,36 @@ class Replica(Process):
         """End it and all its children."""
         self.http.close()
         super().end()
+
+
+def stat(process: int) -> list[str]:
+    """Return what the system tells of a process: its state, its parent and more; or nothing."""
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return []
+
+
+def children(process: int) -> list[int]:
+    """Return the children of a process that live."""
+    everyone = (int(path.name) for path in Path("/proc").glob("[0-9]*"))
+    told = ((each, stat(each)) for each in everyone)
+    return [each for each, fields in told if fields[1:2] == [str(process)] and fields[0] != "Z"]
+
+
+def forkservers(replicas: Sequence[Replica]) -> list[int]:
+    """Return the processes from which the workers of replicas are forked."""
+    return [
+        child
+        for replica in replicas
+        for child in children(replica.process.pid)
+        if "forkserver" in _command(child)
+    ]
+
+
+def _command(process: int) -> str:
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{process}/cmdline").read_text()
+    return ""
 
 
 def program(*arguments: str) -> list[str]:

@@ -1,6 +1,12 @@
-"""A service like that of ``vibroimpact serve``, whose workers note what they do."""
+"""A service like that of ``vibroimpact serve``, whose workers note what they do.
+
+Kernels that are not there are compiled where they are needed first; with ``WARMS`` beforehand.
+"""
 
 from __future__ import annotations
+
+import os
+from contextlib import nullcontext
 
 from vibroimpact_service import loading
 from vibroimpact_service.jobs import forkserver
@@ -17,9 +23,12 @@ def main() -> None:
     from vibroimpact_service.cli import Server
     from vibroimpact_service.jobs.queue import JobQueue
     from vibroimpact_service.store import Store
+    from vibroimpact_service.warming import Warming
 
-    queue = JobQueue(settings, Store(settings.store_url), recording.WORK)
-    Server(create_app(settings, queue), settings).run()
+    queue = JobQueue(settings, Store(settings.store_url, patient=False), recording.WORK)
+    warming = Warming()
+    with warming.in_background() if "WARMS" in os.environ else nullcontext():
+        Server(create_app(settings, queue, warming), settings).run()
 
 
 if __name__ == "__main__":

@@ -42,6 +42,8 @@ def test_a_full_disk(
     refused = replica.http.post("/v1/jobs", json=body)
     assert (refused.status_code, refused.json()["code"]) == (507, "store_full")
     assert refused.json()["retryable"]
+    assert int(refused.headers["Retry-After"]) > 0
+    until(lambda: not replica.ready(), "it is ready without room")
 
     def delayed() -> bool:
         jobs = replica.http.get("/v1/jobs").json()["jobs"]

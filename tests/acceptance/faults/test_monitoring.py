@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
+import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import httpx2
+import psycopg
 import pytest
 import yaml
 from processes import Process, Record, Replica, program, until
@@ -24,12 +30,14 @@ from users import sweep, tiny
 from tests.conftest import PostgreSQL, programs
 from tests.service.jobs.test_webhooks import SECRET, Receiver
 from vibroimpact_service.jobs import certificates
+from vibroimpact_service.kinds import KINDS
+from vibroimpact_solvers.kernels import cache
 
 THRESHOLDS = {
     "VibroimpactQueueOld": "3",
     "VibroimpactWorkerDeaths": "0",
-    "VibroimpactEventLoopLag": "20",
-    "VibroimpactDatabaseSlow": "20",
+    "VibroimpactEventLoopLag": "1",
+    "VibroimpactDatabaseSlow": "1",
 }
 """Alerts -> numbers that their faults reach within seconds, and that the load of a machine which
 is busy with other things does not reach."""
@@ -101,10 +109,10 @@ class Cluster:
         address = self.settings["scheduler"]
         self.worker = self._process("worker", "worker", address, "--workers", "1")
 
-    def start_replica(self, name: str) -> Replica:
+    def start_replica(self, name: str, **more: str) -> Replica:
         """Start a replica, with its own port for metrics."""
         metrics = {"metrics_port": str(self.ports[name])}
-        replica = Replica(self.folder / name, self.record, **self.settings, **metrics)
+        replica = Replica(self.folder / name, self.record, **self.settings, **metrics, **more)
         self._opened.callback(replica.end)
         replica.http.headers["Authorization"] = f"Bearer {self.key}"
         return replica
@@ -124,16 +132,20 @@ class Cluster:
 
     @contextmanager
     def firing(self, *alerts: str) -> Iterator[None]:
-        """Wait for alerts to fire, once a fault is there, and for all to end after it."""
-        begin = time.monotonic()
-        until(
-            lambda: self.prometheus.firing() >= set(alerts),
-            f"{set(alerts)} do not fire",
-            60,
-        )
+        """Wait for alerts to fire, once a fault is there, and for all to end after it.
+
+        What the context does against the fault is done whether they fire or not: the next test
+        begins without it.
+        """
+        begin, failed = time.monotonic(), None
+        try:
+            until(lambda: self.prometheus.firing() >= set(alerts), "", 60)
+        except AssertionError:
+            failed = f"of {', '.join(alerts)} only fire {self.prometheus.firing()}"
         fired = time.monotonic()
         print(f"{', '.join(alerts)}: fired after {fired - begin:.1f} s", end="", flush=True)
         yield
+        assert failed is None, failed
         end = time.monotonic()
         until(lambda: not self.prometheus.firing(), "an alert does not end", 60)
         print(f", ended after {time.monotonic() - end:.1f} s", flush=True)
@@ -212,6 +224,8 @@ def test_nothing_fires_without_a_fault(cluster: Cluster) -> None:
 
 def test_no_workers(cluster: Cluster) -> None:
     cluster.worker.end()
+    # One that asks a moment before would begin the job, which then is not queued any more.
+    until(lambda: not any(each.ready() for each in cluster.replicas.values()), "one is ready")
     job = cluster.submit(tiny(1.1))
     with cluster.firing("VibroimpactNoWorkers", "VibroimpactNotReady", "VibroimpactQueueOld"):
         cluster.start_worker()
@@ -280,6 +294,105 @@ def test_failing_webhooks(cluster: Cluster) -> None:
     cluster.submit(tiny(1.2), webhook={"url": cluster.receiver.url, "secret": SECRET})
     with cluster.firing("VibroimpactWebhookFailures"):
         until(lambda: len(cluster.receiver.got) == before + 2, "it is not delivered")
+
+
+@contextmanager
+def again_and_again(strike: Callable[[], None], pause: float = 0.2) -> Iterator[Callable[[], None]]:
+    """Repeat a fault until the end of the context, or until what it gives is called."""
+    ended = threading.Event()
+
+    def repeat() -> None:
+        while not ended.is_set():
+            strike()
+            ended.wait(pause)
+
+    thread = threading.Thread(target=repeat)
+
+    def end() -> None:
+        ended.set()
+        thread.join()
+
+    thread.start()
+    try:
+        yield end
+    finally:
+        end()
+
+
+def test_a_slow_database(cluster: Cluster) -> None:
+    """Somebody else locks the table of jobs for two seconds, whenever he can."""
+    url = cluster.settings["database"]
+
+    def lock() -> None:
+        with psycopg.connect(url) as connection:
+            connection.execute("LOCK TABLE jobs IN ACCESS EXCLUSIVE MODE")
+            time.sleep(2.0)
+
+    def ask() -> None:
+        with contextlib.suppress(httpx2.TransportError):
+            cluster.replicas["a"].http.get("/v1/jobs", timeout=5.0)
+
+    fired = cluster.firing("VibroimpactDatabaseSlow")
+    with again_and_again(lock) as end, again_and_again(ask), fired:
+        end()
+
+
+def test_an_event_loop_that_lags(cluster: Cluster) -> None:
+    replica = cluster.replicas["a"].process.pid
+
+    def stop() -> None:
+        os.kill(replica, signal.SIGSTOP)
+        time.sleep(1.5)
+        os.kill(replica, signal.SIGCONT)
+
+    # In the pause Prometheus reads it: it asks once a second, and waits for a second.
+    with again_and_again(stop, 1.0) as end, cluster.firing("VibroimpactEventLoopLag"):
+        end()
+
+
+def test_a_certificate_that_expires(cluster: Cluster) -> None:
+    """Processes that are connected go on; what counts is what the next ones would read."""
+    present = Path(cluster.settings["tls_cert"])
+    good = present.read_bytes()
+    present.write_bytes(certificates.write(cluster.folder / "soon", days=10)[1].read_bytes())
+    with cluster.firing("VibroimpactCertificateExpires"):
+        present.write_bytes(good)
+
+
+def test_cold_kernels(cluster: Cluster) -> None:
+    """Somebody else has begun to compile the kernels of a kind, and stands still."""
+    compiled = cache.folder()
+    assert compiled is not None
+    copied = cluster.folder / "kernels" / compiled.name
+    # Files of these names are being written by another process, and vanish.
+    passing = shutil.ignore_patterns("*.tmp.*")
+    shutil.copytree(compiled, copied, ignore=passing)
+    for kind in KINDS:
+        (copied / f"{kind}{cache.WARM}").write_text(version("vibroimpact"))
+    mark = copied / f"resonances{cache.WARM}"
+    mark.write_bytes(b"")
+    cluster.replicas["b"].end()
+    with mark.open("a") as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        kept = {"NUMBA_CACHE_DIR": str(copied.parent), "WARMS": "1"}
+        cluster.replicas["b"] = cluster.start_replica("b", **kept)
+        with cluster.firing("VibroimpactKernelsCold"):
+            mark.write_text(version("vibroimpact"))  # it is done: nothing is left to compile
+            fcntl.flock(other, fcntl.LOCK_UN)
+
+
+def test_no_replica_at_all(cluster: Cluster) -> None:
+    for replica in cluster.replicas.values():
+        replica.kill()
+    with cluster.firing("VibroimpactNoReplica", "VibroimpactReplicaDown"):
+        cluster.replicas = {name: cluster.start_replica(name) for name in cluster.replicas}
+
+
+def test_all_alerts_are_made_to_fire() -> None:
+    """Each alert has its fault here, beside its series below."""
+    faults = re.findall(r"firing\(([^)]*)\)", Path(__file__).read_text())
+    made = {name for fault in faults for name in re.findall(r'"(Vibroimpact\w+)"', fault)}
+    assert made == set(CASES)
 
 
 def test_prometheus_accepts_the_files(tmp_path: Path) -> None:

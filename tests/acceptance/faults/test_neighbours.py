@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import subprocess
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 import pytest
-from processes import Record, Replica, until
+from processes import Record, Replica, children, forkservers, stat, until
 from shared import Machine
 from users import User, history, sweep, tiny
 
@@ -36,9 +38,14 @@ def test_a_worker_that_stands_still(
     with pytest.raises(ProcessLookupError):
         os.kill(stopped.pid, signal.SIGCONT)
     record.check()
-    first = next(iter(user.accepted.values()))[0]
-    job = replica.http.get(f"/v1/jobs/{first}").json()
-    assert any("stood still" in (each["why"] or "") for each in job["history"])
+    jobs = [replica.http.get(f"/v1/jobs/{job}").json() for job, _ in user.accepted.values()]
+    (struck,) = (job for job in jobs if job["digest"] == stopped.result)  # not always the first one
+    assert any("stood still" in (each["why"] or "") for each in struck["history"]), struck
+
+
+def used(replica: Replica) -> float:
+    """Return the seconds of processor time that a service has used."""
+    return sum(map(int, stat(replica.process.pid)[11:13])) / os.sysconf("SC_CLK_TCK")
 
 
 def repeated(record: Record, begun: list[Any], stopped: int, moment: float) -> Any:
@@ -51,21 +58,35 @@ def repeated(record: Record, begun: list[Any], stopped: int, moment: float) -> A
 def test_the_forkserver_and_all_workers_are_killed(
     started: Callable[[Any], Any], tmp_path: Path, record: Record, machine: Machine
 ) -> None:
-    replica = started(Replica(tmp_path / "data", record))
+    replica = started(Replica(tmp_path / "data", record, workers="2"))
     until(replica.ready, "no workers")
     user = User([replica])
     user.submit(sweep(0.6), *(tiny(0.7 + i / 100) for i in range(5)))
-    worker = until(lambda: record.begun()[-1:], "nothing begins")[0].pid
-    forkserver = int(Path(f"/proc/{worker}/stat").read_text().rpartition(")")[2].split()[1])
-    moment = time.time()
-    for process in (forkserver, worker):
-        os.kill(process, signal.SIGKILL)
-    again = until(lambda: record.after(moment, worker), "no other worker")
-    used = machine.seconds(moment, again.time)
-    print("seconds from the death of forkserver and workers to a chunk:", round(used, 2))
+
+    def at_work() -> tuple[int, list[int]] | None:
+        """Return the forkserver and both workers, once these do something."""
+        for forkserver in forkservers([replica]):
+            workers = children(forkserver)
+            if len(workers) == 2 and {b.pid for b in record.begun()}.issuperset(workers):
+                return forkserver, workers
+        return None
+
+    seconds = []
+    for i in range(2):
+        user.submit(sweep(0.61 + i / 100))  # enough for both, however late one of them comes
+        forkserver, workers = until(at_work, "a worker does nothing")
+        moment = time.time()
+        for process in (forkserver, *workers):
+            with suppress(ProcessLookupError):  # as the others have died
+                os.kill(process, signal.SIGKILL)
+        again = until(lambda m=moment, w=workers: record.after(m, *w), "no other worker")
+        seconds.append(machine.seconds(moment, again.time))
+    shown = [round(s, 2) for s in seconds]
+    print("seconds from the death of forkserver and workers to a chunk:", shown)
     user.check()
     record.check()
-    assert used <= 15.0
+    assert min(seconds) <= 5.0
+    assert max(seconds) <= 10.0  # a core that others share computes half as much in its time
 
 
 def test_many_deaths_are_not_the_fault_of_a_history(
@@ -105,6 +126,8 @@ def test_a_store_that_takes_no_writes_for_a_while(
         until(record.begun, "nothing begins")
         remount(store, "ro")
         until(lambda: "Read-only".lower() in reasons(replica), "no job says why it waits")
+        # Readiness writes, once a second at most.
+        until(lambda: not replica.ready(), "it is ready without writing")
         answer = replica.http.get("/v1/health/ready")
         assert answer.status_code == 503
         assert "store" in answer.json()["detail"]
@@ -172,31 +195,51 @@ def test_the_end_of_the_service_during_a_computation(
 ) -> None:
     import threading
 
-    replica = started(Replica(tmp_path / "data", record, inline_seconds="60"))
+    settings = {"inline_seconds": "60", "inline_threads": "1", "max_waiting_seconds": "60"}
+
+    def ask(replica: Replica, number: int) -> Any:
+        content = sweep(0.6 + number / 1000, 2_000_000)
+        # As JSON so large a result is refused by its plan.
+        headers = {"Accept": "application/x-hdf5"}
+        path = "/v1/compute/impact-modes"
+        return replica.http.post(path, json=content, headers=headers, timeout=120)
+
+    first = started(Replica(tmp_path / "first", record, **settings))
+    until(first.ready, "no workers")
+    assert ask(first, 100).status_code == 200  # it loads libraries
+    before = used(first)
+    assert ask(first, 0).status_code == 200
+    # One after another, they last for longer than a service that ends waits for them, 8 s.
+    count = max(6, math.ceil(20.0 / (used(first) - before)))
+    first.end()
+
+    more = {"max_waiting": str(count)}
+    replica = started(Replica(tmp_path / "data", record, **settings, **more))
     until(replica.ready, "no workers")
     statuses: list[Any] = []
 
     def compute(number: int) -> None:
-        content = sweep(0.6 + number / 1000, 400_000)
-        # As JSON so large a result is refused by its plan.
-        headers = {"Accept": "application/x-hdf5"}
-        answer = replica.http.post(
-            "/v1/compute/impact-modes", json=content, headers=headers, timeout=60
-        )
+        answer = ask(replica, number)
         statuses.append(
             (answer.status_code, answer.headers.get("retry-after"), answer.content[:200])
         )
 
-    asking = [threading.Thread(target=compute, args=(i,)) for i in range(6)]
+    def full() -> bool:
+        """Whether all wait; or the first one was quicker than the last one came."""
+        ready = replica.http.get("/v1/health/ready")
+        return "overloaded" in ready.text or bool(statuses)
+
+    asking = [threading.Thread(target=compute, args=(i,)) for i in range(count)]
     for thread in asking:
         thread.start()
-    time.sleep(1.0)
+    until(full, "the requests do not come")
     moment = time.time()
     replica.process.send_signal(signal.SIGTERM)
     replica.process.wait(40)
-    print("seconds to the end of the process:", round(time.time() - moment, 2))
+    print("seconds to the end of the process:", round(time.time() - moment, 2), "of", count)
     for thread in asking:
         thread.join(60)
     print("answers:", sorted((status, after) for status, after, _ in statuses))
-    assert len(statuses) == 6
+    assert len(statuses) == count
     assert all(status in (200, 202) or (status == 503 and after) for status, after, _ in statuses)
+    assert any(status == 503 for status, _, _ in statuses)

@@ -10,166 +10,29 @@ import os
 import random
 import signal
 import subprocess
-import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing, suppress
-from functools import cache
 from pathlib import Path
-from statistics import median
-from typing import Any, NamedTuple
+from typing import Any
 
-import httpx2
-import numpy as np
 import psycopg
 import pytest
-from processes import Record, Replica, until
+from clients import (
+    CLIENTS,
+    Client,
+    check_jobs,
+    check_results,
+    check_sizes,
+    own,
+    size,
+    tell,
+)
+from processes import Record, Replica, children, forkservers, until
 from proxy import Proxy
-from users import history, impulses, sweep
-
-from vibroimpact_schema.requests import TimeHistoryRequest
-from vibroimpact_service.documents import decode
-from vibroimpact_solvers import time_history
 
 SECONDS = float(os.environ.get("VIBROIMPACT_SOAK_SECONDS", "60"))
-CLIENTS = 20
-RETRIED = (404, 429, 502, 503, 507)
-PAUSE = 4.0
-"""Longest pause of a client between two requests."""
-CHECKED = 2000
-"""Jobs at most whose results are checked again at the end; all are counted."""
-
-
-class Job(NamedTuple):
-    """A job that was acknowledged."""
-
-    id: str
-    kind: str
-    content: dict[str, Any]
-    cancelled: bool = False
-
-
-class Client:
-    """Submits jobs, each until it is acknowledged, and checks those that ended."""
-
-    def __init__(self, number: int, replicas: list[Replica], seed: int) -> None:
-        self.number, self.replicas = number, replicas
-        self.random = random.Random(seed * 100 + number)
-        self.acknowledged: dict[str, Job] = {}
-        self.http = httpx2.Client(timeout=10)
-        self.did: Counter[str] = Counter()
-        self.longest = 0.0
-        self.checked = 0
-        self.failure: BaseException | None = None
-        self.stop = threading.Event()
-        self.thread = threading.Thread(target=self._run, daemon=True)
-
-    def ask(self, method: str, path: str, seconds: float = 120.0, **arguments: Any) -> Any:
-        """Repeat a request at any replica until it is answered."""
-        began, last = time.monotonic(), "nothing was asked"
-        while time.monotonic() < began + seconds:
-            url = str(self.random.choice(self.replicas).http.base_url).rstrip("/")
-            try:
-                answer = self.http.request(method, f"{url}/{path}", **arguments)
-            except httpx2.TransportError as error:
-                last = repr(error)
-            else:
-                if answer.status_code not in RETRIED:
-                    assert answer.is_success, answer.text
-                    self.longest = max(self.longest, time.monotonic() - began)
-                    return answer
-                last = answer.text
-            time.sleep(0.2)
-        raise AssertionError(f"{method} {path}: not answered: {last}")
-
-    def _run(self) -> None:
-        try:
-            while not self.stop.is_set():
-                do = self.random.choices(
-                    (self._submit, self._compute, self._plan, self._cancel, self._hold, self._look),
-                    (10, 3, 1, 1, 1, 6),
-                )[0]
-                do()
-                self.did[do.__name__.strip("_")] += 1
-                time.sleep(self.random.uniform(0.0, PAUSE))
-        except BaseException as error:
-            self.failure = error
-
-    def _content(self) -> tuple[str, dict[str, Any]]:
-        """Return a request: some are equal to those of others, some long, most small."""
-        if self.random.random() < 0.05:
-            return "time-history", history(200.0 * self.random.randrange(1, 5))
-        num = self.random.choice([5, 20, 20, 20, 4000])
-        steps = self.random.choice([40, 10**6])
-        return "impact-modes", sweep(0.6 + 0.4 * self.random.randrange(steps) / steps, num)
-
-    def _submit(self) -> str:
-        kind, content = self._content()
-        key = f"{self.number}-{len(self.acknowledged)}"
-        body = {"kind": kind, "request": content}
-        job = self.ask("POST", "v1/jobs", json=body, headers={"Idempotency-Key": key}).json()
-        self.acknowledged[key] = Job(job["id"], kind, content)
-        return key
-
-    def _compute(self) -> None:
-        content = sweep(0.6 + self.random.random() / 10, 20)
-        key = f"compute-{self.number}-{self.did['compute']}"
-        headers = {"Idempotency-Key": key}
-        answer = self.ask("POST", "v1/compute/impact-modes", json=content, headers=headers)
-        if answer.status_code == 202:  # it became a job, which is acknowledged like any other
-            self.acknowledged[key] = Job(answer.json()["id"], "impact-modes", content)
-        else:
-            self._check_numbers("impact-modes", content, answer.json())
-
-    def _plan(self) -> None:
-        kind, content = self._content()
-        assert self.ask("POST", f"v1/plan/{kind}", json=content).json()["steps"]
-
-    def _cancel(self) -> None:
-        key = self._submit()
-        job = self.acknowledged[key]
-        self.acknowledged[key] = job._replace(cancelled=True)
-        self.ask("DELETE", f"v1/jobs/{job.id}")
-
-    def _hold(self) -> None:
-        job = self.acknowledged[self._submit()]
-        self.ask("POST", f"v1/jobs/{job.id}/hold")
-        time.sleep(self.random.uniform(0.0, 1.0))
-        self.ask("POST", f"v1/jobs/{job.id}/release")
-
-    def _look(self) -> None:
-        if self.acknowledged:
-            job = self.random.choice(list(self.acknowledged.values()))
-            document = self.ask("GET", f"v1/jobs/{job.id}?wait=5").json()
-            if document["final"]:
-                self.check_result(document, job)
-
-    def check_result(self, document: dict[str, Any], job: Job) -> None:
-        """Check a job that has ended, and its numbers."""
-        if job.cancelled and document["state"] == "cancelled":
-            return
-        assert document["state"] == "succeeded", document
-        answer = self.ask("GET", document["result"].lstrip("/")).json()
-        self._check_numbers(job.kind, job.content, answer)
-
-    def _check_numbers(self, kind: str, content: dict[str, Any], answer: dict[str, Any]) -> None:
-        if kind == "impact-modes":
-            np.testing.assert_array_equal(np.array(answer["impulse"]), impulses(content))
-        else:
-            np.testing.assert_array_equal(np.array(answer["x"]), displacements(content["t_end"]))
-        self.checked += 1
-
-
-@cache
-def displacements(t_end: float) -> np.ndarray[Any, Any]:
-    """Return the displacements of a history that the solver computes in this process."""
-    request = TimeHistoryRequest.model_validate(history(t_end))
-    problem = decode.time_history(request, decode.system(request.system))
-    x = time_history.solve(problem, time_history.plan(problem)).x
-    assert x is not None
-    return x
 
 
 class Faults:
@@ -256,39 +119,6 @@ class Faults:
                 block.write_bytes(block.read_bytes()[:-1] + b"?")
 
 
-def children(process: int) -> list[int]:
-    """Return the children of a process."""
-    listed = []
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        with suppress(OSError):
-            if int(stat.read_text().rpartition(")")[2].split()[1]) == process:
-                listed.append(int(stat.parent.name))
-    return listed
-
-
-def forkservers(replicas: list[Replica]) -> list[int]:
-    """Return the processes from which the workers of replicas are forked."""
-    return [
-        child
-        for replica in replicas
-        for child in children(replica.process.pid)
-        if "forkserver" in _command(child)
-    ]
-
-
-def _command(process: int) -> str:
-    with suppress(OSError):
-        return Path(f"/proc/{process}/cmdline").read_text()
-    return ""
-
-
-def size(process: int) -> tuple[float, int]:
-    """Return the memory of a process in MB, and how many files it has open."""
-    status = Path(f"/proc/{process}/status").read_text()
-    kilobytes = int(status.partition("VmRSS:")[2].split()[0])
-    return kilobytes / 1024, len(list(Path(f"/proc/{process}/fd").iterdir()))
-
-
 @pytest.fixture
 def opened() -> Iterator[ExitStack]:
     """Return a stack of what is closed after the test."""
@@ -331,7 +161,11 @@ def test_soak(
     faults = Faults(replicas, proxy, database, store)
     faults.restart = lambda: started(Replica(tmp_path / "b", record, **shared))
     faults.mounted = mounted is not None
-    clients = [Client(i, replicas, moments.randrange(10**6)) for i in range(CLIENTS)]
+
+    def addresses() -> list[str]:
+        return [str(replica.http.base_url).rstrip("/") for replica in replicas]
+
+    clients = [Client(i, addresses, moments.randrange(10**6)) for i in range(CLIENTS)]
     for client in clients:
         opened.enter_context(client.http)
         client.thread.start()
@@ -365,99 +199,3 @@ def test_soak(
     check_jobs(clients[0], {job.id: job for job in acknowledged}, own(database))
     check_results(clients, moments)
     check_sizes([*sizes, size(replicas[0].process.pid)])
-
-
-def tell(
-    seconds: float, clients: list[Client], counts: Counter[str], of_process: tuple[float, int]
-) -> None:
-    """Print what happened so far."""
-    did = sum((client.did for client in clients), Counter[str]())
-    print(
-        f"{seconds:.0f} s: faults {sum(counts.values())} {dict(counts)}; requests {dict(did)}; "
-        f"jobs acknowledged {sum(len(client.acknowledged) for client in clients)}; "
-        f"results checked {sum(client.checked for client in clients)}; "
-        f"longest answer {max(client.longest for client in clients):.1f} s; "
-        f"{of_process[0]:.0f} MB, {of_process[1]} files",
-        flush=True,
-    )
-
-
-def check_jobs(client: Client, acknowledged: dict[str, Job], own: set[str]) -> None:
-    """Check that every acknowledged job is there once, and ended well, and that no other is.
-
-    Apart from the service's `own`, into which nobody asked to put what they asked for.
-    """
-    end = time.monotonic() + 600.0
-    while True:
-        jobs = listed(client)
-        unfinished = [job["id"] for job in jobs if not job["final"]]
-        if not unfinished:
-            break
-        assert time.monotonic() < end, f"these do not end: {unfinished[:10]}"
-        time.sleep(1.0)
-    states = {job["id"]: job["state"] for job in jobs}
-    assert len(states) == len(jobs)
-    assert acknowledged.keys() <= states.keys()
-    for name, job in acknowledged.items():
-        allowed = {"succeeded", "cancelled"} if job.cancelled else {"succeeded"}
-        assert states[name] in allowed, (name, job, states[name])
-    assert states.keys() - acknowledged.keys() <= own
-    print("jobs there:", len(states), "acknowledged:", len(acknowledged))
-
-
-def check_results(clients: list[Client], source: random.Random) -> None:
-    """Check the numbers of jobs, and that their keys stand for them still."""
-    listed_jobs = [(key, job) for client in clients for key, job in client.acknowledged.items()]
-    chosen = source.sample(listed_jobs, min(CHECKED, len(listed_jobs)))
-
-    def check(client: Client, some: list[tuple[str, Job]]) -> None:
-        for key, job in some:
-            document = until(lambda j=job: final(client, j.id), f"{job.id} does not end", 300)
-            client.check_result(document, job)
-            body = {"kind": job.kind, "request": job.content}
-            again = client.ask("POST", "v1/jobs", json=body, headers={"Idempotency-Key": key})
-            assert again.json()["id"] == job.id
-
-    with ThreadPoolExecutor(CLIENTS) as pool:
-        parts = [pool.submit(check, client, chosen[i::CLIENTS]) for i, client in enumerate(clients)]
-    for part in parts:
-        part.result()
-    print("results checked at the end:", len(chosen))
-
-
-def final(client: Client, job: str) -> dict[str, Any] | None:
-    """Return a job that has ended, or None."""
-    document: dict[str, Any] = client.ask("GET", f"v1/jobs/{job}?wait=5").json()
-    return document if document["final"] else None
-
-
-def listed(client: Client) -> list[dict[str, Any]]:
-    """Return all jobs that the service knows."""
-    jobs: list[dict[str, Any]] = []
-    cursor = ""
-    while True:
-        page = client.ask("GET", f"v1/jobs?limit=500{cursor}").json()
-        jobs += page["jobs"]
-        if page["next"] is None:
-            return jobs
-        cursor = f"&cursor={page['next']}"
-
-
-def own(database: str) -> set[str]:
-    """Return the jobs that the service made by itself.
-
-    They compute lost results again, or what was to be answered at once and was not.
-    """
-    query = "SELECT job FROM idempotency WHERE key LIKE 'lost-%' OR key LIKE 'compute-%'"
-    with psycopg.connect(database) as connection:
-        return {job for (job,) in connection.execute(query).fetchall()}
-
-
-def check_sizes(sizes: list[tuple[float, int]]) -> None:
-    """Check that memory and open files of a process that lived throughout do not grow."""
-    third = max(1, len(sizes) // 3)
-    first, last = sizes[third : 2 * third] or sizes, sizes[-third:]
-    for what, unit, room in ((0, "MB", 60.0), (1, "files", 40.0)):
-        before, after = (median(each[what] for each in some) for some in (first, last))
-        print(f"{before:.0f} to {after:.0f} {unit}")
-        assert after <= 1.2 * before + room

@@ -67,7 +67,7 @@ class User:
             for replica in self.replicas:
                 try:
                     answer = replica.http.request(method, path, **arguments)
-                    if answer.status_code in (502, 503, 507):
+                    if answer.status_code in (502, 503, 504, 507):
                         answer.raise_for_status()
                 except RETRIED as error:
                     last = error
