@@ -116,6 +116,17 @@ def test_curl_and_javascript_alone(service: Service, tmp_path: Path) -> None:
     assert f"impact-modes {answer['digest'][:12]}" in done.stdout
 
 
+def test_the_tests_of_all_promises_are_there() -> None:
+    page = (ROOT / "docs/service/promises.md").read_text()
+    rows = [line for line in page.splitlines() if line.startswith("| ")]
+    promises = [row for row in rows if not row.startswith("| promise |")]
+    named = [re.findall(r"`([\w/]+\.py)::(test_\w+)`", row.split(" | ")[1]) for row in promises]
+    assert len(promises) > 40
+    assert all(named)
+    for file, name in {each for row in named for each in row}:
+        assert f"def {name}(" in (ROOT / "tests" / file).read_text(), f"{file}::{name}"
+
+
 def test_every_block_of_python_is_run() -> None:
     """Each page with fenced blocks has a test here; other blocks would go unnoticed."""
     pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]

@@ -187,20 +187,29 @@ def test_sigterm_ends_streams_and_waits_and_leaves_jobs_for_later(
     known = service.http.post("/v1/compute/impact-modes", json=request(70))
     etag, address = known.headers["etag"], known.headers["content-location"]
     job = submit(service, heavy())["id"]
-    ended = threading.Event()
+    opened, asked, ended = threading.Event(), threading.Event(), threading.Event()
 
     def follow() -> None:
         with httpx2.stream("GET", f"{service.url}/v1/jobs/{job}/events", timeout=60) as stream:
             for _ in stream.iter_bytes():
-                pass
+                opened.set()
         ended.set()
 
+    def sent(step: str, _: Any) -> None:
+        if step == "http11.receive_response_headers.started":
+            asked.set()
+
     def poll() -> Any:
-        return httpx2.get(f"{service.url}/v1/jobs/{job}?wait=25", timeout=60)
+        with httpx2.Client(base_url=service.url, timeout=60) as http:
+            address = f"/v1/jobs/{job}?wait=25"
+            return http.request("GET", address, extensions={"trace": sent})
 
     with ThreadPoolExecutor(2) as pool:
         following, polling = pool.submit(follow), pool.submit(poll)
-        time.sleep(0.5)
+        assert opened.wait(60)
+        assert asked.wait(60)
+        for _ in range(5):  # answered after what was sent before has been read
+            assert service.http.get("/v1/health/live").is_success
         assert service.stop() == 0
         following.result(5)
         assert polling.result(5).is_success

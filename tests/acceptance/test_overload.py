@@ -16,6 +16,7 @@ import httpx2
 import numpy as np
 import pytest
 
+from tests.conftest import begin_a_minute
 from vibroimpact_service.documents import digest
 from vibroimpact_service.results import encode, representations
 from vibroimpact_service.store import HEAD, Store
@@ -77,6 +78,46 @@ def test_ten_times_what_can_be_done(start: Callable[..., Any], tmp_path: Path) -
     assert '"level":"error"' not in (tmp_path / "stderr.txt").read_text()
 
 
+def test_two_hundred_callers_are_answered_in_seconds(
+    start: Callable[..., Any], tmp_path: Path
+) -> None:
+    """Each has work of some 0.2 s: who would wait for long is told so, as is readiness."""
+    service = start(tmp_path)
+    service.wait_ready()
+    told: list[tuple[int, str]] = []
+    over = threading.Event()
+
+    def watch() -> None:
+        with httpx2.Client(base_url=service.url, timeout=60) as http:
+            while not over.is_set():
+                answer = http.get("/v1/health/ready")
+                told.append((answer.status_code, answer.text))
+                time.sleep(0.1)
+
+    # A client takes a while to make; this one has a connection for each caller.
+    unlimited = httpx2.Limits(max_connections=None, max_keepalive_connections=None)
+    callers = httpx2.Client(base_url=service.url, timeout=60, limits=unlimited)
+
+    def call(number: int) -> tuple[httpx2.Response, float]:
+        content, began = request(100_000, 1.9 + number / 1000), time.monotonic()
+        answer = callers.post(MODES, json=content, headers={"Accept": HDF5})
+        return answer, time.monotonic() - began
+
+    watching = threading.Thread(target=watch)
+    watching.start()
+    with callers, ThreadPoolExecutor(200) as pool:
+        outcomes = list(pool.map(call, range(200)))
+    over.set()
+    watching.join()
+    counts = Counter(answer.status_code for answer, _ in outcomes)
+    assert set(counts) == {200, 503}
+    assert all(int(a.headers["Retry-After"]) >= 1 for a, _ in outcomes if a.status_code == 503)
+    assert max(seconds for _, seconds in outcomes) < 15.0  # 72 s where all wait, as in 0.1.0
+    assert any(status == 503 and "overloaded" in text for status, text in told)
+    service.wait_ready()
+    assert service.stop() == 0
+
+
 def test_a_rate_that_is_exceeded_tells_when_to_come_again(
     start: Callable[..., Any], tmp_path: Path
 ) -> None:
@@ -92,6 +133,7 @@ def test_a_rate_that_is_exceeded_tells_when_to_come_again(
     def ask(_: int) -> httpx2.Response:
         return service.http.get("/v1/jobs", headers=headers)
 
+    begin_a_minute()
     with ThreadPoolExecutor(20) as pool:
         answers = list(pool.map(ask, range(200)))
     counts = Counter(answer.status_code for answer in answers)

@@ -393,7 +393,7 @@ def test_a_failed_job_is_returned_as_a_job(
         store.requests.remove(outcome.request)
         queue.run(outcome.id)
         assert queue.rows[outcome.id].state == "failed"
-        assert queue.rows[outcome.id].error["code"] == "internal_error"
+        assert queue.rows[outcome.id].error["code"] == "unavailable"
 
     run(main)
 
@@ -534,7 +534,7 @@ def test_a_wait_is_kept_whatever_runs(
         for question in (held, other):
             began = clock()
             outcome = await use.compute(question, Preference(wait=1.0), JSON, free)
-            assert clock() - began < 1.0 + 0.5  # this machine does other things too
+            assert clock() - began < 5.0  # else as long as the first one runs, 20 s
             assert isinstance(outcome, JobRow)
             assert outcome.state == "queued"
         kind.gate.set()
@@ -563,7 +563,7 @@ def test_a_wait_is_kept_where_the_result_takes_long_to_read(
     read = threading.Event()
 
     def load_slowly(*arguments: Any) -> Any:
-        read.wait(10.0)
+        read.wait(30.0)
         return load(*arguments)
 
     monkeypatch.setattr(representations, "load", load_slowly)
@@ -572,7 +572,7 @@ def test_a_wait_is_kept_where_the_result_takes_long_to_read(
         clock, question = asyncio.get_running_loop().time, asked(request_body)
         began = clock()
         outcome = await use.compute(question, Preference(wait=1.0), HDF5, free)
-        assert clock() - began < 1.0 + 0.5  # this machine does other things too
+        assert clock() - began < 5.0  # reading takes 30 s
         assert isinstance(outcome, JobRow)
         assert outcome.state == "succeeded"
         read.set()

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from vibroimpact_service import threads as service_threads
 from vibroimpact_service.jobs.work import LimitPassedError, StoppedError, StopSignal, Tick
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
@@ -30,6 +31,18 @@ def nothing(_: object) -> None:
     """Do nothing with what was computed."""
 
 
+async def begun(threads: Threads, name: str) -> None:
+    """Wait until the result of that digest is being computed."""
+    while not threads.running(name):
+        await asyncio.sleep(0.01)
+
+
+@pytest.fixture
+def long_submissions(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let jobs that are computed while they are submitted take long."""
+    monkeypatch.setattr(service_threads, "SUBMISSION_SECONDS", 30.0)
+
+
 @pytest.fixture
 def make() -> Iterator[Callable[..., Threads]]:
     made: list[Threads] = []
@@ -44,6 +57,7 @@ def make() -> Iterator[Callable[..., Threads]]:
         each.close()
 
 
+@pytest.mark.usefixtures("long_submissions")
 def test_equal_jobs_are_computed_once_while_they_are_submitted(
     make: Callable[..., Threads],
 ) -> None:
@@ -57,8 +71,7 @@ def test_equal_jobs_are_computed_once_while_they_are_submitted(
 
     async def scenario() -> list[bool | None]:
         waiting = [asyncio.ensure_future(threads.on_submission("r", compute)) for _ in range(50)]
-        await asyncio.sleep(0.01)
-        assert threads.running("r")
+        await begun(threads, "r")
         gate.set()
         return await asyncio.gather(*waiting)
 
@@ -102,8 +115,8 @@ def test_a_late_job_does_not_stop_a_computation_that_others_wait_for(
         return "done"
 
     async def scenario() -> tuple[str, bool]:
+        # One begins after the other without a pause, in which the job could be given up.
         job = asyncio.ensure_future(threads.on_submission("r", compute))
-        await asyncio.sleep(0.01)
         inline = asyncio.ensure_future(threads.once("r", compute))
         assert await job is None
         gate.set()
@@ -122,7 +135,7 @@ def test_a_job_that_comes_later_does_not_stop_it_either(make: Callable[..., Thre
 
     async def scenario() -> tuple[str, bool]:
         inline = asyncio.ensure_future(threads.once("r", compute))
-        await asyncio.sleep(0.01)
+        await begun(threads, "r")
         assert await threads.on_submission("r", compute) is None
         await asyncio.sleep(0.05)
         gate.set()
@@ -131,7 +144,9 @@ def test_a_job_that_comes_later_does_not_stop_it_either(make: Callable[..., Thre
     assert run(scenario()) == ("done", False)
 
 
-def test_nobody_waits_for_what_is_being_stopped(make: Callable[..., Threads]) -> None:
+def test_nobody_waits_for_what_is_being_stopped(
+    make: Callable[..., Threads], monkeypatch: pytest.MonkeyPatch
+) -> None:
     threads, gate = make(1), threading.Event()
 
     async def scenario() -> None:
@@ -140,6 +155,7 @@ def test_nobody_waits_for_what_is_being_stopped(make: Callable[..., Threads]) ->
         with pytest.raises(StoppedError):
             await threads.once("r", lambda _tick: True)
         gate.set()
+        monkeypatch.setattr(service_threads, "SUBMISSION_SECONDS", 30.0)
         await threads.ended("r")
         assert await threads.once("r", lambda _tick: True) == (True, False)
 
@@ -204,6 +220,7 @@ def test_failures_go_to_the_workers_but_a_full_store_is_told(
     run(scenario())
 
 
+@pytest.mark.usefixtures("long_submissions")
 def test_few_jobs_wait_to_be_computed_and_only_small_ones(make: Callable[..., Threads]) -> None:
     threads, gate = make(1), threading.Event()
     assert threads.accepts(0.019)
@@ -215,7 +232,7 @@ def test_few_jobs_wait_to_be_computed_and_only_small_ones(make: Callable[..., Th
             asyncio.ensure_future(threads.on_submission(str(i), lambda _tick: gate.wait(10)))
             for i in range(40)
         ]
-        await asyncio.sleep(0.01)
+        await begun(threads, "0")
         assert not threads.accepts(0.001)
         gate.set()
         return await asyncio.gather(*many)
@@ -243,10 +260,10 @@ def test_a_signal_stops_after_its_time_when_told_or_when_given_up() -> None:
 
 
 def test_who_waits_for_too_long_is_told_and_so_are_new_ones(make: Callable[..., Threads]) -> None:
-    threads, gate = make(1, max_waiting_seconds=0.2), threading.Event()
+    threads, gate = make(1, max_waiting_seconds=1.0), threading.Event()
 
     async def scenario() -> None:
-        first = asyncio.ensure_future(threads.once("first", lambda _tick: gate.wait(10)))
+        first = asyncio.ensure_future(threads.once("first", lambda _tick: gate.wait(30)))
         await asyncio.sleep(0.02)
         began = time.monotonic()
         second = asyncio.ensure_future(threads.once("second", lambda _tick: True))
@@ -255,7 +272,7 @@ def test_who_waits_for_too_long_is_told_and_so_are_new_ones(make: Callable[..., 
         with pytest.raises(ProblemError) as refused:
             await second
         assert (refused.value.type.status, refused.value.headers["Retry-After"]) == (503, "1")
-        assert 0.15 < time.monotonic() - began < 2.0
+        assert 0.9 < time.monotonic() - began < 10.0  # else until the first one ends
         # Plans do not wait for computations.
         assert await threads.run(lambda: 7) == 7
         waiting = asyncio.ensure_future(threads.once("third", lambda _tick: True))
@@ -307,11 +324,14 @@ def test_what_nobody_waits_for_any_more_is_not_begun_or_is_stopped(
         await asyncio.to_thread(begun.wait, 10)
         planning.cancel()
         assert await asyncio.to_thread(ended.wait, 10)
-        gates = [asyncio.ensure_future(threads.run(lambda: time.sleep(0.2))) for _ in range(3)]
+        gate = threading.Event()
+        gates = [asyncio.ensure_future(threads.run(lambda: gate.wait(30))) for _ in range(3)]
         late: list[int] = []
         waiting = asyncio.ensure_future(threads.run(lambda: late.append(1)))
         await asyncio.sleep(0.02)
         waiting.cancel()
+        await asyncio.sleep(0.02)
+        gate.set()
         await asyncio.gather(*gates)
         assert await threads.run(lambda: late) == []
 

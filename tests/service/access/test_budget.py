@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from starlette.testclient import TestClient
 
+from tests.conftest import begin_a_minute
 from vibroimpact_service import problems
 from vibroimpact_service.access import budget
 from vibroimpact_service.access.caller import Caller, Scope
@@ -22,6 +23,7 @@ COMPUTE = "/v1/compute/impact-modes"
 
 def test_requests_are_counted_per_key(closed: TestClient, make_key: Any, bob: Any) -> None:
     key = make_key("ann", rate=5)
+    begin_a_minute()
     left = []
     for _ in range(5):
         answer = closed.get("/v1/jobs", headers=key)
@@ -45,6 +47,7 @@ def test_computing_is_charged_by_its_plan(
     plan = closed.post("/v1/plan/impact-modes", json=request_body, headers=make_key("ann")).json()
     quota = 2.5 * max(plan["seconds"], 0.001)
     key = make_key("eve", seconds=quota)
+    begin_a_minute()  # of an hour as well
     answers = []
     for number in range(4):
         request_body["frequency"]["stop"] = 2.0 + 0.01 * number
@@ -95,6 +98,7 @@ def test_unfinished_jobs_are_counted_per_owner(
 
 
 def test_guessing_keys_ends_soon(closed: TestClient, ann: dict[str, str]) -> None:
+    begin_a_minute()
     codes = {closed.get("/v1/jobs").status_code for _ in range(60)}
     assert codes == {401}
     over = closed.get("/v1/jobs")
@@ -123,6 +127,8 @@ def test_the_wait_until_a_cost_has_room(
 def test_a_computation_costs_as_many_milliseconds_as_planned() -> None:
     caller = Caller("ann", "key", frozenset(Scope), seconds_per_hour=1.0)
     plan = Plan("impact-modes", ())
+
+    begin_a_minute()
 
     async def scenario() -> None:
         spent = budget.Budget(Settings(data=Path("unused")))
