@@ -107,7 +107,7 @@ def following() -> Table:
         "special points at every point; time of the processor.",
         Goal("time [ms/point]", "goal"),
         reasons={
-            "": "two thirds are the multipliers, all 2N of which are approximated for the largest; "
+            "": "a third are the multipliers, all 2N of which are approximated for the largest; "
             "the rest are six evaluations of the equations and Newton's steps, a tenth of a "
             "millisecond each whatever N is up to 100"
         },

@@ -37,7 +37,8 @@ _STEPS = 6  # of Newton's method
 _SWEEPS = 60  # over all zeros
 _SETTLED = 1e-8  # relative correction after which a zero is left: it is then far smaller
 _SLIGHT = 1e-3  # angle by which approximations start off the real axis, where pairs may be born
-_FARTHEST = 0.5  # of a multiplier, relative to it, that an approximation starts from it
+_FARTHEST = 0.01  # of a multiplier, relative to it, that an approximation starts from it
+_TOGETHER = 5  # sweeps in which those that start conjugate stay so, as most zeros are
 _REAL = 1e-9  # of a multiplier, below which its imaginary part is rounding
 _TINY = 1e-60  # of a multiplier beside the largest: nothing is left of it
 
@@ -176,6 +177,9 @@ def _set_spread(c: Cells, s: int, rho: complex, room: Room) -> None:
 @inner
 def _cofactor(room: Room, i: int, j: int) -> complex:
     n, row = room.F.shape[0], 0
+    if n == 2:  # one impact: most are asked for this
+        only = complex(room.F[1 - i, 1 - j])
+        return only if i == j else -only
     for k in range(n):
         if k == i:
             continue
@@ -243,9 +247,12 @@ def _start(c: Cells, s: int, values: Complexes) -> float:
         for half_plane in range(2):
             own, far = (outer, other) if half_plane == 0 else (other, outer)
             farthest = _FARTHEST * abs(own)
+            shift, apart = own * a + b, own - far
             moved = complex(farthest, 0.0)
-            if abs(own * a + b) < farthest * abs(own - far):
-                moved = (own * a + b) / (own - far)
+            if abs(shift) < farthest * abs(apart):
+                moved = shift / apart
+            elif apart != 0.0 and shift != 0.0:
+                moved = shift / apart * (farthest * abs(apart) / abs(shift))
             angle = _SLIGHT * (1.0 if half_plane == 0 else -1.0)
             values[2 * p + half_plane] = (own + moved) * complex(1.0, angle)
             largest = max(largest, abs(own))
@@ -273,7 +280,8 @@ def zeros(c: Cells, values: Complexes, room: Room) -> None:
     ----------
     c : Cells
     values : array, shape (solution, 2 mode)
-        Filled in; some of those far below the largest one are left at zero.
+        Filled in; some of those far below the largest one are left at zero. All those of a
+        solution are nan where some did not come to rest.
     room : Room
     """
     count = values.shape[1]
@@ -282,27 +290,37 @@ def zeros(c: Cells, values: Complexes, room: Room) -> None:
         z = values[s]
         tiny = _TINY * _start(c, s, z)
         for k in range(count):
-            active[k] = abs(z[k]) > tiny
+            active[k] = not abs(z[k]) <= tiny
             if not active[k]:
                 z[k] = complex(0.0, 0.0)
             room.x[k], room.y[k] = z[k].real, z[k].imag
-        for _ in range(_SWEEPS):
+        for sweep in range(_SWEEPS):
             left = 0
             for k in range(count):
                 if not active[k]:
                     continue
+                other = k ^ 1
+                conjugate = sweep < _TOGETHER and z[other] == z[k].conjugate()
+                if conjugate and k > other:
+                    continue
                 poles = _set_F(c, s, z[k], room)
-                step = _newton(room)
-                total = poles - 1.0 / step if step != 0.0 else complex(math.inf, 0.0)
-                change = 1.0 / (total - _others(room.x, room.y, k))
-                if not abs(change) < math.inf:
-                    change = complex(0.0, 0.0)
+                step, change = _newton(room), complex(0.0, 0.0)
+                if step != 0.0:
+                    total = poles - 1.0 / step - _others(room.x, room.y, k)
+                    change = 1.0 / total if total != 0.0 else complex(math.inf, 0.0)
+                    if not abs(change) < math.inf:
+                        change = complex(0.0, _SLIGHT) * z[k]
                 z[k] -= change
                 room.x[k], room.y[k] = z[k].real, z[k].imag
                 active[k] = abs(change) > _SETTLED * abs(z[k])
                 left += int(active[k])
+                if conjugate:
+                    z[other], active[other] = z[k].conjugate(), active[k]
+                    room.x[other], room.y[other] = z[k].real, -z[k].imag
             if left == 0:
                 break
+        else:
+            z[:] = complex(math.nan, math.nan)
 
 
 @kernel

@@ -42,7 +42,7 @@ def multipliers(
 
     Those of one modulus, as conjugate ones, by their argument: from zero to pi, then negative ones.
     The largest one alone, where the others are not requested. They are nan, and their errors
-    infinite, where a motion grazes.
+    infinite, where a motion grazes, or where they cannot be told.
     """
     every = "multipliers" in problem.outputs
     values, errors = _of_modes(driven, cells.at(solved.index))
@@ -54,8 +54,8 @@ def multipliers(
         own, doubt = _coupled(driven, walls, np.flatnonzero(coupled), cells, solved, every)
         values = np.concatenate([own, values[:, alone]], axis=1)
         errors = np.concatenate([doubt, errors[:, alone]], axis=1)
-        grazing = np.isnan(own).any(axis=1)
-        values[grazing], errors[grazing] = np.nan, np.inf
+        unknown = np.isnan(own).any(axis=1)
+        values[unknown], errors[unknown] = np.nan, np.inf
         if problem.symmetric:
             errors = errors * (2.0 * np.abs(values) + errors)
             values = values**2

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.linalg
 import scipy.optimize
 from flint import arb, arb_mat
 from scipy.optimize import linear_sum_assignment
@@ -414,3 +415,46 @@ def test_the_largest_multiplier_alone_is_that_of_all(damping: float, n: int) -> 
     assert (apart <= largest.error_stability + every.error_stability).all()
     assert (every.error_stability < 1e-9 * np.maximum(1.0, every.solution_stability)).all()
     assert (largest.solution_bifurcation == every.solution_bifurcation).all()
+
+
+@pytest.mark.parametrize(("Omega", "largest"), [(1.54, 5248.7), (1.9, 292.55)])
+def test_multipliers_of_many_modes_are_those_of_the_dense_monodromy(
+    Omega: float, largest: float
+) -> None:
+    """One is far outside the circle on which hundreds of others are crowded."""
+    n, k = 300, 0.8
+    d = n // 2
+    K = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    C = 0.02 * K
+    one, stiff = SymmetricMatrix.diagonal(np.ones(n)), SymmetricMatrix.dense(K)
+    wall = Constraint((d,), (1.0,), None, 0.5, k)
+    system = System(one, stiff, (wall,), C=SymmetricMatrix.dense(C))
+    load = (driven.Force((d,), (1.0,), 1.0),)
+    outputs = frozenset({"stability", "multipliers"})
+    result = solved(driven.Problem(system, np.array([Omega]), load, outputs=outputs))
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-K, -C]])
+    flow = scipy.linalg.expm(A * TWO_PI / Omega)
+    struck = np.zeros(n)
+    struck[d] = 1.0
+    X = np.linalg.solve(K - Omega**2 * np.eye(n) + 1j * Omega * C, struck)
+    moduli = []
+    for at, row in enumerate(result.impact_solution):
+        turn = np.exp(1j * result.impact_phase[at])
+        kick = np.append(np.zeros(n), -struck) * result.impact_momentum[at]
+        after = np.append((X * turn).real, (1j * Omega * X * turn).real)
+        after += np.linalg.solve(np.eye(2 * n) - flow, kick)
+        before, force = after - kick, np.append(np.zeros(n), struck * turn.real)
+        law = np.eye(2 * n)
+        law[n + d, n + d] = -k
+        jump = (A @ after + force - law @ (A @ before + force)) / before[n + d]
+        saltation = law + np.outer(jump, np.append(struck, np.zeros(n)))
+        expected = np.linalg.eigvals(saltation @ flow)
+        values = result.multipliers_real[row] + 1j * result.multipliers_imaginary[row]
+        apart = np.abs(values[:, np.newaxis] - expected)
+        ours, theirs = linear_sum_assignment(apart)
+        # The dense matrices have roundings of their own.
+        allowed = result.error_multipliers[row] + 1e-10 * np.abs(expected).max()
+        assert (apart[ours, theirs] <= allowed[ours]).all()
+        assert (allowed < 1e-7 * np.abs(expected).max()).all()
+        moduli.append(result.solution_stability[row])
+    assert max(moduli) == pytest.approx(largest, rel=1e-4)
