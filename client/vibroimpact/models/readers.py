@@ -137,14 +137,14 @@ def _npz(path: Path) -> Parts:
 
 
 def _mat(path: Path) -> Parts:
-    return _named(scipy.io.loadmat(path)), []
+    return _named(scipy.io.loadmat(path, spmatrix=False)), []
 
 
 def _mtx(path: Path) -> Parts:
     with path.open(encoding="utf-8") as file:
         first = file.readline()
     if first.startswith("%%MatrixMarket"):
-        return {path.stem: scipy.io.mmread(path)}, []
+        return {path.stem: scipy.io.mmread(path, spmatrix=False)}, []
     return _abaqus(path)
 
 

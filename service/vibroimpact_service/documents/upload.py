@@ -73,7 +73,7 @@ def matrix_market(body: bytes, settings: Settings) -> list[Any]:
 def _one(text: bytes, settings: Settings) -> Any:
     layout = _check_header(text, settings)
     try:
-        matrix = files.mmread(io.BytesIO(text))
+        matrix = files.mmread(io.BytesIO(text), spmatrix=False)
     except (ValueError, OverflowError, MemoryError):
         raise _malformed("The entries of a matrix are not what its header says.") from None
     if layout == b"array":
