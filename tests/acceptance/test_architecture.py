@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import gc
 import graphlib
 import re
@@ -55,6 +56,12 @@ def _listed(heading: str) -> list[list[str]]:
 def _path(file: str) -> Path:
     room, _, rest = file.partition("/")
     return ROOT / FOLDERS[room] / rest
+
+
+def _is_compiled(file: str) -> bool:
+    """Whether a file has kernels alone, which their decorators compile."""
+    nodes = ast.parse(_path(file).read_text(encoding="utf-8")).body
+    return all(node.decorator_list for node in nodes if isinstance(node, ast.FunctionDef))
 
 
 def _abbreviated(code_file: str) -> str | None:
@@ -116,7 +123,7 @@ def _is_stored(store: Store, answer: Response) -> bool:
 
 
 def test_a_request_visits_the_files_that_the_page_lists(tmp_path: Path) -> None:
-    """Compiled kernels leave no trace; the functions that call them do."""
+    """Compiled kernels leave no trace (since Python 3.12); the functions that call them do."""
     route = "/v1/compute/impact-modes"
     with _application(tmp_path / "first") as http:
         while http.post(route, json=_body(11)).status_code != 200:
@@ -135,7 +142,8 @@ def test_a_request_visits_the_files_that_the_page_lists(tmp_path: Path) -> None:
     items = _listed("The path of a request")
     listed = {file for item in items for file in item}
     assert set(visited) - listed == set(), "visited, but not in docs/architecture.md"
-    assert listed - set(visited) == set(), "in docs/architecture.md, but not visited"
+    missed = {file for file in listed - set(visited) if not _is_compiled(file)}
+    assert missed == set(), "in docs/architecture.md, but not visited"
     steps = [item[0] for item in items]
     assert steps == [file for file in visited if file in steps], "the order of the first visits"
     assert len(steps) <= STEPS

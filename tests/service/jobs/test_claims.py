@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
 import sqlalchemy as sa
 
 from vibroimpact_service.jobs import claims
@@ -13,8 +15,11 @@ from vibroimpact_service.jobs.records import NewJob, find, insert, page
 from vibroimpact_service.jobs.tables import jobs
 
 
-def _engine(folder: Path) -> sa.Engine:
-    return open_database(f"sqlite:///{folder / 'jobs.sqlite'}")
+@pytest.fixture
+def engine(tmp_path: Path) -> Iterator[sa.Engine]:
+    engine = open_database(f"sqlite:///{tmp_path / 'jobs.sqlite'}")
+    yield engine
+    engine.dispose()
 
 
 def _submitted(engine: sa.Engine, **more: float) -> str:
@@ -28,14 +33,13 @@ def _claimable_and_overdue(engine: sa.Engine) -> tuple[bool, bool]:
         return claims.claimable(connection), claims.overdue(connection)
 
 
-def test_nothing_is_found_where_there_is_nothing(tmp_path: Path) -> None:
-    assert _claimable_and_overdue(_engine(tmp_path)) == (False, False)
+def test_nothing_is_found_where_there_is_nothing(engine: sa.Engine) -> None:
+    assert _claimable_and_overdue(engine) == (False, False)
 
 
 def test_a_queued_job_is_found_until_it_is_claimed_and_when_its_claim_expired(
-    tmp_path: Path,
+    engine: sa.Engine,
 ) -> None:
-    engine = _engine(tmp_path)
     _submitted(engine)
     assert _claimable_and_overdue(engine) == (True, False)
     with engine.begin() as connection:
@@ -46,8 +50,7 @@ def test_a_queued_job_is_found_until_it_is_claimed_and_when_its_claim_expired(
     assert _claimable_and_overdue(engine) == (True, False)
 
 
-def test_a_job_that_is_to_be_tried_later_is_not_found_before(tmp_path: Path) -> None:
-    engine = _engine(tmp_path)
+def test_a_job_that_is_to_be_tried_later_is_not_found_before(engine: sa.Engine) -> None:
     job = _submitted(engine)
     with engine.begin() as connection:
         claims.claim(connection, "me", "bulk", 1, 1.0)
@@ -58,8 +61,7 @@ def test_a_job_that_is_to_be_tried_later_is_not_found_before(tmp_path: Path) -> 
     assert _claimable_and_overdue(engine) == (True, False)
 
 
-def test_a_passed_deadline_is_found(tmp_path: Path) -> None:
-    engine = _engine(tmp_path)
+def test_a_passed_deadline_is_found(engine: sa.Engine) -> None:
     _submitted(engine, deadline=1000.0)
     assert _claimable_and_overdue(engine)[1] is False
     with engine.begin() as connection:
@@ -67,8 +69,7 @@ def test_a_passed_deadline_is_found(tmp_path: Path) -> None:
     assert _claimable_and_overdue(engine)[1] is True
 
 
-def test_a_process_changes_only_jobs_whose_claim_it_holds(tmp_path: Path) -> None:
-    engine = _engine(tmp_path)
+def test_a_process_changes_only_jobs_whose_claim_it_holds(engine: sa.Engine) -> None:
     job = _submitted(engine)
     with engine.begin() as connection:
         claims.claim(connection, "me", "bulk", 1, 1.0)
@@ -84,8 +85,7 @@ def test_a_process_changes_only_jobs_whose_claim_it_holds(tmp_path: Path) -> Non
         assert set(claims.succeed(connection, "me", [job], reused=False)) == {job}
 
 
-def test_only_its_owner_cancels_a_job(tmp_path: Path) -> None:
-    engine = _engine(tmp_path)
+def test_only_its_owner_cancels_a_job(engine: sa.Engine) -> None:
     job = _submitted(engine)
     with engine.begin() as connection:
         assert claims.cancel(connection, "bob", job) == (None, False)
@@ -98,8 +98,8 @@ def test_only_its_owner_cancels_a_job(tmp_path: Path) -> None:
         assert cancelled.state == "cancelled"
 
 
-def test_positions_are_those_in_which_jobs_are_claimed(tmp_path: Path) -> None:
-    engine, owners = _engine(tmp_path), random.Random(1)
+def test_positions_are_those_in_which_jobs_are_claimed(engine: sa.Engine) -> None:
+    owners = random.Random(1)
     for number in range(60):
         owner = owners.choice(["ann", "ann", "ann", "bob", "eve"])
         seconds, priority = owners.choice([0.01, 5.0]), owners.choice([0, 0, 1])
