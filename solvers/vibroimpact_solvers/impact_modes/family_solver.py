@@ -183,10 +183,14 @@ class FamilySolver:
                 shape[struck], errors[struck] = one.upper / weight, EPS * abs(one.upper / weight)
         return {"shape": shape, "shape_error": errors}
 
+    @property
+    def _has_proved_modes(self) -> bool:
+        """Whether errors are bounds: all natural modes are known, with proved errors."""
+        return isinstance(self.evaluator, ModalFamily) and self.evaluator.spectrum.proved
+
     def _statement(self) -> str:
         if has_all_modes(self.plan):
-            assert isinstance(self.evaluator, ModalFamily)
-            statement = _PROVED if self.evaluator.spectrum.proved else _ESTIMATED
+            statement = _PROVED if self._has_proved_modes else _ESTIMATED
             if isinstance(self.evaluator, ModalWithSeriesFamily):
                 statement += _SERIES
             return statement + (_RADII if self.plan.step(Stage.STABILITY) else "")
@@ -223,9 +227,9 @@ class FamilySolver:
     def _checked(
         self, problem: Problem, impulses: Impulses, reason: Integers, paths: PathMotions
     ) -> tuple[Booleans, Floats]:
-        """Complete the reasons; return whether they are certain, and witnesses (frequency,)."""
+        """Complete the reasons; return whether they are proved, and witnesses (frequency,)."""
         witness = np.full(reason.size, np.nan)
-        certified = self._certain(impulses, reason)
+        certified = self._certain(impulses, reason) & self._has_proved_modes
         where = paths.where
         if where.any():
             error = np.minimum(impulses.error[where], 1.0)

@@ -252,3 +252,21 @@ def test_grids_of_frequencies_stay_with_doubles() -> None:
     few, many = (modes.Problem(system, np.linspace(1.0, 2.0, count)) for count in (16, 17))
     steps = [modes.plan(one).step(Stage.EXISTENCE) for one in (few, many)]
     assert ["ball arithmetic" in step.reason for step in steps if step is not None] == [True, False]
+
+
+@pytest.mark.parametrize("further", [frozenset(), frozenset({"stability"})])
+@pytest.mark.parametrize("n", [8, 260])
+def test_nothing_is_certified_by_estimates(n: int, further: frozenset[str]) -> None:
+    """More degrees of freedom than modes are proved for, with all of them or with none."""
+    M, K = np.eye(n), 2.0 * np.eye(n) - 0.5 * np.eye(n, k=1) - 0.5 * np.eye(n, k=-1)
+    M[0, 1] = M[1, 0] = 0.1
+    full = [SymmetricMatrix.dense(A.tolist()) for A in (M, K)]
+    system = System(full[0], full[1], (Constraint.at(1, 1.0),))
+    problem = modes.Problem(system, np.array([1.3]), (), frozenset({"exists"}) | further)
+    plan = modes.plan(problem)
+    assert (plan.step(Stage.SPECTRUM) is None) == (n > 256 and not further)
+    result = modes.solve(problem, plan)
+    proved = n <= 256
+    assert result.error_statement.startswith("bounds" if proved else "estimate")
+    assert result.certified is not None
+    assert result.certified[0] == proved
