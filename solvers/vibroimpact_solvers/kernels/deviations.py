@@ -97,16 +97,23 @@ def _with_carried(
 
 
 @inner
-def start_deviations(motion: Motion, errors: Errors) -> None:
-    """Set the deviations that a motion starts with, and the length of its state."""
+def start_deviations(flow: Flow, motion: Motion, errors: Errors) -> None:
+    """Set the deviations that a motion starts with, and the length of its state.
+
+    A displacement is known to a rounding: z1 of a hyperbola, nu times one, to nu times that.
+    """
     z, deviations, signs, own = motion.z, motion.deviations, errors.signs, errors.own
     motion.progress[0].largest, parts = lengths(z, errors, 1.0)
+    for j in range(flow.rotations, flow.hyperbolas_end):
+        parts += abs(z[Z1, j]) / min(1.0, flow.nu[j])
     rounding = _PROPAGATED * parts / math.sqrt(2.0 * own.size)
     for c in range(deviations.shape[0]):
         dz = deviations[c]
         for j in range(own.size):
             size = rounding * own[j] + errors.doubts[j] * math.hypot(z[Z1, j], z[Z2, j])
-            dz[Z1, j] = size * signs[c + 1, Z1, j]
+            creeps = flow.rotations <= j < flow.hyperbolas_end
+            of_place = min(1.0, flow.nu[j]) if creeps else 1.0
+            dz[Z1, j] = of_place * size * signs[c + 1, Z1, j]
             dz[Z2, j] = size * signs[c + 1, Z2, j]
         # The state is given: what loads carry too far is missing in what is free.
         level = -errors.still if c & 1 else errors.still
@@ -140,11 +147,15 @@ def _add_rounding_to(
     for j in range(z.shape[1]):
         a, b = z[Z1, j], z[Z2, j]
         rounding = _PROPAGATED * (abs(a) + abs(b))
-        turned = s * drifts[c, j] if j < flow.hyperbolas_end else 0.0
-        dz[Z1, j] += rounding * signs[at, Z1, j] + turned * b
+        first, turned = rounding, s * drifts[c, j]
+        if flow.rotations <= j < flow.hyperbolas_end:
+            # Of z1, which is nu q: under faint drag a body's velocity gives but nu s to it.
+            first = _PROPAGATED * (abs(a) + min(1.0, 2.0 * flow.nu[j] * s) * abs(b))
+            dz[Z2, j] += 2.0 * turned * a
+        elif j >= flow.hyperbolas_end:
+            turned = 0.0
+        dz[Z1, j] += first * signs[at, Z1, j] + turned * b
         dz[Z2, j] += rounding * signs[at, Z2, j] - turned * a
-    for j in range(flow.rotations, flow.hyperbolas_end):
-        dz[Z2, j] += 2.0 * s * drifts[c, j] * z[Z1, j]
     for j in range(flow.hyperbolas_end, z.shape[1]):
         # Integrals of the displacement, backwards from the end.
         a, b, p = z[Z1, j], z[Z2, j], flow.push[j]

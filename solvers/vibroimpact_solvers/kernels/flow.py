@@ -302,6 +302,31 @@ def _averages(x: complex) -> tuple[complex, complex]:
     return 1.0 + x * second, second
 
 
+@inline
+def _differences(x: float, y: float, h: float) -> tuple[float, float]:
+    """Return how the `_averages` of two real numbers x = y + h differ.
+
+    Relative to h: where drag is faint, or damping almost critical, it is all that moves.
+    """
+    if max(abs(x), abs(y)) <= 1.0:
+        first, second, power, apart, factorial = 0.0, 0.0, 1.0, h, 1.0
+        for n in range(1, _TERMS):
+            # apart is x^n - y^n
+            factorial *= n + 1
+            first += apart / factorial
+            second += apart / (factorial * (n + 2))
+            power *= y
+            apart = x * apart + h * power
+        return first, second
+    if abs(x) < abs(y):
+        one, two = _averages(complex(x, 0.0))
+        first = -(math.exp(x) * math.expm1(-h) + h * one.real) / y
+        return first, (first - h * two.real) / y
+    one, two = _averages(complex(y, 0.0))
+    first = (math.exp(y) * math.expm1(h) - h * one.real) / x
+    return first, (first - h * two.real) / x
+
+
 @inner
 def _ramped(
     flow: Flow, j: int, first: float, second: float, s: float, value: float, slope: float
@@ -317,11 +342,12 @@ def _ramped(
         w = complex(first, -second) * (s * value * one + whole * two)
         return w.real, -w.imag
     if j < flow.hyperbolas_end:
-        one, two = _averages(complex((alpha + nu + flow.rest[j]) * s, 0.0))
-        plus = (first + second) * (s * value * one.real + whole * two.real)
-        one, two = _averages(complex((alpha - nu - flow.rest[j]) * s, 0.0))
-        minus = (first - second) * (s * value * one.real + whole * two.real)
-        return 0.5 * (plus + minus), 0.5 * (plus - minus)
+        x, y = ((alpha + nu) + flow.rest[j]) * s, ((alpha - nu) - flow.rest[j]) * s
+        one, two = _averages(complex(x, 0.0))
+        of_one, of_two = _differences(x, y, 2.0 * (nu + flow.rest[j]) * s)
+        both = s * value * (one.real - 0.5 * of_one) + whole * (two.real - 0.5 * of_two)
+        apart = 0.5 * (s * value * of_one + whole * of_two)
+        return first * both + second * apart, first * apart + second * both
     # Of rigid bodies.
     gained = s * value + 0.5 * whole
     return first * gained + second * s * (0.5 * s * value + whole / 6.0), second * gained

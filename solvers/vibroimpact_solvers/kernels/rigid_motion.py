@@ -272,7 +272,7 @@ def follow(
             if not state_of(conversion, x[place], v[place], z, scratch.rate):
                 return _REFUSED, place
         if not now.begun:
-            start_deviations(current, named.errors)
+            start_deviations(named.flow, current, named.errors)
             now.growth = max(
                 now.growth, estimated_error(deviations, named.errors, current.progress)
             )

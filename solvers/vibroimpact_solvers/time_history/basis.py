@@ -29,7 +29,7 @@ _NOISE = 16  # rows of signs that stand for rounding, half of them the others' n
 _FEW = 4  # pairs up to which none are added
 _LANES = 8  # numbers that a processor takes at a time: pairs are filled up to a multiple
 _NEAR = 1e-3  # of its square, from a natural frequency, at which a load is in resonance
-_CLOCK = np.array([[0.0], [1.0]])
+_ALWAYS = np.array([[1.0], [0.0]])  # a load that stays one
 _EPS = float(np.finfo(np.float64).eps)
 
 
@@ -304,30 +304,29 @@ class Basis:
             self._response_rate[one] = np.where(self._near, slope, self._response_rate[one])
         none = np.zeros(count)
         pairs = [_Pairs(np.zeros(count, np.int64), none, omega, none, none)]
-        creep = self._terminal_velocities(damping, load)
-        if creep.any():
-            self._along = np.concatenate([self._along, creep[:, np.newaxis]], axis=1)
-            self._behind = np.concatenate([self._behind, np.zeros((creep.size, 1))], axis=1)
+        if self._push_sliding_bodies(load):
+            self._along, self._behind = (
+                np.concatenate([part, np.zeros((load.size, 1))], axis=1)
+                for part in (self._along, self._behind)
+            )
         none = np.zeros(self._along.shape[1])
         pairs.append(_Pairs(np.full(none.size, 2), none, none, none, none))
         return pairs
 
-    def _terminal_velocities(self, damping: Floats, load: Floats) -> Floats:
-        """Return the velocities that constant loads give rigid-body modes against damping.
+    def _push_sliding_bodies(self, load: Floats) -> bool:
+        """Let a constant load drive the rigid-body modes that damping slows, if there are any.
 
-        The drag of those that damping couples displaces the equilibrium of the others.
+        Their terminal velocity would do as well, but for the digits that go where drag is faint.
         """
-        velocities = np.zeros(load.size)
-        one, some = self._single, self._coupled
-        slides = one[(self._eigenvalues[one] == 0.0) & (self._delta != 0.0)]
-        velocities[slides] = load[slides] / damping.diagonal()[slides] if slides.size else 0.0
-        rigid = some[self._eigenvalues[some] == 0.0]
-        if load[rigid].any():
-            velocities[rigid] = np.linalg.solve(damping[np.ix_(rigid, rigid)], load[rigid])
-            others = some[self._eigenvalues[some] != 0.0]
-            drag = damping[np.ix_(others, rigid)] @ velocities[rigid]
-            self.still[others] -= drag / self._eigenvalues[others]
-        return velocities
+        one, some, last = self._single, self._coupled, self._along.shape[1]
+        slides = (self._eigenvalues[one] == 0.0) & (self._delta != 0.0) & (load[one] != 0.0)
+        pushed = [(int(i), last, 0.0, float(load[one[i]])) for i in np.flatnonzero(slides)]
+        rigid = np.where(self._eigenvalues[some] == 0.0, load[some], 0.0)
+        if rigid.any():
+            parts = (self._inverse[:, some.size :] @ rigid).reshape(2, some.size)
+            pushed += [(one.size + i, last, float(a), float(b)) for i, (a, b) in enumerate(parts.T)]
+        self._pushed += pushed
+        return bool(pushed)
 
     def _driven_pairs(self) -> NDArray[np.void]:
         """Return the pairs that others drive."""
@@ -550,15 +549,15 @@ class Basis:
     # -- states --
 
     def loads_at_start(self) -> Floats:
-        """Return the state of the loads at t = 0, and the clock, shape (2, load + 1)."""
+        """Return the state of the loads at t = 0, and of a constant one, shape (2, load + 1)."""
         harmonic = np.array([np.ones(self._omega.size), np.zeros(self._omega.size)])
-        return np.concatenate([harmonic, self._ramp_state(self.modes.ramp_start), _CLOCK], axis=1)
+        return np.concatenate([harmonic, self._ramp_state(self.modes.ramp_start), _ALWAYS], axis=1)
 
-    def loads_of(self, z: Floats, time: float) -> Floats:
-        """Return the loads in a state, and the clock, which not every basis needs."""
+    def loads_of(self, z: Floats) -> Floats:
+        """Return the loads in a state, and a constant one, which not every basis needs."""
         start = self._loads.start
         loads = self._natural(z)[:, start : self._ramps.stop]
-        return np.concatenate([loads, [[time], [1.0]]], axis=1)
+        return np.concatenate([loads, _ALWAYS], axis=1)
 
     def _ramp_state(self, values_and_slopes: Floats) -> Floats:
         """Return values and slopes of ramps, the latter by the basis' time."""
@@ -608,7 +607,7 @@ class Basis:
         """Return the state, shape (2, pair), of modal coordinates from the equilibrium.
 
         q and their rates, per unit of the basis' time, have shape (mode,); loads is the state of
-        the loads and the clock, absent for a deviation, which does not depend on them.
+        the loads and of a constant one, absent for a deviation, which does not depend on them.
         """
         state = np.zeros((2, self.pairs))
         if loads is not None:

@@ -300,7 +300,7 @@ class Run:
 
     def _continue_from(self, x: Floats, v: Floats, contacts: frozenset[Contact]) -> None:
         """Continue from a state with these contacts."""
-        loads = self.configuration.basis.loads_of(self.Z[0], self.now)
+        loads = self.configuration.basis.loads_of(self.Z[0])
         moved = self._deviations()
         configuration = self.structure.configuration(contacts)
         if configuration is not self.configuration:
@@ -341,7 +341,7 @@ class Run:
         self._resolve_contacts(x, v)
 
     def _at_walls(self, x: Floats, v: Floats) -> AtWalls:
-        return AtWalls(self.structure, x, v, self.configuration.basis.loads_of(self.Z[0], self.now))
+        return AtWalls(self.structure, x, v, self.configuration.basis.loads_of(self.Z[0]))
 
     def _begin_contacts(
         self, at_walls: AtWalls, struck: Contact, known: dict[Contact, float]

@@ -126,3 +126,55 @@ def test_a_body_slides_to_the_last_digits(drag: float) -> None:
         places = [mp.mpf(float(place)) for place in result.x[:, 0]]
         off = np.array([float(a - b) for a, b in zip(true, places, strict=True)])
     assert (np.abs(off) <= 8.0 * EPS * np.abs(result.x[:, 0]).max()).all()
+
+
+@pytest.mark.parametrize("drag", [1e-2, 1e-5, 1e-8, 1e-12])
+@pytest.mark.parametrize("bodies", [1, 2])
+def test_a_body_falls_through_the_faintest_drag(drag: float, bodies: int) -> None:
+    """Its terminal velocity is far away; of positions that counted from there, no digit was left.
+
+    What is claimed of it does not depend on the drag, and holds.
+    """
+    M = np.diag([1.0, 2.5][:bodies])
+    document = {
+        "M": M.tolist(), "K": np.zeros_like(M).tolist(), "C": (drag * M).tolist(),
+        "constraints": [{"dofs": [0], "weights": [1.0], "lower": 0.0, "upper": None,
+                         "restitution": 0.8}],
+        "force": [-9.81, 0.3][:bodies], "x": [1.0, 0.2][:bodies], "v": [0.3, -0.1][:bodies],
+        "t": [0.4, 1.1, 2.0], "t_end": 2.1,
+    }  # fmt: skip
+    report = Report()
+    histories.check(Case("", document), report)
+    assert not report.failures
+    assert report.counts["horizon at the end"] == 1
+    problem = histories.problem_of(document)
+    assert th.solve(problem, th.plan(problem)).error_condition < 5e3
+
+
+@pytest.mark.parametrize("drag", [1e-2, 1e-5, 1e-8])
+def test_a_sampled_load_pushes_a_body_through_the_faintest_drag(drag: float) -> None:
+    """The two rates of the body, 0 and -2 delta, differ by all that it moves."""
+    system = System(
+        SymmetricMatrix.diagonal([1.0]), SymmetricMatrix.diagonal([0.0]), (),
+        C=SymmetricMatrix.diagonal([drag]),
+    )  # fmt: skip
+    load = th.Sampled(np.ones(1), np.array([0.0, 1.0, 4.0]), np.array([0.5, 0.5, 2.0]))
+    start, t = th.State(np.zeros(1), np.zeros(1)), np.array([0.5, 1.0, 3.0])
+    problem = th.Problem(system, start, 3.5, t=t, outputs=frozenset({"x"}), load=(load,))
+    result = th.solve(problem, th.plan(problem))
+    assert result.x is not None
+    with mp.workdps(40):
+        rate = mp.mpf(drag)
+
+        def place(time: float) -> mp.mpf:
+            def answer(s: mp.mpf) -> mp.mpf:
+                force = mp.mpf("0.5") if s <= 1 else mp.mpf("0.5") + (s - 1) / 2
+                return force * -mp.expm1(-rate * (time - s)) / rate
+
+            return mp.quad(answer, [0, min(time, 1.0), time])
+
+        off = [
+            float(mp.mpf(float(x)) - place(float(s)))
+            for s, x in zip(t, result.x[:, 0], strict=True)
+        ]
+    assert (np.abs(off) <= 8.0 * EPS * np.abs(result.x[:, 0]).max()).all()
