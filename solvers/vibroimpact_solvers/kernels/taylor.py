@@ -155,6 +155,10 @@ def _linear_part(linear: Linear, C: Floats, k: int, factor: float) -> None:
         drive = linear.drives[row]
         i, u, v = drive.driven, drive.kappa_real, drive.kappa_imaginary
         a, b = here[Z1, drive.driving], -here[Z2, drive.driving]
+        if linear.pairs[drive.driving].back == 0.0:  # a load that does not turn
+            there[Z1, i] = fma(factor, u * a, there[Z1, i])
+            there[Z2, i] = fma(factor, v * a, there[Z2, i])
+            continue
         if linear.pairs[i].back >= 0.0:  # a rigid body
             there[Z2, i] = fma(factor, u * a - v * b, there[Z2, i])
             continue

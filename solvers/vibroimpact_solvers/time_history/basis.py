@@ -416,11 +416,18 @@ class Basis:
 
     def length(self, z: Floats) -> float:
         """Return the length of a whole deviation, shape (2, pair), with what loads carry of it."""
+        return float(np.sqrt((self.measure * self.whole(z, level=0.0) ** 2).sum()))
+
+    def whole(self, z: Floats, *, level: float) -> Floats:
+        """Return states with what loads carry of them, shape (…, 2, pair), 0 for the loads' pairs.
+
+        level is 1 for states and 0 for deviations, which constant loads do not act on.
+        """
         whole = self.own * z
         if len(self.carried):
-            numbers = z[:, self.load_places].T.ravel()
-            whole = whole + np.tensordot(numbers, self.carried[1:], 1)
-        return float(np.sqrt((self.measure * whole**2).sum()))
+            numbers = np.swapaxes(z[..., self.load_places], -1, -2).reshape(*z.shape[:-2], -1)
+            whole = whole + level * self.carried[0] + np.tensordot(numbers, self.carried[1:], 1)
+        return np.asarray(whole)
 
     @cached_property
     def weights(self) -> Floats:

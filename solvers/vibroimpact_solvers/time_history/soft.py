@@ -53,7 +53,7 @@ class SoftRun:
     difference : float
         Largest difference to the states of a run with longer steps, whose start, frequencies
         and limiters are off by their roundings, and what roundings may add to it; relative to
-        the largest state. nan: not estimated.
+        the largest state, what loads carry along included. nan: not estimated.
     known_until : float
         Time until which this is no more than the tolerance; nan: not estimated.
     """
@@ -190,10 +190,10 @@ class SoftMotion:
         comes from roundings, it is one sample of them, and less than others may be; those of the
         states that are returned are in both runs.
         """
-        weights = self._basis.weights[np.newaxis]
-        # Loads count by what they move: their series end somewhere, too.
-        apart = (np.abs(run.states - other.states) * weights).max(axis=(1, 2))
-        largest = float((np.abs(run.states) * weights).max(initial=0.0))
+        basis = self._basis
+        # Relative to the motion, not to where loads carry it or whence it moves there.
+        apart = np.abs(basis.whole(run.states - other.states, level=0.0)).max(axis=(1, 2))
+        largest = float(np.abs(basis.whole(run.states, level=1.0)).max(initial=0.0))
         apart = apart / largest if largest > 0.0 else apart
         sampled = 1.0 + _REPEATED * _COARSEST_FINEST / rough
         apart = np.where(apart > 0.0, sampled * apart + _CONVERTED * _EPS, 0.0)
@@ -220,7 +220,7 @@ class SoftMotion:
         state, lost = z.copy(), np.zeros_like(z)
         if off:
             size = float((np.abs(z) * basis.weights).max())
-            state += _EPS * size * basis.signs[0] * basis.own
+            state += _EPS * size * basis.signs[0] * basis.own * _grain(scene)
             linear = _linear(scene, _EPS * basis.drifts[0])
             limiters = limiters._replace(kicks=limiters.kicks + _EPS * _kick_errors(scene))
         progress = self._progress()
@@ -240,6 +240,15 @@ class SoftMotion:
                 raise ConvergenceError(message)
             if tick is not None:
                 tick(int(1e3 * (begin + (end - begin) * part)), 1000)
+
+
+def _grain(scene: Configuration) -> Floats:
+    """Return what numbers of pairs are displacements times, that are known to a rounding."""
+    flow = scene.kernel.flow
+    creeps = slice(flow.rotations, flow.hyperbolas_end)
+    grain = np.ones((2, flow.nu.size))
+    grain[0, creeps] = np.minimum(1.0, flow.nu[creeps])
+    return grain
 
 
 def _kick_errors(scene: Configuration) -> Floats:

@@ -12,6 +12,8 @@ import scipy.integrate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.truth import soft
+from tests.truth.verdicts import Case, Report
 from vibroimpact_solvers import presets
 from vibroimpact_solvers import time_history as th
 from vibroimpact_solvers.errors import ConvergenceError, ModelError
@@ -278,6 +280,42 @@ def test_stated_errors_hold_where_roundings_make_them() -> None:
         error = float((weights * np.abs(states(result)[0] - exact)).max())
         assert result.error_difference is not None
         assert error <= result.error_difference * size
+
+
+SLIDING = {
+    "M": [[2.8]], "K": [[0.0]], "C": [[0.028]], "force": [-1.04], "x": [0.16], "v": [-1.29],
+    "constraints": [{"dofs": [0], "weights": [1.0], "lower": 2.01, "upper": 1.0,
+                     "restitution": 1.0}],
+    "load": [[0, 1.59, 0.784, 2.08], [0, -0.966, 1.25, 2.69]],
+    "limiter": {"exponent": 7, "stiffness": 4.65, "scale": 1.0},
+    "t": [2.59, 5.05, 8.56], "t_end": 8.95,
+}  # fmt: skip
+# All but free: at rest its first mode would be 4,000 times as far away as it moves.
+ALMOST_FREE = {
+    "M": np.eye(4).tolist(),
+    "K": [[0.822265625, -0.822265625, 0.0, 0.0], [-0.822265625, 2.509765625, -1.6884765625, 0.0],
+          [0.0, -1.6884765625, 2.0703125, -0.3818359375],
+          [0.0, 0.0, -0.3818359375, 0.3818359375]],
+    "C": [[0.0, 0.0, 0.0, 0.0], [0.0, 0.41, -0.41, 0.0], [0.0, -0.41, 0.41, 0.0],
+          [0.0, 0.0, 0.0, 1.43]],
+    "constraints": [{"dofs": [0], "weights": [1.0], "lower": 5.4, "upper": 0.737,
+                     "restitution": 1.0},
+                    {"dofs": [2], "weights": [1.0], "lower": 2.7, "upper": 1.0,
+                     "restitution": 1.0}],
+    "x": [0.134, -0.027, 0.003, -0.047], "v": [0.214, -0.457, -0.113, -1.388],
+    "force": [1.51, -1.14, 0.425, 1.17], "load": [[3, 0.224, 1.58, -1.63]],
+    "limiter": {"exponent": 1, "stiffness": 1.59, "scale": 1.0},
+    "t": [5.73], "t_end": 11.2, "tolerance": 3.35e-9,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("document", [SLIDING, ALMOST_FREE], ids=["sliding", "almost free"])
+def test_stated_errors_are_relative_to_the_motion(document: dict[str, Any]) -> None:
+    """They counted relative to where loads carry a structure, and to the loads' own size."""
+    report = Report()
+    soft.check(Case("", document), report)
+    assert not report.failures
+    assert report.ratios["state"]
 
 
 def doubles(matrix: mp.matrix) -> np.ndarray[Any, np.dtype[np.float64]]:
