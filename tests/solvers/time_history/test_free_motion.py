@@ -170,3 +170,26 @@ def _discriminant(p: Floats) -> list[float]:
     rates = np.linalg.eigvals(np.block([[np.zeros((2, 2)), np.eye(2)], [-K, -C]]))
     first, second = rates[rates.imag > 0.0]
     return [((first - second) ** 2).real, ((first - second) ** 2).imag]
+
+
+@pytest.mark.parametrize("gap", [10.0, 0.9], ids=["far", "within reach of all modes at once"])
+def test_long_free_flights_cost_no_steps(gap: float) -> None:
+    """A million units of time without an impact: 0.1.0 went through them window by window."""
+    system = presets.chain(3, [Constraint.at(1, gap)])
+    x, v, t_end = np.array([0.5, 0.2, -0.3]), np.array([0.1, 0.3, 0.2]), 1e6
+    outputs = frozenset({"x", "impacts"})
+    problem = th.Problem(system, th.State(x, v), t_end, t=np.array([t_end]), outputs=outputs)
+    result = th.solve(problem, th.plan(problem))
+    assert result.count_impacts == 0
+    assert result.count_expansions < 100
+    assert result.x is not None
+    with mp.workdps(40):
+        modes = [[mp.sin(mp.pi * i * j / 4) / mp.sqrt(2) for i in (1, 2, 3)] for j in (1, 2, 3)]
+        true = [mp.mpf(0)] * 3
+        for j, mode in enumerate(modes, start=1):
+            w = 2 * mp.sin(mp.pi * j / 8)
+            q, rate = (mp.fdot(mode, part.tolist()) for part in (x, v))
+            now = q * mp.cos(w * t_end) + rate / w * mp.sin(w * t_end)
+            true = [a + now * part for a, part in zip(true, mode, strict=True)]
+        off = [abs(float(a - mp.mpf(float(b)))) for a, b in zip(true, result.x[0], strict=True)]
+    assert max(off) <= result.error_condition * 2.0**-52
