@@ -68,6 +68,19 @@ RING = {  # its ends are joined: no band
     },
     "constraints": [LIMITER],
 }  # fmt: skip
+OUTSIDE = {
+    # The states keep all limiters but the last one.
+    "system": chain(
+        3,
+        *(
+            {"direction": {"dofs": [0, 1], "weights": [1.0, 1.0 + k / 1000]}, "gap": 100.0}
+            for k in range(1000)
+        ),
+        {"dof": 2, "gap": 0.2},
+    ),
+    "initial": {"x": [[1.0] * 3] * 10_000, "v": [[0.0] * 3] * 10_000},
+    "t_end": 1.0,
+}
 PLANS: dict[str, tuple[str, dict[str, Any]]] = {
     "a million frequencies": ("impact-modes", modes(10**6)),
     "two million, all outputs": (
@@ -141,6 +154,16 @@ PLANS: dict[str, tuple[str, dict[str, Any]]] = {
         "sweep",
         sweep("impact-modes", {**modes(100), "system": RING}, ("system.K.data.0", 2.0, 3.0, 1000)),
     ),
+    "ten thousand members outside of a thousand limiters": ("ensemble", OUTSIDE),
+    "ten thousand motions outside of a limiter": (
+        "attractors",
+        {
+            "system": {**OSCILLATOR, "constraints": [{"dof": 0, "gap": 0.2}]},
+            "load": [{"dof": 0, "amplitude": 1.0}],
+            "frequency": {"values": [1.0]},
+            "initial": {"x": [[1.0]] * 10_000, "v": [[0.0]] * 10_000},
+        },
+    ),
     "no point is possible": (
         "sweep",
         sweep(
@@ -202,6 +225,21 @@ def test_a_plan_that_takes_long_ends_with_the_reason(tmp_path: Path) -> None:
     with pytest.raises(ProblemError, match="The plan alone") as refused:
         planned(tmp_path, "sweep", content, plan_seconds=1e-6)
     assert refused.value.type is problems.TOO_COSTLY
+
+
+def test_checks_of_many_states_are_part_of_the_plan(tmp_path: Path) -> None:
+    """They end where the time of a plan does, not after the last limiter of the last state."""
+    asked = requests.read("ann", KINDS["ensemble"], OUTSIDE)
+    system, calls = decode.system(asked.document.system), 0
+
+    def meter() -> None:
+        nonlocal calls
+        calls += 1
+        if calls == 100:
+            raise ProblemError(problems.TOO_COSTLY, "enough")
+
+    with pytest.raises(ProblemError, match="enough"):
+        decode.problem(asked.kind, asked.document, system, meter)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the system does not tell its time apart")

@@ -95,6 +95,56 @@ def test_an_ensemble_may_be_wrong_throughout() -> None:
     assert result.count_impacts.tolist() == [0, 0, 0]
 
 
+def test_members_that_cannot_start_are_told_apart_from_all() -> None:
+    """Of a piece all may be out of range; of the whole it is the fault of the request."""
+    x, v = np.zeros((6, 1)), np.full((6, 1), 1.5)
+    x[:4] = [[2.0], [1e200], [-3.0], [1e-200]]
+    asked = problem(OSCILLATOR, x, v)
+    plan = ensemble.plan(asked)
+    pieces = [asked.piece(start, start + 1) for start in range(6)]
+    joined = ensemble.join(asked, plan, [ensemble.solve(piece, plan) for piece in pieces])
+    assert joined.status.tolist() == [1, 1, 1, 1, 0, 0]
+    assert solved(asked).status.tolist() == joined.status.tolist()
+    assert asked.start is not None
+    assert asked.start.row == 4
+    assert solved(problem(OSCILLATOR, x[:3], v[:3])).status.tolist() == [1, 1, 1]
+    free = asked.piece(1, 2)
+    with pytest.raises(ModelError, match=r"initial.x: no state is in range; of the first, the"):
+        ensemble.plan(free)
+
+
+def test_the_first_member_inside_the_limits_is_found_among_many() -> None:
+    """By the same comparison as of one motion, to the last bit."""
+    x = 1.0 + np.array([2, 3, 1, 0, 50, 40, -30])[:, np.newaxis] * 2.0**-52
+    many = np.concatenate([np.full((10_000, 1), 2.0), x])
+    at = problem(OSCILLATOR, many, np.zeros_like(many)).start
+    assert at is not None
+    assert (at.row, at.inside) == (10_000, True)
+    for row in x:
+        one = time_history.first_start(OSCILLATOR.constraints, row[np.newaxis], np.zeros((1, 1)))
+        assert one is not None
+        try:
+            time_history.Problem(OSCILLATOR, time_history.State(row, np.zeros(1)), 1.0)
+        except ModelError:
+            assert not one.inside
+        else:
+            assert one.inside
+
+
+def test_errors_of_members_are_given_up_when_asked() -> None:
+    asked = problem(OSCILLATOR, np.full((5000, 1), 2.0), np.zeros((5000, 1)))
+    calls = 0
+
+    def tick(_done: int, _total: int) -> None:
+        nonlocal calls
+        calls += 1
+        if calls > 2:
+            raise Cancelled
+
+    with pytest.raises(Cancelled):
+        ensemble.solve(asked, ensemble.plan(asked), tick)
+
+
 def test_a_motion_that_cannot_be_followed_is_reported_with_the_member(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

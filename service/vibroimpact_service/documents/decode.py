@@ -129,15 +129,27 @@ def _constraint(index: int, document: systems.Constraint) -> Constraint:
         raise error.under("constraints", index) from None
 
 
-def problem(kind: Kind, request: Any, of: System) -> Any:
+def problem(kind: Kind, request: Any, of: System, meter: Callable[[], None] | None = None) -> Any:
     """Return the problem of a request of a kind, for its solver.
+
+    Parameters
+    ----------
+    kind, request, of
+        The system is that of the request.
+    meter : callable, optional
+        Called while checks go on that may take long; may raise to end them.
 
     Raises
     ------
     ModelError
         With the pointer inside the request.
     """
+    if isinstance(request, _OF_MANY_STATES):
+        return globals()[kind.identifier](request, of, meter)
     return globals()[kind.identifier](request, of)
+
+
+_OF_MANY_STATES: Final = (requests.AttractorsRequest, requests.EnsembleRequest)
 
 
 def grid_values(grid: Any, end: float = 0.0) -> Floats:
@@ -272,7 +284,9 @@ def periodic_motions(request: requests.PeriodicMotionsRequest, of: System) -> dr
     )
 
 
-def attractors(request: requests.AttractorsRequest, of: System) -> settled.Problem:
+def attractors(
+    request: requests.AttractorsRequest, of: System, meter: Callable[[], None] | None = None
+) -> settled.Problem:
     """Return the problem of attractors."""
     Omega, _ = frequencies(request.frequency, of.units)
     return settled.Problem(
@@ -289,6 +303,7 @@ def attractors(request: requests.AttractorsRequest, of: System) -> settled.Probl
         frozenset(request.outputs),
         _indices(request.dofs),
         request.tolerance,
+        meter,
     )
 
 
@@ -319,10 +334,12 @@ def time_history(request: requests.TimeHistoryRequest, of: System) -> histories.
     return histories.Problem(of, initial, digits=request.digits, **_motion(request, of))
 
 
-def ensemble(request: requests.EnsembleRequest, of: System) -> ensembles.Problem:
+def ensemble(
+    request: requests.EnsembleRequest, of: System, meter: Callable[[], None] | None = None
+) -> ensembles.Problem:
     """Return the problem of an ensemble."""
     x, v = np.array(request.initial.x), np.array(request.initial.v)
-    return ensembles.Problem(of, x, v, **_motion(request, of))
+    return ensembles.Problem(of, x, v, **_motion(request, of), report=meter)
 
 
 def _motion(request: requests.MotionRequest, of: System) -> dict[str, Any]:

@@ -120,7 +120,7 @@ def plan(
             problem = branch_paths.problem(document, system)
             planned = solver.plan(problem)
         else:
-            problem = decode.problem(kind, document, system)
+            problem = decode.problem(kind, document, system, meter)
             meter()
             planned = solver.plan(problem)
         meter()

@@ -79,7 +79,7 @@ def problem(
     """
     kind, base = request.root.kind, request.base
     try:
-        decode.problem(KINDS[kind], base, system)
+        decode.problem(KINDS[kind], base, system, meter)
     except ModelError as error:
         raise error.under("base") from None
     points = _tried_points(base.system)

@@ -71,10 +71,12 @@ def observe(
 
     plan is the one of the time histories.
     """
-    pattern = problem.pattern
-    if pattern.system is not problem.system:  # no initial state is inside the limits
-        yield from ((row, attempt(problem.motion, row)) for row in range(start, stop))
+    if not problem.start.inside:  # and no other initial state is inside the limits
+        for row in range(start, stop):
+            report()
+            yield row, attempt(problem.motion, row)
         return
+    pattern = problem.pattern
     x, v = problem.x[start:stop], problem.v[start:stop]
     first = float(problem.sections[0])
     outcomes: dict[int, Outcome] = {}

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import InitVar, dataclass, field
 from functools import cached_property
 from typing import Final
 
@@ -52,6 +53,8 @@ class Problem:
         Degrees of freedom of states and sections; None for all.
     tolerance : float, optional
         Distance of equal states relative to the amplitude; None: 1e-6.
+    report : callable, optional
+        Called while initial states are checked; may raise to end that.
     """
 
     system: System
@@ -67,9 +70,12 @@ class Problem:
     outputs: frozenset[str] = frozenset(OUTPUTS)
     dofs: Integers | None = None
     tolerance: float | None = None
+    report: InitVar[Callable[[], None] | None] = None
     output_dofs: Integers = field(init=False)
+    start: time_history.Start = field(init=False)
+    """The first motion that is possible."""
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, report: Callable[[], None] | None) -> None:
         dofs = np.arange(self.system.n) if self.dofs is None else np.asarray(self.dofs)
         object.__setattr__(self, "output_dofs", dofs.astype(np.int64))
         object.__setattr__(self, "outputs", frozenset(self.outputs))
@@ -78,6 +84,10 @@ class Problem:
         self._check_structure()
         time_history.check_states(self.system, self.x, self.v)
         self._check_counts()
+        start = time_history.first_start(self.system.constraints, self.x, self.v, report)
+        if start is None:
+            time_history.refuse_all(self.motion)
+        object.__setattr__(self, "start", start)
         self.pattern  # noqa: B018 (checks the rest of what all motions share)
 
     @property
@@ -111,9 +121,9 @@ class Problem:
 
     @cached_property
     def pattern(self) -> time_history.Problem:
-        """The motion from the first initial state inside the limits."""
-        first = time_history.first_inside(self.size, self.motion)
-        return self._motion(self.system.limited(()), 0) if first is None else first
+        """The motion from the first initial state inside the limits; without, if none is."""
+        system = self.system if self.start.inside else self.system.limited(())
+        return self._motion(system, self.start.row)
 
     def motion(self, row: int) -> time_history.Problem:
         """Return the time history from an initial state.

@@ -13,7 +13,15 @@ from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 
 
 def plan(problem: Problem) -> Plan:
-    """Decide how the motions are computed and what is left out: alike for all members."""
+    """Decide how the motions are computed and what is left out: alike for all members.
+
+    Raises
+    ------
+    ModelError
+        Where numbers of all members are out of range.
+    """
+    if problem.start is None:
+        time_history.refuse_all(problem.member)
     of_one = time_history.plan(time_history.of_mean_speed(problem.pattern, problem.v))
     return Plan(KIND, tuple(_steps(problem, of_one)), tuple(_skips(problem, of_one)))
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable
+from dataclasses import InitVar, dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, Final
+
+import numpy as np
 
 from vibroimpact_solvers import time_history
 from vibroimpact_solvers.arrays import Floats, Integers
@@ -27,6 +30,8 @@ class Problem:
         As in `time_history.Problem`, of every motion.
     first : int
         Index of the first member, where this is a piece of a larger ensemble.
+    report : callable, optional
+        Called while initial states are checked; may raise to end that.
 
     Raises
     ------
@@ -47,9 +52,15 @@ class Problem:
     limiter: Power | None = None
     method: str = time_history.EXACT
     first: int = 0
+    report: InitVar[Callable[[], None] | None] = None
+    start: time_history.Start | None = field(init=False)
+    """The first member that can move; None where numbers of all are out of range."""
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, report: Callable[[], None] | None) -> None:
         time_history.check_states(self.system, self.x, self.v)
+        rigid = self.system.constraints if self.limiter is None else ()
+        start = time_history.first_start(rigid, self.x, self.v, report)
+        object.__setattr__(self, "start", start)
         self.pattern  # noqa: B018 (checks the fields common to all members)
 
     @property
@@ -59,12 +70,21 @@ class Problem:
 
     @cached_property
     def pattern(self) -> time_history.Problem:
-        """The first member inside its limits; where there is none, the first without limiters."""
-        first = time_history.first_inside(self.size, self.member)
-        if first is not None:
-            return first
-        free = replace(self, system=self.system.limited(()), x=self.x[:1], v=self.v[:1])
-        return free.member(0)
+        """The first member inside its limits.
+
+        Where none is, the first in range, or at rest where none is, without limiters.
+        """
+        if self.moves:
+            assert self.start is not None
+            return self.member(self.start.row)
+        rest = np.zeros(self.system.n)
+        at = State(rest, rest) if self.start is None else self._state(self.start.row)
+        return self._motion(self.system.limited(()), at)
+
+    @property
+    def moves(self) -> bool:
+        """Whether there is a member that starts inside its limits."""
+        return self.start is not None and self.start.inside
 
     def member(self, index: int) -> time_history.Problem:
         """Return the problem of one motion.
@@ -74,8 +94,14 @@ class Problem:
         ModelError
             Where it starts outside of the limits.
         """
+        return self._motion(self.system, self._state(index))
+
+    def _state(self, index: int) -> State:
+        return State(self.x[index], self.v[index])
+
+    def _motion(self, system: System, initial: State) -> time_history.Problem:
         shared: dict[str, Any] = {name: getattr(self, name) for name in _SHARED}
-        return time_history.Problem(initial=State(self.x[index], self.v[index]), **shared)
+        return time_history.Problem(system, initial, **shared)
 
     def piece(self, start: int, stop: int) -> Problem:
         """Return some of the members."""
@@ -84,5 +110,7 @@ class Problem:
 
 
 _SHARED: Final = tuple(
-    field.name for field in fields(Problem) if field.name not in {"x", "v", "first"}
+    field.name
+    for field in fields(Problem)
+    if field.name not in {"system", "x", "v", "first", "start"}
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -25,6 +25,7 @@ _NUMBERS: Final = tuple(
 )
 """Arrays of the numbers that every motion has."""
 _TABLES: Final = ("impact", "contact")
+_ERRORS: Final = 256  # members without motion that are looked at together
 
 
 def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
@@ -74,13 +75,21 @@ def _assembly(problem: Problem) -> Assembly:
 
 def _pieces(problem: Problem, report: Callable[[], None]) -> Iterable[Piece]:
     """Compute the members; return their motions, or their errors."""
+    if not problem.moves:
+        return _errors(problem, report)
     pattern = problem.pattern
-    if pattern.system is not problem.system:
-        errors = {index: attempt(problem.member, index) for index in range(problem.size)}
-        return [Piece(np.zeros(0, np.int64), {}, errors)]
     # The methods are those of the whole ensemble. The windows of time depend on these members
     # alone, so that ensembles which have a piece in common share its numbers.
     return solve_states(pattern, time_history.plan(pattern), problem.x, problem.v, report)
+
+
+def _errors(problem: Problem, report: Callable[[], None]) -> Iterator[Piece]:
+    """Return why no member moves, few of them at a time."""
+    for start in range(0, problem.size, _ERRORS):
+        report()
+        rows = range(start, min(start + _ERRORS, problem.size))
+        errors = {index: attempt(problem.member, index) for index in rows}
+        yield Piece(np.zeros(0, np.int64), {}, errors)
 
 
 def _result(problem: Problem, assembly: Assembly) -> Result:

@@ -10,22 +10,27 @@ import math
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from threading import Event
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import Cancelled, ModelError, SolverError, attempt
 from vibroimpact_solvers.kernels.threads import cores
-from vibroimpact_solvers.model import RANGE, System
+from vibroimpact_solvers.model import RANGE, Constraint, System
 from vibroimpact_solvers.plan import Plan
 from vibroimpact_solvers.results.time_history import Result
 from vibroimpact_solvers.time_history.planning import plan as plan_of
 from vibroimpact_solvers.time_history.planning import windows
-from vibroimpact_solvers.time_history.problem import Problem, State, check_followed
+from vibroimpact_solvers.time_history.problem import (
+    Problem,
+    State,
+    check_followed,
+    within,
+)
 from vibroimpact_solvers.time_history.rigid_motions import Piece
 from vibroimpact_solvers.time_history.run import Tick
 from vibroimpact_solvers.time_history.solving import prepare
@@ -36,6 +41,7 @@ Outcome = Result | SolverError
 
 _T = TypeVar("_T")
 _FEWEST, _MOST = 16, 512  # motions that a thread takes at a time
+_SEARCHED = 4096  # states that are looked at together
 _LOOK_SECONDS = 0.05  # between two calls of the caller's report
 
 
@@ -62,21 +68,73 @@ def check_states(system: System, x: Floats, v: Floats) -> None:
     check_followed(system, State(x, v))
 
 
-def first_inside(count: int, motion: Callable[[int], Problem]) -> Problem | None:
-    """Return the first of some motions that starts inside the limits, None where there is none.
+@dataclass(frozen=True, slots=True)
+class Start:
+    """The first of many initial states from which a motion can start."""
+
+    row: int
+    inside: bool
+    """Whether it is inside the limits; where no state is, the first whose numbers are in range."""
+
+
+def first_start(
+    constraints: Sequence[Constraint],
+    x: Floats,
+    v: Floats,
+    report: Callable[[], None] | None = None,
+) -> Start | None:
+    """Return the first state from which a motion can start; None where all are out of range.
+
+    Parameters
+    ----------
+    constraints : sequence of Constraint
+        The rigid limiters.
+    x, v : array, shape (motion, dof)
+    report : callable, optional
+        Called between parts of the search; may raise to end it.
+    """
+    found = None
+    for begin in range(0, len(x), _SEARCHED):
+        part = slice(begin, begin + _SEARCHED)
+        inside = _in_range(x[part]) & _in_range(v[part])
+        if found is None and inside.any():
+            found = begin + int(inside.argmax())
+        columns = x[part].T
+        for constraint in constraints:
+            if report is not None:
+                report()
+            if not inside.any():
+                break
+            with np.errstate(over="ignore", invalid="ignore"):  # of states out of range
+                inside &= within(constraint, columns)
+        if inside.any():
+            return Start(begin + int(inside.argmax()), inside=True)
+    return None if found is None else Start(found, inside=False)
+
+
+def refuse_all(motion: Callable[[int], Problem]) -> None:
+    """Refuse many states, none of which is in range, by what is wrong with the first.
+
+    Parameters
+    ----------
+    motion : callable
+        Returns the motion from a state, given its place.
 
     Raises
     ------
     ModelError
-        Where something is wrong with all of them.
     """
-    for index in range(count):
-        try:
-            return motion(index)
-        except ModelError as error:
-            if error.pointer[:1] != ("initial",):
-                raise
-    return None
+    try:
+        motion(0)
+    except ModelError as error:
+        message = f"no state is in range; of the first, {error.message}"
+        raise ModelError(error.pointer, message, code=error.code) from None
+
+
+def _in_range(values: Floats) -> Any:
+    """Return whether the largest number of each row is zero or in range."""
+    largest = np.abs(values).max(axis=1)
+    return (largest == 0.0) | ((largest >= RANGE[0]) & (largest <= RANGE[1]))
 
 
 def of_mean_speed(pattern: Problem, v: Floats) -> Problem:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from vibroimpact_solvers import condensation
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.checks import check_indices, check_outputs
 from vibroimpact_solvers.errors import ModelError
-from vibroimpact_solvers.model import RANGE, System
+from vibroimpact_solvers.model import RANGE, Constraint, System
 from vibroimpact_solvers.time_history.limiters import Power
 from vibroimpact_solvers.time_history.loads import Load, Sampled
 
@@ -253,11 +253,9 @@ class Problem:
         check_followed(self.system, state)
         rigid = self.system.constraints if self.limiter is None else ()
         for index, constraint in enumerate(rigid):
-            terms = [weight * float(state.x[dof]) for dof, weight in constraint.coordinate]
-            y, rounding = sum(terms), 1e-14 * sum(map(abs, terms))
-            low = -math.inf if constraint.lower is None else -constraint.lower
-            high = math.inf if constraint.upper is None else constraint.upper
-            if not low - rounding <= y <= high + rounding:
+            if not within(constraint, state.x):
+                y = sum(weight * float(state.x[dof]) for dof, weight in constraint.coordinate)
+                low, high = _walls(constraint)
                 message = (
                     f"constraint {index} is at {y!r}, outside of its limits [{low!r}, {high!r}]"
                 )
@@ -290,6 +288,20 @@ class Problem:
         """Degrees of freedom of the history, shape (dof,)."""
         assert self.dofs is not None
         return self.dofs
+
+
+def within(constraint: Constraint, x: Floats) -> Any:
+    """Return whether displacements, shape (dof, …), keep a constraint, each but for rounding."""
+    terms = [weight * x[dof] for dof, weight in constraint.coordinate]
+    y, rounding = sum(terms), 1e-14 * sum(map(abs, terms))
+    low, high = _walls(constraint)
+    return (low - rounding <= y) & (y <= high + rounding)
+
+
+def _walls(constraint: Constraint) -> tuple[float, float]:
+    """Return the least and the largest value of the coordinate of a constraint."""
+    low = -math.inf if constraint.lower is None else -constraint.lower
+    return low, math.inf if constraint.upper is None else constraint.upper
 
 
 def check_followed(system: System, state: State) -> None:

@@ -83,6 +83,8 @@ def test_the_plan_says_what_members_share(http: TestClient, content: dict[str, A
         ({"t": [1.0, 50.0]}, "/t"),
         ({"dofs": [1]}, "/dofs/0"),
         ({"tolerance": 1e-20}, "/tolerance"),
+        ({"initial": {"x": [[1e200]] * 3, "v": [[1.0]] * 3}}, "/initial/x"),
+        ({"initial": {"x": [[0.0]] * 3, "v": [[1e-200]] * 3}}, "/initial/v"),
     ],
 )
 def test_wrong_fields_are_named(
@@ -91,6 +93,17 @@ def test_wrong_fields_are_named(
     answer = http.post(COMPUTE, json={**content, **change})
     assert answer.status_code == 422, answer.text
     assert pointer in [error["pointer"] for error in answer.json()["errors"]]
+
+
+@pytest.mark.parametrize("address", [COMPUTE, "/v1/plan/ensemble"])
+def test_many_members_all_out_of_range_are_one_fault(
+    http: TestClient, content: dict[str, Any], address: str
+) -> None:
+    content["initial"] = {"x": [[1e200]] * 5000, "v": [[1.0]] * 5000}
+    answer = http.post(address, json=content)
+    assert answer.status_code == 422, answer.text
+    assert [error["code"] for error in answer.json()["errors"]] == ["out_of_range"]
+    assert len(answer.content) < 1000
 
 
 def test_a_job_in_pieces_has_the_numbers_of_one_in_one_go(
