@@ -147,7 +147,7 @@ def not_finite(content: Any, pointer: str = "") -> InvalidRequest | None:
 
 
 def _pause(attempt: int, retry_after: str | None) -> float:
-    if retry_after is not None and retry_after.isdigit():
+    if retry_after is not None and retry_after.isdecimal():
         return min(float(retry_after), _LONGEST_PAUSE)
     return min(_LONGEST_BACKOFF, _FIRST_BACKOFF * 2.0**attempt) * random.uniform(0.5, 1.0)
 

@@ -60,6 +60,14 @@ def test_retry_after_is_obeyed(pauses: list[float]) -> None:
     assert pauses == [7.0]
 
 
+def test_retry_after_that_is_no_number_is_none(pauses: list[float]) -> None:
+    busy = httpx2.Response(429, json={"detail": "busy"}, headers=[(b"Retry-After", b"\xb2")])
+    played = Played(busy, httpx2.Response(200, json=1))
+    played.ask("GET", "/v1/x")
+    assert len(pauses) == 1
+    assert pauses[0] < 1.0
+
+
 def test_what_the_service_calls_final_is_not_tried_again() -> None:
     played = Played(problem(500, retryable=False))
     with pytest.raises(errors.Unavailable):

@@ -55,7 +55,8 @@ async def _read(request: Request) -> bytes:
     settings, memory = services(request).settings, services(request).body_memory
     limit, pause = settings.max_body_bytes, settings.body_seconds
     claimed = request.headers.get("content-length", "0")
-    if claimed.isdigit() and (len(claimed) > 18 or int(claimed) > limit):
+    # Superscripts are digits to Python, but no numbers.
+    if claimed.isdecimal() and (len(claimed) > 18 or int(claimed) > limit):
         raise _too_long(limit)
     clock = asyncio.get_running_loop().time
     began = clock()

@@ -324,8 +324,7 @@ async def follow_job(request: Request, job: JobId) -> Response:
     """Follow a job by server-sent events."""
     queue = services(request).evaluation.queue
     row = await visible_job(request, job)
-    last = request.headers.get("last-event-id", "")
-    seen = int(last) if last.isdigit() and len(last) < 10 else 0
+    seen = request_headers.last_event(request.headers.get("last-event-id"))
     headers = {"X-Accel-Buffering": "no"}
     if row.final and seen >= row.version:
         return Response(status_code=204)  # a browser would connect again after anything else

@@ -117,6 +117,11 @@ def idempotency_key(request: Request) -> str | None:
     return key
 
 
+def last_event(header: str | None) -> int:
+    """Return the number in Last-Event-ID, of a change of a job; 0 where there is none."""
+    return int(header) if header and re.fullmatch(r"[0-9]{1,9}", header) else 0
+
+
 def is_known(condition: str | None, tag: str) -> bool:
     """Whether If-None-Match names an entity tag, by weak comparison: the caller has the answer."""
     if condition is None or condition.strip() == "*":

@@ -250,6 +250,17 @@ def events(text: str) -> list[dict[str, str]]:
     return [event for event in found if "data" in event]
 
 
+@pytest.mark.parametrize("last", ["-1", "1e3", "9" * 40, "x"])
+def test_an_unknown_number_of_an_event_is_the_begin(
+    http: TestClient, queue: Any, request_body: dict[str, Any], last: str
+) -> None:
+    job = submit(http, request_body).json()["id"]
+    queue.run(job)
+    answer = http.get(f"/v1/jobs/{job}/events", headers={"Last-Event-ID": last})
+    assert answer.status_code == 200, answer.text
+    assert [event["event"] for event in events(answer.text)] == ["end"]
+
+
 def test_events_end_with_the_job(
     http: TestClient, queue: Any, request_body: dict[str, Any]
 ) -> None:

@@ -37,6 +37,14 @@ def test_accept(accept: str, wanted: str | None) -> None:
 
 
 @pytest.mark.parametrize(
+    ("header", "number"),
+    [(None, 0), ("", 0), ("17", 17), ("\u00b2", 0), ("1\u00b2", 0), ("-1", 0), ("9" * 40, 0)],
+)
+def test_last_event(header: str | None, number: int) -> None:
+    assert request_headers.last_event(header) == number
+
+
+@pytest.mark.parametrize(
     ("headers", "expected"),
     [
         ([], Preference()),
