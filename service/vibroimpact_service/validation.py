@@ -30,7 +30,12 @@ def problem_of(error: ValidationError, document: Any, *prefix: str) -> ProblemEr
     prefix : str
         Path from the body to the document.
     """
-    errors = error.errors(include_url=False, include_input=False)
+    errors = [
+        item
+        for item in error.errors(include_url=False, include_input=False)
+        # Another field is wrong, so that the default of one that was not sent is not known.
+        if item["type"] != "default_factory_not_called"
+    ]
     faults = [
         Fault(
             pointer=pointer((*prefix, *_place(item["loc"], document), *_tag(item))),

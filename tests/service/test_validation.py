@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from vibroimpact_schema.requests import ImpactModesRequest
+from vibroimpact_schema.requests import ImpactModesRequest, PeriodicMotionsRequest
 from vibroimpact_service import validation
 from vibroimpact_service.problems import ProblemError
 
@@ -46,6 +46,20 @@ def test_pointers_lead_into_the_body(content: Any, pointer: str, code: str) -> N
 
 def test_a_prefix_leads_to_documents_inside_of_the_body() -> None:
     assert problem_of({"system": CHAIN}, "request").errors[0].pointer == "/request/frequency"
+
+
+@pytest.mark.parametrize("field", ["system", "load", "frequency", "sequence", "tau"])
+def test_fields_that_were_not_sent_are_not_blamed_for_others(field: str) -> None:
+    """The outputs of periodic motions, by default, depend on the other fields."""
+    sent = {
+        "system": CHAIN, "frequency": {"values": [1]}, "load": [{"dof": 0, "amplitude": 1}],
+        field: 5,
+    }  # fmt: skip
+    with pytest.raises(ValidationError) as caught:
+        PeriodicMotionsRequest.model_validate(sent)
+    problem = validation.problem_of(caught.value, sent)
+    assert [fault.pointer for fault in problem.errors] == [f"/{field}"]
+    assert "more" not in problem.detail
 
 
 def test_the_input_is_not_quoted() -> None:
