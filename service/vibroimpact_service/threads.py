@@ -15,7 +15,7 @@ from typing import Any, Final, TypeVar
 
 import structlog
 
-from vibroimpact_service import problems
+from vibroimpact_service import garbage, problems
 from vibroimpact_service.jobs.work import StoppedError, StopSignal
 from vibroimpact_service.jobs.worker_calls import TRANSIENT_ERRORS
 from vibroimpact_service.problems import ProblemError
@@ -119,6 +119,11 @@ def _hand_over(
         loop.call_soon_threadsafe(copy)
 
 
+def _uncollected(work: Callable[[], Value]) -> Value:
+    with garbage.waiting():
+        return work()
+
+
 def _overloaded(waiting: int) -> ProblemError:
     detail = f"{waiting} requests are waiting already."
     return ProblemError(problems.UNAVAILABLE, detail, headers={"Retry-After": "1"})
@@ -204,7 +209,7 @@ class Threads:
         if len(body) <= _LARGE_BODY:
             return await self.run(work)
         async with self._large:
-            return await self.run(work)
+            return await self.run(lambda: _uncollected(work))
 
     def running(self, name: str) -> bool:
         """Whether the result of that digest is being computed."""
