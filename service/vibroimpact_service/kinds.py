@@ -87,6 +87,8 @@ class Kind:
         In words.
     request, result : type
         Documents.
+    extent : str
+        Field of the request with which the time of a plan grows most.
     structure : tuple of str
         Path of the structure in a request.
     axis : str, optional
@@ -103,6 +105,7 @@ class Kind:
     )
     result: type[results.Result]
     axis: str | None = None
+    extent: str = field(kw_only=True)
     structure: tuple[str, ...] = field(default=("system",), kw_only=True)
 
     @property
@@ -125,24 +128,28 @@ KINDS: Final[Mapping[str, Kind]] = {
             requests.ImpactModesRequest,
             document("impact-modes", impact_modes.Result),
             axis="frequency",
+            extent="frequency",
         ),
         Kind(
             "existence-bands",
             "Existence bands",
             requests.ExistenceBandsRequest,
             document("existence-bands", existence_bands.Result),
+            extent="frequency",
         ),
         Kind(
             "resonances",
             "Internal resonances",
             requests.ResonancesRequest,
             document("resonances", resonances.Result),
+            extent="odd_max",
         ),
         Kind(
             "periodic-motions",
             "Periodic motions",
             requests.PeriodicMotionsRequest,
             document("periodic-motions", periodic_motions.Result),
+            extent="frequency",
         ),
         Kind(
             "branches",
@@ -150,18 +157,21 @@ KINDS: Final[Mapping[str, Kind]] = {
             branch_requests.BranchesRequest,
             document("branches", branches.Result),
             structure=("base", "system"),
+            extent="base",
         ),
         Kind(
             "attractors",
             "Attractors",
             requests.AttractorsRequest,
             document("attractors", attractors.Result),
+            extent="initial",
         ),
         Kind(
             "time-history",
             "Time history",
             requests.TimeHistoryRequest,
             document("time-history", time_history.Result),
+            extent="t",
         ),
         Kind(
             "ensemble",
@@ -169,12 +179,14 @@ KINDS: Final[Mapping[str, Kind]] = {
             requests.EnsembleRequest,
             document("ensemble", ensemble.Result),
             axis="initial",
+            extent="initial",
         ),
         Kind(
             "slow-flow",
             "Slow flows",
             requests.SlowFlowRequest,
             document("slow-flow", slow_flow.Result),
+            extent="t",
         ),
         Kind(
             "sweep",
@@ -183,6 +195,7 @@ KINDS: Final[Mapping[str, Kind]] = {
             sweeps.SweepResult,
             axis="axes",
             structure=("base", "system"),
+            extent="axes",
         ),
     )
 }

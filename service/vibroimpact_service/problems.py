@@ -280,6 +280,17 @@ class ProblemError(Exception):
         """Support pickling, between processes."""
         return (ProblemError, (self.type, self.detail, self.errors, self.headers))
 
+    def under(self, *prefix: str | int) -> ProblemError:
+        """Return the same problem, its pointers from a document that contains the request."""
+        where, detail = pointer(prefix), self.detail
+        faults = [
+            f if f.parameter else f.model_copy(update={"pointer": where + f.pointer})
+            for f in self.errors
+        ]
+        if self.errors and self.errors[0].pointer and detail.startswith(self.errors[0].pointer):
+            detail = where + detail
+        return ProblemError(self.type, detail, faults, self.headers)
+
     def document(self, request_id: str) -> Problem:
         """Return the problem document for a request."""
         return Problem(
@@ -309,7 +320,9 @@ def of(error: BaseException) -> ProblemError:
         case ModelError():
             return invalid(pointer(error.pointer), error.code, error.message)
         case PlanError():
-            return ProblemError(NOT_POSSIBLE, str(error))
+            where, code = pointer(error.pointer), NOT_POSSIBLE.code
+            fault = Fault(pointer=where, code=code, message=error.message)
+            return ProblemError(NOT_POSSIBLE, error.message, [fault] if where else ())
         case ConvergenceError():
             return ProblemError(NO_CONVERGENCE, str(error))
         case OSError() if error.errno in (errno.ENOSPC, errno.EDQUOT):

@@ -58,7 +58,28 @@ class ModelError(SolverError):
 
 
 class PlanError(SolverError):
-    """No available method can do what is requested."""
+    """No available method can do what is requested.
+
+    Parameters
+    ----------
+    message : str
+        The obstacle, and what would be possible.
+    pointer : tuple of str or int
+        Path of the field to change, as of a `ModelError`; empty where it is not one.
+    """
+
+    def __init__(self, message: str, pointer: tuple[str | int, ...] = ()) -> None:
+        super().__init__(message)
+        self.message = message
+        self.pointer = pointer
+
+    def under(self, *prefix: str | int) -> PlanError:
+        """Return the same error, as of a `ModelError`."""
+        return PlanError(self.message, (*prefix, *self.pointer) if self.pointer else ())
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Support pickling, for other processes."""
+        return (PlanError, (self.message, self.pointer))
 
 
 class ConvergenceError(SolverError):

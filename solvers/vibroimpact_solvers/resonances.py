@@ -103,7 +103,7 @@ def plan(problem: Problem) -> Plan:
         message = (
             f"the natural modes of the constrained structure take more than {size / 1e9:.0f} GB"
         )
-        raise PlanError(message)
+        raise PlanError(message, ("system",))
     names = sorted({str(method) for _, method in methods})
     reason = f"with the coordinate fixed the structure has {len(parts)} parts ({', '.join(names)})"
     if problem.system.massless.size:

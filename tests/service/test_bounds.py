@@ -225,6 +225,21 @@ def test_a_plan_that_takes_long_ends_with_the_reason(tmp_path: Path) -> None:
     with pytest.raises(ProblemError, match="The plan alone") as refused:
         planned(tmp_path, "sweep", content, plan_seconds=1e-6)
     assert refused.value.type is problems.TOO_COSTLY
+    assert [fault.pointer for fault in refused.value.errors] == ["/axes"]
+    assert refused.value.errors[0].code == "plan_too_long"
+
+
+@pytest.mark.parametrize(("sent", "pointer"), [(False, "/system"), (True, "/t")])
+def test_of_a_plan_that_takes_long_a_field_is_blamed_that_was_sent(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, sent: bool, pointer: str
+) -> None:
+    clock = iter(range(100))
+    monkeypatch.setattr(planning, "_used", lambda: float(next(clock)))
+    content = {**HISTORY, "outputs": ["impacts"]}
+    content.pop("t", None)
+    with pytest.raises(ProblemError, match="The plan alone") as refused:
+        planned(tmp_path, "time-history", {**content, "t": [0.0]} if sent else content)
+    assert [fault.pointer for fault in refused.value.errors] == [pointer]
 
 
 def test_checks_of_many_states_are_part_of_the_plan(tmp_path: Path) -> None:

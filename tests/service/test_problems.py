@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from vibroimpact_schema.problems import Fault
 from vibroimpact_service import problems
 from vibroimpact_service.problems import ProblemError, Type
 from vibroimpact_solvers.errors import Cancelled, ConvergenceError, ModelError, PlanError
@@ -41,6 +42,26 @@ def test_a_fault_of_the_model_keeps_its_place_and_code() -> None:
     assert document.request_id == "r1"
     assert document.errors[0].pointer == "/system/constraints/0/gap"
     assert document.errors[0].code == "gap_not_positive"
+
+
+def test_an_obstacle_names_the_field_to_change_where_there_is_one() -> None:
+    error = PlanError("too many impacts: ask for less time", ("t",))
+    assert pickle.loads(pickle.dumps(error)).pointer == ("t",)
+    found = problems.of(error.under("base"))
+    assert found.type is problems.NOT_POSSIBLE
+    assert [(fault.pointer, fault.code) for fault in found.errors] == [("/base/t", "not_possible")]
+    assert found.detail == "too many impacts: ask for less time"
+    assert problems.of(PlanError("no method").under("base")).errors == ()
+
+
+def test_faults_of_a_request_within_a_document_point_into_the_document() -> None:
+    inner = problems.invalid("/system/K", "not_symmetric", "is not symmetric").under("request")
+    assert inner.errors[0].pointer == "/request/system/K"
+    assert inner.detail == "/request/system/K: is not symmetric"
+    header = Fault(pointer="", parameter="Prefer", code="wrong_format", message="is wrong")
+    outside = ProblemError(problems.BAD_REQUEST, "is wrong", [header]).under("request")
+    assert outside.errors == (header,)
+    assert outside.detail == "is wrong"
 
 
 def test_types_have_unique_codes_and_client_errors_are_only_retryable_where_time_helps() -> None:

@@ -154,7 +154,10 @@ async def submit_job(request: Request) -> Response:
         body, lambda: requests.read_job(owner(request), body, settings)
     )
     submitting = evaluation.submit(computation, admission(request), key, options)
-    row = await while_connected(request, submitting)
+    try:
+        row = await while_connected(request, submitting)
+    except ProblemError as error:
+        raise error.under("request") from None
     headers = {"Location": f"/v1/jobs/{row.id}"}
     return answers.document(await described(evaluation.queue, row), 201, headers)
 

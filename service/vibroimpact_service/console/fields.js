@@ -109,7 +109,7 @@ export function showError(error) {
 
 /** @param {import("./api.js").Fault} fault @returns {boolean} whether there is a field that it belongs to */
 function markFault(fault) {
-  const pointer = (fault.pointer || "").replace(/^\/(base|request)(?=\/)/, "");
+  const pointer = (fault.pointer || "").replace(/^(\/request)?(\/base)?(?=\/)/, "");
   /** @type {HTMLElement[]} */
   const fields = [...document.querySelectorAll("[data-pointer]")].map((each) => /** @type {HTMLElement} */ (each));
   const box = byId("structure-box");

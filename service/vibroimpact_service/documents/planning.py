@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from vibroimpact_schema.branches import BranchesRequest
+from vibroimpact_schema.problems import Fault
 from vibroimpact_schema.sweeps import SweepRequest
 from vibroimpact_schema.systems import SystemReference
 from vibroimpact_service import problems
@@ -47,10 +48,13 @@ def _used() -> float:
 
 
 class _Meter:
-    """Ends a plan that takes too much processor time, or that nobody waits for any more."""
+    """Ends a plan that takes too much processor time, or that nobody waits for any more.
 
-    def __init__(self, settings: Settings | None, tick: Tick | None) -> None:
-        self._tick = tick
+    `where` is the field that is blamed.
+    """
+
+    def __init__(self, settings: Settings | None, tick: Tick | None, where: str) -> None:
+        self._tick, self._where = tick, where
         self._seconds = math.inf if settings is None else settings.plan_seconds
         self._end = math.inf
 
@@ -71,8 +75,9 @@ class _Meter:
         if self._tick is not None:
             self._tick(0, 1)
         if _used() > self._end:
-            detail = f"The plan alone takes more than {self._seconds:g} s: ask for less at once."
-            raise ProblemError(problems.TOO_COSTLY, detail)
+            message = f"The plan alone takes more than {self._seconds:g} s: ask for less at once."
+            fault = Fault(pointer=self._where, code="plan_too_long", message=message)
+            raise ProblemError(problems.TOO_COSTLY, message, [fault])
 
 
 def plan(
@@ -95,7 +100,9 @@ def plan(
     StoppedError
         Where the tick raises it.
     """
-    meter = _Meter(settings, tick)
+    sent = kind.extent in getattr(document, "root", document).model_fields_set
+    where = problems.pointer((kind.extent,) if sent else kind.structure)
+    meter = _Meter(settings, tick, where)
     # The numerical libraries load at the first request.
     from vibroimpact_service.documents import branch_paths, decode, sweep_axes
     from vibroimpact_solvers import cost

@@ -42,7 +42,8 @@ def plan(problem: Problem) -> Plan:
         message = (
             f"states and impacts of one motion in {periods} take {_each(problem) / 1e9:.1f} GB"
         )
-        raise PlanError(f"{message}: settle and observe for less time")
+        more = "settle" if problem.settle > problem.observe else "observe"
+        raise PlanError(f"{message}: settle and observe for less time", (more,))
     of_one = time_history.plan(time_history.of_mean_speed(problem.pattern, problem.v))
     skips = (Skip(name, "not requested") for name in OUTPUTS if name not in problem.outputs)
     return Plan(KIND, tuple(_steps(problem, of_one)), tuple(skips))
@@ -67,7 +68,7 @@ def _steps(problem: Problem, of_one: Plan) -> Iterator[Step]:
             size = spectrum.nbytes(problem.system, spectrum.Method(step.method))
             if size > spectrum.MEMORY:
                 message = f"the natural modes of the structure take more than {size / 1e9:.0f} GB"
-                raise PlanError(message)
+                raise PlanError(message, ("system",))
             yield replace(step, reason=f"{step.reason}; one for all motions")
         elif step.stage is Stage.FREE_MOTION:
             overhead = OVERHEAD_SECONDS * FLOPS_PER_SECOND

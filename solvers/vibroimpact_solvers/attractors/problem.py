@@ -136,6 +136,15 @@ class Problem:
         return self._motion(self.system, row)
 
     def _motion(self, system: System, row: int) -> time_history.Problem:
+        try:
+            return self._history(system, row)
+        except ModelError as error:
+            if error.pointer[0] not in {"t", "t_end"}:
+                raise
+            message = f"of the time of settle + observe periods, {error.message}"
+            raise ModelError(("frequency",), message, code=error.code) from None
+
+    def _history(self, system: System, row: int) -> time_history.Problem:
         return time_history.Problem(
             system,
             time_history.State(self.x[row], self.v[row]),

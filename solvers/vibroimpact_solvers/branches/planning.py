@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from vibroimpact_solvers import periodic_motions
 from vibroimpact_solvers.branches.problem import KIND, Problem
+from vibroimpact_solvers.errors import PlanError
 from vibroimpact_solvers.plan import Plan, Stage, Step
 
 _EVALUATIONS = 6.0  # of the equations for one point
@@ -15,7 +16,10 @@ _POINTS = 0.1  # of the most that are allowed, about what a branch takes
 def plan(problem: Problem) -> Plan:
     """Choose how the branches are followed and what is left out."""
     base = problem.at(problem.start)
-    of_motions = periodic_motions.plan(base)
+    try:
+        of_motions = periodic_motions.plan(base)
+    except PlanError as error:
+        raise error.under("base") from None
     expected = max(50.0, _POINTS * problem.points) * (2.0 + problem.switch)
     m, modes = float(len(base.impacts)), float(base.system.n)
     flops = 200.0 * _EVALUATIONS * expected * m * m * modes

@@ -71,7 +71,7 @@ def _steps(problem: Problem, *, grows: bool) -> Iterator[Step]:
     method = spectrum.choose(system)
     if spectrum.nbytes(system, method) > spectrum.MEMORY:
         message = f"bands need all natural modes, too many with {system.n} degrees of freedom"
-        raise PlanError(message)
+        raise PlanError(message, ("system",))
     yield spectrum.step(system, method)
     poles = system.n * (1.0 + 0.5 * phase)
     _check_poles(poles)

@@ -165,21 +165,21 @@ def _check_size(problem: Problem, method: spectrum.Method) -> None:
                 f"with mass take more than {spectrum.MEMORY / 1e9:.0f} GB, and they are needed "
                 "where others have no mass: reduce the model first (vibroimpact.reduce)"
             )
-            raise PlanError(message)
+            raise PlanError(message, ("system",))
         message = (
             f"all natural modes of {system.n} degrees of freedom take more than "
             f"{spectrum.MEMORY / 1e9:.0f} GB; without them only impulses, shapes and energy of "
             "limiters with equal gaps and no static load can be computed, in banded or sparse "
             "structures"
         )
-        raise PlanError(message)
+        raise PlanError(message, ("system",))
     modes = system.n - system.massless.size
     if "stability" in problem.outputs and modes > stability.LARGEST:
         message = (
             f"stability needs the multipliers of a map of {2 * modes} deviations, more than "
             f"{2 * stability.LARGEST}: leave the output out"
         )
-        raise PlanError(message)
+        raise PlanError(message, ("outputs",))
 
 
 def _direct_steps(problem: Problem) -> Iterator[Step]:

@@ -80,7 +80,8 @@ class Driven:
         basis = structure.configuration().basis.without_chains()
         modes = basis.modes
         if modes.load[modes.roots == 0.0].any():
-            raise PlanError("a constant load drives a rigid-body mode: no motion is periodic")
+            message = "a constant load drives a rigid-body mode: no motion is periodic"
+            raise PlanError(message, ("system", "force"))
         rows = structure.W @ modes.shapes
         # A mode with a node at a constraint is not coupled at all; rounding of its participation
         # would put a multiplier next to a pole of the equation that the multipliers solve.

@@ -37,7 +37,7 @@ def _steps(problem: Problem) -> Iterator[Step]:
     size = spectrum.nbytes(system, method)
     if size > spectrum.MEMORY:
         message = f"the natural modes of the structure take more than {size / 1e9:.0f} GB"
-        raise PlanError(message)
+        raise PlanError(message, ("system",))
     yield spectrum.step(system, method)
     modes, m = float(system.n), len(problem.impacts)
     # With one impact, mostly a motion without impacts and two with.

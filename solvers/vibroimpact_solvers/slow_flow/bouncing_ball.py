@@ -25,12 +25,11 @@ from typing import ClassVar, Self
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.errors import PlanError
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.results.slow_flow import Stage
 from vibroimpact_solvers.slow_flow import parameters
 from vibroimpact_solvers.slow_flow.limits import waves
-from vibroimpact_solvers.slow_flow.lossy_motion import MOST
+from vibroimpact_solvers.slow_flow.lossy_motion import MOST, too_many
 from vibroimpact_solvers.slow_flow.motion import Impacts, Initial, Model, Motion, Variant
 
 
@@ -108,7 +107,7 @@ class BouncingBall(Model):
         """Return the impacts of the exact motion, as far as they differ in double precision."""
         bound = self.expected_impacts(until)
         if bound > MOST:
-            raise PlanError(f"about {bound:.3g} impacts are more than {MOST}: ask for less time")
+            raise too_many(bound)
         n: Floats = np.arange(1.0, int(bound) + 2.0)
         time = self._start(n)
         # Times beyond the last that differs from the one before are one impact.

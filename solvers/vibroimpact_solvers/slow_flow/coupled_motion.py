@@ -49,7 +49,7 @@ class CoupledMotion:
             if count < size:
                 return cls(free, start, times[:count].copy(), states[:count].copy())
             if size > _MOST:
-                raise PlanError(f"more than {_MOST} impacts: ask for less time")
+                raise PlanError(f"more than {_MOST} impacts: ask for less time", ("t",))
             size *= 2
 
     def at(self, t: Floats) -> tuple[Floats, Integers]:

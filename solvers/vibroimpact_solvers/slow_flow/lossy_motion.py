@@ -15,6 +15,12 @@ MOST: Final = 20_000_000
 """Impacts that are listed one by one."""
 
 
+def too_many(impacts: float) -> PlanError:
+    """Return the refusal of a motion with more impacts than `MOST`."""
+    about = f"about {impacts:.3g} impacts" if math.isfinite(impacts) else "impacts beyond number"
+    return PlanError(f"{about} are more than {MOST}: ask for less time", ("t",))
+
+
 @dataclass(frozen=True, slots=True)
 class LossyMotion:
     """Motion of ``x'' + Omega^2 x = 0`` between walls at +-Delta with restitution k.
@@ -64,7 +70,7 @@ class LossyMotion:
         """Return the times of all impacts to `until`, shape (impact,)."""
         bound = self.expected(until)
         if bound > MOST:
-            raise PlanError(f"about {bound:.3g} impacts are more than {MOST}: ask for less time")
+            raise too_many(bound)
         _, omega = self.frequencies(np.arange(1, int(bound) + 1))
         times = self.first + np.concatenate([[0.0], np.cumsum(2.0 / omega)])
         return times[times <= until]

@@ -7,7 +7,7 @@ from typing import Final
 
 from vibroimpact_solvers.errors import PlanError
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
-from vibroimpact_solvers.slow_flow.lossy_motion import MOST
+from vibroimpact_solvers.slow_flow.lossy_motion import MOST, too_many
 from vibroimpact_solvers.slow_flow.problem import KIND, OUTPUTS, Problem
 
 _EACH: Final = 300.0  # operations for one time
@@ -24,12 +24,11 @@ def _steps(problem: Problem) -> Iterator[Step]:
     variant = problem.moving.VARIANTS[problem.variant]
     impacts = problem.moving.expected_impacts(float(problem.t.max()))
     if impacts > MOST:
-        message = f"about {impacts:.3g} impacts are more than {MOST}: ask for less time"
-        raise PlanError(message)
+        raise too_many(impacts)
     following = variant.impact_flops * impacts
     if following > _PATIENCE:
         message = f"{variant.about}: about {impacts:.3g} impacts would take too long"
-        raise PlanError(message)
+        raise PlanError(message, ("t",))
     size, dofs = problem.t.size, problem.system.n
     columns = 4.0 + (1.0 + 2.0 * dofs) * len(problem.outputs & {"x", "v", "impulse"})
     flops = _EACH * size + following

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any, Final
 
 from vibroimpact_solvers.cost import BYTES_PER_SECOND, FLOPS_PER_SECOND, OVERHEAD_SECONDS
-from vibroimpact_solvers.errors import ModelError, SolverError
+from vibroimpact_solvers.errors import ModelError, PlanError, SolverError
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 from vibroimpact_solvers.sweep.problem import KIND, Axis, Index, Problem, Span, rank
 
@@ -41,7 +41,7 @@ def _first(problem: Problem) -> tuple[Any, Plan]:
             return point, problem.swept_kind.solver.plan(point)
         except SolverError as caught:
             error = error or caught
-    if isinstance(error, ModelError):
+    if isinstance(error, ModelError | PlanError):
         raise error.under("base")
     assert error is not None
     raise error

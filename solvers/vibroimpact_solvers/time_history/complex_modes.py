@@ -99,7 +99,7 @@ def complex_modes(A: Floats, root: Floats, doubt: Floats, *, chained: bool = Tru
             "damping makes modes of the structure almost equal, which complex modes cannot tell "
             "apart"
         )
-        raise PlanError(message)
+        raise PlanError(message, ("system", "C"))
     inverse = np.linalg.inv(vectors)
     E = inverse @ (scaled @ vectors - vectors * rates - vectors @ feeds)
     apart = rates - rates[:, np.newaxis]

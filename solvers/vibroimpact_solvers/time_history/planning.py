@@ -95,7 +95,8 @@ def _require_end(problem: Problem) -> None:
     least = _least_impacts(problem)
     if least > MOST_IMPACTS:
         message = f"at least {least:.2g} impacts until t_end = {problem.t_end!r}"
-        raise PlanError(f"{message} are more than {MOST_IMPACTS:.0e}: ask for less time")
+        message = f"{message} are more than {MOST_IMPACTS:.0e}: ask for less time"
+        raise PlanError(message, ("t_end",))
 
 
 def _least_impacts(problem: Problem) -> float:

@@ -64,6 +64,7 @@ def test_both_encodings_have_the_tables(http: TestClient, content: dict[str, Any
         ("dofs", [1], "/dofs/0"),
         ("initial", {"x": [[0.0, 0.0]], "v": [[0.0, 0.0]]}, "/initial/x"),
         ("initial", {"x": [[0.0]] * 3, "v": [[1e200]] * 3}, "/initial/v"),
+        ("frequency", {"values": [1e-99]}, "/frequency"),
     ],
 )
 def test_wrong_fields_are_named(

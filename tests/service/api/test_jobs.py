@@ -17,6 +17,12 @@ from vibroimpact_service.settings import Settings
 UNKNOWN = "job_" + "0" * 32
 
 
+OUTSIDE = {
+    "system": {"preset": "chain", "n": 3, "constraints": [{"dof": 7, "gap": 0.2}]},
+    "frequency": {"values": [1.0]},
+}
+
+
 def submit(http: TestClient, request: dict[str, Any], key: str | None = None, **more: Any) -> Any:
     headers = {} if key is None else {"Idempotency-Key": key}
     content = {"kind": "impact-modes", "request": request, **more}
@@ -230,6 +236,7 @@ def test_idempotency_keys(http: TestClient, request_body: dict[str, Any]) -> Non
         ({"kind": "impact-modes", "request": {}}, "/request/system"),
         ({"kind": "impact-modes", "request": {}, "priority": 11}, "/priority"),
         ({"kind": "impact-modes", "request": {}, "priority": 1.5}, "/priority"),
+        ({"kind": "impact-modes", "request": OUTSIDE}, "/request/system/constraints/0/dof"),
         ({"kind": 5, "request": {}}, "/kind"),
         ({"request": {}}, "/kind"),
     ],

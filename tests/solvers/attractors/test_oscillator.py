@@ -161,6 +161,13 @@ def test_long_observations_of_large_structures_are_refused() -> None:
         solved(2.0, observe=10_000_000)
 
 
+@pytest.mark.parametrize("more", ["settle", "observe"])
+def test_the_longer_part_of_what_takes_too_long_is_blamed(more: str) -> None:
+    with pytest.raises(PlanError) as refused:
+        solved(2.0, **{"settle": 50_000_000, "observe": 10_000_000, more: 100_000_000})
+    assert refused.value.pointer == (more,)
+
+
 def test_without_amplitude_everything_comes_to_rest() -> None:
     result = solved(1.0, gap=1.0, load=(Force((0,), (1.0,), 0.0),), settle=400)
     assert result.attractor_period.tolist() == [1]

@@ -328,5 +328,7 @@ class TestRefusals:
         assert caught.value.pointer == pointer
 
     def test_too_many_impacts(self, solved: Solved) -> None:
-        with pytest.raises(PlanError, match="impacts"):
-            solved(lossy(0.999999), "restitution", "corrected", [1e9], omega=5.0)
+        for until, words in ((1e9, r"about \S+ impacts are more"), (1e308, "beyond number")):
+            with pytest.raises(PlanError, match=words) as refused:
+                solved(lossy(0.999999), "restitution", "corrected", [until], omega=5.0)
+            assert refused.value.pointer == ("t",)

@@ -251,8 +251,9 @@ def test_five_thousand_are_refused() -> None:
     problem = existence_bands.Problem(
         system, 3.0, 4.0, active=(0,), outputs=frozenset({"bands", "stability"})
     )
-    with pytest.raises(PlanError, match="10000 deviations"):
+    with pytest.raises(PlanError, match="10000 deviations") as refused:
         existence_bands.plan(problem)
+    assert refused.value.pointer == ("outputs",)
 
 
 def test_denormal_springs_are_nothing() -> None:

@@ -41,7 +41,7 @@ def working_digits() -> int:
 def undecided(what: str, now: Real) -> PlanError:
     """Return the refusal of what the digits do not tell."""
     known = f"{working_digits()} digits do not tell {what} at t = {float(now.mid())!r}"
-    return PlanError(f"{known}: give more digits, or a t_end before it")
+    return PlanError(f"{known}: give more digits, or a t_end before it", ("digits",))
 
 
 def real(value: float) -> Real:
