@@ -26,7 +26,7 @@ PROBLEMS: Final[Mapping[str, Sequence[Mapping[str, Any]]]] = {
     "periodic-motions": (
         {
             "system": _CHAIN,
-            "load": [{"dof": 0, "amplitude": 1}],
+            "load": [{"dof": 0, "amplitude": 1}, {"dof": 0, "amplitude": 0.5, "harmonic": 2}],
             "frequency": {"values": [0.7]},
             "outputs": ["stability"],
         },

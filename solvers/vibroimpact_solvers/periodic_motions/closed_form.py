@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact_solvers.arrays import EPS, Floats, Integers
+from vibroimpact_solvers.kernels.circle import circle_roots
 from vibroimpact_solvers.kernels.periodic import Response
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
@@ -31,7 +32,7 @@ from vibroimpact_solvers.periodic_motions.problem import Impact
 from vibroimpact_solvers.periodic_motions.solutions import PI, Cells, Solutions
 
 _ROUNDINGS = 2.0 * EPS  # of a few real operations, or of a complex product
-_HALVINGS = 54  # to the last bit
+_ROOM = 4096  # roots that are found at once
 _WIDE = 4.0 * float(np.finfo(np.longdouble).eps)  # of an angle and a sum in the wider type
 
 Wide = NDArray[np.longdouble]
@@ -200,40 +201,17 @@ def _two(Q: Complexes, wall: Floats, clear: np.ndarray) -> tuple[Integers, Float
 def _many(
     Q: Complexes, wall: Floats, orders: Integers, clear: np.ndarray
 ) -> tuple[Integers, Floats]:
-    """Return the frequencies and phases of the roots on the unit circle, ascending at each."""
-    highest = int(orders[-1])
-    indices, phases = [np.empty(0, np.int64)], [np.empty(0)]
-    for k in np.flatnonzero(clear):
-        polynomial = np.zeros(2 * highest + 1, dtype=np.complex128)
-        polynomial[highest] = -wall[k]
-        for order, amplitude in zip(orders, Q[k], strict=True):
-            polynomial[highest - order] += 0.5 * amplitude
-            polynomial[highest + order] += 0.5 * amplitude.conjugate()
-        angles: Floats = np.angle(np.roots(polynomial)).astype(np.float64)
-        roots = _real_roots(Q[k], float(wall[k]), orders, angles)
-        indices.append(np.full(roots.size, k))
-        phases.append(roots)
-    return np.concatenate(indices), np.concatenate(phases)
-
-
-def _real_roots(Q: Complexes, wall: float, orders: Integers, angles: Floats) -> Floats:
-    """Return the roots of ``f = Re sum Q_h e^(i h phase) - wall`` in [0, 2 pi), by sign changes.
-
-    The angles of the roots of the polynomial, and those in the middle between neighbours, divide
-    the circle so finely that a sign change is between two of them.
-    """
-
-    def f(phase: Floats) -> Floats:
-        return np.asarray((Q * np.exp(1j * phase[:, np.newaxis] * orders)).real.sum(axis=1) - wall)
-
-    angles = np.sort(np.mod(angles, 2.0 * np.pi))
-    middle = 0.5 * (angles + np.append(angles[1:], angles[0] + 2.0 * np.pi))
-    low, high = middle, np.append(middle[1:], middle[0] + 2.0 * np.pi)
-    below, above = f(low), f(high)
-    crossed = np.signbit(below) != np.signbit(above)
-    low, high, below = low[crossed], high[crossed], below[crossed]
-    for _ in range(_HALVINGS):
-        between = 0.5 * (low + high)
-        same = np.signbit(f(between)) == np.signbit(below)
-        low, high = np.where(same, between, low), np.where(same, high, between)
-    return np.asarray(0.5 * (low + high))
+    """Return the frequencies and phases of the roots, ascending at each, of several orders."""
+    size = np.abs(Q).sum(axis=1)
+    at = np.flatnonzero(clear & (size >= np.abs(wall)) & (size > 0.0))
+    each, walls = Q[at] / size[at, np.newaxis], wall[at] / size[at]
+    room = max(2 * int(orders[-1]), _ROOM)
+    index, phases = np.empty(room, np.int64), np.empty(room)
+    parts, begin = [(np.empty(0, np.int64), np.empty(0))], 0
+    while begin < at.size:
+        begin, count = circle_roots(each, orders, walls, begin, index, phases)
+        parts.append((at[index[:count]], phases[:count].copy()))
+    indices, roots = (np.concatenate(part) for part in zip(*parts, strict=True))
+    roots = np.mod(roots, 2.0 * np.pi)
+    order = np.lexsort((roots, indices))
+    return indices[order], roots[order]

@@ -458,3 +458,35 @@ def test_multipliers_of_many_modes_are_those_of_the_dense_monodromy(
         assert (allowed < 1e-7 * np.abs(expected).max()).all()
         moduli.append(result.solution_stability[row])
     assert max(moduli) == pytest.approx(largest, rel=1e-4)
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.5])
+@pytest.mark.parametrize(
+    "loads",
+    [
+        [(1, 1.0, 1), (1, 0.5, 2)],  # nothing of them reaches the stop
+        [(0, 1.0, 1), (0, 1e-310, 2)],
+        [(0, 1.0, 1), (0, 1e-300, 3), (1, 1.0, 7)],
+        [(0, 1.0, 1), (0, 1e-3, 1000)],
+    ],
+)
+def test_harmonics_that_hardly_reach_the_stop(
+    gap: float, loads: list[tuple[int, float, int]]
+) -> None:
+    one, K = SymmetricMatrix.diagonal(np.ones(2)), SymmetricMatrix.diagonal(np.array([1.0, 2.0]))
+    C = SymmetricMatrix.diagonal(np.array([0.1, 0.2]))
+    system = System(one, K, (Constraint((0,), (1.0,), None, gap, 0.8),), C=C)
+
+    def found(terms: list[tuple[int, float, int]]) -> driven.Result:
+        load = tuple(driven.Force((dof,), (1.0,), size, h, 0.3) for dof, size, h in terms)
+        outputs = frozenset({"exists"})
+        return solved(driven.Problem(system, np.array([0.7, 0.9]), load, outputs=outputs))
+
+    result = found(loads)
+    if loads[0][0] == 1:
+        assert result.solution_impacts.tolist() == [0, 0]
+        return
+    alone = found(loads[:1])
+    assert result.solution_impacts.tolist() == alone.solution_impacts.tolist()
+    expected = np.sort(alone.impact_momentum)
+    assert np.sort(result.impact_momentum) == pytest.approx(expected, rel=1e-3)
