@@ -185,21 +185,30 @@ class PeriodicMotionsSolution(Table):
     (solution_index).
     """
     x_max: Floats
-    """Largest displacement, shape (solution_index, dof), length."""
+    """Largest displacement, shape (solution_index, dof), length; nan: the load drives a mode
+    without damping at its own frequency.
+    """
     x_min: Floats
-    """Smallest displacement, shape (solution_index, dof), length."""
+    """Smallest displacement, shape (solution_index, dof), length; nan: the load drives a mode
+    without damping at its own frequency.
+    """
     rms: Floats
-    """Root mean square of the displacement, shape (solution_index, dof), length."""
+    """Root mean square of the displacement, shape (solution_index, dof), length; nan: the load
+    drives a mode without damping at its own frequency.
+    """
     energy_lost: Floats
     """Energy lost by damping and impacts per period, shape (solution_index), mass length² /
-    time².
+    time²; nan: the load drives a mode without damping at its own frequency.
     """
     energy: Floats
     """Energy after the first impact, from the equilibrium under the constant load; without
-    impacts at phase 0, shape (solution_index), mass length² / time².
+    impacts at phase 0, shape (solution_index), mass length² / time²; nan: the load drives a
+    mode without damping at its own frequency.
     """
     work: Floats
-    """Work of the load per period, shape (solution_index), mass length² / time²."""
+    """Work of the load per period, shape (solution_index), mass length² / time²; nan: the load
+    drives a mode without damping at its own frequency.
+    """
     within_tolerance: Words
     """Whether the errors of its impulses are within the tolerance, shape (solution_index)."""
 
@@ -236,19 +245,31 @@ class PeriodicMotionsErrorSolution(Table):
     """Absolute errors of columns of the solutions."""
 
     stability: Floats
-    """Error of the largest modulus, shape (solution_index)."""
+    """Error of the largest modulus, shape (solution_index); nan: there is no number."""
     x_max: Floats
-    """Error of the largest displacement, shape (solution_index, dof), length."""
+    """Error of the largest displacement, shape (solution_index, dof), length; nan: there is no
+    number.
+    """
     x_min: Floats
-    """Error of the smallest displacement, shape (solution_index, dof), length."""
+    """Error of the smallest displacement, shape (solution_index, dof), length; nan: there is
+    no number.
+    """
     rms: Floats
-    """Error of the root mean square, shape (solution_index, dof), length."""
+    """Error of the root mean square, shape (solution_index, dof), length; nan: there is no
+    number.
+    """
     energy_lost: Floats
-    """Error of the energy lost, shape (solution_index), mass length² / time²."""
+    """Error of the energy lost, shape (solution_index), mass length² / time²; nan: there is no
+    number.
+    """
     energy: Floats
-    """Error of the energy, shape (solution_index), mass length² / time²."""
+    """Error of the energy, shape (solution_index), mass length² / time²; nan: there is no
+    number.
+    """
     work: Floats
-    """Error of the work, shape (solution_index), mass length² / time²."""
+    """Error of the work, shape (solution_index), mass length² / time²; nan: there is no
+    number.
+    """
 
 
 class PeriodicMotionsErrorImpact(Table):
@@ -272,9 +293,9 @@ class PeriodicMotionsError(Table):
     statement: str
     """How the errors were obtained."""
     multipliers: Floats
-    """Error of the multipliers, shape (solution_index, multiplier)."""
+    """Error of the multipliers, shape (solution_index, multiplier); nan: there is no number."""
     waveform: Floats
-    """Error of the displacement, shape (solution_index, dof), length."""
+    """Error of the displacement, shape (solution_index, dof), length; nan: there is no number."""
     solution: PeriodicMotionsErrorSolution
     """Absolute errors of columns of the solutions."""
     impact: PeriodicMotionsErrorImpact
@@ -742,7 +763,9 @@ class PeriodicMotions(Result):
     tau: Floats
     """Part of the period, from the drive's phase 0, shape (tau)."""
     waveform: Floats
-    """Displacement, shape (solution_index, tau, dof), length."""
+    """Displacement, shape (solution_index, tau, dof), length; nan: the load drives a mode
+    without damping at its own frequency.
+    """
     frequency: PeriodicMotionsFrequency
     """Frequencies of the drive."""
     solution: PeriodicMotionsSolution
@@ -774,7 +797,9 @@ class Branches(Result):
     tau: Floats
     """Part of the period, from the drive's phase 0, shape (tau)."""
     waveform: Floats
-    """Displacement, shape (solution_index, tau, dof), length."""
+    """Displacement, shape (solution_index, tau, dof), length; nan: the load drives a mode
+    without damping at its own frequency.
+    """
     frequency: PeriodicMotionsFrequency
     """Frequencies of the drive."""
     solution: BranchesSolution

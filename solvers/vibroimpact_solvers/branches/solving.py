@@ -30,6 +30,7 @@ _SEEDS = 9  # values of the parameter at which all solutions begin branches
 _STARTS: Final = tuple(np.linspace(0.0, 1.0, _SEEDS).tolist())  # as parts of the range
 _LINEAR = 101  # values at which the motion without impacts is listed
 _SAME = 1e-6  # difference of phases and impulses of equal motions
+_ASIDE = 1e-9  # of the range: how far beside a resonance the limits are checked
 
 
 _Row = tuple[int, float, int, float, bool, int, float]
@@ -274,14 +275,21 @@ def _linear(problem: Problem, number: int) -> tuple[list[columns.Columns], list[
         return joint, driven, whole, without_impacts(whole)
 
     def kept(value: float) -> float:
-        return 1.0 if verdicts(*solved([value])).reason[0] == Reason.OK else -1.0
+        reason = verdicts(*solved([value])).reason[0]
+        if reason == Reason.SINGULAR:  # a resonance, which is one point of the range
+            other = problem.start if value != problem.start else problem.stop
+            reason = verdicts(*solved([value + _ASIDE * (other - value)])).reason[0]
+        return 1.0 if reason == Reason.OK else -1.0
 
     grid = np.linspace(problem.start, problem.stop, _LINEAR).tolist()
     groups = [grid] if problem.frequency else [[value] for value in grid]
     parts = [columns.of(*solved(group)) for group in groups]
     reasons = np.concatenate([verdicts(*solved(group)).reason for group in groups])
+    keeps = np.where(reasons == Reason.OK, 1.0, -1.0)
+    for k in np.flatnonzero(reasons == Reason.SINGULAR):
+        keeps[k] = kept(grid[k])
     touches = []
-    for k in np.flatnonzero(np.diff((reasons == Reason.OK).astype(int))):
+    for k in np.flatnonzero(np.diff(keeps)):
         value = float(brentq(kept, grid[k], grid[k + 1], xtol=1e-13, rtol=4.0 * EPS))
         error = 1e-12 * abs(grid[k + 1] - grid[k]) + 1e-13 + 16.0 * EPS * abs(value)
         Omega = float(problem.at(value).Omega[0])

@@ -141,17 +141,17 @@ def _along(problem: Problem, driven: Driven, cells: Cells, solved: Solutions) ->
     columns: Columns = {}
     if "extremes" in problem.outputs:
         for name in ("x_max", "x_min", "rms"):
-            columns[f"solution_{name}"] = np.empty((count, dofs))
-            columns[f"error_{name}"] = np.empty((count, dofs))
+            columns[f"solution_{name}"] = np.full((count, dofs), np.nan)
+            columns[f"error_{name}"] = np.full((count, dofs), np.inf)
     if "energy" in problem.outputs:
         for name in ("work", "energy_lost", "energy"):
-            columns[f"solution_{name}"] = np.empty(count)
-            columns[f"error_{name}"] = np.empty(count)
+            columns[f"solution_{name}"] = np.full(count, np.nan)
+            columns[f"error_{name}"] = np.full(count, np.inf)
     if "waveform" in problem.outputs:
         assert problem.tau is not None
-        columns["waveform"] = np.empty((count, problem.tau.size, dofs))
-        columns["error_waveform"] = np.empty((count, dofs))
-    for row in range(count):
+        columns["waveform"] = np.full((count, problem.tau.size, dofs), np.nan)
+        columns["error_waveform"] = np.full((count, dofs), np.inf)
+    for row in np.flatnonzero(~cells.unbounded()[solved.index]).tolist():
         orbit = Orbit(problem, driven, forms, cells, solved, row)
         error = orbit.error()
         if "extremes" in problem.outputs:

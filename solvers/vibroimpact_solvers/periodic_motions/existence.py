@@ -53,10 +53,12 @@ def verdicts(problem: Problem, driven: Driven, cells: Cells, solved: Solutions) 
     reason[(push < 0.0).any(axis=1)] = Reason.NEGATIVE_IMPULSE
     certified: Booleans = np.asarray((np.abs(push) > solved.impulse_error).all(axis=1))
     witness, constraint = np.full(count, np.nan), np.full(count, -1)
-    for place in np.flatnonzero(reason != Reason.OK):
+    for place in np.flatnonzero(reason == Reason.NEGATIVE_IMPULSE):
         wrong = int(np.argmax(push[place] < 0.0))
         witness[place] = _part(problem, solved.phase[place, wrong])
         constraint[place] = impacts[wrong].constraint
+    unbounded = cells.unbounded()[solved.index]
+    reason[unbounded], certified[unbounded] = Reason.SINGULAR, False
     checked = np.flatnonzero(reason == Reason.OK)
     if checked.size:
         some = solved.at(checked)

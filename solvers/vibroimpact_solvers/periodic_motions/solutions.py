@@ -67,6 +67,10 @@ class Cells:
         """Return the whole periods of which these are the halves."""
         return replace(self, length=2.0 * self.length, rest=2.0 * self.rest, sign=1.0)
 
+    def unbounded(self) -> Booleans:
+        """Return where the load drives a mode without damping at its own frequency, (cell,)."""
+        return np.asarray(~np.isfinite(self.steady).all(axis=(1, 2, 3)))
+
     def load_state(self, driven: Driven, phases: Floats) -> Floats:
         """Return the response to the load at phases of the drive, shape (cell, …, 2, pair).
 

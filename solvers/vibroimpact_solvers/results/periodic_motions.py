@@ -35,12 +35,14 @@ def _impact(column: str, unit: str, long_name: str, **rest: Any) -> Quantity:
     return Quantity(("impact",), unit, long_name, path=f"impact/{column}", **rest)
 
 
-def _error(of: str, unit: str, long_name: str, *dims: str) -> Quantity:
+def _error(of: str, unit: str, long_name: str, *dims: str, **rest: Any) -> Quantity:
     """Return the declaration of the error of a column, such as ``"impact/phase"``."""
-    return Quantity(dims, unit, f"error of the {long_name}", path=f"error/{of}")
+    return Quantity(dims, unit, f"error of the {long_name}", path=f"error/{of}", **rest)
 
 
 _ALL = "solution"
+_UNBOUNDED: Final = {"missing": "the load drives a mode without damping at its own frequency"}
+_NO_NUMBER: Final = {"missing": "there is no number"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,24 +129,38 @@ class Result:
     ]  # fmt: skip
     solution_x_max: Annotated[
         Floats | None,
-        _solution("x_max", "length", "largest displacement", "dof", error="error/solution/x_max"),
+        _solution(
+            "x_max",
+            "length",
+            "largest displacement",
+            "dof",
+            error="error/solution/x_max",
+            **_UNBOUNDED,
+        ),
     ]
     solution_x_min: Annotated[
         Floats | None,
-        _solution("x_min", "length", "smallest displacement", "dof", error="error/solution/x_min"),
+        _solution(
+            "x_min",
+            "length",
+            "smallest displacement",
+            "dof",
+            error="error/solution/x_min",
+            **_UNBOUNDED,
+        ),
     ]
     solution_rms: Annotated[
         Floats | None,
         _solution(
             "rms", "length", "root mean square of the displacement", "dof",
-            error="error/solution/rms",
+            error="error/solution/rms", **_UNBOUNDED,
         ),
     ]  # fmt: skip
     solution_energy_lost: Annotated[
         Floats | None,
         _solution(
             "energy_lost", "mass length2 time-2", "energy lost by damping and impacts per period",
-            error="error/solution/energy_lost",
+            error="error/solution/energy_lost", **_UNBOUNDED,
         ),
     ]  # fmt: skip
     solution_energy: Annotated[
@@ -153,14 +169,14 @@ class Result:
             "energy", "mass length2 time-2",
             "energy after the first impact, from the equilibrium under the constant load; without "
             "impacts at phase 0",
-            error="error/solution/energy",
+            error="error/solution/energy", **_UNBOUNDED,
         ),
     ]  # fmt: skip
     solution_work: Annotated[
         Floats | None,
         _solution(
             "work", "mass length2 time-2", "work of the load per period",
-            error="error/solution/work",
+            error="error/solution/work", **_UNBOUNDED,
         ),
     ]  # fmt: skip
     solution_within_tolerance: Annotated[
@@ -209,7 +225,13 @@ class Result:
     ]  # fmt: skip
     waveform: Annotated[
         Floats | None,
-        Quantity(("solution", "tau", "dof"), "length", "displacement", error="error/waveform"),
+        Quantity(
+            ("solution", "tau", "dof"),
+            "length",
+            "displacement",
+            error="error/waveform",
+            **_UNBOUNDED,
+        ),
     ]
     error_statement: Statement
     error_phase: Annotated[Floats, _error("impact/phase", "1", "phase", "impact")]
@@ -220,31 +242,34 @@ class Result:
         Floats, _error("impact/velocity", "length time-1", "velocity", "impact")
     ]
     error_stability: Annotated[
-        Floats | None, _error("solution/stability", "1", "largest modulus", _ALL)
+        Floats | None, _error("solution/stability", "1", "largest modulus", _ALL, **_NO_NUMBER)
     ]
     error_x_max: Annotated[
         Floats | None,
-        _error("solution/x_max", "length", "largest displacement", _ALL, "dof"),
+        _error("solution/x_max", "length", "largest displacement", _ALL, "dof", **_NO_NUMBER),
     ]
     error_x_min: Annotated[
         Floats | None,
-        _error("solution/x_min", "length", "smallest displacement", _ALL, "dof"),
+        _error("solution/x_min", "length", "smallest displacement", _ALL, "dof", **_NO_NUMBER),
     ]
     error_rms: Annotated[
-        Floats | None, _error("solution/rms", "length", "root mean square", _ALL, "dof")
+        Floats | None,
+        _error("solution/rms", "length", "root mean square", _ALL, "dof", **_NO_NUMBER),
     ]
     error_energy_lost: Annotated[
-        Floats | None, _error("solution/energy_lost", "mass length2 time-2", "energy lost", _ALL)
+        Floats | None,
+        _error("solution/energy_lost", "mass length2 time-2", "energy lost", _ALL, **_NO_NUMBER),
     ]
     error_energy: Annotated[
-        Floats | None, _error("solution/energy", "mass length2 time-2", "energy", _ALL)
+        Floats | None,
+        _error("solution/energy", "mass length2 time-2", "energy", _ALL, **_NO_NUMBER),
     ]
     error_work: Annotated[
-        Floats | None, _error("solution/work", "mass length2 time-2", "work", _ALL)
+        Floats | None, _error("solution/work", "mass length2 time-2", "work", _ALL, **_NO_NUMBER)
     ]
     error_multipliers: Annotated[
-        Floats | None, _error("multipliers", "1", "multipliers", _ALL, "multiplier")
+        Floats | None, _error("multipliers", "1", "multipliers", _ALL, "multiplier", **_NO_NUMBER)
     ]
     error_waveform: Annotated[
-        Floats | None, _error("waveform", "length", "displacement", _ALL, "dof")
+        Floats | None, _error("waveform", "length", "displacement", _ALL, "dof", **_NO_NUMBER)
     ]

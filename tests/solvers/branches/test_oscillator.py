@@ -174,3 +174,25 @@ def test_branches_that_begin_without_load(symmetric: bool) -> None:
     for result in results:
         touches = result.point_parameter[result.point_type == branches.Type.GRAZING]
         assert touches == pytest.approx([])
+
+
+@pytest.mark.parametrize(("coupled", "count"), [(True, 2), (False, 0)])
+def test_a_resonance_among_the_points_of_the_linear_branch(coupled: bool, count: int) -> None:
+    """The wall is touched on both sides of it, where the mode moves the limited coordinate."""
+    system = System(
+        SymmetricMatrix.diagonal(np.ones(2)), SymmetricMatrix.diagonal(np.array([9.0, 1.0])),
+        (Constraint((1 if coupled else 0,), (1.0,), None, 2.0),),
+    )  # fmt: skip
+    load = (driven.Force((1,), (1.0,), 1.0),)
+
+    def at(Omega: float) -> driven.Problem:
+        outputs = frozenset({"exists"})
+        return driven.Problem(system, np.array([Omega]), load, outputs=outputs)
+
+    problem = branches.Problem(at, 0.5, 1.5, system, frequency=True, points=3)
+    result = branches.solve(problem, branches.plan(problem))
+    linear = result.solution_impacts == 0
+    assert (result.solution_reason[linear & (result.solution_Omega == 1.0)] == 4).all()
+    touches = result.point_parameter[result.point_type == branches.Type.GRAZING]
+    expected = np.sqrt([0.5, 1.5])[:count]
+    assert np.sort(touches) == pytest.approx(expected, abs=1e-12)

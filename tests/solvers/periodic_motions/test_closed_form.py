@@ -17,6 +17,7 @@ from vibroimpact_solvers import impact_modes
 from vibroimpact_solvers import periodic_motions as driven
 from vibroimpact_solvers.errors import ModelError, PlanError
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
+from vibroimpact_solvers.results.impact_modes import Reason
 
 NEGATIVE = 1  # impulse
 TWO_PI = 2.0 * np.pi
@@ -490,3 +491,49 @@ def test_harmonics_that_hardly_reach_the_stop(
     assert result.solution_impacts.tolist() == alone.solution_impacts.tolist()
     expected = np.sort(alone.impact_momentum)
     assert np.sort(result.impact_momentum) == pytest.approx(expected, rel=1e-3)
+
+
+OSCILLATOR = System(
+    SymmetricMatrix.diagonal(np.ones(1)), SymmetricMatrix.diagonal(np.ones(1)),
+    (Constraint((0,), (1.0,), 0.5, 0.5, 0.8),),
+)  # fmt: skip
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("Omega", "harmonic", "sequence"),
+    [
+        (1.0, 1, (driven.Impact(0),)),
+        (0.5, 2, (driven.Impact(0),)),
+        (1.0, 1, (driven.Impact(0), driven.Impact(0, -1))),
+        (1.0, 1, driven.SYMMETRIC),
+        (1.0 / 3.0, 3, driven.SYMMETRIC),
+    ],
+)
+def test_a_resonance_without_damping_is_singular(
+    Omega: float, harmonic: int, sequence: Any
+) -> None:
+    load = (driven.Force((0,), (1.0,), 1.0, harmonic),)
+    result = solved(
+        driven.Problem(
+            OSCILLATOR,
+            np.array([0.97 * Omega, Omega]),
+            load,
+            sequence=sequence,
+            outputs=frozenset(driven.OUTPUTS),
+            tau=np.array([0.0, 0.4]),
+        )
+    )
+    (row,) = np.flatnonzero(result.solution_frequency_index == 1)
+    assert result.solution_impacts[row] == 0
+    assert Reason(int(result.solution_reason[row])) is Reason.SINGULAR
+    assert not result.solution_exists[row]
+    assert not result.solution_certified[row]
+    for name in ("x_max", "x_min", "rms", "energy_lost", "energy", "work"):
+        assert np.isnan(getattr(result, f"solution_{name}")[row]).all()
+        assert np.isinf(getattr(result, f"error_{name}")[row]).all()
+        others = np.delete(getattr(result, f"solution_{name}"), row, axis=0)
+        assert np.isfinite(others).all()
+    assert np.isnan(result.waveform[row]).all()
+    assert np.isinf(result.error_waveform[row]).all()
+    assert result.solution_stability[row] == pytest.approx(1.0, abs=1e-15)
