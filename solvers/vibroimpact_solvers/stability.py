@@ -102,7 +102,9 @@ def growth(orbits: Orbits) -> tuple[Floats, Floats]:
     computed from the map.
     """
     values, errors = multipliers(orbits)
-    sizes = np.abs(values)
+    # Without error are those on the circle exactly, of whose quotients a modulus may be rounded.
+    sizes = np.where(errors == 0.0, 1.0, np.abs(values))
+    sizes[np.isnan(values)] = np.nan
     radius = sizes.max(axis=1, initial=1.0)
     fastest = np.maximum(0.0, -orbits.other_roots).max(initial=0.0)
     with np.errstate(over="ignore"):
@@ -120,8 +122,9 @@ def multipliers(
 ) -> tuple[np.ndarray[tuple[int, int], np.dtype[np.complex128]], Floats]:
     """Return the multipliers of half a period and their errors, each (frequency, 2 mode).
 
-    The two that are always 1 come first. Where the map of the whole period is needed they are
-    square roots of its multipliers. They are nan where `growth` is.
+    The two that are always 1 come first; errors of those on the unit circle exactly are 0. Where
+    the map of the whole period is needed they are square roots of its multipliers. They are nan
+    where `growth` is.
     """
     n = orbits.roots.size
     all_values = np.full((orbits.omega.size, 2 * n), np.nan, dtype=np.complex128)
