@@ -38,25 +38,45 @@ class ImpactModesError(Table):
     """Errors of the outputs."""
 
     impulse: Floats
-    """Relative error of the impulses, shape (Omega); nan: unknown."""
+    """Error of the impulse parameter p, upper wall, shape (Omega, constraint), mass length /
+    time²; the same at all walls of a solution; nan: unbounded.
+    """
+    impulse_lower: Floats
+    """Error of the impulse parameter p, lower wall, shape (Omega, constraint), mass length /
+    time²; nan: unbounded.
+    """
+    momentum: Floats
+    """Error of the momentum exchanged at each impact, upper wall, shape (Omega, constraint),
+    mass length / time; nan: unbounded.
+    """
+    momentum_lower: Floats
+    """Error of the momentum exchanged at each impact, lower wall, shape (Omega, constraint),
+    mass length / time; nan: unbounded.
+    """
+    relative: Floats
+    """Error of the impulses relative to the largest of them, at most 1, shape (Omega); nan:
+    unknown.
+    """
     condition: Floats
     """Magnification of relative rounding errors in the impulses, shape (Omega); nan:
     unbounded.
     """
     stability: Floats
-    """Estimated relative error of the spectral radius, shape (Omega); nan: there is none, or
-    it is unbounded.
-    """
+    """Error of the spectral radius, shape (Omega); nan: there is none, or it is unbounded."""
     shape: Floats
     """Error of the shape, shape (Omega, dof), length; nan: unbounded."""
     waveform: Floats
-    """Error of the waveform at all times, shape (Omega, dof), length; nan: unbounded."""
+    """Error of the waveform at all times, shape (Omega, one, dof), length; nan: unbounded."""
     energy: Floats
     """Error of the total energy, shape (Omega), mass length² / time²; nan: unbounded."""
     harmonics: Floats
-    """Error of every Fourier amplitude, shape (Omega, dof), length; nan: unbounded."""
+    """Error of the Fourier amplitudes of all orders, shape (Omega, one, dof), length; nan:
+    unbounded.
+    """
     within_tolerance: Words
-    """Whether the error of the impulses is within the requested tolerance, shape (Omega)."""
+    """Whether the relative error of the impulses is within the requested tolerance, shape
+    (Omega).
+    """
     statement: str
     """How the errors were obtained."""
 
@@ -140,11 +160,13 @@ class ResonancesError(Table):
     statement: str
     """How the errors were obtained."""
     natural: Floats
+    """Absolute error of the natural frequency, shape (resonance), 1/time."""
+    relative: Floats
     """Relative error of the natural frequency, shape (resonance)."""
     Omega: Floats
     """Absolute error of Omega, shape (resonance), 1/time."""
     within_tolerance: Words
-    """Whether that error is within the requested tolerance, shape (resonance)."""
+    """Whether the relative error is within the requested tolerance, shape (resonance)."""
 
 
 class PeriodicMotionsFrequency(Table):
@@ -665,7 +687,7 @@ class ImpactModes(Result):
     """
     momentum: Floats
     """Momentum exchanged at each impact, upper wall, shape (Omega, constraint), mass length /
-    time; 2 p/omega; its relative error is that of p.
+    time; 2 p/omega.
     """
     momentum_lower: Floats
     """Momentum exchanged at each impact, lower wall, shape (Omega, constraint), mass length /

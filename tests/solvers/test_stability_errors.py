@@ -29,7 +29,7 @@ def compared(system: System, Omega: np.ndarray) -> list[tuple[float, float]]:
     pairs = []
     for f in np.flatnonzero(result.exists & np.isfinite(result.stability)):
         true = result.stability[f] / exact_radius(system, float(Omega[f])) - 1.0
-        pairs.append((abs(true), float(result.stability_error[f])))
+        pairs.append((abs(true), float(result.stability_error[f] / result.stability[f])))
     return pairs
 
 

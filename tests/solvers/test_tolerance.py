@@ -53,12 +53,12 @@ def test_resonances_say_whether_they_are_within() -> None:
     )
     with mpmath.workdps(40):
         exact = [mpmath.sqrt(value) for value in mpmath.eigsy(remaining, eigvals_only=True)]
-        for value, natural, error in zip(exact, result.natural, result.error_natural, strict=True):
+        for value, natural, error in zip(exact, result.natural, result.error_relative, strict=True):
             assert abs(natural / value - 1) <= error
     # The lower of the two is known to a few roundings of the higher one.
-    assert result.error_natural[1] < result.error_natural[0]
+    assert result.error_relative[1] < result.error_relative[0]
     assert result.within_tolerance is not None
-    np.testing.assert_array_equal(result.within_tolerance, result.error_natural <= 1e-10)
+    np.testing.assert_array_equal(result.within_tolerance, result.error_relative <= 1e-10)
     silent = resonances.Problem(system)
     assert resonances.solve(silent, resonances.plan(silent)).within_tolerance is None
     with pytest.raises(ModelError) as caught:

@@ -18,13 +18,6 @@ from vibroimpact_solvers.plan import Plan
 ROUNDING = 2.0**-52
 
 COMPILED = 120.0  # seconds of the processor in which kernels are compiled, or read
-_RELATIVE = {
-    "error/impulse",
-    "error/stability",
-    "error/condition",
-    "error/energy_drift",
-    "impacts/condition",
-}
 OVERDUE = 10.0  # times the price of its plan: a computation that takes longer hangs
 
 
@@ -99,14 +92,8 @@ class Report:
             self.fail(what, message)
 
 
-def stated_error(result: Any, name: str) -> Any | None:
-    """Return the absolute error of an output, that its declaration names or ``error/<output>``.
-
-    None: there is no such field.
-    """
+def stated_error(result: Any, name: str) -> Any:
+    """Return the absolute error of an output, that its declaration names."""
     fields = declared(type(result))
     paths = {entry.path: field_name for field_name, entry in fields.items()}
-    for path in (fields[name].quantity.error, f"error/{name}"):
-        if path in paths and path not in _RELATIVE:
-            return getattr(result, paths[path])
-    return None
+    return getattr(result, paths[fields[name].quantity.error])

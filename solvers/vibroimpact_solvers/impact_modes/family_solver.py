@@ -23,16 +23,17 @@ from vibroimpact_solvers.spectrum import Spectrum
 
 _ONE = np.ones(1)
 _HARMONIC = 4.0 / np.pi  # error of a Fourier amplitude over that of the displacement
+_OF_MOMENTA = 2.0 * EPS  # relative, by the frequency and their own rounding
 _BLOCK = 2**21  # numbers in a block of frequencies
 _SINGULAR = 1e32  # stands for an infinite condition number
 _CERTAIN = 1e-6  # relative error of the impulses up to which their signs count as proved
 _PROVED = (
-    "bounds: proved errors of the natural modes and all roundings, of impulses relative to the "
-    "largest of the solution, of other outputs absolute"
+    "bounds: proved errors of the natural modes and all roundings, of impulses the same for all of "
+    "a solution; relative is that of its largest impulse"
 )
 _ESTIMATED = (
-    "estimates: errors of the natural modes by rounding and all further roundings, of impulses "
-    "relative to the largest of the solution, of other outputs absolute"
+    "estimates: errors of the natural modes by rounding and all further roundings, of impulses the "
+    "same for all of a solution; relative is that of its largest impulse"
 )
 _SERIES = "; estimates of displacements above the spectrum, which are summed by a power series"
 _RADII = (
@@ -41,12 +42,13 @@ _RADII = (
 )
 _DIRECT = (
     "estimate: effect of rounding in the natural frequencies, to first order, and the bound of "
-    "the truncated series, relative to the largest impulse of the solution"
+    "the truncated series, of impulses the same for all of a solution; relative is that of its "
+    "largest impulse"
 )
 _PARTIAL = (
     "estimate: effect of rounding in the natural frequencies, to first order, and the bounds of "
-    "the truncated series, including that of the omitted natural modes, relative to the largest "
-    "impulse of the solution"
+    "the truncated series, including that of the omitted natural modes, of impulses the same for "
+    "all of a solution; relative is that of its largest impulse"
 )
 
 
@@ -136,7 +138,8 @@ class FamilySolver:
             Omega=problem.fundamental,
             omega=problem.omega,
             constraint=np.array(problem.active, dtype=np.int64),
-            impulse_error=np.minimum(impulses.error, 1.0),
+            impulse_error=self._absolute(impulses, 0.0),
+            relative_error=np.minimum(impulses.error, 1.0),
             condition=np.minimum(impulses.error / EPS, _SINGULAR),
             error_statement=self._statement(),
             neglected=problem.system.losses(problem.active) or None,
@@ -144,11 +147,7 @@ class FamilySolver:
         if problem.tolerance is not None:
             values["within_tolerance"] = impulses.error <= problem.tolerance
         if "impulse" in outputs:
-            to_momentum = 2.0 / problem.omega[:, np.newaxis]
-            values.update(impulse=impulses.plus, momentum=impulses.plus * to_momentum)
-            if self.family.kind is not Kind.ANTISYMMETRIC:
-                lower = impulses.minus
-                values.update(impulse_lower=lower, momentum_lower=lower * to_momentum)
+            values.update(self._impulses(problem, impulses))
         if self.plan.step(Stage.EXISTENCE):
             values.update(self._existence(problem, impulses, motion, reason, paths))
         if self.plan.step(Stage.SHAPE):
@@ -156,18 +155,46 @@ class FamilySolver:
         if self.plan.step(Stage.WAVEFORM):
             waveform = self.evaluator.displacements(motion, problem.times, dofs)
             values.update(waveform=waveform, tau=problem.times)
-            values["waveform_error"] = self.evaluator.motion_errors(motion, waveform, dofs)
+            errors = self.evaluator.motion_errors(motion, waveform, dofs)
+            values["waveform_error"] = errors[:, np.newaxis]
         if self.plan.step(Stage.HARMONICS):
             harmonics = self.evaluator.harmonics(motion, self._orders, dofs)
             values.update(harmonics=harmonics, harmonic=self._orders)
             errors = self.evaluator.motion_errors(motion, harmonics, dofs)
-            values["harmonics_error"] = _HARMONIC * errors
+            values["harmonics_error"] = _HARMONIC * errors[:, np.newaxis]
         if outputs & {"shape", "waveform", "harmonics"}:
             values["dof"] = dofs
         if self.plan.step(Stage.ENERGY):
             values["energy"] = self.evaluator.energy(motion)
             values["energy_error"] = self.evaluator.energy_errors(motion)
         return Result(**values)
+
+    def _absolute(self, impulses: Impulses, rounding: float) -> Floats:
+        """Return errors of impulses that are rounded once more, (frequency, constraint)."""
+        largest = np.maximum(np.abs(impulses.plus), np.abs(impulses.minus)).max(axis=1)
+        with np.errstate(invalid="ignore"):
+            error = (impulses.error + rounding) * largest
+        # Without an impulse nothing is known of those that there might be.
+        error = np.where(np.isfinite(impulses.error), error, np.inf)
+        return np.repeat(error[:, np.newaxis], self.family.count, axis=1)
+
+    def _impulses(self, problem: Problem, impulses: Impulses) -> dict[str, Floats]:
+        """Return impulses, momenta and their errors."""
+        to_momentum = 2.0 / problem.omega[:, np.newaxis]
+        error = self._absolute(impulses, _OF_MOMENTA) * to_momentum
+        values = {
+            "impulse": impulses.plus,
+            "momentum": impulses.plus * to_momentum,
+            "momentum_error": error,
+        }
+        if self.family.kind is not Kind.ANTISYMMETRIC:
+            values.update(
+                impulse_lower=impulses.minus,
+                momentum_lower=impulses.minus * to_momentum,
+                impulse_lower_error=self._absolute(impulses, 0.0),
+                momentum_lower_error=error,
+            )
+        return values
 
     def _shape(self, problem: Problem, motion: Any) -> dict[str, Floats]:
         """Return shapes and their errors; a struck degree of freedom is at its wall."""
@@ -221,7 +248,7 @@ class FamilySolver:
             values["reason"] = reason
         if "stability" in outputs:
             radii, errors = self._growth(exists, motion, impulses)
-            values.update(stability=radii, stability_error=errors)
+            values.update(stability=radii, stability_error=errors * radii)
         return values
 
     def _checked(

@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, Final
 import numpy as np
 
 from vibroimpact_solvers.arrays import Booleans, Floats, Group, Integers, Quantity, along
-from vibroimpact_solvers.results.shared import EXISTS, WITHIN, Dofs, Neglected, Statement
+from vibroimpact_solvers.results.shared import EXISTS, ONE, WITHIN, Dofs, Neglected, Statement
 
 
 class Reason(IntEnum):
@@ -40,7 +40,20 @@ REASONS: Final = tuple(reason.name.lower() for reason in Reason)
 _FREQUENCY: Final = ("frequency",)
 _AT_WALLS: Final = ("frequency", "constraint")
 _OF_DOFS: Final = ("frequency", "dof")
-_ERROR_OF_IMPULSE: Final = "error/impulse"
+_OF_ALL: Final = ("frequency", ONE, "dof")
+
+
+def _error(
+    dims: tuple[str, ...],
+    unit: str,
+    of: str,
+    output: str,
+    missing: str = "unbounded",
+    note: str = "",
+) -> Quantity:
+    """Return the declaration of the absolute error of an output."""
+    path = f"error/{output}"
+    return Quantity(dims, unit, f"error of the {of}", path=path, missing=missing, note=note)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +98,7 @@ class Result:
             "mass length time-2",
             "impulse parameter p, upper wall",
             note="0 where there is no such wall",
-            error=_ERROR_OF_IMPULSE,
+            error="error/impulse",
         ),
     ]
     impulse_lower: Annotated[
@@ -95,7 +108,7 @@ class Result:
             "mass length time-2",
             "impulse parameter p, lower wall",
             note="absent where both walls are alike",
-            error=_ERROR_OF_IMPULSE,
+            error="error/impulse_lower",
         ),
     ]
     momentum: Annotated[
@@ -104,8 +117,8 @@ class Result:
             _AT_WALLS,
             "mass length time-1",
             "momentum exchanged at each impact, upper wall",
-            note="2 p/omega; its relative error is that of p",
-            error=_ERROR_OF_IMPULSE,
+            note="2 p/omega",
+            error="error/momentum",
         ),
     ]
     momentum_lower: Annotated[
@@ -115,7 +128,7 @@ class Result:
             "mass length time-1",
             "momentum exchanged at each impact, lower wall",
             note="absent where both walls are alike",
-            error=_ERROR_OF_IMPULSE,
+            error="error/momentum_lower",
         ),
     ]
     exists: Annotated[
@@ -183,11 +196,43 @@ class Result:
     ]
     impulse_error: Annotated[
         Floats,
+        _error(
+            _AT_WALLS,
+            "mass length time-2",
+            "impulse parameter p, upper wall",
+            "impulse",
+            note="the same at all walls of a solution",
+        ),
+    ]
+    impulse_lower_error: Annotated[
+        Floats | None,
+        _error(_AT_WALLS, "mass length time-2", "impulse parameter p, lower wall", "impulse_lower"),
+    ]
+    momentum_error: Annotated[
+        Floats | None,
+        _error(
+            _AT_WALLS,
+            "mass length time-1",
+            "momentum exchanged at each impact, upper wall",
+            "momentum",
+        ),
+    ]
+    momentum_lower_error: Annotated[
+        Floats | None,
+        _error(
+            _AT_WALLS,
+            "mass length time-1",
+            "momentum exchanged at each impact, lower wall",
+            "momentum_lower",
+        ),
+    ]
+    relative_error: Annotated[
+        Floats,
         Quantity(
             _FREQUENCY,
             "1",
-            "relative error of the impulses",
-            path=_ERROR_OF_IMPULSE,
+            "error of the impulses relative to the largest of them, at most 1",
+            path="error/relative",
             missing="unknown",
         ),
     ]
@@ -203,54 +248,30 @@ class Result:
     ]
     stability_error: Annotated[
         Floats | None,
-        Quantity(
+        _error(
             _FREQUENCY,
             "1",
-            "estimated relative error of the spectral radius",
-            path="error/stability",
+            "spectral radius",
+            "stability",
             missing="there is none, or it is unbounded",
         ),
     ]
-    shape_error: Annotated[
-        Floats | None,
-        Quantity(_OF_DOFS, "length", "error of the shape", path="error/shape", missing="unbounded"),
-    ]
+    shape_error: Annotated[Floats | None, _error(_OF_DOFS, "length", "shape", "shape")]
     waveform_error: Annotated[
-        Floats | None,
-        Quantity(
-            _OF_DOFS,
-            "length",
-            "error of the waveform at all times",
-            path="error/waveform",
-            missing="unbounded",
-        ),
+        Floats | None, _error(_OF_ALL, "length", "waveform at all times", "waveform")
     ]
     energy_error: Annotated[
-        Floats | None,
-        Quantity(
-            _FREQUENCY,
-            "mass length2 time-2",
-            "error of the total energy",
-            path="error/energy",
-            missing="unbounded",
-        ),
+        Floats | None, _error(_FREQUENCY, "mass length2 time-2", "total energy", "energy")
     ]
     harmonics_error: Annotated[
-        Floats | None,
-        Quantity(
-            _OF_DOFS,
-            "length",
-            "error of every Fourier amplitude",
-            path="error/harmonics",
-            missing="unbounded",
-        ),
+        Floats | None, _error(_OF_ALL, "length", "Fourier amplitudes of all orders", "harmonics")
     ]
     within_tolerance: Annotated[
         Booleans | None,
         Quantity(
             _FREQUENCY,
             "1",
-            "whether the error of the impulses is within the requested tolerance",
+            "whether the relative error of the impulses is within the requested tolerance",
             flags=WITHIN,
             path="error/within_tolerance",
         ),

@@ -51,7 +51,13 @@ class Result:
     neglected: Neglected
     error_natural: Annotated[
         Floats,
-        Quantity(_RESONANCE, "1", "relative error of the natural frequency", path="error/natural"),
+        Quantity(
+            _RESONANCE, "time-1", "absolute error of the natural frequency", path="error/natural"
+        ),
+    ]
+    error_relative: Annotated[
+        Floats,
+        Quantity(_RESONANCE, "1", "relative error of the natural frequency", path="error/relative"),
     ]
     error_Omega: Annotated[
         Floats | None,
@@ -62,7 +68,7 @@ class Result:
         Quantity(
             _RESONANCE,
             "1",
-            "whether that error is within the requested tolerance",
+            "whether the relative error is within the requested tolerance",
             flags=WITHIN,
             path="error/within_tolerance",
         ),

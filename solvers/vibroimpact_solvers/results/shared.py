@@ -6,6 +6,8 @@ from typing import Annotated, Final
 
 from vibroimpact_solvers.arrays import Integers, Quantity
 
+ONE: Final = "one"
+"""The dimension, of length one, of an error that holds for all positions on an axis."""
 TIME: Final = Quantity(("time",), "time", "time", True)
 X: Final = Quantity(("time", "dof"), "length", "displacement")
 V: Final = Quantity(("time", "dof"), "length time-1", "velocity")

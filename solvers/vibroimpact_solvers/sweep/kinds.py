@@ -118,7 +118,12 @@ KINDS: Final[Mapping[str, SweptKind]] = {
             Rule("dofs.*", Stage.SHAPE, changes=("dof",)),
             Rule("tolerance", Stage.IMPULSE),
         ),
-        absent={"impulse_lower": "impulse", "momentum_lower": "momentum"},
+        absent={
+            "impulse_lower": "impulse",
+            "momentum_lower": "momentum",
+            "impulse_lower_error": "impulse_error",
+            "momentum_lower_error": "momentum_error",
+        },
         response_count=response_count,
         solve_many=solve_many,
     ),

@@ -284,6 +284,7 @@ def _all_harmonics(system: System) -> resonances.Result:
         part=np.repeat(result.part[first], every.size),
         natural=np.repeat(natural, every.size),
         error_natural=np.repeat(result.error_natural[first], every.size),
+        error_relative=np.repeat(result.error_relative[first], every.size),
         error_Omega=np.repeat(result.error_Omega[first], every.size),
     )
 

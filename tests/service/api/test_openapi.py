@@ -64,6 +64,13 @@ def lost(old: Any, new: Any, where: str = "") -> list[str]:
     return [] if old == new else [where]
 
 
+CHANGED = {
+    # It was relative to the largest impulse of its frequency; every error is absolute now.
+    "/components/schemas/ImpulseError/properties/impulse/items/anyOf",
+}
+"""Places whose meaning has changed on purpose, which the changelog tells."""
+
+
 def test_nothing_of_version_0_1_0_is_lost() -> None:
     """Its paths, methods, parameters, fields, values, media types, statuses and headers are there.
 
@@ -71,7 +78,7 @@ def test_nothing_of_version_0_1_0_is_lost() -> None:
     """
     old = json.loads(Path(__file__).with_name("openapi-0.1.0.json").read_text())
     del old["info"]["version"]
-    assert lost(old, DOCUMENT) == []
+    assert set(lost(old, DOCUMENT)) == CHANGED
 
 
 def test_a_loss_would_be_noticed() -> None:

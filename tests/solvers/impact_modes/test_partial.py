@@ -177,7 +177,7 @@ def test_the_plan_takes_partial_modes_where_frequencies_are_many() -> None:
     assert by_solves.impulse is not None
     assert by_intervals.exists is not None
     assert by_solves.exists is not None
-    error = np.maximum(by_intervals.impulse_error[:4], by_solves.impulse_error)
+    error = np.maximum(by_intervals.relative_error[:4], by_solves.relative_error)
     assert (np.abs(by_intervals.impulse[:4] / by_solves.impulse - 1.0)[:, 0] < 2 * error).all()
     np.testing.assert_array_equal(by_intervals.exists[:4], by_solves.exists)
     assert by_intervals.shape is not None

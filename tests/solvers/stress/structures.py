@@ -78,13 +78,13 @@ def check(
     result = solve(system, Omega)
     assert result.impulse is not None
     assert np.isfinite(result.impulse).all()
-    assert np.isfinite(result.impulse_error).all()
+    assert np.isfinite(result.relative_error).all()
     assert np.isfinite(result.condition).all()
     with mpmath.workdps(digits):
         natural = natural or extended.modes(system)
         for f, value in enumerate(result.Omega):
             in_balls = result.extended is not None and result.extended[f]
-            if result.impulse_error[f] > VAGUE and not in_balls:
+            if result.relative_error[f] > VAGUE and not in_balls:
                 assert not result.certified[f], f"certain without a digit at {value!r}"
                 continue
             exact = extended.solution(
@@ -102,7 +102,7 @@ def _check_impulses(result: Result, f: int, exact: extended.Solution) -> None:
         pairs += zip(result.impulse_lower[f], exact.minus, strict=True)
     largest = max(abs(p) for _, p in pairs)
     error = max(abs(mpmath.mpf(float(computed)) - p) for computed, p in pairs)
-    stated = float(result.impulse_error[f])
+    stated = float(result.relative_error[f])
     message = f"at Omega = {result.Omega[f]!r}: error {float(error / largest):.2e}, {stated:.2e}"
     # What is stated is relative to the computed impulse and of first order.
     assert error <= stated / (1.0 - stated) * largest, message

@@ -61,12 +61,12 @@ def check(system: System) -> Result:
         for root, excited in expected:
             stated = [
                 error
-                for computed, error in zip(result.natural, result.error_natural, strict=True)
+                for computed, error in zip(result.natural, result.error_relative, strict=True)
                 if abs(mpmath.mpf(float(computed)) / root - 1) <= error
             ]
             # What is excited by less than rounding may be left out.
             assert stated or excited < 1e-9, f"{float(root)!r} is missing ({float(excited):.1e})"
-        for computed, error in zip(result.natural, result.error_natural, strict=True):
+        for computed, error in zip(result.natural, result.error_relative, strict=True):
             near = [root for root, _ in expected if abs(float(computed) / root - 1) <= error]
             assert near or error >= 1.0, f"{float(computed)!r} is none"
         assert result.natural.size <= len(expected)
@@ -125,7 +125,7 @@ class TestSpectra:
         with mpmath.workdps(30):
             for part, m in ((0, fixed), (1, n - fixed - 1)):
                 computed = np.sort(result.natural[result.part == part])
-                error = result.error_natural[result.part == part].max()
+                error = result.error_relative[result.part == part].max()
                 assert computed.size == m
                 for j in (1, 2, m // 2, m - 1, m):
                     root = 2 * mpmath.sin(j * mpmath.pi / (2 * (m + 1)))
