@@ -549,9 +549,63 @@ class TimeHistoryCount(Table):
     """Number of series expansions in the search for impacts."""
 
 
+class TimeHistoryErrorImpacts(Table):
+    """Errors of columns of the impacts."""
+
+    time: Floats
+    """Error of the time of the impact, shape (impact), time; nan: not estimated, or beyond the
+    horizon, or the impact may be missing.
+    """
+    velocity: Floats
+    """Error of the velocity before it, shape (impact), length / time; nan: not estimated, or
+    beyond the horizon.
+    """
+    impulse: Floats
+    """Error of the impulse, shape (impact), mass length / time; nan: not estimated, or beyond
+    the horizon.
+    """
+
+
+class TimeHistoryErrorContacts(Table):
+    """Errors of columns of the contacts."""
+
+    start: Floats
+    """Error of the last impact, shape (contact), time; nan: not estimated, or beyond the
+    horizon, or the impact may be missing.
+    """
+    rest: Floats
+    """Error of the time of rest, shape (contact), time; nan: not estimated, or beyond the
+    horizon, or the impact may be missing.
+    """
+    stop: Floats
+    """Error of the time of release, shape (contact), time; nan: not estimated, or beyond the
+    horizon, or the impact may be missing.
+    """
+    impulse: Floats
+    """Error of the impulse, shape (contact), mass length / time; nan: not estimated, or beyond
+    the horizon, or the impact may be missing.
+    """
+
+
 class TimeHistoryError(Table):
     """Errors of the motion."""
 
+    PARTS: ClassVar[dict[str, type[Table]]] = {
+        "impacts": TimeHistoryErrorImpacts,
+        "contacts": TimeHistoryErrorContacts,
+    }
+    x: Floats
+    """Error of the displacement, shape (t, dof), length; nan: not estimated, or beyond the
+    horizon.
+    """
+    v: Floats
+    """Error of the velocity, shape (t, dof), length / time; nan: not estimated, or beyond the
+    horizon.
+    """
+    energy: Floats
+    """Error of the energy, shape (t), mass length² / time²; nan: not estimated, or beyond the
+    horizon.
+    """
     condition: float
     """Largest relative error of the state, in units of the rounding 2^-52."""
     penetration: float
@@ -575,6 +629,10 @@ class TimeHistoryError(Table):
     """How the errors were obtained."""
     digits: int
     """Decimal digits of the arithmetic; absent for double precision."""
+    impacts: TimeHistoryErrorImpacts
+    """Errors of columns of the impacts."""
+    contacts: TimeHistoryErrorContacts
+    """Errors of columns of the contacts."""
 
 
 class EnsembleCount(Table):
@@ -591,6 +649,22 @@ class EnsembleCount(Table):
 class EnsembleError(Table):
     """Errors of each motion; null where a member has none."""
 
+    PARTS: ClassVar[dict[str, type[Table]]] = {
+        "impacts": TimeHistoryErrorImpacts,
+        "contacts": TimeHistoryErrorContacts,
+    }
+    x: Floats
+    """Error of the displacement, shape (member, t, dof), length; nan: the member has no
+    motion, beyond its horizon, or not estimated.
+    """
+    v: Floats
+    """Error of the velocity, shape (member, t, dof), length / time; nan: the member has no
+    motion, beyond its horizon, or not estimated.
+    """
+    energy: Floats
+    """Error of the energy, shape (member, t), mass length² / time²; nan: the member has no
+    motion, beyond its horizon, or not estimated.
+    """
     condition: Floats
     """Largest relative error of the state, in units of the rounding 2^-52, shape (member);
     nan: the member has no motion.
@@ -618,6 +692,10 @@ class EnsembleError(Table):
     """How the errors were obtained."""
     failures: str
     """Why members have no motion, the first of them."""
+    impacts: TimeHistoryErrorImpacts
+    """Errors of columns of the impacts."""
+    contacts: TimeHistoryErrorContacts
+    """Errors of columns of the contacts."""
 
 
 class SlowFlowImpacts(Table):

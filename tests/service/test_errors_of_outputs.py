@@ -38,7 +38,7 @@ EXACT = {
 COMPUTED = {("resonances", "Omega")}
 
 
-STATED = ("impact-modes", "resonances")
+STATED = ("impact-modes", "resonances", "time-history", "ensemble")
 
 
 def measured() -> Iterator[tuple[str, Field]]:
@@ -112,7 +112,6 @@ MORE: dict[str, list[dict[str, Any]]] = {
         }
     ],
     "time-history": [
-        {"system": LOSSY, **HISTORY, "outputs": ALL, "estimate": False},
         {
             # Beyond its horizon nothing is known of a chaotic motion.
             "system": {

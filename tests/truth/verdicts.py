@@ -73,7 +73,7 @@ class Report:
         for k, (value, exact, bound) in enumerate(zip(stated, true, errors, strict=True)):
             if math.isnan(bound) or bound == math.inf:
                 self.count(f"{what}: no error stated")
-                return
+                continue
             if not math.isfinite(value):
                 self.fail(what, f"{value!r}")
                 return

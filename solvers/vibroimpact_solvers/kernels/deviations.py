@@ -50,11 +50,11 @@ def random_row(count: int, rows: int) -> int:
 
 @inline
 def length(z: Floats, weights: Floats) -> float:
-    """Return the root of the weighted sum of squares of a state, shape (2, pair)."""
+    """Return the root of the weighted sum of squares of a state; both of shape (2, pair)."""
     s1, s2 = 0.0, 0.0
-    for j in range(weights.size):
-        s1 += weights[j] * z[Z1, j] * z[Z1, j]
-        s2 += weights[j] * z[Z2, j] * z[Z2, j]
+    for j in range(z.shape[1]):
+        s1 += weights[Z1, j] * z[Z1, j] * z[Z1, j]
+        s2 += weights[Z2, j] * z[Z2, j] * z[Z2, j]
     return math.sqrt(s1 + s2)
 
 
@@ -87,37 +87,44 @@ def _with_carried(
     z: Floats, errors: Errors, weights: Floats, level: float, free: float
 ) -> tuple[float, float]:
     whole, carried = 0.0, 0.0
-    for j in range(weights.size):
-        if weights[j] > 0.0:
+    for j in range(z.shape[1]):
+        first, second = weights[Z1, j], weights[Z2, j]
+        if second > 0.0:
             a, b = _carried(errors, z, Z1, j, level), _carried(errors, z, Z2, j, level)
-            carried += weights[j] * (a * a + b * b)
+            carried += first * a * a + second * b * b
             a, b = a + z[Z1, j], b + z[Z2, j]
-            whole += weights[j] * (a * a + b * b)
+            whole += first * a * a + second * b * b
     return math.sqrt(whole), free + math.sqrt(carried)
+
+
+@inline
+def _grain(errors: Errors, j: int) -> float:
+    """Return what z1 of a pair is of a unit displacement, which its measure makes of it."""
+    return math.sqrt(errors.measure[Z2, j] / errors.measure[Z1, j])
 
 
 @inner
 def start_deviations(flow: Flow, motion: Motion, errors: Errors) -> None:
     """Set the deviations that a motion starts with, and the length of its state.
 
-    A displacement is known to a rounding: z1 of a hyperbola, nu times one, to nu times that.
+    A displacement is known to a rounding, and what is a small part of it to as small a one.
     """
     z, deviations, signs, own = motion.z, motion.deviations, errors.signs, errors.own
     motion.progress[0].largest, parts = lengths(z, errors, 1.0)
     for j in range(flow.rotations, flow.hyperbolas_end):
-        parts += abs(z[Z1, j]) / min(1.0, flow.nu[j])
+        parts += abs(z[Z1, j]) / _grain(errors, j)
     rounding = _PROPAGATED * parts / math.sqrt(2.0 * own.size)
     for c in range(deviations.shape[0]):
         dz = deviations[c]
-        for j in range(own.size):
-            size = rounding * own[j] + errors.doubts[j] * math.hypot(z[Z1, j], z[Z2, j])
+        for j in range(z.shape[1]):
+            size = rounding * own[Z1, j] + errors.doubts[j] * math.hypot(z[Z1, j], z[Z2, j])
             creeps = flow.rotations <= j < flow.hyperbolas_end
-            of_place = min(1.0, flow.nu[j]) if creeps else 1.0
-            dz[Z1, j] = of_place * size * signs[c + 1, Z1, j]
+            grain = _grain(errors, j) if creeps else 1.0
+            dz[Z1, j] = grain * size * signs[c + 1, Z1, j]
             dz[Z2, j] = size * signs[c + 1, Z2, j]
         # The state is given: what loads carry too far is missing in what is free.
         level = -errors.still if c & 1 else errors.still
-        for j in range(own.size if errors.carried.shape[0] > 0 else 0):
+        for j in range(z.shape[1] if errors.carried.shape[0] > 0 else 0):
             dz[Z1, j] -= _carried(errors, dz, Z1, j, level)
             dz[Z2, j] -= _carried(errors, dz, Z2, j, level)
 
@@ -149,7 +156,7 @@ def _add_rounding_to(
         rounding = _PROPAGATED * (abs(a) + abs(b))
         first, turned = rounding, s * drifts[c, j]
         if flow.rotations <= j < flow.hyperbolas_end:
-            # Of z1, which is nu q: under faint drag a body's velocity gives but nu s to it.
+            # Under faint drag, z1 is nu q, and a velocity gives but nu s of itself to it.
             first = _PROPAGATED * (abs(a) + min(1.0, 2.0 * flow.nu[j] * s) * abs(b))
             dz[Z2, j] += 2.0 * turned * a
         elif j >= flow.hyperbolas_end:

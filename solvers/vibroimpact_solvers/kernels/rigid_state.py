@@ -117,8 +117,8 @@ class Errors(NamedTuple):
     kicks: Floats  # (column, watched, 2, pair): of the changes of state by unit impulses
     coordinates: Floats  # (column, watched, 2, pair): of the watched coordinates
     velocities: Floats  # (column, watched, 2, pair): and of their velocities
-    own: Floats  # (pair,): 0 for the pairs of loads, 1 for the others
-    measure: Floats  # (pair,): of deviations, weights of the squares in their lengths
+    own: Floats  # (2, pair): 0 for the pairs of loads, 1 for the others
+    measure: Floats  # (2, pair): of deviations, weights of the squares in their lengths
     doubts: Floats  # (pair,): of the loads, relative to them, by the responses to them
     # What constant loads and then each of the numbers of the pairs of loads make of the other
     # pairs, (1 + 2 load, 2, pair); none where there are no loads.
@@ -183,7 +183,7 @@ class Scratch(NamedTuple):
     sums: Floats  # (row output dof,)
 
 
-_ALPHA, _NU, _REST, _PUSH, _OWN, _MEASURE, _DOUBTS, _RATES = range(8)
+_ALPHA, _NU, _REST, _PUSH, _DOUBTS, _OWN, _MEASURE, _RATES = 0, 1, 2, 3, 4, 5, 7, 9
 _COORDINATE, _VELOCITY, _KICK, _KICK_RATE, _FORMS = range(5)
 _SIZE, _HIGH, _LOW_BOUND, _SIZES = range(4)
 """Rows of what `handed_over` returns, and how many there are."""
@@ -199,7 +199,7 @@ def handed_over(structure: Structure) -> tuple[Any, ...]:
     pairs = flow.nu.size
     parts = (
         np.array([
-            flow.alpha, flow.nu, flow.rest, flow.push, errors.own, errors.measure, errors.doubts
+            flow.alpha, flow.nu, flow.rest, flow.push, errors.doubts, *errors.own, *errors.measure
         ]),
         errors.drifts, *watched, errors.kicks, errors.coordinates, errors.velocities,
         errors.carried, errors.signs,
@@ -234,7 +234,7 @@ def structure_of(given: tuple[Any, ...]) -> Structure:
         forms[_COORDINATE], forms[_VELOCITY], forms[_KICK], forms[_KICK_RATE], sizes[_SIZE],
         sizes[_HIGH], sizes[_LOW_BOUND],
     )  # fmt: skip
-    own, measure, doubts = table[_OWN], table[_MEASURE], table[_DOUBTS]
+    doubts, own, measure = table[_DOUBTS], table[_OWN:_MEASURE], table[_MEASURE:_RATES]
     errors = Errors(
         signs, drifts, kicks, coordinates, velocities, own, measure, doubts, carried, loads,
         still, drift,

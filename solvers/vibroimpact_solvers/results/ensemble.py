@@ -15,6 +15,9 @@ _MOTION: Final = {field.name: field.quantity for field in declared(time_history.
 """Declarations of the results of one motion; axes and tables have them in ensembles as well."""
 
 
+_BEYOND: Final = "the member has no motion, beyond its horizon, or not estimated"
+
+
 def _each(name: str, missing: str = "the member has no motion") -> Quantity:
     """Return the declaration of a field with a value or an array for each member."""
     return replace(_MOTION[name], dims=_MEMBER + _MOTION[name].dims, missing=missing)
@@ -73,6 +76,16 @@ class Result:
     count_impacts: Annotated[Integers, _each("count_impacts", missing="")]
     count_grazings: Annotated[Integers, _each("count_grazings", missing="")]
     count_expansions: Annotated[Integers, _each("count_expansions", missing="")]
+    error_x: Annotated[Floats | None, _each("error_x", _BEYOND)]
+    error_v: Annotated[Floats | None, _each("error_v", _BEYOND)]
+    error_energy: Annotated[Floats | None, _each("error_energy", _BEYOND)]
+    error_impact_time: Annotated[Floats | None, _MOTION["error_impact_time"]]
+    error_impact_velocity: Annotated[Floats | None, _MOTION["error_impact_velocity"]]
+    error_impact_impulse: Annotated[Floats | None, _MOTION["error_impact_impulse"]]
+    error_contact_start: Annotated[Floats | None, _MOTION["error_contact_start"]]
+    error_contact_rest: Annotated[Floats | None, _MOTION["error_contact_rest"]]
+    error_contact_stop: Annotated[Floats | None, _MOTION["error_contact_stop"]]
+    error_contact_impulse: Annotated[Floats | None, _MOTION["error_contact_impulse"]]
     error_condition: Annotated[Floats, _each("error_condition")]
     error_penetration: Annotated[Floats, _each("error_penetration")]
     error_predictable_until: Annotated[Floats, _each("error_predictable_until")]

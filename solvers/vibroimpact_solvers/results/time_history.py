@@ -22,6 +22,12 @@ def _number(unit: str, long_name: str, path: str) -> Quantity:
     return Quantity((), unit, long_name, path=path)
 
 
+def _error(of: str, dims: tuple[str, ...], unit: str, what: str, missing: str) -> Quantity:
+    return Quantity(dims, unit, f"error of the {what}", path=f"error/{of}", missing=missing)
+
+
+_BEYOND = "not estimated, or beyond the horizon"
+_UNSURE = f"{_BEYOND}, or the impact may be missing"
 _ROUNDING = "in units of the rounding 2^-52"
 _SIDE = "wall: 1 the upper, -1 the lower one"
 
@@ -38,23 +44,25 @@ class Result:
         ),
         "count": Group("Count", "Numbers of events."),
         "error": Group("MotionError", "Errors of the motion."),
+        "error/impacts": Group("ImpactsError", "Errors of columns of the impacts."),
+        "error/contacts": Group("ContactsError", "Errors of columns of the contacts."),
     }
 
     t: Annotated[Floats | None, TIME]
     dof: Dofs
-    x: Annotated[Floats | None, replace(X, error="error/condition")]
-    v: Annotated[Floats | None, replace(V, error="error/condition")]
+    x: Annotated[Floats | None, replace(X, error="error/x")]
+    v: Annotated[Floats | None, replace(V, error="error/v")]
     energy: Annotated[
         Floats | None,
         Quantity(
             ("time",),
             "mass length2 time-2",
             "mechanical energy, that of the constant load included",
-            error="error/energy_drift",
+            error="error/energy",
         ),
     ]
     impact_time: Annotated[
-        Floats | None, _impact("time", "time of the impact", "time", error="impacts/condition")
+        Floats | None, _impact("time", "time of the impact", "time", error="error/impacts/time")
     ]
     impact_constraint: Annotated[
         Integers | None, _impact("1", "index of the constraint", "constraint")
@@ -66,13 +74,16 @@ class Result:
             "length time-1",
             "velocity of the coordinate before the impact",
             "velocity",
-            error="impacts/condition",
+            error="error/impacts/velocity",
         ),
     ]
     impact_impulse: Annotated[
         Floats | None,
         _impact(
-            "mass length time-1", "impulse on the structure", "impulse", error="impacts/condition"
+            "mass length time-1",
+            "impulse on the structure",
+            "impulse",
+            error="error/impacts/impulse",
         ),
     ]
     impact_condition: Annotated[
@@ -91,13 +102,26 @@ class Result:
             "time of the last impact listed before it",
             "start",
             note="the infinitely many impacts from it to the rest are summed",
+            error="error/contacts/start",
         ),
     ]
     contact_rest: Annotated[
-        Floats | None, _contact("time", "time at which the coordinate comes to rest", "rest")
+        Floats | None,
+        _contact(
+            "time",
+            "time at which the coordinate comes to rest",
+            "rest",
+            error="error/contacts/rest",
+        ),
     ]
     contact_stop: Annotated[
-        Floats | None, _contact("time", "time of release, or the end of the motion", "stop")
+        Floats | None,
+        _contact(
+            "time",
+            "time of release, or the end of the motion",
+            "stop",
+            error="error/contacts/stop",
+        ),
     ]
     contact_constraint: Annotated[
         Integers | None, _contact("1", "index of the constraint", "constraint")
@@ -110,6 +134,7 @@ class Result:
             "impulse of the wall on the structure, rest to stop",
             "impulse",
             note="the integral of the contact force",
+            error="error/contacts/impulse",
         ),
     ]
     count_impacts: Annotated[
@@ -121,6 +146,39 @@ class Result:
     count_expansions: Annotated[
         int,
         _number("1", "number of series expansions in the search for impacts", "count/expansions"),
+    ]
+    error_x: Annotated[
+        Floats | None, _error("x", ("time", "dof"), "length", "displacement", _BEYOND)
+    ]
+    error_v: Annotated[
+        Floats | None, _error("v", ("time", "dof"), "length time-1", "velocity", _BEYOND)
+    ]
+    error_energy: Annotated[
+        Floats | None, _error("energy", ("time",), "mass length2 time-2", "energy", _BEYOND)
+    ]
+    error_impact_time: Annotated[
+        Floats | None, _error("impacts/time", ("impact",), "time", "time of the impact", _UNSURE)
+    ]
+    error_impact_velocity: Annotated[
+        Floats | None,
+        _error("impacts/velocity", ("impact",), "length time-1", "velocity before it", _BEYOND),
+    ]
+    error_impact_impulse: Annotated[
+        Floats | None,
+        _error("impacts/impulse", ("impact",), "mass length time-1", "impulse", _BEYOND),
+    ]
+    error_contact_start: Annotated[
+        Floats | None, _error("contacts/start", ("contact",), "time", "last impact", _UNSURE)
+    ]
+    error_contact_rest: Annotated[
+        Floats | None, _error("contacts/rest", ("contact",), "time", "time of rest", _UNSURE)
+    ]
+    error_contact_stop: Annotated[
+        Floats | None, _error("contacts/stop", ("contact",), "time", "time of release", _UNSURE)
+    ]
+    error_contact_impulse: Annotated[
+        Floats | None,
+        _error("contacts/impulse", ("contact",), "mass length time-1", "impulse", _UNSURE),
     ]
     error_condition: Annotated[
         float, _number("1", f"largest relative error of the state, {_ROUNDING}", "error/condition")

@@ -360,16 +360,30 @@ class Basis:
 
     @cached_property
     def own(self) -> Floats:
-        """0 for the pairs of loads and 1 for the others, shape (pair,)."""
-        return np.where(self._order < self._loads.start, 1.0, 0.0)
+        """0 for the pairs of loads and 1 for the others, shape (2, pair)."""
+        return np.tile(np.where(self._order < self._loads.start, 1.0, 0.0), (2, 1))
+
+    @cached_property
+    def grain(self) -> Floats:
+        """What z1 is of a unit displacement of a mode that creeps, at most 1, shape (pair,).
+
+        It is nu q: of faint drag, or of damping that is almost critical, much less than q. 1 of
+        all others.
+        """
+        grain, one = np.ones(self.pairs), self._single.size
+        creeps = self.flow.rotations <= self._places[:one]
+        creeps &= self._places[:one] < self.flow.hyperbolas_end
+        grain[:one] = np.where(creeps, np.minimum(1.0, self._stretch), 1.0)
+        return grain[self._order]
 
     @cached_property
     def measure(self) -> Floats:
-        """Weights of the squares of the pairs in the length of a deviation, shape (pair,)."""
+        """Weights of the squares of the pairs in the length of a deviation, shape (2, pair)."""
         measure = np.zeros(self.pairs)
         measure[: self._single.size] = 1.0
         measure[self._single.size : self._loads.start] = np.maximum(self._coupled_sizes, 1.0)
-        return measure[self._order]
+        measure = measure[self._order]
+        return np.stack([measure / self.grain**2, measure])
 
     @cached_property
     def carried(self) -> Floats:

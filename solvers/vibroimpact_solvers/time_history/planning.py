@@ -144,7 +144,8 @@ def _steps(problem: Problem, far: list[int]) -> Iterator[Step]:
         times, dofs = problem.times.size, problem.output_dofs.size
         reason = f"{dofs} of {system.n} degrees of freedom at {times} times"
         flops = times * system.n * (40.0 + 4.0 * dofs)
-        size = 16.0 * times * (dofs + 1.0)  # displacements and velocities; times and energies
+        # Displacements and velocities; times and energies; as many errors.
+        size = 32.0 * times * (dofs + 1.0)
         history = Step(Stage.HISTORY, "modal sum", reason, flops, size)
     yield _motion_step(problem, len(system.constraints) - len(far), history)
     if history is not None:
@@ -181,7 +182,7 @@ def _motion_step(problem: Problem, count: int, history: Step | None) -> Step:
         )
         each = 1e6 + 1e4 * float(system.n) ** 2 * (1.0 + problem.digits / 50.0)
         flops = (20.0 + turns + _crossings(problem)) * each + 5e3 * float(system.n) ** 3
-        size = 48.0 * turns
+        size = 72.0 * turns
         return Step(Stage.FREE_MOTION, Method.EXTENDED, reason, flops, size, bounded=False)
     # An expansion lasts about the time of the fastest mode; an impact takes two at least.
     # Without walls within reach the whole motion is one.
@@ -212,7 +213,7 @@ def _motion_step(problem: Problem, count: int, history: Step | None) -> Step:
 def _price(system: System, expansions: float, count: int) -> tuple[float, float]:
     """Return the operations of an exact motion with `count` constraints, and what it writes."""
     flops = 1e6 + expansions * (150.0 + system.n * (15.0 + 15.0 * count))
-    return flops, 48.0 * expansions if count else 0.0
+    return flops, 72.0 * expansions if count else 0.0
 
 
 def _crossings(problem: Problem) -> float:

@@ -16,14 +16,17 @@ from vibroimpact_solvers.results.time_history import Result
 from vibroimpact_solvers.time_history.history import History, requested
 from vibroimpact_solvers.time_history.problem import Problem, tolerance_of
 from vibroimpact_solvers.time_history.run import ContactInterval, indistinguishable_walls
+from vibroimpact_solvers.time_history.stated_errors import StatedErrors, unknown_errors
 from vibroimpact_solvers.time_history.structure import Structure
 
 EPS: Final = float(np.finfo(np.float64).eps)
 _STATEMENT = (
     "estimate: roundings of the initial state, the free motion, frequencies, impacts and walls, "
     "carried along by the linearised motion and its impacts, four times the largest of three "
-    "samples, relative to the largest state; between impacts the motion is exact, and no impact "
-    "is missed; grazings and orders of coupled impacts that errors decide are part of the errors"
+    "samples, relative to the largest state in condition, absolute and infinite from "
+    "predictable_until on in each output; between impacts the motion is exact, and no impact is "
+    "missed; grazings and orders of coupled impacts that errors decide are part of the errors, and "
+    "the time of an impact that they might leave out is unknown"
 )
 UNKNOWN: Final = "none: no estimate was asked for"
 """Error statement where errors are not estimated."""
@@ -62,6 +65,7 @@ def result_of(
     progress: np.void,
     impacts: Rows,
     history: History,
+    errors: StatedErrors,
     intervals: Sequence[ContactInterval] = (),
 ) -> Result:
     """Return the result of a motion with rigid limiters that reached its end.
@@ -75,13 +79,26 @@ def result_of(
     progress, impacts : array
         See `kernels.rigid_state`.
     history : tuple
+    errors : StatedErrors
+        Of the configurations that the motion has been in.
     intervals : sequence of ContactInterval
     """
+    penetration, growth, known_until, grazings, expansions, largest = _numbers(progress.item())
     for name, value in requested(problem, history).items():
         values[name] = value[0]
+    if problem.estimate:
+        state = np.array([growth]), np.array([largest]), np.array([known_until])
+        for name, value in errors.history(*state).items():
+            values[name] = value[0]
+    else:
+        values.update(unknown_errors(problem))
     if "impacts" in problem.outputs:
         for name, column in _COLUMNS.items():
             values[name] = impacts[column].copy()
+        if problem.estimate:
+            values.update(errors.impacts(impacts, np.array([impacts.size]), *state[1:]))
+        else:
+            values.update(dict.fromkeys(OF_IMPACTS, np.full(impacts.size, np.nan)))
     if intervals and "contacts" in problem.outputs:
         scale = structure.scale
         values.update(
@@ -91,9 +108,9 @@ def result_of(
             contact_constraint=np.array([r.contact[0] for r in intervals], dtype=np.int64),
             contact_side=np.array([r.contact[1] for r in intervals], dtype=np.int64),
             contact_impulse=np.array([r.impulse for r in intervals]) / scale,
+            **dict.fromkeys(OF_CONTACTS, np.full(len(intervals), np.nan)),
         )
     values["count_impacts"] = impacts.size
-    penetration, growth, known_until, grazings, expansions = _numbers(progress.item())
     values["count_grazings"], values["count_expansions"] = grazings, expansions
     if not penetration < structure.narrowest_gap:
         checked_penetration(problem, penetration)
@@ -106,7 +123,12 @@ def result_of(
 
 
 def arrays_of(
-    values: dict[str, Any], problem: Problem, progress: Rows, impacts: Rows, history: History
+    values: dict[str, Any],
+    problem: Problem,
+    progress: Rows,
+    impacts: Rows,
+    history: History,
+    errors: StatedErrors,
 ) -> dict[str, Any]:
     """Return the values of many motions that reached their ends, as `results.ensemble` has them.
 
@@ -117,15 +139,24 @@ def arrays_of(
     arrays |= requested(problem, history) | {"status": np.full(size, Status.OK)}
     if "impacts" in outputs:
         arrays |= {name: impacts[column] for name, column in _COLUMNS.items()}
-        arrays["impact_count"] = progress["rows"] - progress["first_row"]
+        counts = arrays["impact_count"] = progress["rows"] - progress["first_row"]
+        if problem.estimate:
+            state = progress["largest"], progress["known_until"]
+            arrays |= errors.impacts(impacts, counts, *state)
+        else:
+            arrays |= dict.fromkeys(OF_IMPACTS, np.full(impacts.size, np.nan))
     if "contacts" in outputs:
         arrays |= _TABLES["contacts"] | {"contact_count": np.zeros(size, dtype=np.int64)}
     for name in ("error_condition", "error_predictable_until"):
         arrays[name] = np.full(size, values[name])
     if problem.estimate:
+        arrays |= errors.history(progress["growth"], progress["largest"], progress["known_until"])
         known = progress["known_until"]
         arrays["error_condition"] = progress["growth"]
         arrays["error_predictable_until"] = np.where(known < math.inf, known, problem.t_end)
+    else:
+        unknown = unknown_errors(problem).items()
+        arrays |= {name: np.repeat(value[np.newaxis], size, axis=0) for name, value in unknown}
     arrays["count_impacts"] = progress["rows"] - progress["first_row"]
     arrays["count_grazings"] = progress["grazings"]
     arrays["count_expansions"] = progress["expansions"]
@@ -155,7 +186,12 @@ _COLUMNS: Final = {
     "impact_condition": "deviation",
 }
 """Fields of the result, and columns of the table of impacts."""
+OF_IMPACTS: Final = tuple(f"error_impact_{name}" for name in ("time", "velocity", "impulse"))
+OF_CONTACTS: Final = tuple(f"error_contact_{name}" for name in ("start", "rest", "stop", "impulse"))
 _NAMES: Final[tuple[str, ...]] = PROGRESS.names or ()
 _numbers: Final = itemgetter(
-    *map(_NAMES.index, ("penetration", "growth", "known_until", "grazings", "expansions"))
+    *map(
+        _NAMES.index,
+        ("penetration", "growth", "known_until", "grazings", "expansions", "largest"),
+    )
 )

@@ -24,6 +24,7 @@ from vibroimpact_solvers.time_history.history import History, new_history, some_
 from vibroimpact_solvers.time_history.problem import ImpactMode, Problem, State
 from vibroimpact_solvers.time_history.run import Arrays, Run, Tick, new_progress
 from vibroimpact_solvers.time_history.start import initial_state
+from vibroimpact_solvers.time_history.stated_errors import StatedErrors
 from vibroimpact_solvers.time_history.structure import Structure
 
 _END, _TABLE, _REFUSED = int(Stop.END), int(Stop.TABLE), int(Stop.REFUSED)
@@ -71,6 +72,8 @@ class RigidMotions:
         self._times = problem.history_times * structure.scale
         self._size = COLUMNS if problem.estimate else 0, problem.output_dofs.size
         self._free = _FREE.setdefault(structure, {}).setdefault(self._size, [])
+        self._every = StatedErrors(problem, structure)
+        self._errors = self._every.of((configuration,))
         self._bare = result_values.values_of_exact_motion(problem)
         self._shape = (problem.system.n,)
 
@@ -104,8 +107,9 @@ class RigidMotions:
             progress = arrays.progress[0]
             impacts = arrays.table[: progress["rows"]]
             result = result_values.result_of(
-                self._bare.copy(), self._problem, self._structure, progress, impacts, history
-            )
+                self._bare.copy(), self._problem, self._structure, progress, impacts, history,
+                self._errors,
+            )  # fmt: skip
         else:
             result = self._continued(initial, arrays, history, stop, tick)
         self._free.append(arrays)
@@ -129,7 +133,7 @@ class RigidMotions:
         run.finish(reason)
         return result_values.result_of(
             self._bare.copy(), problem, structure, run.progress_row, run.all_impacts, history,
-            run.intervals,
+            self._every.of(run.used.values()), run.intervals,
         )  # fmt: skip
 
     def solve_some(
@@ -191,6 +195,6 @@ class RigidMotions:
         impacts = impacts[np.repeat(wide[ended], counts[ended])]
         places = np.flatnonzero(ended & wide)
         arrays = result_values.arrays_of(
-            self._bare, problem, progress[places], impacts, some_of(history, places)
+            self._bare, problem, progress[places], impacts, some_of(history, places), self._errors
         )
         return Piece(start + places, arrays, {start + i: other for i, other in others.items()})

@@ -141,6 +141,7 @@ class Run:
         self.contacts: dict[Contact, ContactInterval] = {}
         self._switched: tuple[float, int] = (-1.0, 0)
         self._whole_end, self._segment = self.end, -1
+        self.used = {self.configuration.contacts: self.configuration}
         self._rows = self._events = self._afterwards = 0
 
     @property
@@ -308,6 +309,7 @@ class Run:
             for c, (dx, dv) in enumerate(moved, start=1):
                 self.Z[c] = self.structure.state_of(configuration, dx, dv)
             self.configuration = configuration
+            self.used[configuration.contacts] = configuration
             self._work = work_arrays(configuration, self.dofs.size)
         self.Z[0] = self.structure.state_of(configuration, x, v, loads)
         configuration.basis.doubt_loads(self.Z)

@@ -56,6 +56,8 @@ class SoftRun:
         the largest state, what loads carry along included. nan: not estimated.
     known_until : float
         Time until which this is no more than the tolerance; nan: not estimated.
+    errors : array, shape (time,), optional
+        The same difference at each output time, absolute: infinite from `known_until` on.
     """
 
     states: Floats
@@ -63,6 +65,7 @@ class SoftRun:
     steps: int
     difference: float = math.nan
     known_until: float = math.nan
+    errors: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -192,14 +195,38 @@ class SoftMotion:
         """
         basis = self._basis
         # Relative to the motion, not to where loads carry it or whence it moves there.
-        apart = np.abs(basis.whole(run.states - other.states, level=0.0)).max(axis=(1, 2))
+        off = np.abs(basis.whole(run.states - other.states, level=0.0))
+        off[:, 0] /= basis.grain
+        apart = off.max(axis=(1, 2))
         largest = float(np.abs(basis.whole(run.states, level=1.0)).max(initial=0.0))
         apart = apart / largest if largest > 0.0 else apart
         sampled = 1.0 + _REPEATED * _COARSEST_FINEST / rough
         apart = np.where(apart > 0.0, sampled * apart + _CONVERTED * _EPS, 0.0)
         late = np.flatnonzero(~(apart <= self._tolerance))
         until = self._times[late[0]] if late.size else self._end
-        return replace(run, difference=float(apart.max()), known_until=float(until) / self._scale)
+        # As pairs turn, either of their numbers may be off by the whole difference of both.
+        known = slice(late[0] if late.size else apart.size)
+        whole = sampled * float(np.hypot(off[known, 0], off[known, 1]).max(initial=0.0))
+        errors = np.full(apart.size, np.inf)
+        errors[known] = whole + _CONVERTED * _EPS * largest
+        return replace(
+            run,
+            difference=float(apart.max()),
+            known_until=float(until) / self._scale,
+            errors=errors[:-1],
+        )
+
+    def reach(self, rows: Floats) -> tuple[Floats, Floats]:
+        """Return what a unit error of all pairs makes of displacements and velocities.
+
+        Of rows of modes, (row, mode); each of shape (row,).
+        """
+        basis = self._basis
+        place, rate = (
+            (np.hypot(forms[:, 0] * basis.grain, forms[:, 1]) * basis.own[0]).sum(axis=1)
+            for forms in (basis.displacement(rows), basis.velocity(rows))
+        )
+        return np.asarray(place), np.asarray(self._scale * rate)
 
     def _run(
         self,
@@ -220,7 +247,9 @@ class SoftMotion:
         state, lost = z.copy(), np.zeros_like(z)
         if off:
             size = float((np.abs(z) * basis.weights).max())
-            state += _EPS * size * basis.signs[0] * basis.own * _grain(scene)
+            noise = _EPS * size * basis.signs[0] * basis.own
+            noise[0] *= basis.grain
+            state += noise
             linear = _linear(scene, _EPS * basis.drifts[0])
             limiters = limiters._replace(kicks=limiters.kicks + _EPS * _kick_errors(scene))
         progress = self._progress()
@@ -240,15 +269,6 @@ class SoftMotion:
                 raise ConvergenceError(message)
             if tick is not None:
                 tick(int(1e3 * (begin + (end - begin) * part)), 1000)
-
-
-def _grain(scene: Configuration) -> Floats:
-    """Return what numbers of pairs are displacements times, that are known to a rounding."""
-    flow = scene.kernel.flow
-    creeps = slice(flow.rotations, flow.hyperbolas_end)
-    grain = np.ones((2, flow.nu.size))
-    grain[0, creeps] = np.minimum(1.0, flow.nu[creeps])
-    return grain
 
 
 def _kick_errors(scene: Configuration) -> Floats:

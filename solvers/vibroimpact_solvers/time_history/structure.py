@@ -170,6 +170,11 @@ class Structure:
         modes = configuration.basis.modes
         return np.asarray(configuration.basis.level(rows @ modes.shapes) + rows @ modes.base)
 
+    @property
+    def shapes(self) -> Floats:
+        """The modes without contacts as columns, shape (dof, mode)."""
+        return self._modes.shapes
+
     @cached_property
     def narrowest_gap(self) -> float:
         """The smallest distance between the two walls of a coordinate, infinite for one wall."""

@@ -37,6 +37,7 @@ from vibroimpact_solvers.time_history.run import (
     work_arrays,
 )
 from vibroimpact_solvers.time_history.start import initial_state
+from vibroimpact_solvers.time_history.stated_errors import StatedErrors
 from vibroimpact_solvers.time_history.structure import Contact, Structure
 
 
@@ -99,6 +100,16 @@ class Part:
     x: Floats | None
     v: Floats | None
     energy: Floats | None
+    error_x: Floats | None
+    error_v: Floats | None
+    error_energy: Floats | None
+    error_impact_time: Floats | None
+    error_impact_velocity: Floats | None
+    error_impact_impulse: Floats | None
+    error_contact_start: Floats | None
+    error_contact_rest: Floats | None
+    error_contact_stop: Floats | None
+    error_contact_impulse: Floats | None
     impact_time: Floats | None
     impact_constraint: Integers | None
     impact_side: Integers | None
@@ -210,9 +221,11 @@ def follow(window: Window, plan: Plan, before: Part | None, tick: Tick | None = 
     run = _WindowRun(window, problem, structure, history, before, tick)
     run.finish()
     values = values_of_exact_motion(problem)
+    errors = StatedErrors(problem, structure).of(run.used.values())
     result = result_of(
-        values, problem, structure, run.progress_row, run.all_impacts, history, run.intervals
-    )
+        values, problem, structure, run.progress_row, run.all_impacts, history, errors,
+        run.intervals,
+    )  # fmt: skip
     return run.part(result, before)
 
 
@@ -258,6 +271,7 @@ class _WindowRun(Run):
             self._listed[id(interval)] = int(row)
         self._carried = dict(self.contacts)
         self.configuration = self.structure.configuration(frozenset(self.contacts))
+        self.used[self.configuration.contacts] = self.configuration
         self._work = work_arrays(self.configuration, self.dofs.size)
         self.Z = before.seed_state.copy()
         now, stop = self.progress_row, self.end

@@ -48,7 +48,7 @@ def test_roundings_of_many_short_motions_do_not_add_up() -> None:
         "t": [3.4], "t_end": 3.5,
     }  # fmt: skip
     report = checked(document)
-    assert min(report.ratios["state"]) > 10.0
+    assert min(report.ratios["x"]) > 10.0
 
 
 @pytest.mark.parametrize("frequency", [3e-9, 3e-8, 3e-7])

@@ -57,7 +57,16 @@ def test_windows_are_one_motion(count: int, monkeypatch: pytest.MonkeyPatch) -> 
     assert whole.contact_rest.size > 10
     for field in fields(th.Result):
         expected, value = getattr(whole, field.name), getattr(found, field.name)
-        if field.name in {"impact_condition", "error_condition"}:
+        stated = field.name.startswith("error_") and isinstance(expected, np.ndarray)
+        if stated and field.name.startswith("error_impact_"):
+            # Where the error says that an impact may be missing, which the rounding decides too.
+            known = np.isfinite(value) & np.isfinite(expected)
+            assert known.mean() > 0.5
+            assert (value[known] < 100.0 * expected[known]).all(), field.name
+        elif stated and not field.name.startswith("error_contact_"):
+            # Of the whole motion it is that at its end.
+            assert (value < 100.0 * expected).all(), field.name
+        elif field.name in {"impact_condition", "error_condition"}:
             # An estimate: the rounding of a free motion is random, and every cut of one adds to it.
             ratio = np.asarray(value / expected)
             assert (ratio > 0.1).all(), field.name

@@ -31,6 +31,7 @@ from vibroimpact_solvers.time_history.extended.precision import (
     Matrix,
     Real,
     above,
+    around,
     column,
     radii,
     real,
@@ -52,7 +53,10 @@ _GROWTH: Final = math.exp(REACH) * (1.0 + 1e-9)
 
 @dataclass(slots=True)
 class Impact:
-    """An impact: condition is the bound of the error of the state, relative to it."""
+    """An impact: condition is the bound of the error of the state, relative to it.
+
+    Time, velocity and impulse are balls of those of all motions that are followed together.
+    """
 
     time: Real
     constraint: int
@@ -236,8 +240,10 @@ class Motion:
             if not last and time > stop:
                 break
             q, v = free_motion.state((real(time) - self.now) / free_motion.h)
-            x, v = self.configuration.displacements(q, v)
-            self.samples.append((x.mid(), v.mid()))
+            off, weights = self._spread(), self.configuration.weights.tolist()
+            q = widened(q, [off / w for w in weights])
+            v = widened(v, [off] * v.nrows())
+            self.samples.append(self.configuration.displacements(q, v))
         if self._contacts:
             self._add_contact_impulses(free_motion, sigma)
 
@@ -326,11 +332,18 @@ class Motion:
         J = saltation(configuration, given, all_speeds, state, wide, self._size, self.now)
         self._carry(*product(J, flow_map(free_motion, sigma, wide)), radii)
         condition = self.condition
-        for blow, u in zip(given, speeds, strict=True):
-            impulses = (blow.impulses * before.E * state.v).entries()
-            for (index, side), P in zip(blow.active, impulses, strict=True):
-                speed = side * u if (index, side) == blow.contact else flint.arb(0)
-                self.impacts.append(Impact(self.now.mid(), index, side, speed, P, condition))
+        time = within(self.now.mid(), self.now.rad() + wide * free_motion.h)
+        for blow, u, every in zip(given, speeds, all_speeds, strict=True):
+            impulses = zip(
+                (blow.impulses * before.E * state.v).entries(),
+                (blow.impulses * before.E * state.all_v).entries(),
+                strict=True,
+            )
+            for (index, side), (P, all_P) in zip(blow.active, impulses, strict=True):
+                speed = flint.arb(0)
+                if (index, side) == blow.contact:
+                    speed = around(side * u, side * every)
+                self.impacts.append(Impact(time, index, side, speed, around(P, all_P), condition))
         self.configuration, self.q, self.v = configuration, q.mid(), v.mid()
 
     def _settled(
@@ -457,7 +470,7 @@ class Motion:
     def _require_progress(self) -> None:
         """Raise where impacts accumulate, unless it is chatter of one lossy constraint."""
         last = self.impacts[-_ACCUMULATED:]
-        if len(last) < _ACCUMULATED or self.now - last[0].time > self._accumulation_time:
+        if len(last) < _ACCUMULATED or self.now - last[0].time.mid() > self._accumulation_time:
             return
         struck = {impact.constraint for impact in last}
         if len(struck) > 1 or self.body.system.constraints[last[0].constraint].restitution == 1.0:

@@ -79,6 +79,11 @@ def widened(values: Matrix, radii: Sequence[Real]) -> Matrix:
     return column([within(v, r) for v, r in zip(values.entries(), radii, strict=True)])
 
 
+def around(value: Real, every: Real) -> Real:
+    """Return a ball about the midpoint of one that contains another one."""
+    return within(value.mid(), (every - value.mid()).abs_upper())
+
+
 def radii(values: Matrix) -> list[Real]:
     """Return the radii of a column."""
     return [value.rad() for value in values.entries()]

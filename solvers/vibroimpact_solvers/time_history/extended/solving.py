@@ -11,18 +11,20 @@ import numpy as np
 from vibroimpact_solvers.arrays import Floats, nothing
 from vibroimpact_solvers.results.time_history import Result
 from vibroimpact_solvers.time_history.extended.motion import Motion
-from vibroimpact_solvers.time_history.extended.precision import Real, working
+from vibroimpact_solvers.time_history.extended.precision import Real, above, working
 from vibroimpact_solvers.time_history.extended.structure import Body
 from vibroimpact_solvers.time_history.history import conserves
 from vibroimpact_solvers.time_history.loads import Harmonic
 from vibroimpact_solvers.time_history.problem import Problem, State
+from vibroimpact_solvers.time_history.result_values import OF_CONTACTS
 from vibroimpact_solvers.time_history.run import Tick
 
 _EPS: Final = 2.0**-52
 _STATEMENT: Final = (
     "bound: all motions that roundings of {digits} decimal digits cannot be told from are enclosed "
-    "and followed together, relative to the largest state; every impact and contact is certain "
-    "for all of them, and the numbers are rounded to doubles in the end"
+    "and followed together, relative to the largest state in condition, absolute in each output; "
+    "every impact and contact is certain for all of them, and the numbers are rounded to doubles "
+    "in the end"
 )
 
 
@@ -88,11 +90,12 @@ def _history(problem: Problem, run: Motion) -> dict[str, Any]:
         for name, part in (("x", 0), ("v", 1)):
             if name in outputs:
                 samples = (run.body.whole(sample[part]) for sample in run.samples)
-                rows = [_floats([sample[dof] for dof in dofs.tolist()]) for sample in samples]
-                values[name] = np.array(rows).reshape(len(rows), dofs.size)
+                rows = [[sample[dof] for dof in dofs.tolist()] for sample in samples]
+                for field, taken in ((name, _floats), (f"error_{name}", _errors)):
+                    values[field] = np.array(list(map(taken, rows))).reshape(-1, dofs.size)
     if "energy" in outputs:
         energies = [_energy(run, place) for place in range(len(run.samples))]
-        values["energy"] = np.array(_floats(energies))
+        values["energy"], values["error_energy"] = _column(energies), _column_errors(energies)
         if conserves(problem) and energies:
             size = max(abs(energy) for energy in energies)
             drift = max(abs(energy - energies[0]) for energy in energies)
@@ -115,6 +118,9 @@ def _impacts(run: Motion) -> dict[str, Any]:
         "impact_side": np.array([i.side for i in impacts], dtype=np.int64),
         "impact_velocity": _column([i.velocity for i in impacts]),
         "impact_impulse": _column([i.impulse for i in impacts]),
+        "error_impact_time": _column_errors([i.time for i in impacts]),
+        "error_impact_velocity": _column_errors([i.velocity for i in impacts]),
+        "error_impact_impulse": _column_errors([i.impulse for i in impacts]),
         "impact_condition": np.array([i.condition / _EPS for i in impacts], dtype=np.float64),
     }
 
@@ -128,11 +134,21 @@ def _contacts(run: Motion) -> dict[str, Any]:
         "contact_constraint": np.array([r.contact[0] for r in intervals], dtype=np.int64),
         "contact_side": np.array([r.contact[1] for r in intervals], dtype=np.int64),
         "contact_impulse": _column([r.impulse for r in intervals]),
+        **dict.fromkeys(OF_CONTACTS, np.full(len(intervals), np.inf)),
     }
 
 
 def _column(values: Sequence[Real]) -> Floats:
     return np.array(_floats(values), dtype=np.float64)
+
+
+def _column_errors(values: Sequence[Real]) -> Floats:
+    return np.array(_errors(values), dtype=np.float64)
+
+
+def _errors(values: Sequence[Real]) -> list[float]:
+    """Return bounds of what is off by the numbers of `_floats`."""
+    return [above(value - float(value.mid())) for value in values]
 
 
 def _floats(values: Sequence[Real]) -> list[float]:

@@ -1,0 +1,234 @@
+"""Absolute errors of the outputs of a motion, from the estimated error of its state.
+
+The state is known to a length E in the measure of its deviations (`kernels.deviations`). What is
+linear in the state is known to E times the length of its form, its *reach*. An impact is earlier or
+later by what its coordinate is off, over its speed:
+
+    dt = 2 dy / (v + (v^2 - 2 a dy)^(1/2)) ,    dv = dv_state + a dt ,
+
+a being a bound of the acceleration. Where the root is not real the impact may be missing: its time
+is not known, and its speed by ``(v^2 + 2 a dy)^(1/2)`` at most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from copy import copy
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import EPS, Floats, Integers
+from vibroimpact_solvers.kernels.rigid_state import Rows
+from vibroimpact_solvers.time_history.basis import Basis
+from vibroimpact_solvers.time_history.problem import Problem, tolerance_of
+from vibroimpact_solvers.time_history.structure import Configuration, Contact, Structure
+
+_ROWS: Final = 256  # of forms at a time
+_CONVERTED: Final = 2.0  # roundings of a state when displacements are made of it
+_SUMMED: Final = 8.0  # and of the terms of the energy
+LEAST: Final = 1e-300  # reach of what does not move, so that unknown errors stay unknown
+
+
+class Reach:
+    """What a unit error of the state makes of the outputs, in one contact configuration.
+
+    Parameters
+    ----------
+    structure : Structure
+    configuration : Configuration
+    dofs : array of int
+        Degrees of freedom of the history.
+    """
+
+    def __init__(self, structure: Structure, configuration: Configuration, dofs: Integers) -> None:
+        self._structure, self._basis, self._dofs = structure, configuration.basis, dofs
+        self._rows = structure.W @ configuration.basis.modes.shapes
+
+    @cached_property
+    def history(self) -> Floats:
+        """Of displacements and velocities, shape (2, dof)."""
+        shapes = self._basis.modes.shapes
+        reach = [self._of(shapes[self._dofs[some]]) for some in _parts(self._dofs.size)]
+        return np.concatenate(reach, axis=1) if reach else np.zeros((2, 0))
+
+    @cached_property
+    def coordinates(self) -> Floats:
+        """Of the constrained coordinates, their velocities and accelerations, (3, constraint)."""
+        by_rate = self._basis.rates_of(self._basis.velocity(self._rows))
+        bend = self._structure.scale**2 * _lengths(self._basis, by_rate)
+        return np.concatenate([self._of(self._rows), bend[np.newaxis]])
+
+    @cached_property
+    def push(self) -> Floats:
+        """Largest accelerations of the constrained coordinates by loads, shape (constraint,)."""
+        modes, ramps, rows = self._basis.modes, self._structure.ramps, self._rows
+        push = np.abs(rows @ modes.load)
+        push += np.hypot(rows @ modes.cosine, rows @ modes.sine).sum(axis=1)
+        highest = np.abs(ramps.values).max(axis=0, initial=0.0)
+        return np.asarray(push + np.abs(rows @ modes.ramps) @ highest)
+
+    @cached_property
+    def energy(self) -> tuple[float, float, float]:
+        """Of the energy: a bound of its square form, of its linear one, and its level."""
+        basis, structure = self._basis, self._structure
+        modes, base, scale = basis.modes, basis.modes.base, structure.scale
+        stiff = np.sqrt(np.abs(modes.roots * np.abs(modes.roots))) / scale
+        one = basis.place >= 0
+        # Of a mode that is a pair: the rate is z2 - delta q, and z1 its coordinate times stretch.
+        unit = basis.grain[basis.place[one]] / basis.stretch[one]
+        drag, spring = (part[one] * unit for part in (basis.delta, stiff))
+        trace = drag**2 + spring**2 + 1.0
+        square = 0.5 * (trace + np.sqrt((trace - 2.0) ** 2 + 4.0 * drag**2))
+        largest = float(square.max(initial=1.0))
+        others = np.flatnonzero(~one)
+        if others.size:
+            rows = np.eye(one.size)[others]
+            springs = stiff[others, np.newaxis, np.newaxis] * basis.displacement(rows)
+            forms = np.concatenate([basis.velocity(rows), springs]) * _unit(basis)
+            sizes = np.abs(forms).reshape(len(forms), -1)
+            # The square of the spectral norm is below that of the largest sums.
+            largest = max(largest, float(sizes.sum(axis=0).max() * sizes.sum(axis=1).max()))
+        linear = _lengths(basis, basis.displacement(modes.load[np.newaxis]))
+        level = base @ (0.5 * (structure.system.K @ base) - structure.force)
+        return scale**2 * largest, float(linear[0]), abs(float(level))
+
+    def _of(self, rows: Floats) -> Floats:
+        """Return the reaches of ``rows . q`` and of its velocity, shape (2, row)."""
+        basis = self._basis
+        place, rate = basis.displacement(rows), basis.velocity(rows)
+        speed = self._structure.scale * _lengths(basis, rate)
+        return np.maximum([_lengths(basis, place), speed], LEAST)
+
+
+class StatedErrors:
+    """Absolute errors of the outputs of motions with rigid limiters.
+
+    Parameters
+    ----------
+    problem : Problem
+    structure : Structure
+    """
+
+    def __init__(self, problem: Problem, structure: Structure) -> None:
+        self._problem, self._structure = problem, structure
+        self._reaches: list[Reach] = []
+        self._known: dict[tuple[Contact, ...], Reach] = {}
+
+    def of(self, configurations: Iterable[Configuration]) -> StatedErrors:
+        """Return those of motions that have been in some configurations."""
+        errors = copy(self)
+        errors._reaches = [self._reach(one) for one in configurations]
+        return errors
+
+    def _reach(self, of: Configuration) -> Reach:
+        if of.contacts not in self._known:
+            self._known[of.contacts] = Reach(self._structure, of, self._problem.output_dofs)
+        return self._known[of.contacts]
+
+    def history(self, growth: Floats, largest: Floats, until: Floats) -> dict[str, Any]:
+        """Return the errors of x, v and the energy, of motions, shape (motion, time, …).
+
+        Parameters
+        ----------
+        growth, largest, until : array, shape (motion,)
+            `kernels.rigid_state.PROGRESS`: ``growth``, ``largest`` and ``known_until``.
+        """
+        outputs, times = self._problem.outputs, self._problem.times
+        values = dict[str, Any]()
+        if not outputs & {"x", "v", "energy"}:
+            return values
+        state = self._state(growth, largest, until)
+        known = np.where(times < until[:, np.newaxis], 1.0, np.inf)
+        if outputs & {"x", "v"}:
+            reaches = np.maximum.reduce([reach.history for reach in self._reaches])
+            each = (known * state[:, np.newaxis])[..., np.newaxis]
+            for name, reach in zip(("x", "v"), reaches, strict=True):
+                if name in outputs:
+                    values[f"error_{name}"] = each * reach
+        if "energy" in outputs:
+            parts = np.array([reach.energy for reach in self._reaches])
+            square, linear, level = parts.max(axis=0).tolist()
+            energy = square * (largest + 0.5 * state) * state + linear * state
+            rounded = _SUMMED * EPS * (square * largest**2 + linear * largest + level)
+            values["error_energy"] = known * (energy + rounded)[:, np.newaxis]
+        return values
+
+    def impacts(
+        self, rows: Rows, counts: Integers, largest: Floats, until: Floats
+    ) -> dict[str, Any]:
+        """Return the errors of times, velocities and impulses of the impacts of motions.
+
+        Parameters
+        ----------
+        rows : array of `kernels.rigid_state.IMPACT`
+            The impacts of all motions, in the units of x.
+        counts : array of int, shape (motion,)
+        largest, until : array, shape (motion,)
+            As in `history`.
+        """
+        one = rows["constraint"]
+        deviation = rows["deviation"].copy()
+        # An impact without restitution takes errors out of the state: they are those before it.
+        first = np.cumsum(counts)[:-1]
+        before = np.concatenate([deviation[:1], deviation[:-1]])
+        before[first[first < before.size]] = 0.0
+        largest, until = np.repeat(largest, counts), np.repeat(until, counts)
+        state = self._state(np.fmax(deviation, before), largest, until)
+        reaches = np.maximum.reduce([reach.coordinates for reach in self._reaches])[:, one]
+        push = np.maximum.reduce([reach.push for reach in self._reaches])[one]
+        off, speed = state * reaches[0], np.abs(rows["velocity"])
+        bend = reaches[2] * largest + push
+        late, swing = 2.0 * bend * off, speed * speed
+        with np.errstate(invalid="ignore", divide="ignore"):
+            sure = late < swing
+            shift = 2.0 * off / (speed + np.sqrt(np.where(sure, swing - late, 0.0)))
+            velocity = np.where(sure, bend * shift, np.sqrt(swing + late)) + state * reaches[1]
+            mass = (1.0 + self._restitution) / np.diagonal(self._structure.mobility)
+            taken = np.abs(rows["impulse"]) / np.where(speed > 0.0, speed, np.inf)
+        known = rows["time"] < until
+        errors = {
+            "error_impact_time": np.where(sure, shift, np.inf) + EPS * rows["time"],
+            "error_impact_velocity": velocity,
+            "error_impact_impulse": np.fmax(mass[one], taken) * velocity,
+        }
+        unknown = ~known & np.isfinite(until)
+        return {name: np.where(unknown, np.inf, error) for name, error in errors.items()}
+
+    @property
+    def _restitution(self) -> Floats:
+        return np.array([c.restitution for c in self._problem.system.constraints])
+
+    def _state(self, growth: Floats, largest: Floats, until: Floats) -> Floats:
+        """Return the error of the state before the horizon, in the units of the basis."""
+        relative = np.maximum(growth, 1.0) * EPS
+        # The horizon is where the error exceeds the tolerance.
+        relative = np.where(
+            until < np.inf, np.minimum(relative, tolerance_of(self._problem)), relative
+        )
+        return (relative + _CONVERTED * EPS) * largest
+
+
+def unknown_errors(problem: Problem) -> dict[str, Any]:
+    """Return errors of a history that are not estimated."""
+    outputs, times = problem.outputs, problem.times.size
+    shape = times, problem.output_dofs.size
+    values = {f"error_{name}": np.full(shape, np.nan) for name in ("x", "v") if name in outputs}
+    return values | ({"error_energy": np.full(times, np.nan)} if "energy" in outputs else {})
+
+
+def _unit(basis: Basis) -> Floats:
+    """Return what pairs are by a unit of their measure, shape (2, pair); 0 of those of loads."""
+    own = basis.own * (basis.measure > 0.0)
+    return np.divide(1.0, np.sqrt(basis.measure), np.zeros(own.shape), where=own > 0.0)
+
+
+def _lengths(basis: Basis, forms: Floats) -> Floats:
+    """Return the lengths of forms, shape (row,), by which they grow with the state."""
+    return np.asarray(np.sqrt(np.square(forms * _unit(basis)).sum(axis=(1, 2))))
+
+
+def _parts(count: int) -> Iterator[slice]:
+    for start in range(0, count, _ROWS):
+        yield slice(start, start + _ROWS)
