@@ -2,12 +2,14 @@
 
 Each free motion is divided into panels with the nodes of Gauss' quadrature, so short that the
 fastest vibration turns by a radian or two in each: integrals over the period are then exact to
-rounding.
+rounding. What has decayed since the impact counts no longer. However many panels there are, a few
+of them are in memory at a time.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, NamedTuple
@@ -25,7 +27,9 @@ _PLACES: Final = 0.5 * (np.polynomial.legendre.leggauss(_NODES)[0] + 1.0)
 _WEIGHTS: Final = 0.5 * np.polynomial.legendre.leggauss(_NODES)[1]
 _PAIRS: Final = ((1, 2), (1, 2))
 _TURN = 1.5  # radians in a panel
-_MOST = 20_000  # panels of a free motion
+_LEAST = 4  # panels of a free motion
+_PIECE = 256  # panels that are there at once
+_DECAYED = 45.0  # exponent after which nothing is left of a vibration
 _REFINEMENTS = 4  # steps of Newton's method for an extreme
 
 
@@ -99,6 +103,30 @@ class Energies(NamedTuple):
     energy_error: float
 
 
+class Piece(NamedTuple):
+    """Some panels of a free motion."""
+
+    leg: int
+    times: Floats  # of the nodes, since the impact, (node,)
+    weights: Floats  # (node,)
+    ends: tuple[float, float]  # the nodes before and after, or ends of the free motion
+    states: Floats  # (node, 2, pair)
+    turned: Complexes  # factors of the load's amplitudes, (node, harmonic)
+
+
+@dataclass(eq=False, slots=True)
+class _Sums:
+    """What is found along a cell."""
+
+    squares: Floats  # integral of the squares of the displacements, (dof,)
+    peaks: Floats  # highest and minus lowest displacements from the equilibrium, (2, dof)
+    work: float  # of the load
+    flow: float  # integral of the modulus of its power
+    dissipated: float  # by damping
+    rates: Floats  # integral of the moduli of modal velocities, (mode,)
+    nodes: int
+
+
 class Orbit:
     """One solution along its period, in the basis' units.
 
@@ -133,18 +161,35 @@ class Orbit:
         self.impulses, self.velocities = solved.impulse[row], solved.velocity[row]
         self.velocity_errors = solved.velocity_error[row]
         self.mirrored = problem.symmetric and solved.phase.shape[1] > 0
-        self.times, self.weights = zip(*map(self._nodes, self.lengths.tolist()), strict=True)
 
-    def _nodes(self, length: float) -> tuple[Floats, Floats]:
-        """Return times and weights of the nodes of a free motion."""
-        fastest = max(
-            float(self.driven.pairs.speed.max()),
-            self.Omega * float(self.driven.harmonics.max(initial=1.0)),
-        )
-        panels = int(min(max(4.0, math.ceil(fastest * length / _TURN)), _MOST))
-        width = length / panels
-        times = (np.arange(panels)[:, np.newaxis] + _PLACES) * width
-        return times.ravel(), np.tile(width * _WEIGHTS, panels)
+    def _pieces(self) -> Iterator[Piece]:
+        """Yield all panels, a few at a time."""
+        for leg, length in enumerate(self.lengths.tolist()):
+            before = 0.0
+            for begin, width, panels in self._panels(length):
+                for first in range(0, panels, _PIECE):
+                    count = np.arange(first, min(first + _PIECE, panels))
+                    times = (begin + (count[:, np.newaxis] + _PLACES) * width).ravel()
+                    after = min(begin + (count[-1] + 1 + _PLACES[0]) * width, length)
+                    weights = np.tile(width * _WEIGHTS, count.size)
+                    states, turned = self.state(leg, times), self._turned(leg, times)
+                    yield Piece(leg, times, weights, (before, after), states, turned)
+                    before = float(times[-1])
+
+    def _panels(self, length: float) -> list[tuple[float, float, int]]:
+        """Return beginning, width and number of panels of a width each, of a free motion."""
+        if length <= 0.0:  # between impacts that coincide
+            return []
+        load = self.Omega * float(self.driven.harmonics.max(initial=0.0))
+        decays, speeds = self.driven.pairs.rates
+        lasts = np.minimum(_DECAYED / np.maximum(decays, _DECAYED / length), length)
+        begin, panels = 0.0, []
+        for end in np.unique(np.append(lasts, length)).tolist():
+            fastest = max(float(speeds[lasts > begin].max(initial=0.0)), load)
+            count = math.ceil(max(fastest * (end - begin) / _TURN, _LEAST * (end - begin) / length))
+            panels.append((begin, (end - begin) / count, count))
+            begin = end
+        return panels
 
     def state(self, leg: int, times: Floats) -> Floats:
         """Return states at times since an impact, shape (time, 2, pair)."""
@@ -163,66 +208,83 @@ class Orbit:
         return np.asarray(np.exp(1j * phases[:, np.newaxis] * self.driven.harmonics))
 
     @cached_property
-    def _samples(self) -> list[Floats]:
-        """States at the nodes of each free motion."""
-        return [self.state(leg, times) for leg, times in enumerate(self.times)]
+    def _sums(self) -> _Sums:
+        """All sums and peaks along the cell that the outputs need."""
+        out, outputs = self.outputs, self.problem.outputs
+        dofs, modes = out.still.size, out.stiffness.size
+        peaks = np.full((2, dofs), -np.inf)
+        squares, work, flow, dissipated, rates = [], [], [], [], []
+        nodes = 0
+        for piece in self._pieces():
+            nodes += piece.times.size
+            if "extremes" in outputs:
+                path = np.tensordot(piece.states, out.x, _PAIRS)
+                squares.append(piece.weights @ (path + out.still) ** 2)
+                for best, sign in zip(peaks, (1.0, -1.0), strict=True):
+                    self._raise_peaks(best, piece, path, sign)
+            if "energy" in outputs:
+                along = np.tensordot(piece.states, out.power, _PAIRS)
+                power = (piece.turned * along).real.sum(axis=1)
+                work.append(piece.weights @ power)
+                flow.append(piece.weights @ np.abs(power))
+            if "energy" in outputs and out.damping is not None:
+                v = np.tensordot(piece.states, out.rates, _PAIRS)
+                dissipated.append(piece.weights @ ((v @ out.damping) * v).sum(axis=1))
+                rates.append(piece.weights @ np.abs(v))
+        return _Sums(
+            _total(squares, dofs), peaks, math.fsum(work), math.fsum(flow), math.fsum(dissipated),
+            _total(rates, modes), nodes,
+        )  # fmt: skip
 
     def extremes(self) -> Extremes:
         """Return extremes and mean squares of the displacements."""
-        still, x = self.outputs.still, self.outputs.x
-        paths = [np.tensordot(states, x, _PAIRS) for states in self._samples]
-        squares = sum(
-            weights @ (path + still) ** 2 for weights, path in zip(self.weights, paths, strict=True)
-        )
-        rms = np.sqrt(squares / self.lengths.sum())
-        peaks = [
-            [self._peak(k, path, sign) for k, path in enumerate(paths)] for sign in (1.0, -1.0)
-        ]
-        largest, smallest = np.max(peaks[0], axis=0), -np.max(peaks[1], axis=0)
+        still, sums = self.outputs.still, self._sums
+        rms = np.sqrt(sums.squares / self.lengths.sum())
+        largest, smallest = sums.peaks[0], -sums.peaks[1]
         if self.mirrored:
             largest = np.maximum(largest, -smallest)
             smallest = -largest
         return Extremes(largest + still, smallest + still, rms, self.error())
 
-    def _peak(self, leg: int, path: Floats, sign: float) -> Floats:
-        """Return the largest of each displacement times sign in a free motion, (dof,)."""
-        out, times, length = self.outputs, self.times[leg], float(self.lengths[leg])
-        ends = self.state(leg, np.array([0.0, length]))
-        best = (sign * np.tensordot(ends, out.x, _PAIRS)).max(axis=0)
-        top, dof = self._tops(leg, path, sign)
+    def _raise_peaks(self, best: Floats, piece: Piece, path: Floats, sign: float) -> None:
+        """Raise the largest of each displacement times sign, (dof,), by those in a piece."""
+        out = self.outputs
+        ends = np.tensordot(self.state(piece.leg, np.array(piece.ends)), out.x, _PAIRS)
+        np.maximum(best, np.maximum((sign * ends).max(axis=0), (sign * path).max(axis=0)), out=best)
+        top, dof = self._tops(best, piece, path, sign)
         x, v, a = out.x[dof], out.v[dof], out.a[dof]
-        low = np.append(0.0, times)[top]
-        high = np.append(times, length)[top + 1]
-        near = times[top]
+        low = np.append(piece.ends[0], piece.times)[top]
+        high = np.append(piece.times, piece.ends[1])[top + 1]
+        near = piece.times[top]
         for _ in range(_REFINEMENTS):
-            z = self.state(leg, near)
-            load = np.tensordot(self._turned(leg, near), self.driven.load, 1).real
+            z = self.state(piece.leg, near)
+            load = np.tensordot(self._turned(piece.leg, near), self.driven.load, 1).real
             slope = np.einsum("tsj,tsj->t", z, v)
             bend = np.einsum("tsj,tsj->t", z, a) + np.einsum("tsj,tsj->t", load, v)
             with np.errstate(divide="ignore", invalid="ignore"):
                 step = np.where(sign * bend < 0.0, -slope / bend, 0.0)
             near = np.clip(near + step, low, high)
-        peaks = sign * np.einsum("tsj,tsj->t", self.state(leg, near), x)
+        peaks = sign * np.einsum("tsj,tsj->t", self.state(piece.leg, near), x)
         np.maximum.at(best, dof, peaks)
-        return np.asarray(np.maximum(best, (sign * path).max(axis=0)))
 
-    def _tops(self, leg: int, path: Floats, sign: float) -> tuple[Integers, Integers]:
+    def _tops(
+        self, best: Floats, piece: Piece, path: Floats, sign: float
+    ) -> tuple[Integers, Integers]:
         """Return nodes, and displacements whose highest peak may be beside them, each (top,).
 
         A displacement rises from a node to the next one by less than twice what its parabola
         does, as nodes are a fraction of a radian of the fastest vibration apart.
         """
-        out, states, times = self.outputs, self._samples[leg], self.times[leg]
-        load = np.tensordot(self._turned(leg, times), self.driven.load, 1).real
+        out, states = self.outputs, piece.states
+        load = np.tensordot(piece.turned, self.driven.load, 1).real
         slope = sign * np.tensordot(states, out.v, _PAIRS)
         bend = sign * (np.tensordot(states, out.a, _PAIRS) + np.tensordot(load, out.v, _PAIRS))
-        ends = np.concatenate([[0.0], times, self.lengths[leg : leg + 1]])
+        ends = np.concatenate([piece.ends[:1], piece.times, piece.ends[1:]])
         before, after = np.diff(ends)[:-1, np.newaxis], np.diff(ends)[1:, np.newaxis]
         with np.errstate(divide="ignore", invalid="ignore"):
             d = np.clip(np.where(bend < 0.0, -slope / bend, 0.0), -before, after)
-        height = sign * path
-        highest = height + 2.0 * (slope + 0.5 * bend * d) * d
-        top, dof = np.nonzero(highest >= height.max(axis=0))
+        highest = sign * path + 2.0 * (slope + 0.5 * bend * d) * d
+        top, dof = np.nonzero(highest >= best)
         return top, dof
 
     def error(self) -> Floats:
@@ -231,15 +293,20 @@ class Orbit:
 
     def _error_of(self, forms: Floats) -> Floats:
         """Return the errors of forms anywhere along the motion, shape (form,)."""
-        out, shape = np.abs(forms), 2.0 * self.driven.shape_error
-        inexact = self.state_error + shape + 4.0 * EPS
+        out, shape, pairs = np.abs(forms), 2.0 * self.driven.shape_error, self.driven.pairs
+        length, harmonics = float(self.lengths.max()), self.driven.harmonics
+        # Until a vibration has decayed its phase is off by that of its rate and of the time.
+        reach = np.minimum(length, 1.0 / np.maximum(-pairs.growth, 1.0 / length))
+        late = (2.0 * pairs.drift + EPS * pairs.speed) * reach
+        inexact = self.state_error + shape + 4.0 * EPS + late
         error = np.einsum("dsj,fsj,j->fd", out, self.driven.pairs.size(self.states), inexact).max(
             axis=0
         )
         steady = np.abs(self.steady)
         error += np.einsum("dsj,hsj,hj->d", out, steady, self.steady_error + shape + 4.0 * EPS)
-        moves = np.einsum("dsj,hsj,h->d", out, steady, self.driven.harmonics)
-        return np.asarray(error + moves * self.phase_errors.max(initial=0.0))
+        moves = np.einsum("dsj,hsj,h->d", out, steady, harmonics)
+        rounded = EPS * (float(np.abs(self.starts).max()) + self.Omega * length)
+        return np.asarray(error + moves * (self.phase_errors.max(initial=0.0) + rounded))
 
     def energies(self) -> Energies:
         """Return the work of the load, and the energy lost by damping and impacts.
@@ -275,13 +342,11 @@ class Orbit:
 
     def _work_along(self) -> tuple[float, float]:
         """Return the work of the load in a cell by its power, and the rounding of this integral."""
-        work = size = 0.0
-        for leg, states in enumerate(self._samples):
-            along = np.tensordot(states, self.outputs.power, _PAIRS)
-            power = (self._turned(leg, self.times[leg]) * along).real.sum(axis=1)
-            work += float(self.weights[leg] @ power)
-            size += float(self.weights[leg] @ np.abs(power))
-        return work, 16.0 * EPS * size
+        sums, highest = self._sums, float(self.driven.harmonics.max(initial=0.0))
+        phase = float(np.abs(self.starts).max()) + self.Omega * float(self.lengths.max())
+        # Roundings of the phases at all nodes, of random sign.
+        rounded = highest * phase / math.sqrt(sums.nodes)
+        return sums.work, (16.0 + rounded) * EPS * sums.flow
 
     def _work_of_parts(self) -> tuple[float, float]:
         """Return the work of the load in a cell, and its error to first order.
@@ -325,13 +390,10 @@ class Orbit:
         """Return the energy lost in a cell, and its error to first order."""
         out, scale = self.outputs, self.driven.scale
         lost = error = 0.0
-        for leg, states in enumerate(self._samples if out.damping is not None else ()):
-            assert out.damping is not None
-            weights = self.weights[leg]
-            rates = np.tensordot(states, out.rates, _PAIRS)
-            lost += scale * float(weights @ ((rates @ out.damping) * rates).sum(axis=1))
-            moved = self._error_of(out.rates)
-            error += 2.0 * scale * float(weights @ np.abs(rates) @ np.abs(out.damping) @ moved)
+        if out.damping is not None:
+            lost += scale * self._sums.dissipated
+            moved = np.abs(out.damping) @ self._error_of(out.rates)
+            error += 2.0 * scale * float(self._sums.rates @ moved)
         for impact, v, doubt in zip(
             self.problem.impacts, self.velocities, self.velocity_errors, strict=False
         ):
@@ -358,3 +420,8 @@ class Orbit:
             z = self.state(number, since[here] - begins[number])
             x[here] = np.einsum("tsj,dsj->td", z, self.outputs.x)
         return np.asarray(sign[:, np.newaxis] * x + self.outputs.still)
+
+
+def _total(parts: list[Floats], size: int) -> Floats:
+    """Return the sums of the parts, (size,), rounded like sums of few."""
+    return np.array([math.fsum(column) for column in zip(*parts, strict=True)] or np.zeros(size))

@@ -48,6 +48,16 @@ class Pairs:
         """Moduli of the rates, shape (pair,)."""
         self.growth = self.alpha.copy()
         self.growth[self.hyperbolas] += self.nu[self.hyperbolas]
+        own = self.moving
+        rotating = own[own < self.flow.rotations]
+        real = own[own >= self.flow.rotations]
+        apart = np.where(real < self.flow.hyperbolas_end, self.nu[real], 0.0)
+        both = np.concatenate([self.alpha[real] + apart, self.alpha[real] - apart])
+        self.rates = (
+            np.concatenate([-self.alpha[rotating], -both]),
+            np.concatenate([self.speed[rotating], np.abs(both)]),
+        )
+        """Decays and moduli of all rates of the modes, (rate,) each."""
 
     def propagators(self, times: Floats, rests: Floats | None = None) -> Floats:
         """Return the even and odd numbers of the pairs at times, shape (time, 2, pair)."""

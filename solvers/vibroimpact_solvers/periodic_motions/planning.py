@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from enum import StrEnum
+
+import numpy as np
 
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.errors import PlanError
 from vibroimpact_solvers.periodic_motions.problem import KIND, OUTPUTS, Problem
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 
-_NODES = 300.0  # at which a solution is evaluated, about
+_NODES = 300.0  # at which a solution is evaluated, about, while little turns in its period
+_NODES_OF_A_RADIAN = 8.0
+_NODE = 600.0  # operations at a node, whatever the structure is
+_TURN = 20.0  # radians of what turns fastest in a period that count no more
 # Bytes of the columns of a solution, with their errors; those of an extreme are for each dof.
 _SOLUTION, _EXISTENCE, _EXTREMES, _ENERGIES, _STABILITY, _MULTIPLIER = 25, 26, 48, 48, 24, 24
 _IMPACT = 72  # bytes of the columns of an impact, with their errors
@@ -40,10 +46,12 @@ def _steps(problem: Problem) -> Iterator[Step]:
         raise PlanError(message, ("system",))
     yield spectrum.step(system, method)
     modes, m = float(system.n), len(problem.impacts)
-    # With one impact, mostly a motion without impacts and two with.
-    rows = 3.0 * count if m == 1 else 10.0 * count
+    # With one impact, mostly a motion without impacts and two with; more by high harmonics.
+    each = 2.0 * _order(problem)
+    rows = (1.0 + each) * count if m == 1 else 10.0 * count
+    turns = _turns(problem)
     sides = 2.0 if problem.symmetric else 1.0
-    struck = _IMPACT * sides * (2.0 * count if m == 1 else rows * m)
+    struck = _IMPACT * sides * (each * count if m == 1 else rows * m)
     size = 8.0 * count + _SOLUTION * rows + struck
     if m == 1:
         reason = (
@@ -52,7 +60,7 @@ def _steps(problem: Problem) -> Iterator[Step]:
             if problem.symmetric
             else "one impact per period: all solutions are roots of one trigonometric polynomial"
         )
-        flops = 300.0 * count * modes
+        flops = 300.0 * count * modes + 500.0 * each * count * len(problem.load)
         yield Step(Stage.IMPULSE, Method.CLOSED_FORM, reason, flops, size, bounded=False)
     else:
         reason = (
@@ -64,13 +72,14 @@ def _steps(problem: Problem) -> Iterator[Step]:
     limits = float(len(system.constraints))
     if "exists" in outputs:
         reason = "bounds along all of the motion between impacts: no passage of a limit is missed"
-        flops = rows * m * 100.0 * modes * (20.0 + 10.0 * limits)
+        flops = rows * m * 100.0 * modes * (20.0 + 10.0 * limits) * max(1.0, turns / _TURN)
         size = _EXISTENCE * rows
         yield Step(Stage.EXISTENCE, "safe steps", reason, flops, size, bounded=False)
     dofs = float(problem.output_dofs.size)
     if {"extremes", "energy"} & outputs:
         reason = "quadrature over every free motion, exact to rounding"
-        flops = rows * _NODES * modes * (30.0 + 4.0 * dofs)
+        nodes = max(_NODES, _NODES_OF_A_RADIAN * turns)
+        flops = rows * nodes * (_NODE + modes * (500.0 + 12.0 * dofs))
         extremes = _EXTREMES * dofs * ("extremes" in outputs)
         size = rows * (extremes + _ENERGIES * ("energy" in outputs))
         yield Step(Stage.ENERGY, "quadrature", reason, flops, size, bounded=False)
@@ -89,6 +98,35 @@ def _steps(problem: Problem) -> Iterator[Step]:
         flops = rows * _SWEEPS * 2.0 * modes * (80.0 * m * m + 20.0) * modes
         name = "characteristic equation"
         yield Step(Stage.STABILITY, name, reason, flops, size, bounded=False)
+
+
+def _order(problem: Problem) -> float:
+    """Return about how often the load rises above its mean in a period of the drive.
+
+    The zeros of sums of vibrations are those of one whose order is their root mean square. That
+    of the velocities is taken which the forces cause by inertia.
+    """
+    orders = np.array([force.harmonic for force in problem.load], dtype=np.float64)
+    sizes = np.array([force.amplitude for force in problem.load])
+    if not sizes.any():
+        return 1.0
+    sizes = sizes / np.abs(sizes).max()
+    common = math.gcd(*(force.harmonic for force in problem.load))
+    mean = np.sum(sizes**2) / np.sum((sizes / orders) ** 2)
+    return max(1.0, math.sqrt(float(mean)) / common)
+
+
+def _turns(problem: Problem) -> float:
+    """Return by how many radians what turns fastest turns in a period, the mean one.
+
+    Fast modes count where nothing damps them.
+    """
+    period = 2.0 * math.pi * problem.periods
+    highest = max((force.harmonic for force in problem.load), default=1)
+    if problem.system.C is not None:
+        return period * highest
+    fastest = spectrum.largest_frequency(problem.system)
+    return period * float(np.maximum(highest, fastest / problem.Omega).mean())
 
 
 def _skips(problem: Problem) -> Iterator[Skip]:

@@ -41,7 +41,8 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     assert step is not None
     driven = Driven.of(problem, spectrum.Method(step.method))
     numbers = 2 * driven.pairs.alpha.size * (4 + driven.harmonics.size)
-    block = max(1, int(_BLOCK / numbers))
+    most = driven.harmonics.max(initial=1.0)  # there may be twice as many solutions at each
+    block = max(1, int(_BLOCK / (numbers * most)))
     pieces = []
     for start, stop in batches(problem.Omega.size, block, tick):
         pieces.append(_solve_block(problem.slice(start, stop), plan, driven))
