@@ -58,7 +58,7 @@ def bifurcation(result: ResultFile, dof: int | None = None, ax: Axes | None = No
     ValueError
         If it is no sweep of attractors over one axis, or sections were not computed.
     """
-    swept = "section_count" in dir(result)
+    swept = "section_count" in result
     axes = list(result.to_xarray()["status"].dims) if swept else []
     if len(axes) != 1:
         raise ValueError("a bifurcation diagram needs a sweep of attractors over one axis")
@@ -80,7 +80,7 @@ def _coordinates(
     result: ResultFile, dof: int | None
 ) -> tuple[tuple[str, Array], tuple[str, Array]]:
     """Return the names and values of both coordinates of the points."""
-    if "section" not in dir(result):
+    if "section" not in result:
         raise ValueError("the sections were not computed: ask for the output section")
     points = result.section
     if "x" not in points:

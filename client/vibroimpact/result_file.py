@@ -85,6 +85,10 @@ class ResultFile:
         available = ", ".join(sorted(name for part in parts for name in part))
         raise AttributeError(f"the result has no {name!r}; it has {available}")
 
+    def __contains__(self, name: object) -> bool:
+        """Return whether there is an array or a table of that name: ``"impulse" in result``."""
+        return name in self._arrays or name in self._tables
+
     def __dir__(self) -> list[str]:
         """Return the names of all attributes, outputs included."""
         return [*super().__dir__(), *self._arrays, *self._tables]

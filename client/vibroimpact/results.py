@@ -64,7 +64,7 @@ class Result(ResultFile):
             If there is no plot of that output.
         """
         if self.kind == "sweep":
-            if output is None and at is None and "section_count" in dir(self):
+            if output is None and at is None and "section_count" in self:
                 return plots.bifurcation(self, ax=ax)
             return sweep_plots.draw(self, output, at, ax)
         if self.kind == "impact-modes":

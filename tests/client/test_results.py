@@ -52,6 +52,16 @@ def test_a_large_result_on_disk_takes_no_memory(tmp_path: Path) -> None:
     assert result.x.size == 8_000_000
 
 
+def test_what_a_result_contains() -> None:
+    """Arrays and tables by name; other names, and what is no name, are not in it."""
+    result = vi.Result(content())
+    for name in ("x", "t", "impacts"):
+        assert name in result
+    assert "side" in result.impacts
+    for other in ("side", "kind", 3, None):
+        assert other not in result
+
+
 def test_numbers_as_a_document_and_as_a_data_frame() -> None:
     result = vi.Result(content())
     document = result.to_dict()
