@@ -19,11 +19,17 @@ import structlog
 import typer
 import uvicorn
 
-from vibroimpact_service import loading, logs
+from vibroimpact_service import exits, loading, logs
 from vibroimpact_service.connection import connection
 from vibroimpact_service.jobs import forkserver
 from vibroimpact_service.operations import commands
-from vibroimpact_service.settings import Settings, SettingsInvalidError, read, renamed, unknown
+from vibroimpact_service.settings import (
+    Settings,
+    check_certificates,
+    check_listening,
+    renamed,
+    unknown,
+)
 from vibroimpact_service.store import private
 
 if TYPE_CHECKING:
@@ -35,6 +41,7 @@ log = structlog.get_logger("vibroimpact.cli")
 
 _CONTRACT = Path(__file__).resolve().parents[2] / "openapi" / "openapi.json"
 
+_NO_START = "The service does not start: "
 _STOPPING_SECONDS = 2.0
 """Time that computations have to notice that the service stops."""
 
@@ -66,17 +73,17 @@ def serve(
     """
     # Worker processes import this module too.
     from vibroimpact_service.access.authenticator import ExposedError, keys_needed
-    from vibroimpact_service.jobs.database import RecordsUnavailableError
 
-    settings = _settings(host=host, port=port, data=data, metrics_port=metrics_port)
-    try:
-        keys_needed(settings)
-    except ExposedError as error:
-        typer.echo(f"The service does not start: {error}", err=True)
-        raise typer.Exit(2) from None
-    except RecordsUnavailableError as error:
-        typer.echo(f"The service does not start: {error}: {error.__cause__}", err=True)
-        raise typer.Exit(3) from None
+    settings = exits.settings(host=host, port=port, data=data, metrics_port=metrics_port)
+    with exits.reported(where=_NO_START):
+        check_listening(settings)
+        if settings.scheduler is not None:
+            check_certificates(settings)
+        private.folder(settings.data)
+        try:
+            keys_needed(settings)
+        except ExposedError as error:
+            exits.end(f"{_NO_START}{error}", exits.INVALID)
     if settings.scheduler is None:
         # It loads the numerical libraries while this process loads those of HTTP.
         forkserver.start(loading.NUMERICAL)
@@ -110,7 +117,9 @@ def scheduler(
     from vibroimpact_service.jobs import cluster
 
     logs.to_stderr()
-    cluster.schedule(_cluster_settings(tls), host, port, typer.echo)
+    settings = _cluster_settings(tls)
+    with exits.reported(where=f"{host}:{port}: "):
+        cluster.schedule(settings, host, port, typer.echo)
 
 
 @app.command()
@@ -131,9 +140,8 @@ def worker(
     from vibroimpact_service.warming import Warming
 
     settings = _cluster_settings(tls, scheduler=address, workers=workers)
-    if settings.scheduler is None or not settings.scheduler.startswith("tls://"):
-        typer.echo("the address of the scheduler must be given, as tls://host:port", err=True)
-        raise typer.Exit(2)
+    if settings.scheduler is None:
+        exits.end("the address of the scheduler must be given, as tls://host:port", exits.INVALID)
     logs.to_stderr()
     with Warming().in_background():
         cluster.work(settings, chunks.WORK.modules, lambda count: typer.echo(f"{count} workers"))
@@ -185,31 +193,14 @@ def certificates(
         typer.echo(f"VIBROIMPACT_TLS_{name}={path.absolute()}")
 
 
-def _settings(**given: Any) -> Settings:
-    """Return the settings, or end the process with a message about the invalid ones."""
-    try:
-        return read(**given)
-    except SettingsInvalidError as error:
-        typer.echo(f"Invalid setting: {error}", err=True)
-        raise typer.Exit(2) from None
-
-
 def _cluster_settings(tls: Path | None, **given: Any) -> Settings:
     from vibroimpact_service.jobs.certificates import FILES
 
     if tls is not None:
         given |= {f"tls_{name.lower()}": tls / file for name, file in FILES.items()}
-    settings = _settings(**given)
-    files = (settings.tls_ca, settings.tls_cert, settings.tls_key)
-    lacking = [str(file) for file in files if file is None or not file.is_file()]
-    if lacking:
-        missing = ", ".join(name for name in lacking if name != "None") or "none is named"
-        typer.echo(
-            "scheduler and workers need the three files of `vibroimpact certificates`, from --tls "
-            f"or VIBROIMPACT_TLS_CA, _TLS_CERT and _TLS_KEY; missing: {missing}",
-            err=True,
-        )
-        raise typer.Exit(2)
+    settings = exits.settings(**given)
+    with exits.reported():
+        check_certificates(settings)
     return settings
 
 

@@ -11,7 +11,11 @@ from typing import Any, Final, Literal
 from pydantic import Field, SecretStr, ValidationError, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict, SettingsError
 
+from vibroimpact_service import addresses
+
 _PREFIX: Final = "VIBROIMPACT_"
+_OF_EXAMPLES: Final = ("NAME", "TLS")
+"""Variables of the proxy and of the batch script that come with the service."""
 _OF_OTHERS: Final = ("URL", "KEY", "PROFILE", "TIMEOUT", "TEST_")
 """Variables of clients and of tests, which a service may inherit."""
 RENAMED: Final = {"driven_jobs": "running_jobs", "spot_seconds": "on_submission_seconds"}
@@ -241,13 +245,39 @@ def read(**given: Any) -> Settings:
         If a value is not valid; it names the variables.
     """
     try:
-        return Settings(**{name: value for name, value in given.items() if value is not None})
+        settings = Settings(**{name: value for name, value in given.items() if value is not None})
     except ValidationError as error:
-        faults = [f"{_variable(fault['loc'])}: {fault['msg']}" for fault in error.errors()]
-        raise SettingsInvalidError("; ".join(faults)) from None
+        raise invalid((_variable(fault["loc"]), fault["msg"]) for fault in error.errors()) from None
     except SettingsError as error:
         # Lists are the only values that are not plain text.
         raise SettingsInvalidError(f"{error}; lists are written as JSON") from None
+    wrong = [(_variable((name,)), text) for name, text in addresses.faults(vars(settings))]
+    if wrong:
+        raise invalid(wrong)
+    return settings
+
+
+def check_certificates(settings: Settings) -> None:
+    """Refuse settings with which no scheduler can be reached, nor run; as `read`."""
+    files = {name: getattr(settings, name) for name in ("tls_ca", "tls_cert", "tls_key")}
+    wrong = [(_variable((name,)), text) for name, text in addresses.certificates(files)]
+    if wrong:
+        raise invalid(wrong)
+
+
+def check_listening(settings: Settings) -> None:
+    """Refuse settings with which no service can listen; as `read`."""
+    names = ["host"] if settings.metrics_port is None else ["host", "metrics_host"]
+    for name in names:
+        try:
+            addresses.listening(getattr(settings, name))
+        except addresses.AddressError as error:
+            raise invalid([(_variable((name,)), str(error))]) from None
+
+
+def invalid(faults: Iterable[tuple[str, str]]) -> SettingsInvalidError:
+    """Return the error about variables, and what is wrong with each."""
+    return SettingsInvalidError("; ".join(f"{name}: {text}" for name, text in faults))
 
 
 def renamed(environment: Iterable[str]) -> dict[str, str]:
@@ -259,7 +289,8 @@ def renamed(environment: Iterable[str]) -> dict[str, str]:
 
 def unknown(environment: Iterable[str]) -> list[str]:
     """Return the variables VIBROIMPACT_… that name no setting, most likely misspelt."""
-    known = {f"{_PREFIX}{name}".upper() for name in (*Settings.model_fields, *RENAMED)}
+    named = (*Settings.model_fields, *RENAMED, *_OF_EXAMPLES)
+    known = {f"{_PREFIX}{name}".upper() for name in named}
     others = tuple(_PREFIX + name for name in _OF_OTHERS)
     return sorted(
         name

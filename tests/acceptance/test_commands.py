@@ -57,8 +57,68 @@ def test_help_tells_defaults(command: tuple[str, ...]) -> None:
 def test_a_wrong_setting_is_one_line(tmp_path: Path) -> None:
     done = _run("serve", "--data", str(tmp_path), port="eight")
     assert done.returncode == 2
-    assert done.stderr.startswith("Invalid setting: VIBROIMPACT_PORT: ")
+    assert done.stderr.startswith("Invalid setting VIBROIMPACT_PORT: ")
     assert done.stderr.count("\n") == 1
+
+
+WRONG: dict[tuple[str, ...], tuple[str, str]] = {
+    ("serve", "--port", "0"): ("limits_storage", "nothing://x"),
+    ("serve", "--host", "300.1.1.1"): ("host", "300.1.1.1"),
+    ("scheduler", "--port", "0"): ("store", "nothing://x"),
+    ("worker", "tcp://127.0.0.1:1"): ("scheduler", "tls://s3cret"),
+    ("keys", "list"): ("database", "postgresql://ann:s3cret@host:port/x"),
+    ("migrate",): ("database", "s3cret"),
+    ("doctor", "--service"): ("store", "s3:/bucket"),
+    ("backup", "somewhere"): ("database", "mysql://ann:s3cret@host/x"),
+}
+
+
+@pytest.mark.parametrize("command", WRONG, ids=" ".join)
+def test_a_wrong_address_is_one_line_from_every_command(
+    command: tuple[str, ...], tmp_path: Path
+) -> None:
+    name, value = WRONG[command]
+    done = _run(*command, **{name: value}, **({} if name == "data" else {"data": tmp_path}))
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.startswith(f"Invalid setting VIBROIMPACT_{name.upper()}: ")
+    assert done.stderr.count("\n") == 1
+    assert "s3cret" not in done.stderr
+
+
+def test_folders_that_cannot_be_made_are_one_line() -> None:
+    for command in (("serve", "--port", "0"), ("migrate",), ("keys", "list")):
+        done = _run(*command, data="/proc/x")
+        assert done.returncode == 3
+        assert done.stderr.endswith("/proc/x: No such file or directory\n")
+        assert done.stderr.count("\n") == 1
+
+
+def test_a_scheduler_that_cannot_listen_is_one_line(tmp_path: Path) -> None:
+    tls = str(tmp_path / "tls")
+    assert _run("certificates", tls).returncode == 0
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = str(other.getsockname()[1])
+        done = _run("scheduler", "--port", port, "--tls", tls)
+    assert (done.returncode, done.stderr.count("\n")) == (3, 1), done.stderr
+    assert done.stderr.startswith(f"127.0.0.1:{port}: ")
+    done = _run("scheduler", "--host", "300.1.1.1", "--tls", tls)
+    assert (done.returncode, done.stderr.count("\n")) == (3, 1), done.stderr
+
+
+def test_certificates_that_do_not_belong_together_are_named(tmp_path: Path) -> None:
+    one, other = tmp_path / "one", tmp_path / "other"
+    for folder in (one, other):
+        assert _run("certificates", str(folder)).returncode == 0
+    (one / "key.pem").write_bytes((other / "key.pem").read_bytes())
+    done = _run("worker", "tls://127.0.0.1:1", "--tls", str(one))
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.startswith("Invalid setting VIBROIMPACT_TLS_CERT: ")
+    (one / "ca.pem").write_text("nothing")
+    files = {f"tls_{name}": one / f"{name}.pem" for name in ("ca", "cert", "key")}
+    given = {"scheduler": "tls://127.0.0.1:1", "data": tmp_path / "data", **files}
+    done = _run("serve", "--port", "0", **given)
+    assert done.returncode == 2, done.stderr
+    assert "Invalid setting VIBROIMPACT_TLS_CA: " in done.stderr
 
 
 def test_a_database_that_does_not_answer_is_told(tmp_path: Path) -> None:

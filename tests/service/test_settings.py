@@ -88,8 +88,11 @@ def test_misspelt_variables_are_found() -> None:
         "vibroimpact_store": "s3://b",
         "VIBROIMPACT_KEY": "vik_",
         "VIBROIMPACT_TEST_POSTGRESQL": "1",
+        "VIBROIMPACT_TLS": "/shared/tls",
+        "VIBROIMPACT_NAME": "vibroimpact.example",
     }
     assert unknown(environment) == ["VIBROIMPACT_WORKER"]
+    assert unknown(["VIBROIMPACT_TLS_CERTIFICATE"]) == ["VIBROIMPACT_TLS_CERTIFICATE"]
 
 
 def test_names_of_0_1_0_are_still_read(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,13 +14,12 @@ import typer
 from sqlalchemy.engine import Connection
 
 from vibroimpact_schema.keys import KeyRequest
+from vibroimpact_service import exits
 from vibroimpact_service.access import records
 from vibroimpact_service.access.caller import Scope
 from vibroimpact_service.documents import parse
-from vibroimpact_service.jobs.database import RecordsUnavailableError
 from vibroimpact_service.jobs.record_access import RecordAccess
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.settings import SettingsInvalidError, read
 
 Value = TypeVar("Value")
 Data = Annotated[
@@ -94,17 +93,12 @@ def audit(data: Data = None) -> None:
 
 
 def _change(data: Path | None, operation: Callable[[Connection], Value]) -> Value:
-    try:
-        settings = read(data=data)
-    except SettingsInvalidError as error:
-        typer.echo(f"Invalid setting: {error}", err=True)
-        raise typer.Exit(2) from None
-    try:
-        with closing(RecordAccess(records.open_keys(settings.database_url))) as access:
-            return access.write_now(operation)
-    except RecordsUnavailableError as error:
-        typer.echo(f"{error}: {error.__cause__}", err=True)
-        raise typer.Exit(3) from None
+    settings = exits.settings(data=data)
+    with (
+        exits.reported(),
+        closing(RecordAccess(records.open_keys(settings.database_url))) as access,
+    ):
+        return access.write_now(operation)
 
 
 def _actor() -> str:

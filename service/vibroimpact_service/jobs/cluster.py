@@ -25,6 +25,11 @@ def schedule(settings: Settings, host: str, port: int, ready: Callable[[str], No
     """Run a scheduler until SIGTERM or SIGINT; `ready` is called with its address.
 
     Nothing is lost when it dies: services submit their calls again to the next one.
+
+    Raises
+    ------
+    OSError
+        Where it cannot listen there.
     """
 
     async def run(stop: asyncio.Event) -> None:
@@ -39,7 +44,12 @@ def schedule(settings: Settings, host: str, port: int, ready: Callable[[str], No
             ready(scheduler.address)
             await _first(stop.wait(), scheduler.finished())
 
-    _until_signalled(run)
+    try:
+        _until_signalled(run)
+    except RuntimeError as error:  # "Scheduler failed to start"
+        if isinstance(error.__cause__, OSError):
+            raise error.__cause__ from None
+        raise
 
 
 def work(settings: Settings, modules: Sequence[str], ready: Callable[[int], None]) -> None:

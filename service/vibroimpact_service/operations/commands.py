@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from vibroimpact_service.settings import Settings, SettingsInvalidError, read
+from vibroimpact_service import exits
 
 Data = Annotated[
     Path | None, typer.Option(help="Folder of the service's data (./vibroimpact-data).")
@@ -35,7 +35,7 @@ def migrate(
     """
     from vibroimpact_service.operations import migration
 
-    settings = _settings(data)
+    settings = exits.settings(data=data)
     with _reported():
         before = migration.of_settings(settings) if check else migration.migrate(settings)
     for tables, current, newest in before:
@@ -57,7 +57,7 @@ def doctor(
     from vibroimpact_service.operations import doctor
 
     outcomes = []
-    for outcome in doctor.checks(_settings(data)):
+    for outcome in doctor.checks(exits.settings(data=data)):
         outcomes.append(outcome)
         if not as_json:
             typer.echo(doctor.lines(outcome))
@@ -75,7 +75,7 @@ def backup(folder: Folder, data: Data = None) -> None:
     """
     from vibroimpact_service.operations import backup
 
-    settings = _settings(data)
+    settings = exits.settings(data=data)
     with _reported(), _progress("Copying") as begin:
         written = backup.write(settings, folder, begin)
     content = written.manifest
@@ -103,7 +103,7 @@ def restore(
     """
     from vibroimpact_service.operations import restore
 
-    settings = _settings(data)
+    settings = exits.settings(data=data)
     with _reported(), _progress("Verifying", "Copying") as begin:
         if check:
             content, _ = restore.verify(folder, begin)
@@ -120,42 +120,20 @@ def _contents(content: Any) -> str:
     )
 
 
-def _settings(data: Path | None) -> Settings:
-    try:
-        return read(**({} if data is None else {"data": data}))
-    except SettingsInvalidError as error:
-        typer.echo(f"Invalid setting: {error}", err=True)
-        raise typer.Exit(2) from None
-
-
 @contextmanager
 def _reported() -> Iterator[None]:
     """End the process with a message, and an exit code, for what can go wrong."""
     from vibroimpact_service.jobs.data_folder import DataInUseError
-    from vibroimpact_service.jobs.database import RecordsUnavailableError
-    from vibroimpact_service.jobs.revisions import RecordsNewerError
     from vibroimpact_service.operations.backup import BackupBusyError, NoRecordsError
     from vibroimpact_service.operations.manifest import BackupInvalidError
     from vibroimpact_service.operations.restore import TargetNotEmptyError
     from vibroimpact_service.operations.rows import RowsDamagedError
 
-    refused = (
-        BackupBusyError, BackupInvalidError, DataInUseError, NoRecordsError, RecordsNewerError,
-        RowsDamagedError, TargetNotEmptyError,
-    )  # fmt: skip
-    try:
+    with exits.reported(
+        BackupBusyError, BackupInvalidError, DataInUseError, NoRecordsError, RowsDamagedError,
+        TargetNotEmptyError,
+    ):  # fmt: skip
         yield
-    except refused as error:
-        typer.echo(str(error), err=True)
-        raise typer.Exit(1) from None
-    except RecordsUnavailableError as error:
-        typer.echo(f"{error}: {error.__cause__}", err=True)
-        raise typer.Exit(3) from None
-    except OSError as error:  # those of the store among them
-        typer.echo(
-            f"{error.filename or ''}{': ' if error.filename else ''}{error.strerror}", err=True
-        )
-        raise typer.Exit(3) from None
 
 
 @contextmanager

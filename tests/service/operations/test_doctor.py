@@ -69,4 +69,4 @@ def test_an_invalid_setting(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("VIBROIMPACT_PORT", "eight")
     done = run()
     assert done.exit_code == 2
-    assert "Invalid setting: VIBROIMPACT_PORT" in done.output
+    assert "Invalid setting VIBROIMPACT_PORT" in done.output
