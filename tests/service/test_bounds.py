@@ -154,7 +154,7 @@ PLANS: dict[str, tuple[str, dict[str, Any]]] = {
         "sweep",
         sweep("impact-modes", {**modes(100), "system": RING}, ("system.K.data.0", 2.0, 3.0, 1000)),
     ),
-    "ten thousand members outside of a thousand limiters": ("ensemble", OUTSIDE),
+    "ten thousand motions outside of a thousand limiters": ("ensemble", OUTSIDE),
     "ten thousand motions outside of a limiter": (
         "attractors",
         {

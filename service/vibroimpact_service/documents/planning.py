@@ -50,10 +50,12 @@ def _used() -> float:
 class _Meter:
     """Ends a plan that takes too much processor time, or that nobody waits for any more.
 
-    `where` is the field that is blamed.
+    `where` is the path of the field that is blamed.
     """
 
-    def __init__(self, settings: Settings | None, tick: Tick | None, where: str) -> None:
+    def __init__(
+        self, settings: Settings | None, tick: Tick | None, where: tuple[str, ...]
+    ) -> None:
         self._tick, self._where = tick, where
         self._seconds = math.inf if settings is None else settings.plan_seconds
         self._end = math.inf
@@ -76,7 +78,8 @@ class _Meter:
             self._tick(0, 1)
         if _used() > self._end:
             message = f"The plan alone takes more than {self._seconds:g} s: ask for less at once."
-            fault = Fault(pointer=self._where, code="plan_too_long", message=message)
+            where = problems.pointer(self._where)
+            fault = Fault(pointer=where, code="plan_too_long", message=message)
             raise ProblemError(problems.TOO_COSTLY, message, [fault])
 
 
@@ -101,8 +104,7 @@ def plan(
         Where the tick raises it.
     """
     sent = kind.extent in getattr(document, "root", document).model_fields_set
-    where = problems.pointer((kind.extent,) if sent else kind.structure)
-    meter = _Meter(settings, tick, where)
+    meter = _Meter(settings, tick, (kind.extent,) if sent else kind.structure)
     # The numerical libraries load at the first request.
     from vibroimpact_service.documents import branch_paths, decode, sweep_axes
     from vibroimpact_solvers import cost

@@ -93,12 +93,12 @@ def first_start(
     report : callable, optional
         Called between parts of the search; may raise to end it.
     """
-    found = None
+    first = None
     for begin in range(0, len(x), _SEARCHED):
         part = slice(begin, begin + _SEARCHED)
         inside = _in_range(x[part]) & _in_range(v[part])
-        if found is None and inside.any():
-            found = begin + int(inside.argmax())
+        if first is None and inside.any():
+            first = begin + int(inside.argmax())
         columns = x[part].T
         for constraint in constraints:
             if report is not None:
@@ -109,7 +109,7 @@ def first_start(
                 inside &= within(constraint, columns)
         if inside.any():
             return Start(begin + int(inside.argmax()), inside=True)
-    return None if found is None else Start(found, inside=False)
+    return None if first is None else Start(first, inside=False)
 
 
 def refuse_all(motion: Callable[[int], Problem]) -> None:
