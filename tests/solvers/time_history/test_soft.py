@@ -315,7 +315,7 @@ def test_stated_errors_are_relative_to_the_motion(document: dict[str, Any]) -> N
     report = Report()
     soft.check(Case("", document), report)
     assert not report.failures
-    assert report.ratios["state"]
+    assert report.ratios["x"]
 
 
 def doubles(matrix: mp.matrix) -> np.ndarray[Any, np.dtype[np.float64]]:
