@@ -707,8 +707,17 @@ class SlowFlowImpacts(Table):
     """Speed before the exact impact, shape (impact), length / time."""
 
 
-class SlowFlowError(Table):
-    """Differences of this variant from the exact motion, and times taken."""
+class SlowFlowErrorImpacts(Table):
+    """Errors of columns of the impacts."""
+
+    time: Floats
+    """Error of the time, shape (impact), time."""
+    velocity: Floats
+    """Error of the speed, shape (impact), length / time."""
+
+
+class SlowFlowErrorDifference(Table):
+    """Differences of this variant from the exact motion."""
 
     x: Floats
     """Displacement minus that of the exact motion, shape (t, dof), length."""
@@ -720,6 +729,45 @@ class SlowFlowError(Table):
     """Phase minus that of the exact motion, at its impacts, shape (impact); nan: after the
     variant's last impact.
     """
+
+
+class SlowFlowError(Table):
+    """Absolute errors of the outputs of this variant, and times taken."""
+
+    PARTS: ClassVar[dict[str, type[Table]]] = {
+        "impacts": SlowFlowErrorImpacts,
+        "difference": SlowFlowErrorDifference,
+    }
+    gamma: Floats
+    """Error of the frequency ratio, shape (t); nan: after the last impact, or unknown."""
+    omega: Floats
+    """Error of the triangle-wave frequency, shape (t), 1/time; nan: after the last impact, or
+    unknown.
+    """
+    phi: Floats
+    """Error of the phase, shape (t); nan: after the last impact, or unknown."""
+    A: Floats
+    """Error of the sine amplitude, shape (t), length; nan: after the last impact, or unknown."""
+    B: Floats
+    """Error of the cosine amplitude, shape (t), length; nan: after the last impact, or
+    unknown.
+    """
+    x: Floats
+    """Error of the displacement, shape (t, dof), length."""
+    v: Floats
+    """Error of the velocity, shape (t, dof), length / time."""
+    impulse: Floats
+    """Error of the impulse parameter p, shape (t), mass length / time²; nan: after the last
+    impact, or unknown.
+    """
+    momentum: Floats
+    """Error of the momentum exchanged, shape (t), mass length / time; nan: after the last
+    impact, or unknown.
+    """
+    t_max: Floats
+    """Difference of the ends of the impacts, time; nan: one of them never ends."""
+    t_max_exact: Floats
+    """Error of the end of the exact impacts, time."""
     seconds: Floats
     """Computing time of this variant, s."""
     seconds_exact: Floats
@@ -730,6 +778,10 @@ class SlowFlowError(Table):
     """
     statement: str
     """How the errors were obtained."""
+    impacts: SlowFlowErrorImpacts
+    """Errors of columns of the impacts."""
+    difference: SlowFlowErrorDifference
+    """Differences of this variant from the exact motion."""
 
 
 class ImpactModes(Result):
@@ -1035,25 +1087,31 @@ class SlowFlow(Result):
     """Stage of the motion, shape (t)."""
     gamma: Floats
     """Frequency ratio Omega0/omega (lambda of eq. 10.110), shape (t); nan: after the last
-    impact.
+    impact, or unknown.
     """
     omega: Floats
-    """Triangle-wave frequency, shape (t), 1/time; nan: after the last impact."""
+    """Triangle-wave frequency, shape (t), 1/time; nan: after the last impact, or unknown."""
     phi: Floats
-    """Phase of the triangle wave, shape (t); nan: after the last impact."""
+    """Phase of the triangle wave, shape (t); nan: after the last impact, or unknown."""
     A: Floats
-    """Sine amplitude of the second mass, shape (t), length; nan: after the last impact."""
+    """Sine amplitude of the second mass, shape (t), length; nan: after the last impact, or
+    unknown.
+    """
     B: Floats
-    """Cosine amplitude of the second mass, shape (t), length; nan: after the last impact."""
+    """Cosine amplitude of the second mass, shape (t), length; nan: after the last impact, or
+    unknown.
+    """
     x: Floats
     """Displacement, shape (t, dof), length."""
     v: Floats
     """Velocity, shape (t, dof), length / time."""
     impulse: Floats
-    """Impulse parameter p, shape (t), mass length / time²; nan: after the last impact."""
+    """Impulse parameter p, shape (t), mass length / time²; nan: after the last impact, or
+    unknown.
+    """
     momentum: Floats
     """Momentum exchanged at an impact, shape (t), mass length / time; 2 p/omega; nan: after
-    the last impact.
+    the last impact, or unknown.
     """
     t_max: Floats
     """End of the impacts by this variant, time; nan: they never end."""
@@ -1064,7 +1122,7 @@ class SlowFlow(Result):
     impacts: SlowFlowImpacts
     """The impacts of the exact motion."""
     error: SlowFlowError
-    """Differences of this variant from the exact motion, and times taken."""
+    """Absolute errors of the outputs of this variant, and times taken."""
 
 
 class Sweep(Result):

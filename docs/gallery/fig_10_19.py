@@ -17,9 +17,10 @@ def draw(client):
     for variant, color in looks.items():
         flow = client.slow_flow(SYSTEM, "restitution", variant, START, (0, 100, 10001))
         line(axes[0], flow.t, flow.x[:, 0], color, variant)
-        line(axes[1], flow.impacts.time, np.abs(flow.error.gamma), color)
-        line(axes[2], flow.impacts.time, np.abs(flow.error.phi), color)
-        worst = np.abs(flow.error.gamma).max(), np.abs(flow.error.phi).max()
+        line(axes[1], flow.impacts.time, np.abs(flow.error.difference.gamma), color)
+        line(axes[2], flow.impacts.time, np.abs(flow.error.difference.phi), color)
+        differences = flow.error.difference
+        worst = np.abs(differences.gamma).max(), np.abs(differences.phi).max()
         if variant == "corrected":
             assert worst[0] <= 1e-4
             assert worst[1] <= 0.02

@@ -38,7 +38,7 @@ EXACT = {
 COMPUTED = {("resonances", "Omega")}
 
 
-STATED = ("impact-modes", "resonances", "time-history", "ensemble")
+STATED = ("impact-modes", "resonances", "time-history", "ensemble", "slow-flow")
 
 
 def measured() -> Iterator[tuple[str, Field]]:
@@ -121,6 +121,20 @@ MORE: dict[str, list[dict[str, Any]]] = {
             "initial": {"x": [0.05, -0.02, 0.08, 0.01], "v": [1.2, -0.7, 0.4, 0.9]},
             "t_end": 80, "t": {"num": 9}, "outputs": ALL,
         },
+    ],
+    "slow-flow": [
+        {
+            "system": {
+                "preset": "two_mass", "Omega0": 1, "coupling": 0.05, "zeta": 0.01,
+                "constraints": [{"dof": 0, "gap": 1}],
+            },
+            "model": "two_oscillator",
+            "variant": variant,
+            "initial": {"gamma": 0.2, "phi": 0.0, "A": -0.003, "B": 0.0},
+            "t": {"stop": 20, "num": 9},
+            "outputs": ["state", "x", "v", "impulse", "error"],
+        }
+        for variant in ("averaged", "exact", "soft_wall")
     ],
     "sweep": [
         {

@@ -83,15 +83,16 @@ def flow(variant: str, tolerance: float | None, outputs: set[str]) -> slow_flow.
 def test_slow_flows_say_whether_they_are_within() -> None:
     full = flow("corrected", None, {"x", "error"})
     assert full.within_tolerance is None
-    assert full.error_x is not None
+    assert full.difference_x is not None
     assert full.x is not None
-    error = np.abs(full.error_x).max() / np.abs(full.x - full.error_x).max()
+    error = np.abs(full.difference_x).max() / np.abs(full.x - full.difference_x).max()
     for factor, within in ((0.9, False), (1.1, True)):
         result = flow("corrected", float(factor * error), {"state"})
         assert result.within_tolerance is not None
         assert bool(result.within_tolerance) is within
         # Only the verdict was requested.
         assert result.error_x is None
+        assert result.difference_x is None
         assert "exact motion" in result.error_statement
     exact = flow("exact", 1e-9, {"x"})
     assert exact.within_tolerance is not None

@@ -48,7 +48,7 @@ def test_what_is_not_asked_is_absent(http: TestClient, content: dict[str, Any]) 
     answer = http.post(COMPUTE, json={**content, "outputs": ["state"]}).json()
     assert "phi" in answer
     assert not {"x", "v", "impulse", "impacts", "dof"} & set(answer)
-    assert set(answer["error"]) == {"seconds", "statement"}
+    assert set(answer["error"]) == {"seconds", "statement", "t_max", "t_max_exact"}
 
 
 def test_the_plan_compares_with_the_exact_motion(http: TestClient, content: dict[str, Any]) -> None:

@@ -92,10 +92,10 @@ def test_first_order(solved: Solved, order: Order, variant: str) -> None:
         t = np.linspace(0.0, 6 * fall, 4001)
         early = solved(ball(1.0 - eps), "bouncing_ball", variant, t, x=1.0)
         late = solved(ball(1.0 - eps), "bouncing_ball", variant, [fall / eps], x=1.0)
-        assert early.error_x is not None
-        assert late.error_phi is not None
-        heights.append(np.abs(early.error_x).max())
-        phases.append(np.abs(late.error_phi).max())
+        assert early.difference_x is not None
+        assert late.difference_phi is not None
+        heights.append(np.abs(early.difference_x).max())
+        phases.append(np.abs(late.difference_phi).max())
     assert order(EPS, heights) == pytest.approx(1.0, abs=0.1)
     assert order(EPS, phases) == pytest.approx(0.0, abs=0.1)
 
@@ -105,10 +105,10 @@ def test_the_corrected_transformation_is_of_the_second_order(solved: Solved, ord
     for eps in EPS:
         t = np.linspace(0.0, 1.9 * fall / eps, 20001)
         result = solved(ball(1.0 - eps), "bouncing_ball", "corrected", t, x=1.0)
-        assert result.error_x is not None
-        assert result.error_phi is not None
-        heights.append(np.abs(result.error_x).max())
-        assert np.abs(result.error_phi).max() < 1e-8
+        assert result.difference_x is not None
+        assert result.difference_phi is not None
+        heights.append(np.abs(result.difference_x).max())
+        assert np.abs(result.difference_phi).max() < 1e-8
         assert float(result.t_max) == float(result.t_max_exact)
     assert order(EPS, heights) == pytest.approx(2.0, abs=0.1)
 

@@ -123,10 +123,10 @@ class TestVariants:
     def test_transformed_equations_are_exact(self, solved: Solved) -> None:
         t = np.linspace(0.0, 110.0, 1201)
         result = solved(damped(), "damped", "transformed", t, gamma=0.2)
-        assert result.error_x is not None
-        assert result.error_phi is not None
-        assert np.abs(result.error_x).max() < 1e-7
-        assert np.nanmax(np.abs(result.error_phi)) < 1e-7
+        assert result.difference_x is not None
+        assert result.difference_phi is not None
+        assert np.abs(result.difference_x).max() < 1e-7
+        assert np.nanmax(np.abs(result.difference_phi)) < 1e-7
 
     def test_orders_in_zeta(self, solved: Solved, order: Order) -> None:
         """Averaged, to zeta Omega0 t = 0.6: gamma at impacts 2, phase and displacement 1."""
@@ -134,7 +134,7 @@ class TestVariants:
         for zeta in ZETA:
             t = np.linspace(0.0, 0.6 / zeta, 4001)
             result = solved(damped(zeta), "damped", "averaged", t, gamma=0.2)
-            errors = (result.error_gamma, result.error_phi, result.error_x)
+            errors = (result.difference_gamma, result.difference_phi, result.difference_x)
             found.append([np.abs(error).max() for error in errors])
         for column, expected in zip(np.array(found).T, (2, 1, 1), strict=True):
             assert order(ZETA, column) == pytest.approx(expected, abs=0.1)

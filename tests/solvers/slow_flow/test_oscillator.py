@@ -38,7 +38,7 @@ def test_admissible_solution(solved: Solved, values: Values) -> None:
     expected = np.array(list(entry["x"].values()), dtype=float)
     np.testing.assert_allclose(result.x[:, 0], expected, rtol=1e-12)
     np.testing.assert_allclose(result.impulse, float(entry["p"]), rtol=1e-12)
-    np.testing.assert_allclose(result.error_x, 0.0, atol=1e-14)
+    np.testing.assert_allclose(result.difference_x, 0.0, atol=1e-14)
     assert result.exists == np.True_
 
 
@@ -104,8 +104,8 @@ def test_solutions_are_the_reflected_motion(
     family = solved(system, "oscillator", "family", [0.0, end], **initial)
     assert family.x is not None
     assert family.v is not None
-    np.testing.assert_allclose(family.error_x, 0.0, atol=1e-13)
-    np.testing.assert_allclose(family.error_phi, 0.0, atol=1e-12)
+    np.testing.assert_allclose(family.difference_x, 0.0, atol=1e-13)
+    np.testing.assert_allclose(family.difference_phi, 0.0, atol=1e-12)
     stiffness = float(system.K.to_dense()[0, 0])
 
     def room(t: float, s: np.ndarray) -> float:
@@ -135,8 +135,8 @@ def test_the_exact_variant_of_a_phantom_keeps_within_the_walls(solved: Solved) -
     assert exact.x is not None
     assert np.abs(exact.x).max() <= 1.0 + 1e-14
     phantom = solved(between(), "oscillator", "family", t, energy=0.6, root=1)
-    assert phantom.error_x is not None
-    assert np.abs(phantom.error_x).max() > 0.09
+    assert phantom.difference_x is not None
+    assert np.abs(phantom.difference_x).max() > 0.09
 
 
 @pytest.mark.parametrize(

@@ -139,10 +139,13 @@ class TestSlowFlow:
         errors = {}
         for variant in ("corrected", "second_order", "printed"):
             result = solved(lossy(), "restitution", variant, t, **FIG)
-            assert result.error_gamma is not None
-            assert result.error_phi is not None
-            assert result.error_gamma.size == 63
-            errors[variant] = np.abs(result.error_gamma).max(), np.abs(result.error_phi).max()
+            assert result.difference_gamma is not None
+            assert result.difference_phi is not None
+            assert result.difference_gamma.size == 63
+            errors[variant] = (
+                np.abs(result.difference_gamma).max(),
+                np.abs(result.difference_phi).max(),
+            )
         assert errors["corrected"][0] <= 1e-4
         assert errors["corrected"][1] <= 0.02
         assert errors["second_order"][0] <= 1e-8
@@ -160,11 +163,11 @@ class TestSlowFlow:
         for eps, kappa in zip(EPS, sizes, strict=True):
             t = np.linspace(0.0, 4.0 / kappa, 4001)
             result = solved(lossy(1.0 - eps), "restitution", variant, t, x=0.0, v=5.0)
-            assert result.error_gamma is not None
-            assert result.error_phi is not None
-            assert result.error_x is not None
-            worst = [np.abs(e).max() for e in (result.error_gamma, result.error_phi)]
-            found.append([*worst, np.abs(result.error_x).max()])
+            assert result.difference_gamma is not None
+            assert result.difference_phi is not None
+            assert result.difference_x is not None
+            worst = [np.abs(e).max() for e in (result.difference_gamma, result.difference_phi)]
+            found.append([*worst, np.abs(result.difference_x).max()])
         for column, expected in zip(np.array(found).T, (gamma, phi, x), strict=True):
             assert order(sizes, column) == pytest.approx(expected, abs=0.1)
 
@@ -175,8 +178,8 @@ class TestSlowFlow:
             result = solved(
                 lossy(1.0 - eps), "restitution", "printed", [4.0 / eps], x=0.0, v=5.0
             )  # fmt: skip
-            assert result.error_gamma is not None
-            found.append(abs(result.error_gamma[-1]))
+            assert result.difference_gamma is not None
+            found.append(abs(result.difference_gamma[-1]))
         assert order(SMALL, found) == pytest.approx(0.0, abs=0.1)
 
     def test_velocity_is_the_rate_of_the_displacement(self, solved: Solved, order: Order) -> None:
@@ -229,7 +232,7 @@ class TestSlowFlow:
         np.testing.assert_array_equal(down.x, -up.x)
         np.testing.assert_array_equal(down.v, -up.v)
         np.testing.assert_array_equal(down.phi, up.phi + 2.0)
-        np.testing.assert_allclose(down.error_phi, up.error_phi, atol=1e-13)
+        np.testing.assert_allclose(down.difference_phi, up.difference_phi, atol=1e-13)
 
 
 class TestLimits:
@@ -272,9 +275,9 @@ class TestLimits:
         np.testing.assert_allclose(rho["grazing"], 1e-3 * np.exp(-kappa * t / np.pi), rtol=1e-9)
         np.testing.assert_allclose(rho["grazing"], rho["corrected"], rtol=2e-3)
         assert rho["grazing_printed"][2] > 0.98e-3
-        assert flows["grazing"].error_x is not None
-        assert flows["grazing_printed"].error_x is not None
-        assert np.abs(flows["grazing"].error_x).max() < 1e-3
+        assert flows["grazing"].difference_x is not None
+        assert flows["grazing_printed"].difference_x is not None
+        assert np.abs(flows["grazing"].difference_x).max() < 1e-3
 
     def test_grazing_lag_is_bounded(self, solved: Solved) -> None:
         """(pi/2) phi - Omega t tends to 2 rho0/kappa (eq. 10.123 as corrected)."""

@@ -95,8 +95,8 @@ class TestSlowFlows:
         t = np.linspace(0.0, 88.0, 881)
         result = solved(coupled(), "two_oscillator", "transformed", t, **FIG)
         exact = solved(coupled(), "two_oscillator", "exact", t, **FIG)
-        assert result.error_x is not None
-        assert np.abs(result.error_x).max() < 1e-9
+        assert result.difference_x is not None
+        assert np.abs(result.difference_x).max() < 1e-9
         for name in ("gamma", "phi", "A", "B"):
             np.testing.assert_allclose(getattr(result, name), getattr(exact, name), atol=1e-8)
 
@@ -137,7 +137,7 @@ class TestSlowFlows:
         assert result.x is not None
         np.testing.assert_allclose(result.x[:, 0], 0.0, atol=2e-3)
         assert result.phi is None
-        assert result.error_phi is None
+        assert result.difference_phi is None
 
 
 def test_an_endless_integration_is_refused(solved: Solved) -> None:

@@ -23,7 +23,7 @@ def solve(system: Any, model: str, variant: str, t: Any, **initial: float) -> Re
 
 
 def finite(result: Result) -> None:
-    for name in ("gamma", "omega", "phi", "x", "v", "impulse", "error_x"):
+    for name in ("gamma", "omega", "phi", "x", "v", "impulse", "difference_x"):
         value = getattr(result, name)
         if value is not None:
             assert not np.isinf(value).any(), name
@@ -74,10 +74,10 @@ class TestRestitution:
         system = presets.oscillator([Constraint.at(0, 1.0, k)], 1.0)
         result = solve(system, "restitution", variant, np.linspace(0.0, 50.0, 51), gamma=0.5)
         finite(result)
-        assert result.error_x is not None
+        assert result.difference_x is not None
         # The first correction is of the order of the loss; the printed one of another equation.
         if variant != "printed":
-            assert np.abs(result.error_x).max() < 2e-13 + 3.0 * (1.0 - k)
+            assert np.abs(result.difference_x).max() < 2e-13 + 3.0 * (1.0 - k)
 
     @pytest.mark.parametrize("below", [1e-3, 1e-9, 1e-15])
     def test_almost_grazing(self, below: float) -> None:
@@ -149,8 +149,8 @@ class TestDamped:
         system = presets.oscillator([Constraint.at(0, 1.0)], 1.0, zeta)
         result = solve(system, "damped", variant, np.linspace(0.0, 20.0, 41), gamma=0.5)
         finite(result)
-        assert result.error_x is not None
-        assert np.abs(result.error_x).max() < 1e-9 + 200.0 * zeta
+        assert result.difference_x is not None
+        assert np.abs(result.difference_x).max() < 1e-9 + 200.0 * zeta
 
     @pytest.mark.parametrize("scale", [1e-8, 1e8])
     def test_time_may_be_scaled(self, scale: float) -> None:
