@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from vibroimpact_solvers import periodic_motions
 from vibroimpact_solvers.branches.problem import KIND, Problem
-from vibroimpact_solvers.errors import PlanError
+from vibroimpact_solvers.errors import ModelError, PlanError
 from vibroimpact_solvers.plan import Plan, Stage, Step
 
 _EVALUATIONS = 6.0  # of the equations for one point
@@ -18,7 +18,7 @@ def plan(problem: Problem) -> Plan:
     base = problem.at(problem.start)
     try:
         of_motions = periodic_motions.plan(base)
-    except PlanError as error:
+    except (ModelError, PlanError) as error:
         raise error.under("base") from None
     expected = max(50.0, _POINTS * problem.points) * (2.0 + problem.switch)
     m, modes = float(len(base.impacts)), float(base.system.n)

@@ -60,8 +60,9 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
     doubt = (1.0 + k) * rate_error + _ROUNDINGS * (mu + (1.0 + k) * np.abs(rate))
     with np.errstate(divide="ignore", invalid="ignore"):
         c = -(1.0 + k) / denominator
+    held = cells.sign < 0.0 or not driven.free[a]
     if driven.harmonics.size == 0:
-        moving = np.isfinite(g) & (g != 0.0) & (wall != 0.0)  # at gap 0 only rest
+        moving = held & np.isfinite(g) & (g != 0.0) & (wall != 0.0)  # at gap 0 only rest
         index = np.flatnonzero(moving & (np.abs(denominator) <= doubt))
         phase = np.zeros(index.size)
         p = wall / g[index]
@@ -77,7 +78,7 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
         turning = cells.Omega[:, np.newaxis] * driven.harmonics
         with np.errstate(invalid="ignore"):
             Q = Y * (1.0 + 1j * turning * (c * g)[:, np.newaxis])
-        clear = np.isfinite(Q).all(axis=1) & (np.abs(denominator) > doubt)
+        clear = held & np.isfinite(Q).all(axis=1) & (np.abs(denominator) > doubt)
         index, rough = _roots(Q, np.full(g.size, wall), driven.harmonics, clear)
         law = _Law(
             cells.Omega[index], driven.harmonics, Y[index], Y_error[index], g[index],

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vibroimpact_solvers import spectrum
-from vibroimpact_solvers.arrays import EPS, Floats
+from vibroimpact_solvers.arrays import EPS, Booleans, Floats
 from vibroimpact_solvers.errors import PlanError
 from vibroimpact_solvers.kernels.limit_check import Coordinates
 from vibroimpact_solvers.periodic_motions.pairs import Complexes, Pairs
@@ -44,6 +44,8 @@ class Driven:
         Change of state per unit of time by the amplitude of each harmonic.
     shape_error : float
         Relative error of forms and kicks.
+    free : array of bool, shape (constraint,)
+        Whether impulses on a constraint move a rigid-body mode, which then never comes back.
     """
 
     structure: Structure
@@ -60,6 +62,7 @@ class Driven:
     forces: Complexes
     load: Complexes
     shape_error: float
+    free: Booleans
 
     @property
     def summed(self) -> float:
@@ -86,7 +89,7 @@ class Driven:
         # A mode with a node at a constraint is not coupled at all; rounding of its participation
         # would put a multiplier next to a pole of the equation that the multipliers solve.
         node = structure.natural.participations(system.constraints)[0] == 0.0
-        rows[node & (modes.roots != 0.0)] = 0.0
+        rows[node] = 0.0
         harmonics = np.unique([force.harmonic for force in problem.load]).astype(np.float64)
         forces = np.zeros((harmonics.size, system.n), dtype=np.complex128)
         for force in problem.load:
@@ -119,6 +122,7 @@ class Driven:
             forces[keep],
             load[keep],
             shape_error,
+            ((rows != 0.0) & (modes.roots == 0.0)).any(axis=1),
         )
 
     def watched(self, walls: Floats) -> Coordinates:

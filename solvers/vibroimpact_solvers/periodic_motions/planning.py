@@ -10,6 +10,7 @@ import numpy as np
 
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.errors import PlanError
+from vibroimpact_solvers.periodic_motions import free_bodies
 from vibroimpact_solvers.periodic_motions.problem import KIND, OUTPUTS, Problem
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 
@@ -32,7 +33,14 @@ class Method(StrEnum):
 
 
 def plan(problem: Problem) -> Plan:
-    """Choose how the motions are computed and what is left out."""
+    """Choose how the motions are computed and what is left out.
+
+    Raises
+    ------
+    ModelError
+        Where the impacts move a free body, see `free_bodies`; of large structures only the
+        solution tells.
+    """
     steps = tuple(_steps(problem))
     return Plan(KIND, steps, tuple(_skips(problem)))
 
@@ -45,6 +53,9 @@ def _steps(problem: Problem) -> Iterator[Step]:
         message = f"the natural modes of the structure take more than {size / 1e9:.0f} GB"
         raise PlanError(message, ("system",))
     yield spectrum.step(system, method)
+    none = ""
+    if system.n <= free_bodies.PLANNED and free_bodies.may_be_free(system):
+        none = free_bodies.sentence(problem, spectrum.spectrum(system, method))
     modes, m = float(system.n), len(problem.impacts)
     # With one impact, mostly a motion without impacts and two with; more by high harmonics.
     each = 2.0 * _order(problem)
@@ -61,14 +72,14 @@ def _steps(problem: Problem) -> Iterator[Step]:
             else "one impact per period: all solutions are roots of one trigonometric polynomial"
         )
         flops = 300.0 * count * modes + 500.0 * each * count * len(problem.load)
-        yield Step(Stage.IMPULSE, Method.CLOSED_FORM, reason, flops, size, bounded=False)
+        yield Step(Stage.IMPULSE, Method.CLOSED_FORM, reason + none, flops, size, bounded=False)
     else:
         reason = (
             f"{m} impacts per period: phases and impulses by Newton's method from many starts, "
             "which may miss a solution"
         )
         flops = 2e3 * count * _STARTS * m * m * modes
-        yield Step(Stage.IMPULSE, Method.SEARCH, reason, flops, size, bounded=False)
+        yield Step(Stage.IMPULSE, Method.SEARCH, reason + none, flops, size, bounded=False)
     limits = float(len(system.constraints))
     if "exists" in outputs:
         reason = "bounds along all of the motion between impacts: no passage of a limit is missed"

@@ -131,6 +131,7 @@ class Search:
         """Return the different solutions that Newton's method reaches."""
         impulses = np.zeros(times.shape)
         good = np.isfinite(self.response.after).all()
+        good &= not self.driven.free[[impact.constraint for impact in self.problem.impacts]].any()
         if not good or times.shape[0] == 0:
             return self.collected(times[:0], impulses[:0])
         impulses = self._first_impulses(times)

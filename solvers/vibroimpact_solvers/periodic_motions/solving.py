@@ -10,7 +10,7 @@ import numpy as np
 
 from vibroimpact_solvers import cost, spectrum
 from vibroimpact_solvers.arrays import along, nothing
-from vibroimpact_solvers.periodic_motions import closed_form, columns, sequences
+from vibroimpact_solvers.periodic_motions import closed_form, columns, free_bodies, sequences
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.planning import Method
 from vibroimpact_solvers.periodic_motions.problem import Problem
@@ -40,6 +40,7 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     step = plan.step(Stage.SPECTRUM)
     assert step is not None
     driven = Driven.of(problem, spectrum.Method(step.method))
+    free_bodies.sentence(problem, driven.structure.natural)
     numbers = 2 * driven.pairs.alpha.size * (4 + driven.harmonics.size)
     most = driven.harmonics.max(initial=1.0)  # there may be twice as many solutions at each
     block = max(1, int(_BLOCK / (numbers * most)))

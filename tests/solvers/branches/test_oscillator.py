@@ -176,6 +176,19 @@ def test_branches_that_begin_without_load(symmetric: bool) -> None:
         assert touches == pytest.approx([])
 
 
+def test_impacts_on_both_sides_of_a_free_body_are_refused() -> None:
+    wall = Constraint((0,), (1.0,), 0.5, 0.5, 0.8)
+    free = System(ONE, SymmetricMatrix.diagonal([0.0]), (wall,))
+    load, both = (driven.Force((0,), (1.0,), 1.0),), (driven.Impact(0), driven.Impact(0, -1))
+    problem = branches.Problem(
+        lambda Omega: driven.Problem(free, np.array([Omega]), load, sequence=both),
+        0.5, 0.6, free, frequency=True,
+    )  # fmt: skip
+    with pytest.raises(ModelError, match="rigid-body") as caught:
+        branches.plan(problem)
+    assert caught.value.pointer == ("base", "sequence")
+
+
 @pytest.mark.parametrize(("coupled", "count"), [(True, 2), (False, 0)])
 def test_a_resonance_among_the_points_of_the_linear_branch(coupled: bool, count: int) -> None:
     """The wall is touched on both sides of it, where the mode moves the limited coordinate."""

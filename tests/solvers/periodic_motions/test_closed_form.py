@@ -17,6 +17,7 @@ from vibroimpact_solvers import impact_modes
 from vibroimpact_solvers import periodic_motions as driven
 from vibroimpact_solvers.errors import ModelError, PlanError
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
+from vibroimpact_solvers.plan import Stage
 from vibroimpact_solvers.results.impact_modes import Reason
 
 NEGATIVE = 1  # impulse
@@ -537,3 +538,68 @@ def test_a_resonance_without_damping_is_singular(
     assert np.isnan(result.waveform[row]).all()
     assert np.isinf(result.error_waveform[row]).all()
     assert result.solution_stability[row] == pytest.approx(1.0, abs=1e-15)
+
+
+def free_masses(
+    masses: tuple[float, ...], constraints: tuple[Constraint, ...], ground: float = 0.0
+) -> System:
+    """Return masses in a row that springs and dampers join, held by nothing but stops."""
+    n = len(masses)
+    K = np.diag(np.r_[1.0, np.full(n - 2, 2.0), 1.0]) - np.eye(n, k=1) - np.eye(n, k=-1)
+    matrices = SymmetricMatrix.diagonal(np.array(masses)), SymmetricMatrix.dense(K)
+    C = SymmetricMatrix.dense(0.1 * K + ground * np.eye(n))
+    return System(*matrices, constraints, C=C)
+
+
+class TestFreeBodies:
+    """Structures that nothing but their stops holds."""
+
+    LOAD = (driven.Force((0,), (1.0,), 1.0),)
+    OUTPUTS = frozenset({"exists", "extremes"})
+
+    def problem(self, system: System, sequence: Any) -> driven.Problem:
+        Omega = np.array([0.8, 1.9])
+        return driven.Problem(system, Omega, self.LOAD, sequence=sequence, outputs=self.OUTPUTS)
+
+    @pytest.mark.parametrize("ground", [0.0, 0.03])
+    @pytest.mark.parametrize("count", [1, 2])
+    def test_impacts_that_push_one_way_have_no_motion(self, ground: float, count: int) -> None:
+        system = free_masses((1.0, 2.0, 0.7), (Constraint((0,), (1.0,), 0.3, 0.3, 0.8),), ground)
+        problem = self.problem(system, (driven.Impact(0, -1),) * count)
+        step = driven.plan(problem).step(Stage.IMPULSE)
+        assert step is not None
+        assert "gain momentum" in step.reason
+        assert solved(problem).solution_impacts.tolist() == [0, 0]
+
+    @pytest.mark.parametrize("ground", [0.0, 0.03])
+    @pytest.mark.parametrize("n", [3, 500])
+    def test_impacts_that_push_both_ways_are_refused(self, ground: float, n: int) -> None:
+        masses = tuple(np.linspace(1.0, 2.0, n).tolist())
+        system = free_masses(masses, (Constraint((0,), (1.0,), 0.3, 0.3, 0.8),), ground)
+        problem = self.problem(system, (driven.Impact(0, 1), driven.Impact(0, -1)))
+        with pytest.raises(ModelError, match="rigid-body") as caught:
+            driven.plan(problem) if n == 3 else solved(problem)
+        assert caught.value.pointer == ("sequence",)
+        if n == 3:
+            symmetric = solved(replace(problem, sequence=driven.SYMMETRIC))
+            assert (symmetric.solution_impacts == 2).sum() >= 2
+
+    def test_a_stop_between_two_free_masses_does_not_move_both(self) -> None:
+        """Their distance is that of one mass, the reduced one, on the spring between them."""
+        m = (1.3, 0.7)
+        wall = Constraint((0, 1), (1.0, -1.0), None, 0.4, 0.8)
+        problem = self.problem(free_masses(m, (wall,)), (driven.Impact(0),))
+        result = solved(problem)
+        reduced = m[0] * m[1] / sum(m)
+        one = SymmetricMatrix.diagonal(np.ones(1))
+        alone = System(
+            SymmetricMatrix.diagonal(np.array([reduced])), one,
+            (Constraint((0,), (1.0,), None, 0.4, 0.8),), C=SymmetricMatrix.diagonal([0.1]),
+        )  # fmt: skip
+        load = (driven.Force((0,), (1.0,), reduced / m[0]),)
+        expected = solved(replace(problem, system=alone, load=load, dofs=None))
+        assert (expected.solution_impacts == 1).sum() >= 2
+        assert result.solution_impacts.tolist() == expected.solution_impacts.tolist()
+        assert result.impact_phase == pytest.approx(expected.impact_phase, abs=1e-12)
+        assert result.impact_momentum == pytest.approx(expected.impact_momentum, rel=1e-12)
+        assert result.solution_reason.tolist() == expected.solution_reason.tolist()
