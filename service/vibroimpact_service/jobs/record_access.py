@@ -9,12 +9,14 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import Any, Final, TypeVar, TypeVarTuple
+from functools import cache
+from typing import Any, Final, NamedTuple, TypeVar, TypeVarTuple
 
 from sqlalchemy.engine import Connection, Engine
 
 from vibroimpact_service.jobs.database import RecordsUnavailableError, failing, reader
 from vibroimpact_service.store import StoreFullError
+from vibroimpact_service.store.silence import Silence
 
 Value = TypeVar("Value")
 Arguments = TypeVarTuple("Arguments")
@@ -22,11 +24,28 @@ Arguments = TypeVarTuple("Arguments")
 _READERS: Final = 4
 _MAX_OPERATIONS: Final = 200
 
+_UNREACHED: Final = "the database cannot be reached"
+
 _Operation = Callable[[Connection], Any]
 
 
 def _unmeasured(_operation: str, _seconds: float) -> None:
     """Keep no account of transactions."""
+
+
+class _Write(NamedTuple):
+    """A write that waits for its turn."""
+
+    operation: _Operation
+    future: Future[Any]
+    trial: bool
+    """Whether it is the one that tries a silent server."""
+
+
+@cache
+def _silence_of(_url: str) -> Silence:
+    """Return what this process knows of the server of a database."""
+    return Silence()
 
 
 class RecordAccess:
@@ -37,6 +56,9 @@ class RecordAccess:
 
     A write is done only after its transaction was committed. Where one operation of a group
     fails, the group is rolled back and each operation is repeated alone.
+
+    Of a server that is known to be silent, which one of them learns for all of the process, only
+    one now and then waits; the others have their error at once.
 
     Parameters
     ----------
@@ -50,8 +72,9 @@ class RecordAccess:
     ) -> None:
         self.database, self._measured = database, measured
         self._reader = reader(database)
+        self._silence = _silence_of(str(database.url))
         self._threads = ThreadPoolExecutor(_READERS, "records")
-        self._waiting: queue.SimpleQueue[tuple[_Operation, Future[Any]] | None]
+        self._waiting: queue.SimpleQueue[_Write | None]
         self._waiting = queue.SimpleQueue()
         self._lock, self._closed = threading.Lock(), False
         self._writer = threading.Thread(target=self._write_all, name="record-writer", daemon=True)
@@ -66,10 +89,14 @@ class RecordAccess:
         """
         future: Future[Value] = Future()
         with self._lock:
+            trial = self._silence.known
             if self._closed:
                 future.set_exception(RecordsUnavailableError("the service ends"))
+            elif not self._silence.admits():
+                future.set_exception(RecordsUnavailableError(_UNREACHED))
             else:
-                self._waiting.put((lambda connection: operation(connection, *args), future))
+                write = _Write(lambda connection: operation(connection, *args), future, trial)
+                self._waiting.put(write)
         return future
 
     def write_now(
@@ -88,15 +115,55 @@ class RecordAccess:
         self, query: Callable[[Connection, *Arguments], Value], *args: *Arguments
     ) -> Value:
         """Return the value of a query; blocks the calling thread."""
-        with self._timed("read"), failing(), self._reader.connect() as connection:
+        return self._read(self._admitted(), query, *args)
+
+    def _admitted(self) -> bool:
+        """Return whether a query is one that tries a silent server."""
+        trial = self._silence.known
+        if not self._silence.admits():
+            raise RecordsUnavailableError(_UNREACHED)
+        return trial
+
+    def _read(
+        self, trial: bool, query: Callable[[Connection, *Arguments], Value], *args: *Arguments
+    ) -> Value:
+        with self._answering(trial), self._timed("read"), self._reader.connect() as connection:
             return query(connection, *args)
+
+    @contextmanager
+    def _answering(self, trial: bool) -> Iterator[None]:
+        """Translate errors, and remember whether the server answers.
+
+        What had to wait for its turn meanwhile does not wait for a silent server as well.
+        """
+        if self._silence.known and not trial:
+            raise RecordsUnavailableError(_UNREACHED)
+        started = time.monotonic()
+        try:
+            with failing():
+                yield
+        except RecordsUnavailableError as error:
+            if self._silent(error):
+                self._silence.failed(started)
+            else:
+                self._silence.spoke()
+            raise
+        except BaseException:
+            self._silence.spoke()
+            raise
+        self._silence.spoke()
+
+    def _silent(self, error: RecordsUnavailableError) -> bool:
+        """Whether an error is not one that a server has told, as of a lock that took too long."""
+        told = getattr(getattr(error.__cause__, "orig", None), "sqlstate", None)
+        return told is None and self.database.dialect.name != "sqlite"
 
     async def read(
         self, query: Callable[[Connection, *Arguments], Value], *args: *Arguments
     ) -> Value:
         """Return the value of a query."""
-        loop = asyncio.get_running_loop()
-        return await loop.run_in_executor(self._threads, lambda: self.read_now(query, *args))
+        loop, trial = asyncio.get_running_loop(), self._admitted()
+        return await loop.run_in_executor(self._threads, lambda: self._read(trial, query, *args))
 
     def close(self) -> None:
         """Finish the writes that wait, and close the database."""
@@ -122,7 +189,7 @@ class RecordAccess:
             item = self._waiting.get()
             while item is not None:
                 # From here on it cannot be cancelled: it may be committed at any moment.
-                if item[1].set_running_or_notify_cancel():
+                if item.future.set_running_or_notify_cancel():
                     group.append(item)
                 if len(group) == _MAX_OPERATIONS or self._waiting.empty():
                     break
@@ -132,21 +199,26 @@ class RecordAccess:
             if item is None:
                 return
 
-    def _commit(self, group: list[tuple[_Operation, Future[Any]]]) -> None:
+    def _commit(self, group: list[_Write]) -> None:
+        trial = any(item.trial for item in group)
         try:
-            with self._timed("write"), failing(), self.database.begin() as connection:
-                values = [operation(connection) for operation, _ in group]
+            with (
+                self._answering(trial),
+                self._timed("write"),
+                self.database.begin() as connection,
+            ):
+                values = [item.operation(connection) for item in group]
         except (RecordsUnavailableError, StoreFullError) as error:
             # No single operation is to blame, so repeating each alone would only take longer.
-            for _, future in group:
-                future.set_exception(error)
+            for item in group:
+                item.future.set_exception(error)
             return
         except Exception as error:
             if len(group) == 1:
-                group[0][1].set_exception(error)
+                group[0].future.set_exception(error)
                 return
             for item in group:
                 self._commit([item])
             return
-        for (_, future), value in zip(group, values, strict=True):
-            future.set_result(value)
+        for item, value in zip(group, values, strict=True):
+            item.future.set_result(value)

@@ -29,6 +29,8 @@ class Proxy:
         self.url = urlunsplit(parts._replace(netloc=place))
         self._connections: set[socket.socket] = set()
         self._dropped: set[socket.socket] = set()
+        self.cut = False
+        """Whether new connections are dropped too."""
         threading.Thread(target=self._accept, daemon=True).start()
 
     def drop(self) -> None:
@@ -52,6 +54,8 @@ class Proxy:
                     client.close()
                     continue
                 self._connections |= {client, server}
+                if self.cut:
+                    self._dropped |= {client, server}
                 for pair, seen in (((client, server), self._seen), ((server, client), bytes)):
                     threading.Thread(target=self._pass, args=(*pair, seen), daemon=True).start()
 

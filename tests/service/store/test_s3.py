@@ -146,7 +146,7 @@ def test_not_everybody_waits_for_a_silent_server() -> None:
     seconds_of(lambda: store.chunks.get(NAME))
     with ThreadPoolExecutor(1) as pool:
         trial = pool.submit(seconds_of, lambda: store.results.get(NAME))
-        while not store._outage._next_trial:
+        while not store._outage._silence._next_trial:
             assert not trial.done()
             time.sleep(0.01)
         assert seconds_of(lambda: store.requests.put(NAME, b"block")) < 2.0
@@ -174,8 +174,8 @@ def test_a_long_trial_keeps_others_waiting_for_some_seconds_only(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """It may be the transfer of much from a server that has long been back."""
-    monkeypatch.setattr("vibroimpact_service.store.outage._TRIAL_SECONDS", 0.2)
-    monkeypatch.setattr("vibroimpact_service.store.outage._LONG_SECONDS", 0.0)
+    monkeypatch.setattr("vibroimpact_service.store.silence._TRIAL_SECONDS", 0.2)
+    monkeypatch.setattr("vibroimpact_service.store.silence._LONG_SECONDS", 0.0)
     outage = Outage(patient=False)
 
     def fail() -> None:
@@ -196,7 +196,7 @@ def test_a_long_trial_keeps_others_waiting_for_some_seconds_only(
 def test_a_trial_that_fails_after_another_was_answered_says_nothing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("vibroimpact_service.store.outage._LONG_SECONDS", 0.0)
+    monkeypatch.setattr("vibroimpact_service.store.silence._LONG_SECONDS", 0.0)
     outage = Outage(patient=False)
 
     def fail_late() -> None:
