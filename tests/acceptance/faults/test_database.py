@@ -105,6 +105,43 @@ def test_dropped_connections(
     assert max(seconds) <= LIMIT
 
 
+def test_a_replica_that_is_cut_off_says_so_at_once(
+    started: Callable[[Any], Any],
+    tmp_path: Path,
+    record: Record,
+    postgresql: Callable[[], str],
+    proxied: Callable[..., Proxy],
+) -> None:
+    """One request learns it; the others can go to another replica without waiting."""
+    proxy = proxied(postgresql())
+    replica = started(Replica(tmp_path / "a", record, database=proxy.url))
+    until(replica.ready, "no workers")
+    assert submitted(replica, tiny(0.6))
+    proxy.cut = True
+    proxy.drop()
+    moment = time.time()
+    assert not submitted(replica, tiny(0.7))
+    learned = time.time() - moment
+    waited = []
+    for i in range(20):
+        moment = time.time()
+        assert not submitted(replica, tiny(0.8 + i / 100))
+        waited.append(time.time() - moment)
+        time.sleep(0.2)
+    proxy.cut = False
+    moment = time.time()
+    until(lambda: submitted(replica, tiny(0.61)), "no job is accepted")
+    seconds = time.time() - moment
+    usual = sorted(waited)[len(waited) // 2]
+    print(
+        f"seconds until silence is learned {learned:.1f}, then an answer in {usual:.2f} and at "
+        f"most {max(waited):.1f}, back after {seconds:.1f}"
+    )
+    assert usual < 1.0
+    assert max(learned, *waited, seconds) <= LIMIT
+    record.check()
+
+
 def test_a_database_that_takes_no_writes(
     started: Callable[[Any], Any],
     tmp_path: Path,
