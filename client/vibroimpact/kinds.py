@@ -145,13 +145,53 @@ class ExistenceBandsUnresolved(Table):
     """Upper edge of an undecided range, Omega, shape (unresolved_index), 1/time."""
 
 
+class ExistenceBandsErrorBands(Table):
+    """Absolute errors of the edges of bands."""
+
+    start: Floats
+    """Error of the lower edge, shape (bands_index), 1/time."""
+    stop: Floats
+    """Error of the upper edge, shape (bands_index), 1/time."""
+
+
+class ExistenceBandsErrorRejected(Table):
+    """Absolute errors of the edges."""
+
+    start: Floats
+    """Error of the lower edge, shape (rejected_index), 1/time."""
+    stop: Floats
+    """Error of the upper edge, shape (rejected_index), 1/time."""
+
+
+class ExistenceBandsErrorStability(Table):
+    """Absolute errors of edges and radii."""
+
+    start: Floats
+    """Error of the lower edge, shape (stability_index), 1/time."""
+    stop: Floats
+    """Error of the upper edge, shape (stability_index), 1/time."""
+    radius: Floats
+    """Error of the largest radius, shape (stability_index); nan: unbounded."""
+
+
 class ExistenceBandsError(Table):
     """Errors of the bands."""
 
+    PARTS: ClassVar[dict[str, type[Table]]] = {
+        "bands": ExistenceBandsErrorBands,
+        "rejected": ExistenceBandsErrorRejected,
+        "stability": ExistenceBandsErrorStability,
+    }
     resolution: float
     """Relative width below which a band or a gap between bands could be missed."""
     statement: str
     """How the errors were obtained."""
+    bands: ExistenceBandsErrorBands
+    """Absolute errors of the edges of bands."""
+    rejected: ExistenceBandsErrorRejected
+    """Absolute errors of the edges."""
+    stability: ExistenceBandsErrorStability
+    """Absolute errors of edges and radii."""
 
 
 class ResonancesError(Table):
@@ -294,6 +334,19 @@ class PeriodicMotionsErrorSolution(Table):
     """
 
 
+class PeriodicMotionsErrorMultipliers(Table):
+    """Absolute errors of the multipliers."""
+
+    real: Floats
+    """Error of the multiplier, and so of its real part, shape (solution_index, multiplier);
+    nan: there is no number.
+    """
+    imaginary: Floats
+    """Error of the same, of its imaginary part, shape (solution_index, multiplier); nan: there
+    is no number.
+    """
+
+
 class PeriodicMotionsErrorImpact(Table):
     """Absolute errors of columns of the impacts."""
 
@@ -310,16 +363,19 @@ class PeriodicMotionsError(Table):
 
     PARTS: ClassVar[dict[str, type[Table]]] = {
         "solution": PeriodicMotionsErrorSolution,
+        "multipliers": PeriodicMotionsErrorMultipliers,
         "impact": PeriodicMotionsErrorImpact,
     }
     statement: str
     """How the errors were obtained."""
-    multipliers: Floats
-    """Error of the multipliers, shape (solution_index, multiplier); nan: there is no number."""
     waveform: Floats
-    """Error of the displacement, shape (solution_index, dof), length; nan: there is no number."""
+    """Error of the displacement at all times, shape (solution_index, one, dof), length; nan:
+    there is no number.
+    """
     solution: PeriodicMotionsErrorSolution
     """Absolute errors of columns of the solutions."""
+    multipliers: PeriodicMotionsErrorMultipliers
+    """Absolute errors of the multipliers."""
     impact: PeriodicMotionsErrorImpact
     """Absolute errors of columns of the impacts."""
 
@@ -333,6 +389,38 @@ class BranchesSolution(PeriodicMotionsSolution):
     """Value of the parameter, shape (solution_index)."""
     periods: Integers
     """Periods of the drive in one, shape (solution_index)."""
+
+
+class BranchesErrorPoints(Table):
+    """Absolute errors of the special points."""
+
+    parameter: Floats
+    """Absolute error of the parameter, shape (point)."""
+
+
+class BranchesError(Table):
+    """Absolute errors of the outputs."""
+
+    PARTS: ClassVar[dict[str, type[Table]]] = {
+        "solution": PeriodicMotionsErrorSolution,
+        "multipliers": PeriodicMotionsErrorMultipliers,
+        "impact": PeriodicMotionsErrorImpact,
+        "points": BranchesErrorPoints,
+    }
+    statement: str
+    """How the errors were obtained."""
+    waveform: Floats
+    """Error of the displacement at all times, shape (solution_index, one, dof), length; nan:
+    there is no number.
+    """
+    solution: PeriodicMotionsErrorSolution
+    """Absolute errors of columns of the solutions."""
+    multipliers: PeriodicMotionsErrorMultipliers
+    """Absolute errors of the multipliers."""
+    impact: PeriodicMotionsErrorImpact
+    """Absolute errors of columns of the impacts."""
+    points: BranchesErrorPoints
+    """Absolute errors of the special points."""
 
 
 class BranchesPoints(Table):
@@ -450,6 +538,8 @@ class AttractorsErrorAttractor(Table):
 
     exponent: Floats
     """Error of the largest Lyapunov exponent, shape (attractor_index), 1/time; nan: none."""
+    impact_rate: Floats
+    """Error of the mean number of impacts, shape (attractor_index)."""
     fraction: Floats
     """Error of the fraction, shape (attractor_index)."""
     x: Floats
@@ -458,6 +548,19 @@ class AttractorsErrorAttractor(Table):
     """Error of the velocity, shape (attractor_index, dof), length / time; nan: not periodic."""
     stability: Floats
     """Error of the largest modulus, shape (attractor_index); nan: none."""
+
+
+class AttractorsErrorSection(Table):
+    """Errors of points of sections."""
+
+    x: Floats
+    """Error of the displacement, shape (section_index, dof), length; nan: not periodic."""
+    v: Floats
+    """Error of the velocity, shape (section_index, dof), length / time; nan: not periodic."""
+    phase: Floats
+    """Error of the phase, shape (section_index); nan: not periodic."""
+    velocity: Floats
+    """Error of the velocity, shape (section_index), length / time; nan: not periodic."""
 
 
 class AttractorsErrorImpact(Table):
@@ -483,6 +586,7 @@ class AttractorsError(Table):
 
     PARTS: ClassVar[dict[str, type[Table]]] = {
         "attractor": AttractorsErrorAttractor,
+        "section": AttractorsErrorSection,
         "impact": AttractorsErrorImpact,
         "settled": AttractorsErrorSettled,
     }
@@ -492,6 +596,8 @@ class AttractorsError(Table):
     """Why there are no motions, the first of them."""
     attractor: AttractorsErrorAttractor
     """Errors of columns of the attractors."""
+    section: AttractorsErrorSection
+    """Errors of points of sections."""
     impact: AttractorsErrorImpact
     """Errors of columns of the impacts."""
     settled: AttractorsErrorSettled
@@ -938,7 +1044,7 @@ class Branches(Result):
         "solution": BranchesSolution,
         "impact": PeriodicMotionsImpact,
         "multipliers": PeriodicMotionsMultipliers,
-        "error": PeriodicMotionsError,
+        "error": BranchesError,
         "points": BranchesPoints,
     }
     request: documents.BranchesRequest
@@ -960,7 +1066,7 @@ class Branches(Result):
     """One row for each impact of the solutions."""
     multipliers: PeriodicMotionsMultipliers
     """Floquet multipliers, by descending modulus; of conjugate ones the one above first."""
-    error: PeriodicMotionsError
+    error: BranchesError
     """Absolute errors of the outputs."""
     points: BranchesPoints
     """A point of a branch at which its motions change."""

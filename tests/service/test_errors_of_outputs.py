@@ -29,6 +29,8 @@ EXACT = {
     "rejected/witness": "any time that shows that a limit is passed",
     "unresolved/start": "ends of a range about which nothing is stated",
     "unresolved/stop": "ends of a range about which nothing is stated",
+    "attractor/fraction_low": "end of an interval that states how well the fraction is known",
+    "attractor/fraction_high": "end of an interval that states how well the fraction is known",
     "bands/edge_error": "an error",
     "rejected/edge_error": "an error",
     "points/error": "an error",
@@ -38,7 +40,7 @@ EXACT = {
 COMPUTED = {("resonances", "Omega")}
 
 
-STATED = ("impact-modes", "resonances", "time-history", "ensemble", "slow-flow")
+STATED = tuple(name for name in KINDS if name != "sweep")
 
 
 def measured() -> Iterator[tuple[str, Field]]:
@@ -77,6 +79,8 @@ def requests(kind: str) -> Iterator[dict[str, Any]]:
         request = {**example["request"]}
         if kind == "branches":
             yield {**request, "base": whole("periodic-motions", request["base"])}
+        elif kind == "attractors":
+            yield from ({**whole(kind, request), "section": of} for of in ("phase", "impacts"))
         elif kind == "sweep":
             base = whole(request["kind"], request["base"])
             yield {**request, "base": base, "outputs": base["outputs"]}

@@ -301,9 +301,9 @@ def _check_multipliers(
 ) -> None:
     assert result.multipliers_real is not None
     assert result.multipliers_imaginary is not None
-    assert result.error_multipliers is not None
+    assert result.error_multipliers_real is not None
     values = result.multipliers_real[row] + 1j * result.multipliers_imaginary[row]
-    errors = result.error_multipliers[row]
+    errors = result.error_multipliers_real[row]
     if not np.isfinite(values).all():
         report.count("multipliers: grazing")
         return

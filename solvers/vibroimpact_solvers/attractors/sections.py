@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import Integers
+from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.attractors.problem import Problem
 from vibroimpact_solvers.attractors.verdicts import Verdict, sequence
 
@@ -18,7 +18,10 @@ _IMPACTS = ("constraint", "side", "phase", "velocity")
 def sections(problem: Problem, shown: Sequence[Verdict], dofs: Integers) -> dict[str, Any]:
     """Return the table of points: those of one period, of others the last ones."""
     columns: dict[str, Any] = dict.fromkeys(
-        f"section_{name}" for name in ("attractor", *_PHASE, *_IMPACTS)
+        (
+            *(f"section_{name}" for name in ("attractor", *_PHASE, *_IMPACTS)),
+            *(f"error_section_{name}" for name in (*_PHASE, "phase", "velocity")),
+        )
     )
     if "section" not in problem.outputs:
         return columns
@@ -30,8 +33,31 @@ def sections(problem: Problem, shown: Sequence[Verdict], dofs: Integers) -> dict
         empty = np.zeros(shape, kinds.get(name, np.float64))
         columns[f"section_{name}"] = np.concatenate([empty, *(p[name] for p in points)])
     sizes = [part[names[0]].shape[0] for part in points]
-    columns["section_attractor"] = np.repeat(np.arange(len(points)), sizes)
-    return columns
+    columns["section_attractor"] = rows = np.repeat(np.arange(len(points)), sizes)
+    left = np.array([one.distance * one.scale for one in shown], dtype=np.float64)[rows]
+    return columns | _errors(problem, columns, left, np.array([one.scale for one in shown])[rows])
+
+
+def _errors(
+    problem: Problem, columns: dict[str, Any], left: Floats, scale: Floats
+) -> dict[str, Floats]:
+    """Return the errors of points by what is left of the transient, infinite of no periodic one.
+
+    That of an impact is late by its coordinate's over its speed, and meanwhile accelerated as a
+    motion of that size with the drive's frequency.
+    """
+    Omega = float(problem.Omega[0])
+    if problem.section == "phase":
+        each = np.repeat(left[:, np.newaxis], columns["section_x"].shape[1], axis=1)
+        return {"error_section_x": each, "error_section_v": Omega * each}
+    rows = problem.system.directions(range(len(problem.system.constraints)))
+    off = left * np.abs(rows).sum(axis=1)[columns["section_constraint"]]
+    speed = np.abs(columns["section_velocity"])
+    late = np.divide(off, speed, np.full(off.size, np.inf), where=speed > 0.0)
+    return {
+        "error_section_phase": Omega * late,
+        "error_section_velocity": Omega * off + Omega**2 * scale * late,
+    }
 
 
 def _points(problem: Problem, one: Verdict, dofs: Integers) -> dict[str, Any]:

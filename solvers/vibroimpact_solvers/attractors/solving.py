@@ -15,21 +15,23 @@ from vibroimpact_solvers.attractors.observed import Observed, observe
 from vibroimpact_solvers.attractors.planning import Batches
 from vibroimpact_solvers.attractors.problem import Problem
 from vibroimpact_solvers.attractors.sections import sections
-from vibroimpact_solvers.attractors.verdicts import verdict
+from vibroimpact_solvers.attractors.verdicts import Verdict, verdict
 from vibroimpact_solvers.attractors.verification import Confirmed, confirmed
 from vibroimpact_solvers.errors import Status
 from vibroimpact_solvers.plan import Plan, Stage, Tick
 from vibroimpact_solvers.results.attractors import Nature, Result, Verification
 
 _FAILURES: Final = 10
+_PARTS: Final = 10  # of the observation, whose means are compared
 _NORMAL: Final = 1.959963984540054  # two-sided 95 % of the normal distribution
 _STATEMENT: Final = (
     "fractions: the interval of Wilson that contains the fraction of all initial states drawn like "
-    "the given ones with a probability of 95 %; exponents: three times the range of the growth of "
-    "a deviation about its mean slope; states of periodic attractors: an estimate of what is left "
-    "of the transient; impacts and multipliers: those of the periodic motion that Newton's method "
-    "confirms. Time histories of chaotic motions are not followed exactly: their statistics are "
-    "what is stated"
+    "the given ones with a probability of 95 %; impact rates: an impact at an end of the "
+    "observation, and three standard errors of the means of its tenths; exponents: three times the "
+    "range of the growth of a deviation about its mean slope; states of periodic attractors and "
+    "points of their sections: an estimate of what is left of the transient; impacts and "
+    "multipliers: those of the periodic motion that Newton's method confirms. Time histories of "
+    "chaotic motions are not followed exactly: their statistics are what is stated"
 )
 
 
@@ -126,6 +128,7 @@ def _attractors(
         "attractor_impact_rate": np.array(
             [one.motion.impacts.time.size / problem.observe for one in shown], dtype=np.float64
         ),
+        "error_impact_rate": np.array([_rate_error(problem, one) for one in shown]),
         "attractor_rests": np.array([one.motion.rests for one in shown], dtype=bool),
         "attractor_exponent": growth[:, 0],
         "error_attractor_exponent": growth[:, 1],
@@ -139,6 +142,18 @@ def _attractors(
         "error_x": left,
         "error_v": left * float(problem.Omega[0]),
     }
+
+
+def _rate_error(problem: Problem, one: Verdict) -> float:
+    """Return the error of the mean number of impacts: of one at an end, and of the mean of parts.
+
+    Three standard errors; parts of a periodic motion have equal numbers, but for one.
+    """
+    begin, T, count = float(problem.sections[0]), problem.period, min(_PARTS, problem.observe)
+    ends = begin + T * np.linspace(0.0, problem.observe, count + 1)
+    numbers = np.histogram(one.motion.impacts.time, ends)[0] * (count / problem.observe)
+    spread = 0.0 if one.period or count < 2 else float(numbers.std(ddof=1)) / math.sqrt(count)
+    return 1.0 / problem.observe + 3.0 * spread
 
 
 def _exponent(group: Group) -> tuple[float, float]:

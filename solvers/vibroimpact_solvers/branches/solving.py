@@ -227,6 +227,7 @@ def _result(problem: Problem, branches: list[Branch]) -> Result:
     names = ("branch", "parameter", "type", "Omega", "exists", "leads_to", "error")
     for k, name in enumerate(names):
         fields[f"point_{name}"] = np.array([row[k] for row in table], dtype=_TYPES[k])
+    fields["error_point_parameter"] = fields["point_error"]
     return Result(**fields)
 
 

@@ -76,7 +76,16 @@ def _ranges(problem: Problem, plan: Plan, tick: Tick | None) -> FrequencyRanges:
 def _columns(rows: Sequence[object], table: str) -> dict[str, Any]:
     """Return the columns of a table; its rows have the names of the paths, ``"table/name"``."""
     return {
-        field.name: np.array([getattr(row, field.path.split("/")[1]) for row in rows], field.scalar)
+        field.name: np.array([_value(row, field.path.split("/")) for row in rows], field.scalar)
         for field in declared(Result).values()
         if field.quantity.dims == (table,)
     }
+
+
+def _value(row: Any, path: list[str]) -> Any:
+    """Return what a row has at a path; both edges of a range may have one error."""
+    *inside, _, name = path
+    if not inside:
+        return getattr(row, name)
+    own = f"{name}_error"
+    return getattr(row, own if hasattr(row, own) else "edge_error")

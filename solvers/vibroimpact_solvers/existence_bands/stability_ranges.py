@@ -30,6 +30,10 @@ class StabilityRange:
     stop: float
     stable: bool
     radius: float  # largest spectral radius of their half-period maps
+    # Errors of the edges and of the radius
+    start_error: float
+    stop_error: float
+    radius_error: float
 
 
 def stability_ranges(problem: Problem, bands: Sequence[Band]) -> Iterator[StabilityRange]:
@@ -42,9 +46,9 @@ def _inside(problem: Problem, band: Band) -> Iterator[StabilityRange]:
     # Impact modes at the edges graze: denser towards them, but not on them.
     share = 0.5 - 0.5 * np.cos(np.pi * (np.arange(_POINTS) + 0.5) / _POINTS)
     Omega = band.start + (band.stop - band.start) * share
-    radius = _radii(problem, Omega)
+    radius, error = _radii(problem, Omega)
     known = ~np.isnan(radius)
-    Omega, radius = Omega[known], radius[known]
+    Omega, radius, error = Omega[known], radius[known], error[known]
     if not Omega.size:
         return
     stable = radius <= 1.0 + STABLE
@@ -52,18 +56,23 @@ def _inside(problem: Problem, band: Band) -> Iterator[StabilityRange]:
     low, high = Omega[changes].copy(), Omega[changes + 1].copy()
     for _ in range(_STEPS if changes.size else 0):
         middle = 0.5 * (low + high)
-        below = (_radii(problem, middle) <= 1.0 + STABLE) == stable[changes]
+        below = (_radii(problem, middle)[0] <= 1.0 + STABLE) == stable[changes]
         low, high = np.where(below, middle, low), np.where(below, high, middle)
     edges = np.concatenate([[band.start], 0.5 * (low + high), [band.stop]])
+    off = np.concatenate([[band.edge_error], 0.5 * (high - low), [band.edge_error]])
     firsts = np.concatenate([[0], changes + 1, [Omega.size]])
     for k in range(firsts.size - 1):
         some = slice(firsts[k], firsts[k + 1])
-        largest = float(radius[some].max())
-        yield StabilityRange(float(edges[k]), float(edges[k + 1]), bool(stable[firsts[k]]), largest)
+        yield StabilityRange(
+            float(edges[k]), float(edges[k + 1]), bool(stable[firsts[k]]),
+            float(radius[some].max()), float(off[k]), float(off[k + 1]), float(error[some].max()),
+        )  # fmt: skip
 
 
-def _radii(problem: Problem, Omega: Floats) -> Floats:
+def _radii(problem: Problem, Omega: Floats) -> tuple[Floats, Floats]:
+    """Return spectral radii and their errors."""
     solutions = problem.impact_modes_at(Omega, frozenset({"stability"}))
-    radii = modes.solve(solutions, modes.plan_in_doubles(solutions)).stability
-    assert radii is not None
-    return radii
+    result = modes.solve(solutions, modes.plan_in_doubles(solutions))
+    assert result.stability is not None
+    assert result.stability_error is not None
+    return result.stability, result.stability_error

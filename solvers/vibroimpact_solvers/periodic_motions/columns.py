@@ -129,7 +129,8 @@ def _multipliers(problem: Problem, values: Complexes, errors: Floats) -> Columns
         columns |= {
             "multipliers_real": values.real,
             "multipliers_imaginary": values.imag,
-            "error_multipliers": errors,
+            "error_multipliers_real": errors,
+            "error_multipliers_imaginary": errors,
         }
     return columns
 
@@ -150,7 +151,7 @@ def _along(problem: Problem, driven: Driven, cells: Cells, solved: Solutions) ->
     if "waveform" in problem.outputs:
         assert problem.tau is not None
         columns["waveform"] = np.full((count, problem.tau.size, dofs), np.nan)
-        columns["error_waveform"] = np.full((count, dofs), np.inf)
+        columns["error_waveform"] = np.full((count, 1, dofs), np.inf)
     for row in np.flatnonzero(~cells.unbounded()[solved.index]).tolist():
         orbit = Orbit(problem, driven, forms, cells, solved, row)
         error = orbit.error()

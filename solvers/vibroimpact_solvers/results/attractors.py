@@ -75,6 +75,7 @@ class Result:
         "settled": Group("SettledMotions", "What each motion settles on."),
         "error": Group("AttractorError", "Errors of the outputs."),
         "error/attractor": Group("AttractorErrors", "Errors of columns of the attractors.", False),
+        "error/section": Group("AttractorSectionErrors", "Errors of points of sections.", False),
         "error/impact": Group("AttractorImpactErrors", "Errors of columns of the impacts."),
         "error/settled": Group("SettledErrors", "Errors of columns of the motions."),
     }
@@ -107,7 +108,13 @@ class Result:
         Integers, _attractor("impacts", "1", "impacts in one period of a periodic one, else 0")
     ]
     attractor_impact_rate: Annotated[
-        Floats, _attractor("impact_rate", "1", "mean number of impacts per period of the drive")
+        Floats,
+        _attractor(
+            "impact_rate",
+            "1",
+            "mean number of impacts per period of the drive",
+            error="error/attractor/impact_rate",
+        ),
     ]
     attractor_rests: Annotated[
         Booleans, _attractor("rests", "1", "whether it rests at walls for a while", flags=_NO_YES)
@@ -178,10 +185,16 @@ class Result:
         Integers | None, _section("attractor", "1", "row of its attractor")
     ]
     section_x: Annotated[
-        Floats | None, _section("x", "length", "displacement at the drive's phase 0", "dof")
+        Floats | None,
+        _section(
+            "x", "length", "displacement at the drive's phase 0", "dof", error="error/section/x"
+        ),
     ]
     section_v: Annotated[
-        Floats | None, _section("v", "length time-1", "velocity at the drive's phase 0", "dof")
+        Floats | None,
+        _section(
+            "v", "length time-1", "velocity at the drive's phase 0", "dof", error="error/section/v"
+        ),
     ]
     section_constraint: Annotated[
         Integers | None, _section("constraint", "1", "index of the constraint struck")
@@ -191,11 +204,19 @@ class Result:
         _section("side", "1", "wall: 1 the upper, -1 the lower one", integers=(1, -1)),
     ]
     section_phase: Annotated[
-        Floats | None, _section("phase", "1", "phase of the drive, Omega t modulo 2 pi")
+        Floats | None,
+        _section(
+            "phase", "1", "phase of the drive, Omega t modulo 2 pi", error="error/section/phase"
+        ),
     ]
     section_velocity: Annotated[
         Floats | None,
-        _section("velocity", "length time-1", "velocity of the coordinate before the impact"),
+        _section(
+            "velocity",
+            "length time-1",
+            "velocity of the coordinate before the impact",
+            error="error/section/velocity",
+        ),
     ]
     error_statement: Statement
     error_failures: Annotated[
@@ -207,6 +228,9 @@ class Result:
     ]
     error_attractor_exponent: Annotated[
         Floats, _error("attractor/exponent", "time-1", _EXPONENT, "attractor", missing="none")
+    ]
+    error_impact_rate: Annotated[
+        Floats, _error("attractor/impact_rate", "1", "mean number of impacts", "attractor")
     ]
     error_fraction: Annotated[Floats, _error("attractor/fraction", "1", "fraction", "attractor")]
     error_x: Annotated[
@@ -221,6 +245,21 @@ class Result:
     error_stability: Annotated[
         Floats | None,
         _error("attractor/stability", "1", "largest modulus", "attractor", missing="none"),
+    ]
+    error_section_x: Annotated[
+        Floats | None,
+        _error("section/x", "length", "displacement", "section", "dof", missing="not periodic"),
+    ]
+    error_section_v: Annotated[
+        Floats | None,
+        _error("section/v", "length time-1", "velocity", "section", "dof", missing="not periodic"),
+    ]
+    error_section_phase: Annotated[
+        Floats | None, _error("section/phase", "1", "phase", "section", missing="not periodic")
+    ]
+    error_section_velocity: Annotated[
+        Floats | None,
+        _error("section/velocity", "length time-1", "velocity", "section", missing="not periodic"),
     ]
     error_phase: Annotated[
         Floats, _error("impact/phase", "1", "phase", "impact", missing="not confirmed")

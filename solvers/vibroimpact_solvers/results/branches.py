@@ -39,6 +39,7 @@ class Result(periodic_motions.Result):
     GROUPS: ClassVar[Mapping[str, Group]] = {
         **periodic_motions.Result.GROUPS,
         "points": Group("SpecialPoint", "A point of a branch at which its motions change."),
+        "error/points": Group("SpecialPointsError", "Absolute errors of the special points."),
     }
 
     solution_branch: Annotated[
@@ -54,7 +55,7 @@ class Result(periodic_motions.Result):
     ]
     point_branch: Annotated[Integers, _point("branch", "1", "index of the branch")]
     point_parameter: Annotated[
-        Floats, _point("parameter", "1", "value of the parameter", error="points/error")
+        Floats, _point("parameter", "1", "value of the parameter", error="error/points/parameter")
     ]
     point_type: Annotated[
         Integers,
@@ -76,3 +77,7 @@ class Result(periodic_motions.Result):
         _point("leads_to", "1", "branch that begins there and was followed, or -1", integers=()),
     ]
     point_error: Annotated[Floats, _point("error", "1", "absolute error of the parameter")]
+    error_point_parameter: Annotated[
+        Floats,
+        Quantity(("point",), "1", "absolute error of the parameter", path="error/points/parameter"),
+    ]

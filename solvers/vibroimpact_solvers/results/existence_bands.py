@@ -31,6 +31,12 @@ def _column(path: str, unit: str, long_name: str, **rest: Any) -> Quantity:
     return Quantity((path.partition("/")[0],), unit, long_name, path=path, record=True, **rest)
 
 
+def _error(of: str, unit: str, what: str, missing: str = "") -> Quantity:
+    """Return the declaration of the error of a column, such as ``"bands/start"``."""
+    dims, path = (of.partition("/")[0],), f"error/{of}"
+    return Quantity(dims, unit, f"error of the {what}", path=path, missing=missing)
+
+
 @dataclass(frozen=True, eq=False)
 class Result:
     """Bands of existence, ascending in Omega; outputs that were not requested are absent."""
@@ -46,15 +52,18 @@ class Result:
         ),
         "unresolved": Group("UnresolvedRange", "A range that could not be decided; there are few."),
         "error": Group("BandError", "Errors of the bands."),
+        "error/bands": Group("BandsError", "Absolute errors of the edges of bands."),
+        "error/rejected": Group("RejectedError", "Absolute errors of the edges."),
+        "error/stability": Group("StabilityError", "Absolute errors of edges and radii."),
     }
 
     band_start: Annotated[
         Floats | None,
-        _column("bands/start", "time-1", "lower edge of a band, Omega", error="bands/edge_error"),
+        _column("bands/start", "time-1", "lower edge of a band, Omega", error="error/bands/start"),
     ]
     band_stop: Annotated[
         Floats | None,
-        _column("bands/stop", "time-1", "upper edge of a band, Omega", error="bands/edge_error"),
+        _column("bands/stop", "time-1", "upper edge of a band, Omega", error="error/bands/stop"),
     ]
     band_start_reason: Annotated[
         Integers | None,
@@ -83,7 +92,7 @@ class Result:
             "rejected/start",
             "time-1",
             "lower edge of a rejected range, Omega",
-            error="rejected/edge_error",
+            error="error/rejected/start",
         ),
     ]
     rejected_stop: Annotated[
@@ -92,7 +101,7 @@ class Result:
             "rejected/stop",
             "time-1",
             "upper edge of a rejected range, Omega",
-            error="rejected/edge_error",
+            error="error/rejected/stop",
         ),
     ]
     rejected_reason: Annotated[
@@ -126,10 +135,22 @@ class Result:
         ),
     ]
     stability_start: Annotated[
-        Floats | None, _column("stability/start", "time-1", "lower edge of a range, Omega")
+        Floats | None,
+        _column(
+            "stability/start",
+            "time-1",
+            "lower edge of a range, Omega",
+            error="error/stability/start",
+        ),
     ]
     stability_stop: Annotated[
-        Floats | None, _column("stability/stop", "time-1", "upper edge of a range, Omega")
+        Floats | None,
+        _column(
+            "stability/stop",
+            "time-1",
+            "upper edge of a range, Omega",
+            error="error/stability/stop",
+        ),
     ]
     stability_stable: Annotated[
         Booleans | None,
@@ -141,6 +162,7 @@ class Result:
             "stability/radius",
             "1",
             "largest spectral radius of the half-period map at the frequencies examined",
+            error="error/stability/radius",
         ),
     ]
     unresolved_start: Annotated[
@@ -148,6 +170,17 @@ class Result:
     ]
     unresolved_stop: Annotated[
         Floats, _column("unresolved/stop", "time-1", "upper edge of an undecided range, Omega")
+    ]
+    error_band_start: Annotated[Floats | None, _error("bands/start", "time-1", "lower edge")]
+    error_band_stop: Annotated[Floats | None, _error("bands/stop", "time-1", "upper edge")]
+    error_rejected_start: Annotated[Floats | None, _error("rejected/start", "time-1", "lower edge")]
+    error_rejected_stop: Annotated[Floats | None, _error("rejected/stop", "time-1", "upper edge")]
+    error_stability_start: Annotated[
+        Floats | None, _error("stability/start", "time-1", "lower edge")
+    ]
+    error_stability_stop: Annotated[Floats | None, _error("stability/stop", "time-1", "upper edge")]
+    error_stability_radius: Annotated[
+        Floats | None, _error("stability/radius", "1", "largest radius", missing="unbounded")
     ]
     error_resolution: Annotated[
         float,

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Final
 
 from vibroimpact_solvers.arrays import Booleans, Floats, Group, Integers, Quantity
 from vibroimpact_solvers.results.impact_modes import REASONS
-from vibroimpact_solvers.results.shared import EXISTS, WITHIN, Dofs, Statement
+from vibroimpact_solvers.results.shared import EXISTS, ONE, WITHIN, Dofs, Statement
 
 _NO_YES: Final = ("no", "yes")
 
@@ -61,6 +61,7 @@ class Result:
         "error/solution": Group(
             "SolutionErrors", "Absolute errors of columns of the solutions.", together=False
         ),
+        "error/multipliers": Group("MultiplierErrors", "Absolute errors of the multipliers."),
         "error/impact": Group(
             "ImpactErrors", "Absolute errors of columns of the impacts.", together=False
         ),
@@ -216,12 +217,12 @@ class Result:
     multipliers_real: Annotated[
         Floats | None,
         Quantity(("solution", "multiplier"), "1", "real part", path="multipliers/real",
-                 error="error/multipliers", missing="grazing"),
+                 error="error/multipliers/real", missing="grazing"),
     ]  # fmt: skip
     multipliers_imaginary: Annotated[
         Floats | None,
         Quantity(("solution", "multiplier"), "1", "imaginary part", path="multipliers/imaginary",
-                 error="error/multipliers", missing="grazing"),
+                 error="error/multipliers/imaginary", missing="grazing"),
     ]  # fmt: skip
     waveform: Annotated[
         Floats | None,
@@ -267,9 +268,29 @@ class Result:
     error_work: Annotated[
         Floats | None, _error("solution/work", "mass length2 time-2", "work", _ALL, **_NO_NUMBER)
     ]
-    error_multipliers: Annotated[
-        Floats | None, _error("multipliers", "1", "multipliers", _ALL, "multiplier", **_NO_NUMBER)
+    error_multipliers_real: Annotated[
+        Floats | None,
+        _error(
+            "multipliers/real",
+            "1",
+            "multiplier, and so of its real part",
+            _ALL,
+            "multiplier",
+            **_NO_NUMBER,
+        ),
+    ]
+    error_multipliers_imaginary: Annotated[
+        Floats | None,
+        _error(
+            "multipliers/imaginary",
+            "1",
+            "same, of its imaginary part",
+            _ALL,
+            "multiplier",
+            **_NO_NUMBER,
+        ),
     ]
     error_waveform: Annotated[
-        Floats | None, _error("waveform", "length", "displacement", _ALL, "dof", **_NO_NUMBER)
+        Floats | None,
+        _error("waveform", "length", "displacement at all times", _ALL, ONE, "dof", **_NO_NUMBER),
     ]

@@ -152,7 +152,7 @@ def test_states_are_those_of_the_periodic_motion_within_their_errors(omega: floa
     assert exact.error_waveform is not None
     apart = np.abs(exact.waveform[:, 0, 0] - result.attractor_x[row, 0])
     nearest = int(apart.argmin())
-    assert apart[nearest] <= result.error_x[row, 0] + exact.error_waveform[nearest, 0]
+    assert apart[nearest] <= result.error_x[row, 0] + exact.error_waveform[nearest, 0, 0]
     assert result.error_x[row, 0] < 1e-9
 
 
