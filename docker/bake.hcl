@@ -20,6 +20,11 @@ variable "VERSION" {
   default = "0.2.0"
 }
 
+# What the image says of its sources:  export REVISION=$(git rev-parse HEAD)
+variable "REVISION" {
+  default = "unknown"
+}
+
 group "default" {
   targets = ["image"]
 }
@@ -29,6 +34,8 @@ target "image" {
   dockerfile = "docker/Dockerfile"
   args = {
     PYTHON_IMAGE = PYTHON_IMAGE
+    VERSION = VERSION
+    REVISION = REVISION
   }
   platforms = ["linux/amd64", "linux/arm64"]
   tags = ["${IMAGE}:${VERSION}", "${IMAGE}:latest"]

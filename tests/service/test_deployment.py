@@ -170,6 +170,22 @@ def test_what_the_image_needs_is_locked() -> None:
     assert names <= locked
 
 
+def test_the_image_says_what_it_is() -> None:
+    """By the names of the OCI; addresses follow when the project has one."""
+    text = (DOCKER / "Dockerfile").read_text().replace("\\\n", " ")
+    (labels,) = re.findall(r"^LABEL (.+)$", text, re.M)
+    given = dict(re.findall(r'org\.opencontainers\.image\.([a-z.]+)="([^"]*)"', labels))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert set(given) == {
+        *("title", "description", "licenses", "version", "revision", "base.name")
+    }  # fmt: skip
+    assert given["licenses"] == project["license"]
+    assert (given["version"], given["base.name"]) == ("${VERSION}", "${PYTHON_IMAGE}")
+    last = text[text.rindex("\nFROM ") :]
+    assert f"\nARG VERSION={project['version']}\n" in last
+    assert "\nARG PYTHON_IMAGE\n" in last  # it is known in the stages that ask for it
+
+
 def test_images_are_named_by_digest() -> None:
     text = (DOCKER / "Dockerfile").read_text()
     given = re.findall(r"^FROM (\S+)(?: AS (\S+))?", text, re.M)
@@ -222,7 +238,7 @@ def test_the_build_file_names_the_architectures_and_the_version() -> None:
     (file,) = re.findall(r'dockerfile = "(.+)"', text)
     assert (ROOT / file).is_file()
     arguments = re.findall(r"^    ([A-Z_]+) = \1$", text, re.M)
-    assert arguments == ["PYTHON_IMAGE"]
+    assert arguments == ["PYTHON_IMAGE", "VERSION", "REVISION"]
     assert "@sha256:[0-9a-f]{64}$" in text  # anything else ends the build
 
 
