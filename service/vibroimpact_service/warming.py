@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import fcntl
 import functools
+import hashlib
 import multiprocessing
 import os
 import signal
@@ -205,7 +206,7 @@ class Warming:
 def is_warm(place: Path, kind: str) -> bool:
     """Whether the kernels of a kind are in a folder, compiled by this version."""
     try:
-        return _mark(place, kind).read_text() == _VERSION
+        return mark(place, kind).read_text() == _VERSION
     except OSError:
         return False
 
@@ -235,14 +236,20 @@ def compile_kind(place: Path, kind: str, solve: Callable[[str], None]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process ends this one
     logs.to_stderr()
     os.nice(_NICENESS)
-    with _locked(_mark(place, kind)):
+    with _locked(mark(place, kind)):
         if not is_warm(place, kind):
             solve(kind)
-            _mark(place, kind).write_text(_VERSION)
+            mark(place, kind).write_text(_VERSION)
 
 
-def _mark(place: Path, kind: str) -> Path:
-    return place / f"{kind}{cache.WARM}"
+def mark(place: Path, kind: str) -> Path:
+    """Return the file that marks that a kind is warm for this installation.
+
+    Numba keeps kernels by the place of their sources, and finds none of another installation that
+    shares the folder.
+    """
+    installation = hashlib.sha256(str(cache.KERNELS).encode()).hexdigest()[:16]
+    return place / f"{kind}-{installation}{cache.WARM}"
 
 
 @contextmanager

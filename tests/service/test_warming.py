@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from functools import partial
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -121,8 +122,21 @@ def test_a_service_that_stops_does_not_wait(place: Path, notes: Path) -> None:
 
 
 def test_half_a_mark_marks_nothing(place: Path) -> None:
-    (place / "sweep.warm").write_text("0.")
+    warming.mark(place, "sweep").write_text("0.")
     assert not is_warm(place, "sweep")
+
+
+def test_marks_of_another_installation_mark_nothing(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Numba keeps kernels by the place of their sources: those of another one are not found."""
+    warming.mark(place, "sweep").write_text(version("vibroimpact"))
+    assert is_warm(place, "sweep")
+    monkeypatch.setattr("vibroimpact_solvers.kernels.cache.KERNELS", Path("/elsewhere/kernels"))
+    assert not is_warm(place, "sweep")
+    warming.mark(place, "sweep").write_text(version("vibroimpact"))
+    monkeypatch.undo()
+    assert is_warm(place, "sweep")  # both keep theirs
 
 
 def test_nowhere_to_keep_kernels(runner: CliRunner, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -29,6 +29,7 @@ from users import sweep, tiny
 
 from tests.conftest import PostgreSQL, programs
 from tests.service.jobs.test_webhooks import SECRET, Receiver
+from vibroimpact_service import warming
 from vibroimpact_service.jobs import certificates
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_solvers.kernels import cache
@@ -368,8 +369,8 @@ def test_cold_kernels(cluster: Cluster) -> None:
     passing = shutil.ignore_patterns("*.tmp.*")
     shutil.copytree(compiled, copied, ignore=passing)
     for kind in KINDS:
-        (copied / f"{kind}{cache.WARM}").write_text(version("vibroimpact"))
-    mark = copied / f"resonances{cache.WARM}"
+        warming.mark(copied, kind).write_text(version("vibroimpact"))
+    mark = warming.mark(copied, "resonances")
     mark.write_bytes(b"")
     cluster.replicas["b"].end()
     with mark.open("a") as other:

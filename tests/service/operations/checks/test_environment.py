@@ -82,10 +82,10 @@ def test_room_for_temporary_files(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_kernels(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(cache, "folder", lambda: tmp_path)
     for kind in KINDS:
-        (tmp_path / f"{kind}{cache.WARM}").write_text(warming._VERSION)
+        warming.mark(tmp_path, kind).write_text(warming._VERSION)
     assert environment.kernels().state == "ok"
-    (tmp_path / f"sweep{cache.WARM}").write_text("0.0.1")
-    (tmp_path / f"ensemble{cache.WARM}").unlink()
+    warming.mark(tmp_path, "sweep").write_text("0.0.1")
+    warming.mark(tmp_path, "ensemble").unlink()
     check = environment.kernels()
     assert (check.state, check.seen) == ("warning", "not compiled yet: ensemble, sweep")
     monkeypatch.setattr(cache, "folder", lambda: None)
