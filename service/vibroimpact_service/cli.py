@@ -73,9 +73,11 @@ def serve(
     """
     # Worker processes import this module too.
     from vibroimpact_service.access.authenticator import ExposedError, keys_needed
+    from vibroimpact_service.jobs import data_folder
+    from vibroimpact_service.operations import migration
 
     settings = exits.settings(host=host, port=port, data=data, metrics_port=metrics_port)
-    with exits.reported(where=_NO_START):
+    with exits.reported(data_folder.DataInUseError, where=_NO_START):
         check_listening(settings)
         if settings.scheduler is not None:
             check_certificates(settings)
@@ -84,6 +86,10 @@ def serve(
             keys_needed(settings)
         except ExposedError as error:
             exits.end(f"{_NO_START}{error}", exits.INVALID)
+        # The application does both too; what fails there has a traceback in the log.
+        if settings.database is None:
+            data_folder.lock(settings.data).close()
+        migration.migrate(settings)
     if settings.scheduler is None:
         # It loads the numerical libraries while this process loads those of HTTP.
         forkserver.start(loading.NUMERICAL)

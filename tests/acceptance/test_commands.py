@@ -7,12 +7,16 @@ import os
 import re
 import signal
 import socket
+import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 
 import pytest
+
+from vibroimpact_service.jobs import data_folder
 
 HELP = {
     ("serve",): ["127.0.0.1", "8000", "./vibroimpact-data"],
@@ -91,6 +95,25 @@ def test_folders_that_cannot_be_made_are_one_line() -> None:
         assert done.returncode == 3
         assert done.stderr.endswith("/proc/x: No such file or directory\n")
         assert done.stderr.count("\n") == 1
+
+
+def test_records_of_a_newer_version_are_one_line(tmp_path: Path) -> None:
+    assert _run("migrate", "--data", str(tmp_path)).returncode == 0
+    with closing(sqlite3.connect(tmp_path / "records.sqlite")) as records:
+        records.execute("UPDATE alembic_version SET version_num = '9999'")
+        records.commit()
+    for command in (("serve", "--port", "0"), ("migrate",)):
+        done = _run(*command, "--data", str(tmp_path))
+        assert done.returncode == 1, done.stderr
+        assert "a newer version has migrated the records: revision 9999" in done.stderr
+        assert done.stderr.count("\n") == 1
+
+
+def test_a_data_folder_in_use_is_one_line(tmp_path: Path) -> None:
+    with data_folder.lock(tmp_path):
+        done = _run("serve", "--port", "0", "--data", str(tmp_path))
+    assert done.returncode == 1, done.stderr
+    assert done.stderr == f"The service does not start: another service runs on {tmp_path}\n"
 
 
 def test_a_scheduler_that_cannot_listen_is_one_line(tmp_path: Path) -> None:
