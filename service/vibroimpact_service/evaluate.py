@@ -262,6 +262,7 @@ class Evaluation:
             seconds=seconds,
             reused=reused,
             key=key,
+            fingerprint=options.fingerprint(request.digest),
             deadline=options.deadline,
             webhook=options.webhook,
             block=block if recorded else None,

@@ -91,7 +91,7 @@ class Queue:
             self.store.requests.put(new.request, new.block)
         if new.key is not None:
             earlier = self.keys.setdefault(new.key, new)
-            if earlier.result != new.result:
+            if earlier.fingerprint != new.fingerprint:
                 raise KeyReusedError
             if earlier is not new:
                 return self.rows[earlier.id]

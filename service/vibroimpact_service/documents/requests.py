@@ -37,6 +37,16 @@ class JobOptions:
     webhook: tuple[str, str] | None = None
     """Address to which a message goes when the job ends, and the secret that signs it."""
 
+    def fingerprint(self, result: str) -> str:
+        """Return what an idempotency key stands for: the result, and how its job is queued.
+
+        Without options it is the result alone, as where the key is used at compute.
+        """
+        if self == JobOptions():
+            return result
+        options = self.priority, self.deadline, self.webhook
+        return digest.content(f"{result} {options!r}".encode())
+
 
 def read(owner: str, kind: Kind, content: Any, *prefix: str) -> Request:
     """Return the checked request in some JSON content; `prefix` is the path to the content.

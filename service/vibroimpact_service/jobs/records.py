@@ -64,6 +64,8 @@ class NewJob:
         Whether the result was computed for this job already, before it is recorded.
     trace : str, optional
         Context of the span of the request.
+    fingerprint : str
+        What the idempotency key stands for; empty: the result.
     """
 
     id: str
@@ -80,6 +82,7 @@ class NewJob:
     block: bytes | None = None
     computed: bool = False
     trace: str | None = None
+    fingerprint: str = ""
 
     @property
     def done(self) -> bool:
@@ -155,17 +158,17 @@ def _values(new: NewJob) -> dict[str, Any]:
 
 
 def keep_key(
-    connection: Connection, owner: str, key: str, result: str, job: str | None = None
+    connection: Connection, owner: str, key: str, fingerprint: str, job: str | None = None
 ) -> str | None:
     """Record a key for a request, and the job that answers it; return the job it has already.
 
     Raises
     ------
     KeyReusedError
-        Where it stands for a request with another result.
+        Where it stands for a request with another fingerprint.
     """
     insertion = _insertion(connection, idempotency).values(
-        owner=owner, key=key, fingerprint=result, job=job, created=now(connection)
+        owner=owner, key=key, fingerprint=fingerprint, job=job, created=now(connection)
     )
     recorded = connection.execute(
         insertion.on_conflict_do_nothing().returning(idempotency.c.key)
@@ -174,7 +177,7 @@ def keep_key(
         return None
     where = (idempotency.c.owner == owner) & (idempotency.c.key == key)
     earlier = connection.execute(idempotency.select().where(where)).one()
-    if earlier.fingerprint != result:
+    if earlier.fingerprint != fingerprint:
         raise KeyReusedError
     if earlier.job is None and job is not None:
         connection.execute(idempotency.update().where(where).values(job=job))
@@ -185,7 +188,7 @@ def keep_key(
 def _earlier(connection: Connection, new: NewJob) -> JobRow | None:
     """Return the job that was submitted with the same key, or record the key for this one."""
     assert new.key is not None
-    job = keep_key(connection, new.owner, new.key, new.result, new.id)
+    job = keep_key(connection, new.owner, new.key, new.fingerprint or new.result, new.id)
     if job is None:
         return None
     return row(connection.execute(jobs.select().where(jobs.c.id == job)).one())

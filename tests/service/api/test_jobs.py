@@ -223,6 +223,15 @@ def test_idempotency_keys(http: TestClient, request_body: dict[str, Any]) -> Non
     request_body["frequency"]["num"] = 6
     clash = submit(http, request_body, key="k-1")
     assert (clash.status_code, clash.json()["code"]) == (422, "idempotency_key_reused")
+    request_body["frequency"]["num"] = 5
+    hook = {"url": "https://example.org/hook", "secret": "whsec_" + "A" * 32}
+    for other in ({"priority": 1}, {"deadline_seconds": 60.0}, {"webhook": hook}):
+        clash = submit(http, request_body, key="k-1", **other)
+        assert (clash.status_code, clash.json()["code"]) == (422, "idempotency_key_reused")
+        own = submit(http, request_body, key=f"k-{next(iter(other))}", **other).json()["id"]
+        again = submit(http, request_body, key=f"k-{next(iter(other))}", **other)
+        assert (again.status_code, again.json()["id"]) == (201, own)
+    assert submit(http, request_body, key="k-1", priority=0).json()["id"] == first
     for wrong in ("", "a b", "x" * 256):
         assert submit(http, request_body, key=wrong).status_code == 400
 

@@ -56,6 +56,7 @@ class Bench:
         seconds: float = 5.0,
         deadline: float | None = None,
         stored: bool = True,
+        fingerprint: str = "",
         **asked: Any,
     ) -> Any:
         data = json.dumps({"n": 100, "chunk": 10} | asked, sort_keys=True).encode()
@@ -65,7 +66,7 @@ class Bench:
         result = hashlib.sha256(owner.encode() + data).hexdigest()
         new = NewJob(
             uuid.uuid4().hex, owner, "squares", request, result, 0, seconds,
-            self.store.results.has(result), key, deadline,
+            self.store.results.has(result), key, deadline, fingerprint=fingerprint,
         )  # fmt: skip
         return await self.queue.submit(new)
 
@@ -137,6 +138,8 @@ def test_jobs_end_as_they_should(place: Place) -> None:
 
         keyed = await b.submit(n=10, key="k")
         assert (await b.submit(n=10, key="k")).id == keyed.id
+        with pytest.raises(KeyReusedError):
+            await b.submit(n=10, key="k", fingerprint="f" * 64)
         with pytest.raises(KeyReusedError):
             await b.submit(n=20, key="k")
 
