@@ -176,7 +176,7 @@ class BranchesRequest(TypedDict):
     """Most points of a branch."""
     step: NotRequired[float]
     """Longest step: part of the range, change of a phase (rad) or of an impulse relative to
-    the first.
+    the usual one of the range.
     """
 
 

@@ -46,7 +46,7 @@ class BranchesRequest(Document):
     step: Positive = Field(
         0.02,
         description="Longest step: part of the range, change of a phase (rad) or of an "
-        "impulse relative to the first.",
+        "impulse relative to the usual one of the range.",
     )
 
     @property

@@ -37,12 +37,17 @@ _FIRST = 0.1  # first step, as a part of the longest
 _SHORTEST = 1e-7  # and the shortest one
 _KEPT = 4  # evaluations of the equations
 _HUGE = 1e6  # impulses of seeds, relative to the first, beyond which they are at a resonance
+_REST = 1e-12  # impulses, relative to those of the point before, of rest
+_BESIDE = 1e-3  # of the last step: how far from rest a branch ends
 _LARGEST = 1e3  # impulses, relative to all that begin one, at which one without load ends
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Place:
-    """A point of a curve, the tangent there, and the derivatives by the parameter."""
+    """A point of a curve, the tangent there, and the derivatives by the parameter.
+
+    These are not relative to the sizes of the equations' terms, which may change within a step.
+    """
 
     x: Floats
     tangent: Floats
@@ -138,6 +143,22 @@ class Curve:
         self.largest_seed = max([self.largest_seed, *sizes])
         return seeds
 
+    def scaled(self, groups: list[list[Floats]]) -> list[list[Floats]]:
+        """Return the points that were found at several values, in impulses of the usual size.
+
+        The first ones may be far smaller than others, or those of a resonance. Half of the values
+        have larger impulses than this size.
+        """
+        sizes = [max(map(self._impulses, group)) for group in groups if group]
+        usual = float(np.median(sizes)) if sizes else 0.0
+        if not 0.0 < usual < math.inf:
+            return groups
+        self.impulse, self.largest_seed = self.impulse * usual, self.largest_seed / usual
+        self._equations.cache_clear()
+        parts = np.ones(2 * self.m + 1)
+        parts[self.m : -1] = usual
+        return [[x / parts for x in group] for group in groups]
+
     def equations(self, x: Floats) -> Equations:
         """Return the equations at a point."""
         return self._equations(x.tobytes())
@@ -160,7 +181,8 @@ class Curve:
         h = -_DIFFERENCE if x[-1] > 0.5 else _DIFFERENCE
         ahead = x.copy()
         ahead[-1] += h
-        change = (self.equations(ahead).residual - here.residual) / h
+        there = self.equations(ahead)
+        change = (there.residual * (there.size / here.size) - here.residual) / h
         both = np.concatenate([here.jacobian, change[:, np.newaxis]], axis=1)
         if here.search.autonomous:
             both = np.concatenate([both, np.eye(1, both.shape[1])])
@@ -182,16 +204,19 @@ class Curve:
         first, before = x, np.inf
         try:
             for count in range(_ITERATIONS):
-                residual, jacobian, _, search = self.equations(x)
+                residual, jacobian, terms, search = self.equations(x)
                 if change is None:
-                    change = self.slopes(x)[: 2 * self.m, -1]
+                    change = terms * self.slopes(x)[: 2 * self.m, -1]
                 size = float(np.abs(residual).max())
                 if not np.isfinite(size) or (count > 2 and size > 2.0 * before):
                     return x if before < _CLOSE else None
                 if size < 1e-15 or (size < _CLOSE and size > 0.25 * before):
                     return x
                 before = size
-                rows: list[Floats] = [np.column_stack([jacobian, change]), across[np.newaxis]]
+                rows: list[Floats] = [
+                    np.column_stack([jacobian, change / terms]),
+                    across[np.newaxis],
+                ]
                 values: list[Floats] = [residual, np.atleast_1d(across @ (x - first))]
                 if search.autonomous:
                     rows.append(np.eye(1, x.size))
@@ -237,7 +262,7 @@ class Curve:
                     return places
                 continue
             if not 0.0 <= point[-1] <= 1.0:
-                end = self.at_value(point, 0.0 if point[-1] < 0.0 else 1.0)
+                end = self._end(place.x, point)
                 if end is not None:
                     places.append(replace(next_place, x=end))
                 return places
@@ -248,6 +273,17 @@ class Curve:
             if place.tangent @ places[-2].tangent > 0.999:
                 length = min(1.5 * length, longest)
         return places
+
+    def _end(self, last: Floats, beyond: Floats) -> Floats | None:
+        """Return the point at the end of the range, between one on it and one beyond it.
+
+        Or beside the end, where there is rest: motions without gap are like their load.
+        """
+        edge = 0.0 if beyond[-1] < 0.0 else 1.0
+        end = self.at_value(beyond, edge)
+        if end is not None and self._impulses(end) <= _REST * self._impulses(last):
+            return self.at_value(last, edge + _BESIDE * (float(last[-1]) - edge))
+        return end
 
     def _impulses(self, x: Floats) -> float:
         return float(np.abs(x[self.m : -1]).max())
@@ -292,7 +328,8 @@ class Curve:
     def place(self, x: Floats, along: Floats) -> Place:
         """Return a point with its tangent in a direction."""
         slopes = self.slopes(x)
-        return Place(x, self.tangent(slopes, along), slopes[: 2 * self.m, -1])
+        change = self.equations(x).size * slopes[: 2 * self.m, -1]
+        return Place(x, self.tangent(slopes, along), change)
 
     def _next(self, x: Floats, along: Floats) -> Place | None:
         try:

@@ -40,7 +40,7 @@ class Problem:
         Most points of a branch.
     step : float
         Longest step, as a part of the range, in rad of the phases, or of the impulses relative to
-        the first or, if they have grown, the largest ones.
+        the usual or, if they have grown, the largest ones.
     unit, long_name : str
         Of the parameter, see `vibroimpact_solvers.arrays.Quantity`.
     """

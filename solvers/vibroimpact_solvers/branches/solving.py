@@ -65,7 +65,7 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     for k, x in enumerate(_STARTS):
         tick(k, total)
         seeds.append(_seeds(curve, x))
-    for k, some in enumerate(seeds, start=_SEEDS):
+    for k, some in enumerate(curve.scaled(seeds), start=_SEEDS):
         tick(k, total)
         for seed in some:
             turned = curve.turned(seed)

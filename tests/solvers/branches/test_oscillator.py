@@ -209,3 +209,28 @@ def test_a_resonance_among_the_points_of_the_linear_branch(coupled: bool, count:
     touches = result.point_parameter[result.point_type == branches.Type.GRAZING]
     expected = np.sqrt([0.5, 1.5])[:count]
     assert np.sort(touches) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("ends", [(1e-6, 10.0), (10.0, 1e-6)])
+def test_a_branch_along_which_all_is_like_the_load(ends: tuple[float, float]) -> None:
+    """With gap 0 motions are like their load, over seven orders of magnitude."""
+    system = System(
+        ONE, ONE, (Constraint((0,), (1.0,), None, 0.0, 0.8),), C=SymmetricMatrix.diagonal([0.1])
+    )
+
+    def at(size: float) -> driven.Problem:
+        load = (driven.Force((0,), (1.0,), size),)
+        outputs = frozenset({"exists"})
+        return driven.Problem(system, np.array([0.8]), load, outputs=outputs)
+
+    problem = branches.Problem(at, *ends, system)
+    result = branches.solve(problem, branches.plan(problem))
+    struck = np.flatnonzero(result.solution_impacts == 1)
+    assert set(result.solution_branch[struck]) == {0, 1}
+    assert struck.size < 250
+    for branch in (0, 1):
+        rows = struck[result.solution_branch[struck] == branch]
+        sizes = result.solution_parameter[rows]
+        assert sizes[[0, -1]] == pytest.approx(ends, rel=1e-6)
+        momentum = np.abs(result.impact_momentum[np.isin(result.impact_solution, rows)])
+        assert momentum / sizes == pytest.approx(momentum[-1] / sizes[-1], rel=1e-9)
