@@ -61,7 +61,7 @@ def counting(error: Exception | None = None) -> Counting:
     row = KINDS["impact-modes"]
     return Counting(
         row.name, row.title, row.request, row.result, row.axis,
-        [], threading.Event(), error,
+        [], threading.Event(), error, extent=row.extent,
     )  # fmt: skip
 
 
