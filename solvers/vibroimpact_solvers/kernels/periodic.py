@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.kernels.flow import EVEN, ODD, Z1, Z2, Flow, set_propagator
-from vibroimpact_solvers.kernels.jit import bare, inline, inner
+from vibroimpact_solvers.kernels.jit import bare, inline, inner, sums
 
 Complexes = NDArray[np.complex128]
 
@@ -110,6 +110,47 @@ def impulse_responses(
         for i in range(kicks.shape[0]):
             response = Response(r.after[k, i], r.before[k, i], r.error[k, i])
             _set_response(flow, drift, cells[k], sign, kicks[i], propagator, response)
+
+
+@sums
+def _seen(flow: Flow, form: Floats, z: Floats, error: Floats, more: float) -> tuple[float, float]:
+    """Return a form of a state and its error, those of the pairs being relative to their sizes."""
+    value, doubt = 0.0, 0.0
+    for j in range(flow.alpha.size):
+        a, b, f, g = z[Z1, j], z[Z2, j], form[Z1, j], form[Z2, j]
+        value += f * a + g * b
+        a, b = abs(a), abs(b)
+        largest = max(a, b)
+        # A pair that turns has the error of its length, both of a growing one that of the larger.
+        size = max(math.sqrt(a * a + b * b), largest) if j < flow.rotations else largest
+        apart = j >= flow.hyperbolas_end
+        first, second = a if apart else size, b if apart else size
+        doubt += (abs(f) * first + abs(g) * second) * (error[j] + more)
+    return value, doubt
+
+
+@bare
+def seen_responses(
+    flow: Flow, position: Floats, velocity: Floats, r: Response, more: float, seen: Floats
+) -> None:
+    """Fill in the coordinate after an impulse and its velocity before the next, with errors.
+
+    Parameters
+    ----------
+    flow : Flow
+    position, velocity : array, shape (2, pair)
+        Forms.
+    r : Response
+        Shape (cell, …) each.
+    more : float
+        Relative error of forms and sums.
+    seen : array, shape (4, cell)
+        Coordinate, its error, velocity, its error.
+    """
+    y, y_error, v, v_error = seen
+    for k in range(r.error.shape[0]):
+        y[k], y_error[k] = _seen(flow, position, r.after[k], r.error[k], more)
+        v[k], v_error[k] = _seen(flow, velocity, r.before[k], r.error[k], more)
 
 
 @bare

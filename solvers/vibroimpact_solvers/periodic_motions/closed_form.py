@@ -46,12 +46,8 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
     kicks = driven.kick[a : a + 1]
     each = driven.pairs.impulse_response(cells.length, cells.rest, cells.sign, kicks)
     response = Response(*(part[:, 0] for part in each))
-    inexact = response.error + 2.0 * driven.shape_error + driven.summed
-    g = np.einsum("sj,fsj->f", form, response.after)
-    after, before = (driven.pairs.size(z) for z in (response.after, response.before))
-    g_error = np.einsum("sj,fsj,fj->f", np.abs(form), after, inexact)
-    rate = np.einsum("sj,fsj->f", slope, response.before)
-    rate_error = np.einsum("sj,fsj,fj->f", np.abs(slope), before, inexact)
+    more = 2.0 * driven.shape_error + driven.summed
+    g, g_error, rate, rate_error = driven.pairs.seen(form, slope, response, more)
     mu = driven.mobility[a, a]
     level = driven.level[a]
     wall = driven.walls[1 if side > 0 else 0, a] - level
@@ -86,7 +82,8 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
         )  # fmt: skip
         phase, p, phase_error, p_error = law.solved(rough)
     velocity = -p * mu / (1.0 + k)
-    state = p[:, np.newaxis, np.newaxis] * response.after[index]
+    state = response.after[index]
+    state *= p[:, np.newaxis, np.newaxis]
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = np.where(p == 0.0, 0.0, p_error / np.abs(p))
     velocity_error = p_error * mu / (1.0 + k) + np.abs(velocity) * (2.0 * driven.shape_error + EPS)
@@ -94,7 +91,7 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
     return Solutions(
         index, phase[:, one], p[:, one], velocity[:, one], state[:, one],
         cells.length[index, one], phase_error[:, one], p_error[:, one], velocity_error[:, one],
-        inexact[index], relative,
+        response.error[index] + more, relative,
     )  # fmt: skip
 
 

@@ -15,6 +15,7 @@ from vibroimpact_solvers.kernels.flow import Flow
 from vibroimpact_solvers.kernels.periodic import (
     Response,
     impulse_responses,
+    seen_responses,
     steady_responses,
 )
 from vibroimpact_solvers.kernels.propagators import propagators
@@ -120,6 +121,16 @@ class Pairs:
         room = np.empty(kicks.shape[1:])
         impulse_responses(self.flow, self.drift, cells, rests, sign, kicks, room, values)
         return values
+
+    def seen(self, position: Floats, velocity: Floats, r: Response, more: float) -> Floats:
+        """Return a coordinate after impulses, its velocity before the next, and their errors.
+
+        Rows are coordinate, error, velocity, error, shape (4, cell); `more` is the relative error
+        of forms, (2, pair) each, and sums, beside that of the response, whose shape is (cell, …).
+        """
+        rows = np.empty((4, r.error.shape[0]))
+        seen_responses(self.flow, position, velocity, r, more, rows)
+        return rows
 
     def steady_response(self, rates: Floats, load: Complexes) -> tuple[Complexes, Floats]:
         """Return the amplitudes of the steady responses to each ``load e^(i rate t)``, and errors.
