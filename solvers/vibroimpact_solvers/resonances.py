@@ -112,7 +112,7 @@ def plan(problem: Problem) -> Plan:
     flops = 1.5e6 + sum(spectrum.flops(part.system, method) for part, method in methods)
     chosen = tuple(method for _, method in methods)
     rows = float(sum(part.system.n for part in parts)) * ((problem.odd_max + 1) // 2)
-    columns = 2.0 + len(problem.outputs) + ("Omega" in problem.outputs)  # with errors
+    columns = 3.0 + len(problem.outputs) + ("Omega" in problem.outputs)  # with errors
     ordered = "all natural frequencies over all odd numbers, in ascending order"
     steps = (
         Step(Stage.SPECTRUM, _METHOD, reason, flops, size, settings=chosen),

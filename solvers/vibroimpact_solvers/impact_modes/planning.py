@@ -231,13 +231,14 @@ def _impulse_step(problem: Problem, family: Family) -> Step:
         "walls that exist",
     }
     size = len(family.upper) + len(family.lower)
+    sides = count if family.kind is Kind.ANTISYMMETRIC else 2 * count
     work = points * (120.0 * n + 8.0 * n * size**2 + 20.0 * (size + 2) ** 3)
-    return Step(Stage.IMPULSE, "bordered", reasons[family.kind], work, _size(points, size))
+    return Step(Stage.IMPULSE, "bordered", reasons[family.kind], work, _size(points, sides))
 
 
 def _size(points: int, count: int) -> float:
     """Return the bytes of the frequencies, and of impulses, momenta and their errors."""
-    return (16.0 + 32.0 * count) * points
+    return (32.0 + 32.0 * count) * points
 
 
 def _existence_step(problem: Problem, family: Family) -> Step:

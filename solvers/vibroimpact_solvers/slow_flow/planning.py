@@ -31,6 +31,7 @@ def _steps(problem: Problem) -> Iterator[Step]:
         raise PlanError(message, ("t",))
     size, dofs = problem.t.size, problem.system.n
     columns = 4.0 + (1.0 + 2.0 * dofs) * len(problem.outputs & {"x", "v", "impulse"})
+    columns += (7.0 + 3.0 * dofs) * ("error" in problem.outputs)
     flops = _EACH * size + following
     yield Step(
         Stage.SLOW_FLOW,
@@ -47,7 +48,7 @@ def _steps(problem: Problem) -> Iterator[Step]:
             exact.method,
             f"the exact motion, with which {problem.variant} is compared: {exact.about}",
             _EACH * size + _IMPACT * impacts,
-            8.0 * dofs * size + 32.0 * impacts,
+            8.0 * dofs * size + 64.0 * impacts,
             bounded=False,
         )
 

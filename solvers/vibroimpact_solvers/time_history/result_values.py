@@ -16,7 +16,7 @@ from vibroimpact_solvers.results.time_history import Result
 from vibroimpact_solvers.time_history.history import History, requested
 from vibroimpact_solvers.time_history.problem import Problem, tolerance_of
 from vibroimpact_solvers.time_history.run import ContactInterval, indistinguishable_walls
-from vibroimpact_solvers.time_history.stated_errors import StatedErrors, unknown_errors
+from vibroimpact_solvers.time_history.stated_errors import StatedErrors
 from vibroimpact_solvers.time_history.structure import Structure
 
 EPS: Final = float(np.finfo(np.float64).eps)
@@ -41,6 +41,8 @@ def default_values(problem: Problem) -> dict[str, Any]:
         values["dof"] = problem.output_dofs
     for table in outputs & {"impacts", "contacts"}:
         values.update(_TABLES[table])
+    if not problem.estimate:
+        values.update(dict.fromkeys((*OF_IMPACTS, *OF_CONTACTS)))
     values["count_impacts"] = values["count_grazings"] = values["count_expansions"] = 0
     values["error_condition"], values["error_penetration"] = 1.0, 0.0
     values["error_predictable_until"] = problem.t_end
@@ -90,15 +92,11 @@ def result_of(
         state = np.array([growth]), np.array([largest]), np.array([known_until])
         for name, value in errors.history(*state).items():
             values[name] = value[0]
-    else:
-        values.update(unknown_errors(problem))
     if "impacts" in problem.outputs:
         for name, column in _COLUMNS.items():
             values[name] = impacts[column].copy()
         if problem.estimate:
             values.update(errors.impacts(impacts, np.array([impacts.size]), *state[1:]))
-        else:
-            values.update(dict.fromkeys(OF_IMPACTS, np.full(impacts.size, np.nan)))
     if intervals and "contacts" in problem.outputs:
         scale = structure.scale
         values.update(
@@ -108,8 +106,9 @@ def result_of(
             contact_constraint=np.array([r.contact[0] for r in intervals], dtype=np.int64),
             contact_side=np.array([r.contact[1] for r in intervals], dtype=np.int64),
             contact_impulse=np.array([r.impulse for r in intervals]) / scale,
-            **dict.fromkeys(OF_CONTACTS, np.full(len(intervals), np.nan)),
         )
+        if problem.estimate:
+            values.update(dict.fromkeys(OF_CONTACTS, np.full(len(intervals), np.nan)))
     values["count_impacts"] = impacts.size
     values["count_grazings"], values["count_expansions"] = grazings, expansions
     if not penetration < structure.narrowest_gap:
@@ -143,10 +142,9 @@ def arrays_of(
         if problem.estimate:
             state = progress["largest"], progress["known_until"]
             arrays |= errors.impacts(impacts, counts, *state)
-        else:
-            arrays |= dict.fromkeys(OF_IMPACTS, np.full(impacts.size, np.nan))
     if "contacts" in outputs:
-        arrays |= _TABLES["contacts"] | {"contact_count": np.zeros(size, dtype=np.int64)}
+        arrays |= {name: values[name] for name in _TABLES["contacts"]}
+        arrays["contact_count"] = np.zeros(size, dtype=np.int64)
     for name in ("error_condition", "error_predictable_until"):
         arrays[name] = np.full(size, values[name])
     if problem.estimate:
@@ -154,9 +152,6 @@ def arrays_of(
         known = progress["known_until"]
         arrays["error_condition"] = progress["growth"]
         arrays["error_predictable_until"] = np.where(known < math.inf, known, problem.t_end)
-    else:
-        unknown = unknown_errors(problem).items()
-        arrays |= {name: np.repeat(value[np.newaxis], size, axis=0) for name, value in unknown}
     arrays["count_impacts"] = progress["rows"] - progress["first_row"]
     arrays["count_grazings"] = progress["grazings"]
     arrays["count_expansions"] = progress["expansions"]

@@ -121,7 +121,6 @@ def _soft_history(prepared: Prepared, soft_history: SoftHistory, tick: Tick | No
         values["x"] = soft_history.x
     if "v" in outputs:
         values["v"] = soft_history.v
-    values.update(unknown_errors(prepared.problem))
     values["error_penetration"], values["count_expansions"] = (
         soft_history.compression,
         soft_history.steps,
@@ -164,7 +163,7 @@ def _soft_errors(
     problem, structure, soft = prepared.problem, prepared.structure, prepared.soft
     outputs, system, law = problem.outputs, problem.system, problem.limiter
     if errors is None:
-        return unknown_errors(problem)
+        return {}
     assert soft is not None
     assert law is not None
     values = dict[str, Floats]()
