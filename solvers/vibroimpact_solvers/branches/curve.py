@@ -221,8 +221,7 @@ class Curve:
                 if search.autonomous:
                     rows.append(np.eye(1, x.size))
                     values.append(x[:1] - first[:1])
-                step = np.linalg.lstsq(np.concatenate(rows), np.concatenate(values), rcond=None)[0]
-                x = x - step
+                x = x - _solved(np.concatenate(rows), np.concatenate(values))
         except (SolverError, np.linalg.LinAlgError):
             return None
         return x if before < _CLOSE else None
@@ -368,3 +367,10 @@ class Curve:
         value = float(self.problem.start + x * self.span)
         search, none = self.search(value), np.empty((0, self.m))
         return self.motions(value), search.driven, search.cells, search.collected(none, none)
+
+
+def _solved(rows: Floats, values: Floats) -> Floats:
+    """Return the solution of linear equations, that of least squares where there are more."""
+    if rows.shape[0] == rows.shape[1]:
+        return np.asarray(np.linalg.solve(rows, values))
+    return np.asarray(np.linalg.lstsq(rows, values, rcond=None)[0])

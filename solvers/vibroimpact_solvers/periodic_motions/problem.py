@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from copy import copy
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -127,7 +126,8 @@ class Problem:
 
     def at(self, Omega: Floats) -> Problem:
         """Return the problem at other frequencies; the rest of it is checked already."""
-        other = copy(self)
+        other = object.__new__(type(self))
+        other.__dict__.update(self.__dict__)  # a third of the time of copy.copy
         object.__setattr__(other, "Omega", np.ascontiguousarray(Omega, dtype=np.float64))
         other._check_frequencies()
         return other
