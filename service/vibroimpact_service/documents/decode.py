@@ -6,7 +6,8 @@ problem. The sizes in the documents were compared with the limits before.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from decimal import Decimal
 from functools import lru_cache
 from typing import Any, Final
@@ -331,7 +332,8 @@ def time_history(request: requests.TimeHistoryRequest, of: System) -> histories.
             initial = histories.State(np.array(x), np.array(v))
         case motions.InitialMode(impact_mode=mode):
             initial = histories.ImpactMode(mode.Omega, tuple(mode.active or ()))
-    return histories.Problem(of, initial, digits=request.digits, **_motion(request, of))
+    with _loads_as_sent(request):
+        return histories.Problem(of, initial, digits=request.digits, **_motion(request, of))
 
 
 def ensemble(
@@ -339,7 +341,32 @@ def ensemble(
 ) -> ensembles.Problem:
     """Return the problem of an ensemble."""
     x, v = np.array(request.initial.x), np.array(request.initial.v)
-    return ensembles.Problem(of, x, v, **_motion(request, of), report=meter)
+    with _loads_as_sent(request):
+        return ensembles.Problem(of, x, v, **_motion(request, of), report=meter)
+
+
+@contextmanager
+def _loads_as_sent(request: requests.MotionRequest) -> Iterator[None]:
+    """Let errors of loads point to the field that was sent, whatever became of it."""
+    try:
+        yield
+    except ModelError as error:
+        match error.pointer:
+            case ("load", int(place), str(name)) if request.load is not None:
+                sent = request.load[place].model_fields_set
+                names = (name, *_SENT.get(name, ()))
+                own = next((each for each in names if each in sent), name)
+                raise ModelError(("load", place, own), error.message, code=error.code) from None
+        raise
+
+
+_SENT: Final = {
+    "t": ("interval",),
+    "values": ("force", "acceleration"),
+    "direction": ("base", "dof"),
+    "dof": ("direction",),
+}
+"""Field of a load of the solver -> those of documents that it may be made of."""
 
 
 def _motion(request: requests.MotionRequest, of: System) -> dict[str, Any]:

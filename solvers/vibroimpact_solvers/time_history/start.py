@@ -27,9 +27,22 @@ def initial_state(problem: Problem, initial: State | ImpactMode, structure: Stru
 
 
 def impact_mode_problem(system: System, mode: ImpactMode) -> impact_modes.Problem:
-    """Return the problem of impact modes whose only solution is this impact mode."""
+    """Return the problem of impact modes whose only solution is this impact mode.
+
+    Raises
+    ------
+    ModelError
+        With the pointer from the problem of the motion.
+    """
     omega = np.array([2.0 / np.pi * mode.Omega])
-    return impact_modes.Problem(system, omega, mode.active, Omega=np.array([mode.Omega]))
+    try:
+        return impact_modes.Problem(system, omega, mode.active, Omega=np.array([mode.Omega]))
+    except ModelError as error:
+        own = {"frequency": "Omega", "active": "active"}.get(str(error.pointer[0]))
+        if own is None:
+            raise
+        pointer = ("initial", "impact_mode", own, *error.pointer[1:])
+        raise ModelError(pointer, error.message, code=error.code) from None
 
 
 def _impact_mode_state(

@@ -38,6 +38,27 @@ LOAD = {"dof": 0, "amplitude": 0.1, "frequency": 1.0, "phase": 0.0}
         ({"t_end": -1.0}, "/t_end"),
         ({"tolerance": 1e-17}, "/tolerance"),
         ({"load": [{**LOAD, "dof": 3}]}, "/load/0/dof"),
+        ({"load": [{"dof": 0, "force": [0.0, 1.0], "interval": 1e-200}]}, "/load/0/interval"),
+        ({"load": [{"dof": 0, "force": [0.0, 1.0], "interval": 1.0}]}, "/load/0/interval"),
+        ({"load": [{"dof": 0, "force": [0.0, 1.0], "t": [0.0, 1.0]}]}, "/load/0/t"),
+        ({"load": [{"dof": 0, "force": [0.0, 1e200], "interval": 99.0}]}, "/load/0/force"),
+        (
+            {"load": [{"base": [1.0] * 3, "acceleration": [0.0, 1e200], "interval": 99.0}]},
+            "/load/0/acceleration",
+        ),
+        (
+            {
+                "load": [
+                    {
+                        "direction": {"dofs": [7], "weights": [1.0]},
+                        "force": [0.0, 1.0],
+                        "interval": 99.0,
+                    }
+                ]
+            },
+            "/load/0/direction",
+        ),
+        ({"initial": {"impact_mode": {"Omega": 1e200}}}, "/initial/impact_mode/Omega"),
         ({"outputs": ["x"]}, "/t"),
         ({"t": [1.0, 11.0], "outputs": ["x"]}, "/t"),
     ],

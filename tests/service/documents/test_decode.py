@@ -311,7 +311,7 @@ def test_samples_and_moving_bases() -> None:
     [
         ({"dof": 2, "force": [0, 1], "interval": 1}, ("load", 0, "dof")),
         ({"base": [1], "acceleration": [0, 1], "interval": 1}, ("load", 0, "base")),
-        ({"dof": 0, "force": [0, 1], "interval": 0.5}, ("load", 0, "t")),
+        ({"dof": 0, "force": [0, 1], "interval": 0.5}, ("load", 0, "interval")),
         (
             {"direction": {"dofs": [0], "weights": [1, 2]}, "force": [0, 1], "interval": 1},
             ("load", 0, "direction"),
