@@ -222,8 +222,8 @@ def circle_roots(
     for k in range(begin, walls.size):
         if count + most > phases.size:
             return k, count
-        found = _set_roots(Q[k], orders, walls[k], phases[count:])
-        for j in range(count, count + found):
+        first = count
+        count += _set_roots(Q[k], orders, walls[k], phases[count:])
+        for j in range(first, count):
             index[j] = k
-        count += found
     return walls.size, count
