@@ -21,8 +21,8 @@ def errors_of(drifts: np.ndarray, drift: float) -> Errors:
     """Return the errors of frequencies, and no others."""
     none = np.zeros(PAIRS)
     return Errors(
-        np.zeros((4, 2, PAIRS)), drifts, *np.zeros((3, 1, 1, 2, PAIRS)), np.ones(PAIRS),
-        np.ones(PAIRS), none,
+        np.zeros((4, 2, PAIRS)), drifts, *np.zeros((3, 1, 1, 2, PAIRS)),
+        np.ones((2, PAIRS)), np.ones((2, PAIRS)), none,
         np.zeros((0, 2, PAIRS)), np.zeros(0, np.int64), 0.0, drift,
     )  # fmt: skip
 

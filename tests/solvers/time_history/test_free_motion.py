@@ -173,7 +173,7 @@ def _discriminant(p: Floats) -> list[float]:
 
 
 @pytest.mark.parametrize("gap", [10.0, 0.9], ids=["far", "within reach of all modes at once"])
-def test_long_free_flights_cost_no_steps(gap: float) -> None:
+def test_long_free_motions_cost_no_steps(gap: float) -> None:
     """A million units of time without an impact: 0.1.0 went through them window by window."""
     system = presets.chain(3, [Constraint.at(1, gap)])
     x, v, t_end = np.array([0.5, 0.2, -0.3]), np.array([0.1, 0.3, 0.2]), 1e6
