@@ -151,21 +151,23 @@ def _add_rounding_to(
     """Add the rounding of a free motion to one column of the deviations."""
     signs, drifts = errors.signs, errors.drifts
     at = (row + 7 * (c + 1)) % signs.shape[0]
-    for j in range(z.shape[1]):
-        a, b = z[Z1, j], z[Z2, j]
+    for j in range(flow.rotations):
+        a, b, turned = z[Z1, j], z[Z2, j], s * drifts[c, j]
         rounding = _PROPAGATED * (abs(a) + abs(b))
-        first, turned = rounding, s * drifts[c, j]
-        if flow.rotations <= j < flow.hyperbolas_end:
-            # Under faint drag, z1 is nu q, and a velocity gives but nu s of itself to it.
-            first = _PROPAGATED * (abs(a) + min(1.0, 2.0 * flow.nu[j] * s) * abs(b))
-            dz[Z2, j] += 2.0 * turned * a
-        elif j >= flow.hyperbolas_end:
-            turned = 0.0
-        dz[Z1, j] += first * signs[at, Z1, j] + turned * b
+        dz[Z1, j] += rounding * signs[at, Z1, j] + turned * b
         dz[Z2, j] += rounding * signs[at, Z2, j] - turned * a
+    for j in range(flow.rotations, flow.hyperbolas_end):
+        a, b, turned = z[Z1, j], z[Z2, j], s * drifts[c, j]
+        # Under faint drag, z1 is nu q, and a velocity gives but nu s of itself to it.
+        first = _PROPAGATED * (abs(a) + min(1.0, 2.0 * flow.nu[j] * s) * abs(b))
+        dz[Z1, j] += first * signs[at, Z1, j] + turned * b
+        dz[Z2, j] += _PROPAGATED * (abs(a) + abs(b)) * signs[at, Z2, j] + turned * a
     for j in range(flow.hyperbolas_end, z.shape[1]):
-        # Integrals of the displacement, backwards from the end.
         a, b, p = z[Z1, j], z[Z2, j], flow.push[j]
+        rounding = _PROPAGATED * (abs(a) + abs(b))
+        dz[Z1, j] += rounding * signs[at, Z1, j]
+        dz[Z2, j] += rounding * signs[at, Z2, j]
+        # Integrals of the displacement, backwards from the end.
         pushed = 2.0 * s * drifts[c, j]
         dz[Z1, j] -= pushed * s * (0.5 * a - s * (b / 3.0 - 0.125 * s * p))
         dz[Z2, j] -= pushed * (a - s * (0.5 * b - s * p / 6.0))
