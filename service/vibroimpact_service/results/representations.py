@@ -30,7 +30,7 @@ SUFFIXES: Final[Mapping[str, str]] = {JSON: "json", HDF5: "h5"}
 CODINGS: Final = ("zstd", "gzip")
 """Content codings of answers, the better one first."""
 
-LARGE: Final = 32 * 2**20
+LARGE: Final = 48 * 2**20
 """Size in bytes above which a result is sent from its file, never read as a whole."""
 _BESIDE: Final = 1.5
 """What a result has beside what its plan counts, such as the errors of displacements."""
