@@ -173,7 +173,7 @@ def _check_stability(
     cells = math.ceil(math.log(_CONTRACTED if largest < 1.0 else _GROWN) / math.log(largest))
     # Multipliers are those of the period, which has two cells where the motion is symmetric.
     period = start.cell * (2.0 if document["symmetric"] else 1.0)
-    cells = max(cells, 3)
+    cells = max(cells, 5)  # little of the direction may be along what grows
     times = [period * k for k in range(cells + 1)]
     direction = np.random.default_rng(document["seed"]).standard_normal(2 * exact.s.n)
     direction /= np.linalg.norm(direction)
