@@ -314,9 +314,10 @@ class Basis:
         return pairs
 
     def _push_sliding_bodies(self, load: Floats) -> bool:
-        """Let a constant load drive the rigid-body modes that damping slows, if there are any.
+        """Let a constant load drive the rigid-body modes that damping slows.
 
-        Their terminal velocity would do as well, but for the digits that go where drag is faint.
+        Return whether there are any. Their terminal velocity would do as well, but for the digits
+        that go where drag is faint.
         """
         one, some, last = self._single, self._coupled, self._along.shape[1]
         slides = (self._eigenvalues[one] == 0.0) & (self._delta != 0.0) & (load[one] != 0.0)

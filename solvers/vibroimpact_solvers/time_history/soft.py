@@ -57,7 +57,8 @@ class SoftRun:
     known_until : float
         Time until which this is no more than the tolerance; nan: not estimated.
     errors : array, shape (time,), optional
-        The same difference at each output time, absolute: infinite from `known_until` on.
+        Of the numbers of pairs at the output times, absolute: the largest difference before
+        `known_until`, and infinite from there on.
     """
 
     states: Floats
