@@ -20,7 +20,8 @@ from vibroimpact_service.results import encode
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 
-PLAN_SECONDS = 0.1
+PLAN_SECONDS = 0.05
+"""Half of what a plan may take, so that none is refused where others are busy."""
 LOOP_SECONDS = 0.012
 """Time of `loop` on a processor of which the limit above is meant."""
 LIMITER = {"dof": 5, "gap": 0.2}
@@ -118,6 +119,7 @@ PLANS: dict[str, tuple[str, dict[str, Any]]] = {
             "sequence": "symmetric",
         },
     ),
+    "ten million frequencies": ("impact-modes", modes(10**7)),
     "a million gaps": ("sweep", sweep("impact-modes", modes(100), GAP)),
     "a million structures": (
         "sweep",
@@ -202,10 +204,10 @@ def test_every_plan_is_quick_or_refused(tmp_path: Path, name: str) -> None:
     for attempt in range(4):  # the first one loads libraries; others on this machine disturb
         asked = requests.read("ann", KINDS[kind], moved(content, 1.0 + attempt / 1000))
         decode.system(asked.document.system)
-        began = time.thread_time()
+        began = planning._used()
         with contextlib.suppress(ProblemError):
             planning.plan(store, asked.kind, asked.document, settings)
-        spent.append(time.thread_time() - began)
+        spent.append(planning._used() - began)
         loops.append(loop())
     assert min(spent) < PLAN_SECONDS * max(1.0, min(loops) / LOOP_SECONDS)
 
