@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import sys
 import time
@@ -244,6 +245,26 @@ def test_of_a_plan_that_takes_long_a_field_is_blamed_that_was_sent(
     with pytest.raises(ProblemError, match="The plan alone") as refused:
         planned(tmp_path, "time-history", {**content, "t": [0.0]} if sent else content)
     assert [fault.pointer for fault in refused.value.errors] == [pointer]
+
+
+@pytest.mark.parametrize("scattered", [True, False])
+def test_factors_of_scattered_matrices_have_a_time_of_their_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, scattered: bool
+) -> None:
+    """Bounds of the modes of a full mass matrix take longer than all else in a plan."""
+    clock = itertools.count()
+    monkeypatch.setattr(planning, "_used", lambda: 0.11 * next(clock))
+    mass: Any = {"scalar": 1.0, "n": 500}
+    if scattered:
+        mass = [[float(i == j) for i in range(500)] for j in range(500)]
+        mass[0][-1] = mass[-1][0] = 0.1
+    system = {"M": mass, "K": {"scalar": 1.0, "n": 500}, "constraints": [LIMITER]}
+    content = {**modes(10, outputs=["impulse"]), "system": system}
+    if scattered:
+        assert planned(tmp_path, "impact-modes", content).plan.steps
+        return
+    with pytest.raises(ProblemError, match=r"more than 0\.1 s"):
+        planned(tmp_path, "impact-modes", content)
 
 
 def test_checks_of_many_states_are_part_of_the_plan(tmp_path: Path) -> None:

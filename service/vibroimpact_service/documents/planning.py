@@ -59,8 +59,9 @@ class _Meter:
         self._seconds = math.inf if settings is None else settings.plan_seconds
         self._end = math.inf
 
-    def begin(self) -> None:
-        """Begin to count."""
+    def begin(self, more: float) -> None:
+        """Begin to count; so many seconds more are allowed."""
+        self._seconds += more
         self._end = _used() + self._seconds
 
     def __call__(self) -> None:
@@ -117,7 +118,7 @@ def plan(
     except ModelError as error:
         raise problems.of(error.under(*kind.structure)) from None
     solver = kind.solver
-    meter.begin()
+    meter.begin(_for_factors(system))
     meter()
     try:
         if isinstance(document, SweepRequest):
@@ -138,6 +139,19 @@ def plan(
         long, large = costly(kind, document), _LARGE.get(type(document), "/outputs")
         limits.check_plan(planned, settings, joined_in_files=joined, long=long, large=large)
     return Planned(kind, problem, planned, cost.seconds(planned))
+
+
+_FACTORS_SECONDS: Final = 0.4
+_SECONDS_OF_ROWS: Final = 2e-9
+"""Time for factors of full and sparse matrices in a plan: of their rows cubed, and at most."""
+
+
+def _for_factors(system: Any) -> float:
+    """Return the time that a plan may take for factors, beside its own: bounds of the modes."""
+    from vibroimpact_solvers.matrices import Form
+
+    scattered = any(each.form in {Form.DENSE, Form.SPARSE} for each in (system.M, system.K))
+    return min(_FACTORS_SECONDS, _SECONDS_OF_ROWS * system.n**3) if scattered else 0.0
 
 
 _PARTS: Final[Mapping[type, Mapping[str, str]]] = {
