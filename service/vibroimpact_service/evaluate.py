@@ -111,6 +111,23 @@ async def _in_time(until: float | None, awaited: Awaitable[Value]) -> Value:
         raise ProblemError(problems.UNAVAILABLE, detail, headers={"Retry-After": "1"}) from None
 
 
+async def _charge(request: Request, admission: Admission, planned: Planned) -> None:
+    """Charge a planned computation to the caller.
+
+    Raises
+    ------
+    ProblemError
+        413 with the field that makes it long; 429 as of the admission.
+    """
+    try:
+        await admission.charge(planned.plan, planned.seconds)
+    except ProblemError as error:
+        if error.type is not problems.TOO_COSTLY:
+            raise
+        where = planning.costly(request.kind, request.document)
+        raise limits.too_costly(where, "too_costly", error.detail) from None
+
+
 class Evaluation:
     """Answers requests of all kinds."""
 
@@ -243,7 +260,7 @@ class Evaluation:
                 work = self._work(request, planned)
             else:
                 await self.room_for_jobs(request.owner)
-            await admission.charge(planned.plan, seconds)
+            await _charge(request, admission, planned)
         self._metrics.result(request.kind.name, "hit" if reused else "job")
         block = requests.stored_form(request.owner, request.canonical)
         name = digest.content(block)
@@ -317,7 +334,7 @@ class Evaluation:
             if planned.seconds > self._settings.inline_seconds:
                 return planned
             if not self.threads.running(name):
-                await admission.charge(planned.plan, planned.seconds)
+                await _charge(request, admission, planned)
         work = self._work(request, planned, media_type)
         outcome, shared = await self.threads.once(name, work, seconds)
         if isinstance(outcome, Planned):

@@ -158,7 +158,7 @@ class Settings(BaseSettings):
     )
     max_result_bytes: int = Field(2**30, ge=1024, description="Largest result.")
     plan_seconds: float = Field(
-        0.5,
+        0.1,
         gt=0,
         description="Processor time of a plan, beside that for its matrices, above which a "
         "request is refused.",

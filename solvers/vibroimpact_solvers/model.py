@@ -125,6 +125,8 @@ class Constraint:
     def line(self) -> tuple[tuple[int, float], ...]:
         """The coordinate up to a factor: the same for all limiters along one direction."""
         pairs = self.coordinate
+        if len(pairs) == 1:
+            return ((pairs[0][0], 1.0),)
         return tuple((dof, weight / pairs[0][1]) for dof, weight in pairs)
 
 

@@ -11,12 +11,21 @@ Examples
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 
 from vibroimpact_solvers.errors import ModelError
-from vibroimpact_solvers.model import ChainShape, Constraint, SymmetricMatrix, System, Units
+from vibroimpact_solvers.model import (
+    RANGE,
+    ChainShape,
+    Constraint,
+    SymmetricMatrix,
+    System,
+    Units,
+    within_range,
+)
 
 
 def chain(
@@ -30,16 +39,17 @@ def chain(
     _require_positive(("n",), n)
     _require_positive(("mass",), mass)
     _require_positive(("stiffness",), stiffness)
-    K = {0: np.full(n, 2.0 * stiffness)}
+    K = {0: np.full(n, _entry("stiffness", "K", 2.0 * stiffness))}
     if n > 1:
         K[1] = np.full(n - 1, -stiffness)
-    return System(
-        SymmetricMatrix.diagonal(np.full(n, mass)),
-        SymmetricMatrix.bands(K),
-        tuple(constraints),
-        units=units,
-        chain=ChainShape(n, mass, stiffness),
-    )
+    with _made_of(M="mass", K="stiffness"):
+        return System(
+            SymmetricMatrix.diagonal(np.full(n, mass)),
+            SymmetricMatrix.bands(K),
+            tuple(constraints),
+            units=units,
+            chain=ChainShape(n, mass, stiffness),
+        )
 
 
 def oscillator(
@@ -50,9 +60,12 @@ def oscillator(
 ) -> System:
     """Return one mass on a spring: M = 1, K = Omega0^2, C = 2 zeta Omega0 (eq. 10.1, 10.13)."""
     _require_positive(("Omega0",), Omega0)
-    C = SymmetricMatrix.diagonal([2.0 * zeta * Omega0]) if zeta else None
-    one, K = SymmetricMatrix.diagonal([1.0]), SymmetricMatrix.diagonal([Omega0**2])
-    return System(one, K, tuple(constraints), C=C, units=units)
+    square = _square("Omega0", Omega0)
+    damping = _entry("zeta", "C", 2.0 * zeta * Omega0)
+    with _made_of(C="zeta"):
+        C = SymmetricMatrix.diagonal([damping]) if zeta else None
+        one, K = SymmetricMatrix.diagonal([1.0]), SymmetricMatrix.diagonal([square])
+        return System(one, K, tuple(constraints), C=C, units=units)
 
 
 def two_mass(
@@ -64,10 +77,14 @@ def two_mass(
 ) -> System:
     """Return two coupled oscillators, K = Omega0^2 [[1+c, -c], [-c, 1+c]] (eq. 10.22, 10.42)."""
     _require_positive(("Omega0",), Omega0)
-    K = Omega0**2 * np.array([[1.0 + coupling, -coupling], [-coupling, 1.0 + coupling]])
-    C = SymmetricMatrix.diagonal([2.0 * zeta * Omega0, 0.0]) if zeta else None
-    one = SymmetricMatrix.diagonal([1.0, 1.0])
-    return System(one, SymmetricMatrix.dense(K), tuple(constraints), C=C, units=units)
+    square = _square("Omega0", Omega0)
+    damping = _entry("zeta", "C", 2.0 * zeta * Omega0)
+    _entry("coupling", "K", square * (1.0 + abs(coupling)))
+    with _made_of(K="coupling", C="zeta"):
+        K = square * np.array([[1.0 + coupling, -coupling], [-coupling, 1.0 + coupling]])
+        C = SymmetricMatrix.diagonal([damping, 0.0]) if zeta else None
+        one = SymmetricMatrix.diagonal([1.0, 1.0])
+        return System(one, SymmetricMatrix.dense(K), tuple(constraints), C=C, units=units)
 
 
 def double_pendulum(
@@ -76,8 +93,10 @@ def double_pendulum(
     """Return the linearised double pendulum, M = [[mu^2, 1], [1, 1]], K = diag(mu^2, 1) (10.33)."""
     if not mu > 1.0:
         raise ModelError(("mu",), f"mu is {mu!r}, not above 1", code="out_of_range")
-    M = SymmetricMatrix.dense([[mu**2, 1.0], [1.0, 1.0]])
-    return System(M, SymmetricMatrix.diagonal([mu**2, 1.0]), tuple(constraints), units=units)
+    square = _square("mu", mu)
+    with _made_of(M="mu"):
+        M = SymmetricMatrix.dense([[square, 1.0], [1.0, 1.0]])
+        return System(M, SymmetricMatrix.diagonal([square, 1.0]), tuple(constraints), units=units)
 
 
 def bouncing_ball(
@@ -86,7 +105,38 @@ def bouncing_ball(
     """Return a ball over a floor: M = 1, K = 0, force -g (eq. 10.124)."""
     _require_positive(("g",), g)
     one, zero = SymmetricMatrix.diagonal([1.0]), SymmetricMatrix.diagonal([0.0])
-    return System(one, zero, tuple(constraints), force=np.array([-g]), units=units)
+    with _made_of(force="g"):
+        return System(one, zero, tuple(constraints), force=np.array([-g]), units=units)
+
+
+@contextmanager
+def _made_of(**parameters: str) -> Iterator[None]:
+    """Let errors of matrices and forces point to the parameter that they are made of."""
+    try:
+        yield
+    except ModelError as error:
+        part = str(error.pointer[0]) if error.pointer else ""
+        if part not in parameters:
+            raise
+        message = f"of {part}, which it makes: {error.message}"
+        raise ModelError((parameters[part],), message, code=error.code) from None
+
+
+def _entry(name: str, part: str, value: float) -> float:
+    """Return an entry that a parameter makes, refuse one that is too large for a matrix."""
+    if not abs(value) <= RANGE[1]:  # nan is neither
+        message = f"of {part}, which it makes: an entry is {value!r}, above {RANGE[1]}"
+        raise ModelError((name,), message, code="out_of_range")
+    return value
+
+
+def _square(name: str, value: float) -> float:
+    """Return the square of a parameter, refuse one that is out of range."""
+    square = value * value  # a power would raise where it is too large
+    if not within_range(np.array([square])):
+        message = f"the square of {name} is {square!r}, not between {RANGE[0]} and {RANGE[1]}"
+        raise ModelError((name,), message, code="out_of_range")
+    return square
 
 
 def _require_positive(pointer: tuple[str], value: float) -> None:

@@ -179,10 +179,19 @@ from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 
+free = {
+    "system": {
+        "M": {"scalar": 1, "n": 2}, "K": [[1, -1], [-1, 1]], "constraints": [{"dof": 0, "gap": 1}],
+    },
+    "load": [{"dof": 0, "amplitude": 1}],
+    "frequency": {"values": [0.7]},
+}
 store, settings = Store(sys.argv[1]), Settings(data=sys.argv[1])
 with event.install_recorder("numba:compile") as compiled:
     for kind in KINDS:
-        for content in warming.problems(kind):
+        # Of a body that nothing holds, the modes say which impacts it can have.
+        more = [free] if kind == "periodic-motions" else []
+        for content in [*warming.problems(kind), *more]:
             request = requests.read("ann", KINDS[kind], content)
             planning.plan(store, request.kind, request.document, settings)
     during_plans = len(compiled.buffer)

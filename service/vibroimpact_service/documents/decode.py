@@ -48,7 +48,7 @@ def system(document: systems.AnySystem) -> System:
 
 def constraints(document: systems.AnySystem) -> list[Constraint]:
     """Return the limiters of a system's document."""
-    return [_constraint(i, c) for i, c in enumerate(document.constraints)]
+    return [constraint(i, c) for i, c in enumerate(document.constraints)]
 
 
 class _Named:
@@ -115,7 +115,8 @@ def _banded(document: systems.BandedMatrix) -> SymmetricMatrix:
         raise error.under("bands") from None
 
 
-def _constraint(index: int, document: systems.Constraint) -> Constraint:
+def constraint(index: int, document: systems.Constraint) -> Constraint:
+    """Return the limiter of a document at its place among those of a system."""
     gap = document.gap
     lower, upper = (gap.lower, gap.upper) if isinstance(gap, systems.Limits) else (gap, gap)
     direction = document.direction

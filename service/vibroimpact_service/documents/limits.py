@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from vibroimpact_schema import systems
 from vibroimpact_schema.branches import BranchesRequest
+from vibroimpact_schema.problems import Fault
 from vibroimpact_schema.sweeps import SweepRequest
 from vibroimpact_service import problems
 from vibroimpact_service.documents import fill
@@ -91,23 +92,36 @@ def _check_parameter_grid(request: SweepRequest, settings: Settings) -> None:
         raise problems.too_large("/axes", "result_too_large", message)
 
 
-def check_plan(plan: Plan, settings: Settings, *, joined_in_files: bool = False) -> None:
+def check_plan(
+    plan: Plan,
+    settings: Settings,
+    *,
+    joined_in_files: bool = False,
+    long: str = "",
+    large: str = "/outputs",
+) -> None:
     """Refuse a computation without end, or whose result is larger than the service keeps.
 
     And one that needs more memory than a worker has; `joined_in_files` tells that no worker holds
-    the whole result.
+    the whole result. `long` and `large` are the pointers to the fields that are blamed.
     """
     if not math.isfinite(plan.flops):
-        raise ProblemError(problems.TOO_COSTLY, "The estimated number of operations is not finite.")
+        raise too_costly(long, "not_finite", "The estimated number of operations is not finite.")
     size = result_bytes(plan)
     if size > settings.max_result_bytes:
         message = f"about {size:.3g} bytes of results are more than {settings.max_result_bytes}"
-        raise problems.too_large("/outputs", "result_too_large", message)
+        raise problems.too_large(large, "result_too_large", message)
     most = settings.worker_memory_bytes
     held = plan.bytes - size + (0.0 if joined_in_files else _COPIES * size)
     if most is not None and _LIBRARIES + held > most:
         message = f"about {_LIBRARIES + held:.3g} bytes of memory are more than {most} of a worker"
-        raise problems.too_large("/outputs", "too_much_memory", message)
+        raise problems.too_large(large, "too_much_memory", message)
+
+
+def too_costly(where: str, code: str, message: str) -> ProblemError:
+    """Return the refusal of a request that takes too long, with the field that is blamed."""
+    fault = Fault(pointer=where, code=code, message=message)
+    return ProblemError(problems.TOO_COSTLY, message, [fault])
 
 
 def result_bytes(plan: Plan) -> float:

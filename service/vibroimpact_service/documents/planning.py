@@ -5,22 +5,21 @@ from __future__ import annotations
 import math
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
+from vibroimpact_schema import systems
 from vibroimpact_schema.branches import BranchesRequest
-from vibroimpact_schema.problems import Fault
 from vibroimpact_schema.sweeps import SweepRequest
 from vibroimpact_schema.systems import SystemReference
 from vibroimpact_service import problems
 from vibroimpact_service.documents import limits, stored_systems
 from vibroimpact_service.jobs.work import Tick
 from vibroimpact_service.kinds import Kind
-from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
-from vibroimpact_solvers.errors import ModelError, SolverError
+from vibroimpact_solvers.errors import ModelError, PlanError, SolverError
 from vibroimpact_solvers.plan import Plan
 
 
@@ -60,8 +59,9 @@ class _Meter:
         self._seconds = math.inf if settings is None else settings.plan_seconds
         self._end = math.inf
 
-    def begin(self) -> None:
-        """Begin to count."""
+    def begin(self, more: float) -> None:
+        """Begin to count; so many seconds more are allowed."""
+        self._seconds += more
         self._end = _used() + self._seconds
 
     def __call__(self) -> None:
@@ -78,9 +78,7 @@ class _Meter:
             self._tick(0, 1)
         if _used() > self._end:
             message = f"The plan alone takes more than {self._seconds:g} s: ask for less at once."
-            where = problems.pointer(self._where)
-            fault = Fault(pointer=where, code="plan_too_long", message=message)
-            raise ProblemError(problems.TOO_COSTLY, message, [fault])
+            raise limits.too_costly(problems.pointer(self._where), "plan_too_long", message)
 
 
 def plan(
@@ -109,6 +107,7 @@ def plan(
     from vibroimpact_service.documents import branch_paths, decode, sweep_axes
     from vibroimpact_solvers import cost
 
+    sent_system = document.system
     if isinstance(document.system, SystemReference):
         stored = stored_systems.resolve(store, document.system, *kind.structure)
         document = document.with_system(stored)
@@ -119,7 +118,7 @@ def plan(
     except ModelError as error:
         raise problems.of(error.under(*kind.structure)) from None
     solver = kind.solver
-    meter.begin()
+    meter.begin(_for_factors(system))
     meter()
     try:
         if isinstance(document, SweepRequest):
@@ -134,10 +133,68 @@ def plan(
             planned = solver.plan(problem)
         meter()
     except SolverError as error:
-        raise problems.of(error) from None
+        raise problems.of(_as_sent(error, kind, sent_system)) from None
     if settings is not None:
-        limits.check_plan(planned, settings, joined_in_files=hasattr(solver, "follow"))
+        joined = hasattr(solver, "follow")
+        long, large = costly(kind, document), _LARGE.get(type(document), "/outputs")
+        limits.check_plan(planned, settings, joined_in_files=joined, long=long, large=large)
     return Planned(kind, problem, planned, cost.seconds(planned))
+
+
+_FACTORS_SECONDS: Final = 0.4
+_SECONDS_OF_ROWS: Final = 2e-9
+"""Time for factors of full and sparse matrices in a plan: of their rows cubed, and at most."""
+
+
+def _for_factors(system: Any) -> float:
+    """Return the time that a plan may take for factors, beside its own: bounds of the modes."""
+    from vibroimpact_solvers.matrices import Form
+
+    scattered = any(each.form in {Form.DENSE, Form.SPARSE} for each in (system.M, system.K))
+    return min(_FACTORS_SECONDS, _SECONDS_OF_ROWS * system.n**3) if scattered else 0.0
+
+
+_PARTS: Final[Mapping[type, Mapping[str, str]]] = {
+    systems.Chain: {"M": "mass", "K": "stiffness"},
+    systems.Oscillator: {"K": "Omega0", "C": "zeta"},
+    systems.TwoMass: {"K": "coupling", "C": "zeta"},
+    systems.DoublePendulum: {"M": "mu", "K": "mu"},
+    systems.BouncingBall: {"force": "g"},
+}
+"""Presets -> the part of a system that a parameter makes -> the parameter."""
+
+
+def _as_sent(error: SolverError, kind: Kind, system: Any) -> SolverError:
+    """Return an error with a pointer to what was sent for a part of the structure, if it has one.
+
+    A preset has parameters instead, a stored system none of its parts.
+    """
+    place = len(kind.structure)
+    if not isinstance(error, ModelError | PlanError) or error.pointer[:place] != kind.structure:
+        return error
+    part = error.pointer[place] if len(error.pointer) > place else None
+    if part not in {"M", "K", "C", "force"}:
+        return error
+    if isinstance(system, SystemReference):
+        pointer = kind.structure
+    elif type(system) in _PARTS:
+        pointer = (*kind.structure, _PARTS[type(system)].get(str(part), "preset"))
+    else:
+        return error
+    if isinstance(error, PlanError):
+        return PlanError(error.message, pointer)
+    return ModelError(pointer, error.message, code=error.code)
+
+
+_LARGE: Final[Mapping[type, str]] = {SweepRequest: "/axes", BranchesRequest: "/points"}
+"""Documents without outputs of their own -> the field with which their results grow."""
+
+
+def costly(kind: Kind, document: Any) -> str:
+    """Return the pointer to the field of a request with which its computation grows most."""
+    own = getattr(document, "root", document)
+    name = "t_end" if "t_end" in type(own).model_fields else kind.extent
+    return problems.pointer((name,) if name in own.model_fields_set else kind.structure)
 
 
 def _plan_of_sweep(problem: Any, meter: Callable[[], None]) -> Plan:

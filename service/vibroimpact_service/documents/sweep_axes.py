@@ -45,7 +45,7 @@ _POINTS_TRIED: Final = 256
 """Points at which a value is tried before it is taken to be wrong everywhere."""
 _ALL_TRIED: Final = 20, 1000
 """Points after which no more are tried, of the largest and of small structures."""
-_NUMBERS_TRIED: Final = 1_000_000
+_NUMBERS_TRIED: Final = 500_000
 """Numbers in the structures of all points that are tried; each takes some 0.1 microseconds."""
 _LIMITER_NUMBERS: Final = 20
 """Numbers in whose time a limiter is checked."""
@@ -86,8 +86,8 @@ def problem(
     most = max(2, min(_VALUES_TRIED, points // (4 * len(request.root.axes))))
     axes = [_axis(base, place, axis, most) for place, axis in enumerate(request.root.axes)]
     _check_different(axes)
-    _Grid(kind, _thinned(base, axes), axes).check(meter, points)
-    grid = _Grid(kind, base, axes)
+    _Grid(kind, _thinned(base, axes), axes, system).check(meter, points)
+    grid = _Grid(kind, base, axes, system)
     return sweep.Problem(kind, tuple(_described(kind, base, axes)), grid.at, system)
 
 
@@ -377,9 +377,9 @@ def _endings(path: Path) -> Iterator[str]:
 class _Grid:
     """The problems of the points; what several of them share is decoded once."""
 
-    def __init__(self, kind: str, base: Any, axes: Sequence[_Axis]) -> None:
+    def __init__(self, kind: str, base: Any, axes: Sequence[_Axis], system: System) -> None:
         self._kind, self._response_count = KINDS[kind], sweep.KINDS[kind].response_count
-        self._base, self._axes = base, axes
+        self._base, self._axes, self._system = base, axes, system
         paths = list(enumerate(axis.path for axis in axes))
         self._limiting = [i for i, path in paths if path[:2] == ("system", "constraints")]
         self._other = [i for i, path in paths if path[0] != "system"]
@@ -416,9 +416,16 @@ class _Grid:
         return request
 
     def _decoded_limiters(self, positions: Index) -> list[Constraint]:
-        return decode.constraints(self._set(self._limiting, positions).system)
+        changed = {self._axes[place].path[2] for place in self._limiting}
+        documents = self._set(self._limiting, positions).system.constraints
+        return [
+            decode.constraint(place, documents[place]) if place in changed else given
+            for place, given in enumerate(self._system.constraints)
+        ]
 
     def _decoded_structure(self, positions: Index) -> System:
+        if not self._structural:
+            return self._system
         document = self._set(self._structural, positions).system
         return decode.system(document.model_copy(update={"constraints": []}))
 

@@ -118,11 +118,12 @@ class Problem:
     def _check_frequencies(self) -> None:
         if self.omega.ndim != 1 or self.omega.size == 0:
             raise ModelError(("frequency",), "no frequency is given", code="empty_grid")
-        if not (self.omega.min() > 0 and self.omega.max() < np.inf):  # nan is neither
+        least, largest = float(self.omega.min()), float(self.omega.max())
+        if not (least > 0 and largest < np.inf):  # nan is neither
             message = "a frequency is not positive and finite"
             raise ModelError(("frequency",), message, code="frequency_not_positive")
         # The ends tell: a plan of millions of frequencies takes no room for what it compares.
-        if not within_range(np.array([self.omega.min(), self.omega.max()])):
+        if not within_range(np.array([least, largest])):
             message = f"a frequency is not between {RANGE[0]} and {RANGE[1]}"
             raise ModelError(("frequency",), message, code="out_of_range")
         if not self.system.constraints:
@@ -193,7 +194,7 @@ class Problem:
         assert self.tau is not None
         return self.tau
 
-    @property
+    @cached_property
     def struck(self) -> tuple[Constraint, ...]:
         """The active constraints."""
         return tuple(self.system.constraints[index] for index in self.active)

@@ -8,27 +8,53 @@ impulse per period has no bound.
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Final
 
-from vibroimpact_solvers import spectrum
+import numpy as np
+import scipy.linalg
+
+from vibroimpact_solvers import condensation, spectrum
+from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.periodic_motions.problem import Problem
 
-PLANNED = 400
-"""Degrees of freedom up to which a plan computes the modes of what may be free."""
+PLANNED: Final = 50
+"""Degrees of freedom up to which a plan looks for rigid-body modes: it takes milliseconds."""
 
-_SOFT = 1e-10  # eigenvalues below this part of the largest may be those of rigid bodies
+_SOFT: Final = 1e-10  # eigenvalues below this part of the largest may be those of rigid bodies
+_NOISE: Final = 4.0  # roundings of a mode's own elastic terms, as of the natural modes
+_NOTHING, _CLEAR = 1e-12, 1e-6  # parts of a direction that a mode moves not at all, and for sure
 _ONE_WAY = (
     "; the walls push a rigid-body mode one way only, so that no motion has these impacts: it "
     "would gain momentum in each period"
 )
 
 
-def may_be_free(system: System) -> bool:
-    """Whether a structure may have rigid-body modes."""
-    soft = _SOFT * spectrum.largest_frequency(system) ** 2
-    return not system.K.plus(-soft, system.M).is_positive_definite()
+def expected(problem: Problem) -> str:
+    """Return what `sentence` is going to say, or raise, as far as it is clear without the modes.
+
+    A plan computes no natural modes: those of hundreds of degrees of freedom take longer than
+    a plan may, and kernels that may be missing. Where a mode is hardly moved, or several modes
+    are, the solution tells.
+
+    Raises
+    ------
+    ModelError
+        As `sentence`.
+    """
+    system = problem.system
+    if problem.symmetric or system.n > PLANNED or not _may_be_free(system):
+        return ""
+    rows = system.directions([impact.constraint for impact in problem.impacts])
+    modes = _rigid_modes(system)
+    sizes = np.linalg.norm(rows, axis=1)[:, np.newaxis] * np.linalg.norm(modes, axis=0)
+    moved = rows @ modes / sizes
+    moved[np.abs(moved) <= _NOTHING] = 0.0
+    moved = moved[:, moved.any(axis=0)]
+    if moved.shape[1] != 1 or (np.abs(moved[moved != 0.0]) < _CLEAR).any():
+        return ""
+    return _said(problem, moved)
 
 
 def sentence(problem: Problem, natural: spectrum.Spectrum) -> str:
@@ -42,9 +68,14 @@ def sentence(problem: Problem, natural: spectrum.Spectrum) -> str:
     """
     if problem.symmetric:
         return ""
-    impacts = problem.impacts
-    rows = natural.participations(problem.system.constraints)[0][[i.constraint for i in impacts]]
-    pushes = rows[:, natural.roots == 0.0] * np.array([i.side for i in impacts])[:, np.newaxis]
+    rows = natural.participations(problem.system.constraints)[0]
+    moved = rows[[impact.constraint for impact in problem.impacts]]
+    return _said(problem, moved[:, natural.roots == 0.0])
+
+
+def _said(problem: Problem, moved: Floats) -> str:
+    """Return or raise what follows from what the impacts move of rigid modes, (impact, mode)."""
+    pushes = moved * np.array([i.side for i in problem.impacts])[:, np.newaxis]
     pushes = pushes[:, pushes.any(axis=0)]
     if not pushes.size:
         return ""
@@ -55,3 +86,27 @@ def sentence(problem: Problem, natural: spectrum.Spectrum) -> str:
         "only for the sequence 'symmetric'"
     )
     raise ModelError(("sequence",), message, code="rigid_body")
+
+
+def _may_be_free(system: System) -> bool:
+    """Whether a structure may have rigid-body modes."""
+    soft = _SOFT * spectrum.largest_frequency(system) ** 2
+    return not system.K.plus(-soft, system.M).is_positive_definite()
+
+
+def _rigid_modes(system: System) -> Floats:
+    """Return the modes with no more stiffness than roundings, shape (dof, mode)."""
+    if system.massless.size:
+        condensed = condensation.of(system)
+        M, K = condensed.M, condensed.K
+    else:
+        M, K = system.M, system.K
+    values, modes = scipy.linalg.eigh(K.to_dense(), M.to_dense(), check_finite=False)
+    modes = modes[:, np.abs(values) <= _SOFT * np.abs(values).max()]
+    if system.massless.size:
+        modes = condensed.whole(modes)
+    # Rayleigh's quotient errs by the square of the error of a mode only.
+    wide = np.asarray(system.K.to_dense(), dtype=np.longdouble)
+    elastic = np.abs((modes * (wide @ modes)).sum(axis=0))
+    own = (np.abs(modes) * (np.abs(wide) @ np.abs(modes))).sum(axis=0)
+    return np.asarray(modes[:, elastic <= _NOISE * EPS * own])

@@ -38,8 +38,7 @@ def plan(problem: Problem) -> Plan:
     Raises
     ------
     ModelError
-        Where the impacts move a free body, see `free_bodies`; of large structures only the
-        solution tells.
+        Where the impacts clearly move a free body, see `free_bodies`; else the solution tells.
     """
     steps = tuple(_steps(problem))
     return Plan(KIND, steps, tuple(_skips(problem)))
@@ -53,9 +52,7 @@ def _steps(problem: Problem) -> Iterator[Step]:
         message = f"the natural modes of the structure take more than {size / 1e9:.0f} GB"
         raise PlanError(message, ("system",))
     yield spectrum.step(system, method)
-    none = ""
-    if system.n <= free_bodies.PLANNED and free_bodies.may_be_free(system):
-        none = free_bodies.sentence(problem, spectrum.spectrum(system, method))
+    none = free_bodies.expected(problem)
     modes, m = float(system.n), len(problem.impacts)
     # With one impact, mostly a motion without impacts and two with; more by high harmonics.
     each = 2.0 * _order(problem)

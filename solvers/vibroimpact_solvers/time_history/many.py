@@ -16,6 +16,7 @@ from threading import Event
 from typing import Any, TypeVar
 
 import numpy as np
+import scipy.sparse
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import Cancelled, ModelError, SolverError, attempt
@@ -29,6 +30,7 @@ from vibroimpact_solvers.time_history.problem import (
     Problem,
     State,
     check_followed,
+    walls,
     within,
 )
 from vibroimpact_solvers.time_history.rigid_motions import Piece
@@ -42,6 +44,7 @@ Outcome = Result | SolverError
 _T = TypeVar("_T")
 _FEWEST, _MOST = 16, 512  # motions that a thread takes at a time
 _SEARCHED = 4096  # states that are looked at together
+_TOGETHER = 16  # limiters that they are compared with together
 _LOOK_SECONDS = 0.05  # between two calls of the caller's report
 
 
@@ -93,23 +96,52 @@ def first_start(
     report : callable, optional
         Called between parts of the search; may raise to end it.
     """
-    first = None
+    first, groups = None, _groups(constraints, x.shape[1])
     for begin in range(0, len(x), _SEARCHED):
         part = slice(begin, begin + _SEARCHED)
-        inside = _in_range(x[part]) & _in_range(v[part])
-        if first is None and inside.any():
-            first = begin + int(inside.argmax())
-        columns = x[part].T
-        for constraint in constraints:
+        left = begin + np.flatnonzero(_in_range(x[part]) & _in_range(v[part]))
+        if first is None and left.size:
+            first = int(left[0])
+        columns = np.ascontiguousarray(x[left].T)
+        inside = np.ones(left.size, dtype=bool)
+        for group in groups:
             if report is not None:
                 report()
             if not inside.any():
                 break
-            with np.errstate(over="ignore", invalid="ignore"):  # of states out of range
+            for constraint in group.left_by(columns):
                 inside &= within(constraint, columns)
         if inside.any():
-            return Start(begin + int(inside.argmax()), inside=True)
+            return Start(int(left[inside.argmax()]), inside=True)
     return None if first is None else Start(first, inside=False)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Group:
+    """Some limiters, with which states are compared at once."""
+
+    constraints: Sequence[Constraint]
+    rows: scipy.sparse.csr_array  # of their coordinates, (constraint, dof)
+    low: Floats
+    high: Floats
+
+    def left_by(self, columns: Floats) -> Iterator[Constraint]:
+        """Yield those that not all displacements, (dof, state), keep without a look at rounding."""
+        y = self.rows @ columns
+        kept = (y.min(axis=1) >= self.low) & (y.max(axis=1) <= self.high)
+        return (self.constraints[place] for place in np.flatnonzero(~kept).tolist())
+
+
+def _groups(constraints: Sequence[Constraint], n: int) -> list[_Group]:
+    groups = []
+    for begin in range(0, len(constraints), _TOGETHER):
+        some = constraints[begin : begin + _TOGETHER]
+        pairs = [(row, *pair) for row, each in enumerate(some) for pair in each.coordinate]
+        row, dof, weight = (np.array(part) for part in zip(*pairs, strict=True))
+        rows = scipy.sparse.csr_array((weight, (row, dof)), shape=(len(some), n))
+        low, high = np.array([walls(each) for each in some]).T
+        groups.append(_Group(some, rows, low, high))
+    return groups
 
 
 def refuse_all(motion: Callable[[int], Problem]) -> None:

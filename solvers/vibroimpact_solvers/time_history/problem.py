@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -14,7 +15,7 @@ from vibroimpact_solvers.checks import check_indices, check_outputs
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import RANGE, Constraint, System
 from vibroimpact_solvers.time_history.limiters import Power
-from vibroimpact_solvers.time_history.loads import Load, Sampled
+from vibroimpact_solvers.time_history.loads import Harmonic, Load, Sampled
 
 KIND: Final = "time-history"
 EXACT: Final = "exact"
@@ -154,6 +155,8 @@ class Problem:
 
     def _check_load(self) -> None:
         n, massless = self.system.n, set(self.system.massless.tolist())
+        if not massless and _harmonic_loads_are_valid(self.load, n):
+            return  # thousands are compared at once
         for place, term in enumerate(self.load):
             if isinstance(term, Sampled):
                 self._check_samples(place, term)
@@ -252,10 +255,11 @@ class Problem:
             _check_magnitude(("initial", name), largest)
         check_followed(self.system, state)
         rigid = self.system.constraints if self.limiter is None else ()
+        x = state.x.tolist()  # of thousands of limiters, numbers of Python are quicker
         for index, constraint in enumerate(rigid):
-            if not within(constraint, state.x):
-                y = sum(weight * float(state.x[dof]) for dof, weight in constraint.coordinate)
-                low, high = _walls(constraint)
+            if not within(constraint, x):
+                y = sum(weight * x[dof] for dof, weight in constraint.coordinate)
+                low, high = walls(constraint)
                 message = (
                     f"constraint {index} is at {y!r}, outside of its limits [{low!r}, {high!r}]"
                 )
@@ -290,15 +294,15 @@ class Problem:
         return self.dofs
 
 
-def within(constraint: Constraint, x: Floats) -> Any:
+def within(constraint: Constraint, x: Floats | list[float]) -> Any:
     """Return whether displacements, shape (dof, …), keep a constraint, each but for rounding."""
     terms = [weight * x[dof] for dof, weight in constraint.coordinate]
     y, rounding = sum(terms), 1e-14 * sum(map(abs, terms))
-    low, high = _walls(constraint)
+    low, high = walls(constraint)
     return (low - rounding <= y) & (y <= high + rounding)
 
 
-def _walls(constraint: Constraint) -> tuple[float, float]:
+def walls(constraint: Constraint) -> tuple[float, float]:
     """Return the least and the largest value of the coordinate of a constraint."""
     low = -math.inf if constraint.lower is None else -constraint.lower
     return low, math.inf if constraint.upper is None else constraint.upper
@@ -339,6 +343,21 @@ def _followed(system: System, state: State) -> State:
 def tolerance_of(problem: Problem) -> float:
     """Return the required accuracy, that of the problem or `TOLERANCE`."""
     return TOLERANCE if problem.tolerance is None else problem.tolerance
+
+
+def _harmonic_loads_are_valid(load: Sequence[Load], n: int) -> bool:
+    """Whether all loads are harmonic, on degrees of freedom that there are, and in range."""
+    harmonic = [term for term in load if isinstance(term, Harmonic)]
+    if len(harmonic) < len(load):
+        return False
+    terms = [(term.amplitude, term.frequency, term.phase) for term in harmonic]
+    dofs = [term.dof for term in harmonic]
+    numbers = np.array(terms, dtype=np.float64).reshape(-1, 3)
+    sizes = np.abs(numbers)
+    in_range = ((sizes == 0.0) | ((sizes >= RANGE[0]) & (sizes <= RANGE[1]))).all()  # nan is not
+    return bool(in_range and (numbers[:, 1] >= 0.0).all()) and (
+        not dofs or (min(dofs) >= 0 and max(dofs) < n)
+    )
 
 
 def _check_magnitude(pointer: tuple[str | int, ...], value: float) -> None:

@@ -81,7 +81,7 @@ def test_a_structure_without_losses_is_refused(http: TestClient, content: dict[s
     answer = http.post(COMPUTE, json=content)
     assert answer.status_code == 422
     (error,) = answer.json()["errors"]
-    assert error["pointer"] == "/system/C"
+    assert error["pointer"] == "/system/zeta"
     assert "no attractor" in error["message"]
 
 

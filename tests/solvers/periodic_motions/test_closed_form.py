@@ -584,6 +584,19 @@ class TestFreeBodies:
             symmetric = solved(replace(problem, sequence=driven.SYMMETRIC))
             assert (symmetric.solution_impacts == 2).sum() >= 2
 
+    @pytest.mark.parametrize(("n", "planned"), [(3, True), (60, False)])
+    def test_plans_tell_what_is_quickly_known(self, n: int, planned: bool) -> None:
+        """A mass in the middle is missing: it follows its neighbours, and all are free."""
+        wall, masses = (Constraint((0,), (1.0,), 0.3, 0.3, 0.8),), np.ones(n)
+        joined = free_masses(tuple(masses), wall)
+        masses[1] = 0.0
+        system = System(SymmetricMatrix.diagonal(masses), joined.K, wall)
+        problem = self.problem(system, (driven.Impact(0, -1),))
+        step = driven.plan(problem).step(Stage.IMPULSE)
+        assert step is not None
+        assert ("gain momentum" in step.reason) == planned
+        assert (solved(problem).solution_impacts == 0).all()
+
     def test_a_stop_between_two_free_masses_does_not_move_both(self) -> None:
         """Their distance is that of one mass, the reduced one, on the spring between them."""
         m = (1.3, 0.7)
