@@ -10,9 +10,12 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import httpx2
 import pytest
+
+from tests.forked import Forked
 
 
 class Service:
@@ -73,6 +76,29 @@ def start() -> Iterator[Callable[..., Service]]:
     for service in started:
         if service.process.poll() is None:
             service.stop()
+
+
+@pytest.fixture(scope="session")
+def commands() -> Iterator[Callable[..., subprocess.CompletedProcess[str]]]:
+    """Return the function that runs ``vibroimpact`` with some arguments in a process of its own.
+
+    Further arguments are those of `tests.forked.Forked`.
+    """
+    forked = Forked(
+        "vibroimpact.cli.app",
+        "vibroimpact_service.access.commands",
+        "vibroimpact_service.app",
+        "vibroimpact_service.cli",
+        "vibroimpact_service.operations.commands",
+        environment={**os.environ, "COLUMNS": "200", "OMP_NUM_THREADS": "1"},
+    )
+    code = "import sys; from vibroimpact.cli import main; sys.argv[0] = 'vibroimpact'; main()"
+
+    def run(*arguments: str, **more: Any) -> subprocess.CompletedProcess[str]:
+        return forked(code, *arguments, **more)
+
+    yield run
+    forked.close()
 
 
 @pytest.fixture(scope="session")

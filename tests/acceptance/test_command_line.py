@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +24,10 @@ REQUEST = {
 class Shell:
     """Runs commands in a folder with a configuration of its own."""
 
-    def __init__(self, folder: Path, url: str) -> None:
-        self.folder = folder
+    def __init__(
+        self, folder: Path, url: str, run: Callable[..., subprocess.CompletedProcess[str]]
+    ) -> None:
+        self.folder, self.run = folder, run
         self.file = folder / "request.json"
         self.file.write_text(json.dumps(REQUEST))
         self.url = url
@@ -37,15 +39,14 @@ class Shell:
         environment |= {"VIBROIMPACT_CONFIG": str(self.folder / "config.toml"), "COLUMNS": "200"}
         if url is not None:
             environment["VIBROIMPACT_URL"] = url or self.url
-        return subprocess.run(
-            [sys.executable, "-m", "vibroimpact.cli", *arguments], input=text, env=environment,
-            capture_output=True, text=True, timeout=200, check=False, cwd=self.folder,
-        )  # fmt: skip
+        return self.run(*arguments, text=text or "", environment=environment, folder=self.folder)
 
 
 @pytest.fixture
-def shell(service: Service, tmp_path: Path) -> Shell:
-    return Shell(tmp_path, service.url)
+def shell(
+    service: Service, tmp_path: Path, commands: Callable[..., subprocess.CompletedProcess[str]]
+) -> Shell:
+    return Shell(tmp_path, service.url, commands)
 
 
 def printed(done: subprocess.CompletedProcess[str]) -> Any:

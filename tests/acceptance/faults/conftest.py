@@ -1,4 +1,8 @@
-"""Fixtures of the fault tests: random moments, records of the work, clean-up of processes."""
+"""Fixtures of the fault tests: random moments, records of the work, clean-up of processes.
+
+They wait for most of their time, and each has a service of its own: `nox -s faults` runs several
+beside one another.
+"""
 
 from __future__ import annotations
 
@@ -16,12 +20,22 @@ from processes import Process, Record
 from shared import Machine
 
 Some = TypeVar("Some", bound=Process)
+LONGEST = ("monitoring", "neighbours", "cluster", "backup", "soak")
+"""These files begin first: no process of pytest is to wait for one that began last."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    for item in items:
-        if Path(__file__).parent in item.path.parents:
-            item.add_marker(pytest.mark.faults)
+    ours = [item for item in items if Path(__file__).parent in item.path.parents]
+    for item in ours:
+        item.add_marker(pytest.mark.faults)
+    if ours == items:
+        items.sort(key=_place)
+
+
+def _place(item: pytest.Item) -> int:
+    """Return the place of a test in the order, which is otherwise that of the names of files."""
+    name = item.path.stem.removeprefix("test_")
+    return LONGEST.index(name) if name in LONGEST else len(LONGEST)
 
 
 @pytest.fixture

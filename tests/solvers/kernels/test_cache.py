@@ -8,12 +8,14 @@ import subprocess
 import sys
 import time
 import zipfile
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numba
 import pytest
 from llvmlite import binding
 
+from tests.forked import Forked
 from vibroimpact_solvers.kernels import cache
 
 SOLVERS = cache.KERNELS.parent
@@ -49,25 +51,33 @@ def write(place: Path, how: str, answer: float) -> None:
     (place / "kernels" / "caller.py").write_text(CALLER)
 
 
-def answer(path: Path, python: str = sys.executable) -> tuple[float, int]:
-    """Return the kernel's answer in a new process, and how often it was taken from the cache."""
-    environment = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA")}
-    done = subprocess.run(
-        [python, "-c", PROGRAM],
-        env={**environment, "PYTHONPATH": str(path)},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-    )
+def _environment() -> dict[str, str]:
+    return {k: v for k, v in os.environ.items() if not k.startswith("NUMBA")}
+
+
+def _told(done: subprocess.CompletedProcess[str]) -> tuple[float, int]:
     assert done.returncode == 0, done.stderr
     value, hits = done.stdout.split()
     return float(value), int(hits)
 
 
+Answer = Callable[[Path], tuple[float, int]]
+
+
+@pytest.fixture(scope="module")
+def answer() -> Iterator[Answer]:
+    """Return what gives the kernel's answer, and how often it was taken from the cache.
+
+    Each time in a new process, with the solvers of a folder; numba alone is loaded before.
+    """
+    forked = Forked("numba", environment=_environment())
+    yield lambda path: _told(forked(PROGRAM, places=(path,)))
+    forked.close()
+
+
 @pytest.mark.parametrize("how", ["kernel", "inline"])
 def test_a_changed_helper_is_compiled_into_callers_that_were_not_touched(
-    tmp_path: Path, how: str
+    answer: Answer, tmp_path: Path, how: str
 ) -> None:
     copy = tmp_path / "vibroimpact_solvers"
     shutil.copytree(SOLVERS, copy, ignore=shutil.ignore_patterns("__pycache__"))
@@ -112,7 +122,11 @@ def test_an_upgrade_by_pip_computes_the_new_numbers(tmp_path: Path) -> None:
     for version, value in (("1.0", 6.0), ("1.1", 7.0)):
         install = ["-m", "pip", "install", "-q", "--upgrade", str(wheel(tmp_path, version, value))]
         subprocess.run([python, *install], check=True, timeout=120)
-        answers.append(answer(tmp_path / "nothing", python))
+        done = subprocess.run(
+            [python, "-c", PROGRAM], env=_environment() | {"PYTHONPATH": ""},
+            capture_output=True, text=True, check=False, timeout=120,
+        )  # fmt: skip
+        answers.append(_told(done))
     assert answers == [(6.0, 0), (7.0, 0)]
     assert len(list(libraries.glob("vibroimpact_solvers/kernels/__pycache__/compiled-*"))) == 1
 
@@ -170,7 +184,9 @@ def test_without_a_writable_package_the_caches_of_the_user_serve(tmp_path: Path)
 
 
 @pytest.mark.parametrize("ending", ["nbi", "nbc"])
-def test_files_that_a_crash_cut_short_are_removed(tmp_path: Path, ending: str) -> None:
+def test_files_that_a_crash_cut_short_are_removed(
+    answer: Answer, tmp_path: Path, ending: str
+) -> None:
     copy = tmp_path / "vibroimpact_solvers"
     shutil.copytree(SOLVERS, copy, ignore=shutil.ignore_patterns("__pycache__"))
     write(copy, "kernel", 6.0)
