@@ -174,15 +174,22 @@ def _add_rounding_to(
 
 
 @inline
-def estimated_error(deviations: Floats, errors: Errors, progress: Rows) -> float:
-    """Return the error estimated from the deviations, relative to the length of the motion."""
-    largest, size = 0.0, progress[0].largest
+def estimated_length(deviations: Floats, errors: Errors, progress: Rows) -> float:
+    """Return the length of the error estimated from the deviations, in units of 2^-52."""
+    largest, now = 0.0, progress[0]
     for c in range(deviations.shape[0]):
         longest, _ = lengths(deviations[c], errors, 0.0)
         if longest > largest or math.isnan(longest):  # after which nothing is larger
             largest = longest
-    error = SAFETY * largest / size if size > 0.0 else 0.0
-    return float(max(error, progress[0].unresolved))
+    unresolved = now.unresolved * now.largest if now.unresolved > 0.0 else 0.0
+    return float(max(SAFETY * largest, unresolved))
+
+
+@inline
+def estimated_error(deviations: Floats, errors: Errors, progress: Rows) -> float:
+    """Return the error estimated from the deviations, relative to the length of the motion."""
+    size = progress[0].largest
+    return estimated_length(deviations, errors, progress) / size if size > 0.0 else 0.0
 
 
 @inline
@@ -226,19 +233,22 @@ def error_after(structure: Structure, motion: Motion, scratch: Scratch, s: float
 
 
 @inner
-def note_what_decays(structure: Structure, motion: Motion, scratch: Scratch, s: float) -> None:
+def note_what_decays(structure: Structure, motion: Motion, scratch: Scratch, s: float) -> float:
     """Note errors of a free motion of duration s that are smaller at its end than on the way.
 
     That of a frequency is like ``t exp(alpha t)``, with its largest value at ``t = -1 / alpha``:
     where anything decays to 1/e or less, they are estimated at half the duration, a quarter of it,
-    and so on, until nothing decays.
+    and so on, until nothing decays. Returns the largest of them, relative to the motion.
     """
     now, alpha, fastest, t = motion.progress[0], structure.flow.alpha, 0.0, 0.5 * s
+    largest = 0.0
     for j in range(alpha.size):
         fastest = max(fastest, -alpha[j])
     while fastest * s > 1.0 and fastest * t > _STEADY:
-        now.growth = max(now.growth, error_after(structure, motion, scratch, t))
+        largest = max(largest, error_after(structure, motion, scratch, t))
         t *= 0.5
+    now.growth = max(now.growth, largest)
+    return largest
 
 
 @inner

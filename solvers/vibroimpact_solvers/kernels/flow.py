@@ -303,13 +303,13 @@ def _averages(x: complex) -> tuple[complex, complex]:
 
 
 @inline
-def _differences(x: float, y: float, h: float) -> tuple[float, float]:
-    """Return how the `_averages` of two real numbers x = y + h differ.
+def _differences(x: complex, y: complex, h: float) -> tuple[complex, complex]:
+    """Return how the `_averages` of two numbers x = y + h differ.
 
     Relative to h: where drag is faint, or damping almost critical, it is all that moves.
     """
     if max(abs(x), abs(y)) <= 1.0:
-        first, second, power, apart, factorial = 0.0, 0.0, 1.0, h, 1.0
+        first, second, power, apart, factorial = 0.0j, 0.0j, 1.0 + 0.0j, h + 0.0j, 1.0
         for n in range(1, _TERMS):
             # apart is x^n - y^n
             factorial *= n + 1
@@ -319,12 +319,12 @@ def _differences(x: float, y: float, h: float) -> tuple[float, float]:
             apart = x * apart + h * power
         return first, second
     if abs(x) < abs(y):
-        one, two = _averages(complex(x, 0.0))
-        first = -(math.exp(x) * math.expm1(-h) + h * one.real) / y
-        return first, (first - h * two.real) / y
-    one, two = _averages(complex(y, 0.0))
-    first = (math.exp(y) * math.expm1(h) - h * one.real) / x
-    return first, (first - h * two.real) / x
+        one, two = _averages(x)
+        first = -(cmath.exp(x) * math.expm1(-h) + h * one) / y
+        return first, (first - h * two) / y
+    one, two = _averages(y)
+    first = (cmath.exp(y) * math.expm1(h) - h * one) / x
+    return first, (first - h * two) / x
 
 
 @inner
@@ -344,33 +344,32 @@ def _ramped(
     if j < flow.hyperbolas_end:
         x, y = ((alpha + nu) + flow.rest[j]) * s, ((alpha - nu) - flow.rest[j]) * s
         one, two = _averages(complex(x, 0.0))
-        of_one, of_two = _differences(x, y, 2.0 * (nu + flow.rest[j]) * s)
-        both = s * value * (one.real - 0.5 * of_one) + whole * (two.real - 0.5 * of_two)
-        apart = 0.5 * (s * value * of_one + whole * of_two)
+        h = 2.0 * (nu + flow.rest[j]) * s
+        of_one, of_two = _differences(complex(x, 0.0), complex(y, 0.0), h)
+        both = (s * value * (one - 0.5 * of_one) + whole * (two - 0.5 * of_two)).real
+        apart = 0.5 * (s * value * of_one + whole * of_two).real
         return first * both + second * apart, first * apart + second * both
     # Of rigid bodies.
     gained = s * value + 0.5 * whole
     return first * gained + second * s * (0.5 * s * value + whole / 6.0), second * gained
 
 
-@inline
-def _gained(rate: float, turning: float, s: float) -> complex:
-    """Return the integral of ``e^(rate (s - u)) e^(i turning u)`` over 0 < u < s."""
-    x = complex(-rate * s, turning * s)
-    if abs(x) > 1.0:
-        return s * (cmath.exp(complex(0.0, turning * s)) - math.exp(rate * s)) / x
-    one, _ = _averages(x)
-    return s * math.exp(rate * s) * one
-
-
 @inner
 def _swung(flow: Flow, j: int, force: complex, turning: float, s: float) -> tuple[float, float]:
-    """Return what a load ``Re(force e^(i turning t))`` adds to a rigid body in a time s."""
+    """Return what a load ``Re(force e^(i turning t))`` adds to a rigid body in a time s.
+
+    Of the rate sigma a component gains ``s e^(i turning s) (e^x - 1) / x``, x being
+    ``(sigma - i turning) s``, and what moves a body with faint drag is the difference of two.
+    """
     if j < flow.hyperbolas_end:
         alpha, nu, rest = flow.alpha[j], flow.nu[j], flow.rest[j]
-        plus = (force * _gained((alpha + nu) + rest, turning, s)).real
-        minus = -(force * _gained((alpha - nu) - rest, turning, s)).real
-        return 0.5 * (plus + minus), 0.5 * (plus - minus)
+        turned = force * cmath.exp(complex(0.0, turning * s))
+        x = complex(((alpha + nu) + rest) * s, -turning * s)
+        y = complex(((alpha - nu) - rest) * s, -turning * s)
+        one, _ = _averages(x)
+        of_one, _ = _differences(x, y, 2.0 * (nu + rest) * s)
+        first = 0.5 * s * (turned * of_one).real
+        return first, s * (turned * one).real - first
     one, two = _averages(complex(0.0, turning * s))
     return s * s * (force * two).real, s * (force * one).real
 

@@ -20,6 +20,7 @@ from vibroimpact_solvers.kernels.deviations import (
     EPS,
     SAFETY,
     estimated_error,
+    estimated_length,
     length,
     lose,
     random_row,
@@ -248,12 +249,13 @@ def _find_struck(structure: Structure, motion: Motion, scratch: Scratch) -> int:
 
 
 @inline
-def _write(motion: Motion, struck: Rows, a: int) -> None:
+def _write(motion: Motion, struck: Rows, a: int, acceleration: float) -> None:
     """Add an impact to the table."""
     now, one = motion.progress[0], struck[a]
     row = motion.impacts[now.rows]
     row.constraint, row.side = one.coordinate, int(one.side)
     row.velocity, row.impulse = one.side * one.speed, one.impulse
+    row.acceleration = acceleration
     now.rows += 1
 
 
@@ -289,7 +291,7 @@ def _strike_one(structure: Structure, motion: Motion, scratch: Scratch, row: int
         z[Z2, j], rest[Z2, j] = _add_impulse(z[Z2, j], rest[Z2, j], impulse, taken, kick[Z2, j])
     one.impulse = abs(impulse)
     if speed > slight:
-        _write(motion, scratch.struck, _ALONE)
+        _write(motion, scratch.struck, _ALONE, acceleration)
     # Without the rounding of sums.
     speed, push = wall.restitution * speed, one.side * (acceleration + impulse * wall.acceleration)
     return _comes_to_rest(structure, motion, scratch, _ALONE, speed, push)
@@ -315,12 +317,12 @@ def _strike_several(
         one = struck[a]
         i, kick = one.coordinate, watched.kick[one.coordinate]
         if one.impulse > 0.0:
+            acceleration = product(watched.velocity[i], rate)
             if one.speed > 0.0:
                 # One after the other: where the order matters, they are widened beside.
-                acceleration = product(watched.velocity[i], rate)
                 at_wall = scratch.grazing[i] == STRIKES
                 _turn_deviations(structure, motion, struck, a, acceleration, row + a, at_wall)
-            _write(motion, struck, a)
+            _write(motion, struck, a, acceleration)
         for j in range(z.shape[1]):
             z[Z1, j] -= one.side * one.impulse * kick[Z1, j]
             z[Z2, j] -= one.side * one.impulse * kick[Z2, j]
@@ -375,6 +377,7 @@ def strike(structure: Structure, motion: Motion, scratch: Scratch) -> bool:
     if structure.walls.size > 1 and motion.deviations.shape[0] > 0:
         _widen_unknown_order(structure, motion, scratch)
     count = _find_struck(structure, motion, scratch)
+    before = estimated_length(motion.deviations, errors, motion.progress)
     if count == 1:
         rests = _strike_one(structure, motion, scratch, row)
         if not rests and structure.walls[progress.coordinate].restitution == 0.0:
@@ -391,5 +394,7 @@ def strike(structure: Structure, motion: Motion, scratch: Scratch) -> bool:
         for line in range(first, progress.rows):
             impact = motion.impacts[line]
             impact.time, impact.time_rest = progress.time, progress.time_rest
-            impact.deviation = error
+            impact.deviation, impact.before = error, before
+            if count > 1:  # one after the other
+                impact.before = max(before, error * progress.largest)
     return rests

@@ -20,6 +20,7 @@ from vibroimpact_solvers.kernels.deviations import (
     EPS,
     add_rounding,
     estimated_error,
+    estimated_length,
     length,
     lose,
     lose_on_the_way,
@@ -146,6 +147,17 @@ def _move(structure: Structure, motion: Motion, scratch: Scratch, s: float, ds: 
         add_rounding(flow, motion, structure.errors, row, s)
 
 
+@inner
+def _note_errors(
+    structure: Structure, motion: Motion, history: History, first: int, largest: float
+) -> None:
+    """Write the errors of the samples of a free motion, from one on: all the largest."""
+    deviations, now = motion.deviations, motion.progress[0]
+    largest = max(largest, estimated_length(deviations, structure.errors, motion.progress))
+    for k in range(first, now.samples):
+        history.error[k] = largest
+
+
 @once
 def _advance(
     structure: Structure, motion: Motion, scratch: Scratch, modal: Modal, history: History
@@ -165,15 +177,22 @@ def _advance(
         if who == UNDECIDED:
             s, ds, who, side = next_event(structure, motion, scratch)
         until = np.inf if who == AT_END else (now.time + s) + (now.time_rest + ds)
+        first, error = now.samples, 0.0
         _take_samples(structure, motion, scratch, modal, history, until)
+        sampled = history.error.size > 0 and now.samples > first
+        if sampled:
+            error = estimated_length(motion.deviations, structure.errors, motion.progress)
         if motion.deviations.shape[0] > 0 and now.known_until == np.inf:
             drifted = structure.errors.drift * s * EPS > _DRIFTED * now.tolerance
             if drifted or grows(structure.flow):
                 lose_on_the_way(structure, motion, scratch, s)
         if motion.deviations.shape[0] > 0 and structure.flow.damped:
-            note_what_decays(structure, motion, scratch, s)
+            decays = note_what_decays(structure, motion, scratch, s)
+            error = max(error, decays * now.largest)
         begun = now.time
         _move(structure, motion, scratch, s, ds)
+        if sampled:
+            _note_errors(structure, motion, history, first, error)
         if who < 0:
             if motion.deviations.shape[0] > 0:
                 error = estimated_error(motion.deviations, structure.errors, motion.progress)
@@ -200,6 +219,7 @@ def _finish(structure: Structure, motion: Motion, modal: Modal, first: int, ende
         row.time = (row.time + row.time_rest) / modal.scale
         row.velocity *= modal.scale
         row.impulse *= modal.scale
+        row.acceleration *= modal.scale * modal.scale
         if not row.deviation <= now.growth:
             now.growth = row.deviation
     if ended:
@@ -259,11 +279,12 @@ def follow(
     z, deviations, progress, impacts, output_times = motion
     named, conversion = structure_of(structure), modal_of(modal)
     scratch = scratch_of(work, z.shape[1], conversion.place.size)
-    xs, vs, energies = history
+    xs, vs, energies, lengths = history
     place, rows, spent = 0, progress[0].rows, 0
     while True:
         current = Motion(z, deviations, progress[place : place + 1], impacts, output_times)
-        written, now = History(xs[place], vs[place], energies[place]), progress[place]
+        written = History(xs[place], vs[place], energies[place], lengths[place])
+        now = progress[place]
         now.rows = rows
         for j in range(z.shape[1]):
             scratch.rest[Z1, j] = scratch.rest[Z2, j] = 0.0

@@ -53,7 +53,9 @@ IMPACT: Final = np.dtype(
         ("time_rest", "f8"),
         ("velocity", "f8"),  # of the coordinate before the impact, with its sign
         ("impulse", "f8"),  # its magnitude
+        ("acceleration", "f8"),  # of the coordinate before the impact, with its sign
         ("deviation", "f8"),  # estimated error relative to the motion, in units of 2^-52
+        ("before", "f8"),  # length of that before the impact, in units of 2^-52
         ("constraint", "i8"),
         ("side", "i8"),
     ]
@@ -154,6 +156,7 @@ class History(NamedTuple):
     x: Floats  # (time, dof)
     v: Floats  # (time, dof)
     energy: Floats  # (time,)
+    error: Floats  # (time,): estimated lengths of the errors of states, in units of 2^-52
 
 
 class Scratch(NamedTuple):

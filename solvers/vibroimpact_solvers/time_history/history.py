@@ -10,9 +10,9 @@ from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.time_history.problem import Problem
 from vibroimpact_solvers.time_history.structure import Structure
 
-History = tuple[Floats, Floats, Floats]
-"""Displacements and velocities (motion, time, dof) and energies (motion, time), as
-`kernels.rigid_motion.follow` fills them in; empty where not requested."""
+History = tuple[Floats, Floats, Floats, Floats]
+"""Displacements and velocities (motion, time, dof), energies and lengths of the errors of the
+states (motion, time), as `kernels.rigid_motion.follow` fills them in; empty where not requested."""
 
 
 def new_history(problem: Problem, motions: int) -> History:
@@ -20,18 +20,22 @@ def new_history(problem: Problem, motions: int) -> History:
     times, outputs = problem.times.size, problem.outputs
     whole = motions, times, problem.output_dofs.size
     x, v = (np.empty(whole if name in outputs else (motions, 0, 0)) for name in ("x", "v"))
-    return x, v, np.empty((motions, times if "energy" in outputs else 0))
+    stated = problem.estimate and outputs & {"x", "v", "energy"}
+    energy, error = (
+        np.empty((motions, times if wanted else 0)) for wanted in ("energy" in outputs, stated)
+    )
+    return x, v, energy, error
 
 
 def some_of(history: History, motions: slice | Integers) -> History:
     """Return the history of some of the motions."""
-    x, v, energy = history
-    return x[motions], v[motions], energy[motions]
+    x, v, energy, error = history
+    return x[motions], v[motions], energy[motions], error[motions]
 
 
 def requested(problem: Problem, history: History) -> dict[str, Any]:
     """Return the fields of the result, of all motions, with the drift of their energies."""
-    x, v, energy = history
+    x, v, energy, _ = history
     outputs, values = problem.outputs, dict[str, Any]()
     if "x" in outputs:
         values["x"] = x
@@ -57,7 +61,8 @@ def requested_of_one(
             energy += law.potential(x @ structure.W.T, law.sizes(system))
     if x.shape[1] == system.n:
         x, v = x[:, dofs], v[:, dofs]
-    values = requested(problem, (x[np.newaxis], v[np.newaxis], energy[np.newaxis]))
+    history = x[np.newaxis], v[np.newaxis], energy[np.newaxis], np.empty((1, 0))
+    values = requested(problem, history)
     return {name: value[0] for name, value in values.items()}
 
 

@@ -89,14 +89,14 @@ def result_of(
     for name, value in requested(problem, history).items():
         values[name] = value[0]
     if problem.estimate:
-        state = np.array([growth]), np.array([largest]), np.array([known_until])
-        for name, value in errors.history(*state).items():
+        state = np.array([largest]), np.array([known_until])
+        for name, value in errors.history(history[-1], *state).items():
             values[name] = value[0]
     if "impacts" in problem.outputs:
         for name, column in _COLUMNS.items():
             values[name] = impacts[column].copy()
         if problem.estimate:
-            values.update(errors.impacts(impacts, np.array([impacts.size]), *state[1:]))
+            values.update(errors.impacts(impacts, np.array([impacts.size]), *state))
     if intervals and "contacts" in problem.outputs:
         scale = structure.scale
         values.update(
@@ -134,13 +134,13 @@ def arrays_of(
     Parameters are those of `result_of`, with rows of the progress and of the history for all.
     """
     outputs, size = problem.outputs, progress.size
+    state = progress["largest"], progress["known_until"]
     arrays = {name: values[name] for name in ("t", "dof", "error_statement")}
     arrays |= requested(problem, history) | {"status": np.full(size, Status.OK)}
     if "impacts" in outputs:
         arrays |= {name: impacts[column] for name, column in _COLUMNS.items()}
         counts = arrays["impact_count"] = progress["rows"] - progress["first_row"]
         if problem.estimate:
-            state = progress["largest"], progress["known_until"]
             arrays |= errors.impacts(impacts, counts, *state)
     if "contacts" in outputs:
         arrays |= {name: values[name] for name in _TABLES["contacts"]}
@@ -148,7 +148,7 @@ def arrays_of(
     for name in ("error_condition", "error_predictable_until"):
         arrays[name] = np.full(size, values[name])
     if problem.estimate:
-        arrays |= errors.history(progress["growth"], progress["largest"], progress["known_until"])
+        arrays |= errors.history(history[-1], *state)
         known = progress["known_until"]
         arrays["error_condition"] = progress["growth"]
         arrays["error_predictable_until"] = np.where(known < math.inf, known, problem.t_end)

@@ -398,8 +398,10 @@ class Run:
             self.Z[1 + c] = self.structure.state_of(self.configuration, *turned)
         self.configuration.basis.doubt_loads(self.Z)
         velocity, impulse = side * impact.speed, float(impact.impulses[0])
-        growth = max(growth, self.growth)
-        self._add_impact(self.scale * velocity, self.scale * impulse, growth, *contact)
+        found = self.scale * velocity, self.scale * impulse
+        bend = self.scale**2 * float(self.structure.W[contact[0]] @ before)
+        errors = max(growth, self.growth), growth * float(self.progress_row["largest"])
+        self._add_impact((*found, bend), errors, *contact)
 
     def _deviations(self) -> list[Moved]:
         return [
@@ -411,11 +413,19 @@ class Run:
         return self.structure.displacements(self.configuration, rate, level=False)[1]
 
     def _add_impact(
-        self, velocity: float, impulse: float, growth: float, constraint: int, side: int
+        self,
+        of: tuple[float, float, float],
+        errors: tuple[float, float],
+        constraint: int,
+        side: int,
     ) -> None:
-        """Add a row to the table of impacts."""
+        """Add a row to the table of impacts.
+
+        of are velocity, impulse and acceleration, errors its deviation and what is before it.
+        """
         now, time = self.progress_row, self.now / self.scale
-        row = time, 0.0, velocity, impulse, growth, constraint, side
+        row = time, 0.0, *of, *errors, constraint, side
+        growth, _ = errors
         self.impacts.append(np.array([row], IMPACT))
         if not growth <= now["growth"]:
             now["growth"] = growth

@@ -6,8 +6,9 @@ later by what its coordinate is off, over its speed:
 
     dt = 2 dy / (v + (v^2 - 2 a dy)^(1/2)) ,    dv = dv_state + a dt ,
 
-a being a bound of the acceleration. Where the root is not real the impact may be missing: its time
-is not known, and its speed by ``(v^2 + 2 a dy)^(1/2)`` at most.
+a being a bound of the acceleration, and in dv that of the impact and what dt makes of it. Where the
+root is not real the impact may be missing: its time is not known, and its speed by
+``(v^2 + 2 a dy)^(1/2)`` at most.
 """
 
 from __future__ import annotations
@@ -59,6 +60,14 @@ class Reach:
         by_rate = self._basis.rates_of(self._basis.velocity(self._rows))
         bend = self._structure.scale**2 * _lengths(self._basis, by_rate)
         return np.concatenate([self._of(self._rows), bend[np.newaxis]])
+
+    @cached_property
+    def fastest(self) -> float:
+        """How fast accelerations change, relative to their bounds."""
+        basis, times = self._basis, self._structure.ramps.times
+        rate = self._structure.scale * float(np.hypot(basis.alpha, basis.nu).max(initial=0.0))
+        # A load changes from one bound to the other between two samples.
+        return max(rate, 2.0 / float(np.diff(times).min())) if times.size else rate
 
     @cached_property
     def push(self) -> Floats:
@@ -127,23 +136,26 @@ class StatedErrors:
             self._known[of.contacts] = Reach(self._structure, of, self._problem.output_dofs)
         return self._known[of.contacts]
 
-    def history(self, growth: Floats, largest: Floats, until: Floats) -> dict[str, Any]:
+    def history(self, lengths: Floats, largest: Floats, until: Floats) -> dict[str, Any]:
         """Return the errors of x, v and the energy, of motions, shape (motion, time, …).
 
         Parameters
         ----------
-        growth, largest, until : array, shape (motion,)
-            `kernels.rigid_state.PROGRESS`: ``growth``, ``largest`` and ``known_until``.
+        lengths : array, shape (motion, time)
+            Of the errors of the states, as in `kernels.rigid_state.History`.
+        largest, until : array, shape (motion,)
+            `kernels.rigid_state.PROGRESS`: ``largest`` and ``known_until``.
         """
         outputs, times = self._problem.outputs, self._problem.times
         values = dict[str, Any]()
         if not outputs & {"x", "v", "energy"}:
             return values
-        state = self._state(growth, largest, until)
-        known = np.where(times < until[:, np.newaxis], 1.0, np.inf)
+        largest, until = largest[:, np.newaxis], until[:, np.newaxis]
+        state = self._state(lengths, largest, until)
+        known = np.where(times < until, 1.0, np.inf)
         if outputs & {"x", "v"}:
             reaches = np.maximum.reduce([reach.history for reach in self._reaches])
-            each = (known * state[:, np.newaxis])[..., np.newaxis]
+            each = (known * state)[..., np.newaxis]
             for name, reach in zip(("x", "v"), reaches, strict=True):
                 if name in outputs:
                     values[f"error_{name}"] = each * reach
@@ -152,7 +164,7 @@ class StatedErrors:
             square, linear, level = parts.max(axis=0).tolist()
             energy = square * (largest + 0.5 * state) * state + linear * state
             rounded = _SUMMED * EPS * (square * largest**2 + linear * largest + level)
-            values["error_energy"] = known * (energy + rounded)[:, np.newaxis]
+            values["error_energy"] = known * (energy + rounded)
         return values
 
     def impacts(
@@ -169,21 +181,19 @@ class StatedErrors:
             As in `history`.
         """
         one = rows["constraint"]
-        deviation = rows["deviation"].copy()
-        # An impact without restitution takes errors out of the state: they are those before it.
-        first = np.cumsum(counts)[:-1]
-        before = np.concatenate([deviation[:1], deviation[:-1]])
-        before[first[first < before.size]] = 0.0
         largest, until = np.repeat(largest, counts), np.repeat(until, counts)
-        state = self._state(np.fmax(deviation, before), largest, until)
+        state = self._state(rows["before"], largest, until)
         reaches = np.maximum.reduce([reach.coordinates for reach in self._reaches])[:, one]
         push = np.maximum.reduce([reach.push for reach in self._reaches])[one]
-        off, speed = state * reaches[0], np.abs(rows["velocity"])
+        walls = self._structure.configuration().kernel.walls["size"]
+        off, speed = state * reaches[0] + EPS * walls[one], np.abs(rows["velocity"])
         bend = reaches[2] * largest + push
         late, swing = 2.0 * bend * off, speed * speed
         with np.errstate(invalid="ignore", divide="ignore"):
             sure = late < swing
             shift = 2.0 * off / (speed + np.sqrt(np.where(sure, swing - late, 0.0)))
+            fastest = max(reach.fastest for reach in self._reaches)
+            bend = np.minimum(bend, np.abs(rows["acceleration"]) + fastest * shift * bend)
             velocity = np.where(sure, bend * shift, np.sqrt(swing + late)) + state * reaches[1]
             mass = (1.0 + self._restitution) / np.diagonal(self._structure.mobility)
             taken = np.abs(rows["impulse"]) / np.where(speed > 0.0, speed, np.inf)
@@ -200,14 +210,11 @@ class StatedErrors:
     def _restitution(self) -> Floats:
         return np.array([c.restitution for c in self._problem.system.constraints])
 
-    def _state(self, growth: Floats, largest: Floats, until: Floats) -> Floats:
-        """Return the error of the state before the horizon, in the units of the basis."""
-        relative = np.maximum(growth, 1.0) * EPS
+    def _state(self, lengths: Floats, largest: Floats, until: Floats) -> Floats:
+        """Return the errors of states before the horizon, in the units of the basis."""
         # The horizon is where the error exceeds the tolerance.
-        relative = np.where(
-            until < np.inf, np.minimum(relative, tolerance_of(self._problem)), relative
-        )
-        return (relative + _CONVERTED * EPS) * largest
+        most = np.where(until < np.inf, tolerance_of(self._problem) * largest, np.inf)
+        return np.minimum(EPS * lengths, most) + _CONVERTED * EPS * largest
 
 
 def unknown_errors(problem: Problem) -> dict[str, Any]:

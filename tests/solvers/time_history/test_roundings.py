@@ -151,6 +151,46 @@ def test_a_body_falls_through_the_faintest_drag(drag: float, bodies: int) -> Non
     assert th.solve(problem, th.plan(problem)).error_condition < 5e3
 
 
+@pytest.mark.parametrize("drag", [1e-2, 1e-5, 1e-8, 1e-12])
+def test_a_body_swings_through_the_faintest_drag(drag: float) -> None:
+    """What a harmonic load moves is the difference of the two rates, 0 and that of the drag."""
+    document = {
+        "M": [[2.5]], "K": [[0.0]], "C": [[drag]],
+        "constraints": [{"dofs": [0], "weights": [1.0], "lower": 50.0, "upper": None,
+                         "restitution": 0.8}],
+        "load": [[0, -1.05, 0.29, 2.09], [0, 0.51, 5.3, -0.4]], "x": [-0.17], "v": [-0.28],
+        "t": [0.27, 0.7, 1.4, 2.2, 9.0], "t_end": 9.5,
+    }  # fmt: skip
+    report = Report()
+    histories.check(Case("", document), report)
+    assert not report.failures
+    problem = histories.problem_of(document)
+    assert th.solve(problem, th.plan(problem)).error_condition < 3e3
+
+
+def test_errors_are_those_of_their_own_time() -> None:
+    """Two bounces on a hill: what is stated before the first is not what the last one makes."""
+    system = System(
+        SymmetricMatrix.diagonal([1.0]), SymmetricMatrix.diagonal([-1.0]),
+        (Constraint((0,), (1.0,), 1.0, 1.0, 1.0),),
+    )  # fmt: skip
+    start, t = th.State(np.array([0.0]), np.array([2.0])), np.linspace(0.1, 12.0, 60)
+    outputs = frozenset({"x", "v", "impacts"})
+    problem = th.Problem(system, start, 12.0, t=t, outputs=outputs)
+    result = th.solve(problem, th.plan(problem))
+    assert result.error_x is not None
+    assert result.error_impact_time is not None
+    assert result.error_x[0, 0] < 0.1 * result.error_x[-1, 0]
+    assert (np.diff(result.error_x[:, 0]) >= 0.0).all()
+    for until in (4.0, 8.0):
+        shorter = th.Problem(system, start, until, t=t[t < until], outputs=outputs)
+        part = th.solve(shorter, th.plan(shorter))
+        assert part.error_x is not None
+        np.testing.assert_allclose(
+            result.error_x[: part.error_x.size], part.error_x, rtol=0.8, atol=0.0
+        )
+
+
 @pytest.mark.parametrize("drag", [1e-2, 1e-5, 1e-8])
 def test_a_sampled_load_pushes_a_body_through_the_faintest_drag(drag: float) -> None:
     """The two rates of the body, 0 and -2 delta, differ by all that it moves."""
