@@ -319,7 +319,8 @@ def defect(
 ) -> float:
     """Return how much the series of forces miss at the end of a step, times their strengths.
 
-    Fills in where the coordinates are then. What rounding makes of forces does not count.
+    Fills in where the coordinates are then. What rounding makes of forces does not count. Infinite
+    where a coordinate is so far away that its force, or its series, is no number.
     """
     worst, exponent = 0.0, limiters.exponent
     for i in range(limiters.laws.size):
@@ -328,10 +329,14 @@ def defect(
         now.end = q
         for _ in range(2 if middle else 1):
             gain = law.above if q > 0.0 else law.below
-            force = gain * size_of(q, exponent, limiters.whole)
+            # A side without a limiter has none, however far away.
+            force = gain * size_of(q, exponent, limiters.whole) if gain != 0.0 else 0.0
             missing = abs(force - summed(now.force, order - 1, t))
-            missing -= 4.0 * exponent * _EPS * abs(force)
-            worst = max(worst, law.strength * missing)
+            if missing < math.inf:
+                missing = law.strength * (missing - 4.0 * exponent * _EPS * abs(force))
+            else:  # also where it is no number, which a maximum would pass over
+                missing = math.inf
+            worst = max(worst, missing)
             if middle:
                 t = 0.5 * s
                 q = summed(u, order, t)

@@ -318,6 +318,45 @@ def test_stated_errors_are_relative_to_the_motion(document: dict[str, Any]) -> N
     assert report.ratios["x"]
 
 
+# Straight through the middle: of all coefficients of a force only that of order 17 is not zero.
+THROUGH_THE_MIDDLE = {
+    "M": [[1.3, 0.0], [0.0, 1.3]], "K": [[0.0, 0.0], [0.0, 0.0]],
+    "constraints": [{"dofs": [0], "weights": [1.0], "lower": 1.0, "upper": 1.0, "restitution": 0.0},
+                    {"dofs": [1], "weights": [1.0], "lower": None, "upper": 1.0,
+                     "restitution": 1.0}],
+    "x": [0.0, 0.0], "v": [-1.99, -0.56],
+    "limiter": {"exponent": 17, "stiffness": 1.94, "scale": 1.0},
+    "t": [0.3, 0.6, 5.6, 12.3], "t_end": 12.5, "tolerance": 1.3e-12,
+}  # fmt: skip
+
+
+def test_steps_that_overflow_a_force_are_shortened() -> None:
+    """Infinite at the end of a step, less its infinite rounding, it counted as one that agrees."""
+    report = Report()
+    soft.check(Case("", THROUGH_THE_MIDDLE), report)
+    assert not report.failures
+    assert report.ratios["x"]
+
+
+def test_a_side_without_limiter_has_no_force_however_far_away() -> None:
+    """The 80th power of a distance of a million gaps is no number of double precision."""
+    system = System(
+        SymmetricMatrix.dense(np.eye(1)),
+        SymmetricMatrix.dense(np.zeros((1, 1))),
+        (Constraint((0,), (1.0,), None, 1e-3),),
+    )
+    found = solve(
+        th.Problem(
+            system, th.State(np.zeros(1), np.ones(1)), 1000.0, t=np.array([1.0, 1000.0]),
+            outputs=HISTORY, limiter=th.Power(80.0, 1.0), tolerance=1e-9,
+        )
+    )  # fmt: skip
+    assert found.v is not None
+    assert found.x is not None
+    np.testing.assert_allclose(found.v[:, 0], -1.0, rtol=0.0, atol=1e-8)
+    np.testing.assert_allclose(found.x[1, 0] - found.x[0, 0], -999.0, rtol=1e-8)
+
+
 def doubles(matrix: mp.matrix) -> np.ndarray[Any, np.dtype[np.float64]]:
     return np.array(matrix.tolist(), dtype=np.float64)
 
