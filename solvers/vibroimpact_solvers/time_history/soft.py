@@ -15,6 +15,7 @@ from vibroimpact_solvers.kernels.taylor import PAIR, PROGRESS, Linear, Stop, fol
 from vibroimpact_solvers.kernels.whole_soft_motion import whole_soft_motion
 from vibroimpact_solvers.time_history.limiters import Power
 from vibroimpact_solvers.time_history.run import Tick
+from vibroimpact_solvers.time_history.soft_errors import Distance
 from vibroimpact_solvers.time_history.structure import Configuration, Structure
 
 _EPS: Final = 2.0**-52
@@ -56,9 +57,8 @@ class SoftRun:
         the largest state, what loads carry along included. nan: not estimated.
     known_until : float
         Time until which this is no more than the tolerance; nan: not estimated.
-    errors : array, shape (time,), optional
-        Of the numbers of pairs at the output times, absolute: the largest difference before
-        `known_until`, and infinite from there on.
+    distance : Distance, optional
+        From the other run.
     """
 
     states: Floats
@@ -66,7 +66,7 @@ class SoftRun:
     steps: int
     difference: float = math.nan
     known_until: float = math.nan
-    errors: Floats | None = None
+    distance: Distance | None = None
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -196,38 +196,29 @@ class SoftMotion:
         """
         basis = self._basis
         # Relative to the motion, not to where loads carry it or whence it moves there.
-        off = np.abs(basis.whole(run.states - other.states, level=0.0))
+        states = run.states - other.states
+        off = np.abs(basis.whole(states, level=0.0))
         off[:, 0] /= basis.grain
         apart = off.max(axis=(1, 2))
         largest = float(np.abs(basis.whole(run.states, level=1.0)).max(initial=0.0))
         apart = apart / largest if largest > 0.0 else apart
-        sampled = 1.0 + _REPEATED * _COARSEST_FINEST / rough
-        apart = np.where(apart > 0.0, sampled * apart + _CONVERTED * _EPS, 0.0)
+        sampled, rounding = 1.0 + _REPEATED * _COARSEST_FINEST / rough, _CONVERTED * _EPS
+        apart = np.where(apart > 0.0, sampled * apart + rounding, 0.0)
         late = np.flatnonzero(~(apart <= self._tolerance))
         until = self._times[late[0]] if late.size else self._end
-        # As pairs turn, either of their numbers may be off by the whole difference of both.
-        known = slice(late[0] if late.size else apart.size)
-        whole = sampled * float(np.hypot(off[known, 0], off[known, 1]).max(initial=0.0))
-        errors = np.full(apart.size, np.inf)
-        errors[known] = whole + _CONVERTED * _EPS * largest
+        count = int(late[0]) if late.size else apart.size
         return replace(
             run,
             difference=float(apart.max()),
             known_until=float(until) / self._scale,
-            errors=errors[:-1],
+            distance=Distance(
+                np.arange(apart.size - 1) < count,
+                states[:count],
+                off[:count],
+                sampled,
+                rounding * largest,
+            ),
         )
-
-    def reach(self, rows: Floats) -> tuple[Floats, Floats]:
-        """Return what a unit error of all pairs makes of displacements and velocities.
-
-        Of rows of modes, (row, mode); each of shape (row,).
-        """
-        basis = self._basis
-        place, rate = (
-            (np.hypot(forms[:, 0] * basis.grain, forms[:, 1]) * basis.own[0]).sum(axis=1)
-            for forms in (basis.displacement(rows), basis.velocity(rows))
-        )
-        return np.asarray(place), np.asarray(self._scale * rate)
 
     def _run(
         self,

@@ -357,6 +357,42 @@ def test_a_side_without_limiter_has_no_force_however_far_away() -> None:
     np.testing.assert_allclose(found.x[1, 0] - found.x[0, 0], -999.0, rtol=1e-8)
 
 
+# One mass between limiters, and one that neither feels them nor the other mass.
+APART = {
+    "M": [[1.0, 0.0], [0.0, 1.0]], "K": [[1.0, 0.0], [0.0, 1.3]],
+    "constraints": [{"dofs": [0], "weights": [1.0], "lower": 0.5, "upper": 0.5,
+                     "restitution": 1.0}],
+    "x": [0.1, 0.3], "v": [1.0, 0.6],
+    "limiter": {"exponent": 7, "stiffness": 5.0, "scale": 1.0},
+    "t": [2.0, 4.4, 9.1], "t_end": 10.0, "tolerance": 1e-7,
+}  # fmt: skip
+
+
+def test_each_output_has_the_error_of_its_own_difference() -> None:
+    """What one coordinate is off was stated of all of them."""
+    report = Report()
+    soft.check(Case("", APART), report)
+    assert not report.failures
+    found = solve(
+        th.Problem(
+            System(
+                SymmetricMatrix.dense(np.array(APART["M"])),
+                SymmetricMatrix.dense(np.array(APART["K"])),
+                (Constraint.at(0, 0.5),),
+            ),
+            th.State(np.array(APART["x"]), np.array(APART["v"])),
+            10.0,
+            t=np.array(APART["t"]),
+            outputs=HISTORY,
+            limiter=th.Power(7.0, 5.0),
+            tolerance=1e-7,
+        )
+    )
+    for error in (found.error_x, found.error_v):
+        assert error is not None
+        assert (error[:, 1] < 0.2 * error[:, 0]).all()
+
+
 def doubles(matrix: mp.matrix) -> np.ndarray[Any, np.dtype[np.float64]]:
     return np.array(matrix.tolist(), dtype=np.float64)
 
