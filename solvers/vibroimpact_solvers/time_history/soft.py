@@ -30,6 +30,8 @@ _REPEATED: Final = 32.0
 """Roundings over the difference of two runs that are off by one sample of them."""
 _CONVERTED: Final = 16.0
 """Roundings of displacements and velocities, which two runs have in common."""
+_HEED: Final = 4.0
+"""Times by which the other run misses again what forces miss where the last terms vanish."""
 _LEAST: Final = 1e-6
 """Smallest factor by which the error of a step is reduced at once."""
 _MOST_STEPS: Final = 1e10
@@ -182,9 +184,9 @@ class SoftMotion:
         """The error of a step of a motion without estimate."""
         return max(_STEP * self._tolerance, _FINEST)
 
-    def _progress(self) -> Any:
+    def _progress(self, heed: float = 0.0) -> Any:
         """Return a motion's progress at its beginning, for `kernels.taylor.follow`."""
-        begun = (0.0, 0.0, self._end, _FIRST, 0.0, 0, 0, self._budget)
+        begun = (0.0, 0.0, self._end, _FIRST, 0.0, heed, 0, 0, self._budget)
         return np.array([begun], dtype=PROGRESS)[0]
 
     def _judged(self, run: SoftRun, other: SoftRun, rough: float) -> SoftRun:
@@ -230,8 +232,9 @@ class SoftMotion:
         *,
         off: bool = False,
     ) -> SoftRun:
-        """Follow a motion with steps of some error, off: with the roundings of what is given.
+        """Follow a motion with steps of some error.
 
+        Off: with the roundings of what is given, and with what forces miss unseen in its steps.
         Its progress counts from one part of the whole work to another.
         """
         linear, limiters, basis, scene = self._linear, self._limiters, self._basis, self._scene
@@ -244,7 +247,7 @@ class SoftMotion:
             state += noise
             linear = _linear(scene, _EPS * basis.drifts[0])
             limiters = limiters._replace(kicks=limiters.kicks + _EPS * _kick_errors(scene))
-        progress = self._progress()
+        progress = self._progress(_HEED if off else 0.0)
         while True:
             stop = follow(
                 linear, limiters, order_of(error), error, self._times, progress, state, lost,

@@ -393,6 +393,26 @@ def test_each_output_has_the_error_of_its_own_difference() -> None:
         assert (error[:, 1] < 0.2 * error[:, 0]).all()
 
 
+# From the middle on: forces have the coefficients 7, 14, ..., states 8, 15, ..., and series of the
+# orders 13 and 14, which the two runs take, are one function, and so are their steps.
+SAME_SERIES = {
+    "M": [[1.3, 0.0], [0.0, 1.3]], "K": [[0.0, 0.0], [0.0, 0.0]],
+    "constraints": [{"dofs": [0], "weights": [1.0], "lower": 1.0, "upper": 1.0,
+                     "restitution": 0.0}],
+    "x": [0.0, 0.0], "v": [-0.0956, 0.49],
+    "limiter": {"exponent": 7, "stiffness": 0.27, "scale": 1.0},
+    "t": [1.66, 2.32, 2.38], "t_end": 2.71,
+}  # fmt: skip
+
+
+def test_runs_of_the_same_series_do_not_hide_the_error() -> None:
+    """Their difference was nothing but roundings, 400 times less than the error."""
+    report = Report()
+    soft.check(Case("", SAME_SERIES), report)
+    assert not report.failures
+    assert report.ratios["x"]
+
+
 def doubles(matrix: mp.matrix) -> np.ndarray[Any, np.dtype[np.float64]]:
     return np.array(matrix.tolist(), dtype=np.float64)
 
