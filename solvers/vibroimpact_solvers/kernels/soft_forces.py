@@ -335,13 +335,11 @@ def defect(
             force = gain * size_of(q, exponent, limiters.whole) if gain != 0.0 else 0.0
             off = force - summed(now.force, order - 1, t)
             missing = abs(off)
-            if missing < math.inf:
-                missing = max(missing - 4.0 * exponent * _EPS * abs(force), 0.0)
-                worst = max(worst, law.strength * missing)
-            else:  # also where it is no number, which a maximum would pass over
-                worst = math.inf
+            if not missing < math.inf:  # nor a number, which a maximum would pass over
+                return math.inf
+            worst = max(worst, law.strength * (missing - 4.0 * exponent * _EPS * abs(force)))
             if t == s:
-                now.missed = math.copysign(missing, off)
+                now.missed = off
             if middle:
                 t = 0.5 * s
                 q = summed(u, order, t)

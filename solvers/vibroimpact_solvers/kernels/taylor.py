@@ -46,7 +46,10 @@ from vibroimpact_solvers.kernels.soft_forces import (
     sides_kept,
 )
 
+FINER: Final = 2.0**-5
+"""Error of a step of the finer of two runs over one of the other, which heeds what forces miss."""
 _EPS: Final = 2.0**-52
+_FORCES: Final = 8.0  # of the error of a step: impulse that forces may miss at its end, all along
 _SHORTER: Final = 0.8  # steps whose forces do not agree are taken this much shorter
 _SHORTEST: Final = 1e-25  # of the motion: limiters that need less are too stiff
 _LEAST: Final = 1e-200  # power of a step by which an impulse is divided
@@ -224,7 +227,7 @@ def _agreed(limiters: Limiters, work: _Work, s: float, step: Step, hidden: bool)
         _moved(work.series, order, s, work.end)
         worst = defect(limiters, work.branches, work.end, order, s, hidden)
         # Shorter ones than that end as too stiff.
-        if worst * s * step.h <= 8.0 * step.allowed or not s > _SHORTEST:
+        if worst * s * step.h <= _FORCES * step.allowed or not s > _SHORTEST:
             return s
         s *= _SHORTER
 
@@ -272,21 +275,22 @@ def _update(linear: Linear, work: _Work, span: float, z: Floats, lost: Floats) -
 
 @inner
 def _heeded(
-    limiters: Limiters, work: _Work, last: float, s: float, span: float, heed: float
+    limiters: Limiters, work: _Work, last: float, s: float, step: Step, heed: float
 ) -> None:
     """Take what forces miss at the end of a step from the last term of the state.
 
-    As far as it is more than the last two terms, whose size is last, and which show it otherwise.
-    The step has missed this impulse: to take more of it away makes its error larger, while to add
-    it might cancel errors of other steps.
+    Where it is more than the last two terms, whose size is last, and so little that it shortens no
+    step of the finer run: otherwise the steps of both show it. The step has missed this impulse: to
+    take more of it away makes its error larger, while to add it might cancel errors of others.
     """
     C, order = work.series, work.series.shape[0] - 1
     grown = raised(s, order)
     for i in range(limiters.laws.size):
-        kicks, impulse = limiters.kicks[i], work.branches[i].missed * span / order
-        if not limiters.laws[i].strength * abs(impulse) > last * grown:
+        kicks, impulse = limiters.kicks[i], work.branches[i].missed * s * step.h
+        size = limiters.laws[i].strength * abs(impulse)
+        if not last * grown * order < size <= _FORCES * FINER * step.allowed:
             continue
-        impulse *= -heed
+        impulse *= -heed / order
         term = impulse / grown if grown > _LEAST else 0.0
         for side in range(2):
             for j in range(work.end.shape[1]):
@@ -343,7 +347,7 @@ def _steps(
             stop = 2
             break
         if progress.heed > 0.0:
-            _heeded(limiters, work, last, s, span, progress.heed)
+            _heeded(limiters, work, last, s, step, progress.heed)
         deepest = compression(limiters, branches, work.end, order, s, step, deepest)
         if (due - progress.time) - progress.lost <= span:
             due = _sampled(work.series, progress, h, span, output_times, samples)

@@ -11,7 +11,7 @@ import numpy as np
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.kernels.soft_forces import LARGEST, LAW, Limiters
-from vibroimpact_solvers.kernels.taylor import PAIR, PROGRESS, Linear, Stop, follow
+from vibroimpact_solvers.kernels.taylor import FINER, PAIR, PROGRESS, Linear, Stop, follow
 from vibroimpact_solvers.kernels.whole_soft_motion import whole_soft_motion
 from vibroimpact_solvers.time_history.limiters import Power
 from vibroimpact_solvers.time_history.run import Tick
@@ -21,8 +21,6 @@ from vibroimpact_solvers.time_history.structure import Configuration, Structure
 _EPS: Final = 2.0**-52
 _STEP: Final = 1e-2
 """Error of a step over the tolerance."""
-_FINER: Final = 2.0**-5
-"""Error of a step of the finer run over one of the other."""
 _FINEST: Final = 2.0**-53
 _COARSEST_FINEST: Final = 8.0 * _FINEST
 """Error of a step of the other run that is near the roundings of both."""
@@ -143,7 +141,7 @@ class SoftMotion:
             return self._run(z, self._error, tick, 0.0, 1.0)
         rough, begin = max(_STEP * self._tolerance, _COARSEST_FINEST), 0.0
         while True:
-            fine = max(_FINER * rough, _FINEST)
+            fine = max(FINER * rough, _FINEST)
             middle, end = 0.5 * (1.0 + begin), 0.5 * (1.0 + 0.5 * (1.0 + begin))
             other = self._run(z, rough, tick, begin, 0.5 * (begin + middle), off=True)
             run = self._run(z, fine, tick, 0.5 * (begin + middle), end)
