@@ -75,6 +75,7 @@ BRANCH: Final = np.dtype(
         ("inverse", np.float64),  # 1/q at the beginning
         ("next", np.float64),  # the next coefficient of q
         ("end", np.float64),  # q at the end
+        ("missed", np.float64),  # by the series of the force at the end
         ("force", np.float64, (PADDED,)),
         ("rising", np.float64, (PADDED,)),  # k q_k in reverse
         ("powers", np.float64, (_POWERS, TERMS)),  # q, and its powers by repeated squaring
@@ -319,7 +320,9 @@ def defect(
 ) -> float:
     """Return how much the series of forces miss at the end of a step, times their strengths.
 
-    Fills in where the coordinates are then. What rounding makes of forces does not count.
+    Fills in where the coordinates are then, and what is missed there. What rounding makes of forces
+    does not count. Infinite where a coordinate is so far away that its force, or its series, is no
+    number.
     """
     worst, exponent = 0.0, limiters.exponent
     for i in range(limiters.laws.size):
@@ -328,10 +331,15 @@ def defect(
         now.end = q
         for _ in range(2 if middle else 1):
             gain = law.above if q > 0.0 else law.below
-            force = gain * size_of(q, exponent, limiters.whole)
-            missing = abs(force - summed(now.force, order - 1, t))
-            missing -= 4.0 * exponent * _EPS * abs(force)
-            worst = max(worst, law.strength * missing)
+            # A side without a limiter has none, however far away.
+            force = gain * size_of(q, exponent, limiters.whole) if gain != 0.0 else 0.0
+            off = force - summed(now.force, order - 1, t)
+            missing = abs(off)
+            if not missing < math.inf:  # nor a number, which a maximum would pass over
+                return math.inf
+            worst = max(worst, law.strength * (missing - 4.0 * exponent * _EPS * abs(force)))
+            if t == s:
+                now.missed = off
             if middle:
                 t = 0.5 * s
                 q = summed(u, order, t)

@@ -12,6 +12,10 @@ A step s h is as long as the last two coefficients allow (Jorba and Zou 2005, se
 the larger of them and eps the error of a step, relative to the size of the state, ``s^order K =
 eps |z|``. It is shortened until the forces at its end agree with the sums of their series, and
 ends where a force changes its law.
+
+Where the last two coefficients happen to vanish, motions of any error take the same steps, and
+their difference does not tell the error. A motion that heeds what forces miss at the end of such a
+step takes their impulse for that of one more term, and errs by several times as much.
 """
 
 from __future__ import annotations
@@ -25,7 +29,7 @@ import numpy as np
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.kernels.flow import Z1, Z2
 from vibroimpact_solvers.kernels.jit import fma, inline, inner, kernel
-from vibroimpact_solvers.kernels.series import FIRST, SECOND
+from vibroimpact_solvers.kernels.series import FIRST, SECOND, raised
 from vibroimpact_solvers.kernels.soft_forces import (
     BRANCH,
     Limiters,
@@ -42,9 +46,13 @@ from vibroimpact_solvers.kernels.soft_forces import (
     sides_kept,
 )
 
+FINER: Final = 2.0**-5
+"""Error of a step of the finer of two runs over one of the other, which heeds what forces miss."""
 _EPS: Final = 2.0**-52
+_FORCES: Final = 8.0  # of the error of a step: impulse that forces may miss at its end, all along
 _SHORTER: Final = 0.8  # steps whose forces do not agree are taken this much shorter
 _SHORTEST: Final = 1e-25  # of the motion: limiters that need less are too stiff
+_LEAST: Final = 1e-200  # power of a step by which an impulse is divided
 _FEW: Final = 8  # pairs up to which sums go pair by pair
 
 
@@ -83,6 +91,7 @@ PROGRESS: Final = np.dtype(
         ("end", np.float64),
         ("step", np.float64),  # the last one
         ("deepest", np.float64),  # largest compression
+        ("heed", np.float64),  # times by which impulses that forces miss are missed again
         ("steps", np.int64),
         ("samples", np.int64),
         ("most", np.int64),  # steps of one call
@@ -218,7 +227,7 @@ def _agreed(limiters: Limiters, work: _Work, s: float, step: Step, hidden: bool)
         _moved(work.series, order, s, work.end)
         worst = defect(limiters, work.branches, work.end, order, s, hidden)
         # Shorter ones than that end as too stiff.
-        if worst * s * step.h <= 8.0 * step.allowed or not s > _SHORTEST:
+        if worst * s * step.h <= _FORCES * step.allowed or not s > _SHORTEST:
             return s
         s *= _SHORTER
 
@@ -262,6 +271,31 @@ def _update(linear: Linear, work: _Work, span: float, z: Floats, lost: Floats) -
         second = end[Z2, j] - turn * C[FIRST, Z1, j]
         z[Z1, j], lost[Z1, j] = _added(z[Z1, j], lost[Z1, j], first)
         z[Z2, j], lost[Z2, j] = _added(z[Z2, j], lost[Z2, j], second)
+
+
+@inner
+def _heeded(
+    limiters: Limiters, work: _Work, last: float, s: float, step: Step, heed: float
+) -> None:
+    """Take what forces miss at the end of a step from the last term of the state.
+
+    Where it is more than the last two terms, whose size is last, and so little that it shortens no
+    step of the finer run: otherwise the steps of both show it. The step has missed this impulse: to
+    take more of it away makes its error larger, while to add it might cancel errors of others.
+    """
+    C, order = work.series, work.series.shape[0] - 1
+    grown = raised(s, order)
+    for i in range(limiters.laws.size):
+        kicks, impulse = limiters.kicks[i], work.branches[i].missed * s * step.h
+        size = limiters.laws[i].strength * abs(impulse)
+        if not last * grown * order < size <= _FORCES * FINER * step.allowed:
+            continue
+        impulse *= -heed / order
+        term = impulse / grown if grown > _LEAST else 0.0
+        for side in range(2):
+            for j in range(work.end.shape[1]):
+                work.end[side, j] += impulse * kicks[side, j]
+                C[order, side, j] += term * kicks[side, j]
 
 
 @inner
@@ -312,6 +346,8 @@ def _steps(
         if not (s > _SHORTEST and span > shortest):
             stop = 2
             break
+        if progress.heed > 0.0:
+            _heeded(limiters, work, last, s, step, progress.heed)
         deepest = compression(limiters, branches, work.end, order, s, step, deepest)
         if (due - progress.time) - progress.lost <= span:
             due = _sampled(work.series, progress, h, span, output_times, samples)

@@ -11,17 +11,16 @@ import numpy as np
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.kernels.soft_forces import LARGEST, LAW, Limiters
-from vibroimpact_solvers.kernels.taylor import PAIR, PROGRESS, Linear, Stop, follow
+from vibroimpact_solvers.kernels.taylor import FINER, PAIR, PROGRESS, Linear, Stop, follow
 from vibroimpact_solvers.kernels.whole_soft_motion import whole_soft_motion
 from vibroimpact_solvers.time_history.limiters import Power
 from vibroimpact_solvers.time_history.run import Tick
+from vibroimpact_solvers.time_history.soft_errors import Distance
 from vibroimpact_solvers.time_history.structure import Configuration, Structure
 
 _EPS: Final = 2.0**-52
 _STEP: Final = 1e-2
 """Error of a step over the tolerance."""
-_FINER: Final = 2.0**-5
-"""Error of a step of the finer run over one of the other."""
 _FINEST: Final = 2.0**-53
 _COARSEST_FINEST: Final = 8.0 * _FINEST
 """Error of a step of the other run that is near the roundings of both."""
@@ -29,6 +28,8 @@ _REPEATED: Final = 32.0
 """Roundings over the difference of two runs that are off by one sample of them."""
 _CONVERTED: Final = 16.0
 """Roundings of displacements and velocities, which two runs have in common."""
+_HEED: Final = 4.0
+"""Times by which the other run misses again what forces miss where the last terms vanish."""
 _LEAST: Final = 1e-6
 """Smallest factor by which the error of a step is reduced at once."""
 _MOST_STEPS: Final = 1e10
@@ -56,9 +57,8 @@ class SoftRun:
         the largest state, what loads carry along included. nan: not estimated.
     known_until : float
         Time until which this is no more than the tolerance; nan: not estimated.
-    errors : array, shape (time,), optional
-        Of the numbers of pairs at the output times, absolute: the largest difference before
-        `known_until`, and infinite from there on.
+    distance : Distance, optional
+        From the other run.
     """
 
     states: Floats
@@ -66,7 +66,7 @@ class SoftRun:
     steps: int
     difference: float = math.nan
     known_until: float = math.nan
-    errors: Floats | None = None
+    distance: Distance | None = None
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -141,7 +141,7 @@ class SoftMotion:
             return self._run(z, self._error, tick, 0.0, 1.0)
         rough, begin = max(_STEP * self._tolerance, _COARSEST_FINEST), 0.0
         while True:
-            fine = max(_FINER * rough, _FINEST)
+            fine = max(FINER * rough, _FINEST)
             middle, end = 0.5 * (1.0 + begin), 0.5 * (1.0 + 0.5 * (1.0 + begin))
             other = self._run(z, rough, tick, begin, 0.5 * (begin + middle), off=True)
             run = self._run(z, fine, tick, 0.5 * (begin + middle), end)
@@ -182,9 +182,9 @@ class SoftMotion:
         """The error of a step of a motion without estimate."""
         return max(_STEP * self._tolerance, _FINEST)
 
-    def _progress(self) -> Any:
+    def _progress(self, heed: float = 0.0) -> Any:
         """Return a motion's progress at its beginning, for `kernels.taylor.follow`."""
-        begun = (0.0, 0.0, self._end, _FIRST, 0.0, 0, 0, self._budget)
+        begun = (0.0, 0.0, self._end, _FIRST, 0.0, heed, 0, 0, self._budget)
         return np.array([begun], dtype=PROGRESS)[0]
 
     def _judged(self, run: SoftRun, other: SoftRun, rough: float) -> SoftRun:
@@ -196,38 +196,29 @@ class SoftMotion:
         """
         basis = self._basis
         # Relative to the motion, not to where loads carry it or whence it moves there.
-        off = np.abs(basis.whole(run.states - other.states, level=0.0))
+        states = run.states - other.states
+        off = np.abs(basis.whole(states, level=0.0))
         off[:, 0] /= basis.grain
         apart = off.max(axis=(1, 2))
         largest = float(np.abs(basis.whole(run.states, level=1.0)).max(initial=0.0))
         apart = apart / largest if largest > 0.0 else apart
-        sampled = 1.0 + _REPEATED * _COARSEST_FINEST / rough
-        apart = np.where(apart > 0.0, sampled * apart + _CONVERTED * _EPS, 0.0)
+        sampled, rounding = 1.0 + _REPEATED * _COARSEST_FINEST / rough, _CONVERTED * _EPS
+        apart = np.where(apart > 0.0, sampled * apart + rounding, 0.0)
         late = np.flatnonzero(~(apart <= self._tolerance))
         until = self._times[late[0]] if late.size else self._end
-        # As pairs turn, either of their numbers may be off by the whole difference of both.
-        known = slice(late[0] if late.size else apart.size)
-        whole = sampled * float(np.hypot(off[known, 0], off[known, 1]).max(initial=0.0))
-        errors = np.full(apart.size, np.inf)
-        errors[known] = whole + _CONVERTED * _EPS * largest
+        count = int(late[0]) if late.size else apart.size
         return replace(
             run,
             difference=float(apart.max()),
             known_until=float(until) / self._scale,
-            errors=errors[:-1],
+            distance=Distance(
+                np.arange(apart.size - 1) < count,
+                states[:count],
+                off[:count],
+                sampled,
+                rounding * largest,
+            ),
         )
-
-    def reach(self, rows: Floats) -> tuple[Floats, Floats]:
-        """Return what a unit error of all pairs makes of displacements and velocities.
-
-        Of rows of modes, (row, mode); each of shape (row,).
-        """
-        basis = self._basis
-        place, rate = (
-            (np.hypot(forms[:, 0] * basis.grain, forms[:, 1]) * basis.own[0]).sum(axis=1)
-            for forms in (basis.displacement(rows), basis.velocity(rows))
-        )
-        return np.asarray(place), np.asarray(self._scale * rate)
 
     def _run(
         self,
@@ -239,8 +230,9 @@ class SoftMotion:
         *,
         off: bool = False,
     ) -> SoftRun:
-        """Follow a motion with steps of some error, off: with the roundings of what is given.
+        """Follow a motion with steps of some error.
 
+        Off: with the roundings of what is given, and with what forces miss unseen in its steps.
         Its progress counts from one part of the whole work to another.
         """
         linear, limiters, basis, scene = self._linear, self._limiters, self._basis, self._scene
@@ -253,7 +245,7 @@ class SoftMotion:
             state += noise
             linear = _linear(scene, _EPS * basis.drifts[0])
             limiters = limiters._replace(kicks=limiters.kicks + _EPS * _kick_errors(scene))
-        progress = self._progress()
+        progress = self._progress(_HEED if off else 0.0)
         while True:
             stop = follow(
                 linear, limiters, order_of(error), error, self._times, progress, state, lost,

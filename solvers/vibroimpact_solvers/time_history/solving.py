@@ -8,11 +8,9 @@ from typing import Final
 import numpy as np
 
 from vibroimpact_solvers import spectrum
-from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.matrices import SymmetricMatrix
 from vibroimpact_solvers.plan import Plan, Stage
 from vibroimpact_solvers.results.time_history import Result
-from vibroimpact_solvers.time_history import reference
+from vibroimpact_solvers.time_history import reference, soft_errors
 from vibroimpact_solvers.time_history.history import requested_of_one
 from vibroimpact_solvers.time_history.planning import Method
 from vibroimpact_solvers.time_history.problem import ImpactMode, Problem, State, tolerance_of
@@ -27,14 +25,15 @@ from vibroimpact_solvers.time_history.rigid_motions import RigidMotions
 from vibroimpact_solvers.time_history.run import Tick
 from vibroimpact_solvers.time_history.soft import SoftHistory, SoftMotion
 from vibroimpact_solvers.time_history.start import initial_state
-from vibroimpact_solvers.time_history.stated_errors import LEAST, unknown_errors
+from vibroimpact_solvers.time_history.stated_errors import unknown_errors
 from vibroimpact_solvers.time_history.structure import Structure
 
 _TWICE = (
     "estimate: difference to the same motion with longer steps, 32 times the error each, and with "
     "the initial state, frequencies and limiters off by their roundings, times the share of "
-    "roundings in it, relative to the largest state, absolute and infinite from predictable_until "
-    "on in each output; penetration is the largest coordinate over scale times its gap"
+    "roundings in it, relative to the largest state; in each output its own largest difference, or "
+    "half of what those of all modes may make of it, infinite from predictable_until on; "
+    "penetration is the largest coordinate over scale times its gap"
 )
 _NONE = "none: the integrator's own control of its steps; it can miss impacts"
 
@@ -144,7 +143,8 @@ def _soft(prepared: Prepared, initial: State | ImpactMode, tick: Tick | None) ->
     shapes, (q, rate) = basis.modes.shapes[dofs], basis.coordinates(states)
     x, v = (q + basis.still) @ shapes.T, structure.scale * rate @ shapes.T
     values = default_values(problem) | requested_of_one(problem, structure, x, v)
-    values.update(_soft_errors(prepared, run.errors, x, v))
+    if run.distance is not None:
+        values.update(soft_errors.stated(problem, structure, run.distance, x, v))
     values.update(
         error_penetration=run.compression,
         count_expansions=run.steps,
@@ -154,37 +154,6 @@ def _soft(prepared: Prepared, initial: State | ImpactMode, tick: Tick | None) ->
         error_statement=_TWICE if problem.estimate else UNKNOWN,
     )
     return Result(**values)
-
-
-def _soft_errors(
-    prepared: Prepared, errors: Floats | None, x: Floats, v: Floats
-) -> dict[str, Floats]:
-    """Return the errors of a history, of all dofs where energy is an output."""
-    problem, structure, soft = prepared.problem, prepared.structure, prepared.soft
-    outputs, system, law = problem.outputs, problem.system, problem.limiter
-    if errors is None:
-        return {}
-    assert soft is not None
-    assert law is not None
-    values = dict[str, Floats]()
-    for name, reach in zip("xv", soft.reach(structure.shapes[problem.output_dofs]), strict=True):
-        if name in outputs:
-            values[f"error_{name}"] = np.outer(errors, np.maximum(reach, LEAST))
-    if "energy" in outputs:
-        values["error_energy"] = energy = np.full(errors.size, np.inf)
-        some = np.isfinite(errors)
-        x, v, errors = x[some], v[some], errors[some]
-        dx, dv = (np.outer(errors, reach) for reach in soft.reach(structure.shapes))
-        dy = np.outer(errors, soft.reach(structure.W @ structure.shapes)[0])
-        M, K = (SymmetricMatrix(np.abs(A.data), A.form, A.pattern) for A in (system.M, system.K))
-        push = np.abs((system.K @ x.T).T - structure.force) + 0.5 * (K @ dx.T).T
-        moves = np.abs((system.M @ v.T).T) + 0.5 * (M @ dv.T).T
-        y, sizes = x @ structure.W.T, law.sizes(system)
-        # As far as it may be off, a coordinate is pushed by no more than there.
-        pushed = np.maximum(*(np.abs(law.forces(y + off, sizes)) for off in (-dy, dy)))
-        parts = (push, dx), (moves, dv), (pushed, dy)
-        energy[some] = sum((part * off).sum(axis=1) for part, off in parts)
-    return values
 
 
 def _integrated(prepared: Prepared, initial: State | ImpactMode, tick: Tick | None) -> Result:

@@ -318,6 +318,112 @@ def test_stated_errors_are_relative_to_the_motion(document: dict[str, Any]) -> N
     assert report.ratios["x"]
 
 
+# Straight through the middle: of all coefficients of a force only that of order 17 is not zero.
+THROUGH_THE_MIDDLE = {
+    "M": [[1.3, 0.0], [0.0, 1.3]], "K": [[0.0, 0.0], [0.0, 0.0]],
+    "constraints": [{"dofs": [0], "weights": [1.0], "lower": 1.0, "upper": 1.0, "restitution": 0.0},
+                    {"dofs": [1], "weights": [1.0], "lower": None, "upper": 1.0,
+                     "restitution": 1.0}],
+    "x": [0.0, 0.0], "v": [-1.99, -0.56],
+    "limiter": {"exponent": 17, "stiffness": 1.94, "scale": 1.0},
+    "t": [0.3, 0.6, 5.6, 12.3], "t_end": 12.5, "tolerance": 1.3e-12,
+}  # fmt: skip
+
+
+def test_steps_that_overflow_a_force_are_shortened() -> None:
+    """Infinite at the end of a step, less its infinite rounding, it counted as one that agrees."""
+    report = Report()
+    soft.check(Case("", THROUGH_THE_MIDDLE), report)
+    assert not report.failures
+    assert report.ratios["x"]
+
+
+def test_a_side_without_limiter_has_no_force_however_far_away() -> None:
+    """The 80th power of a distance of a million gaps is no number of double precision."""
+    system = System(
+        SymmetricMatrix.dense(np.eye(1)),
+        SymmetricMatrix.dense(np.zeros((1, 1))),
+        (Constraint((0,), (1.0,), None, 1e-3),),
+    )
+    found = solve(
+        th.Problem(
+            system, th.State(np.zeros(1), np.ones(1)), 1000.0, t=np.array([1.0, 1000.0]),
+            outputs=HISTORY, limiter=th.Power(80.0, 1.0), tolerance=1e-9,
+        )
+    )  # fmt: skip
+    assert found.v is not None
+    assert found.x is not None
+    np.testing.assert_allclose(found.v[:, 0], -1.0, rtol=0.0, atol=1e-8)
+    np.testing.assert_allclose(found.x[1, 0] - found.x[0, 0], -999.0, rtol=1e-8)
+
+
+# One mass between limiters, and one that neither feels them nor the other mass.
+APART = {
+    "M": [[1.0, 0.0], [0.0, 1.0]], "K": [[1.0, 0.0], [0.0, 1.3]],
+    "constraints": [{"dofs": [0], "weights": [1.0], "lower": 0.5, "upper": 0.5,
+                     "restitution": 1.0}],
+    "x": [0.1, 0.3], "v": [1.0, 0.6],
+    "limiter": {"exponent": 7, "stiffness": 5.0, "scale": 1.0},
+    "t": [2.0, 4.4, 9.1], "t_end": 10.0, "tolerance": 1e-7,
+}  # fmt: skip
+
+
+def test_each_output_has_the_error_of_its_own_difference() -> None:
+    """What one coordinate is off was stated of all of them."""
+    report = Report()
+    soft.check(Case("", APART), report)
+    assert not report.failures
+    found = solve(
+        th.Problem(
+            System(
+                SymmetricMatrix.dense(np.array(APART["M"])),
+                SymmetricMatrix.dense(np.array(APART["K"])),
+                (Constraint.at(0, 0.5),),
+            ),
+            th.State(np.array(APART["x"]), np.array(APART["v"])),
+            10.0,
+            t=np.array(APART["t"]),
+            outputs=HISTORY,
+            limiter=th.Power(7.0, 5.0),
+            tolerance=1e-7,
+        )
+    )
+    for error in (found.error_x, found.error_v):
+        assert error is not None
+        assert (error[:, 1] < 0.2 * error[:, 0]).all()
+
+
+# From the middle on: forces have the coefficients 7, 14, ..., states 8, 15, ..., and series of the
+# orders 13 and 14, which the two runs take, are one function, and so are their steps.
+SAME_SERIES = {
+    "M": [[1.3, 0.0], [0.0, 1.3]], "K": [[0.0, 0.0], [0.0, 0.0]],
+    "constraints": [{"dofs": [0], "weights": [1.0], "lower": 1.0, "upper": 1.0,
+                     "restitution": 0.0}],
+    "x": [0.0, 0.0], "v": [-0.0956, 0.49],
+    "limiter": {"exponent": 7, "stiffness": 0.27, "scale": 1.0},
+    "t": [1.66, 2.32, 2.38], "t_end": 2.71,
+}  # fmt: skip
+
+
+# Steps that end where forces miss too much: those of both runs differ, as they should.
+SHORTENED = {
+    "M": [[1.3]], "K": [[0.0]], "x": [0.0], "v": [-1.396548115836537],
+    "constraints": [{"dofs": [0], "weights": [1.0], "lower": 1.0, "upper": 1.0,
+                     "restitution": 1.0}],
+    "limiter": {"exponent": 17, "stiffness": 0.1312443968270634, "scale": 1.0},
+    "t": [1.1246336665156578], "t_end": 5.913548015034807,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("document", [SAME_SERIES, SHORTENED], ids=["same", "shortened"])
+def test_runs_of_the_same_series_do_not_hide_the_error(document: dict[str, Any]) -> None:
+    """Their difference was nothing but roundings, 400 times less than the error."""
+    report = Report()
+    soft.check(Case("", document), report)
+    assert not report.failures
+    assert report.ratios["x"]
+
+
 def doubles(matrix: mp.matrix) -> np.ndarray[Any, np.dtype[np.float64]]:
     return np.array(matrix.tolist(), dtype=np.float64)
 
