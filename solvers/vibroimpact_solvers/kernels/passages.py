@@ -145,15 +145,32 @@ def first_passage(
         up = _first_root(b, c, rest, 1.0, above, work)
     if lowest <= -below:
         down = _first_root(b, c, rest, -1.0, below, work)
-    if min(up, down) <= 1.0:
-        return (up * H, 1, False) if up <= down else (down * H, -1, False)
-    if highest >= upper:
+    first, side = (up, 1) if up <= down else (down, -1)
+    up, down = _NEVER, _NEVER
+    if upper < above and highest >= upper:
         up = _first_root(b, c, rest, 1.0, upper, work)
-    if lowest <= -lower:
+    if lower < below and lowest <= -lower:
         down = _first_root(b, c, rest, -1.0, lower, work)
-    if min(up, down) <= 1.0:
+    if first <= 1.0:
+        # On its way through a wall it passes the margin, which is not where it turns.
+        if side > 0 and _runs(c, 1.0, up, first, margin):
+            up = _NEVER
+        if side < 0 and _runs(c, -1.0, down, first, margin):
+            down = _NEVER
+    if min(up, down) <= 1.0 and min(up, down) < first:
         return (up * H, 1, True) if up <= down else (down * H, -1, True)
+    if first <= 1.0:
+        return first * H, side, False
     return H, 0, False
+
+
+@inline
+def _runs(c: Floats, sign: float, at: float, first: float, margin: float) -> bool:
+    """Return whether a coordinate runs from a margin straight to its wall: no slower than half."""
+    slope = 0.0
+    for k in range(ORDER - 1, 0, -1):
+        slope = fma(slope, at, k * sign * c[k])
+    return at <= first and (first - at) * slope <= 2.0 * margin
 
 
 @inline

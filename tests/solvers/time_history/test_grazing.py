@@ -8,6 +8,8 @@ import mpmath as mp
 import numpy as np
 import pytest
 
+from tests.truth import histories
+from tests.truth.verdicts import Case, Report
 from vibroimpact_solvers import time_history as th
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
@@ -35,6 +37,20 @@ def oscillator(
     matrices = [SymmetricMatrix.diagonal([a]) for a in (M, K)]
     damping = SymmetricMatrix.diagonal([C]) if C else None
     return System(*matrices, stops, C=damping, force=np.array([force]))
+
+
+def test_a_grazing_is_not_passed_over_on_the_way_to_the_other_wall() -> None:
+    """One expansion reaches from near the upper wall, where it turns, to the lower wall."""
+    place, speed = 0.7608197869684813, 3.683970846746504e-09
+    document = {
+        "M": [[1.9279881888603048]], "K": [[0.3246779369543683]],
+        "constraints": [{"dofs": [0], "weights": [1.0], "lower": place, "upper": place,
+                         "restitution": 1.0}],
+        "force": [-0.15897536516134872], "x": [place], "v": [speed], "t": [11.6], "t_end": 51.3,
+    }  # fmt: skip
+    report = Report()
+    histories.check(Case("", document), report)
+    assert not report.failures
 
 
 @pytest.mark.parametrize("ulps", [-3, -1, 0, 1, 2, 40, 4000])

@@ -31,12 +31,16 @@ def test_the_first_root_of_an_envelope_is_found(leaving: bool) -> None:
         t = np.linspace(0.0, H, 20001)
         p = sum(d[k] * t**k / factorial(k) for k in range(1, ORDER))
         rest = bound * t**ORDER / factorial(ORDER)
-        # Where no wall is met, as far as the margin of one; there one that is left has none.
+        # A wall, or its margin where it turns before the wall; one that is left has none.
         inside = (p + rest < above) & (p - rest > -below)
+        before = (t > 0.0) & (t < h)
+        assert inside[before].all()
+        clear = (p + rest < above - margin) & (p - rest > margin - below)
         if near:
-            assert inside[1:].all()
-            inside = (p + rest < above - margin) & (p - rest > margin - below)
+            inside = clear
             turned += 1
+        elif margin > 0.0:  # what has come into a margin does not leave it before the wall
+            assert (np.diff(clear[before].astype(int)) <= 0).all()
         inside[0] = True
         outside = np.flatnonzero(~inside)
         expected = t[outside[0]] if outside.size else H
