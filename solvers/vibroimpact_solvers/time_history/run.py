@@ -398,10 +398,10 @@ class Run:
             self.Z[1 + c] = self.structure.state_of(self.configuration, *turned)
         self.configuration.basis.doubt_loads(self.Z)
         velocity, impulse = side * impact.speed, float(impact.impulses[0])
-        found = self.scale * velocity, self.scale * impulse
+        struck = self.scale * velocity, self.scale * impulse
         bend = self.scale**2 * float(self.structure.W[contact[0]] @ before)
         errors = max(growth, self.growth), growth * float(self.progress_row["largest"])
-        self._add_impact((*found, bend), errors, *contact)
+        self._add_impact((*struck, bend), errors, *contact)
 
     def _deviations(self) -> list[Moved]:
         return [

@@ -18,6 +18,8 @@ from processes import Record, Replica, children, forkservers, stat, until
 from shared import Machine
 from users import User, history, sweep, tiny
 
+from tests.service.jobs.test_webhooks import SECRET, Receiver
+
 
 def test_a_worker_that_stands_still(
     started: Callable[[Any], Any], tmp_path: Path, record: Record, machine: Machine
@@ -124,6 +126,8 @@ def test_a_store_that_takes_no_writes_for_a_while(
         user = User([replica])
         user.submit(sweep(0.6), *(tiny(0.7 + i / 100) for i in range(5)))
         until(record.begun, "nothing begins")
+        body = {"kind": "impact-modes", "request": sweep(0.65), "deadline_seconds": 8.0}
+        late = replica.http.post("/v1/jobs", json=body).json()["id"]
         remount(store, "ro")
         until(lambda: "Read-only".lower() in reasons(replica), "no job says why it waits")
         # Readiness writes, once a second at most.
@@ -135,13 +139,16 @@ def test_a_store_that_takes_no_writes_for_a_while(
         refused = replica.http.post("/v1/jobs", json=body)
         assert refused.status_code in (503, 507)
         assert int(refused.headers["Retry-After"]) > 0
-        time.sleep(3.0)
+        # What waits for the store waits until its deadline, and no longer.
+        ended = until(lambda: user.final(late), "a job waits for ever")
+        assert ended["state"] == "failed"
+        assert ended["error"]["code"] == "deadline_passed", ended["error"]
         remount(store, "rw")
         moment = time.time()
         user.submit(tiny(1.0))
         until(replica.ready, "not ready")
         print("seconds until jobs are accepted again:", round(time.time() - moment, 2))
-        user.check()
+        user.check(late)
         record.check()
     finally:
         subprocess.run(["umount", "-l", str(store)], check=True)
@@ -157,6 +164,30 @@ def reasons(replica: Replica) -> str:
     """Return why the jobs of a service wait."""
     jobs = replica.http.get("/v1/jobs").json()["jobs"]
     return " ".join(job["waiting_reason"] or "" for job in jobs).lower()
+
+
+def test_the_end_of_the_service_beside_a_receiver_that_drips(
+    started: Callable[[Any], Any], tmp_path: Path, record: Record
+) -> None:
+    receiver = Receiver(tmp_path)
+    receiver.drips = True
+    try:
+        settings = {"webhook_private": "true", "webhook_ca": str(receiver.authority)}
+        replica = started(Replica(tmp_path / "data", record, **settings))
+        until(replica.ready, "no workers")
+        for i in range(12):
+            body = {"kind": "impact-modes", "request": tiny(0.7 + i / 100)}
+            body["webhook"] = {"url": receiver.url, "secret": SECRET}
+            assert replica.http.post("/v1/jobs", json=body).status_code == 201
+        until(lambda: receiver.got, "nothing is delivered")
+        moment = time.time()
+        replica.process.send_signal(signal.SIGTERM)
+        replica.process.wait(60)
+        taken = time.time() - moment
+        print("seconds to the end of the process:", round(taken, 2))
+        assert taken <= 20.0
+    finally:
+        receiver.close()
 
 
 def test_any_number_of_damaged_chunks(

@@ -95,7 +95,7 @@ def _steps(_: Any, *args: Any) -> Tally:
 
 def _history(_: Any, structure: Any, motion: Any, work: Any, modal: Any, *rest: Any) -> Tally:
     written = int(motion[2]["written"].sum())  # since the progress was new
-    _, _, (x, v, _) = rest
+    _, _, (x, v, *_) = rest
     dofs = max(x.shape[-1], v.shape[-1])
     yield "displacements", written * dofs * ((x.size > 0) + (v.size > 0))
 
