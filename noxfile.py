@@ -177,18 +177,12 @@ def benchmarks(session: nox.Session) -> None:
 
 @nox.session
 def faults(session: nox.Session) -> None:
-    """Kill processes at random moments, fill disks, cut networks; all jobs must end well.
-
-    Three files at a time, as they wait for most of it, then one by one those that a busy machine
-    would disturb. ``nox -s faults -- -k backup`` for a part.
-    """
+    """Kill processes at random moments, fill disks, cut networks; all jobs must end well."""
     install_locked(session)
-    common = ("-rA", "--durations", "12", "tests/acceptance/faults", *session.posargs)
-    codes = [0, 5] if session.posargs else [0]  # 5: a part has no tests of a kind
-    # Those of a file share what they start.
-    together = ("-n", "3", "--no-loadscope-reorder", "-m", "faults and not quiet")
-    session.run("pytest", *together, *common, success_codes=codes)
-    session.run("pytest", "-n", "0", "-m", "faults and quiet", *common, success_codes=codes)
+    session.run(
+        *("pytest", "-n", "0", "-m", "faults", "-s", "--durations", "8"),
+        *("tests/acceptance/faults", *session.posargs),
+    )
 
 
 @nox.session

@@ -1,8 +1,4 @@
-"""Fixtures of the fault tests: random moments, records of the work, clean-up of processes.
-
-They wait for most of their time, and each has a service of its own: `nox -s faults` runs several
-beside one another.
-"""
+"""Fixtures of the fault tests: random moments, records of the work, clean-up of processes."""
 
 from __future__ import annotations
 
@@ -20,22 +16,12 @@ from processes import Process, Record
 from shared import Machine
 
 Some = TypeVar("Some", bound=Process)
-LONGEST = ("monitoring", "neighbours", "cluster", "backup", "soak")
-"""These files begin first: no process of pytest is to wait for one that began last."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    ours = [item for item in items if Path(__file__).parent in item.path.parents]
-    for item in ours:
-        item.add_marker(pytest.mark.faults)
-    if ours == items:
-        items.sort(key=_place)
-
-
-def _place(item: pytest.Item) -> int:
-    """Return the place of a test in the order, which is otherwise that of the names of files."""
-    name = item.path.stem.removeprefix("test_")
-    return LONGEST.index(name) if name in LONGEST else len(LONGEST)
+    for item in items:
+        if Path(__file__).parent in item.path.parents:
+            item.add_marker(pytest.mark.faults)
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""A clock that stands still while other programs take the processors away."""
+"""A clock that stands still while other programs use the processors."""
 
 from __future__ import annotations
 
@@ -7,17 +7,14 @@ import threading
 import time
 from pathlib import Path
 
-STAT = Path("/proc/stat")
 _EVERY = 0.2
 
 
 class Machine:
-    """A clock of the time in which the processors were there for the test.
+    """A clock of the time in which the processors were idle or used by the tests.
 
-    It agrees with the wall clock while as much of them idles as other programs use, for those then
-    take nothing away: so it is while a test waits, whatever runs beside it. It stands still while
-    others use all processors. Limits therefore mean the same on a shared machine as on a quiet one.
-    Programs of low priority (`nice`) do not count: they give way.
+    It agrees with the wall clock while no other program computes, and stands still while others
+    use all processors. Limits therefore mean the same on a shared machine as on a quiet one.
     """
 
     def __init__(self) -> None:
@@ -26,7 +23,7 @@ class Machine:
         self._ours = 0
         self._moments: list[tuple[float, float]] = []
         self._left = 0.0
-        self._before = self._used_ticks(), ticks()
+        self._before = self._used_ticks(), _all()
         self._moments.append((time.time(), 0.0))
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -58,13 +55,14 @@ class Machine:
 
     def _run(self) -> None:
         while not self._closing.wait(_EVERY):
-            ours, (busy, total) = self._used_ticks(), ticks()
+            ours, (busy, total) = self._used_ticks(), _all()
             ours_before, (busy_before, total_before) = self._before
             if total == total_before:
                 continue
-            passed, used = total - total_before, busy - busy_before
+            others = max(0, busy - busy_before - (ours - ours_before))
+            share = 1.0 - min(1.0, others / (total - total_before))
             now = time.time()
-            self._left += share(passed, used, ours - ours_before) * (now - self._moments[-1][0])
+            self._left += share * (now - self._moments[-1][0])
             self._moments.append((now, self._left))
             self._before = ours, (busy, total)
 
@@ -82,18 +80,9 @@ class Machine:
         return self._ours
 
 
-def share(passed: int, used: int, ours: int) -> float:
-    """Return the part of some ticks of the processors that others did not take away.
-
-    Of `passed` ticks `used` were used, `ours` of them by the test; the rest idled.
-    """
-    others, idle = max(0, used - ours), max(0, passed - used)
-    return 1.0 - min(1.0, max(0, others - idle) / passed)
-
-
-def ticks() -> tuple[int, int]:
-    """Return the busy ticks, without those of low priority, and all ticks so far."""
-    line = STAT.read_text().splitlines()[0]
+def _all() -> tuple[int, int]:
+    """Return the busy ticks and all ticks of the processors so far."""
+    line = Path("/proc/stat").read_text().splitlines()[0]
     user, nice, system, idle, iowait, irq, softirq, steal = map(int, line.split()[1:9])
-    busy = user + system + irq + softirq + steal
-    return busy, busy + nice + idle + iowait
+    busy = user + nice + system + irq + softirq + steal
+    return busy, busy + idle + iowait

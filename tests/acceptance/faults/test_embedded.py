@@ -10,7 +10,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import pytest
 from processes import Record, Replica, until
 from shared import Machine
 from users import User, sweep, tiny
@@ -43,7 +42,6 @@ def test_killed_workers(
     assert max(seconds) <= 5.0
 
 
-@pytest.mark.quiet
 def test_killed_service(
     started: Callable[[Any], Any],
     tmp_path: Path,

@@ -221,7 +221,6 @@ def test_any_number_of_damaged_chunks(
     user.check()
 
 
-@pytest.mark.quiet
 def test_the_end_of_the_service_during_a_computation(
     started: Callable[[Any], Any], tmp_path: Path, record: Record
 ) -> None:
