@@ -24,7 +24,7 @@ _STEP: Final = 1e-2
 _FINEST: Final = 2.0**-53
 _COARSEST_FINEST: Final = 8.0 * _FINEST
 """Error of a step of the other run that is near the roundings of both."""
-_REPEATED: Final = 32.0
+_REPEATED: Final = 64.0
 """Roundings over the difference of two runs that are off by one sample of them."""
 _CONVERTED: Final = 16.0
 """Roundings of displacements and velocities, which two runs have in common."""

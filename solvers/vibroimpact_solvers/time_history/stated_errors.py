@@ -194,7 +194,9 @@ class StatedErrors:
             shift = 2.0 * off / (speed + np.sqrt(np.where(sure, swing - late, 0.0)))
             fastest = max(reach.fastest for reach in self._reaches)
             bend = np.minimum(bend, np.abs(rows["acceleration"]) + fastest * shift * bend)
-            velocity = np.where(sure, bend * shift, np.sqrt(swing + late)) + state * reaches[1]
+            # A displacement and a velocity are forms of different numbers of the state.
+            own = state * reaches[1]
+            velocity = np.where(sure, np.hypot(bend * shift, own), np.sqrt(swing + late) + own)
             mass = (1.0 + self._restitution) / np.diagonal(self._structure.mobility)
             taken = np.abs(rows["impulse"]) / np.where(speed > 0.0, speed, np.inf)
         known = rows["time"] < until
