@@ -11,8 +11,9 @@ Examples
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from typing import Final
 
 import numpy as np
 
@@ -26,6 +27,15 @@ from vibroimpact_solvers.model import (
     Units,
     within_range,
 )
+
+PARAMETERS: Final[Mapping[str, Mapping[str, str]]] = {
+    "chain": {"M": "mass", "K": "stiffness"},
+    "oscillator": {"K": "Omega0", "C": "zeta"},
+    "two_mass": {"K": "coupling", "C": "zeta"},
+    "double_pendulum": {"M": "mu", "K": "mu"},
+    "bouncing_ball": {"force": "g"},
+}
+"""Presets -> a part of their system -> the parameter that makes it, and is to be blamed."""
 
 
 def chain(
@@ -42,7 +52,7 @@ def chain(
     K = {0: np.full(n, _entry("stiffness", "K", 2.0 * stiffness))}
     if n > 1:
         K[1] = np.full(n - 1, -stiffness)
-    with _made_of(M="mass", K="stiffness"):
+    with _blamed("chain"):
         return System(
             SymmetricMatrix.diagonal(np.full(n, mass)),
             SymmetricMatrix.bands(K),
@@ -62,7 +72,7 @@ def oscillator(
     _require_positive(("Omega0",), Omega0)
     square = _square("Omega0", Omega0)
     damping = _entry("zeta", "C", 2.0 * zeta * Omega0)
-    with _made_of(C="zeta"):
+    with _blamed("oscillator"):
         C = SymmetricMatrix.diagonal([damping]) if zeta else None
         one, K = SymmetricMatrix.diagonal([1.0]), SymmetricMatrix.diagonal([square])
         return System(one, K, tuple(constraints), C=C, units=units)
@@ -80,7 +90,7 @@ def two_mass(
     square = _square("Omega0", Omega0)
     damping = _entry("zeta", "C", 2.0 * zeta * Omega0)
     _entry("coupling", "K", square * (1.0 + abs(coupling)))
-    with _made_of(K="coupling", C="zeta"):
+    with _blamed("two_mass"):
         K = square * np.array([[1.0 + coupling, -coupling], [-coupling, 1.0 + coupling]])
         C = SymmetricMatrix.diagonal([damping, 0.0]) if zeta else None
         one = SymmetricMatrix.diagonal([1.0, 1.0])
@@ -94,7 +104,7 @@ def double_pendulum(
     if not mu > 1.0:
         raise ModelError(("mu",), f"mu is {mu!r}, not above 1", code="out_of_range")
     square = _square("mu", mu)
-    with _made_of(M="mu"):
+    with _blamed("double_pendulum"):
         M = SymmetricMatrix.dense([[square, 1.0], [1.0, 1.0]])
         return System(M, SymmetricMatrix.diagonal([square, 1.0]), tuple(constraints), units=units)
 
@@ -105,13 +115,14 @@ def bouncing_ball(
     """Return a ball over a floor: M = 1, K = 0, force -g (eq. 10.124)."""
     _require_positive(("g",), g)
     one, zero = SymmetricMatrix.diagonal([1.0]), SymmetricMatrix.diagonal([0.0])
-    with _made_of(force="g"):
+    with _blamed("bouncing_ball"):
         return System(one, zero, tuple(constraints), force=np.array([-g]), units=units)
 
 
 @contextmanager
-def _made_of(**parameters: str) -> Iterator[None]:
+def _blamed(preset: str) -> Iterator[None]:
     """Let errors of matrices and forces point to the parameter that they are made of."""
+    parameters = PARAMETERS[preset]
     try:
         yield
     except ModelError as error:

@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
-from vibroimpact_schema import systems
 from vibroimpact_schema.branches import BranchesRequest
 from vibroimpact_schema.sweeps import SweepRequest
 from vibroimpact_schema.systems import SystemReference
@@ -154,21 +153,13 @@ def _for_factors(system: Any) -> float:
     return min(_FACTORS_SECONDS, _SECONDS_OF_ROWS * system.n**3) if scattered else 0.0
 
 
-_PARTS: Final[Mapping[type, Mapping[str, str]]] = {
-    systems.Chain: {"M": "mass", "K": "stiffness"},
-    systems.Oscillator: {"K": "Omega0", "C": "zeta"},
-    systems.TwoMass: {"K": "coupling", "C": "zeta"},
-    systems.DoublePendulum: {"M": "mu", "K": "mu"},
-    systems.BouncingBall: {"force": "g"},
-}
-"""Presets -> the part of a system that a parameter makes -> the parameter."""
-
-
 def _as_sent(error: SolverError, kind: Kind, system: Any) -> SolverError:
     """Return an error with a pointer to what was sent for a part of the structure, if it has one.
 
     A preset has parameters instead, a stored system none of its parts.
     """
+    from vibroimpact_solvers import presets
+
     place = len(kind.structure)
     if not isinstance(error, ModelError | PlanError) or error.pointer[:place] != kind.structure:
         return error
@@ -177,8 +168,8 @@ def _as_sent(error: SolverError, kind: Kind, system: Any) -> SolverError:
         return error
     if isinstance(system, SystemReference):
         pointer = kind.structure
-    elif type(system) in _PARTS:
-        pointer = (*kind.structure, _PARTS[type(system)].get(str(part), "preset"))
+    elif (preset := getattr(system, "preset", None)) is not None:
+        pointer = (*kind.structure, presets.PARAMETERS[preset].get(str(part), "preset"))
     else:
         return error
     if isinstance(error, PlanError):

@@ -309,13 +309,18 @@ ALMOST_FREE = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("document", [SLIDING, ALMOST_FREE], ids=["sliding", "almost free"])
-def test_stated_errors_are_relative_to_the_motion(document: dict[str, Any]) -> None:
-    """They counted relative to where loads carry a structure, and to the loads' own size."""
+def assert_within_stated_errors(document: dict[str, Any]) -> None:
+    """Compare a motion with the reference."""
     report = Report()
     soft.check(Case("", document), report)
     assert not report.failures
     assert report.ratios["x"]
+
+
+@pytest.mark.parametrize("document", [SLIDING, ALMOST_FREE], ids=["sliding", "almost free"])
+def test_stated_errors_are_relative_to_the_motion(document: dict[str, Any]) -> None:
+    """They counted relative to where loads carry a structure, and to the loads' own size."""
+    assert_within_stated_errors(document)
 
 
 # Straight through the middle: of all coefficients of a force only that of order 17 is not zero.
@@ -332,10 +337,7 @@ THROUGH_THE_MIDDLE = {
 
 def test_steps_that_overflow_a_force_are_shortened() -> None:
     """Infinite at the end of a step, less its infinite rounding, it counted as one that agrees."""
-    report = Report()
-    soft.check(Case("", THROUGH_THE_MIDDLE), report)
-    assert not report.failures
-    assert report.ratios["x"]
+    assert_within_stated_errors(THROUGH_THE_MIDDLE)
 
 
 def test_a_side_without_limiter_has_no_force_however_far_away() -> None:
@@ -370,9 +372,7 @@ APART = {
 
 def test_each_output_has_the_error_of_its_own_difference() -> None:
     """What one coordinate is off was stated of all of them."""
-    report = Report()
-    soft.check(Case("", APART), report)
-    assert not report.failures
+    assert_within_stated_errors(APART)
     found = solve(
         th.Problem(
             System(
@@ -418,10 +418,7 @@ SHORTENED = {
 @pytest.mark.parametrize("document", [SAME_SERIES, SHORTENED], ids=["same", "shortened"])
 def test_runs_of_the_same_series_do_not_hide_the_error(document: dict[str, Any]) -> None:
     """Their difference was nothing but roundings, 400 times less than the error."""
-    report = Report()
-    soft.check(Case("", document), report)
-    assert not report.failures
-    assert report.ratios["x"]
+    assert_within_stated_errors(document)
 
 
 def doubles(matrix: mp.matrix) -> np.ndarray[Any, np.dtype[np.float64]]:
