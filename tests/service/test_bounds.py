@@ -207,10 +207,10 @@ def test_every_plan_is_quick_or_refused(tmp_path: Path, name: str) -> None:
     for attempt in range(4):  # the first one loads libraries; others on this machine disturb
         asked = requests.read("ann", KINDS[kind], moved(content, 1.0 + attempt / 1000))
         decode.system(asked.document.system)
-        began = planning._used()
+        began, _ = planning._used()
         with contextlib.suppress(ProblemError):
             planning.plan(store, asked.kind, asked.document, settings)
-        spent.append(planning._used() - began)
+        spent.append(planning._used()[0] - began)
         loops.append(loop())
     assert min(spent) < PLAN_SECONDS * max(1.0, min(loops) / LOOP_SECONDS)
 
@@ -239,7 +239,7 @@ def test_of_a_plan_that_takes_long_a_field_is_blamed_that_was_sent(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, sent: bool, pointer: str
 ) -> None:
     clock = iter(range(100))
-    monkeypatch.setattr(planning, "_used", lambda: float(next(clock)))
+    monkeypatch.setattr(planning, "_used", lambda: (float(next(clock)),) * 2)
     content = {**HISTORY, "outputs": ["impacts"]}
     content.pop("t", None)
     with pytest.raises(ProblemError, match="The plan alone") as refused:
@@ -253,7 +253,7 @@ def test_factors_of_scattered_matrices_have_a_time_of_their_own(
 ) -> None:
     """Bounds of the modes of a full mass matrix take longer than all else in a plan."""
     clock = itertools.count()
-    monkeypatch.setattr(planning, "_used", lambda: 0.11 * next(clock))
+    monkeypatch.setattr(planning, "_used", lambda: (0.11 * next(clock),) * 2)
     mass: Any = {"scalar": 1.0, "n": 500}
     if scattered:
         mass = [[float(i == j) for i in range(500)] for j in range(500)]
@@ -304,6 +304,18 @@ def test_what_the_system_takes_for_memory_is_not_the_time_of_a_plan(tmp_path: Pa
     assert plan(in_the_system).plan.steps
     with pytest.raises(ProblemError, match="The plan alone"):
         plan(in_this_process)
+
+
+def test_a_plan_is_not_refused_for_what_the_system_samples(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a thread that has run for long, the time that is not the system's jumps now and then."""
+    asked = requests.read("ann", KINDS["impact-modes"], modes(10))
+    jumps = itertools.count()
+    monkeypatch.setattr(planning, "_used", lambda: (float(next(jumps)), time.thread_time()))
+    store, settings = Store(str(tmp_path)), Settings(data=tmp_path)
+    assert planning.plan(store, asked.kind, asked.document, settings).plan.steps
+    assert next(jumps) > 2  # it was asked
 
 
 def test_a_plan_ends_when_its_caller_has_gone(tmp_path: Path) -> None:

@@ -32,17 +32,19 @@ class Planned(NamedTuple):
     """Estimated time of the plan on one core."""
 
 
-def _used() -> float:
-    """Return the processor time of this thread, without that of the system for it if possible.
+def _used() -> tuple[float, float]:
+    """Return the processor time of this thread, without that of the system if possible, and all.
 
-    Where a virtual machine touches memory for the first time, that takes ten times as long as what
-    is computed in it; memory is limited by sizes.
+    Where a virtual machine touches memory for the first time, the system takes ten times as long as
+    what is computed in it; memory is limited by sizes. But it samples whom it computes for: of a
+    thread that has run for long, the first number may jump by more than a plan takes.
     """
+    whole = time.thread_time()
     if sys.platform != "linux":
-        return time.thread_time()
+        return whole, whole
     import resource
 
-    return resource.getrusage(resource.RUSAGE_THREAD).ru_utime
+    return resource.getrusage(resource.RUSAGE_THREAD).ru_utime, whole
 
 
 class _Meter:
@@ -56,12 +58,12 @@ class _Meter:
     ) -> None:
         self._tick, self._where = tick, where
         self._seconds = math.inf if settings is None else settings.plan_seconds
-        self._end = math.inf
+        self._begun = math.inf, math.inf
 
     def begin(self, more: float) -> None:
         """Begin to count; so many seconds more are allowed."""
         self._seconds += more
-        self._end = _used() + self._seconds
+        self._begun = _used()
 
     def __call__(self) -> None:
         """Raise where the plan is to end.
@@ -75,7 +77,8 @@ class _Meter:
         """
         if self._tick is not None:
             self._tick(0, 1)
-        if _used() > self._end:
+        used = min(now - then for now, then in zip(_used(), self._begun, strict=True))
+        if used > self._seconds:
             message = f"The plan alone takes more than {self._seconds:g} s: ask for less at once."
             raise limits.too_costly(problems.pointer(self._where), "plan_too_long", message)
 
