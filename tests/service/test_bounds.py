@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import itertools
 import os
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -198,7 +200,17 @@ def loop() -> float:
     return time.thread_time() - began
 
 
+@pytest.fixture
+def own_garbage() -> Iterator[None]:
+    """Leave what other tests have made out of the collections of garbage in this one."""
+    gc.collect()
+    gc.freeze()
+    yield
+    gc.unfreeze()
+
+
 @pytest.mark.parametrize("name", PLANS)
+@pytest.mark.usefixtures("own_garbage")
 def test_every_plan_is_quick_or_refused(tmp_path: Path, name: str) -> None:
     """Beside the time for its matrices; the least of some attempts, on a processor as usual."""
     kind, content = PLANS[name]

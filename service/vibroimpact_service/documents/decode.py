@@ -391,6 +391,8 @@ def _motion(request: requests.MotionRequest, of: System) -> dict[str, Any]:
 def _load(term: Any, place: int, of: System) -> histories.Load:
     """Return a load of a motion; place is its place among them."""
     match term:
+        case motions.HarmonicLoad():  # the first, as there may be thousands of them
+            return histories.Harmonic(term.dof, term.amplitude, term.frequency, term.phase)
         case motions.SampledLoad():
             direction, values = _weights(term, place, of.n), np.array(term.force)
         case motions.BaseMotion():
@@ -398,8 +400,6 @@ def _load(term: Any, place: int, of: System) -> histories.Load:
                 message = f"{len(term.base)} numbers for {of.n} degrees of freedom"
                 raise ModelError(("load", place, "base"), message, code="wrong_length")
             direction, values = -(of.M @ np.array(term.base)), np.array(term.acceleration)
-        case _:
-            return histories.Harmonic(term.dof, term.amplitude, term.frequency, term.phase)
     t = np.array(term.t) if term.interval is None else term.interval * np.arange(values.size)
     return histories.Sampled(direction, t, values)
 
