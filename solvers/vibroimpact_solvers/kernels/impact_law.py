@@ -40,6 +40,8 @@ from vibroimpact_solvers.kernels.rigid_state import (
 
 _LONG_CHATTER = 1e-3  # time of bounces lower than rounding that is not passed over
 _ALONE = 0  # the row of a coordinate that is struck alone
+BOUNCES, RESTS, OPENS = range(3)
+"""What an impact does: the motion goes on, a coordinate comes to rest, or contacts may open."""
 
 
 @inline
@@ -367,16 +369,21 @@ def _comes_to_rest(
 
 
 @inline
-def strike(structure: Structure, motion: Motion, scratch: Scratch) -> bool:
+def strike(structure: Structure, motion: Motion, scratch: Scratch) -> int:
     """Apply the impact of the coordinate that reached its wall, and of all others at theirs.
 
-    Returns whether one of them comes to rest there.
+    Returns `BOUNCES`, `RESTS`, or `OPENS`, where nothing was applied.
     """
     progress, errors = motion.progress[0], structure.errors
     first, row = progress.rows, random_row(progress.impacts, errors.signs.shape[0])
+    count = _find_struck(structure, motion, scratch)
+    for a in range(count):
+        one = scratch.struck[a]
+        wall = structure.walls[one.coordinate]
+        if wall.opens_upper if one.side > 0.0 else wall.opens_lower:
+            return OPENS
     if structure.walls.size > 1 and motion.deviations.shape[0] > 0:
         _widen_unknown_order(structure, motion, scratch)
-    count = _find_struck(structure, motion, scratch)
     before = estimated_length(motion.deviations, errors, motion.progress)
     if count == 1:
         rests = _strike_one(structure, motion, scratch, row)
@@ -397,4 +404,4 @@ def strike(structure: Structure, motion: Motion, scratch: Scratch) -> bool:
             impact.deviation, impact.before = error, before
             if count > 1:  # one after the other
                 impact.before = max(before, error * progress.largest)
-    return rests
+    return RESTS if rests else BOUNCES

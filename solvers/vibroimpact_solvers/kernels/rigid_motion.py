@@ -38,7 +38,7 @@ from vibroimpact_solvers.kernels.flow import (
     set_propagator,
     two_sum,
 )
-from vibroimpact_solvers.kernels.impact_law import graze, strike
+from vibroimpact_solvers.kernels.impact_law import BOUNCES, RESTS, graze, strike
 from vibroimpact_solvers.kernels.jit import bare, inner, once
 from vibroimpact_solvers.kernels.modal import (
     Modal,
@@ -83,7 +83,7 @@ class Stop(IntEnum):
     PAUSE = 2  # the number of expansions agreed on was spent
     CONTACT = 3  # a constraint came to rest at its wall, after its impulse
     RELEASE = 4  # a contact force vanished
-    IMPACT_IN_CONTACT = 5  # a wall is reached while others are in contact: no impulse as yet
+    IMPACT_IN_CONTACT = 5  # a wall is reached, and others may open by that: no impulse as yet
 
 
 _REFUSED, _END, _TABLE, _PAUSE, _CONTACT, _RELEASE, _IMPACT_IN_CONTACT = range(-1, 6)
@@ -204,10 +204,9 @@ def _advance(
         now.coordinate, now.side = who, side
         if walls[who].restitution < 0.0:
             return _RELEASE
-        if now.stops_at_impacts:
-            return _IMPACT_IN_CONTACT
-        if strike(structure, motion, scratch):
-            return _CONTACT
+        outcome = strike(structure, motion, scratch)
+        if outcome != BOUNCES:
+            return _CONTACT if outcome == RESTS else _IMPACT_IN_CONTACT
 
 
 @once

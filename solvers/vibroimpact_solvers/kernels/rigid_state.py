@@ -43,6 +43,9 @@ WALL: Final = np.dtype(
         ("factor_rest", "f8"),
         # Change of the coordinate's acceleration by a unit impulse.
         ("acceleration", "f8"),
+        # Whether an impact may open contacts of others, or what it does to them is not known.
+        ("opens_lower", "i8"),
+        ("opens_upper", "i8"),
     ]
 )
 """The walls of a watched coordinate."""
@@ -71,7 +74,6 @@ PROGRESS: Final = np.dtype(
         ("tolerance", "f8"),  # of the error of the state, relative to it
         ("scale", "f8"),  # times of the basis over those of x
         ("budget", "i8"),  # expansions after which the loop pauses
-        ("stops_at_impacts", "i8"),
         # Kept from call to call.
         ("begun", "i8"),  # whether the deviations are set
         ("time", "f8"),

@@ -2,27 +2,52 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.time_history.basis import Basis
 from vibroimpact_solvers.time_history.structure import Configuration
 
 _FAR: Final = 20.0
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
+_ROWS: Final = 256  # of impacts, at once
 
 
-def impulses(configuration: Configuration, z: Floats, span: float) -> Floats:
-    """Return the integrals of the forces of all contacts from a state on.
+@dataclass(frozen=True, eq=False)
+class Struck:
+    """Impacts of free coordinates, which leave all contacts closed.
+
+    Parameters
+    ----------
+    times : array, shape (impact,)
+        Since the beginning, ascending, in units of the basis.
+    places : array of int, shape (impact,)
+        Of the coordinates among the free ones.
+    impulses : array, shape (impact,)
+        On the coordinates, with their signs, in units of mass and of the basis' time.
+    """
+
+    times: Floats
+    places: Integers
+    impulses: Floats
+
+
+def impulses(configuration: Configuration, z: Floats, struck: Struck, span: float) -> Floats:
+    """Return the impulses of all contacts from a state on.
+
+    The motion is linear between impacts: each one adds the free motion that its kick begins.
 
     Parameters
     ----------
     configuration : Configuration
     z : array, shape (2, pair)
         The state at the beginning.
+    struck : Struck
     span : float
         Duration, in units of the basis.
 
@@ -31,11 +56,20 @@ def impulses(configuration: Configuration, z: Floats, span: float) -> Floats:
     array, shape (contact,)
         In units of force and of the basis' time, in the order of the configuration's contacts.
     """
-    first = len(configuration.free)
+    first, basis, kernel = len(configuration.free), configuration.basis, configuration.kernel
     integral = _integral(configuration, z, span)
-    kernel = configuration.kernel
+    count = int(np.searchsorted(struck.times, span, "right"))
+    for begin in range(0, count, _ROWS):
+        some = slice(begin, min(begin + _ROWS, count))
+        kicks = np.moveaxis(kernel.watched.kick[struck.places[some]], 1, 0)
+        kicked = kicks * struck.impulses[some, np.newaxis]
+        left = (span - struck.times[some])[:, np.newaxis]
+        integral += _free_integral(basis, kicked, left).sum(axis=1)
+    given = np.bincount(struck.places[:count], struck.impulses[:count], first)
+    # Mass by velocity, in units of force and of the basis' time.
+    answered = -math.ldexp(1.0, 2 * basis.exponent) * (configuration.answers @ given)
     forms, levels = kernel.watched.coordinate[first:], kernel.walls["lower"][first:]
-    return np.asarray((forms * integral).sum(axis=(1, 2)) + levels * span)
+    return np.asarray((forms * integral).sum(axis=(1, 2)) + levels * span + answered)
 
 
 def _integral(configuration: Configuration, z: Floats, span: float) -> Floats:
@@ -46,11 +80,7 @@ def _integral(configuration: Configuration, z: Floats, span: float) -> Floats:
     basis = configuration.basis
     turning, apart = basis.flow.rotations, basis.flow.hyperbolas_end
     alpha, nu, a, b = basis.alpha, basis.nu, z[0], z[1]
-    integral = np.empty_like(z)
-    some = slice(0, turning)
-    # (a - ib)' = (alpha + i nu)(a - ib)
-    turned = (a[some] - 1j * b[some]) * _mean(span * (alpha[some] + 1j * nu[some]))
-    integral[0, some], integral[1, some] = span * turned.real, -span * turned.imag
+    integral = _free_integral(basis, z, span)
     for j, k, real, imaginary in basis.drives():
         # w' = sigma w + kappa l with l' = i omega l: a divided difference of means.
         kappa, load = complex(real, imaginary), complex(a[k], -b[k])
@@ -63,16 +93,33 @@ def _integral(configuration: Configuration, z: Floats, span: float) -> Floats:
         integral[1, j] -= added.imag
     for j, k, first, second in basis.pushes():
         integral[:, j] += _pushed(basis, j, first, second, z[:, k], span)
-    some = slice(turning, apart)
+    # A push has no alpha.
+    integral[1, apart:] += 0.5 * span**2 * basis.push[apart:]
+    integral[0, apart:] += span**3 * basis.push[apart:] / 6.0
+    return integral
+
+
+def _free_integral(basis: Basis, z: Floats, span: Any) -> Floats:
+    """Return the integral of states without pushes and drives, shape (2, ..., pair).
+
+    span is a number, or an array of shape (..., 1).
+    """
+    turning, apart = basis.flow.rotations, basis.flow.hyperbolas_end
+    alpha, nu, a, b = basis.alpha, basis.nu, z[0], z[1]
+    integral = np.empty_like(z)
+    some: Any = np.s_[..., :turning]
+    # (a - ib)' = (alpha + i nu)(a - ib)
+    turned = (a[some] - 1j * b[some]) * _mean(span * (alpha[some] + 1j * nu[some]))
+    integral[0][some], integral[1][some] = span * turned.real, -span * turned.imag
+    some = np.s_[..., turning:apart]
     plus = (a[some] + b[some]) * _mean(span * (alpha[some] + nu[some]))
     minus = (a[some] - b[some]) * _mean(span * (alpha[some] - nu[some]))
-    integral[0, some], integral[1, some] = 0.5 * span * (plus + minus), 0.5 * span * (plus - minus)
-    some = slice(apart, basis.pairs)
-    rate, push = span * alpha[some], basis.push[some]
-    # a' = alpha a + b, b' = alpha b + push; a push has no alpha.
-    integral[1, some] = span * b[some] * _mean(rate) + 0.5 * span**2 * push
-    integral[0, some] = span * a[some] * _mean(rate) + span**2 * b[some] * _first_moment(rate)
-    integral[0, some] += span**3 * push / 6.0
+    integral[0][some], integral[1][some] = 0.5 * span * (plus + minus), 0.5 * span * (plus - minus)
+    some = np.s_[..., apart:]
+    rate = span * alpha[some]
+    # a' = alpha a + b, b' = alpha b
+    integral[1][some] = span * b[some] * _mean(rate)
+    integral[0][some] = span * a[some] * _mean(rate) + span**2 * b[some] * _first_moment(rate)
     return integral
 
 

@@ -18,6 +18,7 @@ from vibroimpact_solvers.kernels.rigid_state import IMPACT, PROGRESS, Rows, work
 from vibroimpact_solvers.time_history.answered_impact import AnsweredImpact, Moved
 from vibroimpact_solvers.time_history.at_walls import CHATTER, AtWalls
 from vibroimpact_solvers.time_history.basis import Basis
+from vibroimpact_solvers.time_history.contact_impulses import Struck
 from vibroimpact_solvers.time_history.contact_impulses import impulses as impulses_at_rest
 from vibroimpact_solvers.time_history.history import History
 from vibroimpact_solvers.time_history.problem import Problem, tolerance_of
@@ -224,7 +225,7 @@ class Run:
         self._check_walls_distinguishable()
         now = self.progress_row
         now["budget"] = now["expansions"] + budget(basis)
-        now["stops_at_impacts"], now["longest"] = bool(self.contacts), basis.longest
+        now["longest"] = basis.longest
         before = (self.now, self.Z[0].copy()) if self.contacts else None
         times = self.output_times
         if self.end < self._whole_end:
@@ -320,14 +321,23 @@ class Run:
 
     def _add_contact_impulses(self, since: float, z: Floats) -> None:
         """Add the impulses of the walls on the coordinates at rest, from their rest on."""
-        whole = impulses_at_rest(self.configuration, z, self.now - since)
-        for place, contact in enumerate(self.configuration.contacts):
+        configuration = self.configuration
+        struck = self._struck(since)
+        whole = impulses_at_rest(configuration, z, struck, self.now - since)
+        for place, contact in enumerate(configuration.contacts):
             rest = self.contacts[contact]
             given = float(whole[place])
             if rest.rest > since:
                 early = min(rest.rest, self.now) - since
-                given -= float(impulses_at_rest(self.configuration, z, early)[place])
+                given -= float(impulses_at_rest(configuration, z, struck, early)[place])
             rest.impulse += given
+
+    def _struck(self, since: float) -> Struck:
+        """Return the impacts of the last free motions, which began at a time."""
+        now = self.progress_row
+        rows = self._table[now["first_row"] : now["rows"]]
+        impulses = -rows["side"] * rows["impulse"] / self.scale
+        return Struck(rows["time"] * self.scale - since, rows["constraint"].copy(), impulses)
 
     def _end_contact(self, contact: Contact) -> None:
         self.contacts.pop(contact).stop = self.now

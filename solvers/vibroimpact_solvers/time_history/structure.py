@@ -34,6 +34,7 @@ from vibroimpact_solvers.time_history.loads import (
 
 _EPS: Final = float(np.finfo(np.float64).eps)
 _TERMS: Final = 100_000  # that are in memory at once
+_UNCOUPLED: Final = 64.0 * _EPS  # of the roots of mobilities, where a mobility is rounding
 Contact = tuple[int, int]
 """A constraint at rest at a wall: its index, and 1 for the upper or -1 for the lower wall."""
 
@@ -51,6 +52,8 @@ class Configuration:
     basis : Basis
     contacts : tuple
         The constraints in contact, whose coordinates are held fixed.
+    answers : array, shape (contact, free constraint)
+        Impulses of the contacts on unit impulses at upper walls, and their negatives at lower ones.
     free : tuple of int
         The other constraints, in the order in which they are watched; contact forces are
         watched after them.
@@ -60,6 +63,7 @@ class Configuration:
 
     basis: Basis
     contacts: tuple[Contact, ...]
+    answers: Floats
     free: tuple[int, ...]
     kernel: rigid_state.Structure
 
@@ -321,10 +325,15 @@ class Structure:
         fill = np.zeros(len(contacts))
         factor, rest = (np.concatenate([part, fill]) for part in (factor, rest))
         jumps = (slopes * basis.drift(kicks)).sum(axis=(1, 2))
+        answers = self._answers(free, contacts)
+        opens = _opening(forms[len(free) :], kicks[: len(free)], answers)
+        opens |= bool(contacts) and basis.longest < np.inf  # whose impulses the sum of all gives
         walls = np.empty(restitution.size, rigid_state.WALL)
         walls["lower"], walls["upper"], walls["restitution"] = lower, upper, restitution
         walls["size"], walls["factor"], walls["factor_rest"] = sizes, factor, rest
         walls["acceleration"] = jumps
+        walls["opens_lower"] = walls["opens_upper"] = 0
+        walls["opens_lower"][: len(free)], walls["opens_upper"][: len(free)] = opens
         high, size, low = (np.ascontiguousarray(part) for part in basis.weight(forms))
         watched = Watched(forms, slopes, kicks, basis.drift(kicks), size, high, low)
         form_errors, slope_errors, kick_errors = basis.form_errors(forms, slopes, kicks)
@@ -336,7 +345,20 @@ class Structure:
         kernel = rigid_state.Structure(
             basis.flow, watched, walls, mobility, rigid_state.Errors(*errors)
         )
-        return Configuration(basis, contacts, free, kernel)
+        return Configuration(basis, contacts, answers, free, kernel)
+
+    def _answers(self, free: tuple[int, ...], contacts: tuple[Contact, ...]) -> Floats:
+        """Return the impulses by which contacts keep closed, shape (contact, free constraint)."""
+        if not contacts or not free:
+            return np.zeros((len(contacts), len(free)))
+        held = [index for index, _ in contacts]
+        sides = np.array([side for _, side in contacts], dtype=np.float64)
+        among = self.mobility[np.ix_(held, held)] * np.outer(sides, sides)
+        coupling = self.mobility[np.ix_(held, free)]
+        sizes = np.sqrt(np.outer(self.mobility.diagonal()[held], self.mobility.diagonal()[[*free]]))
+        # What rounding has left of masses that are not coupled.
+        coupling = np.where(np.abs(coupling) <= _UNCOUPLED * sizes, 0.0, coupling)
+        return np.asarray(-np.linalg.solve(among, sides[:, np.newaxis] * coupling))
 
     def _contact_force_forms(
         self, basis: Basis, contacts: tuple[Contact, ...]
@@ -401,6 +423,21 @@ def _left_by_rounding(K: SymmetricMatrix, rigid: Floats) -> Floats:
         terms = part.data[:, np.newaxis] * wide[begin + part.row] * wide[part.col]
         left += terms.sum(axis=0)
     return np.asarray(np.abs(left), dtype=np.float64)
+
+
+def _opening(forces: Floats, kicks: Floats, answers: Floats) -> Integers:
+    """Return whether impulses at lower and at upper walls may open a contact, shape (2, free).
+
+    They do where one that acts between coordinates would have to pull, in the impact or, by damping
+    that couples them, after it.
+    """
+    terms = forces[:, np.newaxis] * kicks  # (contact, free, 2, pair)
+    pushes, sizes = terms.sum(axis=(2, 3)), np.abs(terms).sum(axis=(2, 3))
+    pushes[np.abs(pushes) <= _UNCOUPLED * sizes] = 0.0
+    # The state changes by minus the kick at an upper wall.
+    upper = ((answers < 0.0) | (pushes > 0.0)).any(axis=0)
+    lower = ((answers > 0.0) | (pushes < 0.0)).any(axis=0)
+    return np.array([lower, upper], dtype=np.int64)
 
 
 def _quotients(slopes: Floats, kicks: Floats, restitution: Floats) -> tuple[Floats, Floats]:
