@@ -216,8 +216,13 @@ def set_spread(flow: Flow, deviations: Floats, spread: Floats) -> None:
 
 
 @inner
-def error_after(structure: Structure, motion: Motion, scratch: Scratch, s: float) -> float:
-    """Return the estimated error of a free motion after a time s, at which nothing is changed."""
+def _lengths_after(
+    structure: Structure, motion: Motion, scratch: Scratch, s: float
+) -> tuple[float, float]:
+    """Return lengths a time s later: that of the error, and the largest one of the motion.
+
+    Nothing is changed.
+    """
     flow, errors, z, moved = structure.flow, structure.errors, scratch.z, scratch.rate
     now, largest = motion.progress[0], 0.0
     set_propagator(flow, s, 0.0, scratch.propagator)
@@ -228,8 +233,14 @@ def error_after(structure: Structure, motion: Motion, scratch: Scratch, s: float
         longest, _ = lengths(moved, errors, 0.0)
         largest = max(largest, longest)
     size, _ = lengths(z, errors, 1.0)
-    size = max(now.largest, size)
-    return SAFETY * largest / size if size > 0.0 else 0.0
+    return SAFETY * largest, max(now.largest, size)
+
+
+@inline
+def _error_after(structure: Structure, motion: Motion, scratch: Scratch, s: float) -> float:
+    """Return the estimated error of a free motion after a time s, relative to the motion."""
+    error, size = _lengths_after(structure, motion, scratch, s)
+    return error / size if size > 0.0 else 0.0
 
 
 @inner
@@ -238,16 +249,18 @@ def note_what_decays(structure: Structure, motion: Motion, scratch: Scratch, s: 
 
     That of a frequency is like ``t exp(alpha t)``, with its largest value at ``t = -1 / alpha``:
     where anything decays to 1/e or less, they are estimated at half the duration, a quarter of it,
-    and so on, until nothing decays. Returns the largest of them, relative to the motion.
+    and so on, until nothing decays. Returns the length of the largest of them.
     """
     now, alpha, fastest, t = motion.progress[0], structure.flow.alpha, 0.0, 0.5 * s
     largest = 0.0
     for j in range(alpha.size):
         fastest = max(fastest, -alpha[j])
     while fastest * s > 1.0 and fastest * t > _STEADY:
-        largest = max(largest, error_after(structure, motion, scratch, t))
+        error, size = _lengths_after(structure, motion, scratch, t)
+        largest = max(largest, error)
+        if size > 0.0:
+            now.growth = max(now.growth, error / size)
         t *= 0.5
-    now.growth = max(now.growth, largest)
     return largest
 
 
@@ -258,13 +271,13 @@ def lose_on_the_way(structure: Structure, motion: Motion, scratch: Scratch, s: f
     Errors that grow steadily: those of the frequencies, and of modes that grow.
     """
     now, good, bad = motion.progress[0], 0.0, s
-    if error_after(structure, motion, scratch, s) * EPS <= now.tolerance:
+    if _error_after(structure, motion, scratch, s) * EPS <= now.tolerance:
         return
     while bad - good > _SHARP * bad:
         middle = 0.5 * (good + bad)
         if middle <= good or middle >= bad:
             break
-        if error_after(structure, motion, scratch, middle) * EPS <= now.tolerance:
+        if _error_after(structure, motion, scratch, middle) * EPS <= now.tolerance:
             good = middle
         else:
             bad = middle

@@ -224,7 +224,7 @@ def _simultaneous_impulses(
 
 @inline
 def _find_struck(structure: Structure, motion: Motion, scratch: Scratch) -> int:
-    """List the coordinates at their walls; return how many there are."""
+    """List the coordinates at their walls; return how many, -1 where contacts may open."""
     walls, watched, now = structure.walls, structure.watched, motion.progress[0]
     count = 0
     for i in range(walls.size):
@@ -240,6 +240,8 @@ def _find_struck(structure: Structure, motion: Motion, scratch: Scratch) -> int:
             side = -1.0
         else:
             continue
+        if (side > 0.0 and wall.opens_upper) or (side < 0.0 and wall.opens_lower):
+            return -1
         speed, lost = exact_product(watched.velocity[i], motion.z)
         lost += product(watched.velocity[i], scratch.rest)
         row = scratch.struck[count]
@@ -377,11 +379,8 @@ def strike(structure: Structure, motion: Motion, scratch: Scratch) -> int:
     progress, errors = motion.progress[0], structure.errors
     first, row = progress.rows, random_row(progress.impacts, errors.signs.shape[0])
     count = _find_struck(structure, motion, scratch)
-    for a in range(count):
-        one = scratch.struck[a]
-        wall = structure.walls[one.coordinate]
-        if wall.opens_upper if one.side > 0.0 else wall.opens_lower:
-            return OPENS
+    if count < 0:
+        return OPENS
     if structure.walls.size > 1 and motion.deviations.shape[0] > 0:
         _widen_unknown_order(structure, motion, scratch)
     before = estimated_length(motion.deviations, errors, motion.progress)

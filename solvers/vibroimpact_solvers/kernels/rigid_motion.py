@@ -187,8 +187,7 @@ def _advance(
             if drifted or grows(structure.flow):
                 lose_on_the_way(structure, motion, scratch, s)
         if motion.deviations.shape[0] > 0 and structure.flow.damped:
-            decays = note_what_decays(structure, motion, scratch, s)
-            error = max(error, decays * now.largest)
+            error = max(error, note_what_decays(structure, motion, scratch, s))
         begun = now.time
         _move(structure, motion, scratch, s, ds)
         if sampled:
