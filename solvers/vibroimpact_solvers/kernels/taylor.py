@@ -91,6 +91,7 @@ PROGRESS: Final = np.dtype(
         ("end", np.float64),
         ("step", np.float64),  # the last one
         ("deepest", np.float64),  # largest compression
+        ("cut", np.float64),  # sum of the squares of the last terms of all steps
         ("heed", np.float64),  # times by which impulses that forces miss are missed again
         ("steps", np.int64),
         ("samples", np.int64),
@@ -348,6 +349,8 @@ def _steps(
             break
         if progress.heed > 0.0:
             _heeded(limiters, work, last, s, step, progress.heed)
+        cut = last * raised(s, order)
+        progress.cut += cut * cut
         deepest = compression(limiters, branches, work.end, order, s, step, deepest)
         if (due - progress.time) - progress.lost <= span:
             due = _sampled(work.series, progress, h, span, output_times, samples)

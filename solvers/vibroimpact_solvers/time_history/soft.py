@@ -28,6 +28,8 @@ _REPEATED: Final = 64.0
 """Roundings over the difference of two runs that are off by one sample of them."""
 _CONVERTED: Final = 16.0
 """Roundings of displacements and velocities, which two runs have in common."""
+_LEFT_OUT: Final = 0.5
+"""What a series leaves out over its last term, at most: steps shrink terms by e^2 each."""
 _HEED: Final = 4.0
 """Times by which the other run misses again what forces miss where the last terms vanish."""
 _LEAST: Final = 1e-6
@@ -51,6 +53,8 @@ class SoftRun:
         The largest coordinate over scale times its gap.
     steps : int
         Steps of this run.
+    cut : float
+        Root of the sum of the squares of what the series of the steps leave out, at most.
     difference : float
         Largest difference to the states of a run with longer steps, whose start, frequencies
         and limiters are off by their roundings, and what roundings may add to it; relative to
@@ -64,6 +68,7 @@ class SoftRun:
     states: Floats
     compression: float
     steps: int
+    cut: float
     difference: float = math.nan
     known_until: float = math.nan
     distance: Distance | None = None
@@ -184,22 +189,23 @@ class SoftMotion:
 
     def _progress(self, heed: float = 0.0) -> Any:
         """Return a motion's progress at its beginning, for `kernels.taylor.follow`."""
-        begun = (0.0, 0.0, self._end, _FIRST, 0.0, heed, 0, 0, self._budget)
+        begun = (0.0, 0.0, self._end, _FIRST, 0.0, 0.0, heed, 0, 0, self._budget)
         return np.array([begun], dtype=PROGRESS)[0]
 
     def _judged(self, run: SoftRun, other: SoftRun, rough: float) -> SoftRun:
         """Return a run with its difference to another one as its estimated error.
 
-        As far as the difference comes from longer steps, it is many times the error. As far as it
-        comes from roundings, it is one sample of them, and less than others may be; those of the
-        states that are returned are in both runs.
+        As far as the difference comes from longer steps, it is many times the error, unless the
+        longer steps happen to err by little: what the shorter ones leave out counts at least. As
+        far as it comes from roundings, it is one sample of them, and less than others may be; those
+        of the states that are returned are in both runs.
         """
         basis = self._basis
         # Relative to the motion, not to where loads carry it or whence it moves there.
         states = run.states - other.states
         off = np.abs(basis.whole(states, level=0.0))
         off[:, 0] /= basis.grain
-        apart = off.max(axis=(1, 2))
+        apart = np.maximum(off.max(axis=(1, 2)), run.cut)
         largest = float(np.abs(basis.whole(run.states, level=1.0)).max(initial=0.0))
         apart = apart / largest if largest > 0.0 else apart
         sampled, rounding = 1.0 + _REPEATED * _COARSEST_FINEST / rough, _CONVERTED * _EPS
@@ -215,6 +221,7 @@ class SoftMotion:
                 np.arange(apart.size - 1) < count,
                 states[:count],
                 off[:count],
+                run.cut,
                 sampled,
                 rounding * largest,
             ),
@@ -252,7 +259,8 @@ class SoftMotion:
                 states,
             )  # fmt: skip
             if stop == Stop.END:
-                return SoftRun(states, float(progress["deepest"]), int(progress["steps"]))
+                cut = _LEFT_OUT * math.sqrt(float(progress["cut"]))
+                return SoftRun(states, float(progress["deepest"]), int(progress["steps"]), cut)
             part = float(progress["time"]) / self._end
             if stop == Stop.STIFF or not progress["steps"] < _MOST_STEPS * part:
                 message = (

@@ -8,7 +8,7 @@ are known, or half of what the largest distances of all pairs make of it,
 whichever is more: single numbers of two runs cross each other now and then, at a single output
 time perhaps just there, all pairs do not. A pair turns, so that its distance is that of both of
 its numbers together; and where a pair of one run crosses the other's, an eighth of the largest
-distance of all pairs counts.
+distance of all pairs counts, or what the series of the steps leave out.
 """
 
 from __future__ import annotations
@@ -44,6 +44,8 @@ class Distance:
         Differences of the states at these times, and at the end where it is known.
     whole : array, shape (known time, 2, pair)
         Their sizes with what loads carry of them, in the measure of the size of states.
+    cut : float
+        What the series leave out, of each pair.
     sampled : float
         What a difference is multiplied by, as one sample of roundings.
     rounding : float
@@ -53,13 +55,14 @@ class Distance:
     known: Booleans
     states: Floats
     whole: Floats
+    cut: float
     sampled: float
     rounding: float
 
     def pairs(self) -> Floats:
         """Return the largest distances of pairs, of both numbers together, shape (pair,)."""
         far = np.hypot(self.whole[:, 0], self.whole[:, 1]).max(axis=0, initial=0.0)
-        return np.asarray(np.maximum(far, _AT_LEAST * float(far.max(initial=0.0))))
+        return np.asarray(np.maximum(far, max(_AT_LEAST * float(far.max(initial=0.0)), self.cut)))
 
     def of(self, forms: Floats, basis: Basis) -> Floats:
         """Return the errors of linear forms (row, 2, pair), shape (row,)."""

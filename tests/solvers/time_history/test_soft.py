@@ -579,3 +579,37 @@ def test_long_motions_can_be_stopped() -> None:
     )
     with pytest.raises(StoppedError):
         th.solve(problem, th.plan(problem), tick)
+
+
+# Of twelve steps and of three: the longer ones of the other run err by a fortieth of what they may.
+FEW_STEPS = {
+    "M": [[1.3, 0.0], [0.0, 1.3]], "K": [[0.0, 0.0], [0.0, 0.0]],
+    "constraints": [
+        {"dofs": [0], "weights": [1.0], "lower": 8.317400015538169, "upper": 8.317400015538169,
+         "restitution": 1.0},
+        {"dofs": [1], "weights": [1.0], "lower": 6.603827054262645, "upper": 6.603827054262645,
+         "restitution": 1.0},
+    ],
+    "x": [0.0, 0.0], "v": [-0.1817670222109115, 1.436725705795579],
+    "limiter": {"exponent": 3, "stiffness": 0.4053492760909786, "scale": 0.651865942345699},
+    "t": [10.499377012289845], "t_end": 10.559283389110789,
+}  # fmt: skip
+THREE_STEPS = {
+    "M": [[0.879458222119686, 0.0], [0.0, 0.8847331324620975]],
+    "K": [[1.7098453638083706, -1.7098453638083706], [-1.7098453638083706, 1.7098453638083706]],
+    "C": [[0.2709845363808371, -0.17098453638083708], [-0.17098453638083708, 0.2709845363808371]],
+    "constraints": [
+        {"dofs": [0], "weights": [1.0], "lower": None, "upper": 8.22045042478344,
+         "restitution": 1.0},
+        {"dofs": [1, 0], "weights": [1.0, -1.0], "lower": None, "upper": 1.0, "restitution": 1.0},
+    ],
+    "force": [0.7852113574900392, 0.4073423016518279], "x": [0.0, 0.0],
+    "v": [-0.6924787120358064, -0.16417264847380056],
+    "limiter": {"exponent": 17, "stiffness": 0.8535420386905718, "scale": 1.0},
+    "t": [1.030916673127939], "t_end": 1.0548392936630824,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("document", [FEW_STEPS, THREE_STEPS], ids=["twelve", "three"])
+def test_few_steps_whose_longer_ones_happen_to_err_by_little(document: dict[str, Any]) -> None:
+    assert_within_stated_errors(document)
