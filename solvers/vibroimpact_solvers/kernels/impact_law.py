@@ -29,7 +29,9 @@ from vibroimpact_solvers.kernels.flow import Z1, Z2, exact_product, product, set
 from vibroimpact_solvers.kernels.jit import fma, inline, inner, kernel
 from vibroimpact_solvers.kernels.next_impact import ROUNDING, SIMULTANEOUS
 from vibroimpact_solvers.kernels.rigid_state import (
+    BY_FORCE,
     HAS_GRAZED,
+    MAYBE,
     STRIKES,
     STRUCK,
     Motion,
@@ -224,7 +226,7 @@ def _simultaneous_impulses(
 
 @inline
 def _find_struck(structure: Structure, motion: Motion, scratch: Scratch) -> int:
-    """List the coordinates at their walls; return how many, -1 where contacts may open."""
+    """List the coordinates at their walls; return how many there are."""
     walls, watched, now = structure.walls, structure.watched, motion.progress[0]
     count = 0
     for i in range(walls.size):
@@ -240,8 +242,6 @@ def _find_struck(structure: Structure, motion: Motion, scratch: Scratch) -> int:
             side = -1.0
         else:
             continue
-        if (side > 0.0 and wall.opens_upper) or (side < 0.0 and wall.opens_lower):
-            return -1
         speed, lost = exact_product(watched.velocity[i], motion.z)
         lost += product(watched.velocity[i], scratch.rest)
         row = scratch.struck[count]
@@ -250,6 +250,27 @@ def _find_struck(structure: Structure, motion: Motion, scratch: Scratch) -> int:
         row.room = wall.upper - y if side > 0.0 else wall.lower + y
         count += 1
     return count
+
+
+@inline
+def _opens(structure: Structure, motion: Motion, scratch: Scratch, count: int) -> bool:
+    """Return whether impacts may open a contact, be it by the force that damping takes from it."""
+    walls, watched = structure.walls, structure.watched
+    for a in range(count):
+        one = scratch.struck[a]
+        i, wall = one.coordinate, walls[one.coordinate]
+        opens = wall.opens_upper if one.side > 0.0 else wall.opens_lower
+        if opens == MAYBE or (opens == BY_FORCE and count > 1):
+            return True
+        if opens == BY_FORCE:
+            impulse = -wall.factor * one.side * max(one.speed, 0.0)
+            for c in range(walls.size):
+                if walls[c].restitution < 0.0:
+                    form = watched.coordinate[c]
+                    force = walls[c].lower + product(form, motion.z)
+                    if force + impulse * product(form, watched.kick[i]) <= scratch.rounding[c]:
+                        return True
+    return False
 
 
 @inline
@@ -378,11 +399,11 @@ def strike(structure: Structure, motion: Motion, scratch: Scratch) -> int:
     """
     progress, errors = motion.progress[0], structure.errors
     first, row = progress.rows, random_row(progress.impacts, errors.signs.shape[0])
-    count = _find_struck(structure, motion, scratch)
-    if count < 0:
-        return OPENS
     if structure.walls.size > 1 and motion.deviations.shape[0] > 0:
         _widen_unknown_order(structure, motion, scratch)
+    count = _find_struck(structure, motion, scratch)
+    if _opens(structure, motion, scratch, count):
+        return OPENS
     before = estimated_length(motion.deviations, errors, motion.progress)
     if count == 1:
         rests = _strike_one(structure, motion, scratch, row)

@@ -28,6 +28,12 @@ far as is known, as it seems, and accounted for in the deviations on this approa
 STRIKES: Final = 3
 """At the start: the coordinate is at its wall to the last bit and moves into it, however slowly."""
 
+NEVER: Final = 0
+BY_FORCE: Final = 1
+MAYBE: Final = 2
+"""Whether an impact opens contacts of others: not; where a contact force is negative after it; or
+what it does to them is not known here."""
+
 WALL: Final = np.dtype(
     [
         # Distances to the lower and the upper wall from the zero of the coordinate, infinite
@@ -43,7 +49,7 @@ WALL: Final = np.dtype(
         ("factor_rest", "f8"),
         # Change of the coordinate's acceleration by a unit impulse.
         ("acceleration", "f8"),
-        # Whether an impact may open contacts of others, or what it does to them is not known.
+        # Whether an impact opens contacts of others: `NEVER`, `BY_FORCE` or `MAYBE`.
         ("opens_lower", "i8"),
         ("opens_upper", "i8"),
     ]

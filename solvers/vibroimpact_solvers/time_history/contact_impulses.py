@@ -48,6 +48,7 @@ def impulses(configuration: Configuration, z: Floats, struck: Struck, span: floa
     z : array, shape (2, pair)
         The state at the beginning.
     struck : Struck
+        What strikes in that time, and opens none of them.
     span : float
         Duration, in units of the basis.
 
@@ -65,10 +66,10 @@ def impulses(configuration: Configuration, z: Floats, struck: Struck, span: floa
         kicked = kicks * struck.impulses[some, np.newaxis]
         left = (span - struck.times[some])[:, np.newaxis]
         integral += _free_integral(basis, kicked, left).sum(axis=1)
+    forms, levels = kernel.watched.coordinate[first:], kernel.walls["lower"][first:]
     given = np.bincount(struck.places[:count], struck.impulses[:count], first)
     # Mass by velocity, in units of force and of the basis' time.
     answered = -math.ldexp(1.0, 2 * basis.exponent) * (configuration.answers @ given)
-    forms, levels = kernel.watched.coordinate[first:], kernel.walls["lower"][first:]
     return np.asarray((forms * integral).sum(axis=(1, 2)) + levels * span + answered)
 
 

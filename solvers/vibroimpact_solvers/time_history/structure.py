@@ -14,6 +14,7 @@ import scipy.sparse
 
 from vibroimpact_solvers import condensation, spectrum
 from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.kernels import rigid_state
 from vibroimpact_solvers.kernels.deviations import SAFETY
 from vibroimpact_solvers.kernels.flow import Watched
@@ -34,7 +35,8 @@ from vibroimpact_solvers.time_history.loads import (
 
 _EPS: Final = float(np.finfo(np.float64).eps)
 _TERMS: Final = 100_000  # that are in memory at once
-_UNCOUPLED: Final = 64.0 * _EPS  # of the roots of mobilities, where a mobility is rounding
+_UNCOUPLED: Final = 64.0 * _EPS  # of its terms, where a mobility or a force is rounding
+_DEPENDENT: Final = 1e12  # condition of mobilities, in units of their roots
 Contact = tuple[int, int]
 """A constraint at rest at a wall: its index, and 1 for the upper or -1 for the lower wall."""
 
@@ -142,10 +144,20 @@ class Structure:
         configuration = self._configurations.get(contacts)
         if configuration is None:
             fixed = tuple(sorted(contacts))
+            self._require_independent(fixed)
             modes = self._with_contacts(fixed) if fixed else self._modes
             configuration = self._watched(Basis(modes, self.exponent), fixed)
             self._configurations[contacts] = configuration
         return configuration
+
+    def _require_independent(self, contacts: tuple[Contact, ...]) -> None:
+        """Refuse contacts of which one is a combination of the others: forces are not unique."""
+        held = [index for index, _ in contacts]
+        among, sizes = self.mobility[np.ix_(held, held)], np.sqrt(self.mobility.diagonal()[held])
+        if len(held) > 1 and np.linalg.cond(among / np.outer(sizes, sizes)) > _DEPENDENT:
+            which = ", ".join(map(str, held))
+            message = f"the constraints {which} depend on one another and rest at the same time"
+            raise ConvergenceError(f"{message}: how they share their force is not known")
 
     def displacements(
         self, configuration: Configuration, z: Floats, *, level: bool = True
@@ -327,7 +339,8 @@ class Structure:
         jumps = (slopes * basis.drift(kicks)).sum(axis=(1, 2))
         answers = self._answers(free, contacts)
         opens = _opening(forms[len(free) :], kicks[: len(free)], answers)
-        opens |= bool(contacts) and basis.longest < np.inf  # whose impulses the sum of all gives
+        if contacts and basis.longest < np.inf:  # sums of growing kicks would lose their digits
+            opens[:] = rigid_state.MAYBE
         walls = np.empty(restitution.size, rigid_state.WALL)
         walls["lower"], walls["upper"], walls["restitution"] = lower, upper, restitution
         walls["size"], walls["factor"], walls["factor_rest"] = sizes, factor, rest
@@ -356,7 +369,6 @@ class Structure:
         among = self.mobility[np.ix_(held, held)] * np.outer(sides, sides)
         coupling = self.mobility[np.ix_(held, free)]
         sizes = np.sqrt(np.outer(self.mobility.diagonal()[held], self.mobility.diagonal()[[*free]]))
-        # What rounding has left of masses that are not coupled.
         coupling = np.where(np.abs(coupling) <= _UNCOUPLED * sizes, 0.0, coupling)
         return np.asarray(-np.linalg.solve(among, sides[:, np.newaxis] * coupling))
 
@@ -426,18 +438,20 @@ def _left_by_rounding(K: SymmetricMatrix, rigid: Floats) -> Floats:
 
 
 def _opening(forces: Floats, kicks: Floats, answers: Floats) -> Integers:
-    """Return whether impulses at lower and at upper walls may open a contact, shape (2, free).
+    """Return whether impulses at lower and at upper walls open a contact, shape (2, free).
 
-    They do where one that acts between coordinates would have to pull, in the impact or, by damping
-    that couples them, after it.
+    By the coupling of masses a contact may have to pull in the impact; damping that couples
+    velocities to its force may take from that what it has.
     """
     terms = forces[:, np.newaxis] * kicks  # (contact, free, 2, pair)
     pushes, sizes = terms.sum(axis=(2, 3)), np.abs(terms).sum(axis=(2, 3))
     pushes[np.abs(pushes) <= _UNCOUPLED * sizes] = 0.0
     # The state changes by minus the kick at an upper wall.
-    upper = ((answers < 0.0) | (pushes > 0.0)).any(axis=0)
-    lower = ((answers > 0.0) | (pushes < 0.0)).any(axis=0)
-    return np.array([lower, upper], dtype=np.int64)
+    less = np.array([(pushes < 0.0).any(axis=0), (pushes > 0.0).any(axis=0)])
+    pulls = np.array([(answers > 0.0).any(axis=0), (answers < 0.0).any(axis=0)])
+    return np.where(
+        pulls, rigid_state.MAYBE, np.where(less, rigid_state.BY_FORCE, rigid_state.NEVER)
+    )
 
 
 def _quotients(slopes: Floats, kicks: Floats, restitution: Floats) -> tuple[Floats, Floats]:

@@ -9,6 +9,7 @@ import pytest
 
 from vibroimpact_solvers import time_history as th
 from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 
 EPS = 2.0**-52
@@ -160,3 +161,38 @@ def test_a_free_body_is_all_that_contacts_leave() -> None:
     assert result.x is not None
     expected = [-0.04161727265770853, -0.0010634741978955105]
     assert result.x == pytest.approx(np.tile(expected, (2, 1)), rel=1e-12)
+
+
+def test_contacts_that_depend_on_one_another_are_refused() -> None:
+    """Three walls meet in a corner of two coordinates: what each of them bears is not unique."""
+    stops = (
+        upper(0, 0.25, 0.0),
+        upper(1, 0.25, 0.0),
+        Constraint((0, 1), (0.6, 0.8), None, 0.35, 0.0),
+        Constraint((2,), (1.0,), 0.1, 0.1, 1.0),
+    )
+    K = SymmetricMatrix.dense(np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.0]]))
+    M = SymmetricMatrix.diagonal(np.array([1.3, 0.7, 1.0]))
+    system = System(M, K, stops, force=np.array([6.0, 6.0, 0.0]))
+    state = th.State(np.array([0.225, 0.225, 0.0]), np.array([0.25, 0.25, 0.3]))
+    problem = th.Problem(system, state, 5.0, outputs=frozenset({"impacts"}))
+    with pytest.raises(ConvergenceError, match="0, 1, 2 depend on one another"):
+        th.solve(problem, th.plan(problem))
+
+
+@pytest.mark.parametrize("ahead", [-1e-14, 0.0, 1e-14])
+def test_the_order_of_impacts_beside_a_contact_is_not_known(ahead: float) -> None:
+    """Two coordinates strike at once, and one of them opens the contact of a third by its mass."""
+    c = 0.2
+    M = SymmetricMatrix.dense(np.array([[1.0, c, -c], [c, 1.0, 0.3], [-c, 0.3, 1.0]]))
+    stops = (
+        upper(0, 0.1, 0.0),
+        Constraint((1,), (1.0,), 0.2, 0.2, 1.0),
+        Constraint((2,), (1.0,), 0.2, 0.2, 1.0),
+    )
+    system = System(M, SymmetricMatrix.diagonal(np.ones(3)), stops, force=np.array([5.0, 0.0, 0.0]))
+    state = th.State(np.array([0.1, 0.0, 0.0]), np.array([0.0, 0.5, 0.5 * (1.0 + ahead)]))
+    problem = th.Problem(system, state, 1.0, outputs=frozenset({"impacts"}))
+    result = th.solve(problem, th.plan(problem))
+    assert result.impact_time is not None
+    assert result.error_predictable_until <= result.impact_time[0] + 1e-9
