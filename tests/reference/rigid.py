@@ -55,12 +55,13 @@ class Impact:
 
 @dataclass(slots=True)
 class Contact:
-    """Times during which a coordinate rests at its wall."""
+    """Times during which a coordinate rests at its wall, and what the wall gives in them."""
 
     constraint: int
     side: int
     rest: Any
     stop: Any = None
+    impulse: Any = field(default_factory=arb)
 
 
 @dataclass
@@ -243,10 +244,12 @@ class RigidMotion:
         H = arb(configuration.flow.H)
         if self.t + until * H >= self.end:
             self._sample(self.end - self.t)
+            self._press(((self.end - self.t) / H).mid())
             self.z = configuration.at(self.z, ((self.end - self.t) / H).mid())
             self.t, self.leaving = self.end, {}
             return
         self._sample(until * H)
+        self._press(until)
         if first is None and part == 1.0:
             self.z = (configuration.E * self.z).mid()
         else:
@@ -262,6 +265,16 @@ class RigidMotion:
         while len(states) < len(self.times) and self.times[len(states)] <= self.t + duration:
             s = (self.times[len(states)] - self.t) / H
             states.append(self.configuration.at(self.z, s.mid()))
+
+    def _press(self, s: Any) -> None:
+        """Add what the walls give to the coordinates at rest in a part s of a step."""
+        for watched in self.configuration.watched:
+            if watched.contact:
+                given, power = arb(0), arb(self.configuration.flow.H)
+                for k, c in enumerate((watched.rows * self.z).entries(), start=1):
+                    power = power * s
+                    given += c.mid() * power / k
+                self._open[watched.constraint, watched.side].impulse += given.mid()
 
     # Events
 
@@ -323,6 +336,8 @@ class RigidMotion:
                     a, side = key
                     before = side * u[key]
                     self.motion.impacts.append(Impact(self.t, a, side, before, P[key]))
+                    if key in self._open:  # it answers another impact
+                        self._open[key].impulse += P[key]
                     for i in range(n):
                         self.z[n + i, 0] -= self.mobility[i, a] * side * P[key]
             self.z = self.z.mid()

@@ -306,6 +306,7 @@ def compare(case: Case, result: time_history.Result, motion: History, report: Re
     """Compare a result with the motion of the reference, up to its horizon."""
     compare_states(case, result, motion, report)
     _impacts(result, motion, result.error_predictable_until, report, case)
+    _contacts(result, motion, case.document["t_end"], report)
 
 
 def compare_states(
@@ -433,6 +434,59 @@ def _impacts(
                 report.fail("impacts", f"impulse {message}, in truth {impulses.get(key)!r}")
                 return
     _columns(result, motion, stop, report)
+
+
+def _contacts(result: time_history.Result, motion: History, t_end: float, report: Report) -> None:
+    """Compare contacts that take the same time, nearly, with their stated errors.
+
+    Those that end and begin again at once may be one or several.
+    """
+    if result.contact_rest is None:
+        return
+    assert result.contact_stop is not None
+    assert result.contact_constraint is not None
+    assert result.contact_side is not None
+    keys = zip(result.contact_constraint.tolist(), result.contact_side.tolist(), strict=True)
+    times = zip(result.contact_rest.tolist(), result.contact_stop.tolist(), strict=True)
+    stated = [(*key, *when) for key, when in zip(keys, times, strict=True)]
+    true = [(c.constraint, c.side, float(c.rest), float(c.stop)) for c in motion.contacts]
+    if not stated or not true:
+        return
+    until = min(t_end, result.error_predictable_until, max(stop for *_, stop in true))
+    pairs = [
+        (row, place)
+        for row, one in enumerate(stated)
+        for place, other in enumerate(true)
+        if _alike(one, other, until) and all(map(_apart, ((stated, row), (true, place))))
+    ]
+    for name in ("rest", "stop", "impulse"):
+        some = [(r, p) for r, p in pairs if name == "rest" or stated[r][3] < t_end]
+        if some:
+            rows = np.array([r for r, _ in some])
+            errors = np.asarray(stated_error(result, f"contact_{name}"))[rows]
+            values = getattr(result, f"contact_{name}")[rows]
+            exact = [getattr(motion.contacts[p], name) for _, p in some]
+            report.compare(f"contact {name}", values, exact, errors)
+
+
+_At = tuple[int, int, float, float]
+
+
+def _alike(one: _At, other: _At, until: float) -> bool:
+    """Tell whether two contacts before some time are the same one."""
+    (*key, rest, stop), (*other_key, other_rest, other_stop) = one, other
+    shared = min(stop, other_stop) - max(rest, other_rest)
+    longest = max(stop - rest, other_stop - other_rest)
+    return key == other_key and stop <= until and shared > 0.5 * longest
+
+
+def _apart(of: tuple[list[_At], int]) -> bool:
+    """Tell whether no other contact at the same wall ends or begins beside one of some."""
+    contacts, place = of
+    *key, rest, stop = contacts[place]
+    others = [c for i, c in enumerate(contacts) if i != place and [*c[:2]] == key]
+    near = _LATE * max(stop, 1e-300)
+    return all(c[3] < rest - near or c[2] > stop + near for c in others)
 
 
 def _chatter_start(motion: History, contact: Contact) -> float:

@@ -13,6 +13,7 @@ from vibroimpact_solvers.arrays import along, declared, nothing
 from vibroimpact_solvers.errors import Status
 from vibroimpact_solvers.kernels.rigid_state import PROGRESS, Rows
 from vibroimpact_solvers.results.time_history import Result
+from vibroimpact_solvers.time_history.contact_errors import masked
 from vibroimpact_solvers.time_history.history import History, requested
 from vibroimpact_solvers.time_history.problem import Problem, tolerance_of
 from vibroimpact_solvers.time_history.run import ContactInterval, indistinguishable_walls
@@ -108,7 +109,10 @@ def result_of(
             contact_impulse=np.array([r.impulse for r in intervals]) / scale,
         )
         if problem.estimate:
-            values.update(dict.fromkeys(OF_CONTACTS, np.full(len(intervals), np.nan)))
+            for name in ("start", "rest", "stop", "impulse"):
+                when = values["contact_stop" if name == "impulse" else f"contact_{name}"]
+                of_each = [getattr(r, f"{name}_error") for r in intervals]
+                values[f"error_contact_{name}"] = masked(when, of_each, known_until)
     values["count_impacts"] = impacts.size
     values["count_grazings"], values["count_expansions"] = grazings, expansions
     if not penetration < structure.narrowest_gap:

@@ -18,6 +18,7 @@ from vibroimpact_solvers.kernels.rigid_state import IMPACT, PROGRESS, Rows, work
 from vibroimpact_solvers.time_history.answered_impact import AnsweredImpact, Moved
 from vibroimpact_solvers.time_history.at_walls import CHATTER, AtWalls
 from vibroimpact_solvers.time_history.basis import Basis
+from vibroimpact_solvers.time_history.contact_errors import ContactErrors
 from vibroimpact_solvers.time_history.contact_impulses import Struck
 from vibroimpact_solvers.time_history.contact_impulses import impulses as impulses_at_rest
 from vibroimpact_solvers.time_history.history import History
@@ -94,13 +95,20 @@ def work_arrays(configuration: Configuration, dofs: int) -> tuple[Any, ...]:
 
 @dataclass
 class ContactInterval:
-    """A constraint in contact from a start to a stop: times in units of the basis."""
+    """A constraint in contact from a start to a stop: times in units of the basis.
+
+    Their errors, and that of the impulse, are in the units of x.
+    """
 
     contact: Contact
     start: float
     rest: float
     stop: float = math.nan
     impulse: float = 0.0
+    start_error: float = math.nan
+    rest_error: float = math.nan
+    stop_error: float = math.nan
+    impulse_error: float = math.nan
 
 
 def indistinguishable_walls(index: int, apart: float, known: float) -> ConvergenceError:
@@ -141,6 +149,9 @@ class Run:
         self.impacts, self.intervals = list[Rows](), list[ContactInterval]()
         self.contacts: dict[Contact, ContactInterval] = {}
         self._switched: tuple[float, int] = (-1.0, 0)
+        self._errors = ContactErrors(problem, structure) if problem.estimate else None
+        self._event_error = math.nan  # of the time of what happens now, in the units of x
+        self._begun = list[tuple[ContactInterval, Configuration, float]]()
         self._whole_end, self._segment = self.end, -1
         self.used = {self.configuration.contacts: self.configuration}
         self._rows = self._events = self._afterwards = 0
@@ -178,7 +189,7 @@ class Run:
                 self._impact(watched, side)
             stop = None
         for rest in self.contacts.values():
-            rest.stop = self.end
+            rest.stop, rest.stop_error = self.end, 0.0
         if self.tick is not None:
             self.tick(1000, 1000)
 
@@ -226,7 +237,7 @@ class Run:
         now = self.progress_row
         now["budget"] = now["expansions"] + budget(basis)
         now["longest"] = basis.longest
-        before = (self.now, self.Z[0].copy()) if self.contacts else None
+        before = (self.now, self.Z[0].copy(), self._known) if self.contacts else None
         times = self.output_times
         if self.end < self._whole_end:
             times = times[: np.searchsorted(times, self.end, "right")]
@@ -282,12 +293,16 @@ class Run:
     def _flush_table(self) -> None:
         now = self.progress_row
         rows = self._table[now["first_row"] : now["rows"]].copy()
+        self.impacts.append(self._with_their_constraints(rows))
+        self._rows += rows.size
+        now["first_row"] = now["rows"] = 0
+
+    def _with_their_constraints(self, rows: Rows) -> Rows:
+        """Let rows of the compiled loop name constraints, not their places among the free ones."""
         if self.configuration.contacts:
             free = np.array(self.configuration.free, dtype=np.int64)
             rows["constraint"] = free[rows["constraint"]]
-        self.impacts.append(rows)
-        self._rows += rows.size
-        now["first_row"] = now["rows"] = 0
+        return rows
 
     @property
     def all_impacts(self) -> Rows:
@@ -319,10 +334,11 @@ class Run:
         if self._switched[1] > _SWITCHES:
             raise self._too_many(self._switched[1])
 
-    def _add_contact_impulses(self, since: float, z: Floats) -> None:
+    def _add_contact_impulses(self, since: float, z: Floats, known: float) -> None:
         """Add the impulses of the walls on the coordinates at rest, from their rest on."""
         configuration = self.configuration
         struck = self._struck(since)
+        errors = self._impulse_errors(since, z, max(known, self._known))
         whole = impulses_at_rest(configuration, z, struck, self.now - since)
         for place, contact in enumerate(configuration.contacts):
             rest = self.contacts[contact]
@@ -331,6 +347,18 @@ class Run:
                 early = min(rest.rest, self.now) - since
                 given -= float(impulses_at_rest(configuration, z, struck, early)[place])
             rest.impulse += given
+            rest.impulse_error += float(errors[place])
+
+    def _impulse_errors(self, since: float, z: Floats, known: float) -> Floats:
+        """Return the errors of what the contacts have given since a time, (contact,)."""
+        configuration, now = self.configuration, self.progress_row
+        if self._errors is None:
+            return np.full(len(configuration.contacts), math.nan)
+        forces = [self._errors.forces(configuration, state, known)[1] for state in (z, self.Z[0])]
+        rows = self._with_their_constraints(self._table[now["first_row"] : now["rows"]].copy())
+        span = (self.now - since) / self.scale
+        answered = rows, float(now["largest"])
+        return self._errors.impulses(configuration, answered, np.maximum(*forces), span)
 
     def _struck(self, since: float) -> Struck:
         """Return the impacts of the last free motions, which began at a time."""
@@ -340,7 +368,8 @@ class Run:
         return Struck(rows["time"] * self.scale - since, rows["constraint"].copy(), impulses)
 
     def _end_contact(self, contact: Contact) -> None:
-        self.contacts.pop(contact).stop = self.now
+        ended = self.contacts.pop(contact)
+        ended.stop, ended.stop_error = self.now, self._event_error + EPS * self.now / self.scale
 
     def _rest(self, watched: int, side: int, duration: float) -> None:
         """Begin the contact of a constraint that comes to rest at its wall, and of others with it.
@@ -349,8 +378,19 @@ class Run:
         """
         x, v = self._displacements()
         contact = self.configuration.free[watched], side
+        self._event_error = self._error_of_impact(contact)
         self._begin_contacts(self._at_walls(x, v), contact, {contact: duration})
         self._resolve_contacts(x, v)
+
+    def _error_of_impact(self, contact: Contact) -> float:
+        """Return the error of the time of the last impact, where it was that of a contact now."""
+        rows = self.impacts[-1][-len(self.configuration.free) :]
+        now, (constraint, side) = self.now / self.scale, contact
+        same = (rows["constraint"] == constraint) & (rows["side"] == side) & (rows["time"] == now)
+        if self._errors is None or not same.any():
+            return math.nan
+        largest = float(self.progress_row["largest"])
+        return float(self._errors.impacts(self.configuration, rows[same][-1:], largest)[0][0])
 
     def _at_walls(self, x: Floats, v: Floats) -> AtWalls:
         return AtWalls(self.structure, x, v, self.configuration.basis.loads_of(self.Z[0]))
@@ -363,6 +403,7 @@ class Run:
             rest = ContactInterval(contact, self.now, min(self.now + duration, self._latest))
             self.contacts[contact] = rest
             self.intervals.append(rest)
+            self._begun.append((rest, self.configuration, self._known))
 
     def _resolve_contacts(self, x: Floats, v: Floats) -> None:
         """Continue with the present contacts except those whose force would have to be tensile."""
@@ -371,6 +412,25 @@ class Run:
             self._end_contact(contact)
             self._mark_released(contact[0])
         self._continue_from(x, v, frozenset(self.contacts))
+        while self._begun:
+            self._note_begin(*self._begun.pop())
+
+    def _note_begin(self, rest: ContactInterval, before: Configuration, known: float) -> None:
+        """State the errors of a contact that has begun."""
+        errors = self._errors
+        if errors is None or rest.contact not in self.configuration.contacts:
+            return
+        if rest.rest == 0.0:  # it begins with the motion
+            rest.start_error = rest.rest_error = rest.impulse_error = 0.0
+            return
+        state, lasts = (self.Z[0], max(known, self._known)), (rest.rest - rest.start) / self.scale
+        impacts = np.concatenate(self.impacts[-2:])
+        late, force = errors.rest(before, self.configuration, rest.contact, state, impacts, lasts)
+        struck = self._event_error
+        if self.structure.system.constraints[rest.contact[0]].restitution == 0.0:
+            late = min(late, struck if struck >= 0.0 else late)  # nan
+        rest.start_error = struck if struck >= 0.0 else late
+        rest.rest_error, rest.impulse_error = late + EPS * self.now / self.scale, force * late
 
     def _mark_released(self, constraint: int) -> None:
         configuration = self.structure.configuration(frozenset(self.contacts))
@@ -378,7 +438,12 @@ class Run:
 
     def _release(self, watched: int) -> None:
         x, v = self._displacements()
-        contact = self.configuration.contacts[watched - len(self.configuration.free)]
+        place = watched - len(self.configuration.free)
+        contact = self.configuration.contacts[place]
+        if self._errors is not None:
+            self._event_error = self._errors.release(
+                self.configuration, place, self.Z[0], self._known
+            )
         self._end_contact(contact)
         self._mark_released(contact[0])
         self._continue_from(x, v, frozenset(self.contacts))
@@ -389,11 +454,16 @@ class Run:
         contact = self.configuration.free[watched], side
         impact = AnsweredImpact.of(self.structure, (contact, *self.contacts), v)
         moved, before, growth = self._deviations(), self._acceleration(), self.growth
+        row = self._row(contact, impact, before, growth)
+        error = self._error_of_answered(row)
         leaving = -impact.rows @ impact.after
-        for row, other in enumerate(list(self.contacts), start=1):
+        for place, other in enumerate(list(self.contacts), start=1):
             # Impulses of contacts are forces by time, these are mass by velocity.
-            self.contacts[other].impulse += float(impact.impulses[row]) * self.scale**2
-            if leaving[row] > 1e-14 * abs(impact.speed):
+            answer, rest = float(impact.impulses[place]), self.contacts[other]
+            rest.impulse += answer * self.scale**2
+            if answer:
+                rest.impulse_error += error * answer / float(impact.impulses[0])
+            if leaving[place] > 1e-14 * abs(impact.speed):
                 self._end_contact(other)
         self._begin_contacts(self._at_walls(x, impact.after), contact, {})
         self._resolve_contacts(x, impact.after)
@@ -401,17 +471,33 @@ class Run:
             self._mark_released(contact[0])
         if not impact.impulses[0] > 0.0:
             return
-        place = float(self.structure.configuration().kernel.walls["size"][contact[0]])
+        size = float(self.structure.configuration().kernel.walls["size"][contact[0]])
         for c, deviation in enumerate(moved):
-            error = -side * place if c & 1 else place  # that of the wall, as in the kernel
-            turned = impact.through(deviation, before, self._acceleration(), error)
+            off = -side * size if c & 1 else size  # the place of the wall, as in the kernel
+            turned = impact.through(deviation, before, self._acceleration(), off)
             self.Z[1 + c] = self.structure.state_of(self.configuration, *turned)
         self.configuration.basis.doubt_loads(self.Z)
-        velocity, impulse = side * impact.speed, float(impact.impulses[0])
-        struck = self.scale * velocity, self.scale * impulse
-        bend = self.scale**2 * float(self.structure.W[contact[0]] @ before)
-        errors = max(growth, self.growth), growth * float(self.progress_row["largest"])
-        self._add_impact((*struck, bend), errors, *contact)
+        row["deviation"] = max(growth, self.growth)
+        self._add_impact(row)
+
+    def _row(self, contact: Contact, impact: AnsweredImpact, before: Floats, growth: float) -> Rows:
+        """Return a row of the table of impacts, its error being that before the impact."""
+        (constraint, side), scale = contact, self.scale
+        velocity, impulse = scale * side * impact.speed, scale * float(impact.impulses[0])
+        bend = scale**2 * float(self.structure.W[constraint] @ before)
+        known = growth, growth * float(self.progress_row["largest"])
+        row = self.now / scale, 0.0, velocity, impulse, bend, *known, constraint, side
+        return np.array([row], IMPACT)
+
+    def _error_of_answered(self, row: Rows) -> float:
+        """Note the error of the time of an impact, and return that of its impulse."""
+        self._event_error = math.nan
+        if self._errors is None or not row["impulse"][0] > 0.0:
+            return math.nan
+        largest = float(self.progress_row["largest"])
+        times, impulses = self._errors.impacts(self.configuration, row, largest)
+        self._event_error = float(times[0])
+        return float(impulses[0])
 
     def _deviations(self) -> list[Moved]:
         return [
@@ -422,25 +508,19 @@ class Run:
         rate = self.configuration.basis.rate(self.Z[0])
         return self.structure.displacements(self.configuration, rate, level=False)[1]
 
-    def _add_impact(
-        self,
-        of: tuple[float, float, float],
-        errors: tuple[float, float],
-        constraint: int,
-        side: int,
-    ) -> None:
-        """Add a row to the table of impacts.
-
-        of are velocity, impulse and acceleration, errors its deviation and what is before it.
-        """
-        now, time = self.progress_row, self.now / self.scale
-        row = time, 0.0, *of, *errors, constraint, side
-        growth, _ = errors
-        self.impacts.append(np.array([row], IMPACT))
+    def _add_impact(self, row: Rows) -> None:
+        """Add a row to the table of impacts."""
+        now, time, growth = self.progress_row, self.now / self.scale, float(row["deviation"][0])
+        self.impacts.append(row)
         if not growth <= now["growth"]:
             now["growth"] = growth
         if not growth * EPS <= now["tolerance"] and now["known_until"] == math.inf:
             now["known_until"] = time
+
+    @property
+    def _known(self) -> float:
+        """The length to which the state is known, that of two roundings of it included."""
+        return EPS * (self.growth + 2.0) * float(self.progress_row["largest"])
 
     @property
     def growth(self) -> float:

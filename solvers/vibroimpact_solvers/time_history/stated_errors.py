@@ -58,7 +58,7 @@ class Reach:
     def coordinates(self) -> Floats:
         """Of the constrained coordinates, their velocities and accelerations, (3, constraint)."""
         by_rate = self._basis.rates_of(self._basis.velocity(self._rows))
-        bend = self._structure.scale**2 * _lengths(self._basis, by_rate)
+        bend = self._structure.scale**2 * lengths(self._basis, by_rate)
         return np.concatenate([self._of(self._rows), bend[np.newaxis]])
 
     @cached_property
@@ -99,7 +99,7 @@ class Reach:
             sizes = np.abs(forms).reshape(len(forms), -1)
             # The square of the spectral norm is below that of the largest sums.
             largest = max(largest, float(sizes.sum(axis=0).max() * sizes.sum(axis=1).max()))
-        linear = _lengths(basis, basis.displacement(modes.load[np.newaxis]))
+        linear = lengths(basis, basis.displacement(modes.load[np.newaxis]))
         level = base @ (0.5 * (structure.system.K @ base) - structure.force)
         return scale**2 * largest, float(linear[0]), abs(float(level))
 
@@ -107,8 +107,8 @@ class Reach:
         """Return the reaches of ``rows . q`` and of its velocity, shape (2, row)."""
         basis = self._basis
         place, rate = basis.displacement(rows), basis.velocity(rows)
-        speed = self._structure.scale * _lengths(basis, rate)
-        return np.maximum([_lengths(basis, place), speed], LEAST)
+        speed = self._structure.scale * lengths(basis, rate)
+        return np.maximum([lengths(basis, place), speed], LEAST)
 
 
 class StatedErrors:
@@ -128,10 +128,11 @@ class StatedErrors:
     def of(self, configurations: Iterable[Configuration]) -> StatedErrors:
         """Return those of motions that have been in some configurations."""
         errors = copy(self)
-        errors._reaches = [self._reach(one) for one in configurations]
+        errors._reaches = [self.reach(one) for one in configurations]
         return errors
 
-    def _reach(self, of: Configuration) -> Reach:
+    def reach(self, of: Configuration) -> Reach:
+        """Return what a unit error of the state makes of the outputs in a configuration."""
         if of.contacts not in self._known:
             self._known[of.contacts] = Reach(self._structure, of, self._problem.output_dofs)
         return self._known[of.contacts]
@@ -233,7 +234,7 @@ def _unit(basis: Basis) -> Floats:
     return np.divide(1.0, np.sqrt(basis.measure), np.zeros(own.shape), where=own > 0.0)
 
 
-def _lengths(basis: Basis, forms: Floats) -> Floats:
+def lengths(basis: Basis, forms: Floats) -> Floats:
     """Return the lengths of forms, shape (row,), by which they grow with the state."""
     return np.asarray(np.sqrt(np.square(forms * _unit(basis)).sum(axis=(1, 2))))
 

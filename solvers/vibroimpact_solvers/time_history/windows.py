@@ -24,6 +24,7 @@ from vibroimpact_solvers.plan import Plan, Stage
 from vibroimpact_solvers.results.time_history import Result
 from vibroimpact_solvers.time_history import solving
 from vibroimpact_solvers.time_history.basis import COLUMNS
+from vibroimpact_solvers.time_history.contact_errors import masked
 from vibroimpact_solvers.time_history.history import History, conserves, new_history
 from vibroimpact_solvers.time_history.planning import Method, windows
 from vibroimpact_solvers.time_history.problem import Problem
@@ -88,11 +89,12 @@ class Part:
         As in `Result`, of the window.
     late_row, late_stop, late_impulse : array, shape (late,)
         Contacts of earlier windows that end in this one, by their rows in the whole table.
+    late_stop_error, late_impulse_error : array, shape (late,)
     seed_state : array, shape (1 + deviation, 2, pair)
     seed_progress : array, shape (number,)
         The numbers of `kernels.rigid_state.PROGRESS`.
-    seed_open : array, shape (open, 5)
-        Contacts that continue: constraint, side, row, time of rest, impulse so far.
+    seed_open : array, shape (open, 6)
+        Contacts that continue: constraint, side, row, time of rest, impulse so far and its error.
     contacts : int
         Rows of the whole table of contacts until the end of the window.
     """
@@ -125,6 +127,8 @@ class Part:
     late_row: Integers
     late_stop: Floats
     late_impulse: Floats
+    late_stop_error: Floats
+    late_impulse_error: Floats
     seed_state: Floats
     seed_progress: Floats
     seed_open: Floats
@@ -263,10 +267,10 @@ class _WindowRun(Run):
 
     def _go_on(self, before: Part) -> None:
         """Continue from the state at the end of the previous window."""
-        for constraint, side, row, rest, impulse in before.seed_open:
+        for constraint, side, row, rest, impulse, error in before.seed_open:
             contact: Contact = (int(constraint), int(side))
             self.contacts[contact] = interval = ContactInterval(
-                contact, math.nan, rest, impulse=impulse
+                contact, math.nan, rest, impulse=impulse, impulse_error=error
             )
             self._listed[id(interval)] = int(row)
         self._carried = dict(self.contacts)
@@ -303,17 +307,23 @@ class _WindowRun(Run):
             late_row=np.array([places[id(rest)] for rest in late], dtype=np.int64),
             late_stop=np.array([rest.stop for rest in late], dtype=np.float64) / scale,
             late_impulse=np.array([rest.impulse for rest in late], dtype=np.float64) / scale,
+            late_stop_error=self._of_known(late, [rest.stop_error for rest in late]),
+            late_impulse_error=self._of_known(late, [rest.impulse_error for rest in late]),
             seed_state=self.Z,
             seed_progress=np.array(self.progress_row.tolist(), dtype=np.float64),
             seed_open=np.array(
                 [
-                    [*contact, places[id(rest)], rest.rest, rest.impulse]
+                    [*contact, places[id(rest)], rest.rest, rest.impulse, rest.impulse_error]
                     for contact, rest in sorted(going.items())
                 ]
-            ).reshape(-1, 5),
+            ).reshape(-1, 6),
             contacts=first + len(self.intervals),
             **{name: getattr(result, name) for name in _SCALARS},
         )
+
+    def _of_known(self, late: Sequence[ContactInterval], errors: Sequence[float]) -> Floats:
+        until = float(self.progress_row["known_until"])
+        return masked([rest.stop / self.scale for rest in late], errors, until)
 
 
 _SCALARS: Final = tuple(
@@ -355,11 +365,12 @@ class Assembly:
             if rows is not None:
                 self._sink.append(name, rows)
         if part.contact_stop is not None:
-            for row, stop, impulse in zip(
-                part.late_row.tolist(), part.late_stop, part.late_impulse, strict=True
-            ):
-                self._sink.patch("contact_stop", row, float(stop))
-                self._sink.patch("contact_impulse", row, float(impulse))
+            for name in ("stop", "impulse"):
+                late = getattr(part, f"late_{name}"), getattr(part, f"late_{name}_error")
+                for row, value, error in zip(part.late_row.tolist(), *late, strict=True):
+                    self._sink.patch(f"contact_{name}", row, float(value))
+                    if part.error_contact_stop is not None:
+                        self._sink.patch(f"error_contact_{name}", row, float(error))
         if part.energy is not None and part.energy.size:
             first, spread, size = self._energy
             first = float(part.energy[0]) if math.isnan(first) else first

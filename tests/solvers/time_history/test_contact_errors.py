@@ -1,0 +1,109 @@
+"""Errors of contacts, beside closed forms and the reference."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.truth import histories
+from tests.truth.verdicts import Case, Report
+from vibroimpact_solvers import presets
+from vibroimpact_solvers import time_history as th
+from vibroimpact_solvers.model import Constraint, System
+from vibroimpact_solvers.time_history import planning
+
+CONTACTS = frozenset({"contacts", "impacts"})
+
+
+def solve(system: System, x: float, v: float, t_end: float, **fields: Any) -> th.Result:
+    state = th.State(np.array([x]), np.array([v]))
+    problem = th.Problem(system, state, t_end, outputs=CONTACTS, **fields)
+    return th.solve(problem, th.plan(problem))
+
+
+def within(stated: Any, error: Any, true: Any, most: float) -> None:
+    """Check that numbers are within their errors, and these within a limit."""
+    stated, error, true = map(np.asarray, (stated, error, true))
+    assert (np.abs(stated - true) <= error).all()
+    assert (error <= most).all()
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.3, 0.9])
+def test_the_rest_of_a_ball(restitution: float) -> None:
+    ball = presets.bouncing_ball([Constraint((0,), (1.0,), 0.0, None, restitution)])
+    result = solve(ball, 1.0, 0.0, 12.0)
+    fall = math.sqrt(2.0 / 9.81)
+    rest = fall * (1.0 + restitution) / (1.0 - restitution)
+    within(result.contact_rest, result.error_contact_rest, [rest], 1e-10)
+    impulse = 9.81 * (12.0 - rest)
+    within(result.contact_impulse, result.error_contact_impulse, [impulse], 1e-9)
+    assert result.error_contact_stop is not None
+    np.testing.assert_array_equal(result.error_contact_stop, 0.0)  # it is that of the motion
+
+
+def test_a_driven_mass_at_its_wall() -> None:
+    """x'' + x = F cos(w t + phase), k = 0: it leaves where the force of the wall vanishes."""
+    gap, F, w, phase = 0.3, 0.8, 0.4, 0.2
+    system = presets.oscillator([Constraint((0,), (1.0,), None, gap, 0.0)], 1.0)
+    result = solve(system, gap, 0.0, 60.0, load=(th.Harmonic(0, F, w, phase),))
+    assert result.contact_rest is not None
+    assert result.contact_stop is not None
+    assert result.error_contact_start is not None
+    assert result.error_contact_start[0] == 0.0  # it starts there
+    ends = (2.0 * math.pi * np.arange(4) + math.acos(gap / F) - phase) / w
+    later = result.contact_stop < 59.9
+    turn = np.round((result.contact_stop - ends[0]) * w / (2.0 * math.pi)).astype(int)
+    assert result.error_contact_stop is not None
+    within(
+        result.contact_stop[later], result.error_contact_stop[later], ends[turn[later]], 1e-12
+    )  # fmt: skip
+
+
+def test_contacts_beyond_what_is_predictable_have_no_error() -> None:
+    system = presets.oscillator([Constraint((0,), (1.0,), None, 0.3, 0.0)], 1.0)
+    load = (th.Harmonic(0, 0.8, 0.4, 0.2),)
+    result = solve(system, 0.3, 0.0, 60.0, load=load, tolerance=1e-15)
+    assert result.error_predictable_until < 20.0
+    assert result.contact_stop is not None
+    assert result.error_contact_stop is not None
+    late = result.contact_stop >= result.error_predictable_until
+    assert late.any()
+    assert np.isinf(result.error_contact_stop[late]).all()
+
+
+def test_what_strikes_together_within_rounding_does_not_rest_at_its_own_time() -> None:
+    """Two coordinates bounce, one 5e-11 after the other: lower bounces are taken together."""
+    report = Report()
+    wall = {"lower": 1.0, "upper": 1.0, "restitution": 0.5, "weights": [1.0]}
+    document = {
+        "M": [[1.0, 0.0], [0.0, 1.0]], "K": [[0.0, 0.0], [0.0, 0.0]],
+        "constraints": [{"dofs": [0], **wall}, {"dofs": [1], **wall}], "x": [0.0, 0.0],
+        "v": [2.5, 2.5000000000288085], "force": [1.0, 1.0], "t": [3.025207192526133],
+        "t_end": 13.208843398958221,
+    }  # fmt: skip
+    histories.check(Case("", document), report)
+    assert not report.failures
+    assert report.ratios["contact rest"]
+
+
+@pytest.mark.parametrize("count", [1, 7])
+def test_contacts_that_last_through_windows(monkeypatch: pytest.MonkeyPatch, count: int) -> None:
+    """The errors of what ends in another window than it begins are those of one window."""
+    monkeypatch.setattr(planning, "SECONDS", 1.0 if count == 1 else 1e-9)
+    monkeypatch.setattr(planning, "_MOST", count)
+    system = presets.oscillator([Constraint((0,), (1.0,), None, 0.3, 0.4)], 1.0, 0.05)
+    result = solve(system, 0.0, 0.0, 80.0, load=(th.Harmonic(0, 0.8, 0.1),))
+    assert result.contact_stop is not None
+    assert result.contact_stop.size >= 2
+    for name in ("rest", "stop", "impulse"):
+        errors = getattr(result, f"error_contact_{name}")
+        assert (errors >= 0.0).all()
+        assert (errors < 1e-9).all()
+    one, two = result.contact_rest, result.contact_stop
+    assert one is not None
+    # On the wall its force is F cos(w t) - gap.
+    given = (np.sin(0.1 * two) - np.sin(0.1 * one)) * 8.0 - 0.3 * (two - one)
+    within(result.contact_impulse, result.error_contact_impulse, given, 1e-9)
