@@ -339,7 +339,8 @@ def audit(session: nox.Session) -> None:
 
 @nox.session
 def sbom(session: nox.Session) -> None:
-    """Write what is in the image to sbom.json (CycloneDX), with versions and hashes."""
+    """Write what is in the image to sbom.json (CycloneDX), with versions and hashes; check it."""
     session.install("--require-hashes", "-r", "requirements/tools.txt")
     target = ("--output-format", "JSON", "--output-file", "sbom.json")
     session.run("cyclonedx-py", "requirements", *target, "requirements/image.txt")
+    session.run("python", "-m", "tests.container.sbom", "sbom.json", "requirements/image.txt")

@@ -328,6 +328,10 @@ def of(error: BaseException) -> ProblemError:
         case OSError() if error.errno in (errno.ENOSPC, errno.EDQUOT):
             detail = "The store is full: the result cannot be stored."
             return ProblemError(STORE_FULL, detail, headers={"Retry-After": "10"})
+        case OSError() if error.errno in (errno.EMFILE, errno.ENFILE):
+            # Libraries open files too, when they first compute something.
+            detail = "The service can open no more files at the moment."
+            return ProblemError(UNAVAILABLE, detail, headers={"Retry-After": "2"})
         case ConnectionError():
             detail = "The records or the store cannot be reached."
             return ProblemError(UNAVAILABLE, detail, headers={"Retry-After": "2"})

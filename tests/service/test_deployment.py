@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import ipaddress
 import os
 import re
@@ -18,6 +19,7 @@ import pytest
 import yaml
 from typer.main import get_command
 
+from tests.container import sbom
 from vibroimpact_service import cli
 from vibroimpact_service.access.commands import app as keys
 from vibroimpact_service.api import service as service_routes
@@ -168,6 +170,47 @@ def test_what_the_image_needs_is_locked() -> None:
     names = {re.split(r"[\[<>=;]", each)[0].lower().replace("_", "-") for each in wanted}
     assert names
     assert names <= locked
+
+
+def _component(name: str, version: str, hashes: list[str]) -> dict[str, Any]:
+    """Return a package as cyclonedx-py lists it."""
+    digests = [{"alg": "SHA-256", "content": each} for each in hashes]
+    source = {"type": "distribution", "url": "https://pypi.org/simple/", "hashes": digests}
+    return {"name": name, "version": version, "externalReferences": [source]}
+
+
+def test_the_list_of_the_image_has_every_locked_package() -> None:
+    """What compares them in `nox -s sbom`; the tool itself is installed by that session alone."""
+    text = (ROOT / "requirements" / "image.txt").read_text()
+    packages = sorted(sbom.locked(text), key=lambda package: package[:2])
+    assert len(packages) == len(re.findall(r"^[a-z]", text, re.M))  # all other lines go on
+    assert sum(len(hashes) for _, _, hashes in packages) == text.count("--hash=sha256:")
+    components = [_component(name, version, sorted(each)) for name, version, each in packages]
+    assert sbom.differences({"components": components}, text) == []
+    assert sbom.differences({"components": components[1:]}, text) == [components[0]["name"]]
+    for wrong in (
+        components[0] | {"version": "0"},
+        components[0] | {"externalReferences": []},
+    ):
+        found = sbom.differences({"components": [wrong, *components[1:]]}, text)
+        assert found == [components[0]["name"]]
+    more = _component("more", "1", [])
+    assert sbom.differences({"components": [*components, more]}, text) == ["more"]
+
+
+def test_all_that_the_image_installs_is_listed_and_audited() -> None:
+    """What the index knows of vulnerabilities is asked by `nox -s audit` alone."""
+    sessions = {
+        node.name: ast.unparse(node)
+        for node in ast.parse((ROOT / "noxfile.py").read_text()).body
+        if isinstance(node, ast.FunctionDef)
+    }
+    installed = set(re.findall(r"-r requirements/(\w+)\.txt", (DOCKER / "Dockerfile").read_text()))
+    (audited,) = re.findall(r"for name in \((.+)\):", sessions["audit"])
+    assert installed <= set(re.findall(r"\w+", audited))
+    assert "'--strict'" in sessions["audit"]
+    assert "'requirements/image.txt'" in sessions["sbom"]  # the rest builds it, and is not in it
+    assert "'tests.container.sbom'" in sessions["sbom"]
 
 
 def test_the_image_says_what_it_is() -> None:

@@ -10,11 +10,15 @@ import os
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 from vibroimpact_service import chunks
 from vibroimpact_service.jobs.work import Tick
 from vibroimpact_service.store import Store
+
+if "STORE_FAILS" in os.environ:
+    import failing  # noqa: F401
 
 # Small pieces, so that a job of a few seconds has many.
 chunks.CHUNK_SECONDS = 0.01  # type: ignore[misc]
@@ -51,9 +55,13 @@ def solve(
 
 def _note(what: str, result: str, index: int) -> None:
     line = f"{what} {result} {index} {os.getpid()} {time.time()}\n"
-    handle = os.open(os.environ["RECORD"], os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
-    os.write(handle, line.encode())
-    os.close(handle)
+    os.write(_opened(), line.encode())
+
+
+@cache
+def _opened() -> int:
+    """Return the file of the notes; it stays open for processes that can open no more files."""
+    return os.open(os.environ["RECORD"], os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
 
 
 WORK = replace(chunks.WORK, solve=solve, modules=(*chunks.WORK.modules, __name__))

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import errno
 import math
 import os
+import resource
 import signal
 import subprocess
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -19,6 +21,10 @@ from shared import Machine
 from users import User, history, sweep, tiny
 
 from tests.service.jobs.test_webhooks import SECRET, Receiver
+
+MODES_HOLD = ("setpriv", "--bounding-set=-dac_override,-dac_read_search")
+"""Begins a command that may not read what modes of files forbid, though its user is root."""
+FILES = resource.RLIMIT_NOFILE
 
 
 def test_a_worker_that_stands_still(
@@ -154,6 +160,83 @@ def test_a_store_that_takes_no_writes_for_a_while(
         subprocess.run(["umount", "-l", str(store)], check=True)
 
 
+@pytest.mark.parametrize("error", ["EIO", "ESTALE", "EMFILE", "EACCES"])
+def test_a_store_whose_files_have_errors_for_a_while(
+    started: Callable[[Any], Any], tmp_path: Path, record: Record, machine: Machine, error: str
+) -> None:
+    number, store = getattr(errno, error), tmp_path / "store"
+    within = MODES_HOLD if error == "EACCES" and os.geteuid() == 0 else ()
+    settings = {"store": str(store), "STORE_FAILS": str(store)}
+    replica = started(Replica(tmp_path / "a", record, within, **settings))
+    until(replica.ready, "no workers")
+    user = User([replica])
+    user.submit(tiny(0.69))
+    user.check()
+    user.submit(sweep(0.6, 8000), *(tiny(0.7 + i / 100) for i in range(3)))
+    (stored, _), (job, _) = list(user.accepted.values())[:2]
+    result = replica.http.get(f"/v1/jobs/{job}").json()["digest"]
+    until(lambda: [note for note in record.noted() if note[:2] == ("stored", result)], "no chunk")
+    with broken(number, store, replica):
+        until(lambda: os.strerror(number).lower() in reasons(replica), "no job says why it waits")
+        until(lambda: not replica.ready(), "it is ready without files")
+        answer = replica.http.get("/v1/health/ready")
+        assert answer.status_code == 503
+        assert "store" in answer.json()["detail"]
+        body = {"kind": "impact-modes", "request": tiny(1.0)}
+        file = {"Accept": "application/x-hdf5"}  # its JSON is in memory
+        for refused in (
+            replica.http.post("/v1/jobs", json=body),
+            replica.http.post("/v1/compute/impact-modes", json=tiny(1.1)),
+            replica.http.get(f"/v1/jobs/{stored}/result", headers=file),
+        ):
+            assert refused.status_code in (503, 507), refused.text
+            assert int(refused.headers["Retry-After"]) > 0
+        waiting = replica.http.get(f"/v1/jobs/{job}").json()
+        assert waiting["state"] in ("queued", "running")
+        time.sleep(1.0)
+    moment = time.time()
+    user.submit(tiny(1.0))
+    accepted = time.time()
+    until(replica.ready, "not ready")
+    until(lambda: not reasons(replica), "the jobs still wait")
+    goes_on = time.time()
+    seconds = [round(each - moment, 2) for each in (accepted, goes_on)]
+    print(f"{error}: seconds until jobs are accepted again, and until none waits:", seconds)
+    user.check()
+    record.check()  # what had been stored before is not computed again
+    assert machine.seconds(moment, accepted) <= 2.0
+    assert machine.seconds(moment, goes_on) <= 15.0
+
+
+@contextmanager
+def broken(number: int, store: Path, replica: Replica) -> Iterator[None]:
+    """Bring an error about at the files of a store; where it can be, by the system itself."""
+    if number == errno.EACCES:
+        store.chmod(0)
+        yield
+        store.chmod(0o700)
+    elif number == errno.EMFILE:
+        before = {each: resource.prlimit(each, FILES) for each in descendants(replica)}
+        for each, (_, most) in before.items():
+            resource.prlimit(each, FILES, (8, most))  # they have more open
+        yield
+        for each, limits in before.items():
+            resource.prlimit(each, FILES, limits)
+    else:
+        error = Path(f"{store}.error")  # see the module failing
+        error.write_text(str(number))
+        yield
+        error.unlink()
+
+
+def descendants(replica: Replica) -> list[int]:
+    """Return the processes of a service: itself, the forkserver, the workers."""
+    found = [replica.process.pid]
+    for each in found:
+        found += children(each)
+    return found
+
+
 def remount(folder: Path, how: str) -> None:
     """Change whether a file system takes writes; one that is busy takes some attempts."""
     command = ["mount", "-o", f"remount,{how}", str(folder)]
@@ -163,7 +246,7 @@ def remount(folder: Path, how: str) -> None:
 def reasons(replica: Replica) -> str:
     """Return why the jobs of a service wait."""
     jobs = replica.http.get("/v1/jobs").json()["jobs"]
-    return " ".join(job["waiting_reason"] or "" for job in jobs).lower()
+    return " ".join(job["waiting_reason"] for job in jobs if job["waiting_reason"]).lower()
 
 
 def test_the_end_of_the_service_beside_a_receiver_that_drips(
