@@ -154,6 +154,8 @@ class Problem:
             raise ModelError(("tolerance",), message, code="out_of_range")
 
     def _check_load(self) -> None:
+        if not self.load:
+            return
         n, massless = self.system.n, set(self.system.massless.tolist())
         if not massless and _harmonic_loads_are_valid(self.load, n):
             return  # thousands are compared at once

@@ -24,9 +24,10 @@ from vibroimpact_solvers.arrays import EPS, Floats, Integers
 from vibroimpact_solvers.kernels.rigid_state import Rows
 from vibroimpact_solvers.time_history.basis import Basis
 from vibroimpact_solvers.time_history.problem import Problem, tolerance_of
-from vibroimpact_solvers.time_history.structure import Configuration, Contact, Structure
+from vibroimpact_solvers.time_history.structure import Configuration, Structure
 
 _ROWS: Final = 256  # of forms at a time
+_KEPT: Final = 8  # reaches of a configuration, for as many choices of degrees of freedom
 _CONVERTED: Final = 2.0  # roundings of a state when displacements are made of it
 _SUMMED: Final = 8.0  # and of the terms of the energy
 LEAST: Final = 1e-300  # reach of what does not move, so that unknown errors stay unknown
@@ -123,7 +124,6 @@ class StatedErrors:
     def __init__(self, problem: Problem, structure: Structure) -> None:
         self._problem, self._structure = problem, structure
         self._reaches: list[Reach] = []
-        self._known: dict[tuple[Contact, ...], Reach] = {}
 
     def of(self, configurations: Iterable[Configuration]) -> StatedErrors:
         """Return those of motions that have been in some configurations."""
@@ -133,9 +133,13 @@ class StatedErrors:
 
     def reach(self, of: Configuration) -> Reach:
         """Return what a unit error of the state makes of the outputs in a configuration."""
-        if of.contacts not in self._known:
-            self._known[of.contacts] = Reach(self._structure, of, self._problem.output_dofs)
-        return self._known[of.contacts]
+        dofs = self._problem.output_dofs
+        reach: Reach | None = of.reaches.get(dofs.tobytes())
+        if reach is None:
+            if len(of.reaches) >= _KEPT:
+                of.reaches.clear()
+            reach = of.reaches[dofs.tobytes()] = Reach(self._structure, of, dofs)
+        return reach
 
     def history(self, lengths: Floats, largest: Floats, until: Floats) -> dict[str, Any]:
         """Return the errors of x, v and the energy, of motions, shape (motion, time, …).

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import weakref
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Final
 
@@ -61,6 +61,8 @@ class Configuration:
         watched after them.
     kernel : rigid_state.Structure
         What the compiled loop takes.
+    reaches : dict
+        What is known of errors of the outputs at some degrees of freedom (`stated_errors.Reach`).
     """
 
     basis: Basis
@@ -68,6 +70,7 @@ class Configuration:
     answers: Floats
     free: tuple[int, ...]
     kernel: rigid_state.Structure
+    reaches: dict[bytes, Any] = field(default_factory=dict)
 
     @cached_property
     def arguments(self) -> tuple[Any, ...]:
