@@ -418,12 +418,16 @@ def _modal_damping(C: SymmetricMatrix, shapes: Floats) -> tuple[Floats, Floats]:
 
     The terms of an entry add up to no more than ``sqrt(c_i c_j)``, c_i being the sum of the squares
     of mode i by the sums of the rows of |C|: ``|C|`` is below the diagonal matrix of these sums.
+    Entries of a mode are known to the rounding of its largest one: a mode that is still where the
+    damping acts would be coupled to the others by what rounding makes of its zeros.
     """
     damping = shapes.T @ (C @ shapes)
     sums = SymmetricMatrix(np.abs(C.data), C.form, C.pattern) @ np.ones(C.n)
-    sizes = np.sqrt(sums @ shapes**2)
-    damping[np.abs(damping) <= (8 + sizes.size) * _EPS * np.outer(sizes, sizes)] = 0.0
-    return damping, _EPS * sizes**2
+    sizes, magnitudes = np.sqrt(sums @ shapes**2), np.abs(shapes)
+    rounded = np.outer(magnitudes.T @ sums, magnitudes.max(axis=0, initial=0.0))
+    rounding = (8 + sizes.size) * np.outer(sizes, sizes) + 4.0 * (rounded + rounded.T)
+    dropped = np.where(np.abs(damping) <= _EPS * rounding, damping, 0.0)
+    return damping - dropped, _EPS * sizes**2 + np.abs(dropped).sum(axis=1)
 
 
 def _left_by_rounding(K: SymmetricMatrix, rigid: Floats) -> Floats:

@@ -8,6 +8,8 @@ import pytest
 from scipy.optimize import brentq
 
 from tests.solvers.time_history.test_free_motion import compare
+from tests.truth import histories
+from tests.truth.verdicts import Case, Report
 from vibroimpact_solvers import presets, spectrum
 from vibroimpact_solvers import time_history as th
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
@@ -122,3 +124,25 @@ def test_a_motion_that_grows_in_resonance_does_not_pass_its_wall(periods: int, p
     assert result.impact_time is not None
     # A time of 1e-13 relative at a slope that vanishes with the distance to the maximum.
     np.testing.assert_allclose(result.impact_time[0], exact, rtol=0.0, atol=1e-11)
+
+
+def test_a_mode_that_is_still_where_the_damping_acts_is_not_damped_by_rounding() -> None:
+    """The second mode of three equal masses, driven at its frequency, with a damper in the middle.
+
+    What rounding makes of the zero in the middle coupled it to the others, whose response to the
+    load was then 1e14 times the motion.
+    """
+    document = {
+        "M": np.eye(3).tolist(), "K": [[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.0]],
+        "C": [[0.0, 0.0, 0.0], [0.0, 0.07075102131305813, 0.0], [0.0, 0.0, 0.0]],
+        "constraints": [{"dofs": [2], "weights": [1.0], "lower": 0.27, "upper": 0.27,
+                         "restitution": 0.30796345648502976}],
+        "x": [0.0, 0.0, 0.0], "v": [-0.45073121328871957, 0.7451521527576483, -0.1507834047467297],
+        "load": [[0, 0.5113411670217842, 1.414213562373095, -0.38383300087589367],
+                 [2, 0.2926393878914538, 0.33212526208218957, 0.48293565583308773]],
+        "t": [0.05164615492779719, 1.0, 2.0], "t_end": 3.0,
+    }  # fmt: skip
+    report = Report()
+    histories.check(Case("", document), report)
+    assert not report.failures
+    assert report.counts["horizon at the end"] == 1
