@@ -66,12 +66,15 @@ def _turn_deviations(
     acceleration: float,
     row: int,
     at_wall: bool,
+    rounding: float,
 ) -> None:
     """Take the deviations through the impact of one coordinate (saltation).
 
     acceleration is that of the coordinate before the impact; at_wall: it strikes at once. On
-    their way deviations get the errors of the coordinate, of the place of the wall and of the kick;
-    the formula is that of `kernels.deviations`.
+    their way deviations get the errors of the coordinate, of the place of the wall and of the kick,
+    and what the coordinate is away from its wall, if that is more than its rounding: of several
+    that are taken together, or soon after it was released there. The formula is that of
+    `kernels.deviations`.
     The square of the speed changes by ``2 y'' dy``, and the speed never by more than the root of
     that, however slow the impact is.
     """
@@ -80,7 +83,8 @@ def _turn_deviations(
     watched, wall = structure.watched, structure.walls[i]
     kick, kick_rate = watched.kick[i], watched.kick_rate[i]
     factor, impulse = wall.factor, -wall.factor * speed
-    place = wall.size if struck.size == 1 else wall.size + abs(one.room) / EPS
+    together = struck.size > 1 or abs(one.room) > 2.0 * rounding
+    place = wall.size + abs(one.room) / EPS if together else wall.size
     for c in range(deviations.shape[0]):
         dz, kick_error = deviations[c], errors.kicks[c, i]
         dy = product(watched.coordinate[i], dz) + product(errors.coordinates[c, i], motion.z)
@@ -304,7 +308,9 @@ def _strike_one(structure: Structure, motion: Motion, scratch: Scratch, row: int
     velocity, factor = one.side * speed, wall.factor
     # A speed that is rounding, by the motion as it is now, is one of a coordinate at rest.
     slight = ROUNDING * length(z, structure.errors.own) * math.sqrt(structure.mobility[i, i])
-    _turn_deviations(structure, motion, scratch.struck[:1], _ALONE, acceleration, row, at_wall)
+    _turn_deviations(
+        structure, motion, scratch.struck[:1], _ALONE, acceleration, row, at_wall, rounding
+    )
     impulse = -factor * velocity
     # What rounding takes from an impulse it takes from the energy, at each impact the same.
     taken = fma(-factor, velocity, -impulse)
@@ -346,7 +352,10 @@ def _strike_several(
             if one.speed > 0.0:
                 # One after the other: where the order matters, they are widened beside.
                 at_wall = scratch.grazing[i] == STRIKES
-                _turn_deviations(structure, motion, struck, a, acceleration, row + a, at_wall)
+                rounding = scratch.rounding[i]
+                _turn_deviations(
+                    structure, motion, struck, a, acceleration, row + a, at_wall, rounding
+                )
             _write(motion, struck, a, acceleration)
         for j in range(z.shape[1]):
             z[Z1, j] -= one.side * one.impulse * kick[Z1, j]

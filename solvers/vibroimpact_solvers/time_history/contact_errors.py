@@ -11,8 +11,9 @@ ends early or late by
 
     dt = 2 dv / (a (1 - k)) + dy (1 + k) / (u (1 - k)) ,
 
-twice of which is stated, for the largest of the bounces after which nothing else strikes and a
-changes by half at most: the end of a chatter is the same function of the state at each of them.
+32 times of which is stated, for the largest of the bounces after which nothing else strikes and a
+changes by half at most: the end of a chatter is the same function of the state at each of them, but
+for the roundings that come later.
 Where all are low, an error dy changes the speed of no bounce by more than ``(2 a dy)^(1/2)``:
 
     dt = 2 (dv + (2 a dy)^(1/2)) / (a (1 - k)) + (2 dy / a)^(1/2) .
@@ -22,6 +23,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 
@@ -30,6 +32,9 @@ from vibroimpact_solvers.kernels.rigid_state import Rows
 from vibroimpact_solvers.time_history.problem import Problem
 from vibroimpact_solvers.time_history.stated_errors import StatedErrors, lengths
 from vibroimpact_solvers.time_history.structure import Configuration, Contact, Structure
+
+_LATER: Final = 32.0
+"""Error of the end of a chatter over what the error at its largest bounce makes of it."""
 
 
 class ContactErrors:
@@ -45,11 +50,15 @@ class ContactErrors:
         self._structure, self._stated = structure, StatedErrors(problem, structure)
 
     def impacts(
-        self, configuration: Configuration, rows: Rows, largest: float
+        self, configuration: Configuration, rows: Rows, sizes: tuple[float, float]
     ) -> tuple[Floats, Floats]:
-        """Return the errors of the times and impulses of impacts, each (impact,)."""
+        """Return the errors of the times and impulses of impacts, each (impact,).
+
+        Sizes are those of the largest state and of the largest distance from a wall at an impact.
+        """
+        largest, gap = (np.array([size]) for size in sizes)
         errors = self._stated.of([configuration]).impacts(
-            rows, np.array([rows.size]), np.array([largest]), np.array([math.inf])
+            rows, np.array([rows.size]), largest, np.array([math.inf]), gap
         )
         return errors["error_impact_time"], errors["error_impact_impulse"]
 
@@ -81,7 +90,7 @@ class ContactErrors:
         contact: Contact,
         known: tuple[Floats, float],
         impacts: Rows,
-        lasts: float,
+        at_end: tuple[float, float],
     ) -> tuple[float, float]:
         """Return the error of the time of rest, and the largest force then.
 
@@ -94,10 +103,11 @@ class ContactErrors:
             The state, and the length to which it is known.
         impacts : array of `kernels.rigid_state.IMPACT`
             The last ones, of all constraints.
-        lasts : float
-            Time until all further bounces have ended.
+        at_end : tuple
+            Time until all further bounces have ended, and the largest distance from a wall at an
+            impact.
         """
-        (index, _), (z, state) = contact, known
+        (index, _), (z, state), (lasts, gap) = contact, known, at_end
         row = after.contacts.index(contact)
         forces, errors = self.forces(after, z, state)
         force, error = float(forces[row]), float(errors[row])
@@ -110,7 +120,8 @@ class ContactErrors:
         reach = self._stated.reach(before)
         size = float(self._structure.configuration().kernel.walls["size"][index])
         place, rate = reach.coordinates[:2, index].tolist()
-        off, slow = state * place + EPS * size, state * rate
+        gap = 2.0 * gap + EPS * size
+        off, slow = state * place + gap, state * rate
         k, fastest = self._structure.system.constraints[index].restitution, reach.fastest
         # In the sum of the bounces the force does not change.
         late = lasts * min(1.0, 4.0 * fastest * lasts)
@@ -120,12 +131,16 @@ class ContactErrors:
             speed, then = _largest(impacts, contact, push)
             if k * speed > 0.0:
                 high = 2.0 * then * rate / push
-                high += (then * place + EPS * size) * (1.0 + k) / (k * speed)
-                low = min(low, 2.0 * high / (1.0 - k))
+                high += (then * place + gap) * (1.0 + k) / (k * speed)
+                low = min(low, _LATER * high / (1.0 - k))
         return late + (low if k < 1.0 else math.inf), force + error
 
     def impulses(
-        self, configuration: Configuration, answered: tuple[Rows, float], force: Floats, span: float
+        self,
+        configuration: Configuration,
+        answered: tuple[Rows, tuple[float, float]],
+        force: Floats,
+        span: float,
     ) -> Floats:
         """Return the errors of the impulses of contacts in a time, shape (contact,).
 
@@ -133,15 +148,15 @@ class ContactErrors:
         ----------
         configuration : Configuration
         answered : tuple
-            The impacts in that time, which contacts answer, and the largest state.
+            The impacts in that time, which contacts answer, and sizes as of `impacts`.
         force : array, shape (contact,)
             Errors of the contact forces.
         span : float
         """
-        rows, largest = answered
+        rows, sizes = answered
         errors = np.asarray(span * force)
         if rows.size and configuration.answers.any():
-            _, impulses = self.impacts(configuration, rows, largest)
+            _, impulses = self.impacts(configuration, rows, sizes)
             places = [configuration.free.index(i) for i in rows["constraint"].tolist()]
             errors += np.abs(configuration.answers[:, places]) @ impulses
         return errors

@@ -97,7 +97,8 @@ def result_of(
         for name, column in _COLUMNS.items():
             values[name] = impacts[column].copy()
         if problem.estimate:
-            values.update(errors.impacts(impacts, np.array([impacts.size]), *state))
+            gap = np.array([penetration])
+            values.update(errors.impacts(impacts, np.array([impacts.size]), *state, gap))
     if intervals and "contacts" in problem.outputs:
         scale = structure.scale
         values.update(
@@ -145,7 +146,7 @@ def arrays_of(
         arrays |= {name: impacts[column] for name, column in _COLUMNS.items()}
         counts = arrays["impact_count"] = progress["rows"] - progress["first_row"]
         if problem.estimate:
-            arrays |= errors.impacts(impacts, counts, *state)
+            arrays |= errors.impacts(impacts, counts, *state, progress["penetration"])
     if "contacts" in outputs:
         arrays |= {name: values[name] for name in _TABLES["contacts"]}
         arrays["contact_count"] = np.zeros(size, dtype=np.int64)

@@ -357,7 +357,7 @@ class Run:
         forces = [self._errors.forces(configuration, state, known)[1] for state in (z, self.Z[0])]
         rows = self._with_their_constraints(self._table[now["first_row"] : now["rows"]].copy())
         span = (self.now - since) / self.scale
-        answered = rows, float(now["largest"])
+        answered = rows, self._sizes
         return self._errors.impulses(configuration, answered, np.maximum(*forces), span)
 
     def _struck(self, since: float) -> Struck:
@@ -389,8 +389,7 @@ class Run:
         same = (rows["constraint"] == constraint) & (rows["side"] == side) & (rows["time"] == now)
         if self._errors is None or not same.any():
             return math.nan
-        largest = float(self.progress_row["largest"])
-        return float(self._errors.impacts(self.configuration, rows[same][-1:], largest)[0][0])
+        return float(self._errors.impacts(self.configuration, rows[same][-1:], self._sizes)[0][0])
 
     def _at_walls(self, x: Floats, v: Floats) -> AtWalls:
         return AtWalls(self.structure, x, v, self.configuration.basis.loads_of(self.Z[0]))
@@ -425,7 +424,9 @@ class Run:
             return
         state, lasts = (self.Z[0], max(known, self._known)), (rest.rest - rest.start) / self.scale
         impacts = np.concatenate(self.impacts[-2:])
-        late, force = errors.rest(before, self.configuration, rest.contact, state, impacts, lasts)
+        late, force = errors.rest(
+            before, self.configuration, rest.contact, state, impacts, (lasts, self._sizes[1])
+        )
         struck = self._event_error
         if self.structure.system.constraints[rest.contact[0]].restitution == 0.0:
             late = min(late, struck if struck >= 0.0 else late)  # nan
@@ -494,8 +495,7 @@ class Run:
         self._event_error = math.nan
         if self._errors is None or not row["impulse"][0] > 0.0:
             return math.nan
-        largest = float(self.progress_row["largest"])
-        times, impulses = self._errors.impacts(self.configuration, row, largest)
+        times, impulses = self._errors.impacts(self.configuration, row, self._sizes)
         self._event_error = float(times[0])
         return float(impulses[0])
 
@@ -516,6 +516,12 @@ class Run:
             now["growth"] = growth
         if not growth * EPS <= now["tolerance"] and now["known_until"] == math.inf:
             now["known_until"] = time
+
+    @property
+    def _sizes(self) -> tuple[float, float]:
+        """The length of the largest state, and the largest distance from a wall at an impact."""
+        now = self.progress_row
+        return float(now["largest"]), float(now["penetration"])
 
     @property
     def _known(self) -> float:

@@ -56,6 +56,11 @@ class Reach:
         return np.concatenate(reach, axis=1) if reach else np.zeros((2, 0))
 
     @cached_property
+    def base(self) -> Floats:
+        """Roundings of what displacements are counted from, shape (dof,)."""
+        return np.asarray(EPS * np.abs(self._basis.modes.base[self._dofs]))
+
+    @cached_property
     def coordinates(self) -> Floats:
         """Of the constrained coordinates, their velocities and accelerations, (3, constraint)."""
         by_rate = self._basis.rates_of(self._basis.velocity(self._rows))
@@ -164,6 +169,8 @@ class StatedErrors:
             for name, reach in zip(("x", "v"), reaches, strict=True):
                 if name in outputs:
                     values[f"error_{name}"] = each * reach
+        if "x" in outputs:
+            values["error_x"] += np.maximum.reduce([reach.base for reach in self._reaches])
         if "energy" in outputs:
             parts = np.array([reach.energy for reach in self._reaches])
             square, linear, level = parts.max(axis=0).tolist()
@@ -173,7 +180,7 @@ class StatedErrors:
         return values
 
     def impacts(
-        self, rows: Rows, counts: Integers, largest: Floats, until: Floats
+        self, rows: Rows, counts: Integers, largest: Floats, until: Floats, gaps: Floats
     ) -> dict[str, Any]:
         """Return the errors of times, velocities and impulses of the impacts of motions.
 
@@ -184,14 +191,17 @@ class StatedErrors:
         counts : array of int, shape (motion,)
         largest, until : array, shape (motion,)
             As in `history`.
+        gaps : array, shape (motion,)
+            Largest distances of coordinates from their walls at impacts.
         """
         one = rows["constraint"]
-        largest, until = np.repeat(largest, counts), np.repeat(until, counts)
+        largest, until, gaps = (np.repeat(each, counts) for each in (largest, until, gaps))
         state = self._state(rows["before"], largest, until)
         reaches = np.maximum.reduce([reach.coordinates for reach in self._reaches])[:, one]
         push = np.maximum.reduce([reach.push for reach in self._reaches])[one]
         walls = self._structure.configuration().kernel.walls["size"]
-        off, speed = state * reaches[0] + EPS * walls[one], np.abs(rows["velocity"])
+        off = state * reaches[0] + EPS * walls[one] + 2.0 * gaps
+        speed = np.abs(rows["velocity"])
         bend = reaches[2] * largest + push
         late, swing = 2.0 * bend * off, speed * speed
         with np.errstate(invalid="ignore", divide="ignore"):

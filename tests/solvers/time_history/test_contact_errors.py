@@ -37,9 +37,9 @@ def test_the_rest_of_a_ball(restitution: float) -> None:
     result = solve(ball, 1.0, 0.0, 12.0)
     fall = math.sqrt(2.0 / 9.81)
     rest = fall * (1.0 + restitution) / (1.0 - restitution)
-    within(result.contact_rest, result.error_contact_rest, [rest], 1e-10)
+    within(result.contact_rest, result.error_contact_rest, [rest], 1e-9)
     impulse = 9.81 * (12.0 - rest)
-    within(result.contact_impulse, result.error_contact_impulse, [impulse], 1e-9)
+    within(result.contact_impulse, result.error_contact_impulse, [impulse], 1e-8)
     assert result.error_contact_stop is not None
     np.testing.assert_array_equal(result.error_contact_stop, 0.0)  # it is that of the motion
 
@@ -107,3 +107,32 @@ def test_contacts_that_last_through_windows(monkeypatch: pytest.MonkeyPatch, cou
     # On the wall its force is F cos(w t) - gap.
     given = (np.sin(0.1 * two) - np.sin(0.1 * one)) * 8.0 - 0.3 * (two - one)
     within(result.contact_impulse, result.error_contact_impulse, given, 1e-9)
+
+
+ONE_LEFT_SLOWLY = {
+    "M": [[1.431363195288533, 0.0], [0.0, 0.6213949993772305]],
+    "K": [[0.8964869454073041, -0.8964869454073041], [-0.8964869454073041, 0.8964869454073041]],
+    "constraints": [
+        {"dofs": [1], "weights": [1.0], "lower": 1.706968911021174, "upper": 1.706968911021174,
+         "restitution": 0.6534436384673323},
+        {"dofs": [0], "weights": [1.0], "lower": 1.0, "upper": 0.1377513045277526,
+         "restitution": 0.0},
+    ],
+    "x": [0.0, 0.0], "v": [1.255250850571561, 1.176080368616666], "t": [2.6653756586479593],
+    "t_end": 23.425269539560023,
+}  # fmt: skip
+SLIDING = {
+    "M": [[1.0]], "K": [[0.0]], "C": [[0.001646278934388742]], "force": [-0.14372544433399792],
+    "constraints": [{"dofs": [0], "weights": [1.0], "lower": 0.0027457802918011815,
+                     "upper": 0.0027457802918011815, "restitution": 0.7131349702831253}],
+    "x": [0.0], "v": [0.09278857100286654], "t": [4.4112731857643315], "t_end": 5.142266241179644,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("document", [ONE_LEFT_SLOWLY, SLIDING], ids=["slow", "sliding"])
+def test_rests_whose_error_was_stated_too_small(document: dict[str, Any]) -> None:
+    """An impact at 6e-5 was taken 1e-14 from its wall; roundings of low bounces beside drag."""
+    report = Report()
+    histories.check(Case("", document), report)
+    assert not report.failures
+    assert report.ratios["contact rest"]

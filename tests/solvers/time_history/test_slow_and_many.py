@@ -106,3 +106,26 @@ def test_what_rattles_beside_a_contact_is_followed_by_the_compiled_loop(
     assert checked(document).counts["horizon at the end"] == 1
     problem = histories.problem_of(document)
     assert time_history.solve(problem, time_history.plan(problem)).count_impacts > 1_000
+
+
+def test_a_return_to_the_wall_that_was_left_slowly() -> None:
+    """It is taken further from the wall than rounding, which is part of the error."""
+    document = {
+        "M": [[2.671895874183731]], "K": [[0.873283319507529]],
+        "constraints": [wall(0, 1.0, 0.6465106373308172)], "x": [1.0],
+        "v": [-2.0097667347267126e-08], "force": [1.4285376433425925],
+        "load": [[0, -0.5572835579526032, 1.1142081793532317, -0.021342854093060915]],
+        "t": [0.11620019507653453, 0.7546337344122852, 4.466526832049473, 5.9681707866925,
+              6.335617770603266, 8.385673045759471], "t_end": 13.282341200981824,
+    }  # fmt: skip
+    checked(document)
+
+
+def test_displacements_at_rest_are_rounded() -> None:
+    document = {
+        "M": [[2.575403178490275]], "K": [[0.0]], "C": [[0.02196172874832835]],
+        "constraints": [{**wall(0, 0.3906511047150643), "lower": None}],
+        "x": [0.3906511047150643], "v": [0.0], "force": [0.6365874152858909],
+        "t": [1.0890648512214933], "t_end": 3.248284452346807,
+    }  # fmt: skip
+    checked(document)
