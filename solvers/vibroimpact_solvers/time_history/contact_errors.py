@@ -33,6 +33,7 @@ from vibroimpact_solvers.time_history.problem import Problem
 from vibroimpact_solvers.time_history.stated_errors import StatedErrors, lengths
 from vibroimpact_solvers.time_history.structure import Configuration, Contact, Structure
 
+_TERMS: Final = 64.0  # roundings of the terms of a force, which are made of many products
 _LATER: Final = 32.0
 """Error of the end of a chatter over what the error at its largest bounce makes of it."""
 
@@ -71,7 +72,7 @@ class ContactErrors:
         forces = (forms * z).sum(axis=(1, 2)) + levels
         errors = state * lengths(configuration.basis, forms)
         errors += EPS * np.abs(kernel.errors.coordinates[0, first:] * z).sum(axis=(1, 2))
-        return forces, errors + EPS * np.abs(levels)
+        return forces, errors + _TERMS * EPS * (np.abs(forms * z).sum(axis=(1, 2)) + np.abs(levels))
 
     def release(self, configuration: Configuration, place: int, z: Floats, state: float) -> float:
         """Return the error of the time at which the force of a contact vanishes."""
