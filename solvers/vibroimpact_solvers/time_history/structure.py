@@ -426,8 +426,8 @@ def _modal_damping(C: SymmetricMatrix, shapes: Floats) -> tuple[Floats, Floats]:
     sizes, magnitudes = np.sqrt(sums @ shapes**2), np.abs(shapes)
     rounded = np.outer(magnitudes.T @ sums, magnitudes.max(axis=0, initial=0.0))
     rounding = (8 + sizes.size) * np.outer(sizes, sizes) + 4.0 * (rounded + rounded.T)
-    dropped = np.where(np.abs(damping) <= _EPS * rounding, damping, 0.0)
-    return damping - dropped, _EPS * sizes**2 + np.abs(dropped).sum(axis=1)
+    damping[np.abs(damping) <= _EPS * rounding] = 0.0
+    return damping, _EPS * sizes**2
 
 
 def _left_by_rounding(K: SymmetricMatrix, rigid: Floats) -> Floats:
