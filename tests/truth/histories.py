@@ -302,6 +302,14 @@ def check(case: Case, report: Report, expected: tuple[str, ...] = REFUSALS, **mo
     compare(case, result, motion, report)
 
 
+def checked(document: Document) -> Report:
+    """Check one motion, of which no number may be outside of its error."""
+    report = Report()
+    check(Case("", document), report)
+    assert not report.failures
+    return report
+
+
 def compare(case: Case, result: time_history.Result, motion: History, report: Report) -> None:
     """Compare a result with the motion of the reference, up to its horizon."""
     compare_states(case, result, motion, report)

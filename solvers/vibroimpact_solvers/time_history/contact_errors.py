@@ -67,11 +67,11 @@ class ContactErrors:
         self, configuration: Configuration, z: Floats, state: float
     ) -> tuple[Floats, Floats]:
         """Return the contact forces of a state known to a length, and their errors."""
-        first, kernel = len(configuration.free), configuration.kernel
-        forms, levels = kernel.watched.coordinate[first:], kernel.walls["lower"][first:]
+        forms, levels = configuration.forces
         forces = (forms * z).sum(axis=(1, 2)) + levels
         errors = state * lengths(configuration.basis, forms)
-        errors += EPS * np.abs(kernel.errors.coordinates[0, first:] * z).sum(axis=(1, 2))
+        form_errors = configuration.kernel.errors.coordinates[0, len(configuration.free) :]
+        errors += EPS * np.abs(form_errors * z).sum(axis=(1, 2))
         return forces, errors + _TERMS * EPS * (np.abs(forms * z).sum(axis=(1, 2)) + np.abs(levels))
 
     def release(self, configuration: Configuration, place: int, z: Floats, state: float) -> float:

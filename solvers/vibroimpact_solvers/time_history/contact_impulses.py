@@ -66,7 +66,7 @@ def impulses(configuration: Configuration, z: Floats, struck: Struck, span: floa
         kicked = kicks * struck.impulses[some, np.newaxis]
         left = (span - struck.times[some])[:, np.newaxis]
         integral += _free_integral(basis, kicked, left).sum(axis=1)
-    forms, levels = kernel.watched.coordinate[first:], kernel.walls["lower"][first:]
+    forms, levels = configuration.forces
     given = np.bincount(struck.places[:count], struck.impulses[:count], first)
     # Mass by velocity, in units of force and of the basis' time.
     answered = -math.ldexp(1.0, 2 * basis.exponent) * (configuration.answers @ given)

@@ -292,10 +292,16 @@ class Run:
 
     def _flush_table(self) -> None:
         now = self.progress_row
-        rows = self._table[now["first_row"] : now["rows"]].copy()
+        rows = self._latest_rows.copy()
         self.impacts.append(self._with_their_constraints(rows))
         self._rows += rows.size
         now["first_row"] = now["rows"] = 0
+
+    @property
+    def _latest_rows(self) -> Rows:
+        """The impacts that the compiled loop has written since its table was emptied."""
+        now = self.progress_row
+        return self._table[now["first_row"] : now["rows"]]
 
     def _with_their_constraints(self, rows: Rows) -> Rows:
         """Let rows of the compiled loop name constraints, not their places among the free ones."""
@@ -351,19 +357,17 @@ class Run:
 
     def _impulse_errors(self, since: float, z: Floats, known: float) -> Floats:
         """Return the errors of what the contacts have given since a time, (contact,)."""
-        configuration, now = self.configuration, self.progress_row
+        configuration = self.configuration
         if self._errors is None:
             return np.full(len(configuration.contacts), math.nan)
         forces = [self._errors.forces(configuration, state, known)[1] for state in (z, self.Z[0])]
-        rows = self._with_their_constraints(self._table[now["first_row"] : now["rows"]].copy())
+        answered = self._with_their_constraints(self._latest_rows.copy()), self._sizes
         span = (self.now - since) / self.scale
-        answered = rows, self._sizes
         return self._errors.impulses(configuration, answered, np.maximum(*forces), span)
 
     def _struck(self, since: float) -> Struck:
         """Return the impacts of the last free motions, which began at a time."""
-        now = self.progress_row
-        rows = self._table[now["first_row"] : now["rows"]]
+        rows = self._latest_rows
         impulses = -rows["side"] * rows["impulse"] / self.scale
         return Struck(rows["time"] * self.scale - since, rows["constraint"].copy(), impulses)
 
@@ -427,10 +431,10 @@ class Run:
         late, force = errors.rest(
             before, self.configuration, rest.contact, state, impacts, (lasts, self._sizes[1])
         )
-        struck = self._event_error
+        # Where nothing strikes it begins as it rests.
+        rest.start_error = late if math.isnan(self._event_error) else self._event_error
         if self.structure.system.constraints[rest.contact[0]].restitution == 0.0:
-            late = min(late, struck if struck >= 0.0 else late)  # nan
-        rest.start_error = struck if struck >= 0.0 else late
+            late = min(late, rest.start_error)
         rest.rest_error, rest.impulse_error = late + EPS * self.now / self.scale, force * late
 
     def _mark_released(self, constraint: int) -> None:

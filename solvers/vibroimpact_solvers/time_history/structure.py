@@ -72,6 +72,12 @@ class Configuration:
     kernel: rigid_state.Structure
     reaches: dict[bytes, Any] = field(default_factory=dict)
 
+    @property
+    def forces(self) -> tuple[Floats, Floats]:
+        """The forms of the contact forces, shape (contact, 2, pair), and their levels."""
+        first, kernel = len(self.free), self.kernel
+        return kernel.watched.coordinate[first:], kernel.walls["lower"][first:]
+
     @cached_property
     def arguments(self) -> tuple[Any, ...]:
         """The same as `kernels.rigid_motion.follow` takes it."""

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from tests.truth import histories
-from tests.truth.verdicts import Case, Report
 from vibroimpact_solvers import presets
 from vibroimpact_solvers import time_history as th
 from vibroimpact_solvers.model import Constraint, System
@@ -76,7 +75,6 @@ def test_contacts_beyond_what_is_predictable_have_no_error() -> None:
 
 def test_what_strikes_together_within_rounding_does_not_rest_at_its_own_time() -> None:
     """Two coordinates bounce, one 5e-11 after the other: lower bounces are taken together."""
-    report = Report()
     wall = {"lower": 1.0, "upper": 1.0, "restitution": 0.5, "weights": [1.0]}
     document = {
         "M": [[1.0, 0.0], [0.0, 1.0]], "K": [[0.0, 0.0], [0.0, 0.0]],
@@ -84,8 +82,7 @@ def test_what_strikes_together_within_rounding_does_not_rest_at_its_own_time() -
         "v": [2.5, 2.5000000000288085], "force": [1.0, 1.0], "t": [3.025207192526133],
         "t_end": 13.208843398958221,
     }  # fmt: skip
-    histories.check(Case("", document), report)
-    assert not report.failures
+    report = histories.checked(document)
     assert report.ratios["contact rest"]
 
 
@@ -132,7 +129,5 @@ SLIDING = {
 @pytest.mark.parametrize("document", [ONE_LEFT_SLOWLY, SLIDING], ids=["slow", "sliding"])
 def test_rests_whose_error_was_stated_too_small(document: dict[str, Any]) -> None:
     """An impact at 6e-5 was taken 1e-14 from its wall; roundings of low bounces beside drag."""
-    report = Report()
-    histories.check(Case("", document), report)
-    assert not report.failures
+    report = histories.checked(document)
     assert report.ratios["contact rest"]

@@ -9,7 +9,6 @@ from scipy.optimize import brentq
 
 from tests.solvers.time_history.test_free_motion import compare
 from tests.truth import histories
-from tests.truth.verdicts import Case, Report
 from vibroimpact_solvers import presets, spectrum
 from vibroimpact_solvers import time_history as th
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
@@ -142,7 +141,5 @@ def test_a_mode_that_is_still_where_the_damping_acts_is_not_damped_by_rounding()
                  [2, 0.2926393878914538, 0.33212526208218957, 0.48293565583308773]],
         "t": [0.05164615492779719, 1.0, 2.0], "t_end": 3.0,
     }  # fmt: skip
-    report = Report()
-    histories.check(Case("", document), report)
-    assert not report.failures
+    report = histories.checked(document)
     assert report.counts["horizon at the end"] == 1

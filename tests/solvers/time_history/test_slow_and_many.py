@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from tests.truth import histories
-from tests.truth.verdicts import Case, Report
+from tests.truth.histories import checked
 from vibroimpact_solvers import time_history
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.time_history import run
@@ -17,13 +17,6 @@ def wall(dof: int, gap: float, restitution: float = 1.0) -> dict[str, Any]:
     return {
         "dofs": [dof], "weights": [1.0], "lower": gap, "upper": gap, "restitution": restitution
     }  # fmt: skip
-
-
-def checked(document: dict[str, Any]) -> Report:
-    report = Report()
-    histories.check(Case("", document), report)
-    assert not report.failures
-    return report
 
 
 @pytest.mark.parametrize("speed", [7.6e-9, 1e-6])
