@@ -130,8 +130,13 @@ def start_deviations(flow: Flow, motion: Motion, errors: Errors) -> None:
 
 
 @once
-def add_rounding(flow: Flow, motion: Motion, errors: Errors, row: int, s: float) -> None:
+def add_rounding(
+    flow: Flow, motion: Motion, errors: Errors, row: int, s: float, changes: Floats, hops: bool
+) -> None:
     """Add the rounding of a free motion of duration s to the deviations.
+
+    Of a hop from a wall back to it, whose duration does not depend on where the wall is, that of
+    the changes alone; their magnitudes are given, shape (2, pair).
 
     That of a pair has any sign, that of a frequency the same one from impact to impact: it turns
     rotations, ``dz = s dnu (z2, -z1)``, and stretches hyperbolas, ``dz = s dnu (z2, z1)``. That of
@@ -141,7 +146,30 @@ def add_rounding(flow: Flow, motion: Motion, errors: Errors, row: int, s: float)
     whole, _ = lengths(z, errors, 1.0)
     progress.largest = max(progress.largest, whole)
     for c in range(deviations.shape[0]):
-        _add_rounding_to(flow, errors, z, deviations[c], c, row, s)
+        if hops:
+            _add_rounding_of_hop(flow, errors, z, deviations[c], c, row, s, changes)
+        else:
+            _add_rounding_to(flow, errors, z, deviations[c], c, row, s)
+
+
+@inline
+def _add_rounding_of_hop(
+    flow: Flow,
+    errors: Errors,
+    z: Floats,
+    dz: Floats,
+    c: int,
+    row: int,
+    s: float,
+    changes: Floats,
+) -> None:
+    """Add the rounding of a hop to one column of the deviations."""
+    signs = errors.signs
+    at = (row + 7 * (c + 1)) % signs.shape[0]
+    for j in range(z.shape[1]):
+        dz[Z1, j] += _PROPAGATED * changes[Z1, j] * signs[at, Z1, j]
+        dz[Z2, j] += _PROPAGATED * changes[Z2, j] * signs[at, Z2, j]
+    _add_drift(flow, errors, z, dz, c, s)
 
 
 @inline
@@ -149,24 +177,32 @@ def _add_rounding_to(
     flow: Flow, errors: Errors, z: Floats, dz: Floats, c: int, row: int, s: float
 ) -> None:
     """Add the rounding of a free motion to one column of the deviations."""
-    signs, drifts = errors.signs, errors.drifts
+    signs = errors.signs
     at = (row + 7 * (c + 1)) % signs.shape[0]
-    for j in range(flow.rotations):
-        a, b, turned = z[Z1, j], z[Z2, j], s * drifts[c, j]
-        rounding = _PROPAGATED * (abs(a) + abs(b))
-        dz[Z1, j] += rounding * signs[at, Z1, j] + turned * b
-        dz[Z2, j] += rounding * signs[at, Z2, j] - turned * a
-    for j in range(flow.rotations, flow.hyperbolas_end):
-        a, b, turned = z[Z1, j], z[Z2, j], s * drifts[c, j]
+    for j in range(z.shape[1]):
+        a, b = abs(z[Z1, j]), abs(z[Z2, j])
         # Under faint drag, z1 is nu q, and a velocity gives but nu s of itself to it.
-        first = _PROPAGATED * (abs(a) + min(1.0, 2.0 * flow.nu[j] * s) * abs(b))
-        dz[Z1, j] += first * signs[at, Z1, j] + turned * b
-        dz[Z2, j] += _PROPAGATED * (abs(a) + abs(b)) * signs[at, Z2, j] + turned * a
+        creeps = flow.rotations <= j < flow.hyperbolas_end
+        first = a + min(1.0, 2.0 * flow.nu[j] * s) * b if creeps else a + b
+        dz[Z1, j] += _PROPAGATED * first * signs[at, Z1, j]
+        dz[Z2, j] += _PROPAGATED * (a + b) * signs[at, Z2, j]
+    _add_drift(flow, errors, z, dz, c, s)
+
+
+@inline
+def _add_drift(flow: Flow, errors: Errors, z: Floats, dz: Floats, c: int, s: float) -> None:
+    """Add what the errors of the frequencies make in a free motion."""
+    drifts = errors.drifts
+    for j in range(flow.rotations):
+        turned = s * drifts[c, j]
+        dz[Z1, j] += turned * z[Z2, j]
+        dz[Z2, j] -= turned * z[Z1, j]
+    for j in range(flow.rotations, flow.hyperbolas_end):
+        turned = s * drifts[c, j]
+        dz[Z1, j] += turned * z[Z2, j]
+        dz[Z2, j] += turned * z[Z1, j]
     for j in range(flow.hyperbolas_end, z.shape[1]):
         a, b, p = z[Z1, j], z[Z2, j], flow.push[j]
-        rounding = _PROPAGATED * (abs(a) + abs(b))
-        dz[Z1, j] += rounding * signs[at, Z1, j]
-        dz[Z2, j] += rounding * signs[at, Z2, j]
         # Integrals of the displacement, backwards from the end.
         pushed = 2.0 * s * drifts[c, j]
         dz[Z1, j] -= pushed * s * (0.5 * a - s * (b / 3.0 - 0.125 * s * p))

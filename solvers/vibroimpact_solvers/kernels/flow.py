@@ -255,6 +255,24 @@ def advance(
 
 
 @inner
+def set_changes(flow: Flow, propagator: Floats, s: float, z: Floats, changes: Floats) -> None:
+    """Fill in the magnitudes that `advance` makes the changes of a state of, shape (2, pair)."""
+    for j in range(flow.alpha.size):
+        a, b, pushed = abs(z[Z1, j]), abs(z[Z2, j]), 0.0
+        less, turned = abs(propagator[EVEN, j] - 1.0), abs(propagator[ODD, j])
+        back = turned * a
+        if j >= flow.hyperbolas_end:
+            back = pushed = abs(flow.push[j]) * s
+        changes[Z1, j] = less * a + turned * b + 0.5 * pushed * s
+        changes[Z2, j] = less * b + back
+    for k in range(flow.drives.size):
+        first, second = _drive(flow, propagator, k, s, z)
+        j = flow.drives[k].driven
+        changes[Z1, j] += abs(first)
+        changes[Z2, j] += abs(second)
+
+
+@inner
 def _drive(flow: Flow, propagator: Floats, row: int, s: float, z: Floats) -> tuple[float, float]:
     """Return what a drive adds to its pair in a time s.
 

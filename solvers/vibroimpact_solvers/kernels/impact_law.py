@@ -58,6 +58,15 @@ def _add_impulse(
 
 
 @inline
+def _kick(motion: Motion, scratch: Scratch, kick: Floats, impulse: float, taken: float) -> None:
+    """Add an impulse, the sum of two numbers, to the state."""
+    z, rest = motion.z, scratch.rest
+    for j in range(z.shape[1]):
+        z[Z1, j], rest[Z1, j] = _add_impulse(z[Z1, j], rest[Z1, j], impulse, taken, kick[Z1, j])
+        z[Z2, j], rest[Z2, j] = _add_impulse(z[Z2, j], rest[Z2, j], impulse, taken, kick[Z2, j])
+
+
+@inline
 def _turn_deviations(
     structure: Structure,
     motion: Motion,
@@ -67,8 +76,12 @@ def _turn_deviations(
     row: int,
     at_wall: bool,
     rounding: float,
-) -> None:
+    left: float,
+) -> float:
     """Take the deviations through the impact of one coordinate (saltation).
+
+    Returns the largest error of the end of a chatter, of which an impact with the speed u leaves a
+    time ``left u``: errors that are the same at all of its impacts do not change it.
 
     acceleration is that of the coordinate before the impact; at_wall: it strikes at once. On
     their way deviations get the errors of the coordinate, of the place of the wall and of the kick,
@@ -85,6 +98,7 @@ def _turn_deviations(
     factor, impulse = wall.factor, -wall.factor * speed
     together = struck.size > 1 or abs(one.room) > 2.0 * rounding
     place = wall.size + abs(one.room) / EPS if together else wall.size
+    late = 0.0
     for c in range(deviations.shape[0]):
         dz, kick_error = deviations[c], errors.kicks[c, i]
         dy = product(watched.coordinate[i], dz) + product(errors.coordinates[c, i], motion.z)
@@ -97,6 +111,8 @@ def _turn_deviations(
         faster = min(max(faster, -most), most)
         off = product(watched.velocity[i], dz) + product(errors.velocities[c, i], motion.z)
         dP = factor * (faster - off)
+        if left > 0.0:
+            late = max(late, abs(one.side * left * (faster - off) + dy / speed))
         dy *= factor
         signs = errors.signs[(row + c + 1) % errors.signs.shape[0]]
         for j in range(dz.shape[1]):
@@ -105,6 +121,7 @@ def _turn_deviations(
             dz[Z2, j] += kicked * kick[Z2, j] - dy * kick_rate[Z2, j]
             dz[Z1, j] += impulse * kick_error[Z1, j]
             dz[Z2, j] += impulse * kick_error[Z2, j]
+    return late
 
 
 @inline
@@ -300,6 +317,7 @@ def _strike_one(structure: Structure, motion: Motion, scratch: Scratch, row: int
     if speed <= 0.0 or (speed * speed <= 2.0 * abs(towards) * rounding and not at_wall):
         # An impact as slow as a fall from within rounding is none.
         if towards >= 0.0:
+            progress.chatter_late = math.inf
             bounce = max(speed, 0.0) if wall.restitution == 1.0 else 0.0
             return _comes_to_rest(structure, motion, scratch, _ALONE, bounce, towards)
         if scratch.grazing[i] != HAS_GRAZED:
@@ -308,24 +326,22 @@ def _strike_one(structure: Structure, motion: Motion, scratch: Scratch, row: int
     velocity, factor = one.side * speed, wall.factor
     # A speed that is rounding, by the motion as it is now, is one of a coordinate at rest.
     slight = ROUNDING * length(z, structure.errors.own) * math.sqrt(structure.mobility[i, i])
-    _turn_deviations(
-        structure, motion, scratch.struck[:1], _ALONE, acceleration, row, at_wall, rounding
-    )
     impulse = -factor * velocity
+    k, push = wall.restitution, one.side * (acceleration + impulse * wall.acceleration)
+    left = 2.0 * k / (push * (1.0 - k)) if push > 0.0 and k < 1.0 else 0.0
+    late = _turn_deviations(
+        structure, motion, scratch.struck[:1], _ALONE, acceleration, row, at_wall, rounding, left
+    )
+    progress.chatter_late = SAFETY * EPS * late if left > 0.0 else math.inf
     # What rounding takes from an impulse it takes from the energy, at each impact the same.
     taken = fma(-factor, velocity, -impulse)
     taken -= wall.factor_rest * velocity + factor * (one.side * one.speed_rest)
-    kick = structure.watched.kick[i]
-    for j in range(z.shape[1]):
-        rest = scratch.rest
-        z[Z1, j], rest[Z1, j] = _add_impulse(z[Z1, j], rest[Z1, j], impulse, taken, kick[Z1, j])
-        z[Z2, j], rest[Z2, j] = _add_impulse(z[Z2, j], rest[Z2, j], impulse, taken, kick[Z2, j])
+    _kick(motion, scratch, structure.watched.kick[i], impulse, taken)
     one.impulse = abs(impulse)
     if speed > slight:
         _write(motion, scratch.struck, _ALONE, acceleration)
     # Without the rounding of sums.
-    speed, push = wall.restitution * speed, one.side * (acceleration + impulse * wall.acceleration)
-    return _comes_to_rest(structure, motion, scratch, _ALONE, speed, push)
+    return _comes_to_rest(structure, motion, scratch, _ALONE, k * speed, push)
 
 
 @inner
@@ -354,13 +370,12 @@ def _strike_several(
                 at_wall = scratch.grazing[i] == STRIKES
                 rounding = scratch.rounding[i]
                 _turn_deviations(
-                    structure, motion, struck, a, acceleration, row + a, at_wall, rounding
+                    structure, motion, struck, a, acceleration, row + a, at_wall, rounding, 0.0
                 )
             _write(motion, struck, a, acceleration)
-        for j in range(z.shape[1]):
-            z[Z1, j] -= one.side * one.impulse * kick[Z1, j]
-            z[Z2, j] -= one.side * one.impulse * kick[Z2, j]
+        _kick(motion, scratch, kick, -one.side * one.impulse, 0.0)
     set_rate(flow, z, rate)
+    motion.progress[0].chatter_late = math.inf
     for a in range(count):
         one = struck[a]
         velocity = watched.velocity[one.coordinate]

@@ -33,13 +33,15 @@ from vibroimpact_solvers.kernels.flow import (
     Z2,
     advance,
     grows,
+    product,
     propagate,
     propagate_state,
+    set_changes,
     set_propagator,
     two_sum,
 )
 from vibroimpact_solvers.kernels.impact_law import BOUNCES, RESTS, graze, strike
-from vibroimpact_solvers.kernels.jit import bare, inner, once
+from vibroimpact_solvers.kernels.jit import bare, inline, inner, once
 from vibroimpact_solvers.kernels.modal import (
     Modal,
     coordinates_of,
@@ -71,6 +73,7 @@ from vibroimpact_solvers.kernels.rigid_state import (
     structure_of,
 )
 
+_NONE = -9  # no coordinate
 _DRIFTED = 1.0 / 64.0  # of the tolerance, by errors of the frequencies in one free motion
 
 
@@ -126,12 +129,26 @@ def _write_history(motion: Motion, scratch: Scratch, modal: Modal, history: Hist
     now.written = now.samples
 
 
+@inline
+def _hops(structure: Structure, motion: Motion, scratch: Scratch, who: int) -> bool:
+    """Return whether a coordinate is at one of its walls within rounding."""
+    wall, y = structure.walls[who], product(structure.watched.coordinate[who], motion.z)
+    return bool(min(wall.upper - y, wall.lower + y) <= scratch.rounding[who])
+
+
 @once
-def _move(structure: Structure, motion: Motion, scratch: Scratch, s: float, ds: float) -> None:
-    """Advance the state, its deviations and the time to the end of a free motion."""
+def _move(
+    structure: Structure, motion: Motion, scratch: Scratch, s: float, ds: float, hops: bool
+) -> None:
+    """Advance the state, its deviations and the time to the end of a free motion.
+
+    Of a coordinate that hops, its passage was found by one expansion, from its wall.
+    """
     flow, z, deviations, moved = structure.flow, motion.z, motion.deviations, scratch.z
     now, signs = motion.progress[0], structure.errors.signs
     set_propagator(flow, s, ds, scratch.propagator)
+    if hops:
+        set_changes(flow, scratch.propagator, s + ds, z, scratch.rate)
     advance(flow, scratch.propagator, s + ds, z, scratch.rest, moved)
     for c in range(deviations.shape[0]):
         propagate(flow, scratch.propagator, s + ds, deviations[c], moved)
@@ -144,7 +161,7 @@ def _move(structure: Structure, motion: Motion, scratch: Scratch, s: float, ds: 
     now.released = -1
     if deviations.shape[0] > 0:
         row = random_row(now.impacts + 1, signs.shape[0])
-        add_rounding(flow, motion, structure.errors, row, s)
+        add_rounding(flow, motion, structure.errors, row, s, scratch.rate, hops)
 
 
 @inner
@@ -164,7 +181,7 @@ def _advance(
 ) -> int:
     """Advance a motion to its end, or to an event that the caller has to handle (`Stop`)."""
     walls, now = structure.walls, motion.progress[0]
-    circular = has_one_undamped_mode(structure)
+    circular, left = has_one_undamped_mode(structure), _NONE
     while True:
         if now.rows + walls.size > motion.impacts.size:
             return _TABLE
@@ -174,8 +191,11 @@ def _advance(
         s, ds, who, side = 0.0, 0.0, UNDECIDED, 0
         if circular:
             s, ds, who, side = next_crossing(structure, motion, scratch)
+        expanded, hops = now.expansions, False
         if who == UNDECIDED:
             s, ds, who, side = next_event(structure, motion, scratch)
+            hops = who >= 0 and who == left and now.expansions == expanded + 1
+            hops = hops and _hops(structure, motion, scratch, who)
         until = np.inf if who == AT_END else (now.time + s) + (now.time_rest + ds)
         first, error = now.samples, 0.0
         _take_samples(structure, motion, scratch, modal, history, until)
@@ -189,7 +209,8 @@ def _advance(
         if motion.deviations.shape[0] > 0 and structure.flow.damped:
             error = max(error, note_what_decays(structure, motion, scratch, s))
         begun = now.time
-        _move(structure, motion, scratch, s, ds)
+        _move(structure, motion, scratch, s, ds, hops)
+        left = _NONE
         if sampled:
             _note_errors(structure, motion, history, first, error)
         if who < 0:
@@ -203,9 +224,11 @@ def _advance(
         now.coordinate, now.side = who, side
         if walls[who].restitution < 0.0:
             return _RELEASE
+        rows = now.rows
         outcome = strike(structure, motion, scratch)
         if outcome != BOUNCES:
             return _CONTACT if outcome == RESTS else _IMPACT_IN_CONTACT
+        left = who if now.rows == rows + 1 else _NONE
 
 
 @once

@@ -101,6 +101,7 @@ PROGRESS: Final = np.dtype(
         ("coordinate", "i8"),
         ("side", "i8"),
         ("chatter_left", "f8"),  # remaining time of a chatter that ends at its wall
+        ("chatter_late", "f8"),  # by which it is early or late; infinite where that is not known
     ]
 )
 """How far a motion is; an array of a row for each motion."""

@@ -55,6 +55,11 @@ class AtWalls:
         self._rounding = ROUNDING * size
         self._restitution = walls["restitution"]
 
+    def length(self, contact: Contact) -> float:
+        """Return the length of the state that the speed of a coordinate alone is."""
+        index, _ = contact
+        return abs(float(self._velocities[index])) / math.sqrt(self._mobility[index, index])
+
     def forces(self, contacts: Collection[Contact]) -> dict[Contact, float]:
         """Return the contacts that stay, and their forces.
 

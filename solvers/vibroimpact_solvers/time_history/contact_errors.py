@@ -5,18 +5,16 @@ or late by as much as an impact whose coordinate is off:
 
     dt = 2 dF / (|F'| + (F'^2 - 2 F'' dF)^(1/2)) .
 
-What is left of a chatter after an impact that leaves with the speed u lasts ``2 u / (a (1 - k))``,
-a being the acceleration towards the wall. With the coordinate known to dy and its velocity to dv it
-ends early or late by
+After an impact with the speed u what is left of a chatter lasts ``2 k u / (a (1 - k))``, a being
+the acceleration towards the wall. With the time of the impact known to ds and u to du, of one sign
+and another, as samples of them tell (`kernels.impact_law`), it ends early or late by
 
-    dt = 2 dv / (a (1 - k)) + dy (1 + k) / (u (1 - k)) ,
+    dt = ds + 2 k du / (a (1 - k)) .
 
-32 times of which is stated, for the largest of the bounces after which nothing else strikes and a
-changes by half at most: the end of a chatter is the same function of the state at each of them, but
-for the roundings that come later.
-Where all are low, an error dy changes the speed of no bounce by more than ``(2 a dy)^(1/2)``:
+Where dt is not small beside the next bounce, an error dy changes the speed of no bounce by more
+than ``(2 a dy)^(1/2)``:
 
-    dt = 2 (dv + (2 a dy)^(1/2)) / (a (1 - k)) + (2 dy / a)^(1/2) .
+    dt = 2 (du + (2 a dy)^(1/2)) / (a (1 - k)) + (2 dy / a)^(1/2) .
 """
 
 from __future__ import annotations
@@ -34,8 +32,7 @@ from vibroimpact_solvers.time_history.stated_errors import StatedErrors, lengths
 from vibroimpact_solvers.time_history.structure import Configuration, Contact, Structure
 
 _TERMS: Final = 64.0  # roundings of the terms of a force, which are made of many products
-_LATER: Final = 32.0
-"""Error of the end of a chatter over what the error at its largest bounce makes of it."""
+_LINEAR: Final = 0.125  # of a bounce, by which its end may be off for errors to be linear
 
 
 class ContactErrors:
@@ -77,12 +74,16 @@ class ContactErrors:
     def release(self, configuration: Configuration, place: int, z: Floats, state: float) -> float:
         """Return the error of the time at which the force of a contact vanishes."""
         forces, errors = self.forces(configuration, z, state)
-        basis, scale = configuration.basis, self._structure.scale
-        slope = configuration.kernel.watched.velocity[len(configuration.free) + place]
-        rate = basis.rate(z)
-        fall, bend = abs(float((slope * z).sum())), abs(float((slope * rate).sum()))
+        fall, bend = self._slopes(configuration, place, z)
         off = float(errors[place]) + abs(float(forces[place]))
-        return passage(off, scale * fall, 2.0 * scale**2 * bend)
+        return passage(off, fall, 2.0 * bend)
+
+    def _slopes(self, configuration: Configuration, place: int, z: Floats) -> tuple[float, float]:
+        """Return how fast a contact force changes, and how fast that does."""
+        slope, scale = configuration.kernel.watched.velocity, self._structure.scale
+        row = slope[len(configuration.free) + place]
+        fall, bend = (row * z).sum(), (row * configuration.basis.rate(z)).sum()
+        return scale * abs(float(fall)), scale**2 * abs(float(bend))
 
     def rest(
         self,
@@ -90,8 +91,8 @@ class ContactErrors:
         after: Configuration,
         contact: Contact,
         known: tuple[Floats, float],
-        impacts: Rows,
-        at_end: tuple[float, float],
+        chatter: tuple[float, float],
+        gap: float,
     ) -> tuple[float, float]:
         """Return the error of the time of rest, and the largest force then.
 
@@ -102,13 +103,13 @@ class ContactErrors:
         contact : Contact
         known : tuple
             The state, and the length to which it is known.
-        impacts : array of `kernels.rigid_state.IMPACT`
-            The last ones, of all constraints.
-        at_end : tuple
-            Time until all further bounces have ended, and the largest distance from a wall at an
-            impact.
+        chatter : tuple
+            Time until all further bounces have ended, and by how much they are early or late as
+            far as errors are linear.
+        gap : float
+            The largest distance from a wall at an impact.
         """
-        (index, _), (z, state), (lasts, gap) = contact, known, at_end
+        (index, _), (z, state), (lasts, linear) = contact, known, chatter
         row = after.contacts.index(contact)
         forces, errors = self.forces(after, z, state)
         force, error = float(forces[row]), float(errors[row])
@@ -116,25 +117,22 @@ class ContactErrors:
         among = self._structure.mobility[np.ix_(held, held)]
         mobility = 1.0 / float(np.linalg.inv(among)[row, row])
         push, most = (force - error) * mobility, (force + error) * mobility
-        if not push > 0.0:
-            return math.inf, math.inf
-        reach = self._stated.reach(before)
+        k = self._structure.system.constraints[index].restitution
+        if not push > 0.0 or not k < 1.0:
+            return math.inf, force + error if push > 0.0 else math.inf
+        # In the sum of the bounces the acceleration does not change.
+        fall, bend = self._slopes(after, row, z)
+        changes = (fall + bend * lasts) / max(force - error, 0.0)
+        late = lasts * min(1.0, lasts * (changes + self._stated.reach(before).fastest))
+        if linear <= _LINEAR * (1.0 - k) * lasts:
+            return late + linear, force + error
+        reach = self._stated.reach(before).coordinates[:, index]
         size = float(self._structure.configuration().kernel.walls["size"][index])
-        place, rate = reach.coordinates[:2, index].tolist()
-        gap = 2.0 * gap + EPS * size
-        off, slow = state * place + gap, state * rate
-        k, fastest = self._structure.system.constraints[index].restitution, reach.fastest
-        # In the sum of the bounces the force does not change.
-        late = lasts * min(1.0, 4.0 * fastest * lasts)
+        place, rate = reach[:2].tolist()
+        off, slow = state * place + 2.0 * gap + EPS * size, state * rate
         low = math.sqrt(2.0 * off / push)
-        if k < 1.0:
-            low += 2.0 * (slow + math.sqrt(2.0 * most * off)) / (push * (1.0 - k))
-            speed, then = _largest(impacts, contact, push)
-            if k * speed > 0.0:
-                high = 2.0 * then * rate / push
-                high += (then * place + gap) * (1.0 + k) / (k * speed)
-                low = min(low, _LATER * high / (1.0 - k))
-        return late + (low if k < 1.0 else math.inf), force + error
+        low += 2.0 * (slow + math.sqrt(2.0 * most * off)) / (push * (1.0 - k))
+        return late + low, force + error
 
     def impulses(
         self,
@@ -161,22 +159,6 @@ class ContactErrors:
             places = [configuration.free.index(i) for i in rows["constraint"].tolist()]
             errors += np.abs(configuration.answers[:, places]) @ impulses
         return errors
-
-
-def _largest(rows: Rows, contact: Contact, push: float) -> tuple[float, float]:
-    """Return the largest speed of the last impacts, all at one wall with nearly the same push.
-
-    And the length to which the state is known until the next one.
-    """
-    index, side = contact
-    other = (rows["constraint"] != index) | (rows["side"] != side)
-    other |= ~(np.abs(side * rows["acceleration"] - push) <= 0.5 * push)
-    same = rows[int(np.flatnonzero(other)[-1]) + 1 :] if other.any() else rows
-    if not same.size:
-        return 0.0, 0.0
-    first = int(np.argmax(np.abs(same["velocity"])))
-    known = EPS * float(same["before"][first : first + 2].max())
-    return abs(float(same["velocity"][first])), known
 
 
 def passage(off: float, speed: float, bend: float) -> float:

@@ -105,6 +105,7 @@ class ContactInterval:
     rest: float
     stop: float = math.nan
     impulse: float = 0.0
+    bounce: float = 0.0  # length of the state that its speed is, of bounces until its rest
     start_error: float = math.nan
     rest_error: float = math.nan
     stop_error: float = math.nan
@@ -151,7 +152,7 @@ class Run:
         self._switched: tuple[float, int] = (-1.0, 0)
         self._errors = ContactErrors(problem, structure) if problem.estimate else None
         self._event_error = math.nan  # of the time of what happens now, in the units of x
-        self._begun = list[tuple[ContactInterval, Configuration, float]]()
+        self._begun = list[tuple[ContactInterval, Configuration, float, float]]()
         self._whole_end, self._segment = self.end, -1
         self.used = {self.configuration.contacts: self.configuration}
         self._rows = self._events = self._afterwards = 0
@@ -190,8 +191,16 @@ class Run:
             stop = None
         for rest in self.contacts.values():
             rest.stop, rest.stop_error = self.end, 0.0
+        self._doubt_samples_of_bounces()
         if self.tick is not None:
             self.tick(1000, 1000)
+
+    def _doubt_samples_of_bounces(self) -> None:
+        """Let velocities while bounces last, which are one sum, be unknown by the first of them."""
+        errors, times = self.history[-1][0], self.output_times
+        for rest in self.intervals if errors.size else ():
+            first, last = np.searchsorted(times, [rest.start, rest.rest], "right").tolist()
+            errors[first:last] = np.maximum(errors[first:last], rest.bounce / EPS)
 
     def _begin_segment(self, segment: int) -> None:
         """Let loads vary as they do between two samples."""
@@ -406,7 +415,17 @@ class Run:
             rest = ContactInterval(contact, self.now, min(self.now + duration, self._latest))
             self.contacts[contact] = rest
             self.intervals.append(rest)
-            self._begun.append((rest, self.configuration, self._known))
+            rest.bounce = self._sum_bounces(at_walls.length(contact), duration)
+            late = float(self.progress_row["chatter_late"]) if contact in known else math.inf
+            self._begun.append((rest, self.configuration, self._known, late / self.scale))
+
+    def _sum_bounces(self, length: float, duration: float) -> float:
+        """Return the length of what leaves, of which its place is unknown after its bounces."""
+        now = self.progress_row
+        if now["largest"] > 0.0:
+            unknown = length * duration / (EPS * now["largest"])
+            now["unresolved"] = max(now["unresolved"], unknown)
+        return length
 
     def _resolve_contacts(self, x: Floats, v: Floats) -> None:
         """Continue with the present contacts except those whose force would have to be tensile."""
@@ -418,8 +437,10 @@ class Run:
         while self._begun:
             self._note_begin(*self._begun.pop())
 
-    def _note_begin(self, rest: ContactInterval, before: Configuration, known: float) -> None:
-        """State the errors of a contact that has begun."""
+    def _note_begin(
+        self, rest: ContactInterval, before: Configuration, known: float, late: float
+    ) -> None:
+        """State the errors of a contact that has begun, which its bounces make late as told."""
         errors = self._errors
         if errors is None or rest.contact not in self.configuration.contacts:
             return
@@ -427,9 +448,8 @@ class Run:
             rest.start_error = rest.rest_error = rest.impulse_error = 0.0
             return
         state, lasts = (self.Z[0], max(known, self._known)), (rest.rest - rest.start) / self.scale
-        impacts = np.concatenate(self.impacts[-2:])
         late, force = errors.rest(
-            before, self.configuration, rest.contact, state, impacts, (lasts, self._sizes[1])
+            before, self.configuration, rest.contact, state, (lasts, late), self._sizes[1]
         )
         # Where nothing strikes it begins as it rests.
         rest.start_error = late if math.isnan(self._event_error) else self._event_error

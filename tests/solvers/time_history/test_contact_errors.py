@@ -36,11 +36,47 @@ def test_the_rest_of_a_ball(restitution: float) -> None:
     result = solve(ball, 1.0, 0.0, 12.0)
     fall = math.sqrt(2.0 / 9.81)
     rest = fall * (1.0 + restitution) / (1.0 - restitution)
-    within(result.contact_rest, result.error_contact_rest, [rest], 1e-9)
+    within(result.contact_rest, result.error_contact_rest, [rest], 1e-12)
     impulse = 9.81 * (12.0 - rest)
-    within(result.contact_impulse, result.error_contact_impulse, [impulse], 1e-8)
+    within(result.contact_impulse, result.error_contact_impulse, [impulse], 1e-11)
     assert result.error_contact_stop is not None
     np.testing.assert_array_equal(result.error_contact_stop, 0.0)  # it is that of the motion
+
+
+def test_velocities_while_bounces_last_are_unknown_by_the_first_of_them() -> None:
+    ball = presets.bouncing_ball([Constraint((0,), (1.0,), 0.0, None, 0.9)])
+    known = solve(ball, 1.0, 0.0, 12.0)
+    assert known.contact_rest is not None
+    assert known.contact_start is not None
+    start = float(known.contact_start[0])
+    lasts = float(known.contact_rest[0]) - start
+    leaves = 9.81 * 0.1 * lasts / 2.0
+    t = np.array([start - lasts, start + 0.01 * lasts, start + 2.0 * lasts])
+    problem = th.Problem(
+        ball, th.State(np.array([1.0]), np.array([0.0])), 12.0, t=t, outputs=frozenset({"v"})
+    )
+    result = th.solve(problem, th.plan(problem))
+    assert result.error_v is not None
+    before, between, after = result.error_v[:, 0].tolist()
+    assert 0.9 * leaves < between < 1.1 * leaves
+    assert max(before, after) < 1e-3 * between
+
+
+def test_a_chatter_leaves_what_is_known_of_the_motion() -> None:
+    """The roundings of a hundred low bounces are not those of a state each."""
+    wall = {"dofs": [0], "weights": [1.0], "lower": None, "upper": 0.3, "restitution": 0.8}
+    document = {
+        "M": [[1.0, 0.0], [0.0, 2.0]], "K": [[3.0, -1.0], [-1.0, 2.0]], "constraints": [wall],
+        "x": [0.0, 0.1], "v": [1.0, 0.0], "force": [2.5, 0.3], "t": [4.0, 12.0, 30.0],
+        "t_end": 30.0,
+    }  # fmt: skip
+    report = histories.checked(document)
+    assert report.ratios["contact rest"]
+    problem = histories.problem_of(document)
+    result = th.solve(problem, th.plan(problem))
+    assert result.count_impacts > 50
+    assert result.error_x is not None
+    assert result.error_x.max() < 1e-11
 
 
 def test_a_driven_mass_at_its_wall() -> None:
