@@ -283,6 +283,9 @@ def check(case: Case, report: Report, expected: tuple[str, ...] = REFUSALS, **mo
         refused, until = None, result.error_predictable_until
     except (ModelError, PlanError, ConvergenceError) as error:
         refused, until = error, math.inf
+    except MemoryError:  # of tens of millions of impacts: that of a case is limited
+        report.count("more impacts than fit into the memory of a case")
+        return
     if refused is None and result.count_impacts > _MANY:
         report.count("more impacts than the reference can follow")
         return

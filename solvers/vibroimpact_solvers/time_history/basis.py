@@ -667,6 +667,21 @@ class Basis:
             rate += moving
         return q, rate
 
+    def magnitudes(self, z: Floats) -> tuple[Floats, Floats]:
+        """Return the sums of the magnitudes of what `coordinates` are made of, each (mode,)."""
+        natural = self._natural(z)
+        moved, moving = self._carried(natural[:, self._loads])
+        q, rate = np.abs(moved) + np.abs(self.still), np.abs(moving)
+        one, some = self._single, self._coupled
+        place = np.abs(natural[0, : one.size] / self._stretch)
+        q[one] += place
+        rate[one] += np.abs(natural[1, : one.size]) + np.abs(self._delta) * place
+        pairs = np.abs(natural[:, one.size : one.size + some.size]).ravel()
+        first, second = np.abs(self._T[: some.size]), np.abs(self._T[some.size :])
+        q[some] += first @ pairs
+        rate[some] += second @ pairs
+        return q, rate
+
     def rate(self, z: Floats) -> Floats:
         """Return the rate of a state, loads included."""
         rate = self.drift(z)

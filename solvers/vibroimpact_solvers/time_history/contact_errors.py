@@ -1,7 +1,7 @@
 """Errors of contacts: of the times at which they begin, rest and end, and of their impulses.
 
-With the state known to a length E (`stated_errors`), a contact force is known to dF, and ends early
-or late by as much as an impact whose coordinate is off:
+A contact force is known to dF as the deviations of the state tell, and the contact ends early or
+late by as much as an impact whose coordinate is off:
 
     dt = 2 dF / (|F'| + (F'^2 - 2 F'' dF)^(1/2)) .
 
@@ -26,6 +26,7 @@ from typing import Final
 import numpy as np
 
 from vibroimpact_solvers.arrays import EPS, Floats
+from vibroimpact_solvers.kernels.deviations import SAFETY
 from vibroimpact_solvers.kernels.rigid_state import Rows
 from vibroimpact_solvers.time_history.problem import Problem
 from vibroimpact_solvers.time_history.stated_errors import StatedErrors, lengths
@@ -61,20 +62,31 @@ class ContactErrors:
         return errors["error_impact_time"], errors["error_impact_impulse"]
 
     def forces(
-        self, configuration: Configuration, z: Floats, state: float
+        self, configuration: Configuration, Z: Floats, least: float
     ) -> tuple[Floats, Floats]:
-        """Return the contact forces of a state known to a length, and their errors."""
-        forms, levels = configuration.forces
+        """Return the contact forces, and their errors.
+
+        Parameters
+        ----------
+        configuration : Configuration
+        Z : array, shape (1 + deviation, 2, pair)
+            The state, and its deviations.
+        least : float
+            Length to which the state is known at best.
+        """
+        (forms, levels), z = configuration.forces, Z[0]
         forces = (forms * z).sum(axis=(1, 2)) + levels
-        errors = state * lengths(configuration.basis, forms)
+        sampled = np.abs(np.tensordot(forms, Z[1:], axes=([1, 2], [1, 2])))
+        errors = SAFETY * EPS * sampled.max(axis=1, initial=0.0)
+        errors += least * lengths(configuration.basis, forms)
         form_errors = configuration.kernel.errors.coordinates[0, len(configuration.free) :]
         errors += EPS * np.abs(form_errors * z).sum(axis=(1, 2))
         return forces, errors + _TERMS * EPS * (np.abs(forms * z).sum(axis=(1, 2)) + np.abs(levels))
 
-    def release(self, configuration: Configuration, place: int, z: Floats, state: float) -> float:
+    def release(self, configuration: Configuration, place: int, Z: Floats, least: float) -> float:
         """Return the error of the time at which the force of a contact vanishes."""
-        forces, errors = self.forces(configuration, z, state)
-        fall, bend = self._slopes(configuration, place, z)
+        forces, errors = self.forces(configuration, Z, least)
+        fall, bend = self._slopes(configuration, place, Z[0])
         off = float(errors[place]) + abs(float(forces[place]))
         return passage(off, fall, 2.0 * bend)
 
@@ -90,7 +102,7 @@ class ContactErrors:
         before: Configuration,
         after: Configuration,
         contact: Contact,
-        known: tuple[Floats, float],
+        known: tuple[Floats, float, float],
         chatter: tuple[float, float],
         gap: float,
     ) -> tuple[float, float]:
@@ -102,16 +114,16 @@ class ContactErrors:
             Without and with the contact.
         contact : Contact
         known : tuple
-            The state, and the length to which it is known.
+            The state with its deviations, the length to which it is known, and that at best.
         chatter : tuple
             Time until all further bounces have ended, and by how much they are early or late as
             far as errors are linear.
         gap : float
             The largest distance from a wall at an impact.
         """
-        (index, _), (z, state), (lasts, linear) = contact, known, chatter
+        (index, _), (Z, state, least), (lasts, linear) = contact, known, chatter
         row = after.contacts.index(contact)
-        forces, errors = self.forces(after, z, state)
+        forces, errors = self.forces(after, Z, least)
         force, error = float(forces[row]), float(errors[row])
         held = [i for i, _ in after.contacts]
         among = self._structure.mobility[np.ix_(held, held)]
@@ -121,7 +133,7 @@ class ContactErrors:
         if not push > 0.0 or not k < 1.0:
             return math.inf, force + error if push > 0.0 else math.inf
         # In the sum of the bounces the acceleration does not change.
-        fall, bend = self._slopes(after, row, z)
+        fall, bend = self._slopes(after, row, Z[0])
         changes = (fall + bend * lasts) / max(force - error, 0.0)
         late = lasts * min(1.0, lasts * (changes + self._stated.reach(before).fastest))
         if linear <= _LINEAR * (1.0 - k) * lasts:

@@ -30,6 +30,7 @@ Tick = Callable[[int, int], None]
 NO_START: Final = np.zeros((0, 0))
 """In place of initial displacements and velocities: the motion goes on from its state."""
 
+_CONVERTED = 2.0  # roundings of a state that goes on as another one
 _ROWS = 4096  # of the table that the compiled loop fills
 _EXPANSIONS = 2e7  # pairs expanded between two ticks
 _SWITCHES = 50  # contacts that may begin and end at one and the same time
@@ -246,7 +247,7 @@ class Run:
         now = self.progress_row
         now["budget"] = now["expansions"] + budget(basis)
         now["longest"] = basis.longest
-        before = (self.now, self.Z[0].copy(), self._known) if self.contacts else None
+        before = (self.now, self.Z.copy()) if self.contacts else None
         times = self.output_times
         if self.end < self._whole_end:
             times = times[: np.searchsorted(times, self.end, "right")]
@@ -333,7 +334,7 @@ class Run:
     def _continue_from(self, x: Floats, v: Floats, contacts: frozenset[Contact]) -> None:
         """Continue from a state with these contacts."""
         loads = self.configuration.basis.loads_of(self.Z[0])
-        moved = self._deviations()
+        moved = self._rounded(self._deviations(), self._magnitudes())
         configuration = self.structure.configuration(contacts)
         if configuration is not self.configuration:
             self.Z = np.empty((self.Z.shape[0], 2, configuration.basis.pairs))
@@ -349,11 +350,11 @@ class Run:
         if self._switched[1] > _SWITCHES:
             raise self._too_many(self._switched[1])
 
-    def _add_contact_impulses(self, since: float, z: Floats, known: float) -> None:
+    def _add_contact_impulses(self, since: float, Z: Floats) -> None:
         """Add the impulses of the walls on the coordinates at rest, from their rest on."""
         configuration = self.configuration
         struck = self._struck(since)
-        errors = self._impulse_errors(since, z, max(known, self._known))
+        errors, z = self._impulse_errors(since, Z), Z[0]
         whole = impulses_at_rest(configuration, z, struck, self.now - since)
         for place, contact in enumerate(configuration.contacts):
             rest = self.contacts[contact]
@@ -364,12 +365,13 @@ class Run:
             rest.impulse += given
             rest.impulse_error += float(errors[place])
 
-    def _impulse_errors(self, since: float, z: Floats, known: float) -> Floats:
+    def _impulse_errors(self, since: float, Z: Floats) -> Floats:
         """Return the errors of what the contacts have given since a time, (contact,)."""
         configuration = self.configuration
         if self._errors is None:
             return np.full(len(configuration.contacts), math.nan)
-        forces = [self._errors.forces(configuration, state, known)[1] for state in (z, self.Z[0])]
+        least = self._known_at_best
+        forces = [self._errors.forces(configuration, state, least)[1] for state in (Z, self.Z)]
         answered = self._with_their_constraints(self._latest_rows.copy()), self._sizes
         span = (self.now - since) / self.scale
         return self._errors.impulses(configuration, answered, np.maximum(*forces), span)
@@ -447,7 +449,8 @@ class Run:
         if rest.rest == 0.0:  # it begins with the motion
             rest.start_error = rest.rest_error = rest.impulse_error = 0.0
             return
-        state, lasts = (self.Z[0], max(known, self._known)), (rest.rest - rest.start) / self.scale
+        lasts = (rest.rest - rest.start) / self.scale
+        state = self.Z, max(known, self._known), self._known_at_best
         late, force = errors.rest(
             before, self.configuration, rest.contact, state, (lasts, late), self._sizes[1]
         )
@@ -467,7 +470,7 @@ class Run:
         contact = self.configuration.contacts[place]
         if self._errors is not None:
             self._event_error = self._errors.release(
-                self.configuration, place, self.Z[0], self._known
+                self.configuration, place, self.Z, self._known_at_best
             )
         self._end_contact(contact)
         self._mark_released(contact[0])
@@ -479,6 +482,7 @@ class Run:
         contact = self.configuration.free[watched], side
         impact = AnsweredImpact.of(self.structure, (contact, *self.contacts), v)
         moved, before, growth = self._deviations(), self._acceleration(), self.growth
+        sizes = self._magnitudes()
         row = self._row(contact, impact, before, growth)
         error = self._error_of_answered(row)
         leaving = -impact.rows @ impact.after
@@ -497,10 +501,12 @@ class Run:
         if not impact.impulses[0] > 0.0:
             return
         size = float(self.structure.configuration().kernel.walls["size"][contact[0]])
+        after, turned = self._acceleration(), list[Moved]()
         for c, deviation in enumerate(moved):
             off = -side * size if c & 1 else size  # the place of the wall, as in the kernel
-            turned = impact.through(deviation, before, self._acceleration(), off)
-            self.Z[1 + c] = self.structure.state_of(self.configuration, *turned)
+            turned.append(impact.through(deviation, before, after, off))
+        for c, (dx, dv) in enumerate(self._rounded(turned, sizes), start=1):
+            self.Z[c] = self.structure.state_of(self.configuration, dx, dv)
         self.configuration.basis.doubt_loads(self.Z)
         row["deviation"] = max(growth, self.growth)
         self._add_impact(row)
@@ -528,6 +534,20 @@ class Run:
             self.structure.displacements(self.configuration, Z, level=False) for Z in self.Z[1:]
         ]
 
+    def _magnitudes(self) -> Moved:
+        return self.structure.magnitudes(self.configuration, self.Z[0])
+
+    def _rounded(self, moved: list[Moved], sizes: Moved) -> list[Moved]:
+        """Add the roundings of displacements and velocities, in units of 2^-52, with any signs."""
+        signs = np.random.default_rng(int(self.progress_row["expansions"]))
+        return [
+            tuple(
+                of + _CONVERTED * size * signs.choice([-1.0, 1.0], size.size)
+                for of, size in zip(deviation, sizes, strict=True)
+            )
+            for deviation in moved
+        ]
+
     def _acceleration(self) -> Floats:
         rate = self.configuration.basis.rate(self.Z[0])
         return self.structure.displacements(self.configuration, rate, level=False)[1]
@@ -551,6 +571,12 @@ class Run:
     def _known(self) -> float:
         """The length to which the state is known, that of two roundings of it included."""
         return EPS * (self.growth + 2.0) * float(self.progress_row["largest"])
+
+    @property
+    def _known_at_best(self) -> float:
+        """The length to which the state is known whatever its deviations are."""
+        now = self.progress_row
+        return EPS * (float(now["unresolved"]) + 2.0) * float(now["largest"])
 
     @property
     def growth(self) -> float:

@@ -177,6 +177,12 @@ class Structure:
         still = modes.base + modes.shapes @ basis.still if basis.still.any() else modes.base
         return (x + still if level else x), v
 
+    def magnitudes(self, configuration: Configuration, z: Floats) -> tuple[Floats, Floats]:
+        """Return the sums of the magnitudes of what `displacements` are made of, each (dof,)."""
+        modes = configuration.basis.modes
+        x, v = np.stack(configuration.basis.magnitudes(z)) @ np.abs(modes.shapes).T
+        return x + np.abs(modes.base), v
+
     def state_of(
         self, configuration: Configuration, x: Floats, v: Floats, loads: Floats | None = None
     ) -> Floats:

@@ -161,9 +161,30 @@ SLIDING = {
     "x": [0.0], "v": [0.09278857100286654], "t": [4.4112731857643315], "t_end": 5.142266241179644,
 }  # fmt: skip
 
+TAKING_TURNS = {
+    "M": [[0.8072049317170634, 2.0500720542996576e-05], [2.0500720542996576e-05, 1.0]],
+    "K": [[-0.25438036026819155, -0.04108748752231359], [-0.04108748752231359, 0.4215986867789041]],
+    "constraints": [
+        {"dofs": [1, 0], "weights": [1.0, 0.7], "lower": 0.019758982053543088,
+         "upper": 0.019758982053543088, "restitution": 0.6035116330704947},
+        {"dofs": [0], "weights": [1.0], "lower": 0.001069718551784564,
+         "upper": 0.001069718551784564, "restitution": 0.20912695766324715},
+    ],
+    "x": [0.0, 0.0], "v": [-0.45864803272613314, -0.14350554473516772],
+    "force": [0.1576485600975042, 0.10949598386490624],
+    "load": [[1, -0.006393696178718594, 0.7689440298787962, 1.4330682438826674],
+             [1, -0.12943705343073666, 0.563883188326063, 0.40343318750936863]],
+    "t": [2.6144], "t_end": 2.6144,
+}  # fmt: skip
 
-@pytest.mark.parametrize("document", [ONE_LEFT_SLOWLY, SLIDING], ids=["slow", "sliding"])
+
+@pytest.mark.parametrize(
+    "document", [ONE_LEFT_SLOWLY, SLIDING, TAKING_TURNS], ids=["slow", "sliding", "turns"]
+)
 def test_rests_whose_error_was_stated_too_small(document: dict[str, Any]) -> None:
-    """An impact at 6e-5 was taken 1e-14 from its wall; roundings of low bounces beside drag."""
+    """An impact at 6e-5 was taken 1e-14 from its wall; roundings of low bounces beside drag.
+
+    Contacts that take turns: displacements from a large deflection are rounded at each turn.
+    """
     report = histories.checked(document)
     assert report.ratios["contact rest"]
