@@ -196,7 +196,11 @@ class Warming:
         with self._lock:
             if self._closed:
                 return
-            process.start()
+            try:
+                process.start()
+            except (OSError, EOFError) as error:  # no memory, no descriptor, no forkserver
+                log.warning("no process to compile kernels in", kind=kind, reason=repr(error))
+                return
             self._processes.add(process)
         process.join()
         with self._lock:

@@ -83,6 +83,20 @@ def test_every_kind_is_compiled_once(place: Path, notes: Path) -> None:
     assert attempts(notes) == dict.fromkeys(KINDS, 1)
 
 
+def test_it_ends_where_no_process_can_be_started(
+    place: Path, notes: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where there is no memory for one, or the server that forks them has died."""
+
+    def start(process: Any) -> None:
+        raise EOFError("unexpected EOF")
+
+    monkeypatch.setattr("multiprocessing.context.ForkServerProcess.start", start)
+    run(warming := Warming(partial(noted, notes)))
+    assert set(warming.states.values()) == {"failed"}
+    assert attempts(notes) == {}
+
+
 def test_two_services_that_start_at_once_share_the_work(place: Path, notes: Path) -> None:
     run(*(Warming(partial(noted, notes, seconds=0.1)) for _ in range(2)))
     assert all(is_warm(place, kind) for kind in KINDS)
