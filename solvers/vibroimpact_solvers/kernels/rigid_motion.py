@@ -130,10 +130,13 @@ def _write_history(motion: Motion, scratch: Scratch, modal: Modal, history: Hist
 
 
 @inline
-def _hops(structure: Structure, motion: Motion, scratch: Scratch, who: int) -> bool:
-    """Return whether a coordinate is at one of its walls within rounding."""
+def _is_at_wall(
+    structure: Structure, motion: Motion, scratch: Scratch, who: int, side: int
+) -> bool:
+    """Return whether a coordinate is at a wall within rounding."""
     wall, y = structure.walls[who], product(structure.watched.coordinate[who], motion.z)
-    return bool(min(wall.upper - y, wall.lower + y) <= scratch.rounding[who])
+    room = wall.upper - y if side > 0 else wall.lower + y
+    return bool(room <= scratch.rounding[who])
 
 
 @once
@@ -194,8 +197,9 @@ def _advance(
         expanded, hops = now.expansions, False
         if who == UNDECIDED:
             s, ds, who, side = next_event(structure, motion, scratch)
-            hops = who >= 0 and who == left and now.expansions == expanded + 1
-            hops = hops and _hops(structure, motion, scratch, who)
+            hops = who >= 0 and who == left and side == now.side
+            hops = hops and now.expansions == expanded + 1
+            hops = hops and _is_at_wall(structure, motion, scratch, who, side)
         until = np.inf if who == AT_END else (now.time + s) + (now.time_rest + ds)
         first, error = now.samples, 0.0
         _take_samples(structure, motion, scratch, modal, history, until)
