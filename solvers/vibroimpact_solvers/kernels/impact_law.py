@@ -85,6 +85,7 @@ def _turn_deviations(
 
     acceleration is that of the coordinate before the impact; at_wall: it strikes at once. On
     their way deviations get the errors of the coordinate, of the place of the wall and of the kick,
+    of a hop that of its duration, which is a rounding of its speed over the acceleration,
     and what the coordinate is away from its wall, if that is more than its rounding: of several
     that are taken together, or soon after it was released there. The formula is that of
     `kernels.deviations`.
@@ -98,12 +99,15 @@ def _turn_deviations(
     factor, impulse = wall.factor, -wall.factor * speed
     together = struck.size > 1 or abs(one.room) > 2.0 * rounding
     place = wall.size + abs(one.room) / EPS if together else wall.size
+    hop = min(1.0, motion.progress[0].hop) * rounding / EPS
     late = 0.0
     for c in range(deviations.shape[0]):
         dz, kick_error = deviations[c], errors.kicks[c, i]
         dy = product(watched.coordinate[i], dz) + product(errors.coordinates[c, i], motion.z)
         # That of their distance makes what goes to and fro between two walls drift.
         dy += -place if c & 1 else one.side * place
+        signs = errors.signs[(row + c + 1) % errors.signs.shape[0]]
+        dy += hop * signs[Z2, 0]
         if at_wall:
             dy = 0.0
         faster = acceleration * dy / speed
@@ -114,7 +118,6 @@ def _turn_deviations(
         if left > 0.0:
             late = max(late, abs(one.side * left * (faster - off) + dy / speed))
         dy *= factor
-        signs = errors.signs[(row + c + 1) % errors.signs.shape[0]]
         for j in range(dz.shape[1]):
             kicked = dP + impulse * signs[Z1, j]  # one rounding: of the impulse
             dz[Z1, j] += kicked * kick[Z1, j] - dy * kick_rate[Z1, j]

@@ -225,7 +225,7 @@ def _advance(
         if scratch.grazing[who] == MAY_GRAZE:
             graze(structure, motion, scratch, who, side)
             continue
-        now.coordinate, now.side = who, side
+        now.coordinate, now.side, now.hop = who, side, s if hops else 0.0
         if walls[who].restitution < 0.0:
             return _RELEASE
         rows = now.rows

@@ -96,6 +96,7 @@ PROGRESS: Final = np.dtype(
         ("expansions", "i8"),
         ("grazings", "i8"),
         ("impacts", "i8"),  # of all
+        ("hop", "f8"),  # duration of the hop that has ended, from a wall back to it; or 0
         ("released", "i8"),  # the watched coordinate that was just released, or -1
         # Returned: what ended the loop.
         ("coordinate", "i8"),
