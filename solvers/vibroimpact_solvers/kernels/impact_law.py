@@ -77,6 +77,7 @@ def _turn_deviations(
     at_wall: bool,
     rounding: float,
     left: float,
+    hop: float,
 ) -> float:
     """Take the deviations through the impact of one coordinate (saltation).
 
@@ -85,7 +86,7 @@ def _turn_deviations(
 
     acceleration is that of the coordinate before the impact; at_wall: it strikes at once. On
     their way deviations get the errors of the coordinate, of the place of the wall and of the kick,
-    of a hop that of its duration, which is a rounding of its speed over the acceleration,
+    of a hop what that of its duration makes of the place,
     and what the coordinate is away from its wall, if that is more than its rounding: of several
     that are taken together, or soon after it was released there. The formula is that of
     `kernels.deviations`.
@@ -99,7 +100,6 @@ def _turn_deviations(
     factor, impulse = wall.factor, -wall.factor * speed
     together = struck.size > 1 or abs(one.room) > 2.0 * rounding
     place = wall.size + abs(one.room) / EPS if together else wall.size
-    hop = min(1.0, motion.progress[0].hop) * rounding / EPS
     late = 0.0
     for c in range(deviations.shape[0]):
         dz, kick_error = deviations[c], errors.kicks[c, i]
@@ -125,6 +125,22 @@ def _turn_deviations(
             dz[Z1, j] += impulse * kick_error[Z1, j]
             dz[Z2, j] += impulse * kick_error[Z2, j]
     return late
+
+
+@inline
+def _unsure(structure: Structure, motion: Motion, scratch: Scratch, i: int) -> float:
+    """Return by how much a coordinate is off after a hop, in units of 2^-52; 0 where it was none.
+
+    Its duration s is twice a speed over an acceleration, both known to roundings of their terms.
+    """
+    s, form, z, rate = motion.progress[0].hop, structure.watched.velocity[i], motion.z, scratch.rate
+    if s == 0.0:
+        return 0.0
+    speed, slowed = 0.0, 0.0
+    for j in range(z.shape[1]):
+        speed += abs(form[Z1, j] * z[Z1, j]) + abs(form[Z2, j] * z[Z2, j])
+        slowed += abs(form[Z1, j] * rate[Z1, j]) + abs(form[Z2, j] * rate[Z2, j])
+    return float(2.0 * s * (speed + 0.5 * s * slowed))
 
 
 @inline
@@ -332,8 +348,10 @@ def _strike_one(structure: Structure, motion: Motion, scratch: Scratch, row: int
     impulse = -factor * velocity
     k, push = wall.restitution, one.side * (acceleration + impulse * wall.acceleration)
     left = 2.0 * k / (push * (1.0 - k)) if push > 0.0 and k < 1.0 else 0.0
+    hop = _unsure(structure, motion, scratch, i)
+    struck = scratch.struck[:1]
     late = _turn_deviations(
-        structure, motion, scratch.struck[:1], _ALONE, acceleration, row, at_wall, rounding, left
+        structure, motion, struck, _ALONE, acceleration, row, at_wall, rounding, left, hop
     )
     progress.chatter_late = SAFETY * EPS * late if left > 0.0 else math.inf
     # What rounding takes from an impulse it takes from the energy, at each impact the same.
@@ -373,7 +391,7 @@ def _strike_several(
                 at_wall = scratch.grazing[i] == STRIKES
                 rounding = scratch.rounding[i]
                 _turn_deviations(
-                    structure, motion, struck, a, acceleration, row + a, at_wall, rounding, 0.0
+                    structure, motion, struck, a, acceleration, row + a, at_wall, rounding, 0.0, 0.0
                 )
             _write(motion, struck, a, acceleration)
         _kick(motion, scratch, kick, -one.side * one.impulse, 0.0)

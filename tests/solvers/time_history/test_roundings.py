@@ -211,3 +211,17 @@ def test_a_sampled_load_pushes_a_body_through_the_faintest_drag(drag: float) -> 
             for s, x in zip(t, result.x[:, 0], strict=True)
         ]
     assert (np.abs(off) <= 8.0 * EPS * np.abs(result.x[:, 0]).max()).all()
+
+
+def test_to_and_fro_between_close_walls() -> None:
+    """Thousands of crossings, each of which depends on the places of both walls."""
+    gap = 0.00027322615469776757
+    histories.checked({
+        "M": [[0.4696589094852107, 0.0], [0.0, 2.9896302974445463]],
+        "K": [[2.4097465728989405, -1.878398313991948], [-1.878398313991948, 2.198756540848892]],
+        "constraints": [
+            {"dofs": [0], "weights": [1.0], "lower": gap, "upper": gap, "restitution": 1.0}
+        ],
+        "x": [0.0, 0.0], "v": [-0.35266818105702297, -1.2077940576112178],
+        "t": [2.0814583143067575], "t_end": 6.927950026533554,
+    })  # fmt: skip

@@ -55,6 +55,7 @@ def test_windows_are_one_motion(count: int, monkeypatch: pytest.MonkeyPatch) -> 
     found, whole = th.solve(problem, plan), solving.solve(problem, plan)
     assert whole.contact_rest is not None
     assert whole.contact_rest.size > 10
+    assert whole.impact_velocity is not None
     for field in fields(th.Result):
         expected, value = getattr(whole, field.name), getattr(found, field.name)
         stated = field.name.startswith("error_") and isinstance(expected, np.ndarray)
@@ -62,13 +63,14 @@ def test_windows_are_one_motion(count: int, monkeypatch: pytest.MonkeyPatch) -> 
             # Where the error says that an impact may be missing, which the rounding decides too.
             known = np.isfinite(value) & np.isfinite(expected)
             assert known.mean() > 0.5
-            assert (value[known] < 100.0 * expected[known]).all(), field.name
+            # A cut adds the rounding of a state, of which the last bounces are as small a part.
+            low = known & (np.abs(whole.impact_velocity) < 1e-5)
+            assert (value[low] < 1e-5).all(), field.name
+            assert (value[known & ~low] < 100.0 * expected[known & ~low]).all(), field.name
         elif stated and field.name.startswith("error_contact_"):
-            # Of the bounces in which a chatter ends only those in the same window count.
             sure = np.isfinite(expected)
             assert sure.mean() > 0.5
-            assert (value[sure] < 1e-6).all(), field.name
-            assert (value[expected < 1e-13] < 1e-10).all(), field.name
+            assert (value[sure] < 100.0 * expected[sure] + 1e-13).all(), field.name
         elif stated:
             # Of the whole motion it is that at its end.
             assert (value < 100.0 * expected).all(), field.name
