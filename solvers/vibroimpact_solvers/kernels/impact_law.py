@@ -41,6 +41,7 @@ from vibroimpact_solvers.kernels.rigid_state import (
 )
 
 _LONG_CHATTER = 1e-3  # time of bounces lower than rounding that is not passed over
+_FIRST = 0  # a pair, whose sign is as good as any
 _ALONE = 0  # the row of a coordinate that is struck alone
 BOUNCES, RESTS, OPENS = range(3)
 """What an impact does: the motion goes on, a coordinate comes to rest, or contacts may open."""
@@ -77,7 +78,6 @@ def _turn_deviations(
     at_wall: bool,
     rounding: float,
     left: float,
-    hop: float,
 ) -> float:
     """Take the deviations through the impact of one coordinate (saltation).
 
@@ -98,7 +98,7 @@ def _turn_deviations(
     watched, wall = structure.watched, structure.walls[i]
     kick, kick_rate = watched.kick[i], watched.kick_rate[i]
     factor, impulse = wall.factor, -wall.factor * speed
-    together = struck.size > 1 or abs(one.room) > 2.0 * rounding
+    together = struck.size > 1 or one.unsure > 0.0 or abs(one.room) > 2.0 * rounding
     place = wall.size + abs(one.room) / EPS if together else wall.size
     late = 0.0
     for c in range(deviations.shape[0]):
@@ -107,7 +107,7 @@ def _turn_deviations(
         # That of their distance makes what goes to and fro between two walls drift.
         dy += -place if c & 1 else one.side * place
         signs = errors.signs[(row + c + 1) % errors.signs.shape[0]]
-        dy += hop * signs[Z2, 0]
+        dy += one.unsure * signs[Z2, _FIRST]
         if at_wall:
             dy = 0.0
         faster = acceleration * dy / speed
@@ -287,7 +287,7 @@ def _find_struck(structure: Structure, motion: Motion, scratch: Scratch) -> int:
         row = scratch.struck[count]
         row.coordinate, row.side, row.restitution = i, side, wall.restitution
         row.speed, row.speed_rest = side * speed, side * lost
-        row.room = wall.upper - y if side > 0.0 else wall.lower + y
+        row.room, row.unsure = (wall.upper - y if side > 0.0 else wall.lower + y), 0.0
         count += 1
     return count
 
@@ -348,10 +348,14 @@ def _strike_one(structure: Structure, motion: Motion, scratch: Scratch, row: int
     impulse = -factor * velocity
     k, push = wall.restitution, one.side * (acceleration + impulse * wall.acceleration)
     left = 2.0 * k / (push * (1.0 - k)) if push > 0.0 and k < 1.0 else 0.0
-    hop = _unsure(structure, motion, scratch, i)
-    struck = scratch.struck[:1]
+    one.unsure = _unsure(structure, motion, scratch, i)
+    if one.unsure > 0.0:
+        # Where the hops begin and end is for all of them the place of the wall.
+        y, lost = exact_product(structure.watched.coordinate[i], z)
+        lost += product(structure.watched.coordinate[i], scratch.rest)
+        one.room = ((wall.upper - y) if one.side > 0.0 else (wall.lower + y)) - one.side * lost
     late = _turn_deviations(
-        structure, motion, struck, _ALONE, acceleration, row, at_wall, rounding, left, hop
+        structure, motion, scratch.struck[:1], _ALONE, acceleration, row, at_wall, rounding, left
     )
     progress.chatter_late = SAFETY * EPS * late if left > 0.0 else math.inf
     # What rounding takes from an impulse it takes from the energy, at each impact the same.
@@ -391,7 +395,7 @@ def _strike_several(
                 at_wall = scratch.grazing[i] == STRIKES
                 rounding = scratch.rounding[i]
                 _turn_deviations(
-                    structure, motion, struck, a, acceleration, row + a, at_wall, rounding, 0.0, 0.0
+                    structure, motion, struck, a, acceleration, row + a, at_wall, rounding, 0.0
                 )
             _write(motion, struck, a, acceleration)
         _kick(motion, scratch, kick, -one.side * one.impulse, 0.0)

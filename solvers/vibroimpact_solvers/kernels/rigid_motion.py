@@ -74,6 +74,7 @@ from vibroimpact_solvers.kernels.rigid_state import (
 )
 
 _NONE = -9  # no coordinate
+_HOP = 1.0 / 64.0  # longest duration of a hop
 _DRIFTED = 1.0 / 64.0  # of the tolerance, by errors of the frequencies in one free motion
 
 
@@ -197,8 +198,8 @@ def _advance(
         expanded, hops = now.expansions, False
         if who == UNDECIDED:
             s, ds, who, side = next_event(structure, motion, scratch)
-            hops = who >= 0 and who == left and side == now.side
-            hops = hops and now.expansions == expanded + 1
+            hops = who >= 0 and who == left and side == now.side and s < _HOP
+            hops = hops and walls[who].restitution < 1.0 and now.expansions == expanded + 1
             hops = hops and _is_at_wall(structure, motion, scratch, who, side)
         until = np.inf if who == AT_END else (now.time + s) + (now.time_rest + ds)
         first, error = now.samples, 0.0

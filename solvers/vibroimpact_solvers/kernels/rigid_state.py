@@ -116,6 +116,7 @@ STRUCK: Final = np.dtype(
         ("speed_rest", "f8"),  # what rounding took from it
         ("impulse", "f8"),  # away from the wall
         ("room", "f8"),  # distance to the wall
+        ("unsure", "f8"),  # by which it is off after a hop, in units of 2^-52; 0: there was none
     ]
 )
 """A coordinate at a wall."""

@@ -457,7 +457,7 @@ class Run:
         # Where nothing strikes it begins as it rests.
         rest.start_error = late if math.isnan(self._event_error) else self._event_error
         if self.structure.system.constraints[rest.contact[0]].restitution == 0.0:
-            late = min(late, rest.start_error)
+            late = min(late, rest.start_error + lasts)
         rest.rest_error, rest.impulse_error = late + EPS * self.now / self.scale, force * late
 
     def _mark_released(self, constraint: int) -> None:
