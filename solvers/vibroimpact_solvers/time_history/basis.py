@@ -27,6 +27,7 @@ COLUMNS: Final = 3
 _SLOW = 1e-2  # stiffness of a mode, the largest being about one, below which creeping counts whole
 _NOISE = 16  # rows of signs that stand for rounding, half of them the others' negatives
 _FEW = 4  # pairs up to which none are added
+_REFINED = 128  # rows of a matrix of coupled modes up to which its inverse is refined
 _LANES = 8  # numbers that a processor takes at a time: pairs are filled up to a multiple
 _NEAR = 1e-3  # of its square, from a natural frequency, at which a load is in resonance
 _ALWAYS = np.array([[1.0], [0.0]])  # a load that stays one
@@ -95,6 +96,19 @@ class _Pairs:
     nu: Floats
     rest: Floats
     push: Floats
+
+
+def _inverse(T: Floats) -> Floats:
+    """Return the inverse of a matrix, whose small entries are as exact as the large ones.
+
+    They are the velocities that a large deflection does not have; of long double products for as
+    many rows as these take no time.
+    """
+    inverse = np.asarray(np.linalg.inv(T), dtype=np.float64)
+    if len(T) <= _REFINED:
+        residual = np.eye(len(T)) - T.astype(np.longdouble) @ inverse
+        inverse += inverse @ residual.astype(np.float64)
+    return inverse
 
 
 class Basis:
@@ -229,7 +243,7 @@ class Basis:
         either = np.maximum(modes.errors[fast], modes.errors[slow])
         self._rate_errors = np.concatenate([modes.errors[upper], either])
         self._T = np.concatenate([columns[0], columns[1]], axis=1)
-        self._inverse = np.asarray(np.linalg.inv(self._T), dtype=np.float64)
+        self._inverse = _inverse(self._T)
         alpha = [sigma[upper].real, 0.5 * (sigma[fast] + sigma[slow]).real]
         nu = [sigma[upper].imag, 0.5 * (sigma[fast] - sigma[slow]).real]
         kind = [np.zeros(upper.size, np.int64), np.ones(fast.size, np.int64)]
