@@ -129,14 +129,25 @@ def start_deviations(flow: Flow, motion: Motion, errors: Errors) -> None:
             dz[Z2, j] -= _carried(errors, dz, Z2, j, level)
 
 
+@inline
+def set_sizes(flow: Flow, s: float, z: Floats, sizes: Floats) -> None:
+    """Fill in what a free motion of duration s to a state is rounded relative to, (2, pair)."""
+    for j in range(z.shape[1]):
+        a, b = abs(z[Z1, j]), abs(z[Z2, j])
+        # Under faint drag, z1 is nu q, and a velocity gives but nu s of itself to it.
+        creeps = flow.rotations <= j < flow.hyperbolas_end
+        sizes[Z1, j] = a + min(1.0, 2.0 * flow.nu[j] * s) * b if creeps else a + b
+        sizes[Z2, j] = a + b
+
+
 @once
 def add_rounding(
-    flow: Flow, motion: Motion, errors: Errors, row: int, s: float, changes: Floats, hops: bool
+    flow: Flow, motion: Motion, errors: Errors, row: int, s: float, sizes: Floats
 ) -> None:
     """Add the rounding of a free motion of duration s to the deviations.
 
-    Of a hop from a wall back to it, whose duration does not depend on where the wall is, that of
-    the changes alone; their magnitudes are given, shape (2, pair).
+    It is relative to sizes, shape (2, pair): those of `set_sizes`, or, of a hop from a wall back to
+    it, whose duration does not depend on where the wall is, of `flow.set_changes`.
 
     That of a pair has any sign, that of a frequency the same one from impact to impact: it turns
     rotations, ``dz = s dnu (z2, -z1)``, and stretches hyperbolas, ``dz = s dnu (z2, z1)``. That of
@@ -146,46 +157,19 @@ def add_rounding(
     whole, _ = lengths(z, errors, 1.0)
     progress.largest = max(progress.largest, whole)
     for c in range(deviations.shape[0]):
-        if hops:
-            _add_rounding_of_hop(flow, errors, z, deviations[c], c, row, s, changes)
-        else:
-            _add_rounding_to(flow, errors, z, deviations[c], c, row, s)
-
-
-@inline
-def _add_rounding_of_hop(
-    flow: Flow,
-    errors: Errors,
-    z: Floats,
-    dz: Floats,
-    c: int,
-    row: int,
-    s: float,
-    changes: Floats,
-) -> None:
-    """Add the rounding of a hop to one column of the deviations."""
-    signs = errors.signs
-    at = (row + 7 * (c + 1)) % signs.shape[0]
-    for j in range(z.shape[1]):
-        dz[Z1, j] += _PROPAGATED * changes[Z1, j] * signs[at, Z1, j]
-        dz[Z2, j] += _PROPAGATED * changes[Z2, j] * signs[at, Z2, j]
-    _add_drift(flow, errors, z, dz, c, s)
+        _add_rounding_to(flow, errors, z, deviations[c], c, row, s, sizes)
 
 
 @inline
 def _add_rounding_to(
-    flow: Flow, errors: Errors, z: Floats, dz: Floats, c: int, row: int, s: float
+    flow: Flow, errors: Errors, z: Floats, dz: Floats, c: int, row: int, s: float, sizes: Floats
 ) -> None:
     """Add the rounding of a free motion to one column of the deviations."""
     signs = errors.signs
     at = (row + 7 * (c + 1)) % signs.shape[0]
     for j in range(z.shape[1]):
-        a, b = abs(z[Z1, j]), abs(z[Z2, j])
-        # Under faint drag, z1 is nu q, and a velocity gives but nu s of itself to it.
-        creeps = flow.rotations <= j < flow.hyperbolas_end
-        first = a + min(1.0, 2.0 * flow.nu[j] * s) * b if creeps else a + b
-        dz[Z1, j] += _PROPAGATED * first * signs[at, Z1, j]
-        dz[Z2, j] += _PROPAGATED * (a + b) * signs[at, Z2, j]
+        dz[Z1, j] += _PROPAGATED * sizes[Z1, j] * signs[at, Z1, j]
+        dz[Z2, j] += _PROPAGATED * sizes[Z2, j] * signs[at, Z2, j]
     _add_drift(flow, errors, z, dz, c, s)
 
 
@@ -263,9 +247,10 @@ def _lengths_after(
     now, largest = motion.progress[0], 0.0
     set_propagator(flow, s, 0.0, scratch.propagator)
     propagate_state(flow, scratch.propagator, s, motion.z, z)
+    set_sizes(flow, s, z, scratch.sizes)
     for c in range(motion.deviations.shape[0]):
         propagate(flow, scratch.propagator, s, motion.deviations[c], moved)
-        _add_rounding_to(flow, errors, z, moved, c, 0, s)
+        _add_rounding_to(flow, errors, z, moved, c, 0, s, scratch.sizes)
         longest, _ = lengths(moved, errors, 0.0)
         largest = max(largest, longest)
     size, _ = lengths(z, errors, 1.0)

@@ -59,6 +59,12 @@ def _add_impulse(
 
 
 @inline
+def room_at(walls: Rows, i: int, side: float, y: float) -> float:
+    """Return the distance of a coordinate at y from its upper (side > 0) or lower wall."""
+    return float(walls[i].upper - y if side > 0.0 else walls[i].lower + y)
+
+
+@inline
 def _kick(motion: Motion, scratch: Scratch, kick: Floats, impulse: float, taken: float) -> None:
     """Add an impulse, the sum of two numbers, to the state."""
     z, rest = motion.z, scratch.rest
@@ -77,12 +83,12 @@ def _turn_deviations(
     row: int,
     at_wall: bool,
     rounding: float,
-    left: float,
+    lasts: float,
 ) -> float:
     """Take the deviations through the impact of one coordinate (saltation).
 
     Returns the largest error of the end of a chatter, of which an impact with the speed u leaves a
-    time ``left u``: errors that are the same at all of its impacts do not change it.
+    time ``lasts u``: errors that are the same at all of its impacts do not change it.
 
     acceleration is that of the coordinate before the impact; at_wall: it strikes at once. On
     their way deviations get the errors of the coordinate, of the place of the wall and of the kick,
@@ -98,7 +104,7 @@ def _turn_deviations(
     watched, wall = structure.watched, structure.walls[i]
     kick, kick_rate = watched.kick[i], watched.kick_rate[i]
     factor, impulse = wall.factor, -wall.factor * speed
-    together = struck.size > 1 or one.unsure > 0.0 or abs(one.room) > 2.0 * rounding
+    together = struck.size > 1 or one.hop_error > 0.0 or abs(one.room) > 2.0 * rounding
     place = wall.size + abs(one.room) / EPS if together else wall.size
     late = 0.0
     for c in range(deviations.shape[0]):
@@ -107,7 +113,7 @@ def _turn_deviations(
         # That of their distance makes what goes to and fro between two walls drift.
         dy += -place if c & 1 else one.side * place
         signs = errors.signs[(row + c + 1) % errors.signs.shape[0]]
-        dy += one.unsure * signs[Z2, _FIRST]
+        dy += one.hop_error * signs[Z2, _FIRST]
         if at_wall:
             dy = 0.0
         faster = acceleration * dy / speed
@@ -115,8 +121,8 @@ def _turn_deviations(
         faster = min(max(faster, -most), most)
         off = product(watched.velocity[i], dz) + product(errors.velocities[c, i], motion.z)
         dP = factor * (faster - off)
-        if left > 0.0:
-            late = max(late, abs(one.side * left * (faster - off) + dy / speed))
+        if lasts > 0.0:
+            late = max(late, abs(one.side * lasts * (faster - off) + dy / speed))
         dy *= factor
         for j in range(dz.shape[1]):
             kicked = dP + impulse * signs[Z1, j]  # one rounding: of the impulse
@@ -128,7 +134,7 @@ def _turn_deviations(
 
 
 @inline
-def _unsure(structure: Structure, motion: Motion, scratch: Scratch, i: int) -> float:
+def _error_after_hop(structure: Structure, motion: Motion, scratch: Scratch, i: int) -> float:
     """Return by how much a coordinate is off after a hop, in units of 2^-52; 0 where it was none.
 
     Its duration s is twice a speed over an acceleration, both known to roundings of their terms.
@@ -161,13 +167,13 @@ def graze(structure: Structure, motion: Motion, scratch: Scratch, i: int, side: 
     By an error e of its place it strikes with the speed ``(2 a e)^(1/2)``, a being what turns it:
     the impulse that is or is not is the root of the error.
     """
-    z, watched, wall = motion.z, structure.watched, structure.walls[i]
+    z, watched, walls = motion.z, structure.watched, structure.walls
     now = motion.progress[0]
     scratch.grazing[i] = HAS_GRAZED
     set_rate(structure.flow, z, scratch.rate)
     y, speed = product(watched.coordinate[i], z), side * product(watched.velocity[i], z)
     slowed = -side * product(watched.velocity[i], scratch.rate)
-    room = wall.upper - y if side > 0 else wall.lower + y
+    room = room_at(walls, i, side, y)
     known, turns = 0.0, speed / slowed if slowed > 0.0 else 0.0
     for c in range(motion.deviations.shape[0]):
         dz = motion.deviations[c]
@@ -180,7 +186,7 @@ def graze(structure: Structure, motion: Motion, scratch: Scratch, i: int, side: 
     certain = speed * speed > 2.0 * slowed * (error + room)  # that it strikes
     if squared > 0.0 and slowed > 0.0 and not certain:
         now.grazings += 1
-        _widen(structure, motion, i, 0.5 * wall.factor * math.sqrt(squared))
+        _widen(structure, motion, i, 0.5 * walls[i].factor * math.sqrt(squared))
         error = estimated_error(motion.deviations, structure.errors, motion.progress)
         lose(motion.progress, error, now.time)
 
@@ -274,8 +280,7 @@ def _find_struck(structure: Structure, motion: Motion, scratch: Scratch) -> int:
         at_a_wall = SIMULTANEOUS * scratch.rounding[i]
         if i == now.coordinate:
             side = 1.0 if now.side > 0 else -1.0
-            gap = wall.upper - y if now.side > 0 else wall.lower + y
-            now.penetration = max(now.penetration, abs(gap))
+            now.penetration = max(now.penetration, abs(room_at(walls, i, side, y)))
         elif wall.restitution >= 0.0 and wall.upper - y <= at_a_wall:
             side = 1.0
         elif wall.restitution >= 0.0 and wall.lower + y <= at_a_wall:
@@ -287,7 +292,7 @@ def _find_struck(structure: Structure, motion: Motion, scratch: Scratch) -> int:
         row = scratch.struck[count]
         row.coordinate, row.side, row.restitution = i, side, wall.restitution
         row.speed, row.speed_rest = side * speed, side * lost
-        row.room, row.unsure = (wall.upper - y if side > 0.0 else wall.lower + y), 0.0
+        row.room, row.hop_error = room_at(walls, i, side, y), 0.0
         count += 1
     return count
 
@@ -347,17 +352,17 @@ def _strike_one(structure: Structure, motion: Motion, scratch: Scratch, row: int
     slight = ROUNDING * length(z, structure.errors.own) * math.sqrt(structure.mobility[i, i])
     impulse = -factor * velocity
     k, push = wall.restitution, one.side * (acceleration + impulse * wall.acceleration)
-    left = 2.0 * k / (push * (1.0 - k)) if push > 0.0 and k < 1.0 else 0.0
-    one.unsure = _unsure(structure, motion, scratch, i)
-    if one.unsure > 0.0:
+    lasts = 2.0 * k / (push * (1.0 - k)) if push > 0.0 and k < 1.0 else 0.0
+    one.hop_error = _error_after_hop(structure, motion, scratch, i)
+    if one.hop_error > 0.0:
         # Where the hops begin and end is for all of them the place of the wall.
         y, lost = exact_product(structure.watched.coordinate[i], z)
         lost += product(structure.watched.coordinate[i], scratch.rest)
-        one.room = ((wall.upper - y) if one.side > 0.0 else (wall.lower + y)) - one.side * lost
+        one.room = room_at(structure.walls, i, one.side, y) - one.side * lost
     late = _turn_deviations(
-        structure, motion, scratch.struck[:1], _ALONE, acceleration, row, at_wall, rounding, left
+        structure, motion, scratch.struck[:1], _ALONE, acceleration, row, at_wall, rounding, lasts
     )
-    progress.chatter_late = SAFETY * EPS * late if left > 0.0 else math.inf
+    progress.chatter_late = SAFETY * EPS * late if lasts > 0.0 else math.inf
     # What rounding takes from an impulse it takes from the energy, at each impact the same.
     taken = fma(-factor, velocity, -impulse)
     taken -= wall.factor_rest * velocity + factor * (one.side * one.speed_rest)

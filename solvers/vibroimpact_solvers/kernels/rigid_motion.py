@@ -26,6 +26,7 @@ from vibroimpact_solvers.kernels.deviations import (
     lose_on_the_way,
     note_what_decays,
     random_row,
+    set_sizes,
     start_deviations,
 )
 from vibroimpact_solvers.kernels.flow import (
@@ -40,8 +41,8 @@ from vibroimpact_solvers.kernels.flow import (
     set_propagator,
     two_sum,
 )
-from vibroimpact_solvers.kernels.impact_law import BOUNCES, RESTS, graze, strike
-from vibroimpact_solvers.kernels.jit import bare, inline, inner, once
+from vibroimpact_solvers.kernels.impact_law import BOUNCES, RESTS, graze, room_at, strike
+from vibroimpact_solvers.kernels.jit import bare, inner, once
 from vibroimpact_solvers.kernels.modal import (
     Modal,
     coordinates_of,
@@ -130,16 +131,6 @@ def _write_history(motion: Motion, scratch: Scratch, modal: Modal, history: Hist
     now.written = now.samples
 
 
-@inline
-def _is_at_wall(
-    structure: Structure, motion: Motion, scratch: Scratch, who: int, side: int
-) -> bool:
-    """Return whether a coordinate is at a wall within rounding."""
-    wall, y = structure.walls[who], product(structure.watched.coordinate[who], motion.z)
-    room = wall.upper - y if side > 0 else wall.lower + y
-    return bool(room <= scratch.rounding[who])
-
-
 @once
 def _move(
     structure: Structure, motion: Motion, scratch: Scratch, s: float, ds: float, hops: bool
@@ -152,7 +143,7 @@ def _move(
     now, signs = motion.progress[0], structure.errors.signs
     set_propagator(flow, s, ds, scratch.propagator)
     if hops:
-        set_changes(flow, scratch.propagator, s + ds, z, scratch.rate)
+        set_changes(flow, scratch.propagator, s + ds, z, scratch.sizes)
     advance(flow, scratch.propagator, s + ds, z, scratch.rest, moved)
     for c in range(deviations.shape[0]):
         propagate(flow, scratch.propagator, s + ds, deviations[c], moved)
@@ -164,8 +155,10 @@ def _move(
     now.time_rest += lost + ds
     now.released = -1
     if deviations.shape[0] > 0:
+        if not hops:
+            set_sizes(flow, s, z, scratch.sizes)
         row = random_row(now.impacts + 1, signs.shape[0])
-        add_rounding(flow, motion, structure.errors, row, s, scratch.rate, hops)
+        add_rounding(flow, motion, structure.errors, row, s, scratch.sizes)
 
 
 @inner
@@ -185,7 +178,7 @@ def _advance(
 ) -> int:
     """Advance a motion to its end, or to an event that the caller has to handle (`Stop`)."""
     walls, now = structure.walls, motion.progress[0]
-    circular, left = has_one_undamped_mode(structure), _NONE
+    circular, bounced = has_one_undamped_mode(structure), _NONE
     while True:
         if now.rows + walls.size > motion.impacts.size:
             return _TABLE
@@ -198,9 +191,11 @@ def _advance(
         expanded, hops = now.expansions, False
         if who == UNDECIDED:
             s, ds, who, side = next_event(structure, motion, scratch)
-            hops = who >= 0 and who == left and side == now.side and s < _HOP
+            hops = who >= 0 and who == bounced and side == now.side and s < _HOP
             hops = hops and walls[who].restitution < 1.0 and now.expansions == expanded + 1
-            hops = hops and _is_at_wall(structure, motion, scratch, who, side)
+            if hops:
+                y = product(structure.watched.coordinate[who], motion.z)
+                hops = room_at(walls, who, side, y) <= scratch.rounding[who]
         until = np.inf if who == AT_END else (now.time + s) + (now.time_rest + ds)
         first, error = now.samples, 0.0
         _take_samples(structure, motion, scratch, modal, history, until)
@@ -215,7 +210,7 @@ def _advance(
             error = max(error, note_what_decays(structure, motion, scratch, s))
         begun = now.time
         _move(structure, motion, scratch, s, ds, hops)
-        left = _NONE
+        bounced = _NONE
         if sampled:
             _note_errors(structure, motion, history, first, error)
         if who < 0:
@@ -233,7 +228,8 @@ def _advance(
         outcome = strike(structure, motion, scratch)
         if outcome != BOUNCES:
             return _CONTACT if outcome == RESTS else _IMPACT_IN_CONTACT
-        left = who if now.rows == rows + 1 else _NONE
+        alone = now.rows == rows + 1 and motion.deviations.shape[0] > 0
+        bounced = who if alone else _NONE  # a hop matters to the deviations only
 
 
 @once

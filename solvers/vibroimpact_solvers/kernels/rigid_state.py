@@ -116,7 +116,7 @@ STRUCK: Final = np.dtype(
         ("speed_rest", "f8"),  # what rounding took from it
         ("impulse", "f8"),  # away from the wall
         ("room", "f8"),  # distance to the wall
-        ("unsure", "f8"),  # by which it is off after a hop, in units of 2^-52; 0: there was none
+        ("hop_error", "f8"),  # of its place after a hop, in units of 2^-52; 0: there was none
     ]
 )
 """A coordinate at a wall."""
@@ -176,6 +176,7 @@ class Scratch(NamedTuple):
     z: Floats  # (2, pair): the state at which a coordinate is expanded
     rest: Floats  # (2, pair): what rounding took from the state of the motion
     rate: Floats  # (2, pair)
+    sizes: Floats  # (2, pair): what a free motion is rounded relative to
     propagator: Floats  # (2, pair)
     lengths: Floats  # (pair,)
     spread: Floats  # (pair,): lengths of the deviations, the largest of all columns
@@ -201,7 +202,7 @@ _ALPHA, _NU, _REST, _PUSH, _DOUBTS, _OWN, _MEASURE, _RATES = 0, 1, 2, 3, 4, 5, 7
 _COORDINATE, _VELOCITY, _KICK, _KICK_RATE, _FORMS = range(5)
 _SIZE, _HIGH, _LOW_BOUND, _SIZES = range(4)
 """Rows of what `handed_over` returns, and how many there are."""
-_Z, _REST_OF_Z, _RATE, _PROPAGATOR, _LENGTHS, _STATES = range(6)
+_Z, _REST_OF_Z, _RATE, _ROUNDED, _PROPAGATOR, _LENGTHS, _STATES = range(7)
 _ROUNDING, _MARGIN, _MARGIN_RATE, _ROOM, _RIGHT, _SOLUTION, _NUMBERS = range(7)
 _IN_REACH, _GRAZING, _BASIC, _MARKS = range(4)
 _DERIVATIVES, _LOW, _SEARCH = -2, -1, DEPTH + 7
@@ -280,9 +281,9 @@ def scratch_of(given: tuple[Any, ...], pairs: int, modes: int) -> Scratch:
     first, last = last, last + rows * modes
     block = room[first:last].reshape(rows, modes)
     return Scratch(
-        states[_Z], states[_REST_OF_Z], states[_RATE], states[_PROPAGATOR], states[_LENGTHS, Z1],
-        states[_LENGTHS, Z2], numbers[_ROUNDING], numbers[_MARGIN], numbers[_MARGIN_RATE],
-        numbers[_ROOM], numbers[_RIGHT], numbers[_SOLUTION], marks[_IN_REACH], marks[_GRAZING],
-        marks[_BASIC], search[_DERIVATIVES, :ORDER], search[_LOW, :LOW], search[:_DERIVATIVES],
-        struck, equations, block, room[last:],
+        states[_Z], states[_REST_OF_Z], states[_RATE], states[_ROUNDED], states[_PROPAGATOR],
+        states[_LENGTHS, Z1], states[_LENGTHS, Z2], numbers[_ROUNDING], numbers[_MARGIN],
+        numbers[_MARGIN_RATE], numbers[_ROOM], numbers[_RIGHT], numbers[_SOLUTION],
+        marks[_IN_REACH], marks[_GRAZING], marks[_BASIC], search[_DERIVATIVES, :ORDER],
+        search[_LOW, :LOW], search[:_DERIVATIVES], struck, equations, block, room[last:],
     )  # fmt: skip

@@ -134,7 +134,7 @@ class ContactErrors:
             return math.inf, force + error if push > 0.0 else math.inf
         # In the sum of the bounces the acceleration does not change.
         fall, bend = self._slopes(after, row, Z[0])
-        changes = (fall + bend * lasts) / max(force - error, 0.0)
+        changes = (fall + bend * lasts) / (force - error)
         late = lasts * min(1.0, lasts * (changes + self._stated.reach(before).fastest))
         if linear <= _LINEAR * (1.0 - k) * lasts:
             return late + linear, force + error

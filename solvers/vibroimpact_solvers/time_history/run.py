@@ -334,7 +334,7 @@ class Run:
     def _continue_from(self, x: Floats, v: Floats, contacts: frozenset[Contact]) -> None:
         """Continue from a state with these contacts."""
         loads = self.configuration.basis.loads_of(self.Z[0])
-        moved = self._rounded(self._deviations(), self._magnitudes())
+        moved = self._rounded(self._deviations(), self._roundings())
         configuration = self.structure.configuration(contacts)
         if configuration is not self.configuration:
             self.Z = np.empty((self.Z.shape[0], 2, configuration.basis.pairs))
@@ -417,17 +417,17 @@ class Run:
             rest = ContactInterval(contact, self.now, min(self.now + duration, self._latest))
             self.contacts[contact] = rest
             self.intervals.append(rest)
-            rest.bounce = self._sum_bounces(at_walls.length(contact), duration)
+            rest.bounce = at_walls.length(contact)
+            self._doubt_place(rest.bounce, duration)
             late = float(self.progress_row["chatter_late"]) if contact in known else math.inf
             self._begun.append((rest, self.configuration, self._known, late / self.scale))
 
-    def _sum_bounces(self, length: float, duration: float) -> float:
-        """Return the length of what leaves, of which its place is unknown after its bounces."""
+    def _doubt_place(self, speed: float, duration: float) -> None:
+        """Let displacements be unknown by a speed, as a length of the state, while bounces last."""
         now = self.progress_row
         if now["largest"] > 0.0:
-            unknown = length * duration / (EPS * now["largest"])
+            unknown = speed * duration / (EPS * now["largest"])
             now["unresolved"] = max(now["unresolved"], unknown)
-        return length
 
     def _resolve_contacts(self, x: Floats, v: Floats) -> None:
         """Continue with the present contacts except those whose force would have to be tensile."""
@@ -482,7 +482,7 @@ class Run:
         contact = self.configuration.free[watched], side
         impact = AnsweredImpact.of(self.structure, (contact, *self.contacts), v)
         moved, before, growth = self._deviations(), self._acceleration(), self.growth
-        sizes = self._magnitudes()
+        roundings = self._roundings()
         row = self._row(contact, impact, before, growth)
         error = self._error_of_answered(row)
         leaving = -impact.rows @ impact.after
@@ -505,7 +505,7 @@ class Run:
         for c, deviation in enumerate(moved):
             off = -side * size if c & 1 else size  # the place of the wall, as in the kernel
             turned.append(impact.through(deviation, before, after, off))
-        for c, (dx, dv) in enumerate(self._rounded(turned, sizes), start=1):
+        for c, (dx, dv) in enumerate(self._rounded(turned, roundings), start=1):
             self.Z[c] = self.structure.state_of(self.configuration, dx, dv)
         self.configuration.basis.doubt_loads(self.Z)
         row["deviation"] = max(growth, self.growth)
@@ -534,19 +534,21 @@ class Run:
             self.structure.displacements(self.configuration, Z, level=False) for Z in self.Z[1:]
         ]
 
-    def _magnitudes(self) -> Moved:
-        return self.structure.magnitudes(self.configuration, self.Z[0])
+    def _roundings(self) -> list[Moved]:
+        """Return samples of the roundings of displacements and velocities, one per deviation."""
+        count = len(self.Z) - 1
+        if not count:
+            return []
+        sizes = _CONVERTED * np.stack(self.structure.magnitudes(self.configuration, self.Z[0]))
+        source = np.random.default_rng(int(self.progress_row["expansions"]))
+        signs = source.choice([-1.0, 1.0], (count, *sizes.shape))
+        return [(dx, dv) for dx, dv in signs * sizes]
 
-    def _rounded(self, moved: list[Moved], sizes: Moved) -> list[Moved]:
-        """Add the roundings of displacements and velocities, in units of 2^-52, with any signs."""
-        signs = np.random.default_rng(int(self.progress_row["expansions"]))
-        return [
-            tuple(
-                of + _CONVERTED * size * signs.choice([-1.0, 1.0], size.size)
-                for of, size in zip(deviation, sizes, strict=True)
-            )
-            for deviation in moved
-        ]
+    @staticmethod
+    def _rounded(moved: list[Moved], roundings: list[Moved]) -> list[Moved]:
+        """Add roundings to deviations, both in units of 2^-52."""
+        pairs = zip(moved, roundings, strict=True)
+        return [(dx + rx, dv + rv) for (dx, dv), (rx, rv) in pairs]
 
     def _acceleration(self) -> Floats:
         rate = self.configuration.basis.rate(self.Z[0])

@@ -56,7 +56,7 @@ def test_errors_of_frequencies_turn_rotations_stretch_hyperbolas_and_push_free_b
         np.zeros(0),
     )
     errors = errors_of(drift[np.newaxis], 0.9)
-    compiled(deviations.add_rounding)(flow_of(nu), motion, errors, 0, s, z, False)
+    compiled(deviations.add_rounding)(flow_of(nu), motion, errors, 0, s, np.abs(z))
     np.testing.assert_allclose(motion.deviations[0], expected, rtol=1e-8)
 
 

@@ -247,3 +247,17 @@ def test_a_body_that_drag_alone_holds_keeps_its_velocity() -> None:
         "load": [[0, 1.9474925535308092, 0.7996949549615372, -2.5618171398605885]],
         "t": [0.8], "t_end": 0.9,
     })  # fmt: skip
+
+
+def test_a_body_that_grows_into_its_wall_bounces_a_thousand_times() -> None:
+    """Where hops begin is a rounding of a large state, and lengthens each of them (k = 1)."""
+    histories.checked({
+        "M": [[1.0, -0.006195569935425975], [-0.006195569935425975, 0.926298253614473]],
+        "K": [[-0.2384631114731478, 0.3295661419459889], [0.3295661419459889, 0.5848377475093737]],
+        "constraints": [{"dofs": [1], "weights": [1.0], "lower": 3.515684387159249,
+                         "upper": 3.515684387159249, "restitution": 1.0}],
+        "x": [-0.022257302363126064, -0.15502664139349565],
+        "v": [-0.1352108977739789, 0.3375360507728172],
+        "t": [15.915125226235645, 25.086538791215176, 25.244418444879113],
+        "t_end": 26.474437169451623,
+    })  # fmt: skip

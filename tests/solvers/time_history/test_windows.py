@@ -55,7 +55,6 @@ def test_windows_are_one_motion(count: int, monkeypatch: pytest.MonkeyPatch) -> 
     found, whole = th.solve(problem, plan), solving.solve(problem, plan)
     assert whole.contact_rest is not None
     assert whole.contact_rest.size > 10
-    assert whole.impact_velocity is not None
     for field in fields(th.Result):
         expected, value = getattr(whole, field.name), getattr(found, field.name)
         stated = field.name.startswith("error_") and isinstance(expected, np.ndarray)
@@ -63,10 +62,7 @@ def test_windows_are_one_motion(count: int, monkeypatch: pytest.MonkeyPatch) -> 
             # Where the error says that an impact may be missing, which the rounding decides too.
             known = np.isfinite(value) & np.isfinite(expected)
             assert known.mean() > 0.5
-            # A cut adds the rounding of a state, of which the last bounces are as small a part.
-            low = known & (np.abs(whole.impact_velocity) < 1e-5)
-            assert (value[low] < 1e-5).all(), field.name
-            assert (value[known & ~low] < 100.0 * expected[known & ~low]).all(), field.name
+            assert (value[known] < 100.0 * expected[known]).all(), field.name
         elif stated and field.name.startswith("error_contact_"):
             sure = np.isfinite(expected)
             assert sure.mean() > 0.5
