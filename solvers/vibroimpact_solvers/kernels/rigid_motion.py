@@ -75,7 +75,6 @@ from vibroimpact_solvers.kernels.rigid_state import (
 )
 
 _NONE = -9  # no coordinate
-_HOP = 1.0 / 64.0  # longest duration of a hop
 _DRIFTED = 1.0 / 64.0  # of the tolerance, by errors of the frequencies in one free motion
 
 
@@ -191,7 +190,7 @@ def _advance(
         expanded, hops = now.expansions, False
         if who == UNDECIDED:
             s, ds, who, side = next_event(structure, motion, scratch)
-            hops = who >= 0 and who == bounced and side == now.side and s < _HOP
+            hops = who >= 0 and who == bounced and side == now.side
             hops = hops and walls[who].restitution < 1.0 and now.expansions == expanded + 1
             if hops:
                 y = product(structure.watched.coordinate[who], motion.z)

@@ -32,7 +32,7 @@ from vibroimpact_solvers.time_history.problem import Problem
 from vibroimpact_solvers.time_history.stated_errors import StatedErrors, lengths
 from vibroimpact_solvers.time_history.structure import Configuration, Contact, Structure
 
-_TERMS: Final = 64.0  # roundings of the terms of a force, which are made of many products
+_TERMS: Final = 16.0  # roundings of the terms of a force, and of their sums, which are pairwise
 _LINEAR: Final = 0.125  # of a bounce, by which its end may be off for errors to be linear
 
 
