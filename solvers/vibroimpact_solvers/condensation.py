@@ -68,8 +68,9 @@ class Condensation:
     solve_static: Solve  # with K_ss
 
     @cached_property
-    def _solve_mass(self) -> Solve:
-        return self.M.factorize()
+    def solve_condensed_mass(self) -> Solve:
+        """The function that solves with `M`."""
+        return self.M.factorize_definite()
 
     def whole(self, x: Floats) -> Floats:
         """Return displacements of all degrees of freedom, (dof, …), of those with mass."""
@@ -81,7 +82,7 @@ class Condensation:
     def solve_mass(self, b: Floats) -> Floats:
         """Return ``T M_mm^(-1) T^T b``."""
         carried = b[self.massive] + self.static.T @ b[self.massless]
-        return self.whole(self._solve_mass(np.ascontiguousarray(carried)))
+        return self.whole(self.solve_condensed_mass(np.ascontiguousarray(carried)))
 
 
 _CONDENSED: weakref.WeakKeyDictionary[System, Condensation] = weakref.WeakKeyDictionary()
@@ -97,7 +98,7 @@ def of(system: System) -> Condensation:
 
 def solve_mass(system: System) -> Solve:
     """Return the function that solves with M, where what has no mass follows the others."""
-    return of(system).solve_mass if system.massless.size else system.M.factorize()
+    return of(system).solve_mass if system.massless.size else system.solve_mass
 
 
 def massive(system: System) -> Integers:
@@ -124,7 +125,7 @@ def flops(system: System) -> float:
 def _condensed(system: System) -> Condensation:
     massless, others = system.massless, massive(system)
     K, coupling = system.K, system.K.block(system.massless, others)
-    solve = K.part(massless).factorize()
+    solve = K.part(massless).factorize_definite()
     # Unconnected columns follow nothing.
     coupled = np.unique(coupling.indices)
     columns = []

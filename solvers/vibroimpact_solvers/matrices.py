@@ -298,17 +298,28 @@ class SymmetricMatrix:
             case _:
                 return factors.banded(self.data)
 
+    def factorize_definite(self) -> Solve:
+        """Return the function that solves with this matrix, in less time than `factorize` takes.
+
+        Raises
+        ------
+        scipy.linalg.LinAlgError
+            If the matrix is not positive definite.
+        """
+        match self.form:
+            case Form.DIAGONAL:
+                return factors.definite_diagonal(self.data[0])
+            case Form.SPARSE:
+                return factors.definite_sparse(self.to_sparse())
+            case Form.DENSE:
+                return factors.definite_dense(self.data)
+            case _:
+                return factors.definite_banded(self.data)
+
     def is_positive_definite(self) -> bool:
         """Whether all eigenvalues are positive."""
         try:
-            if self.form is Form.DENSE:
-                scipy.linalg.cholesky(self.data, lower=True, check_finite=False)
-            elif self.form is Form.DIAGONAL:
-                return bool((self.data[0] > 0.0).all())
-            elif self.form is Form.SPARSE:
-                return bool((factors.symmetric(self.to_sparse()).U.diagonal() > 0.0).all())
-            else:
-                scipy.linalg.cholesky_banded(self.data, lower=True, check_finite=False)
+            self.factorize_definite()
         except scipy.linalg.LinAlgError:
             return False
         return True

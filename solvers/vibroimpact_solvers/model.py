@@ -15,16 +15,17 @@ array([[0., 1.]])
 
 from __future__ import annotations
 
-import copy
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 
 from vibroimpact_solvers.arrays import EPS, Floats, Integers
 from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.factors import Solve
 from vibroimpact_solvers.matrices import SymmetricMatrix
 
 RANGE: Final = (1e-100, 1e100)
@@ -224,11 +225,17 @@ class System:
         """Return the degrees of freedom without mass; refuse other mass matrices than the class."""
         masses = self.M.main_diagonal
         massless = np.flatnonzero(masses == 0.0)
-        if self.chain is not None or (not massless.size and self.M.is_positive_definite()):
+        unclear = "the mass matrix is not positive definite"
+        if self.chain is not None:
+            return massless
+        if not massless.size:
+            try:
+                _ = self.solve_mass  # kept, as everything needs it next
+            except np.linalg.LinAlgError:
+                raise ModelError(("M",), unclear, code="not_positive_definite") from None
             return massless
         rest = np.flatnonzero(masses)
-        unclear = "the mass matrix is not positive definite"
-        if not massless.size or (masses < 0.0).any():
+        if (masses < 0.0).any():
             raise ModelError(("M",), unclear, code="not_positive_definite")
         if not rest.size:
             message = f"{unclear}: no degree of freedom has mass"
@@ -285,8 +292,8 @@ class System:
 
     def limited(self, constraints: Sequence[Constraint]) -> System:
         """Return the same structure with other limiters; its matrices are not checked again."""
-        system = copy.copy(self)
-        object.__setattr__(system, "constraints", tuple(constraints))
+        system = object.__new__(System)
+        vars(system).update(vars(self), constraints=tuple(constraints))
         system._check_constraints()
         system._check_massless()
         return system
@@ -306,6 +313,15 @@ class System:
                 message = f"it limits the same coordinate as constraint {first}: give it both walls"
                 pointer = ("constraints", index)
                 raise ModelError(pointer, message, code="duplicate_constraint")
+
+    @cached_property
+    def solve_mass(self) -> Solve:
+        """The function that solves with M; without `massless`, see `condensation.solve_mass`."""
+        return self.M.factorize_definite()
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return what is copied to other processes: without factors, which are quickly made."""
+        return {name: value for name, value in vars(self).items() if name != "solve_mass"}
 
     @property
     def n(self) -> int:

@@ -30,3 +30,34 @@ def test_rows_and_columns_are_scaled(name: str) -> None:
     scaled = matrix.scaled(by)
     assert scaled.form == matrix.form
     np.testing.assert_array_equal(scaled.to_dense(), np.diag(by) @ matrix.to_dense() @ np.diag(by))
+
+
+def definite() -> dict[str, SymmetricMatrix]:
+    """Matrices of each form whose diagonals outweigh the rest."""
+    most = {name: np.abs(matrix.to_dense()).sum(axis=1) for name, matrix in matrices().items()}
+    return {
+        name: SymmetricMatrix.diagonal(1.0 + most[name]).plus(1.0, matrix)
+        for name, matrix in matrices().items()
+    }
+
+
+@pytest.mark.parametrize("columns", [(), (3,)])
+@pytest.mark.parametrize("name", definite())
+def test_definite_matrices_are_solved_with(name: str, columns: tuple[int, ...]) -> None:
+    matrix = definite()[name]
+    b = np.random.default_rng(2).normal(size=(N, *columns))
+    for solve in (matrix.factorize(), matrix.factorize_definite()):
+        x = solve(b)
+        assert x.shape == b.shape
+        np.testing.assert_allclose(matrix.to_dense() @ x, b, rtol=1e-13, atol=1e-13)
+
+
+@pytest.mark.parametrize("name", definite())
+def test_what_is_not_definite_is_refused(name: str) -> None:
+    matrix = definite()[name]
+    assert matrix.is_positive_definite()
+    less = matrix.plus(-2.0 * matrix.main_diagonal[0], SymmetricMatrix.diagonal(np.eye(N)[0]))
+    assert np.linalg.eigvalsh(less.to_dense())[0] < 0.0
+    assert not less.is_positive_definite()
+    with pytest.raises(np.linalg.LinAlgError):
+        less.factorize_definite()

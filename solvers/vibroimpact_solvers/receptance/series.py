@@ -26,7 +26,6 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.factors import Solve
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.receptance.coefficients import (
     IMPULSES,
@@ -69,7 +68,7 @@ class TriangleWaveResponse:
             system, self.directions, bound
         )
         self._known_powers: WeakKeyDictionary[Coordinates, list[Floats]] = WeakKeyDictionary()
-        self._solve_mass: Solve = system.M.factorize()
+        self._solve_mass = system.solve_mass
 
     def truncation(self, omega: float, depth: float) -> Truncation:
         """Return where the sums stop at one frequency."""

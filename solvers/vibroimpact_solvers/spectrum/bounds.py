@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import weakref
+from collections.abc import Callable
 
 import numpy as np
 import scipy.linalg
@@ -11,6 +12,7 @@ import scipy.linalg
 from vibroimpact_solvers import condensation
 from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.errors import ConvergenceError
+from vibroimpact_solvers.factors import Solve
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix
 from vibroimpact_solvers.model import System
 
@@ -38,16 +40,20 @@ _BOUNDS: weakref.WeakKeyDictionary[System, float] = weakref.WeakKeyDictionary()
 
 def _square(system: System) -> float:
     if not system.massless.size:
-        return _bound(system.M, system.K)
+        return _bound(system.M, system.K, lambda: system.solve_mass)
     condensed = condensation.of(system)
-    rounded = 8.0 * system.n * EPS * _bound(condensed.M, condensed.sizes)
-    return _bound(condensed.M, condensed.K) + rounded
+
+    def solver() -> Solve:
+        return condensed.solve_condensed_mass
+
+    rounded = 8.0 * system.n * EPS * _bound(condensed.M, condensed.sizes, solver)
+    return _bound(condensed.M, condensed.K, solver) + rounded
 
 
-def _bound(M: SymmetricMatrix, K: SymmetricMatrix) -> float:
+def _bound(M: SymmetricMatrix, K: SymmetricMatrix, solver: Callable[[], Solve]) -> float:
     if M.form is Form.DIAGONAL:
         return _gershgorin(M.data[0], K)
-    return _proven(M, K, _lanczos(M, K))
+    return _proven(M, K, _lanczos(M, K, solver()))
 
 
 def _gershgorin(mass: Floats, K: SymmetricMatrix) -> float:
@@ -63,9 +69,8 @@ def _gershgorin(mass: Floats, K: SymmetricMatrix) -> float:
     return float(sums.max())
 
 
-def _lanczos(M: SymmetricMatrix, K: SymmetricMatrix) -> float:
+def _lanczos(M: SymmetricMatrix, K: SymmetricMatrix, solve: Solve) -> float:
     """Estimate the largest magnitude of an eigenvalue, from below."""
-    solve = M.factorize()
     v = 1.0 + np.sin(np.arange(1.0, M.n + 1.0))
     w = M @ v
     norm = math.sqrt(v @ w)

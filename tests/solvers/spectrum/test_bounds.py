@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 import scipy.linalg
 import scipy.sparse
 
+from vibroimpact_solvers import condensation
 from vibroimpact_solvers.arrays import EPS, Floats
+from vibroimpact_solvers.factors import Solve
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix
-from vibroimpact_solvers.model import System
+from vibroimpact_solvers.model import Constraint, System
 from vibroimpact_solvers.spectrum import EigenvalueCounter, largest_frequency
 
 N = 24
@@ -49,6 +53,27 @@ def test_no_frequency_is_above_the_bound(form: Form, *, diagonal: bool) -> None:
     assert system.K.form is form
     largest = np.sqrt(np.abs(eigenvalues(system)).max())
     assert largest <= largest_frequency(system) <= 2.0 * largest
+
+
+def test_the_mass_matrix_is_factorized_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For checks, bounds and the same structure with other limiters; other processes do it anew."""
+    made = list[SymmetricMatrix]()
+    factorize = SymmetricMatrix.factorize_definite
+
+    def counted(matrix: SymmetricMatrix) -> Solve:
+        made.append(matrix)
+        return factorize(matrix)
+
+    monkeypatch.setattr(SymmetricMatrix, "factorize_definite", counted)
+    system = System(consistent_mass(), stiffness(Form.SPARSE), ())
+    bound = largest_frequency(system)
+    b = np.arange(float(N))
+    solved = condensation.solve_mass(system.limited([Constraint.at(0, 1.0)]))(b)
+    assert sum(matrix is system.M for matrix in made) == 1
+    copied = pickle.loads(pickle.dumps(system))
+    assert largest_frequency(copied) == bound
+    np.testing.assert_array_equal(condensation.solve_mass(copied)(b), solved)
+    assert sum(matrix is copied.M for matrix in made) == 1
 
 
 def test_counts_are_those_of_all_eigenvalues_and_state_what_rounding_may_hide() -> None:
