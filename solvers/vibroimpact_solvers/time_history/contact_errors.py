@@ -28,6 +28,7 @@ import numpy as np
 from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.kernels.deviations import SAFETY
 from vibroimpact_solvers.kernels.rigid_state import Rows
+from vibroimpact_solvers.kernels.stated_lengths import passage
 from vibroimpact_solvers.time_history.problem import Problem
 from vibroimpact_solvers.time_history.stated_errors import StatedErrors, lengths
 from vibroimpact_solvers.time_history.structure import Configuration, Contact, Structure
@@ -171,18 +172,6 @@ class ContactErrors:
             places = [configuration.free.index(i) for i in rows["constraint"].tolist()]
             errors += np.abs(configuration.answers[:, places]) @ impulses
         return errors
-
-
-def passage(off: float, speed: float, bend: float) -> float:
-    """Return by how much a passage may be early or late; infinite where it may not take place.
-
-    Parameters
-    ----------
-    off, speed, bend : float
-        Error of what passes, its rate, and a bound of how fast that changes.
-    """
-    late, swing = 2.0 * bend * off, speed * speed
-    return 2.0 * off / (speed + math.sqrt(swing - late)) if late < swing else math.inf
 
 
 def masked(times: Sequence[float], errors: Sequence[float], until: float) -> Floats:

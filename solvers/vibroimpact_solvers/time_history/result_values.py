@@ -17,7 +17,7 @@ from vibroimpact_solvers.time_history.contact_errors import masked
 from vibroimpact_solvers.time_history.history import History, requested
 from vibroimpact_solvers.time_history.problem import Problem, tolerance_of
 from vibroimpact_solvers.time_history.run import ContactInterval, indistinguishable_walls
-from vibroimpact_solvers.time_history.stated_errors import StatedErrors
+from vibroimpact_solvers.time_history.stated_errors import OF_IMPACTS, StatedErrors
 from vibroimpact_solvers.time_history.structure import Structure
 
 EPS: Final = float(np.finfo(np.float64).eps)
@@ -186,7 +186,6 @@ _COLUMNS: Final = {
     "impact_condition": "deviation",
 }
 """Fields of the result, and columns of the table of impacts."""
-OF_IMPACTS: Final = tuple(f"error_impact_{name}" for name in ("time", "velocity", "impulse"))
 OF_CONTACTS: Final = tuple(f"error_contact_{name}" for name in ("start", "rest", "stop", "impulse"))
 _NAMES: Final[tuple[str, ...]] = PROGRESS.names or ()
 _numbers: Final = itemgetter(

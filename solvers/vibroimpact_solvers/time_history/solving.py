@@ -16,7 +16,6 @@ from vibroimpact_solvers.time_history.planning import Method
 from vibroimpact_solvers.time_history.problem import ImpactMode, Problem, State, tolerance_of
 from vibroimpact_solvers.time_history.result_values import (
     EPS,
-    OF_IMPACTS,
     UNKNOWN,
     default_values,
     values_of_exact_motion,
@@ -25,7 +24,7 @@ from vibroimpact_solvers.time_history.rigid_motions import RigidMotions
 from vibroimpact_solvers.time_history.run import Tick
 from vibroimpact_solvers.time_history.soft import SoftHistory, SoftMotion
 from vibroimpact_solvers.time_history.start import initial_state
-from vibroimpact_solvers.time_history.stated_errors import unknown_errors
+from vibroimpact_solvers.time_history.stated_errors import OF_IMPACTS, unknown_errors
 from vibroimpact_solvers.time_history.structure import Structure
 
 _TWICE = (

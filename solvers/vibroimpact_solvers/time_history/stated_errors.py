@@ -22,15 +22,16 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import EPS, Floats, Integers
 from vibroimpact_solvers.kernels.rigid_state import Rows
+from vibroimpact_solvers.kernels.stated_lengths import impact_errors, state_errors
 from vibroimpact_solvers.time_history.basis import Basis
 from vibroimpact_solvers.time_history.problem import Problem, tolerance_of
 from vibroimpact_solvers.time_history.structure import Configuration, Structure
 
 _ROWS: Final = 256  # of forms at a time
 _KEPT: Final = 8  # reaches of a configuration, for as many choices of degrees of freedom
-_CONVERTED: Final = 2.0  # roundings of a state when displacements are made of it
-_SUMMED: Final = 8.0  # and of the terms of the energy
+_SUMMED: Final = 8.0  # roundings of the terms of the energy
 LEAST: Final = 1e-300  # reach of what does not move, so that unknown errors stay unknown
+OF_IMPACTS: Final = tuple(f"error_impact_{name}" for name in ("time", "velocity", "impulse"))
 
 
 class Reach:
@@ -76,7 +77,16 @@ class Reach:
         return max(rate, 2.0 / float(np.diff(times).min())) if times.size else rate
 
     @cached_property
-    def push(self) -> Floats:
+    def impacts(self) -> Floats:
+        """What errors of impacts are made of, shape (6, constraint): see `impact_errors`."""
+        structure = self._structure
+        walls = EPS * structure.configuration().kernel.walls["size"]
+        restitution = np.array([c.restitution for c in structure.system.constraints])
+        mass = (1.0 + restitution) / np.diagonal(structure.mobility)
+        return np.stack([*self.coordinates, self._push, walls, mass])
+
+    @property
+    def _push(self) -> Floats:
         """Largest accelerations of the constrained coordinates by loads, shape (constraint,)."""
         modes, ramps, rows = self._basis.modes, self._structure.ramps, self._rows
         push = np.abs(rows @ modes.load)
@@ -85,7 +95,7 @@ class Reach:
         return np.asarray(push + np.abs(rows @ modes.ramps) @ highest)
 
     @cached_property
-    def energy(self) -> tuple[float, float, float]:
+    def energy(self) -> Floats:
         """Of the energy: a bound of its square form, of its linear one, and its level."""
         basis, structure = self._basis, self._structure
         modes, base, scale = basis.modes, basis.modes.base, structure.scale
@@ -107,7 +117,7 @@ class Reach:
             largest = max(largest, float(sizes.sum(axis=0).max() * sizes.sum(axis=1).max()))
         linear = lengths(basis, basis.displacement(modes.load[np.newaxis]))
         level = base @ (0.5 * (structure.system.K @ base) - structure.force)
-        return scale**2 * largest, float(linear[0]), abs(float(level))
+        return np.array([scale**2 * largest, linear[0], abs(level)])
 
     def _of(self, rows: Floats) -> Floats:
         """Return the reaches of ``rows . q`` and of its velocity, shape (2, row)."""
@@ -160,23 +170,23 @@ class StatedErrors:
         values = dict[str, Any]()
         if not outputs & {"x", "v", "energy"}:
             return values
-        largest, until = largest[:, np.newaxis], until[:, np.newaxis]
-        state = self._state(lengths, largest, until)
-        known = np.where(times < until, 1.0, np.inf)
+        state = np.empty(lengths.shape)
+        ends = np.ascontiguousarray(largest), np.ascontiguousarray(until)
+        state_errors(lengths, times, *ends, tolerance_of(self._problem), state)
         if outputs & {"x", "v"}:
-            reaches = np.maximum.reduce([reach.history for reach in self._reaches])
-            each = (known * state)[..., np.newaxis]
+            reaches = self._largest("history")
             for name, reach in zip(("x", "v"), reaches, strict=True):
                 if name in outputs:
-                    values[f"error_{name}"] = each * reach
+                    values[f"error_{name}"] = state[..., np.newaxis] * reach
         if "x" in outputs:
-            values["error_x"] += np.maximum.reduce([reach.base for reach in self._reaches])
+            values["error_x"] += self._largest("base")
         if "energy" in outputs:
-            parts = np.array([reach.energy for reach in self._reaches])
-            square, linear, level = parts.max(axis=0).tolist()
-            energy = square * (largest + 0.5 * state) * state + linear * state
+            square, linear, level = self._largest("energy").tolist()
+            largest = largest[:, np.newaxis]
             rounded = _SUMMED * EPS * (square * largest**2 + linear * largest + level)
-            values["error_energy"] = known * (energy + rounded)
+            known = np.where(np.isfinite(state), state, 0.0)
+            energy = square * (largest + 0.5 * known) * known + linear * known + rounded
+            values["error_energy"] = np.where(np.isfinite(state), energy, np.inf)
         return values
 
     def impacts(
@@ -194,44 +204,19 @@ class StatedErrors:
         gaps : array, shape (motion,)
             Largest distances of coordinates from their walls at impacts.
         """
-        one = rows["constraint"]
-        largest, until, gaps = (np.repeat(each, counts) for each in (largest, until, gaps))
-        state = self._state(rows["before"], largest, until)
-        reaches = np.maximum.reduce([reach.coordinates for reach in self._reaches])[:, one]
-        push = np.maximum.reduce([reach.push for reach in self._reaches])[one]
-        walls = self._structure.configuration().kernel.walls["size"]
-        off = state * reaches[0] + EPS * walls[one] + 2.0 * gaps
-        speed = np.abs(rows["velocity"])
-        bend = reaches[2] * largest + push
-        late, swing = 2.0 * bend * off, speed * speed
-        with np.errstate(invalid="ignore", divide="ignore"):
-            sure = late < swing
-            shift = 2.0 * off / (speed + np.sqrt(np.where(sure, swing - late, 0.0)))
-            fastest = max(reach.fastest for reach in self._reaches)
-            bend = np.minimum(bend, np.abs(rows["acceleration"]) + fastest * shift * bend)
-            # A displacement and a velocity are forms of different numbers of the state.
-            own = state * reaches[1]
-            velocity = np.where(sure, np.hypot(bend * shift, own), np.sqrt(swing + late) + own)
-            mass = (1.0 + self._restitution) / np.diagonal(self._structure.mobility)
-            taken = np.abs(rows["impulse"]) / np.where(speed > 0.0, speed, np.inf)
-        known = rows["time"] < until
-        errors = {
-            "error_impact_time": np.where(sure, shift, np.inf) + EPS * rows["time"],
-            "error_impact_velocity": velocity,
-            "error_impact_impulse": np.fmax(mass[one], taken) * velocity,
-        }
-        unknown = ~known & np.isfinite(until)
-        return {name: np.where(unknown, np.inf, error) for name, error in errors.items()}
+        motions = tuple(map(np.ascontiguousarray, (largest, until, gaps)))
+        errors = tuple(np.empty((len(OF_IMPACTS), rows.size)))
+        fastest = max(reach.fastest for reach in self._reaches)
+        impact_errors(
+            rows, counts, motions, tolerance_of(self._problem), self._largest("impacts"), fastest,
+            errors,
+        )  # fmt: skip
+        return dict(zip(OF_IMPACTS, errors, strict=True))
 
-    @property
-    def _restitution(self) -> Floats:
-        return np.array([c.restitution for c in self._problem.system.constraints])
-
-    def _state(self, lengths: Floats, largest: Floats, until: Floats) -> Floats:
-        """Return the errors of states before the horizon, in the units of the basis."""
-        # The horizon is where the error exceeds the tolerance.
-        most = np.where(until < np.inf, tolerance_of(self._problem) * largest, np.inf)
-        return np.minimum(EPS * lengths, most) + _CONVERTED * EPS * largest
+    def _largest(self, name: str) -> Floats:
+        """Return the largest numbers of some name of all configurations."""
+        first, *others = (getattr(reach, name) for reach in self._reaches)
+        return np.maximum.reduce([first, *others]) if others else first
 
 
 def unknown_errors(problem: Problem) -> dict[str, Any]:
