@@ -20,7 +20,7 @@ _TWICE: Final = (
     "tolerance asks, and their distance is stated"
 )
 _WHY: Final = (
-    "three deviations are carried along beside the state, through every free motion and every "
+    "five deviations are carried along beside the state, through every free motion and every "
     "impact; without them each motion takes a few evaluations until the next impact"
 )
 

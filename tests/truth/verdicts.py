@@ -87,6 +87,8 @@ class Report:
                     message += f"off by {off:.3g}, stated {bound:.3g}"
             elif least > 0.0:
                 at_best = min(at_best, max(1.0, bound / least))
+            elif bound == 0.0:
+                at_best = 1.0  # zero, and stated to be exact
         self.ratios.setdefault(what, []).append(min(worst, 1e30) if worst < math.inf else at_best)
         if worst < 1.0:
             self.fail(what, message)

@@ -8,7 +8,7 @@ errors, of random sign, obey the linearised flow and the saltation of impacts
     dz+ = dz- + kick dP - kick_rate (1 + k) m dy ,    dP = (1 + k) m (y'' dy / y' - dy') ,
 
 m being the mass that is struck. Where y' is so slow that dy decides whether there is an impact, the
-first term is bounded by the root of ``2 y'' dy``. Four times the largest of three samples is the
+first term is bounded by the root of ``2 y'' dy``. Three times the largest of five samples is the
 error estimate.
 
 Displacements are what is free of a state and what loads carry along: a deflection, and responses.
@@ -33,7 +33,7 @@ from vibroimpact_solvers.kernels.flow import (
 from vibroimpact_solvers.kernels.jit import inline, inner, once
 from vibroimpact_solvers.kernels.rigid_state import Errors, Motion, Rows, Scratch, Structure
 
-SAFETY: Final = 4.0
+SAFETY: Final = 3.0
 """Factor on the largest of the sampled deviations: errors do not exceed the product."""
 EPS: Final = 2.0**-52
 _SHARP = 2.0**-8  # how well the end of a tolerance is told, relative to the free motion

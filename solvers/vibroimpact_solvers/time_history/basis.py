@@ -22,7 +22,7 @@ from vibroimpact_solvers.kernels.flow import DRIVE, Flow
 from vibroimpact_solvers.kernels.passages import LOW, ORDER
 from vibroimpact_solvers.time_history.complex_modes import complex_modes
 
-COLUMNS: Final = 3
+COLUMNS: Final = 5
 """Deviations that are carried along where errors are estimated."""
 _SLOW = 1e-2  # stiffness of a mode, the largest being about one, below which creeping counts whole
 _NOISE = 16  # rows of signs that stand for rounding, half of them the others' negatives

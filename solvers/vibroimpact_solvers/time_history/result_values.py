@@ -23,7 +23,7 @@ from vibroimpact_solvers.time_history.structure import Structure
 EPS: Final = float(np.finfo(np.float64).eps)
 _STATEMENT = (
     "estimate: roundings of the initial state, the free motion, frequencies, impacts and walls, "
-    "carried along by the linearised motion and its impacts, four times the largest of three "
+    "carried along by the linearised motion and its impacts, three times the largest of five "
     "samples, relative to the largest state in condition, absolute and infinite from "
     "predictable_until on in each output; between impacts the motion is exact, and no impact is "
     "missed; grazings and orders of coupled impacts that errors decide are part of the errors, and "

@@ -37,6 +37,7 @@ _EPS: Final = float(np.finfo(np.float64).eps)
 _TERMS: Final = 100_000  # that are in memory at once
 _UNCOUPLED: Final = 64.0 * _EPS  # of its terms, where a mobility or a force is rounding
 _DEPENDENT: Final = 1e12  # condition of mobilities, in units of their roots
+_REFINED: Final = 3  # passes of a solution whose equations are hardly independent
 Contact = tuple[int, int]
 """A constraint at rest at a wall: its index, and 1 for the upper or -1 for the lower wall."""
 
@@ -298,7 +299,7 @@ class Structure:
         else:
             Z, solved = scipy.linalg.null_space(W), np.asarray(np.linalg.solve(M, W.T))
         # The base is orthogonal to the rest in M, and so has no part in the inertia.
-        base = solved @ np.linalg.solve(W @ solved, [self.wall(c) for c in contacts])
+        base = self._placed(W, solved, np.array([self.wall(c) for c in contacts]))
         eigenvalues, vectors = scipy.linalg.eigh(Z.T @ K @ Z, Z.T @ M @ Z)
         shapes = Z @ vectors
         # Terms may be larger than their sums: of a rigid body that nothing else is left of, and of
@@ -313,6 +314,18 @@ class Structure:
         return self._equations(
             roots, np.zeros(roots.size), shapes, base, system.M @ shapes, errors, _EPS
         )
+
+    @staticmethod
+    def _placed(W: Floats, solved: Floats, walls: Floats) -> Floats:
+        """Return the combination of the columns ``M^-1 W^T`` that is at the walls, shape (dof,).
+
+        Coordinates that are nearly the same would leave it far from them: it is refined.
+        """
+        base, among = np.zeros(W.shape[1]), W @ solved
+        for _ in range(_REFINED):
+            left = walls - W.astype(np.longdouble) @ base
+            base += solved @ np.linalg.solve(among, left.astype(np.float64))
+        return base
 
     def wall(self, contact: Contact) -> float:
         """Return where the coordinate of a contact is."""
