@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.kernels.jit import fma, inline, inner
+from vibroimpact_solvers.kernels.jit import fma, inline, inner, sums
 from vibroimpact_solvers.kernels.passages import LOW, ORDER
 from vibroimpact_solvers.kernels.phases import sine_cosine
 
@@ -501,6 +501,15 @@ def product(form: Floats, z: Floats) -> float:
         s0 += form[Z1, j] * z[Z1, j]
         t0 += form[Z2, j] * z[Z2, j]
     return ((s0 + t0) + (s1 + t1)) + ((s2 + t2) + (s3 + t3))
+
+
+@sums
+def magnitude(form: Floats, z: Floats) -> float:
+    """Return the sum of the magnitudes that `product` is the sum of."""
+    total = 0.0
+    for j in range(z.shape[1]):
+        total += abs(form[Z1, j] * z[Z1, j]) + abs(form[Z2, j] * z[Z2, j])
+    return total
 
 
 @inline

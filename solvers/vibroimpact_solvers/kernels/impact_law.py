@@ -25,7 +25,15 @@ from vibroimpact_solvers.kernels.deviations import (
     lose,
     random_row,
 )
-from vibroimpact_solvers.kernels.flow import Z1, Z2, exact_product, product, set_rate, two_sum
+from vibroimpact_solvers.kernels.flow import (
+    Z1,
+    Z2,
+    exact_product,
+    magnitude,
+    product,
+    set_rate,
+    two_sum,
+)
 from vibroimpact_solvers.kernels.jit import fma, inline, inner, kernel
 from vibroimpact_solvers.kernels.next_impact import ROUNDING, SIMULTANEOUS
 from vibroimpact_solvers.kernels.rigid_state import (
@@ -107,7 +115,9 @@ def _turn_deviations(
     together = struck.size > 1 or one.hop_error > 0.0 or abs(one.room) > 2.0 * rounding
     place = wall.size + abs(one.room) / EPS if together else wall.size
     # Where it was found to be at its wall: another sum of the same terms at every impact.
-    found = one.hop_error if one.hop_error > 0.0 else 0.5 * rounding / EPS
+    found = one.hop_error
+    if found == 0.0:
+        found = magnitude(watched.coordinate[i], motion.z)
     late = 0.0
     for c in range(deviations.shape[0]):
         dz, kick_error = deviations[c], errors.kicks[c, i]
@@ -141,13 +151,10 @@ def _error_after_hop(structure: Structure, motion: Motion, scratch: Scratch, i: 
 
     Its duration s is twice a speed over an acceleration, both known to roundings of their terms.
     """
-    s, form, z, rate = motion.progress[0].hop, structure.watched.velocity[i], motion.z, scratch.rate
+    s, form = motion.progress[0].hop, structure.watched.velocity[i]
     if s == 0.0:
         return 0.0
-    speed, slowed = 0.0, 0.0
-    for j in range(z.shape[1]):
-        speed += abs(form[Z1, j] * z[Z1, j]) + abs(form[Z2, j] * z[Z2, j])
-        slowed += abs(form[Z1, j] * rate[Z1, j]) + abs(form[Z2, j] * rate[Z2, j])
+    speed, slowed = magnitude(form, motion.z), magnitude(form, scratch.rate)
     return float(2.0 * s * (speed + 0.5 * s * slowed))
 
 

@@ -40,6 +40,7 @@ from vibroimpact_solvers.kernels.passages import (
     remainder,
     stays,
 )
+from vibroimpact_solvers.kernels.phases import sine_cosine
 from vibroimpact_solvers.kernels.rigid_state import (
     MAY_GRAZE,
     NOT_GRAZING,
@@ -309,7 +310,7 @@ def next_crossing(
     nu, nu_rest = structure.flow.nu[_ONLY], structure.flow.rest[_ONLY]
     a, b = motion.z[Z1, _ONLY], motion.z[Z2, _ONLY]
     circle = a * a + b * b
-    best, who, side = _NEVER, AT_END, 0
+    best, who, side, c_best = _NEVER, AT_END, 0, 0.0
     for i in range(walls.size):
         form = structure.watched.coordinate[i, Z1, _ONLY]
         if not scratch.in_reach[i] or form == 0.0:
@@ -340,6 +341,7 @@ def next_crossing(
                 angle += _TURN
             if angle < best:
                 best, who, side = angle, i, (1 if upper else -1)
+                c_best = c
             break
     progress.expansions += 1
     left = remaining(motion.progress)
@@ -349,4 +351,24 @@ def next_crossing(
     if s >= left:
         return left, 0.0, AT_END, 0
     ds = (fma(-s, nu, best) - s * nu_rest) / nu
-    return s, ds, who, side
+    return s, _corrected(structure, motion, scratch, s, ds, c_best), who, side
+
+
+@inline
+def _corrected(
+    structure: Structure, motion: Motion, scratch: Scratch, s: float, ds: float, c: float
+) -> float:
+    """Return the rest of the time s at which one undamped mode is at c, by a step of Newton.
+
+    An angle near pi has a rounding that a small c does not have, in all periods the same.
+    """
+    nu, nu_rest = structure.flow.nu[_ONLY], structure.flow.rest[_ONLY]
+    a, b = motion.z[Z1, _ONLY], motion.z[Z2, _ONLY]
+    phase = nu * s
+    lost = fma(nu, ds, fma(nu_rest, s, fma(nu, s, -phase)))
+    sine, cosine = sine_cosine(phase, lost)
+    p, q = cosine * a, sine * b
+    place, more = two_sum(p, q)
+    more += fma(cosine, a, -p) + fma(sine, b, -q)
+    more += cosine * scratch.rest[Z1, _ONLY] + sine * scratch.rest[Z2, _ONLY]
+    return ds + ((c - place) - more) / (nu * (b * cosine - a * sine))

@@ -386,6 +386,15 @@ class Run:
         ended = self.contacts.pop(contact)
         ended.stop, ended.stop_error = self.now, self._event_error + EPS * self.now / self.scale
 
+    def _tear_off(self, contact: Contact) -> None:
+        """End a contact by an impact, whatever its force is."""
+        errors, configuration, ended = self._errors, self.configuration, self.contacts[contact]
+        self._end_contact(contact)
+        if errors is not None and contact in configuration.contacts:
+            forces, _ = errors.forces(configuration, self.Z, self._known_at_best)
+            force = abs(float(forces[configuration.contacts.index(contact)]))
+            ended.impulse_error += force * ended.stop_error
+
     def _rest(self, watched: int, side: int, duration: float) -> None:
         """Begin the contact of a constraint that comes to rest at its wall, and of others with it.
 
@@ -433,7 +442,7 @@ class Run:
         """Continue with the present contacts except those whose force would have to be tensile."""
         stays = self._at_walls(x, v).forces(self.contacts)
         for contact in sorted(set(self.contacts) - set(stays)):
-            self._end_contact(contact)
+            self._tear_off(contact)
             self._mark_released(contact[0])
         self._continue_from(x, v, frozenset(self.contacts))
         while self._begun:
@@ -484,16 +493,17 @@ class Run:
         moved, before, growth = self._deviations(), self._acceleration(), self.growth
         roundings = self._roundings()
         row = self._row(contact, impact, before, growth)
-        error = self._error_of_answered(row)
+        error, given = self._error_of_answered(row), float(row["impulse"][0])
         leaving = -impact.rows @ impact.after
         for place, other in enumerate(list(self.contacts), start=1):
             # Impulses of contacts are forces by time, these are mass by velocity.
             answer, rest = float(impact.impulses[place]), self.contacts[other]
             rest.impulse += answer * self.scale**2
-            if answer:
-                rest.impulse_error += error * answer / float(impact.impulses[0])
+            if impact.impulses[0] > 0.0:
+                share = answer / float(impact.impulses[0])
+                rest.impulse_error += error * share + self._unshared(contact, other) * given
             if leaving[place] > 1e-14 * abs(impact.speed):
-                self._end_contact(other)
+                self._tear_off(other)
         self._begin_contacts(self._at_walls(x, impact.after), contact, {})
         self._resolve_contacts(x, impact.after)
         if contact not in self.contacts and impact.leaves_slowly:
@@ -510,6 +520,11 @@ class Run:
         self.configuration.basis.doubt_loads(self.Z)
         row["deviation"] = max(growth, self.growth)
         self._add_impact(row)
+
+    def _unshared(self, struck: Contact, other: Contact) -> float:
+        """Return the rounding of the part of an impulse that a contact answers."""
+        mobility = self.structure.mobility.diagonal()
+        return _CONVERTED * EPS * math.sqrt(float(mobility[struck[0]] / mobility[other[0]]))
 
     def _row(self, contact: Contact, impact: AnsweredImpact, before: Floats, growth: float) -> Rows:
         """Return a row of the table of impacts, its error being that before the impact."""
