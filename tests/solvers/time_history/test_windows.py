@@ -62,7 +62,9 @@ def test_windows_are_one_motion(count: int, monkeypatch: pytest.MonkeyPatch) -> 
             # Where the error says that an impact may be missing, which the rounding decides too.
             known = np.isfinite(value) & np.isfinite(expected)
             assert known.mean() > 0.5
-            assert (value[known] < 100.0 * expected[known]).all(), field.name
+            # A cut within a chatter rounds the state, where hops round their changes only.
+            most = 100.0 if count < whole.count_impacts else 1000.0
+            assert (value[known] < most * expected[known]).all(), field.name
         elif stated and field.name.startswith("error_contact_"):
             sure = np.isfinite(expected)
             assert sure.mean() > 0.5
