@@ -27,7 +27,7 @@ from vibroimpact_solvers.time_history.basis import Basis
 from vibroimpact_solvers.time_history.problem import Problem, tolerance_of
 from vibroimpact_solvers.time_history.structure import Configuration, Structure
 
-_ROWS: Final = 256  # of forms at a time
+_NUMBERS: Final = 2**15  # of forms at a time: more would leave the cache of a core
 _KEPT: Final = 8  # reaches of a configuration, for as many choices of degrees of freedom
 _SUMMED: Final = 8.0  # roundings of the terms of the energy
 LEAST: Final = 1e-300  # reach of what does not move, so that unknown errors stay unknown
@@ -53,7 +53,8 @@ class Reach:
     def history(self) -> Floats:
         """Of displacements and velocities, shape (2, dof)."""
         shapes = self._basis.modes.shapes
-        reach = [self._of(shapes[self._dofs[some]]) for some in _parts(self._dofs.size)]
+        rows = max(1, _NUMBERS // max(1, shapes.shape[1]))
+        reach = [self._of(shapes[self._dofs[some]]) for some in _parts(self._dofs.size, rows)]
         return np.concatenate(reach, axis=1) if reach else np.zeros((2, 0))
 
     @cached_property
@@ -238,6 +239,6 @@ def lengths(basis: Basis, forms: Floats) -> Floats:
     return np.asarray(np.sqrt(np.square(forms * _unit(basis)).sum(axis=(1, 2))))
 
 
-def _parts(count: int) -> Iterator[slice]:
-    for start in range(0, count, _ROWS):
-        yield slice(start, start + _ROWS)
+def _parts(count: int, each: int) -> Iterator[slice]:
+    for start in range(0, count, each):
+        yield slice(start, start + each)
