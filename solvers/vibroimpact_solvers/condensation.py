@@ -68,9 +68,9 @@ class Condensation:
     solve_static: Solve  # with K_ss
 
     @cached_property
-    def solve_condensed_mass(self) -> Solve:
+    def solve_M(self) -> Solve:
         """The function that solves with `M`."""
-        return self.M.factorize_definite()
+        return self.M.factorize(definite=True)
 
     def whole(self, x: Floats) -> Floats:
         """Return displacements of all degrees of freedom, (dof, …), of those with mass."""
@@ -82,7 +82,7 @@ class Condensation:
     def solve_mass(self, b: Floats) -> Floats:
         """Return ``T M_mm^(-1) T^T b``."""
         carried = b[self.massive] + self.static.T @ b[self.massless]
-        return self.whole(self.solve_condensed_mass(np.ascontiguousarray(carried)))
+        return self.whole(self.solve_M(np.ascontiguousarray(carried)))
 
 
 _CONDENSED: weakref.WeakKeyDictionary[System, Condensation] = weakref.WeakKeyDictionary()
@@ -98,7 +98,7 @@ def of(system: System) -> Condensation:
 
 def solve_mass(system: System) -> Solve:
     """Return the function that solves with M, where what has no mass follows the others."""
-    return of(system).solve_mass if system.massless.size else system.solve_mass
+    return of(system).solve_mass if system.massless.size else system.solve_M
 
 
 def massive(system: System) -> Integers:
@@ -125,7 +125,7 @@ def flops(system: System) -> float:
 def _condensed(system: System) -> Condensation:
     massless, others = system.massless, massive(system)
     K, coupling = system.K, system.K.block(system.massless, others)
-    solve = K.part(massless).factorize_definite()
+    solve = K.part(massless).factorize(definite=True)
     # Unconnected columns follow nothing.
     coupled = np.unique(coupling.indices)
     columns = []

@@ -71,63 +71,9 @@ def sparse(matrix: scipy.sparse.csr_array) -> Solve:
     return lambda b: np.asarray(factors.solve(b))
 
 
-def definite_diagonal(entries: Floats) -> Solve:
-    """Factorize a positive definite diagonal matrix, entries of shape (n,).
-
-    Raises
-    ------
-    scipy.linalg.LinAlgError
-        If it is not positive definite.
-    """
-    if not (entries > 0.0).all():
-        raise scipy.linalg.LinAlgError("a diagonal entry is not positive")
-    return diagonal(entries)
-
-
-def definite_banded(diagonals: Floats) -> Solve:
-    """Factorize a positive definite banded matrix, given as to `banded`.
-
-    Raises
-    ------
-    scipy.linalg.LinAlgError
-        If it is not positive definite.
-    """
-    factors, info = lapack.dpbtrf(diagonals, lower=1)
-    if info > 0:
-        raise scipy.linalg.LinAlgError("the matrix is not positive definite")
-
-    def solve(b: Floats) -> Floats:
-        x, _ = lapack.dpbtrs(factors, b.reshape(b.shape[0], -1), lower=1)
-        return np.asarray(x).reshape(b.shape)
-
-    return solve
-
-
-def definite_dense(matrix: Floats) -> Solve:
-    """Factorize a positive definite full matrix, shape (n, n).
-
-    Raises
-    ------
-    scipy.linalg.LinAlgError
-        If it is not positive definite.
-    """
-    factors, info = lapack.dpotrf(matrix, lower=1)
-    if info > 0:
-        raise scipy.linalg.LinAlgError("the matrix is not positive definite")
-    return lambda b: np.asarray(lapack.dpotrs(factors, b, lower=1)[0])
-
-
 def definite_sparse(matrix: scipy.sparse.csr_array) -> Solve:
-    """Factorize a positive definite sparse matrix.
-
-    Raises
-    ------
-    scipy.linalg.LinAlgError
-        If it is not positive definite.
-    """
+    """Factorize a sparse matrix that is positive definite: no rows are exchanged."""
     factors = symmetric(matrix)
-    if not (factors.U.diagonal() > 0.0).all():
-        raise scipy.linalg.LinAlgError("the matrix is not positive definite")
     return lambda b: np.asarray(factors.solve(b))
 
 

@@ -280,8 +280,14 @@ class SymmetricMatrix:
             data[k, : self.n - k] = by[: self.n - k] * band[: self.n - k] * by[k:]
         return SymmetricMatrix(data, self.form)
 
-    def factorize(self) -> Solve:
-        """Return the function that solves with this matrix; it may be indefinite.
+    def factorize(self, *, definite: bool = False) -> Solve:
+        """Return the function that solves with this matrix.
+
+        Parameters
+        ----------
+        definite : bool
+            Whether the matrix is known to be positive definite: if it is sparse, that takes half
+            the time. Else it may be indefinite.
 
         Raises
         ------
@@ -292,34 +298,24 @@ class SymmetricMatrix:
             case Form.DIAGONAL:
                 return factors.diagonal(self.data[0])
             case Form.SPARSE:
-                return factors.sparse(self.to_sparse())
+                sparse = factors.definite_sparse if definite else factors.sparse
+                return sparse(self.to_sparse())
             case Form.DENSE:
                 return factors.dense(self.data)
             case _:
                 return factors.banded(self.data)
 
-    def factorize_definite(self) -> Solve:
-        """Return the function that solves with this matrix, in less time than `factorize` takes.
-
-        Raises
-        ------
-        scipy.linalg.LinAlgError
-            If the matrix is not positive definite.
-        """
-        match self.form:
-            case Form.DIAGONAL:
-                return factors.definite_diagonal(self.data[0])
-            case Form.SPARSE:
-                return factors.definite_sparse(self.to_sparse())
-            case Form.DENSE:
-                return factors.definite_dense(self.data)
-            case _:
-                return factors.definite_banded(self.data)
-
     def is_positive_definite(self) -> bool:
         """Whether all eigenvalues are positive."""
         try:
-            self.factorize_definite()
+            if self.form is Form.DENSE:
+                scipy.linalg.cholesky(self.data, lower=True, check_finite=False)
+            elif self.form is Form.DIAGONAL:
+                return bool((self.data[0] > 0.0).all())
+            elif self.form is Form.SPARSE:
+                return bool((factors.symmetric(self.to_sparse()).U.diagonal() > 0.0).all())
+            else:
+                scipy.linalg.cholesky_banded(self.data, lower=True, check_finite=False)
         except scipy.linalg.LinAlgError:
             return False
         return True

@@ -225,17 +225,11 @@ class System:
         """Return the degrees of freedom without mass; refuse other mass matrices than the class."""
         masses = self.M.main_diagonal
         massless = np.flatnonzero(masses == 0.0)
-        unclear = "the mass matrix is not positive definite"
-        if self.chain is not None:
-            return massless
-        if not massless.size:
-            try:
-                _ = self.solve_mass  # kept, as everything needs it next
-            except np.linalg.LinAlgError:
-                raise ModelError(("M",), unclear, code="not_positive_definite") from None
+        if self.chain is not None or (not massless.size and self.M.is_positive_definite()):
             return massless
         rest = np.flatnonzero(masses)
-        if (masses < 0.0).any():
+        unclear = "the mass matrix is not positive definite"
+        if not massless.size or (masses < 0.0).any():
             raise ModelError(("M",), unclear, code="not_positive_definite")
         if not rest.size:
             message = f"{unclear}: no degree of freedom has mass"
@@ -315,13 +309,13 @@ class System:
                 raise ModelError(pointer, message, code="duplicate_constraint")
 
     @cached_property
-    def solve_mass(self) -> Solve:
+    def solve_M(self) -> Solve:
         """The function that solves with M; without `massless`, see `condensation.solve_mass`."""
-        return self.M.factorize_definite()
+        return self.M.factorize(definite=True)
 
     def __getstate__(self) -> dict[str, object]:
         """Return what is copied to other processes: without factors, which are quickly made."""
-        return {name: value for name, value in vars(self).items() if name != "solve_mass"}
+        return {name: value for name, value in vars(self).items() if name != "solve_M"}
 
     @property
     def n(self) -> int:

@@ -99,11 +99,11 @@ def _turn_deviations(
     time ``lasts u``: errors that are the same at all of its impacts do not change it.
 
     acceleration is that of the coordinate before the impact; at_wall: it strikes at once. On
-    their way deviations get the errors of the coordinate, of the place of the wall and of the kick,
-    of a hop what that of its duration makes of the place,
-    and what the coordinate is away from its wall, if that is more than its rounding: of several
-    that are taken together, or soon after it was released there. The formula is that of
-    `kernels.deviations`.
+    their way deviations get the errors of the coordinate, of the place of the wall and of the kick;
+    the rounding of where the coordinate was found to be, or, of a hop, what that of its duration
+    makes of the place; and what the coordinate is away from its wall, if that is more than its
+    rounding: of several that are taken together, or soon after it was released there. The formula
+    is that of `kernels.deviations`.
     The square of the speed changes by ``2 y'' dy``, and the speed never by more than the root of
     that, however slow the impact is.
     """

@@ -358,9 +358,10 @@ def next_crossing(
 def _corrected(
     structure: Structure, motion: Motion, scratch: Scratch, s: float, ds: float, c: float
 ) -> float:
-    """Return the rest of the time s at which one undamped mode is at c, by a step of Newton.
+    """Return the rest of the time s at which one undamped mode is at c.
 
-    An angle near pi has a rounding that a small c does not have, in all periods the same.
+    By a step of Newton with exact products: an angle near pi has a rounding that a small c does
+    not have, in all periods the same.
     """
     nu, nu_rest = structure.flow.nu[_ONLY], structure.flow.rest[_ONLY]
     a, b = motion.z[Z1, _ONLY], motion.z[Z2, _ONLY]
@@ -371,4 +372,4 @@ def _corrected(
     place, more = two_sum(p, q)
     more += fma(cosine, a, -p) + fma(sine, b, -q)
     more += cosine * scratch.rest[Z1, _ONLY] + sine * scratch.rest[Z2, _ONLY]
-    return ds + ((c - place) - more) / (nu * (b * cosine - a * sine))
+    return float(ds + ((c - place) - more) / (nu * (b * cosine - a * sine)))

@@ -135,7 +135,7 @@ class PartialModalResponse:
         self.dofs = np.array(sorted(every.union(dofs.tolist())), dtype=np.int64)
         self.width = interval_width(system.n, bound)
         self._counter: EigenvalueCounter | None = None
-        self._solve_mass = system.solve_mass
+        self._solve_mass = system.solve_M
         self._cache_key = _cache_key(system, directions, self.dofs, expansion)
 
     def displacements(self, frequency: float, at: Coordinates) -> Floats:

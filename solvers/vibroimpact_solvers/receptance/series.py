@@ -68,7 +68,7 @@ class TriangleWaveResponse:
             system, self.directions, bound
         )
         self._known_powers: WeakKeyDictionary[Coordinates, list[Floats]] = WeakKeyDictionary()
-        self._solve_mass = system.solve_mass
+        self._solve_mass = system.solve_M
 
     def truncation(self, omega: float, depth: float) -> Truncation:
         """Return where the sums stop at one frequency."""

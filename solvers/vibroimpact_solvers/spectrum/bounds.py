@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import weakref
-from collections.abc import Callable
 
 import numpy as np
 import scipy.linalg
 
 from vibroimpact_solvers import condensation
 from vibroimpact_solvers.arrays import EPS, Floats
+from vibroimpact_solvers.condensation import Condensation
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.factors import Solve
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix
@@ -40,20 +40,17 @@ _BOUNDS: weakref.WeakKeyDictionary[System, float] = weakref.WeakKeyDictionary()
 
 def _square(system: System) -> float:
     if not system.massless.size:
-        return _bound(system.M, system.K, lambda: system.solve_mass)
+        return _bound(system, system.K)
     condensed = condensation.of(system)
-
-    def solver() -> Solve:
-        return condensed.solve_condensed_mass
-
-    rounded = 8.0 * system.n * EPS * _bound(condensed.M, condensed.sizes, solver)
-    return _bound(condensed.M, condensed.K, solver) + rounded
+    rounded = 8.0 * system.n * EPS * _bound(condensed, condensed.sizes)
+    return _bound(condensed, condensed.K) + rounded
 
 
-def _bound(M: SymmetricMatrix, K: SymmetricMatrix, solver: Callable[[], Solve]) -> float:
+def _bound(moving: System | Condensation, K: SymmetricMatrix) -> float:
+    M = moving.M
     if M.form is Form.DIAGONAL:
         return _gershgorin(M.data[0], K)
-    return _proven(M, K, _lanczos(M, K, solver()))
+    return _proven(M, K, _lanczos(M, K, moving.solve_M))
 
 
 def _gershgorin(mass: Floats, K: SymmetricMatrix) -> float:

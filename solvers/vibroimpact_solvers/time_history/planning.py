@@ -10,7 +10,6 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-import scipy.linalg
 
 from vibroimpact_solvers import condensation, impact_modes, spectrum
 from vibroimpact_solvers.arrays import EPS
@@ -304,15 +303,15 @@ def _reaches(system: System) -> tuple[tuple[float, ...], float]:
         return (), 0.0
     # Less than K by more than roundings: positive definite, it is so beyond doubt.
     less = system.K.plus(-_DOUBT, SymmetricMatrix.diagonal(system.K.main_diagonal))
-    try:
-        solve = less.factorize_definite()
-    except scipy.linalg.LinAlgError:
+    if not less.is_positive_definite():
         return (), 0.0
     lightest = float(system.M.data[0].min()) if system.M.form is Form.DIAGONAL else 0.0
     W = system.directions(range(len(system.constraints)))
     if not len(W):
         return (), 0.0
-    compliance = np.einsum("ij,ij->i", W, solve(np.ascontiguousarray(W.T)).T)
+    compliance = np.einsum(
+        "ij,ij->i", W, less.factorize(definite=True)(np.ascontiguousarray(W.T)).T
+    )
     walls = [
         min(np.inf if wall is None else wall for wall in (c.lower, c.upper))
         for c in system.constraints

@@ -393,7 +393,8 @@ class Run:
         if errors is not None and contact in configuration.contacts:
             forces, _ = errors.forces(configuration, self.Z, self._known_at_best)
             force = abs(float(forces[configuration.contacts.index(contact)]))
-            ended.impulse_error += force * ended.stop_error
+            if force > 0.0:
+                ended.impulse_error += force * ended.stop_error
 
     def _rest(self, watched: int, side: int, duration: float) -> None:
         """Begin the contact of a constraint that comes to rest at its wall, and of others with it.
@@ -499,7 +500,7 @@ class Run:
             # Impulses of contacts are forces by time, these are mass by velocity.
             answer, rest = float(impact.impulses[place]), self.contacts[other]
             rest.impulse += answer * self.scale**2
-            if impact.impulses[0] > 0.0:
+            if answer:
                 share = answer / float(impact.impulses[0])
                 rest.impulse_error += error * share + self._unshared(contact, other) * given
             if leaving[place] > 1e-14 * abs(impact.speed):
@@ -552,15 +553,17 @@ class Run:
     def _roundings(self) -> list[Moved]:
         """Return samples of the roundings of displacements and velocities, one per deviation.
 
-        Each time that these contacts end they are the same, as those of the conversion are: a
-        motion that rests a hundred times is off by a hundred of them.
+        At every conversion of a state with the present contacts they are the same, as those of its
+        matrices are: a motion that rests a hundred times is off by a hundred of them.
         """
         count = len(self.Z) - 1
         if not count:
             return []
         configuration = self.configuration
         sizes = _CONVERTED * np.stack(self.structure.magnitudes(configuration, self.Z[0]))
-        source = np.random.default_rng([2 * i + (side > 0) for i, side in configuration.contacts])
+        source = np.random.default_rng(
+            [1 + 2 * i + (side > 0) for i, side in configuration.contacts]
+        )
         signs = source.choice([-1.0, 1.0], (count, *sizes.shape))
         return [(dx, dv) for dx, dv in signs * sizes]
 

@@ -205,19 +205,20 @@ class StatedErrors:
         gaps : array, shape (motion,)
             Largest distances of coordinates from their walls at impacts.
         """
-        motions = tuple(map(np.ascontiguousarray, (largest, until, gaps)))
-        errors = tuple(np.empty((len(OF_IMPACTS), rows.size)))
+        ends = np.ascontiguousarray(largest), np.ascontiguousarray(until)
+        motions = (*ends, np.ascontiguousarray(gaps))
+        times, velocities, impulses = np.empty((len(OF_IMPACTS), rows.size))
         fastest = max(reach.fastest for reach in self._reaches)
         impact_errors(
             rows, counts, motions, tolerance_of(self._problem), self._largest("impacts"), fastest,
-            errors,
+            (times, velocities, impulses),
         )  # fmt: skip
-        return dict(zip(OF_IMPACTS, errors, strict=True))
+        return dict(zip(OF_IMPACTS, (times, velocities, impulses), strict=True))
 
     def _largest(self, name: str) -> Floats:
         """Return the largest numbers of some name of all configurations."""
-        first, *others = (getattr(reach, name) for reach in self._reaches)
-        return np.maximum.reduce([first, *others]) if others else first
+        every: list[Floats] = [getattr(reach, name) for reach in self._reaches]
+        return np.asarray(np.maximum.reduce(every)) if len(every) > 1 else every[0]
 
 
 def unknown_errors(problem: Problem) -> dict[str, Any]:

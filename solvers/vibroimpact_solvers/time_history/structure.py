@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import weakref
 from dataclasses import dataclass, field
+from fractions import Fraction
 from functools import cached_property
 from typing import Any, Final
 
@@ -37,7 +38,7 @@ _EPS: Final = float(np.finfo(np.float64).eps)
 _TERMS: Final = 100_000  # that are in memory at once
 _UNCOUPLED: Final = 64.0 * _EPS  # of its terms, where a mobility or a force is rounding
 _DEPENDENT: Final = 1e12  # condition of mobilities, in units of their roots
-_REFINED: Final = 3  # passes of a solution whose equations are hardly independent
+_REFINED: Final = 8  # passes, each of which gains four digits or more
 Contact = tuple[int, int]
 """A constraint at rest at a wall: its index, and 1 for the upper or -1 for the lower wall."""
 
@@ -295,11 +296,11 @@ class Structure:
         if system.massless.size:
             condensed = condensation.of(system)
             Z = condensed.whole(scipy.linalg.null_space(W[:, condensed.massive]))
-            solved = np.asarray(condensed.solve_mass(np.ascontiguousarray(W.T)))
         else:
-            Z, solved = scipy.linalg.null_space(W), np.asarray(np.linalg.solve(M, W.T))
+            Z = scipy.linalg.null_space(W)
+        solved = self.mass_solve(np.ascontiguousarray(W.T))
         # The base is orthogonal to the rest in M, and so has no part in the inertia.
-        base = self._placed(W, solved, np.array([self.wall(c) for c in contacts]))
+        base = self._placed(contacts, W, solved)
         eigenvalues, vectors = scipy.linalg.eigh(Z.T @ K @ Z, Z.T @ M @ Z)
         shapes = Z @ vectors
         # Terms may be larger than their sums: of a rigid body that nothing else is left of, and of
@@ -315,17 +316,26 @@ class Structure:
             roots, np.zeros(roots.size), shapes, base, system.M @ shapes, errors, _EPS
         )
 
-    @staticmethod
-    def _placed(W: Floats, solved: Floats, walls: Floats) -> Floats:
+    def _placed(self, contacts: tuple[Contact, ...], W: Floats, solved: Floats) -> Floats:
         """Return the combination of the columns ``M^-1 W^T`` that is at the walls, shape (dof,).
 
-        Coordinates that are nearly the same would leave it far from them: it is refined.
+        Of coordinates that are nearly the same a few digits would be lost: what is left is computed
+        exactly, until nothing changes.
         """
         base, among = np.zeros(W.shape[1]), W @ solved
         for _ in range(_REFINED):
-            left = walls - W.astype(np.longdouble) @ base
-            base += solved @ np.linalg.solve(among, left.astype(np.float64))
+            left = [self._left(contact, base) for contact in contacts]
+            moved = base + solved @ np.linalg.solve(among, left)
+            if (moved == base).all():
+                break
+            base = moved
         return base
+
+    def _left(self, contact: Contact, x: Floats) -> float:
+        """Return how far the coordinate of a contact is from its wall, rounded once."""
+        terms = self.system.constraints[contact[0]].coordinate
+        y = sum((Fraction(w) * Fraction(float(x[dof])) for dof, w in terms), Fraction(0))
+        return float(Fraction(self.wall(contact)) - y)
 
     def wall(self, contact: Contact) -> float:
         """Return where the coordinate of a contact is."""

@@ -55,16 +55,16 @@ def test_no_frequency_is_above_the_bound(form: Form, *, diagonal: bool) -> None:
     assert largest <= largest_frequency(system) <= 2.0 * largest
 
 
-def test_the_mass_matrix_is_factorized_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """For checks, bounds and the same structure with other limiters; other processes do it anew."""
+def test_factors_of_the_mass_matrix_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For bounds, and the same structure with other limiters; another process makes its own."""
     made = list[SymmetricMatrix]()
-    factorize = SymmetricMatrix.factorize_definite
+    factorize = SymmetricMatrix.factorize
 
-    def counted(matrix: SymmetricMatrix) -> Solve:
+    def counted(matrix: SymmetricMatrix, *, definite: bool = False) -> Solve:
         made.append(matrix)
-        return factorize(matrix)
+        return factorize(matrix, definite=definite)
 
-    monkeypatch.setattr(SymmetricMatrix, "factorize_definite", counted)
+    monkeypatch.setattr(SymmetricMatrix, "factorize", counted)
     system = System(consistent_mass(), stiffness(Form.SPARSE), ())
     bound = largest_frequency(system)
     b = np.arange(float(N))

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.truth import histories
-from vibroimpact_solvers import presets
+from vibroimpact_solvers import presets, spectrum
 from vibroimpact_solvers import time_history as th
-from vibroimpact_solvers.model import Constraint, System
+from vibroimpact_solvers.arrays import EPS
+from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.time_history import planning
+from vibroimpact_solvers.time_history.basis import COLUMNS
+from vibroimpact_solvers.time_history.history import new_history
+from vibroimpact_solvers.time_history.run import Arrays, Run
+from vibroimpact_solvers.time_history.structure import Structure
 
 CONTACTS = frozenset({"contacts", "impacts"})
 
@@ -220,3 +226,52 @@ def test_rests_whose_error_was_stated_too_small(document: dict[str, Any]) -> Non
     """
     report = histories.checked(document)
     assert report.ratios["contact rest"]
+
+
+@pytest.mark.parametrize("apart", [1e-2, 1e-3, 1e-4, 1e-5])
+def test_what_rests_at_limiters_that_are_nearly_the_same_is_where_they_are(apart: float) -> None:
+    """Two masses pressed to two walls, whose directions hardly differ."""
+    walls = Fraction(0.3), Fraction(0.3 + 0.7 * apart)
+    rows = [[Fraction(1.0), Fraction(0.4)], [Fraction(1.0), Fraction(0.4 + apart)]]
+    # Of w x = c for both.
+    second = (walls[1] - walls[0]) / (rows[1][1] - rows[0][1])
+    true = [walls[0] - rows[0][1] * second, second]
+    limiters = [
+        Constraint((0, 1), (float(a), float(b)), None, float(wall), 0.0)
+        for (a, b), wall in zip(rows, walls, strict=True)
+    ]
+    K = SymmetricMatrix.dense([[0.3, 0.05], [0.05, 0.2]])
+    # Pressed along both, by what is between their directions.
+    force = np.array([3.0, 3.0 * (0.4 + 0.5 * apart)]) + K @ np.array([float(x) for x in true])
+    system = System(SymmetricMatrix.diagonal([1.0, 1.3]), K, tuple(limiters), force=force)
+    start = th.State(np.array([float(x) for x in true]), np.zeros(2))
+    problem = th.Problem(
+        system, start, 2.0, t=np.array([2.0]), outputs=frozenset({"x", "contacts"})
+    )
+    result = th.solve(problem, th.plan(problem))
+    assert result.x is not None
+    assert result.error_x is not None
+    assert result.contact_rest is not None
+    assert result.contact_rest.size == 2
+    for x, error, exact in zip(result.x[0].tolist(), result.error_x[0], true, strict=True):
+        assert abs(Fraction(x) - exact) <= error
+        assert error <= 4.0 * EPS * float(true[1])
+
+
+def test_roundings_of_different_contacts_have_signs_of_their_own() -> None:
+    system = System(
+        SymmetricMatrix.diagonal([1.0, 1.0, 1.0]), SymmetricMatrix.diagonal([1.0, 2.0, 3.0]),
+        (Constraint.at(0, 1.0), Constraint.at(1, 1.0)),
+    )  # fmt: skip
+    x = np.array([1.0, 0.9, 0.8])
+    problem = th.Problem(system, th.State(x, 0.1 * x), 1.0, t=np.array([1.0]))
+    structure = Structure.of(system, spectrum.Method.DIAGONAL, 1.0)
+    seen = set()
+    every = [(0, -1)], [(0, 1)], [(1, -1)], [(1, 1)], [(0, 1), (1, 1)], [(0, -1), (1, 1)], []
+    for contacts in every:
+        run = Run(structure, Arrays(structure, COLUMNS, 3), problem, new_history(problem, 1))
+        run.Z[:] = 1.0
+        run.configuration = structure.configuration(frozenset(contacts))
+        run.Z = np.ones((1 + COLUMNS, 2, run.configuration.basis.pairs))
+        seen.add(np.sign([dx for dx, _ in run._roundings()]).tobytes())
+    assert len(seen) == len(every)
