@@ -114,10 +114,10 @@ def _turn_deviations(
     factor, impulse = wall.factor, -wall.factor * speed
     together = struck.size > 1 or one.hop_error > 0.0 or abs(one.room) > 2.0 * rounding
     place = wall.size + abs(one.room) / EPS if together else wall.size
-    # Where it was found to be at its wall: another sum of the same terms at every impact.
-    found = one.hop_error
-    if found == 0.0:
-        found = magnitude(watched.coordinate[i], motion.z)
+    # Where it is taken to be at its wall: another sum of the same terms at every impact.
+    misplaced = one.hop_error
+    if misplaced == 0.0:
+        misplaced = magnitude(watched.coordinate[i], motion.z)
     late = 0.0
     for c in range(deviations.shape[0]):
         dz, kick_error = deviations[c], errors.kicks[c, i]
@@ -125,7 +125,7 @@ def _turn_deviations(
         # That of their distance makes what goes to and fro between two walls drift.
         dy += -place if c & 1 else one.side * place
         signs = errors.signs[(row + c + 1) % errors.signs.shape[0]]
-        dy += found * signs[Z2, _FIRST]
+        dy += misplaced * signs[Z2, _FIRST]
         if at_wall:
             dy = 0.0
         faster = acceleration * dy / speed
