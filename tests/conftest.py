@@ -150,7 +150,8 @@ class PostgreSQL:
     def stop(self) -> None:
         """Stop it and remove its data."""
         if self.process is not None and self.process.poll() is None:
-            self.process.send_signal(signal.SIGINT)
+            # At once: a checkpoint of what is removed next may take longer than its disk allows.
+            self.process.send_signal(signal.SIGQUIT)
             self.process.wait(30)
         shutil.rmtree(self.folder)
 
