@@ -126,6 +126,12 @@ def test_rattling_between_close_stops(seed: int) -> None:
     assert report.counts["horizon at the end"] == 1
 
 
+def test_a_velocity_between_soft_limiters_whose_error_was_stated_too_small() -> None:
+    report = Report()
+    SETS["soft"].check(SETS["soft"].case(112, 96), report)
+    assert not report.failures
+
+
 def test_motions_between_soft_limiters_are_what_they_are_said_to_be() -> None:
     report = outcome("soft", 6, lambda case: kind(case) in {"plain", "damped"})
     assert not report.failures

@@ -29,6 +29,8 @@ _CROSSING: Final = 0.5
 """Of what distances of pairs make of a number, in its error at least."""
 _AT_LEAST: Final = 0.125
 """Of the largest distance of all pairs, in that of each."""
+_RATES: Final = 1.5
+"""Of the largest distance of velocities: they change fast, and output times are few."""
 _TIMES: Final = 256  # output times at a time
 
 
@@ -96,7 +98,7 @@ def stated(
         place, rate = (
             distance.of(form(rows), basis) for form in (basis.displacement, basis.velocity)
         )
-        return np.maximum(place, LEAST), np.maximum(structure.scale * rate, LEAST)
+        return np.maximum(place, LEAST), np.maximum(_RATES * structure.scale * rate, LEAST)
 
     each = np.where(known, 1.0, np.inf)
     if outputs & {"x", "v"}:
