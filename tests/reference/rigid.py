@@ -149,7 +149,7 @@ class _Configuration:
         while size > 1e-70 and terms < _DEGREE:
             terms += 1
             size *= grown / terms
-        # Of what no spring holds and a load pushes all terms are small, and the last ones zero.
+        # Of what no spring holds and a load pushes, all terms are small, and the last ones zero.
         terms = max(terms, min(self.A.nrows(), _DEGREE))
         Ah, term, total = self.A * h, z, z
         for k in range(1, terms + 1):

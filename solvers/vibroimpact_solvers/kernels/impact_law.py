@@ -116,7 +116,7 @@ def _turn_deviations(
     place = wall.size + abs(one.room) / EPS if together else wall.size
     # Where it is taken to be at its wall: another sum of the same terms at every impact.
     misplaced = one.hop_error
-    if misplaced == 0.0:
+    if misplaced == 0.0 and deviations.shape[0] > 0:
         misplaced = magnitude(watched.coordinate[i], motion.z)
     late = 0.0
     for c in range(deviations.shape[0]):

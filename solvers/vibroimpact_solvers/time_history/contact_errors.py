@@ -27,8 +27,8 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.kernels.deviations import SAFETY
+from vibroimpact_solvers.kernels.output_errors import passage
 from vibroimpact_solvers.kernels.rigid_state import Rows
-from vibroimpact_solvers.kernels.stated_lengths import passage
 from vibroimpact_solvers.time_history.problem import Problem
 from vibroimpact_solvers.time_history.stated_errors import StatedErrors, lengths
 from vibroimpact_solvers.time_history.structure import Configuration, Contact, Structure

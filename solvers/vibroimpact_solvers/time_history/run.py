@@ -502,7 +502,7 @@ class Run:
             rest.impulse += answer * self.scale**2
             if answer:
                 share = answer / float(impact.impulses[0])
-                rest.impulse_error += error * share + self._unshared(contact, other) * given
+                rest.impulse_error += error * share + self._answer_rounding(contact, other) * given
             if leaving[place] > 1e-14 * abs(impact.speed):
                 self._tear_off(other)
         self._begin_contacts(self._at_walls(x, impact.after), contact, {})
@@ -522,7 +522,7 @@ class Run:
         row["deviation"] = max(growth, self.growth)
         self._add_impact(row)
 
-    def _unshared(self, struck: Contact, other: Contact) -> float:
+    def _answer_rounding(self, struck: Contact, other: Contact) -> float:
         """Return the rounding of the part of an impulse that a contact answers."""
         mobility = self.structure.mobility.diagonal()
         return _CONVERTED * EPS * math.sqrt(float(mobility[struck[0]] / mobility[other[0]]))

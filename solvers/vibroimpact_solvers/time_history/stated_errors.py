@@ -21,8 +21,8 @@ from typing import Any, Final
 import numpy as np
 
 from vibroimpact_solvers.arrays import EPS, Floats, Integers
+from vibroimpact_solvers.kernels.output_errors import impact_errors, state_errors
 from vibroimpact_solvers.kernels.rigid_state import Rows
-from vibroimpact_solvers.kernels.stated_lengths import impact_errors, state_errors
 from vibroimpact_solvers.time_history.basis import Basis
 from vibroimpact_solvers.time_history.problem import Problem, tolerance_of
 from vibroimpact_solvers.time_history.structure import Configuration, Structure

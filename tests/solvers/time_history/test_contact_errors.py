@@ -270,7 +270,6 @@ def test_roundings_of_different_contacts_have_signs_of_their_own() -> None:
     every = [(0, -1)], [(0, 1)], [(1, -1)], [(1, 1)], [(0, 1), (1, 1)], [(0, -1), (1, 1)], []
     for contacts in every:
         run = Run(structure, Arrays(structure, COLUMNS, 3), problem, new_history(problem, 1))
-        run.Z[:] = 1.0
         run.configuration = structure.configuration(frozenset(contacts))
         run.Z = np.ones((1 + COLUMNS, 2, run.configuration.basis.pairs))
         seen.add(np.sign([dx for dx, _ in run._roundings()]).tobytes())

@@ -174,8 +174,7 @@ def test_errors_are_those_of_their_own_time() -> None:
     assert result.error_x is not None
     assert result.error_impact_time is not None
     assert result.error_x[0, 0] < 0.1 * result.error_x[-1, 0]
-    error = result.error_x[:, 0]
-    assert (error >= 0.9 * np.maximum.accumulate(error)).all()
+    assert (np.diff(result.error_x[:, 0]) >= 0.0).all()
     for until in (4.0, 8.0):
         shorter = th.Problem(system, start, until, t=t[t < until], outputs=outputs)
         part = th.solve(shorter, th.plan(shorter))

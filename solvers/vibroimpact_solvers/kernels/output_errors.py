@@ -1,4 +1,4 @@
-"""Errors of states as lengths, and what those before impacts make of the impacts."""
+"""Errors of histories and impacts, by the lengths of the errors of their states."""
 
 from __future__ import annotations
 

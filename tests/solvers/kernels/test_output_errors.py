@@ -11,13 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vibroimpact_solvers.arrays import EPS, Floats
-from vibroimpact_solvers.kernels.rigid_state import IMPACT
-from vibroimpact_solvers.kernels.stated_lengths import (
+from vibroimpact_solvers.kernels.output_errors import (
     CONVERTED,
     impact_errors,
     passage,
     state_errors,
 )
+from vibroimpact_solvers.kernels.rigid_state import IMPACT
 
 SIZES = st.floats(1e-12, 1e6)
 REACH = np.array([[0.5], [2.0], [3.0], [0.25], [1e-16], [1.5]])
