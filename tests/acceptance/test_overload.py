@@ -82,7 +82,7 @@ def test_two_hundred_callers_are_answered_in_seconds(
     start: Callable[..., Any], tmp_path: Path
 ) -> None:
     """Each has work of some 0.2 s: who would wait for long is told so, as is readiness."""
-    service = start(tmp_path)
+    service = start(tmp_path, inline_threads="2")
     service.wait_ready()
     told: list[tuple[int, str]] = []
     over = threading.Event()
@@ -98,14 +98,20 @@ def test_two_hundred_callers_are_answered_in_seconds(
     unlimited = httpx2.Limits(max_connections=None, max_keepalive_connections=None)
     callers = httpx2.Client(base_url=service.url, timeout=60, limits=unlimited)
 
-    def call(number: int) -> tuple[httpx2.Response, float]:
-        content, began = request(100_000, 1.9 + number / 1000), time.monotonic()
+    served, lock = 0, threading.Lock()
+
+    def call(number: int) -> tuple[httpx2.Response, int]:
+        """Return an answer, and how many other callers were served while this one waited."""
+        nonlocal served
+        content, before = request(100_000, 1.9 + number / 1000), served
         answer = callers.post(MODES, json=content, headers={"Accept": HDF5})
-        return answer, time.monotonic() - began
+        with lock:
+            served += answer.status_code == 200
+            return answer, served - before
 
     watching = threading.Thread(target=watch)
     watching.start()
-    outcomes: list[tuple[httpx2.Response, float]] = []
+    outcomes: list[tuple[httpx2.Response, int]] = []
     with callers, ThreadPoolExecutor(200) as pool:
         # A row is full for as long as one of its requests takes, which may be between two looks.
         while not any("overloaded" in text for _, text in told) and len(outcomes) < 1000:
@@ -116,7 +122,7 @@ def test_two_hundred_callers_are_answered_in_seconds(
     counts = Counter(answer.status_code for answer, _ in outcomes)
     assert set(counts) == {200, 503}
     assert all(int(a.headers["Retry-After"]) >= 1 for a, _ in outcomes if a.status_code == 503)
-    assert max(seconds for _, seconds in outcomes) < 15.0  # 72 s where all wait, as in 0.1.0
+    assert max(served for _, served in outcomes) < 100  # 199 where all wait, as in 0.1.0
     assert any(status == 503 and "overloaded" in text for status, text in told)
     service.wait_ready()
     assert service.stop() == 0
@@ -173,14 +179,12 @@ def test_a_hundred_event_streams_end_with_the_service(
             assert opened.acquire(timeout=60)
         with httpx2.Client(base_url=service.url, timeout=60) as http:
             assert http.get("/v1/health/live").is_success
-        began = time.monotonic()
         service.process.send_signal(signal.SIGTERM)
-        service.process.wait(30)
-        spent = time.monotonic() - began
+        service.process.wait(60)
         texts = [each.result(10) for each in following]
     assert service.stop() == 0
-    assert spent < 20.0  # far below the minutes that the job would take
     assert all(b"event: job" in text for text in texts)
+    assert not any(b'"succeeded"' in text for text in texts)  # nobody waited for the job
     log = (tmp_path / "stderr.txt").read_text()
     assert "Traceback" not in log
     with pytest.raises(httpx2.ConnectError):

@@ -103,10 +103,8 @@ def test_workers_of_the_script_do_a_job(
     assert f"memory {1024 * 2**20}\n" in output.read_text()
 
     # SLURM sends SIGTERM to the processes of the step 60 s before the time is up.
-    began = time.monotonic()
     os.killpg(batch.pid, signal.SIGTERM)
     batch.wait(60)
-    assert time.monotonic() - began < 60
     end = time.monotonic() + 60
     while service.http.get("/v1/health/ready").status_code != 503:
         assert time.monotonic() < end, "workers are left"

@@ -26,7 +26,7 @@ def broken() -> Table:
 
 def slow() -> Table:
     """Take for ever."""
-    time.sleep(60.0)
+    time.sleep(3600.0)
     return sound()
 
 
@@ -53,9 +53,7 @@ def test_progress_is_said() -> None:
 
 
 def test_one_that_takes_too_long_is_given_up() -> None:
-    started = time.monotonic()
     failed, said = run("slow", "sound", longest=0.2)
-    assert time.monotonic() - started < 20.0
     assert failed == 1
     assert "not done after 0.2 s" in said
     assert "Numbers" in said

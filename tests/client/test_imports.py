@@ -85,9 +85,19 @@ def test_the_plain_installation_is_the_client_and_small() -> None:
 
 
 def test_the_import_is_quick() -> None:
-    clock = "time.process_time()"
-    code = f"import time; began = {clock}; import vibroimpact; print({clock} - began)"
-    assert min(float(_run(code).stdout) for _ in range(3)) <= 0.4
+    code = """
+import time
+sys.path.insert(0, sys.argv[1])
+from tests.effort import usual
+
+def loading():
+    began = time.process_time()
+    import vibroimpact
+    return time.process_time() - began
+
+print(usual(loading))
+"""
+    assert any(float(_run(code, str(ROOT)).stdout) <= 0.4 for _ in range(5))
 
 
 def test_help_loads_no_drawing_library() -> None:

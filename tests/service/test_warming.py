@@ -127,11 +127,10 @@ def test_a_process_that_is_killed_is_started_once_more(
 
 
 def test_a_service_that_stops_does_not_wait(place: Path, notes: Path) -> None:
-    some, began = Warming(partial(noted, notes, seconds=60.0)), time.monotonic()
+    some = Warming(partial(noted, notes, seconds=3600.0))
     with some.in_background():
         while not attempts(notes):
             time.sleep(0.01)
-    assert time.monotonic() - began < 30
     assert not any(is_warm(place, kind) for kind in KINDS)
 
 

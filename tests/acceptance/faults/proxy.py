@@ -31,6 +31,8 @@ class Proxy:
         self._dropped: set[socket.socket] = set()
         self.cut = False
         """Whether new connections are dropped too."""
+        self.accepted = 0
+        """How many connections there have been."""
         threading.Thread(target=self._accept, daemon=True).start()
 
     def drop(self) -> None:
@@ -48,6 +50,7 @@ class Proxy:
         with suppress(OSError):  # as its closing is
             while True:
                 client, _ = self._listener.accept()
+                self.accepted += 1
                 try:
                     server = socket.create_connection(self._server)
                 except OSError:

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from starlette.testclient import TestClient
 
+from tests.effort import least
 from vibroimpact_schema.requests import ImpactModesRequest
 from vibroimpact_schema.sweeps import SweepRequest
 from vibroimpact_schema.systems import MatrixSystem
@@ -126,12 +127,16 @@ def test_factors_of_plans_are_bounded(M: Any, K: Any, pointer: str | None) -> No
     if pointer is None:
         limits.check_system(system, settings, "/system")
         return
-    began = time.thread_time()
-    with pytest.raises(ProblemError, match="operations") as refused:
-        limits.check_system(system, settings, "/system")
-    assert time.thread_time() - began < 1.0
-    assert refused.value.type.status == 413
-    assert refused.value.errors[0].pointer == pointer
+
+    def spent() -> float:
+        began = time.thread_time()
+        with pytest.raises(ProblemError, match="operations") as refused:
+            limits.check_system(system, settings, "/system")
+        assert refused.value.type.status == 413
+        assert refused.value.errors[0].pointer == pointer
+        return time.thread_time() - began
+
+    assert least(spent, 1.0) <= 1.0
 
 
 def test_results_are_bounded_and_spectra_are_not_results() -> None:

@@ -63,17 +63,18 @@ def test_not_everybody_waits_for_a_silent_database(proxy: Proxy) -> None:
         while not jobs._silence._next_trial:
             assert not trial.done()
             time.sleep(0.01)
+        before = proxy.accepted
         for call in (jobs.write_now, jobs.read_now, keys.read_now):
-            assert seconds_of(lambda call=call: call(one)) < 0.5  # type: ignore[misc]
+            with pytest.raises(RecordsUnavailableError):
+                call(one)
+        assert proxy.accepted <= before + 1  # that of the trial: nobody else has asked
         assert trial.result() > 1.0
     proxy.cut = False
-    mended = time.monotonic()
     while True:
         try:
             assert jobs.read_now(one) == 1
             break
         except RecordsUnavailableError:
-            assert time.monotonic() - mended < 10.0
             time.sleep(0.05)
     assert jobs.write_now(one) == keys.read_now(one) == 1
     jobs.close()
@@ -85,14 +86,14 @@ def test_what_waits_for_its_turn_does_not_wait_for_a_silent_database_too(proxy: 
     access.write_now(one)
     proxy.cut = True
     proxy.drop()
-    began = time.monotonic()
+    before = proxy.accepted
     first = access.submit(one)
     time.sleep(0.2)  # it is under way
     later = [access.submit(one) for _ in range(5)]
     for each in (first, *later):
         with pytest.raises(RecordsUnavailableError):
-            each.result(10.0)
-    assert time.monotonic() - began < 5.0
+            each.result(60.0)
+    assert proxy.accepted <= before + 2  # of the first one, and of those behind it together
     proxy.cut = False
     access.close()
 

@@ -12,7 +12,6 @@ import json
 import socket
 import ssl
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -252,6 +251,7 @@ def test_a_receiver_that_drips_holds_up_no_others(
     authorities.write_bytes(dripping.authority.read_bytes() + good.authority.read_bytes())
     settings = Settings(data=tmp_path, webhook_private=True, webhook_ca=authorities)
     access = RecordAccess(open_database(url))
+    monkeypatch.setattr(webhooks, "_SECONDS", 3600.0)  # none to the other one ends in this test
     hooks = webhooks.Webhooks(settings, access, sealing.of_settings(settings))
     names = [f"drip{i}" for i in range(40)]
     for new in (
@@ -260,36 +260,29 @@ def test_a_receiver_that_drips_holds_up_no_others(
     ):
         access.write_now(records.insert, new)
 
-    async def ended() -> float:
+    async def scenario() -> None:
         access.write_now(claims.claim, "me", "bulk", 50, 1000.0)
         access.write_now(claims.succeed, "me", [*names, "one"], False)
         sending = asyncio.create_task(hooks.loop())
-        began = asyncio.get_running_loop().time()
-        async with asyncio.timeout(20):
-            while not good.got or not dripping.got:
-                await asyncio.sleep(0.05)
-        seconds = asyncio.get_running_loop().time() - began
+        while not good.got or not dripping.got:
+            await asyncio.sleep(0.05)
         sending.cancel()
-        async with asyncio.timeout(5):  # whatever the receiver does
-            await asyncio.gather(sending, return_exceptions=True)
-        return seconds
+        # At once, whatever the receiver does, which goes on for as long as this test.
+        await asyncio.gather(sending, return_exceptions=True)
 
     def waiting(connection: sa.Connection) -> int:
         return int(connection.execute(sa.select(sa.func.count()).select_from(table)).scalar_one())
 
     try:
-        seconds = asyncio.run(ended())
-        assert seconds < webhooks._SECONDS  # no message to the other receiver had ended by then
+        asyncio.run(scenario())
         # What was on its way when the process stopped is still to be sent.
         assert access.read_now(waiting) >= len(names)
 
         trust = ssl.create_default_context(cafile=str(authorities))
         monkeypatch.setattr(webhooks, "_SECONDS", 1.0)
         head = webhooks.headers("drip0", SECRET, b"{}")
-        began = time.monotonic()
-        with pytest.raises(TimeoutError):
+        with pytest.raises(TimeoutError):  # or it would be read for ever
             asyncio.run(webhooks.send(dripping.url, head, b"{}", trust, True))
-        assert time.monotonic() - began < 5.0
     finally:
         access.close()
         dripping.close()

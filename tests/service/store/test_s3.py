@@ -133,10 +133,13 @@ def seconds_of(action: Callable[[], object]) -> float:
 
 @pytest.mark.usefixtures("silent")
 def test_a_request_to_a_silent_server_is_given_up() -> None:
-    """In time for the job to go elsewhere; later ones of a worker take as long."""
+    """In time for the job to go elsewhere; later ones of a worker take as long.
+
+    By default it would take minutes: attempts of a minute each.
+    """
     blocks = Store("s3://bucket/x").chunks
-    assert 2.0 < seconds_of(lambda: blocks.get(NAME)) < 20.0
-    assert 2.0 < seconds_of(lambda: blocks.get(NAME)) < 20.0
+    assert 2.0 < seconds_of(lambda: blocks.get(NAME)) < 60.0
+    assert 2.0 < seconds_of(lambda: blocks.get(NAME)) < 60.0
 
 
 @pytest.mark.usefixtures("silent")
@@ -149,7 +152,9 @@ def test_not_everybody_waits_for_a_silent_server() -> None:
         while not store._outage._silence._next_trial:
             assert not trial.done()
             time.sleep(0.01)
-        assert seconds_of(lambda: store.requests.put(NAME, b"block")) < 2.0
+        with pytest.raises(StoreUnavailableError):
+            store.requests.put(NAME, b"block")
+        assert not trial.done()  # nor has this one waited for the server
         assert trial.result() > 2.0
 
 
