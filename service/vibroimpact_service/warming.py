@@ -1,23 +1,23 @@
 """Compiling kernels before a request needs them, in processes of their own.
 
 A process of low priority solves problems of one kind of computation after another, so that every
-kernel they need is compiled and kept on disk (`kernels.cache`); a file beside the kernels marks
-that a kind is warm. While it compiles a kind, a process holds a lock on that file: several
-services that start at the same time share the work.
+kernel they need is compiled and kept on disk (`kernels.cache`); a file beside the kernels says
+which of them a kind needs, so that it is warm as long as these are there. While it compiles a
+kind, a process holds a lock on it: several services that start at the same time share the work.
 """
 
 from __future__ import annotations
 
 import fcntl
 import functools
-import hashlib
 import multiprocessing
 import os
 import signal
+import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from multiprocessing.process import BaseProcess
@@ -34,7 +34,7 @@ from vibroimpact_service.jobs import forkserver
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.store import Store
 from vibroimpact_service.warming_problems import PROBLEMS
-from vibroimpact_solvers.kernels import cache, threads
+from vibroimpact_solvers.kernels import cache, files, threads
 
 State = Literal["warming", "warm", "failed"]
 
@@ -208,11 +208,12 @@ class Warming:
 
 
 def is_warm(place: Path, kind: str) -> bool:
-    """Whether the kernels of a kind are in a folder, compiled by this version."""
-    try:
-        return mark(place, kind).read_text() == _VERSION
-    except OSError:
-        return False
+    """Whether the kernels of a kind are in a folder, compiled from the sources of this process."""
+    present = set(cache.folders().values())
+    return any(
+        release == _VERSION and all(each in present and (place / each).is_dir() for each in modules)
+        for release, *modules in _marks(place, kind)
+    )
 
 
 @functools.cache
@@ -240,20 +241,61 @@ def compile_kind(place: Path, kind: str, solve: Callable[[str], None]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process ends this one
     logs.to_stderr()
     os.nice(_NICENESS)
-    with _locked(mark(place, kind)):
+    with _locked(lock_file(place, kind)):
         if not is_warm(place, kind):
             solve(kind)
-            mark(place, kind).write_text(_VERSION)
+            note_warm(place, kind, loaded())
 
 
-def mark(place: Path, kind: str) -> Path:
-    """Return the file that marks that a kind is warm for this installation.
+def loaded() -> list[str]:
+    """Return the folders of the kernels that this process has compiled or read."""
+    modules = {name: sys.modules[name] for name in cache.folders() if name in sys.modules}
+    kernels = [each for module in modules.values() for each in vars(module).values()]
+    kept = (each.stats.cache_path for each in kernels if getattr(each, "signatures", ()))
+    return sorted({Path(each).name for each in kept if each is not None})
 
-    Numba keeps kernels by the place of their sources, and finds none of another installation that
-    shares the folder.
+
+def note_warm(place: Path, kind: str, modules: Iterable[str] = ()) -> None:
+    """Write down that the kernels of a kind are compiled.
+
+    Parameters
+    ----------
+    place : Path
+        Folder of the kernels.
+    kind : str
+    modules : iterable of str
+        Folders in it of all kernels that the kind needs.
     """
-    installation = hashlib.sha256(str(cache.KERNELS).encode()).hexdigest()[:16]
-    return place / f"{kind}-{installation}{cache.WARM}"
+    others = [
+        mark for mark in _marks(place, kind) if all((place / each).is_dir() for each in mark[1:])
+    ]
+    marks = {" ".join(mark): None for mark in (*others, (_VERSION, *modules))}
+    file = mark_file(place, kind)
+    passing = file.with_name(f".{file.name}-{os.getpid()}")
+    passing.write_text("".join(f"{mark}\n" for mark in marks))
+    passing.replace(file)
+
+
+def mark_file(place: Path, kind: str) -> Path:
+    """Return the file that says what a kind needs: a line for each state of the sources.
+
+    Several installations may share the folder. A line holds the version and the folders of all
+    modules with kernels that the kind needs; one that is not complete counts for nothing.
+    """
+    return place / f"{kind}{files.WARM}"
+
+
+def lock_file(place: Path, kind: str) -> Path:
+    """Return the file on which a process holds a lock while it compiles a kind."""
+    return place / f"{kind}.lock"
+
+
+def _marks(place: Path, kind: str) -> list[list[str]]:
+    try:
+        lines = mark_file(place, kind).read_text().splitlines(keepends=True)
+    except (OSError, ValueError):
+        return []
+    return [line.split() for line in lines if line.endswith("\n") and line.strip()]
 
 
 @contextmanager

@@ -45,7 +45,7 @@ def files(tree: Path) -> Iterator[tuple[Path, os.stat_result]]:
 def kernels(tree: Path) -> dict[str, bytes]:
     """Return the compiled kernels below a folder, by name."""
     (place,) = tree.glob("**/compiled-*")
-    kept = (path for path in place.rglob("*") if path.is_file() and path.name != "used")
+    kept = (path for path in place.rglob("*") if path.suffix in {".nbi", ".nbc", ".warm"})
     return {str(path.relative_to(place)): path.read_bytes() for path in kept}
 
 

@@ -30,6 +30,7 @@ from vibroimpact_service.results.representations import JSON
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 from vibroimpact_service.warming import Warming, is_warm
+from vibroimpact_solvers.kernels import cache
 
 
 @pytest.fixture
@@ -37,7 +38,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return the folder of the kernels."""
     folder = tmp_path / "kernels"
     folder.mkdir()
-    monkeypatch.setattr("vibroimpact_solvers.kernels.cache.folder", lambda: folder)
+    monkeypatch.setattr("vibroimpact_solvers.kernels.cache.folder", lambda *_: folder)
     return folder
 
 
@@ -134,26 +135,73 @@ def test_a_service_that_stops_does_not_wait(place: Path, notes: Path) -> None:
     assert not any(is_warm(place, kind) for kind in KINDS)
 
 
-def test_half_a_mark_marks_nothing(place: Path) -> None:
-    warming.mark(place, "sweep").write_text("0.")
+@pytest.mark.parametrize("text", ["", "0.", version("vibroimpact"), "0.1.0\n", "\n", "\0\n"])
+def test_half_a_mark_marks_nothing(place: Path, text: str) -> None:
+    warming.mark_file(place, "sweep").write_text(text)
+    assert not is_warm(place, "sweep")
+    warming.note_warm(place, "sweep")
+    assert is_warm(place, "sweep")
+    warming.mark_file(place, "sweep").write_bytes(b"\xff\xfe")
     assert not is_warm(place, "sweep")
 
 
-def test_marks_of_another_installation_mark_nothing(
+def test_a_kind_is_warm_as_long_as_the_kernels_it_needs_are_there(
     place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Numba keeps kernels by the place of their sources: those of another one are not found."""
-    warming.mark(place, "sweep").write_text(version("vibroimpact"))
+    """Installations that share a folder each have theirs, and what both need is there once."""
+    first = {"kernels.flow": "flow-1", "kernels.bands": "bands-1", "kernels.waves": "waves-1"}
+    second = first | {"kernels.flow": "flow-2", "kernels.waves": "waves-2"}
+    for name in ("flow-1", "bands-1"):
+        (place / name).mkdir()
+    monkeypatch.setattr(cache, "folders", lambda: first)
+    warming.note_warm(place, "sweep", ["bands-1", "flow-1"])
+    warming.note_warm(place, "resonances", ["bands-1"])
     assert is_warm(place, "sweep")
-    monkeypatch.setattr("vibroimpact_solvers.kernels.cache.KERNELS", Path("/elsewhere/kernels"))
-    assert not is_warm(place, "sweep")
-    warming.mark(place, "sweep").write_text(version("vibroimpact"))
-    monkeypatch.undo()
+    monkeypatch.setattr(cache, "folders", lambda: second)
+    assert not is_warm(place, "sweep")  # it would compile what imports another flow
+    assert is_warm(place, "resonances")
+    (place / "flow-2").mkdir()
+    warming.note_warm(place, "sweep", ["bands-1", "flow-2"])
+    assert is_warm(place, "sweep")
+    monkeypatch.setattr(cache, "folders", lambda: first)
     assert is_warm(place, "sweep")  # both keep theirs
+    (place / "flow-1").rmdir()
+    assert not is_warm(place, "sweep")
+    warming.note_warm(place, "sweep", ["bands-1"])
+    assert warming.mark_file(place, "sweep").read_text().count("\n") == 2  # flow-1 is forgotten
+
+
+NEEDED = """
+from pathlib import Path
+import numba
+from vibroimpact_solvers.kernels import cache
+from vibroimpact_service import warming
+from vibroimpact_service.kinds import KINDS
+
+place = cache.folder()
+warming.compile_kind(place, "resonances", warming.solve_problems)
+warming.compile_kind(place, "slow-flow", warming.solve_problems)
+for kind in ("resonances", "slow-flow"):
+    (line,) = warming.mark_file(place, kind).read_text().splitlines()
+    print(kind, *(name.partition("-")[0] for name in line.split()[1:]))
+"""
+
+
+def test_what_a_kind_needs_is_what_it_called(tmp_path: Path) -> None:
+    """Counted by the files that numba has written."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", NEEDED],
+        env=environment, check=True, timeout=240, stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    nothing, needed = done.stdout.splitlines()
+    assert nothing == "resonances"
+    written = {file.parent.name.partition("-")[0] for file in tmp_path.glob("*/*/*.nbi")}
+    assert written == set(needed.split()[1:]) == {"damped_walls", "elastic_walls", "lossy_walls"}
 
 
 def test_nowhere_to_keep_kernels(runner: CliRunner, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("vibroimpact_solvers.kernels.cache.folder", lambda: None)
+    monkeypatch.setattr("vibroimpact_solvers.kernels.cache.folder", lambda *_: None)
     outcome = runner.invoke(cli.app, ["warm"])
     assert outcome.exit_code == 3
     assert "NUMBA_CACHE_DIR" in outcome.output
@@ -221,12 +269,22 @@ def test_plans_compile_nothing(tmp_path: Path) -> None:
 
 
 def test_what_needs_missing_kernels_becomes_a_job(
-    settings: Settings, store: Store, queue: Any, request_body: dict[str, Any]
+    settings: Settings,
+    store: Store,
+    queue: Any,
+    request_body: dict[str, Any],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    async def over(owner: str, job: str, seconds: float) -> JobRow:
+        """Return as if the time were over."""
+        row: JobRow = queue.rows[job]
+        return row
+
+    monkeypatch.setattr(queue, "wait", over)
     cold = Warming()
     cold.states["impact-modes"] = "warming"
     chosen = settings.model_copy(
-        update={"inline_overrun_seconds": 0.05, "on_submission_seconds": 1.0}
+        update={"inline_overrun_seconds": 60.0, "on_submission_seconds": 60.0}
     )
     use = Evaluation(chosen, store, queue, Metrics(JobMetrics().registry), cold)
     free = Admission(lambda *_: asyncio.sleep(0), True)

@@ -1,9 +1,11 @@
-"""Where compiled kernels are kept: a folder of its own for everything that decides their code.
+"""Where compiled kernels are kept: a folder for each module, named by all that decides its code.
 
-Numba stamps a compiled function with the file it stands in alone. A function that is compiled
-into others may stand elsewhere: once it changes, those would keep the code they had, and a new
-version would compute the numbers of an old one. Therefore the name of the folder carries a hash
-of the sources of all kernels, of the compilers and of the processor.
+Numba stamps a compiled function with the file it stands in alone, and with its line. A function
+that is compiled into others may stand elsewhere: once it changes, those would keep the code they
+had, and a new version would compute the numbers of an old one; and a comment would have everything
+below it compiled anew. Therefore the folders are named by what code really depends on: one for
+compilers, processor and Python, and in it one for each module, by its syntax and that of all it
+imports (`sources`). Equal sources share their kernels, wherever they are installed.
 """
 
 from __future__ import annotations
@@ -11,58 +13,65 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
-import shutil
+import re
+import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
 import llvmlite
 import numba
+import numpy as np
 import platformdirs
+import scipy
 from llvmlite import binding
+from numba.core.caching import UserProvidedCacheLocator
+
+from vibroimpact_solvers.kernels import files
+from vibroimpact_solvers.kernels.sources import Sources
 
 KERNELS: Final = Path(__file__).parent
 """The package whose functions are compiled."""
 _config: Any = numba.config  # its stubs do not know the variables
 _PREFIX: Final = "compiled-"
-_USED: Final = "used"  # a file that is touched by each process
-WARM: Final = ".warm"
-"""Ending of the files that mark what is compiled completely; they vanish with any damaged file."""
-_PICKLE_END: Final = b"."
-_UNUSED_SECONDS: Final = 30 * 86400.0
-"""Time without use after which a folder of some other version, shared by a user, is removed."""
+_FORMER: Final = re.compile(f"{_PREFIX}[0-9a-f]{{16}}")
+"""Folders of releases up to 0.2.0, which held the kernels of one state of all sources."""
+_DAY: Final = 86400.0
+_UNUSED_SECONDS: Final = 30 * _DAY
+"""Time without use after which what another installation or compiler may need is removed."""
+_OPTIONS: Final = (
+    "OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "ENABLE_AVX", "DISABLE_INTEL_SVML", "BOUNDSCHECK",
+    "DEBUGINFO_DEFAULT", "LLVM_REFPRUNE_FLAGS", "EXTEND_VARIABLE_LIFETIMES",
+)  # fmt: skip
+"""Settings of numba that change the code: what is compiled under one must not serve another."""
+_seen: dict[Path, dict[str, str]] = {}
+"""Fingerprints of modules when this process first asked: it runs the sources of that time."""
 
 
-def fingerprint(sources: Path = KERNELS) -> str:
-    """Return a hash of all that decides the compiled code of a folder of sources.
-
-    Parameters
-    ----------
-    sources : Path
-        Folder with Python files.
-    """
+def environment() -> str:
+    """Return the name of all that decides compiled code besides its sources."""
     _choose_processor()
     processor = _config.CPU_NAME or binding.get_host_cpu_name()
     features = _config.CPU_FEATURES
     if features is None and not _config.CPU_NAME:
         features = binding.get_host_cpu_features().flatten()
-    parts = [numba.__version__, llvmlite.__version__, processor, features or ""]
-    digest = hashlib.sha256("\n".join(parts).encode())
-    for file in sorted(sources.glob("*.py")):
-        digest.update(f"\n{file.name}\n".encode())
-        digest.update(file.read_bytes())
-    return digest.hexdigest()[:16]
+    # Tables that are computed with numpy and scipy enter the code as constants.
+    parts = [each.__version__ for each in (numba, llvmlite, np, scipy)]
+    parts += [processor, features or ""]
+    parts += [f"{name}={getattr(_config, name, None)}" for name in _OPTIONS]
+    python = f"{sys.implementation.cache_tag}{sys.abiflags}"
+    return f"{python}-{hashlib.sha256(chr(10).join(parts).encode()).hexdigest()[:16]}"
 
 
 def folder(package: Path = KERNELS, user: Path | None = None) -> Path | None:
-    """Return the folder for the compiled kernels of this version; remove those of others.
+    """Return the folder for compiled kernels; remove what is of no use any more.
 
     It lies where ``NUMBA_CACHE_DIR`` says or, without it, in the package's folder or, where that
-    cannot be written to, among the user's caches. Numba does not even read from a folder that it
-    cannot write to: what was compiled into the package's folder, as when an image was built, is
-    then copied. Outside the package, several installations may meet: there, others are removed
-    after a month without use.
+    cannot be written to, among the user's caches. There, what was compiled into the package's
+    folder, as when an image was built, is copied to. In the package's folder, kernels of other
+    sources are removed at once, and those of other compilers after a month without use; outside
+    of it, several installations may meet, and only what was not used for a month is removed.
 
     Parameters
     ----------
@@ -76,34 +85,86 @@ def folder(package: Path = KERNELS, user: Path | None = None) -> Path | None:
     Path or None
         None: nothing can be written, and kernels are compiled anew in each process.
     """
-    name = _PREFIX + fingerprint(package)
+    name = _PREFIX + environment()
     inside = package / "__pycache__"
-    if not _config.CACHE_DIR and _made(inside / name):
+    if not _config.CACHE_DIR and files.made(inside / name):
         outdated = [*inside.glob("*.nbi"), *inside.glob("*.nbc")]  # of releases up to 0.1.0
-        _remove([*outdated, *_others(inside, name), *_damaged(inside / name)])
+        outdated += [each for each in _others(inside, name) if _FORMER.fullmatch(each.name)]
+        present = _read(package, inside / name)
+        outdated += [each for each in _modules(inside / name) if each.name not in present]
+        files.remove([*outdated, *_unused(inside, name), *files.damaged(inside / name)])
         return inside / name
     outside = user or platformdirs.user_cache_path("vibroimpact", appauthor=False)
     if _config.CACHE_DIR:
         outside = Path(_config.CACHE_DIR)
-    elif (inside / name).is_dir() and not (outside / name).exists():
-        _copy(inside / name, outside / name)
-    if not _made(outside / name):
+    if not files.made(outside / name):
         return None
+    if not _config.CACHE_DIR:
+        files.copy(inside / name, outside / name)
+    present = _read(package, outside / name)
     oldest = time.time() - _UNUSED_SECONDS
-    _remove(other for other in _others(outside, name) if _used(other) < oldest)
-    _remove(_damaged(outside / name))
+    old = (each for each in _modules(outside / name) if not _note_use(each, present, oldest))
+    files.remove([*old, *_unused(outside, name), *files.damaged(outside / name)])
     return outside / name
+
+
+def folders(package: Path = KERNELS) -> Mapping[str, str]:
+    """Return the names of the folders of modules, by the full names of the modules.
+
+    They are those of the sources that this process runs, whatever has become of the files since.
+    """
+    if package not in _seen:
+        _read(package, folder(package))
+    return _seen[package]
 
 
 @contextlib.contextmanager
 def kept_in(place: Path) -> Iterator[None]:
     """Let numba keep the functions that are declared meanwhile in a folder."""
-    before = _config.CACHE_DIR
+    before = _config.CACHE_DIR, _config.CACHE_LOCATOR_CLASSES
     _config.CACHE_DIR = str(place)
+    _config.CACHE_LOCATOR_CLASSES = f"{__name__}.{Locator.__name__}"
     try:
         yield
     finally:
-        _config.CACHE_DIR = before
+        _config.CACHE_DIR, _config.CACHE_LOCATOR_CLASSES = before
+
+
+class Locator(UserProvidedCacheLocator):
+    """Tells numba where it keeps a function: in the folder of its module, whatever its line."""
+
+    def __init__(self, function: Any, file: str) -> None:
+        super().__init__(function, file)  # type: ignore[no-untyped-call]
+        self._folder = folders()[function.__module__]
+        self._place = Path(_config.CACHE_DIR) / self._folder
+
+    @classmethod
+    def from_function(cls, function: Any, file: str) -> Locator:
+        """Return the locator of a function; `folder` has found that files can be written."""
+        return cls(function, file)
+
+    def get_cache_path(self) -> str:
+        """Return the folder."""
+        return str(self._place)
+
+    def get_source_stamp(self) -> str:
+        """Return what differs once the function does; it is in the name of the folder."""
+        return self._folder
+
+    def get_disambiguator(self) -> str:
+        """Return what tells functions of one name in one module apart; there are none."""
+        return "kernel"
+
+
+def _read(package: Path, place: Path | None) -> set[str]:
+    """Return the names of the folders of all modules, as they are now."""
+    sources = Sources(package.parent, place / files.DIGESTS if place else None)
+    names = {
+        name: f"{name.rpartition('.')[2]}-{fingerprint}"
+        for name, fingerprint in sources.fingerprints(package).items()
+    }
+    _seen.setdefault(package, names)
+    return set(names.values())
 
 
 def _choose_processor() -> None:
@@ -118,65 +179,25 @@ def _choose_processor() -> None:
         _config.CPU_NAME = _config.CPU_FEATURES = None
 
 
-def _copy(source: Path, place: Path) -> None:
-    """Copy a folder as a whole, as far as it is permitted: other processes may be at it."""
-    passing = place.with_name(f".{place.name}-{os.getpid()}")
-    try:
-        shutil.copytree(source, passing, ignore=shutil.ignore_patterns(_USED))
-        passing.rename(place)
-    except OSError:  # nothing can be written there, or another process was first
-        shutil.rmtree(passing, ignore_errors=True)
+def _note_use(place: Path, present: set[str], oldest: float) -> bool:
+    """Take note that the folder of a module is used; return whether it was within the time."""
+    modified = files.modified(place)
+    if place.name in present and modified < time.time() - _DAY:
+        with contextlib.suppress(OSError):
+            os.utime(place)
+    return place.name in present or modified >= oldest
 
 
-def _damaged(place: Path) -> list[Path]:
-    """Return the files that a crash of the machine cut short, and with them all marks.
-
-    Numba would fail to read them, again and again. It writes each as a whole, but does not wait
-    until it is on disk.
-    """
-    files = [file for pattern in ("*/*.nbi", "*/*.nbc") for file in place.glob(pattern)]
-    damaged = [file for file in files if not _ends(file)]
-    return [*damaged, *place.glob(f"*{WARM}")] if damaged else []
+def _modules(place: Path) -> list[Path]:
+    """Return the folders of modules."""
+    return [each for each in place.iterdir() if each.is_dir()]
 
 
-def _ends(file: Path) -> bool:
-    """Whether a pickled object in a file is there to its end."""
-    try:
-        with file.open("rb") as content:
-            content.seek(-1, os.SEEK_END)
-            return content.read() == _PICKLE_END
-    except FileNotFoundError:  # another process removed it
-        return True
-    except OSError:
-        return False
-
-
-def _made(place: Path) -> bool:
-    """Make a folder, or take note that it is used; return whether files can be written there."""
-    try:
-        place.mkdir(parents=True, exist_ok=True)
-        (place / _USED).touch()
-    except OSError:
-        return False
-    return True
-
-
-def _used(place: Path) -> float:
-    """Return when a folder was used last."""
-    with contextlib.suppress(OSError):
-        return (place / _USED).stat().st_mtime
-    return 0.0
+def _unused(parent: Path, name: str) -> list[Path]:
+    """Return the folders of other compilers that were not used for a month."""
+    oldest = time.time() - _UNUSED_SECONDS
+    return [place for place in _others(parent, name) if files.modified(place / files.USED) < oldest]
 
 
 def _others(parent: Path, name: str) -> list[Path]:
     return [place for place in parent.glob(f"{_PREFIX}*") if place.name != name]
-
-
-def _remove(places: Iterable[Path]) -> None:
-    """Remove files and folders, as far as it is permitted: another process may be at it."""
-    for place in places:
-        if place.is_dir():
-            shutil.rmtree(place, ignore_errors=True)
-        else:
-            with contextlib.suppress(OSError):
-                place.unlink()

@@ -14,7 +14,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -369,16 +368,15 @@ def test_cold_kernels(cluster: Cluster) -> None:
     passing = shutil.ignore_patterns("*.tmp.*")
     shutil.copytree(compiled, copied, ignore=passing)
     for kind in KINDS:
-        warming.mark(copied, kind).write_text(version("vibroimpact"))
-    mark = warming.mark(copied, "resonances")
-    mark.write_bytes(b"")
+        warming.note_warm(copied, kind)
+    warming.mark_file(copied, "resonances").unlink()
     cluster.replicas["b"].end()
-    with mark.open("a") as other:
+    with warming.lock_file(copied, "resonances").open("a") as other:
         fcntl.flock(other, fcntl.LOCK_EX)
         kept = {"NUMBA_CACHE_DIR": str(copied.parent), "WARMS": "1"}
         cluster.replicas["b"] = cluster.start_replica("b", **kept)
         with cluster.firing("VibroimpactKernelsCold"):
-            mark.write_text(version("vibroimpact"))  # it is done: nothing is left to compile
+            warming.note_warm(copied, "resonances")  # it is done: nothing is left to compile
             fcntl.flock(other, fcntl.LOCK_UN)
 
 

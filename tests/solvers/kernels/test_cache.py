@@ -89,6 +89,111 @@ def test_a_changed_helper_is_compiled_into_callers_that_were_not_touched(
     assert len(list((copy / "kernels" / "__pycache__").glob("compiled-*"))) == 1
 
 
+def copied(folder: Path) -> Path:
+    """Copy the solvers into a folder, with a kernel that calls a helper; return the copy."""
+    copy = folder / "vibroimpact_solvers"
+    shutil.copytree(SOLVERS, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    write(copy, "inline", 6.0)
+    return copy
+
+
+def edit(file: Path, old: str, new: str) -> None:
+    text = file.read_text()
+    assert old in text
+    file.write_text(text.replace(old, new, 1))
+
+
+def test_comments_and_docstrings_compile_nothing(answer: Answer, tmp_path: Path) -> None:
+    """Not even where they move all lines, in the kernel's own file and in what it imports."""
+    kernels = copied(tmp_path) / "kernels"
+    assert answer(tmp_path) == (6.0, 0)
+    edit(kernels / "helper.py", '"""A helper."""', '"""A helper.\n\nIt helps.\n"""\n# It does.\n')
+    edit(kernels / "helper.py", "Return its answer.", "Return the\n    answer.\n    ")
+    edit(kernels / "caller.py", "\n\n\n@kernel", "\n\n# A kernel:\n\n\n\n@kernel")
+    edit(kernels / "caller.py", "Return what", "Answer what")
+    edit(kernels / "caller.py", "return helper(x)", "return helper(  # more than lines\n    x)")
+    edit(kernels / "jit.py", '"""How', '"""Why and how')
+    assert answer(tmp_path) == (6.0, 1)
+
+
+@pytest.mark.parametrize("file", ["jit", "cache", "sources"])
+def test_how_kernels_are_compiled_and_kept_is_a_part_of_them(
+    answer: Answer, tmp_path: Path, file: str
+) -> None:
+    kernels = copied(tmp_path) / "kernels"
+    assert answer(tmp_path) == (6.0, 0)
+    with (kernels / f"{file}.py").open("a") as module:
+        module.write("\nCHANGED = 1\n")
+    assert answer(tmp_path) == (6.0, 0)
+
+
+STATE = '''"""What a kernel reads."""
+
+from typing import NamedTuple
+
+
+class State(NamedTuple):
+    """Two numbers."""
+
+    first: float
+    second: float
+'''
+READER = '''"""A kernel that reads a field by its name."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from vibroimpact_solvers.kernels.jit import kernel
+
+if TYPE_CHECKING:
+    from vibroimpact_solvers.state import State
+
+
+@kernel
+def caller(state: State) -> float:
+    """Return it."""
+    return state.first
+'''
+READ = """
+from vibroimpact_solvers.state import State
+from vibroimpact_solvers.kernels.caller import caller
+print(caller(State(first=1.0, second=2.0)), caller.stats.cache_hits[caller.signatures[0]]
+      if caller.stats.cache_hits else 0)
+"""
+
+
+def test_fields_that_change_places_are_found_in_their_new_ones(tmp_path: Path) -> None:
+    """A kernel looks at the place of a field; that of its class is in another room."""
+    forked = Forked("numba", environment=_environment())
+    copy = copied(tmp_path)
+    (copy / "state.py").write_text(STATE)
+    (copy / "kernels" / "caller.py").write_text(READER)
+    try:
+        assert _told(forked(READ, places=(tmp_path,))) == (1.0, 0)
+        assert _told(forked(READ, places=(tmp_path,))) == (1.0, 1)
+        edit(copy / "state.py", "    first: float\n", "")
+        edit(copy / "state.py", "    second: float\n", "    second: float\n    first: float\n")
+        assert _told(forked(READ, places=(tmp_path,))) == (1.0, 0)
+    finally:
+        forked.close()
+
+
+def test_equal_sources_share_their_kernels(tmp_path: Path) -> None:
+    """Wherever they are: an installation finds what another one has compiled."""
+    forked = Forked("numba", environment=_environment())
+    shared = f"import numba; numba.config.CACHE_DIR = {str(tmp_path / 'shared')!r}\n"
+    places = [tmp_path / name for name in ("one", "two", "three")]
+    for place in places:
+        copied(place)
+    write(places[2] / "vibroimpact_solvers", "inline", 7.0)
+    try:
+        answers = [_told(forked(shared + PROGRAM, places=(place,))) for place in places]
+    finally:
+        forked.close()
+    assert answers == [(6.0, 0), (6.0, 1), (7.0, 0)]
+
+
 def wheel(folder: Path, version: str, value: float) -> Path:
     """Write a wheel that holds the solvers alone; pip removes what it wrote, numba's files stay."""
     source = folder / version / "vibroimpact_solvers"
@@ -131,36 +236,63 @@ def test_an_upgrade_by_pip_computes_the_new_numbers(tmp_path: Path) -> None:
     assert len(list(libraries.glob("vibroimpact_solvers/kernels/__pycache__/compiled-*"))) == 1
 
 
-def test_the_name_of_the_folder_tells_sources_compilers_and_processors_apart(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_the_name_of_the_folder_tells_compilers_and_processors_apart(
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    (tmp_path / "one.py").write_text("a = 1")
-    names = [cache.fingerprint(tmp_path)]
-    assert cache.fingerprint(tmp_path) == names[0]
-    (tmp_path / "one.py").write_text("a = 2")
-    names.append(cache.fingerprint(tmp_path))
-    (tmp_path / "two.py").write_text("")
-    names.append(cache.fingerprint(tmp_path))
+    names = [cache.environment()]
+    assert cache.environment() == names[0]
     for what, value in (
-        ("config.CPU_NAME", "x86-64-v3"),
-        ("config.CPU_FEATURES", "+avx2"),
-        ("__version__", "0.1"),
+        ("numba.config.CPU_NAME", "x86-64-v3"),
+        ("numba.config.CPU_FEATURES", "+avx2"),
+        ("numba.config.OPT", 0),
+        ("numba.config.BOUNDSCHECK", 1),
+        ("numba.config.SLP_VECTORIZE", 1),
+        ("numba.__version__", "0.1"),
+        ("llvmlite.__version__", "0.1"),
+        ("numpy.__version__", "0.1"),
+        ("scipy.__version__", "0.1"),
+        ("sys.abiflags", "t"),
     ):
-        monkeypatch.setattr(f"numba.{what}", value)
-        names.append(cache.fingerprint(tmp_path))
-    monkeypatch.setattr("llvmlite.__version__", "0.1")
-    names.append(cache.fingerprint(tmp_path))
+        monkeypatch.setattr(what, value)
+        names.append(cache.environment())
     assert len(set(names)) == len(names)
+
+
+def test_the_folder_of_a_module_is_named_by_its_sources(tmp_path: Path) -> None:
+    """By those that the process runs, even if the file is another one by now."""
+    (tmp_path / "one.py").write_text("a = 1")
+    name = f"{tmp_path.parent.name}.{tmp_path.name}.one"
+    first = cache.folders(tmp_path)[name]
+    assert first.startswith("one-")
+    (tmp_path / "one.py").write_text("a = 2")
+    assert cache.folders(tmp_path)[name] == first
+    place = cache.folder(tmp_path)
+    assert place is not None
+    (place / first).mkdir()
+    cache.folder(tmp_path)
+    assert not (place / first).exists()  # no other process will need it
 
 
 def test_old_folders_of_the_package_are_removed(tmp_path: Path) -> None:
     inside = tmp_path / "__pycache__"
-    (inside / "compiled-old").mkdir(parents=True)
+    (tmp_path / "one.py").write_text("a = 1")
+    former = inside / "compiled-0123456789abcdef"  # of a release up to 0.2.0
+    for folder in (inside / "compiled-old", inside / "compiled-other", former):
+        folder.mkdir(parents=True)
+    # Another Python may be used with the same files, turn by turn.
+    (inside / "compiled-other" / "used").touch()
+    (former / "used").touch()
     (inside / "a.nbi").touch()
     (inside / "a.cpython-311.pyc").touch()
     place = cache.folder(tmp_path)
     assert place is not None
-    assert {file.name for file in inside.iterdir()} == {place.name, "a.cpython-311.pyc"}
+    left = {place.name, "compiled-other", "a.cpython-311.pyc"}
+    assert {file.name for file in inside.iterdir()} == left
+    present = set(cache.folders(tmp_path).values())
+    for name in (*present, "one-old", "two-old"):
+        (place / name).mkdir()
+    assert cache.folder(tmp_path) == place
+    assert {file.name for file in place.iterdir()} == {*present, "used", "sources.json"}
 
 
 def test_without_a_writable_package_the_caches_of_the_user_serve(tmp_path: Path) -> None:
@@ -174,9 +306,22 @@ def test_without_a_writable_package_the_caches_of_the_user_serve(tmp_path: Path)
         (user / name / "used").touch()
         os.utime(user / name / "used", (time.time() - age,) * 2)
     (user / "compiled-never").mkdir()
+    (package / "one.py").write_text("a = 1")
+    (user / "compiled-other" / "one-of-another").mkdir()
     place = cache.folder(package, user)
     assert place is not None
     assert {folder.name for folder in user.iterdir()} == {place.name, "compiled-other"}
+    # Modules of other installations are there until they have not been used for a month.
+    (mine,) = cache.folders(package).values()
+    for name, age in ((mine, 2 * month), ("one-of-another", 0.5 * month), ("one-old", month)):
+        (place / name).mkdir()
+        os.utime(place / name, (time.time() - age,) * 2)
+    for _ in range(2):
+        assert cache.folder(package, user) == place
+        assert {folder.name for folder in place.iterdir() if folder.is_dir()} == {
+            mine, "one-of-another",
+        }  # fmt: skip
+    assert time.time() - (place / mine).stat().st_mtime < month  # for installations with others
 
     nowhere = tmp_path / "file"
     nowhere.touch()
@@ -187,9 +332,7 @@ def test_without_a_writable_package_the_caches_of_the_user_serve(tmp_path: Path)
 def test_files_that_a_crash_cut_short_are_removed(
     answer: Answer, tmp_path: Path, ending: str
 ) -> None:
-    copy = tmp_path / "vibroimpact_solvers"
-    shutil.copytree(SOLVERS, copy, ignore=shutil.ignore_patterns("__pycache__"))
-    write(copy, "kernel", 6.0)
+    copy = copied(tmp_path)
     assert answer(tmp_path) == (6.0, 0)
     (folder,) = (copy / "kernels" / "__pycache__").glob("compiled-*")
     files = list(folder.glob(f"*/caller*.{ending}"))
@@ -206,35 +349,47 @@ def test_kernels_of_a_package_that_cannot_be_written_to_are_copied(tmp_path: Pat
     """As in an image: root compiled them, another user runs the service."""
     package, user = tmp_path / "package", tmp_path / "user"
     package.mkdir()
+    (package / "one.py").write_text("a = 1")
     inside = cache.folder(package, user)
     assert inside is not None
     assert inside.parent.parent == package
-    (inside / "kernels").mkdir()
-    (inside / "kernels" / "a.nbi").write_bytes(b"x.")
+    (module,) = cache.folders(package).values()
+    (inside / module).mkdir()
+    (inside / module / "a.nbi").write_bytes(b"x.")
+    (inside / module / "b.nbi").write_bytes(b"cut sho")
     (inside / "sweep.warm").write_text("0.1.0")
     (inside / "used").unlink()
     (inside / "used").symlink_to(tmp_path / "nothing" / "there")  # whoever runs this
     for _ in range(2):
         place = cache.folder(package, user)
         assert place == user / inside.name
-        assert (place / "kernels" / "a.nbi").read_bytes() == b"x."
+        assert (place / module / "a.nbi").read_bytes() == b"x."
+        assert not (place / module / "b.nbi").exists()
         assert (place / "sweep.warm").read_text() == "0.1.0"
+        assert (place / "sources.json").read_text() == (inside / "sources.json").read_text()
         assert [folder.name for folder in user.iterdir()] == [inside.name]
+        assert not list(place.rglob(".*"))
+    # What was compiled there meanwhile stays, and what a later image brings comes beside it.
+    (place / module / "a.nbi").write_bytes(b"y.")
+    (inside / module / "c.nbi").write_bytes(b"z.")
+    cache.folder(package, user)
+    assert (place / module / "a.nbi").read_bytes() == b"y."
+    assert (place / module / "c.nbi").read_bytes() == b"z."
 
 
 def test_a_processor_that_lacks_what_numba_is_told_of_gets_code_of_its_own(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    own = cache.fingerprint(tmp_path)
+    own = cache.environment()
     there = {name for name, is_there in binding.get_host_cpu_features().items() if is_there}
     some = ",".join(f"+{name}" for name in sorted(there)[:3])
     monkeypatch.setattr("numba.config.CPU_NAME", "x86-64-v3")
     monkeypatch.setattr("numba.config.CPU_FEATURES", some)
-    told = cache.fingerprint(tmp_path)
+    told = cache.environment()
     assert told != own
-    assert cache.fingerprint(tmp_path) == told
+    assert cache.environment() == told
     monkeypatch.setattr("numba.config.CPU_FEATURES", f"{some},+no-such-feature")
-    assert cache.fingerprint(tmp_path) == own
+    assert cache.environment() == own
 
 
 def test_the_folder_that_numba_is_given_is_used(

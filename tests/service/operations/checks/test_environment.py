@@ -80,13 +80,13 @@ def test_room_for_temporary_files(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_kernels(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(cache, "folder", lambda: tmp_path)
+    monkeypatch.setattr(cache, "folder", lambda *_: tmp_path)
     for kind in KINDS:
-        warming.mark(tmp_path, kind).write_text(warming._VERSION)
+        warming.note_warm(tmp_path, kind)
     assert environment.kernels().state == "ok"
-    warming.mark(tmp_path, "sweep").write_text("0.0.1")
-    warming.mark(tmp_path, "ensemble").unlink()
+    warming.mark_file(tmp_path, "sweep").write_text("0.0.1\n")
+    warming.mark_file(tmp_path, "ensemble").unlink()
     check = environment.kernels()
     assert (check.state, check.seen) == ("warning", "not compiled yet: ensemble, sweep")
-    monkeypatch.setattr(cache, "folder", lambda: None)
+    monkeypatch.setattr(cache, "folder", lambda *_: None)
     assert environment.kernels().state == "warning"
