@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, Generic, Literal, TypeVar, overloa
 
 import numpy as np
 
-from vibroimpact.systems import axis, frequencies, names, times
+from vibroimpact.systems import axis, frequencies, names, numbers, real, times
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -429,7 +429,7 @@ class Computations(
             if isinstance(frequency, Mapping)
             else {"values": [float(frequency)]},
             "initial": {
-                name: np.atleast_2d(np.asarray(given, dtype=np.float64)).tolist()
+                name: np.atleast_2d(np.asarray(real(name, given), dtype=np.float64)).tolist()
                 for name, given in (("x", x), ("v", v))
             },
         }
@@ -543,7 +543,7 @@ class Computations(
             As for `time_history`; they hold for all members.
         """
         states: Any = {
-            name: np.atleast_2d(np.asarray(given, dtype=np.float64)).tolist()
+            name: np.atleast_2d(np.asarray(real(name, given), dtype=np.float64)).tolist()
             for name, given in (("x", x), ("v", v))
         }
         request = REQUESTS.time_history(
@@ -676,10 +676,7 @@ def _number(given: float | None) -> float | None:
 
 
 def _values(given: ArrayLike | None) -> list[float] | None:
-    if given is None:
-        return None
-    values: list[float] = np.atleast_1d(np.asarray(given, dtype=np.float64)).tolist()
-    return values
+    return None if given is None else numbers(given)
 
 
 def _times(given: Any) -> Any:

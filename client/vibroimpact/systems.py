@@ -126,37 +126,70 @@ def system(
         Static load.
     units : mapping, optional
         ``{"length": "m", "mass": "kg", "time": "s"}``.
+
+    Raises
+    ------
+    ValueError
+        If a matrix has an imaginary part.
     """
     document: documents.MatrixSystem = {
-        "M": matrix(M),
-        "K": matrix(K),
+        "M": matrix(M, "M"),
+        "K": matrix(K, "K"),
         "constraints": _several(constraints),
     }
     if C is not None:
-        document["C"] = matrix(C)
+        document["C"] = matrix(C, "C")
     if force is not None:
-        document["force"] = [float(f) for f in force]
+        document["force"] = numbers(force, "force")
     if units is not None:
         names: Any = dict(units)
         document["units"] = names
     return document
 
 
-def matrix(given: Any) -> Dense | Sparse:
+def matrix(given: Any, name: str = "the matrix") -> Dense | Sparse:
     """Return the shortest document of a matrix: diagonal, coordinates or rows."""
     if hasattr(given, "tocoo"):
-        entries = given.tocoo()
+        entries = real(name, given).tocoo()
         return {
             "shape": [int(side) for side in entries.shape],
             "row": np.asarray(entries.row).tolist(),
             "col": np.asarray(entries.col).tolist(),
             "data": np.asarray(entries.data, dtype=np.float64).tolist(),
         }
-    full = np.asarray(given, dtype=np.float64)
+    full = np.asarray(real(name, given), dtype=np.float64)
     if full.ndim == 1:
         return {"diagonal": full.tolist()}
     rows: Dense = full.tolist()
     return rows
+
+
+def real(name: str, given: Any) -> Any:
+    """Return numbers, an array or a sparse matrix, without imaginary parts that are 0.
+
+    Raises
+    ------
+    ValueError
+        If an imaginary part is not 0.
+    """
+    values = given if hasattr(given, "tocoo") else np.asarray(given)
+    if values.dtype.kind != "c":
+        return values
+    imaginary = values.imag
+    largest = abs(imaginary.tocoo() if hasattr(imaginary, "tocoo") else imaginary).max()
+    if largest != 0.0:
+        raise ValueError(
+            f"{name} has imaginary parts, the largest {largest:.3g}, which would be lost: numbers "
+            "are real here. Structural damping, K (1 + i eta), is viscous damping "
+            "C = eta K / Omega at one frequency"
+        )
+    return values.real
+
+
+def numbers(given: Any, name: str = "the values") -> list[float]:
+    """Return real numbers as a list."""
+    values: list[float] = np.atleast_1d(np.asarray(real(name, given), dtype=np.float64)).tolist()
+    return values
 
 
 def frequencies(given: Any, unit: str = "Omega") -> Document:
@@ -176,7 +209,7 @@ def times(given: Any) -> Document:
         return dict(given)
     if isinstance(given, tuple) and len(given) == 3:
         return _equally_spaced(*given)
-    return {"values": np.atleast_1d(np.asarray(given, dtype=np.float64)).tolist()}
+    return {"values": numbers(given)}
 
 
 _FEW = 10
@@ -251,7 +284,7 @@ def sampled(
     interval : float, optional
         In place of `t`: the time between two samples, the first one at 0.
     """
-    load: Any = _place(dof) | {"force": _numbers(force)} | _sample_times(t, interval)
+    load: Any = _place(dof) | {"force": numbers(force, "force")} | _sample_times(t, interval)
     document: documents.SampledLoad = load
     return document
 
@@ -275,18 +308,14 @@ def base_motion(
     t, interval : optional
         As for `sampled`.
     """
-    parts = {"base": _numbers(base), "acceleration": _numbers(acceleration)}
+    parts = {"base": numbers(base, "base"), "acceleration": numbers(acceleration, "acceleration")}
     load: Any = parts | _sample_times(t, interval)
     document: documents.BaseMotion = load
     return document
 
 
-def _numbers(values: Any) -> list[float]:
-    return list(np.asarray(values, dtype=np.float64).tolist())
-
-
 def _sample_times(t: Any, interval: float | None) -> Document:
-    given: Document = {} if t is None else {"t": _numbers(t)}
+    given: Document = {} if t is None else {"t": numbers(t, "t")}
     return given if interval is None else given | {"interval": float(interval)}
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vibroimpact.errors import MissingExtra
-from vibroimpact.systems import constraint, system
+from vibroimpact.systems import constraint, real, system
 from vibroimpact.tables import Array
 
 if TYPE_CHECKING:
@@ -27,6 +27,8 @@ except ImportError as missing:
 Label = tuple[int, str]
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 """Directions 1 to 6 of finite-element programs."""
+ROUNDING = 1e-9
+"""Difference of mirrored entries, relative to the largest, that is taken for rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,11 +46,15 @@ class Model:
         Node -> coordinates, one to three numbers.
     units : mapping, optional
         ``{"length": "m", "mass": "kg", "time": "s"}``.
+    rounding : float
+        Largest difference of entries (i, j) and (j, i), relative to the largest entry, that is
+        taken for rounding: both become their mean. Matrices computed in single precision need
+        some 1e-6.
 
     Raises
     ------
     ValueError
-        If sizes do not fit, a label occurs twice, or a matrix is not symmetric.
+        If sizes do not fit, a label occurs twice, or a matrix is not symmetric or not real.
     """
 
     M: Any
@@ -57,12 +63,13 @@ class Model:
     labels: Sequence[Label] = ()
     coordinates: Mapping[int, Sequence[float]] = field(default_factory=dict)
     units: Mapping[str, str] | None = None
+    rounding: float = ROUNDING
 
     def __post_init__(self) -> None:
         for name in ("M", "K", "C"):
             given = getattr(self, name)
             if given is not None:
-                object.__setattr__(self, name, _symmetric(name, given))
+                object.__setattr__(self, name, _symmetric(name, given, self.rounding))
         n = self.M.shape[0]
         labels = tuple(self.labels) or tuple((index, "x") for index in range(n))
         if any(part is not None and part.shape[0] != n for part in (self.K, self.C)):
@@ -242,20 +249,26 @@ class Model:
         return f"{DIRECTIONS[direction]}{unit}"
 
 
-_SYMMETRY = 1e-9
-
-
-def _symmetric(name: str, given: Any) -> Any:
+def _symmetric(name: str, given: Any, rounding: float) -> Any:
     """Return a matrix as rows of its nonzero entries; a triangle stands for the whole."""
-    matrix = sparse.csr_array(given, dtype=np.float64)
+    matrix = sparse.csr_array(real(name, given), dtype=np.float64)
     if matrix.shape[0] != matrix.shape[1]:
         raise ValueError(f"{name} is not square: {matrix.shape}")
-    largest = abs(matrix).max() if matrix.nnz else 0.0
+    if not np.isfinite(matrix.data).all():
+        raise ValueError(f"{name} has entries that are not finite")
     lower, upper = sparse.tril(matrix, -1), sparse.triu(matrix, 1)
     if lower.count_nonzero() == 0 or upper.count_nonzero() == 0:
         matrix = matrix + lower.T + upper.T
-    elif abs(matrix - matrix.T).max() > _SYMMETRY * largest:
-        raise ValueError(f"{name} is not symmetric")
+    difference = sparse.coo_array(abs(matrix - matrix.T))
+    if difference.nnz and difference.max() > rounding * abs(matrix).max():
+        at = int(difference.data.argmax())
+        i, j = (int(index[at]) for index in difference.coords)
+        relative = difference.data[at] / abs(matrix).max()
+        raise ValueError(
+            f"{name} is not symmetric: entries ({i}, {j}) and ({j}, {i}) differ by {relative:.2g} "
+            "of the largest entry. If that is rounding, as of single precision, allow it: "
+            f"rounding={2 * relative:.1g}"
+        )
     matrix = sparse.csr_array(0.5 * (matrix + matrix.T))
     matrix.eliminate_zeros()
     return matrix

@@ -1,6 +1,6 @@
 """Matrices as files: Matrix Market text and raw .npy, checked by their headers first.
 
-No memory is allocated before the header of a file was checked.
+No memory is allocated by what a header claims, and no library reads what was not checked.
 
 A body holds the matrices of M x'' + C x' + K x = f one after another: K alone (the masses are
 then 1), M and K, or M, K and C. Neither HDF5 nor pickles nor archives are read: crafted ones
@@ -9,16 +9,17 @@ open other files, run code, or unpack to any size.
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import io as files
 from scipy import sparse
 
+from vibroimpact_schema import matrix_market as market
+from vibroimpact_schema import number_tables
+from vibroimpact_schema.number_tables import NotFiniteError, TextError
 from vibroimpact_schema.systems import MatrixSystem
 from vibroimpact_service import problems
 from vibroimpact_service.documents import limits, parse
@@ -28,13 +29,7 @@ from vibroimpact_service.settings import Settings
 MATRIX_MARKET: Final = "application/x-matrix-market"
 NPY: Final = "application/x-npy"
 
-_BANNER: Final = b"%%MatrixMarket"
 _NAMES: Final[Mapping[int, Sequence[str]]] = {1: ("K",), 2: ("M", "K"), 3: ("M", "K", "C")}
-_KINDS: Final = re.compile(
-    rb"%%MatrixMarket +matrix +(coordinate|array) +(real|double|integer) +(general|symmetric)\s*",
-    re.IGNORECASE,
-)
-_SIZES: Final = re.compile(rb"\s*(\d{1,15})\s+(\d{1,15})(?:\s+(\d{1,15}))?\s*")
 # numpy's own reader evaluates the header as an expression; these are all that it writes.
 _HEADER: Final = re.compile(
     rb"\{ *'descr': *'([<>][fiu][248]|[|][iu]1)', *'fortran_order': *(True|False), *"
@@ -63,58 +58,37 @@ def system(media_type: str, body: bytes, settings: Settings) -> MatrixSystem:
 
 def matrix_market(body: bytes, settings: Settings) -> list[Any]:
     """Return the matrices of Matrix Market texts that follow one another."""
-    starts = [banner.start() for banner in re.finditer(_BANNER, body)][: len(_NAMES) + 1]
-    if not starts or body[: starts[0]].strip():
-        raise _malformed("It does not begin with %%MatrixMarket.")
-    ends = [*starts[1:], len(body)]
-    return [_one(body[a:b], settings) for a, b in zip(starts, ends, strict=True)]
-
-
-def _one(text: bytes, settings: Settings) -> Any:
-    layout = _check_header(text, settings)
+    matrices = list[Any]()
     try:
-        matrix = files.mmread(io.BytesIO(text), spmatrix=False)
-    except (ValueError, OverflowError, MemoryError):
-        raise _malformed("The entries of a matrix are not what its header says.") from None
-    if layout == b"array":
-        return np.asarray(matrix, dtype=np.float64).tolist()
-    entries = sparse.coo_array(matrix)
+        for matrix in market.read(
+            number_tables.plain(body), lambda *shape: _check_square(shape, settings)
+        ):
+            matrices.append(_document(matrix))
+            if len(matrices) > len(_NAMES):
+                break
+    except NotFiniteError as error:
+        raise problems.invalid("", "not_finite", _sentence(error)) from None
+    except TextError as error:
+        raise _malformed(_sentence(error)) from None
+    return matrices
+
+
+def _document(matrix: market.Matrix) -> Any:
+    if isinstance(matrix, np.ndarray):
+        return matrix.tolist()
+    entries = sparse.coo_array((matrix.data, (matrix.row, matrix.col)), shape=matrix.shape)
     entries.sum_duplicates()
     row, col = entries.coords
     return {
         "shape": list(entries.shape),
         "row": row.tolist(),
         "col": col.tolist(),
-        "data": entries.data.astype(np.float64).tolist(),
+        "data": entries.data.tolist(),
     }
 
 
-def _check_header(text: bytes, settings: Settings) -> bytes:
-    """Return the layout of a matrix whose header announces no more than its text can hold."""
-    lines = io.BytesIO(text)
-    banner = _KINDS.fullmatch(lines.readline(256))
-    if banner is None:
-        raise _malformed(
-            "Its first line must be: %%MatrixMarket matrix, coordinate or array, real or "
-            "integer, general or symmetric."
-        )
-    line = lines.readline(4096)
-    while line.startswith(b"%") or (line and not line.strip()):
-        line = lines.readline(4096)
-    sizes = _SIZES.fullmatch(line)
-    layout, symmetric = banner[1].lower(), banner[3].lower() == b"symmetric"
-    if sizes is None or (sizes[3] is None) is (layout == b"coordinate"):
-        raise _malformed("It does not tell rows, columns and, of a coordinate matrix, entries.")
-    rows = _square((int(sizes[1]), int(sizes[2])), settings)
-    if layout == b"coordinate":
-        entries = int(sizes[3])
-        shortest = 6  # "1 1 1" and the end of the line
-    else:
-        entries = rows * (rows + 1) // 2 if symmetric else rows * rows
-        shortest = 2
-    if entries * shortest > len(text) - lines.tell() + 1:
-        raise _malformed("Its header claims more entries than the text can hold.")
-    return layout
+def _sentence(error: TextError) -> str:
+    return f"Line {error.line}: {error.reason}."
 
 
 def numpy_array(body: bytes, settings: Settings) -> list[Any]:
@@ -133,7 +107,7 @@ def numpy_array(body: bytes, settings: Settings) -> list[Any]:
         shape = (1, *shape)
     if len(shape) != 3 or not 1 <= shape[0] <= len(_NAMES):
         raise _malformed("Its shape must be (n, n), or (2, n, n) for M K, or (3, n, n) for M K C.")
-    _square(shape[1:], settings)
+    _check_square(shape[1:], settings)
     size = shape[0] * shape[1] * shape[2] * dtype.itemsize
     if len(body) - end != size:
         raise _malformed(f"Its header claims {size} bytes of numbers; it has others.")
@@ -148,12 +122,11 @@ READERS: Final[Mapping[str, Callable[[bytes, Settings], list[Any]]]] = {
 }
 
 
-def _square(shape: Sequence[int], settings: Settings) -> int:
+def _check_square(shape: Sequence[int], settings: Settings) -> None:
     rows, columns = shape
     if rows != columns or rows < 1:
         raise _malformed("A matrix must be square and not empty.")
     limits.check_dofs(rows, settings)
-    return int(rows)
 
 
 def _rows(matrix: Any) -> int:

@@ -107,7 +107,17 @@ HEADER = b"%%MatrixMarket matrix coordinate real general\n"
         (HEADER + b"1 1 1\n1 1 inf\n", 422),
         (b"%%MatrixMarket matrix array real general\n100 100\n1\n", 400),
         (b"%%MatrixMarket matrix coordinate pattern general\n1 1 1\n1 1\n", 400),
-        (b"%%MatrixMarket matrix coordinate complex general\n1 1 1\n1 1 1 0\n", 400),
+        (b"%%MatrixMarket matrix coordinate complex general\n1 1 1\n1 1 1 0.1\n", 400),
+        (b"%%MatrixMarket matrix array complex general\n1 1\n1 0.1\n", 400),
+        (HEADER + b"1 1 1\n1 1 1,5\n", 400),
+        (HEADER + b"1 1 1\n1 1 0x10\n", 400),
+        (HEADER + b"1 1 1\n1 1 1 2\n", 400),
+        (HEADER + b"1 1 1\n1 1 1e999\n", 422),
+        (HEADER + b"2 2 1\n1 1 1\n2 2 2\n", 400),
+        (HEADER + b"1 1 1\n1 1 2.5\0", 400),
+        (HEADER + b"1.0 1 1\n1 1 2.5\n", 400),
+        (HEADER + b"1 1 1\n1.5 1 2.5\n", 400),
+        (b"1 1 1\n1 1 1\n", 400),
         (b"%%MatrixMarket matrix coordinate real skew-symmetric\n2 2 1\n2 1 1\n", 400),
         (b"%%MatrixMarket vector coordinate real general\n1 1\n1 1\n", 400),
         ((HEADER + b"1 1 1\n1 1 1\n") * 4, 400),
@@ -118,6 +128,27 @@ def test_texts_that_are_none(text: bytes, status: int) -> None:
     with pytest.raises(ProblemError) as error:
         upload.system(upload.MATRIX_MARKET, text, LIMITS)
     assert error.value.type.status == status
+
+
+@pytest.mark.parametrize(
+    ("value", "number"), [("2.0D3", 2e3), ("-2.0d-03", -2e-3), ("2.5 ", 2.5), ("2.5\t", 2.5)]
+)
+@pytest.mark.parametrize("end", ["", "\n", "\r", "\r\n", " ", "\t"])
+def test_numbers_that_other_readers_cut_or_end_at(value: str, number: float, end: str) -> None:
+    text = HEADER + f"1 1 1\n1 1 {value}{end}".encode()
+    assert dense(upload.system(upload.MATRIX_MARKET, text, LIMITS).K).tolist() == [[number]]
+
+
+@pytest.mark.parametrize("text", [market(np.tril(K)), market(sparse.coo_array(np.triu(K)))])
+def test_a_triangle_stands_for_the_whole(text: bytes) -> None:
+    assert dense(upload.system(upload.MATRIX_MARKET, text, LIMITS).K).tolist() == K.tolist()
+
+
+def test_the_line_at_fault_is_told() -> None:
+    text = market(M) + b"% and K\n" + HEADER + b"2 2 2\n1 1 1.0\n2 2 1,5\n"
+    line = text[: text.index(b"1,5")].count(b"\n") + 1
+    with pytest.raises(ProblemError, match=f"Line {line}: '1,5' has a decimal comma"):
+        upload.system(upload.MATRIX_MARKET, text, LIMITS)
 
 
 def header(text: str, version: bytes = b"\x01\x00") -> bytes:
