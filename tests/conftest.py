@@ -25,14 +25,9 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 GIVEN = "VIBROIMPACT_TEST_POSTGRESQL"
 
 
-def begin_a_minute(seconds: float = 15.0) -> None:
-    """Wait for the next minute, unless so much of this one is left.
-
-    Rates are counted by the minutes of the clock: at the turn of one, there is room for more.
-    """
-    left = 60.0 - time.time() % 60.0
-    if left < seconds:
-        time.sleep(left + 0.1)
+def pytest_xdist_auto_num_workers() -> int:
+    """Return two processes for each core: many tests wait for a service, a timer or a disk."""
+    return 2 * len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 4
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:

@@ -189,9 +189,9 @@ def planned(folder: Path, kind: str, content: dict[str, Any], **more: Any) -> pl
     return planning.plan(Store(str(folder)), asked.kind, asked.document, settings)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def own_garbage() -> Iterator[None]:
-    """Leave what other tests have made out of the collections of garbage in this one."""
+    """Leave what other modules have made out of the collections of garbage in this one."""
     gc.collect()
     gc.freeze()
     yield

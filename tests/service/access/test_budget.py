@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 from starlette.testclient import TestClient
 
-from tests.conftest import begin_a_minute
 from vibroimpact_service import problems
 from vibroimpact_service.access import budget
 from vibroimpact_service.access.caller import Caller, Scope
@@ -21,9 +21,20 @@ from vibroimpact_solvers.plan import Plan
 COMPUTE = "/v1/compute/impact-modes"
 
 
+@pytest.fixture
+def noon(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the clock stand still in the midst of an hour, and of a minute.
+
+    What is spent is counted by the minutes and hours of the clock: at the turn of one, there is
+    room for more.
+    """
+    moment = time.time() // 3600.0 * 3600.0 + 1830.0
+    monkeypatch.setattr(time, "time", lambda: moment)
+
+
+@pytest.mark.usefixtures("noon")
 def test_requests_are_counted_per_key(closed: TestClient, make_key: Any, bob: Any) -> None:
     key = make_key("ann", rate=5)
-    begin_a_minute()
     left = []
     for _ in range(5):
         answer = closed.get("/v1/jobs", headers=key)
@@ -41,13 +52,13 @@ def test_requests_are_counted_per_key(closed: TestClient, make_key: Any, bob: An
     assert "ratelimit" in closed.get("/v1/jobs/x", headers=bob).headers
 
 
+@pytest.mark.usefixtures("noon")
 def test_computing_is_charged_by_its_plan(
     closed: TestClient, make_key: Any, request_body: dict[str, Any]
 ) -> None:
     plan = closed.post("/v1/plan/impact-modes", json=request_body, headers=make_key("ann")).json()
     quota = 2.5 * max(plan["seconds"], 0.001)
     key = make_key("eve", seconds=quota)
-    begin_a_minute()  # of an hour as well
     answers = []
     for number in range(4):
         request_body["frequency"]["stop"] = 2.0 + 0.01 * number
@@ -97,8 +108,8 @@ def test_unfinished_jobs_are_counted_per_owner(
         assert codes[-1].headers["retry-after"] == "10"
 
 
+@pytest.mark.usefixtures("noon")
 def test_guessing_keys_ends_soon(closed: TestClient, ann: dict[str, str]) -> None:
-    begin_a_minute()
     codes = {closed.get("/v1/jobs").status_code for _ in range(60)}
     assert codes == {401}
     over = closed.get("/v1/jobs")
@@ -124,11 +135,10 @@ def test_the_wait_until_a_cost_has_room(
     assert budget._wait(cost, 60, 60, before, before_left, here, rest) == seconds
 
 
+@pytest.mark.usefixtures("noon")
 def test_a_computation_costs_as_many_milliseconds_as_planned() -> None:
     caller = Caller("ann", "key", frozenset(Scope), seconds_per_hour=1.0)
     plan = Plan("impact-modes", ())
-
-    begin_a_minute()
 
     async def scenario() -> None:
         spent = budget.Budget(Settings(data=Path("unused")))
