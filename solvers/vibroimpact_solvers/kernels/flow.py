@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.kernels.jit import fma, inline, inner, sums
+from vibroimpact_solvers.kernels.jit import fma, inline, inner, record, sums
 from vibroimpact_solvers.kernels.passages import LOW, ORDER
 from vibroimpact_solvers.kernels.phases import sine_cosine
 
@@ -44,7 +44,7 @@ EVEN: Final = 0
 ODD: Final = 1
 """The two numbers of a pair's propagator: e^(alpha s) (cos nu s, sin nu s) for rotations, cosh and
 sinh for hyperbolas, (1, s) for parabolas."""
-DRIVE: Final = np.dtype(
+DRIVE: Final = record(
     [("driven", "i8"), ("driving", "i8"), ("kappa_real", "f8"), ("kappa_imaginary", "f8")]
 )
 """A pair that another one drives: their indices, and kappa, of a ramp for z1 and z2."""

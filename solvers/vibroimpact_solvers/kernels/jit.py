@@ -3,6 +3,9 @@
 Fast-math would let the compiler reorder the sums whose rounding the error statements bound.
 Fused multiply-adds are written explicitly: `fma`. Kernels run in parallel by threads
 (`kernels.threads`) and not by numba's own, some layers of which fail with two callers.
+
+With ``NUMBA_DISABLE_JIT=1`` all functions stay plain Python (`kernels.plain`), and numba is not
+even imported here.
 """
 
 from __future__ import annotations
@@ -10,26 +13,38 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Final, TypeVar, cast
 
-import numba
-from numba import types
-from numba.extending import intrinsic
+from vibroimpact_solvers.kernels import plain
+from vibroimpact_solvers.kernels.plain import PLAIN, record
 
-from vibroimpact_solvers.kernels import cache
+if not PLAIN:
+    import numba
+
+    from vibroimpact_solvers.kernels import cache, intrinsics
+
+__all__ = [
+    "bare", "fma", "inline", "inner", "is_odd_bit", "kernel", "once", "product", "record", "sums",
+]  # fmt: skip
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-
-_FOLDER: Final = cache.folder()
+_FOLDER: Final = None if PLAIN else cache.folder()
 
 
 def _compiled(function: Function, **options: Any) -> Function:
+    if PLAIN:
+        return plain.uncompiled(function)
     njit: Any = numba.njit  # its stubs do not know all options
     return cast(Function, njit(nogil=True, error_model="numpy", **options)(function))
 
 
 def kernel(function: Function, **options: Any) -> Function:
-    """Compile a function that Python calls, at its first call, and keep it on disk."""
-    if _FOLDER is None:
+    """Compile a function that Python calls, at its first call, and keep it on disk.
+
+    Functions of other packages, such as tests, are compiled in each process.
+    """
+    if PLAIN:
+        return plain.entered(function)
+    if _FOLDER is None or function.__module__ not in cache.folders():
         return _compiled(function, **options)
     with cache.kept_in(_FOLDER):
         return _compiled(function, cache=True, **options)
@@ -87,29 +102,8 @@ def once(function: Function) -> Function:
 
 _INNER: Final = {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
+fma: Callable[[float, float, float], float] = plain.fma if PLAIN else intrinsics.fma
+"""``a * b + c`` rounded once."""
 
-def _fused(typing: Any, a: Any, b: Any, c: Any) -> tuple[Any, Callable[..., Any]]:
-    """Emit one instruction for ``a * b + c`` with a single rounding."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.fma(*arguments)
-
-    return types.float64(types.float64, types.float64, types.float64), generate
-
-
-def _lowest_bit(typing: Any, a: Any) -> tuple[Any, Callable[..., Any]]:
-    """Emit a test of the last bit of a number's significand."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        number = context.get_value_type(types.int64)
-        bits = builder.bitcast(arguments[0], number)
-        return builder.trunc(bits, context.get_value_type(types.boolean))
-
-    return types.boolean(types.float64), generate
-
-
-is_odd_bit = cast(Callable[[float], bool], intrinsic(_lowest_bit))
-"""Whether the last bit of the significand is set; only inside kernels."""
-
-fma = cast(Callable[[float, float, float], float], intrinsic(_fused))
-"""``a * b + c`` rounded once; only inside kernels."""
+is_odd_bit: Callable[[float], bool] = plain.is_odd_bit if PLAIN else intrinsics.is_odd_bit
+"""Whether the last bit of the significand is set."""

@@ -25,14 +25,14 @@ from numpy.typing import NDArray
 
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels.flow import EVEN, ODD, Z1, Z2, Flow, set_propagator
-from vibroimpact_solvers.kernels.jit import inner, kernel
+from vibroimpact_solvers.kernels.jit import inner, kernel, record
 
 KEPT: Final = 0
 PASSED: Final = 1
 UNDECIDED: Final = 2
 """Verdicts; undecided is a touch that the error of the coordinate does not tell from a passage."""
 
-VERDICT: Final = np.dtype([("kind", "i8"), ("constraint", "i8"), ("time", "f8")])
+VERDICT: Final = record([("kind", "i8"), ("constraint", "i8"), ("time", "f8")])
 """A verdict, the constraint that it is about, and when its limit is passed or touched."""
 
 LOWER: Final = 0

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels.flow import Z1, Z2, Flow, Watched
-from vibroimpact_solvers.kernels.jit import once
+from vibroimpact_solvers.kernels.jit import once, record
 from vibroimpact_solvers.kernels.modal import MANY, SAMPLES
 from vibroimpact_solvers.kernels.passages import DEPTH, LOW, ORDER
 
@@ -34,7 +34,7 @@ MAYBE: Final = 2
 """Whether an impact opens contacts of others: not; where a contact force is negative after it; or
 what it does to them is not known here."""
 
-WALL: Final = np.dtype(
+WALL: Final = record(
     [
         # Distances to the lower and the upper wall from the zero of the coordinate, infinite
         # where there is none.
@@ -56,7 +56,7 @@ WALL: Final = np.dtype(
 )
 """The walls of a watched coordinate."""
 
-IMPACT: Final = np.dtype(
+IMPACT: Final = record(
     [
         ("time", "f8"),
         ("time_rest", "f8"),
@@ -71,7 +71,7 @@ IMPACT: Final = np.dtype(
 )
 """An impact; its time is the sum of two doubles."""
 
-PROGRESS: Final = np.dtype(
+PROGRESS: Final = record(
     [
         # Given, and never changed by the loop.
         ("end", "f8"),
@@ -107,7 +107,7 @@ PROGRESS: Final = np.dtype(
 )
 """How far a motion is; an array of a row for each motion."""
 
-STRUCK: Final = np.dtype(
+STRUCK: Final = record(
     [
         ("coordinate", "i8"),
         ("side", "f8"),

@@ -27,7 +27,7 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.kernels.flow import Z1, Z2
-from vibroimpact_solvers.kernels.jit import fma, inline, inner
+from vibroimpact_solvers.kernels.jit import fma, inline, inner, record
 from vibroimpact_solvers.kernels.series import (
     FIRST,
     PADDED,
@@ -50,7 +50,7 @@ _LOOKS: Final = 1000  # at most, for a change of sides
 _HALVINGS: Final = 30
 _NONE, _LINKED, _GROWN = 0, 1, 2
 
-LAW: Final = np.dtype(
+LAW: Final = record(
     [
         ("level", np.float64),  # q at the zero of the state
         ("below", np.float64),  # gains on both sides of zero
@@ -66,7 +66,7 @@ LAW: Final = np.dtype(
 Q: Final = 0
 """Which of the powers q is."""
 _POWERS: Final = 2 * LARGEST.bit_length()
-BRANCH: Final = np.dtype(
+BRANCH: Final = record(
     [
         ("way", np.int64),  # how the force is computed
         ("known", np.int64),  # coefficients so far

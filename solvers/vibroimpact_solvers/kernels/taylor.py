@@ -28,7 +28,7 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.kernels.flow import Z1, Z2
-from vibroimpact_solvers.kernels.jit import fma, inline, inner, kernel
+from vibroimpact_solvers.kernels.jit import fma, inline, inner, kernel, record
 from vibroimpact_solvers.kernels.series import FIRST, SECOND, raised
 from vibroimpact_solvers.kernels.soft_forces import (
     BRANCH,
@@ -64,7 +64,7 @@ class Stop(IntEnum):
     STIFF = 2
 
 
-PAIR: Final = np.dtype(
+PAIR: Final = record(
     [
         ("alpha", np.float64),  # z1' = alpha z1 + turn z2
         ("turn", np.float64),
@@ -84,7 +84,7 @@ class Linear(NamedTuple):
     drives: Any  # (drive,) of `kernels.flow.DRIVE`
 
 
-PROGRESS: Final = np.dtype(
+PROGRESS: Final = record(
     [
         ("time", np.float64),
         ("lost", np.float64),  # what rounding took from the time

@@ -6,19 +6,25 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any, Final
 
-import numba
+from vibroimpact_solvers.kernels.plain import PLAIN, entered
 
-from vibroimpact_solvers.kernels.cache import folder, kept_in
+if not PLAIN:
+    import numba
 
-_FOLDER: Final = folder()
+    from vibroimpact_solvers.kernels.cache import folder, kept_in
+
+    _FOLDER: Final = folder()
 
 
 @cache
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return an inner function of kernels, compiled so that Python can call it.
 
-    It is kept beside the kernels, and compiled anew where one of them changed.
+    It is kept beside the kernels, and compiled anew where one of them changed. Where kernels run
+    as plain Python, it is not compiled.
     """
+    if PLAIN:
+        return entered(function)
     inner: Any = function
     if _FOLDER is None:
         plain: Callable[..., Any] = numba.njit(error_model="numpy")(inner.py_func)
