@@ -120,7 +120,7 @@ def fuzz(session: nox.Session) -> None:
     session.run("python", "tests/fuzz/conformance.py", *session.posargs)
 
 
-@nox.session
+@nox.session(tags=["nightly"])
 def truth(session: nox.Session) -> None:
     """Compare random cases with references of more digits that share no formula with the solvers.
 
@@ -177,15 +177,32 @@ def benchmarks(session: nox.Session) -> None:
 
 @nox.session
 def faults(session: nox.Session) -> None:
-    """Kill processes at random moments, fill disks, cut networks; all jobs must end well."""
+    """Kill processes at random moments, fill disks, cut networks; all jobs must end well.
+
+    Four tests at a time, which mostly wait; each has its own processes, ports, folders, databases.
+    What they measured is printed at the end. ``nox -s faults -- -n 0 -s`` for one after another;
+    VIBROIMPACT_SEED repeats a run, VIBROIMPACT_SEEDS says how many random ones there are of each.
+    """
+    _faults(session)
+
+
+@nox.session(tags=["nightly"])
+def many_faults(session: nox.Session) -> None:
+    """Run the fault suite with twenty seeds for each test that strikes at random moments."""
+    _faults(session, VIBROIMPACT_SEEDS="20")
+
+
+def _faults(session: nox.Session, **environment: str) -> None:
     install_locked(session)
     session.run(
-        *("pytest", "-n", "0", "-m", "faults", "-s", "--durations", "8"),
+        *("pytest", "-n", "4", "--dist", "loadgroup", "-m", "faults", "-rsP", "--durations", "8"),
+        *("--timeout", "900"),  # where the machine does other things
         *("tests/acceptance/faults", *session.posargs),
+        env=environment,
     )
 
 
-@nox.session
+@nox.session(tags=["nightly"])
 def network(session: nox.Session) -> None:
     """Run a cluster whose parts have network namespaces of their own: kill, stop and cut them.
 
@@ -222,7 +239,7 @@ def upgrade(session: nox.Session) -> None:
     )
 
 
-@nox.session
+@nox.session(tags=["nightly"])
 def image(session: nox.Session) -> None:
     """Build the image without a container engine, and run it as compose files and pods say.
 
@@ -254,7 +271,7 @@ def manifests(session: nox.Session) -> None:
     session.run("pytest", "-n", "0", "tests/container/test_manifests.py", *session.posargs)
 
 
-@nox.session
+@nox.session(tags=["nightly"])
 def soak(session: nox.Session) -> None:
     """Strike a service with random faults for an hour, under the load of 20 clients.
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import threading
 import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 _EVERY = 0.2
@@ -14,11 +16,12 @@ class Machine:
     """A clock of the time in which the processors were idle or used by the tests.
 
     It agrees with the wall clock while no other program computes, and stands still while others
-    use all processors. Limits therefore mean the same on a shared machine as on a quiet one.
+    use all processors. Limits therefore mean the same on a shared machine as on a quiet one, and
+    beside other tests as alone.
     """
 
     def __init__(self) -> None:
-        self._sessions = {os.getsid(0)}
+        self._sessions: set[int] = set()
         self._used: dict[int, int] = {}
         self._ours = 0
         self._moments: list[tuple[float, float]] = []
@@ -67,17 +70,29 @@ class Machine:
             self._before = ours, (busy, total)
 
     def _used_ticks(self) -> int:
-        """Return the processor ticks of the processes of the tests, including ended ones."""
+        """Return the processor ticks of the processes of the tests, including ended ones.
+
+        These are this process and its descendants, and the sessions that it owns.
+        """
+        told: dict[int, list[str]] = {}
         for stat in Path("/proc").glob("[0-9]*/stat"):
-            try:
-                fields = stat.read_text().rpartition(")")[2].split()
-            except OSError:
-                continue
-            if int(fields[3]) in self._sessions:
-                process, used = int(stat.parent.name), int(fields[11]) + int(fields[12])
+            with suppress(OSError):
+                told[int(stat.parent.name)] = stat.read_text().rpartition(")")[2].split()
+        for process, fields in told.items():
+            if int(fields[3]) in self._sessions or _descends(process, told):
+                used = int(fields[11]) + int(fields[12])
                 self._ours += max(0, used - self._used.get(process, 0))
                 self._used[process] = used
         return self._ours
+
+
+def _descends(process: int, told: Mapping[int, Sequence[str]]) -> bool:
+    """Whether a process is this one or a descendant of it."""
+    while process in told:
+        if process == os.getpid():
+            return True
+        process = int(told[process][1])
+    return False
 
 
 def _all() -> tuple[int, int]:

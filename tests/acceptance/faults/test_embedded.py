@@ -51,11 +51,13 @@ def test_killed_service(
 ) -> None:
     # Every other one computes quick jobs while they are submitted.
     on_submission_seconds = ("0", "0.02", "0", "0.02")
+    moment = time.time()
     replica = started(
         Replica(tmp_path / "data", record, on_submission_seconds=on_submission_seconds[0])
     )
     user = User([replica])
     user.submit(sweep(0.6, 80_000), *(tiny(0.7 + i / 100) for i in range(10)))
+    first = machine.seconds(moment, until(record.begun, "nothing begins")[0].time)
     seconds = []
     for round_ in range(3):
         before = len(record.begun())
@@ -72,8 +74,10 @@ def test_killed_service(
         again = until(lambda m=moment: record.after(m), "the jobs do not go on")
         seconds.append(machine.seconds(moment, again.time))
         user.submit(tiny(0.9 + round_ / 100))
-    print("seconds from a restart to the next chunk:", [round(s, 2) for s in seconds])
+    shown = [round(s, 2) for s in (first, *seconds)]
+    print("seconds from the first start, and from each restart, to the next chunk:", shown)
     user.check()
     record.check()
     assert record.repeated() <= 3 * 2
-    assert max(seconds) <= 3.0
+    # As soon as there are workers again, however long these take here; claims last for longer.
+    assert max(seconds) <= max(3.0, 1.5 * first)
