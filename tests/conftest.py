@@ -140,14 +140,14 @@ class PostgreSQL:
         """Kill it without warning."""
         assert self.process is not None
         self.process.kill()
-        self.process.wait(30)
+        self.process.wait(60)
 
     def stop(self) -> None:
         """Stop it and remove its data."""
         if self.process is not None and self.process.poll() is None:
             # At once: a checkpoint of what is removed next may take longer than its disk allows.
             self.process.send_signal(signal.SIGQUIT)
-            self.process.wait(30)
+            self.process.wait(60)
         shutil.rmtree(self.folder)
 
     def _ask(self, statement: str, database: str) -> None:

@@ -52,7 +52,7 @@ class Service:
         """Stop it and return its exit code."""
         self.http.close()
         self.process.send_signal(sign)
-        code = self.process.wait(30)
+        code = self.process.wait(60)
         assert self.process.stdout is not None
         self.process.stdout.close()
         self.errors.close()

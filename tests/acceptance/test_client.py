@@ -66,7 +66,7 @@ def test_jobs_run_and_are_found_again(client: vi.Client) -> None:
     np.testing.assert_array_equal(stored.impulse, client.compute("impact-modes", request).impulse)
     assert stored.digest in {client.result(stored.digest).digest}
     assert job.id in [each.id for each in client.jobs(state="succeeded", kind="impact-modes")]
-    assert client.submit("impact-modes", request).wait(10).document["reused"]
+    assert client.submit("impact-modes", request).wait(60).document["reused"]
 
 
 def test_a_cancelled_job_says_so(client: vi.Client) -> None:
@@ -75,7 +75,7 @@ def test_a_cancelled_job_says_so(client: vi.Client) -> None:
     assert job.document["deadline"] is not None
     job.cancel()
     with pytest.raises(vi.JobCancelled):
-        job.wait(30)
+        job.wait(60)
 
 
 def test_a_wrong_field_is_named(client: vi.Client) -> None:

@@ -182,7 +182,7 @@ def test_a_hundred_event_streams_end_with_the_service(
             assert http.get("/v1/health/live").is_success
         service.process.send_signal(signal.SIGTERM)
         service.process.wait(60)
-        texts = [each.result(10) for each in following]
+        texts = [each.result(60) for each in following]
     assert service.stop() == 0
     assert all(b"event: job" in text for text in texts)
     assert not any(b'"succeeded"' in text for text in texts)  # nobody waited for the job

@@ -53,7 +53,7 @@ def running() -> Iterator[Callable[..., subprocess.Popen[bytes]]]:
     for process in processes:
         if process.poll() is None:
             os.killpg(process.pid, signal.SIGKILL)
-        process.wait(30)
+        process.wait(60)
 
 
 def test_workers_of_the_script_do_a_job(

@@ -37,7 +37,7 @@ def serve(settings: Settings, queue: Any) -> Callable[..., None]:
             while not server.started:
                 await asyncio.sleep(0.01)
             try:
-                await asyncio.wait_for(talk(server.servers[0].sockets[0].getsockname()[1]), 20)
+                await asyncio.wait_for(talk(server.servers[0].sockets[0].getsockname()[1]), 60)
             finally:
                 server.should_exit = True
                 await serving

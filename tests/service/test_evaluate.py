@@ -47,7 +47,7 @@ class Counting(Kind):
     def solver(self) -> Solver:
         def solve(problem: Any, plan: Any, tick: Any = None) -> Any:
             self.calls.append(problem)
-            assert self.gate.wait(20)
+            assert self.gate.wait(60)
             if self.error is not None:
                 raise self.error
             return impact_modes.solve(problem, plan)

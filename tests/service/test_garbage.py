@@ -26,13 +26,13 @@ def test_nothing_is_collected_while_one_of_several_waits() -> None:
 
 
 def test_threads_share_a_pause() -> None:
-    both, left = threading.Barrier(2, timeout=10), threading.Event()
+    both, left = threading.Barrier(2, timeout=60), threading.Event()
     seen = []
 
     def wait() -> None:
         with garbage.waiting():
             both.wait()
-            left.wait(10)
+            left.wait(60)
             seen.append(gc.isenabled())
 
     other = threading.Thread(target=wait)

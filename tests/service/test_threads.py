@@ -66,7 +66,7 @@ def test_equal_jobs_are_computed_once_while_they_are_submitted(
 
     def compute(_tick: Tick) -> int:
         calls.append(1)
-        gate.wait(10)
+        gate.wait(60)
         return 7
 
     async def scenario() -> list[bool | None]:
@@ -150,7 +150,7 @@ def test_nobody_waits_for_what_is_being_stopped(
     threads, gate = make(1), threading.Event()
 
     async def scenario() -> None:
-        assert await threads.on_submission("r", lambda _tick: gate.wait(10)) is None
+        assert await threads.on_submission("r", lambda _tick: gate.wait(60)) is None
         assert threads.running("r")
         with pytest.raises(StoppedError):
             await threads.once("r", lambda _tick: True)
@@ -172,7 +172,7 @@ def test_few_large_bodies_are_parsed_at_a_time(make: Callable[..., Threads]) -> 
         with lock:
             under_way += 1
             begun.append(under_way)
-        two.wait(10)
+        two.wait(60)
         time.sleep(0.02)
         with lock:
             under_way -= 1
@@ -229,7 +229,7 @@ def test_few_jobs_wait_to_be_computed_and_only_small_ones(make: Callable[..., Th
 
     async def scenario() -> list[bool | None]:
         many = [
-            asyncio.ensure_future(threads.on_submission(str(i), lambda _tick: gate.wait(10)))
+            asyncio.ensure_future(threads.on_submission(str(i), lambda _tick: gate.wait(60)))
             for i in range(40)
         ]
         await begun(threads, "0")
@@ -263,7 +263,7 @@ def test_who_waits_for_too_long_is_told_and_so_are_new_ones(make: Callable[..., 
     threads, gate = make(1, max_waiting_seconds=1.0), threading.Event()
 
     async def scenario() -> None:
-        first = asyncio.ensure_future(threads.once("first", lambda _tick: gate.wait(30)))
+        first = asyncio.ensure_future(threads.once("first", lambda _tick: gate.wait(60)))
         await asyncio.sleep(0.02)
         second = asyncio.ensure_future(threads.once("second", lambda _tick: True))
         await asyncio.sleep(0.02)
@@ -288,7 +288,7 @@ def test_new_work_is_refused_while_old_work_waits(
     threads, gate, clock = make(1, max_waiting_seconds=5.0), threading.Event(), time.monotonic
 
     async def scenario() -> None:
-        first = asyncio.ensure_future(threads.once("first", lambda _tick: gate.wait(10)))
+        first = asyncio.ensure_future(threads.once("first", lambda _tick: gate.wait(60)))
         second = asyncio.ensure_future(threads.once("second", lambda _tick: True))
         await asyncio.sleep(0.02)
         monkeypatch.setattr(time, "monotonic", lambda: clock() + 6.0)
@@ -324,7 +324,7 @@ def test_what_nobody_waits_for_any_more_is_not_begun_or_is_stopped(
         planning.cancel()
         assert await asyncio.to_thread(ended.wait, 10)
         gate = threading.Event()
-        gates = [asyncio.ensure_future(threads.run(lambda: gate.wait(30))) for _ in range(3)]
+        gates = [asyncio.ensure_future(threads.run(lambda: gate.wait(60))) for _ in range(3)]
         late: list[int] = []
         waiting = asyncio.ensure_future(threads.run(lambda: late.append(1)))
         await asyncio.sleep(0.02)

@@ -82,7 +82,8 @@ def test_natural_frequencies_are_within_their_errors(seed: int) -> None:
     system = System(SymmetricMatrix.dense(M), SymmetricMatrix.dense(K), (Constraint.at(0, 1.0),))
     result = solved(system)
     with mp.workdps(60):
-        exact = sorted(mp.sqrt(value) for value in mp.eigsy(mp.matrix(K[1:, 1:].tolist()))[0])
+        values = mp.eigsy(mp.matrix(K[1:, 1:].tolist()), eigvals_only=True)
+        exact = sorted(mp.sqrt(value) for value in values)
     assert result.error_statement.startswith("certified")
     assert result.natural.size == n - 1
     pairs = zip(np.sort(result.natural), exact, result.error_relative, strict=True)

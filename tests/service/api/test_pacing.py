@@ -131,5 +131,5 @@ def test_an_application_may_run_in_one_loop_after_the_other() -> None:
         await paced({"type": "http", "number": 0}, nothing, nowhere)
 
     for _ in range(5):
-        asyncio.run(asyncio.wait_for(main(), 5.0))
+        asyncio.run(asyncio.wait_for(main(), 60.0))
     assert len(app.found) == 5

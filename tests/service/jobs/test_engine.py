@@ -128,8 +128,8 @@ def test_a_cancelled_call_stops_at_its_next_tick(patient: Bench, tmp_path: Path)
     worker = patient.outcome(FAST, process)  # the other queue is free
     assert not (tmp_path / "stopped").exists()
     patient.engine.cancel([call])
-    assert patient.ended.get(timeout=20) is call
-    wait_for((tmp_path / "stopped").exists, 20.0)
+    assert patient.ended.get(timeout=60) is call
+    wait_for((tmp_path / "stopped").exists)
     assert patient.outcome(FAST, process) == worker
 
 

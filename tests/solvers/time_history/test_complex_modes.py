@@ -22,8 +22,7 @@ def first_order(natural: Floats, damping: Floats) -> tuple[Floats, Floats]:
 
 def exact(A: Floats) -> list[mp.mpc]:
     with mp.workdps(60):
-        values, _ = mp.eig(mp.matrix(A.tolist()))
-        return list(values)
+        return list(mp.eig(mp.matrix(A.tolist()), left=False, right=False))
 
 
 def nearest(modes: ComplexModes, true: list[mp.mpc]) -> Floats:
