@@ -30,7 +30,7 @@ from vibroimpact_solvers.kernels.flow import (
     propagate_state,
     set_propagator,
 )
-from vibroimpact_solvers.kernels.jit import inline, inner, once
+from vibroimpact_solvers.kernels.jit import inline, inner, never_inlined, once
 from vibroimpact_solvers.kernels.rigid_state import Errors, Motion, Rows, Scratch, Structure
 
 SAFETY: Final = 3.0
@@ -86,6 +86,8 @@ def lengths(z: Floats, errors: Errors, level: float) -> tuple[float, float]:
 def _with_carried(
     z: Floats, errors: Errors, weights: Floats, level: float, free: float
 ) -> tuple[float, float]:
+    """Return `lengths` where loads carry something along."""
+    never_inlined()
     whole, carried = 0.0, 0.0
     for j in range(z.shape[1]):
         first, second = weights[Z1, j], weights[Z2, j]
@@ -109,6 +111,7 @@ def start_deviations(flow: Flow, motion: Motion, errors: Errors) -> None:
 
     A displacement is known to a rounding, and what is a small part of it to as small a one.
     """
+    never_inlined()
     z, deviations, signs, own = motion.z, motion.deviations, errors.signs, errors.own
     motion.progress[0].largest, parts = lengths(z, errors, 1.0)
     for j in range(flow.rotations, flow.hyperbolas_end):
@@ -243,6 +246,7 @@ def _lengths_after(
 
     Nothing is changed.
     """
+    never_inlined()
     flow, errors, z, moved = structure.flow, structure.errors, scratch.z, scratch.rate
     now, largest = motion.progress[0], 0.0
     set_propagator(flow, s, 0.0, scratch.propagator)

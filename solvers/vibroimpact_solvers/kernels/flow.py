@@ -33,7 +33,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.kernels.jit import fma, inline, inner, record, sums
+from vibroimpact_solvers.kernels.jit import (
+    fma,
+    inline,
+    inner,
+    never_inlined,
+    record,
+    sums,
+)
 from vibroimpact_solvers.kernels.passages import LOW, ORDER
 from vibroimpact_solvers.kernels.phases import sine_cosine
 
@@ -197,7 +204,7 @@ def _longer_than_one(less: float, sine: float) -> float:
     return whole + (lost + (fma(less, less, -p) + fma(sine, sine, -q)))
 
 
-@inner
+@inline
 def advance(
     flow: Flow, propagator: Floats, s: float, z: Floats, rest: Floats, moved: Floats
 ) -> None:
@@ -280,6 +287,7 @@ def _drive(flow: Flow, propagator: Floats, row: int, s: float, z: Floats) -> tup
     also where the denominator is small or zero: ``kappa l s e^(sigma s) (e^z - 1) / z``, z being
     s times the denominator.
     """
+    never_inlined()
     drive, even, odd = flow.drives[row], propagator[EVEN], propagator[ODD]
     j, k = drive.driven, drive.driving
     if k >= flow.hyperbolas_end:
@@ -304,12 +312,13 @@ def _drive(flow: Flow, propagator: Floats, row: int, s: float, z: Floats) -> tup
     return real * even[j] - imaginary * odd[j], -(real * odd[j] + imaginary * even[j])
 
 
-@inline
+@inner
 def _averages(x: complex) -> tuple[complex, complex]:
     """Return the averages of e^(x u) and of its average up to u, weighted by u, over [0, 1].
 
     ``(e^x - 1) / x`` and ``(e^x - 1 - x) / x^2``.
     """
+    never_inlined()
     if abs(x) > 1.0:
         first = (cmath.exp(x) - 1.0) / x
         return first, (first - 1.0) / x
@@ -320,12 +329,13 @@ def _averages(x: complex) -> tuple[complex, complex]:
     return 1.0 + x * second, second
 
 
-@inline
+@inner
 def _differences(x: complex, y: complex, h: float) -> tuple[complex, complex]:
     """Return how the `_averages` of two numbers x = y + h differ.
 
     Relative to h: where drag is faint, or damping almost critical, it is all that moves.
     """
+    never_inlined()
     if max(abs(x), abs(y)) <= 1.0:
         first, second, power, apart, factorial = 0.0j, 0.0j, 1.0 + 0.0j, h + 0.0j, 1.0
         for n in range(1, _TERMS):
@@ -354,6 +364,7 @@ def _ramped(
     Of the rate sigma a component gains ``s value (e^x - 1) / x + s^2 slope (e^x - 1 - x) / x^2``,
     x being sigma s.
     """
+    never_inlined()
     alpha, nu, whole = flow.alpha[j], flow.nu[j], s * s * slope
     if j < flow.rotations:
         one, two = _averages(complex(alpha * s, nu * s))
@@ -379,6 +390,7 @@ def _swung(flow: Flow, j: int, force: complex, turning: float, s: float) -> tupl
     Of the rate sigma a component gains ``s e^(i turning s) (e^x - 1) / x``, x being
     ``(sigma - i turning) s``, and what moves a body with faint drag is the difference of two.
     """
+    never_inlined()
     if j < flow.hyperbolas_end:
         alpha, nu, rest = flow.alpha[j], flow.nu[j], flow.rest[j]
         turned = force * cmath.exp(complex(0.0, turning * s))
@@ -429,6 +441,7 @@ def _driven_by_ramp(flow: Flow, row: int, form: Floats, z: Floats, d: Floats) ->
 @inner
 def _driven(flow: Flow, row: int, form: Floats, z: Floats, d: Floats) -> None:
     """Add what a drive does to derivatives of a coordinate."""
+    never_inlined()
     drive = flow.drives[row]
     j, k = drive.driven, drive.driving
     if k >= flow.hyperbolas_end:
@@ -574,7 +587,7 @@ def _add_loads(flow: Flow, form: Floats, z: Floats, d: Floats) -> None:
             d[2] += form[Z1, j] * flow.push[j]
 
 
-@inner
+@inline
 def derivatives(flow: Flow, form: Floats, z: Floats, d: Floats) -> None:
     """Fill in the derivatives 0 ... 11 of a coordinate along the flow, shape (12,).
 
@@ -640,7 +653,7 @@ def derivatives(flow: Flow, form: Floats, z: Floats, d: Floats) -> None:
     _add_loads(flow, form, z, d)
 
 
-@inner
+@inline
 def near_derivatives(flow: Flow, form: Floats, z: Floats, d: Floats) -> None:
     """Fill in the derivatives 0 ... 3 of a coordinate, shape (4,); see `derivatives`."""
     nu = flow.nu
@@ -735,11 +748,12 @@ def _moved_by_load(flow: Flow, row: int, H: float, length: float) -> float:
     return moved * math.exp(max(0.0, alpha[j], alpha[k]) * H)
 
 
-@inline
+@inner
 def _other_growth(
     flow: Flow, watched: Watched, i: int, z: Floats, lengths: Floats, order: int, H: float
 ) -> float:
     """Return what all but the rotations, and drives, add to the bound of a derivative."""
+    never_inlined()
     alpha, nu, form = flow.alpha, flow.nu, watched.coordinate[i]
     sizes = watched.size_high[i] if order == ORDER else watched.size_low[i]
     largest = 0.0

@@ -34,7 +34,7 @@ from vibroimpact_solvers.kernels.flow import (
     set_rate,
     two_sum,
 )
-from vibroimpact_solvers.kernels.jit import fma, inline, inner, kernel
+from vibroimpact_solvers.kernels.jit import fma, inline, inner, kernel, never_inlined
 from vibroimpact_solvers.kernels.next_impact import ROUNDING, SIMULTANEOUS
 from vibroimpact_solvers.kernels.rigid_state import (
     BY_FORCE,
@@ -176,6 +176,7 @@ def graze(structure: Structure, motion: Motion, scratch: Scratch, i: int, side: 
     By an error e of its place it strikes with the speed ``(2 a e)^(1/2)``, a being what turns it:
     the impulse that is or is not is the root of the error.
     """
+    never_inlined()
     z, watched, walls = motion.z, structure.watched, structure.walls
     now = motion.progress[0]
     scratch.grazing[i] = HAS_GRAZED
@@ -206,6 +207,7 @@ def _widen_unknown_order(structure: Structure, motion: Motion, scratch: Scratch)
 
     What the impulse of one takes from the velocity of the other changes the impulse of that one.
     """
+    never_inlined()
     now, watched, walls = motion.progress[0], structure.watched, structure.walls
     a = now.coordinate
     speed = (1.0 if now.side > 0 else -1.0) * product(watched.velocity[a], motion.z)
@@ -388,6 +390,7 @@ def _strike_several(
     structure: Structure, motion: Motion, scratch: Scratch, count: int, row: int
 ) -> bool:
     """Apply simultaneous impacts; return whether one of the coordinates comes to rest."""
+    never_inlined()
     flow, watched, z = structure.flow, structure.watched, motion.z
     struck, rate = scratch.struck[:count], scratch.rate
     set_rate(flow, z, rate)

@@ -1,4 +1,4 @@
-"""Instructions that Python has no operator for; only inside compiled kernels."""
+"""What Python has no operator for: instructions, and words to LLVM; only in compiled kernels."""
 
 from __future__ import annotations
 
@@ -28,6 +28,19 @@ def _lowest_bit(typing: Any, a: Any) -> tuple[Any, Callable[..., Any]]:
 
     return types.boolean(types.float64), generate
 
+
+def _no_inlining(typing: Any) -> tuple[Any, Callable[..., Any]]:
+    """Tell LLVM of the function that is being compiled, and emit nothing."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        builder.function.attributes.add("noinline")
+        return context.get_dummy_value()
+
+    return types.none(), generate
+
+
+never_inlined = cast(Callable[[], None], intrinsic(_no_inlining))
+"""Keep the function that calls this apart from its callers."""
 
 is_odd_bit = cast(Callable[[float], bool], intrinsic(_lowest_bit))
 """Whether the last bit of the significand is set."""

@@ -22,7 +22,8 @@ if not PLAIN:
     from vibroimpact_solvers.kernels import cache, intrinsics
 
 __all__ = [
-    "bare", "fma", "inline", "inner", "is_odd_bit", "kernel", "once", "product", "record", "sums",
+    "bare", "fma", "inline", "inner", "is_odd_bit", "kernel", "never_inlined", "once", "product",
+    "record", "sums",
 ]  # fmt: skip
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -72,7 +73,7 @@ def inline(function: Function) -> Function:
     LLVM does it. Numba itself (``inline="always"``) would copy the function before types are
     known, and then infer them and lower it again in each caller.
     """
-    return _compiled(function, forceinline=True, **_INNER)
+    return _compiled(function, **_INNER | {"forceinline": True})
 
 
 def product(function: Function) -> Function:
@@ -89,7 +90,7 @@ def sums(function: Function) -> Function:
     Only so can a loop over terms be a vector loop. What rounding then does to a sum of n positive
     terms, n units of its last place at most in any order, must not matter or be accounted for.
     """
-    return _compiled(function, forceinline=True, fastmath={"reassoc"}, **_INNER)
+    return _compiled(function, **_INNER | {"forceinline": True, "fastmath": {"reassoc"}})
 
 
 def once(function: Function) -> Function:
@@ -100,10 +101,21 @@ def once(function: Function) -> Function:
     return _compiled(function, inline="always", **_INNER)
 
 
-_INNER: Final = {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+_INNER: Final = {
+    "_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True,
+    # Without a word, these would be those of the function that happens to be compiled first of all
+    # that call it.
+    "forceinline": False, "fastmath": False,
+}  # fmt: skip
 
 fma: Callable[[float, float, float], float] = plain.fma if PLAIN else intrinsics.fma
 """``a * b + c`` rounded once."""
 
 is_odd_bit: Callable[[float], bool] = plain.is_odd_bit if PLAIN else intrinsics.is_odd_bit
 """Whether the last bit of the significand is set."""
+
+never_inlined: Callable[[], None] = plain.never_inlined if PLAIN else intrinsics.never_inlined
+"""Called first in a function: keep it apart, where LLVM would copy it into each of its callers.
+
+For what is long and seldom runs: each copy is optimised again, in each kernel that contains it.
+"""

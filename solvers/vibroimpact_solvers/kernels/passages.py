@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.kernels.jit import fma, inline, inner
+from vibroimpact_solvers.kernels.jit import fma, inline
 
 ORDER: Final = 12
 """Degree n of the envelopes: derivatives up to n - 1 and a bound of the n-th."""
@@ -74,7 +74,7 @@ def remainder(bound: float, h: float) -> float:
     return float(bound * h**ORDER * _FACTORIALS[ORDER])
 
 
-@inner
+@inline
 def first_passage(
     d: Floats,
     bound: float,
@@ -212,7 +212,7 @@ def _straight(
     return -1.0
 
 
-@inner
+@inline
 def _first_root(b: Floats, c: Floats, rest: float, sign: float, room: float, work: Floats) -> float:
     """Return the first root in (0, 1] of ``sign p(t) + rest t^n - room``, or _NEVER."""
     n, top = ORDER, _STACK
@@ -259,7 +259,7 @@ def _first_root(b: Floats, c: Floats, rest: float, sign: float, room: float, wor
     return _NEVER
 
 
-@inner
+@inline
 def _bracketed(
     c: Floats, rest: float, sign: float, room: float, left: float, right: float, first: float
 ) -> float:

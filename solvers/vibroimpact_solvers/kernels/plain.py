@@ -1,6 +1,6 @@
 """Kernels as plain Python, where ``NUMBA_DISABLE_JIT=1``: for debuggers and for tests of logic.
 
-Nothing is compiled then. What compiled code has and Python has not is supplied here: the two
+Nothing is compiled then. What compiled code has and Python has not is supplied here: the
 intrinsics, records whose fields are attributes, and arithmetic that goes on after an overflow.
 """
 
@@ -49,6 +49,10 @@ def _attribute(name: str) -> property:
         row[name] = value
 
     return property(operator.itemgetter(name), change)
+
+
+def never_inlined() -> None:
+    """Do nothing: in Python, functions are apart from their callers."""
 
 
 class _Functions:
