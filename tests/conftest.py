@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator, Sequence
@@ -23,6 +24,8 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
 
 GIVEN = "VIBROIMPACT_TEST_POSTGRESQL"
+NOTICES = "VIBROIMPACT_TEST_NOTICES"
+"""Environment variable with the file in which processes say that they compile kernels."""
 
 
 def pytest_xdist_auto_num_workers() -> int:
@@ -34,8 +37,56 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     """Compile all kernels once, before each process of the whole suite would for itself."""
     config = session.config
     whole = config.args_source is pytest.Config.ArgsSource.TESTPATHS
-    if whole and not hasattr(config, "workerinput") and not config.option.collectonly:
-        subprocess.run([sys.executable, "-m", "vibroimpact_service.cli", "warm"], check=True)
+    if not hasattr(config, "workerinput") and not config.option.collectonly:
+        _pass_on_notices(config)
+        if whole:
+            command = [sys.executable, "-m", "vibroimpact_service.cli", "warm"]
+            with Path(os.environ[NOTICES]).open("a") as notices:
+                subprocess.run(command, check=True, stderr=notices)
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Let a process in which kernels are compiled say so; what it writes itself is captured."""
+    if "vibroimpact_solvers.kernels.jit" in sys.modules and NOTICES in os.environ:
+        from numba.core import event
+
+        from vibroimpact_solvers.kernels.inventory import Announcing
+
+        def say(line: str) -> None:
+            with Path(os.environ[NOTICES]).open("a") as notices:
+                notices.write(f"{line}\n")
+
+        event.register("numba:compile", Announcing(say))
+
+
+def _pass_on_notices(config: pytest.Config) -> None:
+    """Show once what the processes of the tests append to a file while they compile kernels."""
+    number, name = tempfile.mkstemp(prefix="vibroimpact-notices-")
+    os.close(number)
+    os.environ[NOTICES] = name
+    ended = threading.Event()
+
+    def show() -> None:
+        shown: set[str] = set()
+        writer = config.get_terminal_writer()
+        with Path(name).open() as notices:
+            last = False
+            while not last:
+                last = ended.wait(0.2)
+                for line in notices:
+                    if line not in shown:
+                        writer.line(line.rstrip())
+                        shown.add(line)
+
+    thread = threading.Thread(target=show, name="notices", daemon=True)
+    thread.start()
+
+    def end() -> None:
+        ended.set()
+        thread.join()
+        Path(name).unlink()
+
+    config.add_cleanup(end)
 
 
 @pytest.fixture(scope="session", autouse=True)

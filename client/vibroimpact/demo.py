@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -44,8 +46,11 @@ def run(out: Path) -> bool:
         out.mkdir(parents=True, exist_ok=True)
         modes.to_hdf5(out / "impact_modes.h5")
         mode.to_hdf5(out / "mode.h5")
-    draw_momentum(modes, mode, out / "momentum.png")
-    draw_mode(mode, out / "mode.png")
+        draw_momentum(modes, mode, out / "momentum.png")
+        draw_mode(mode, out / "mode.png")
+        # The service compiles the kernels of all kinds meanwhile. What it has not finished by now
+        # is shared with it, so that nobody's first request waits for a compiler.
+        subprocess.run([sys.executable, "-m", "vibroimpact_service.cli", "warm"], check=False)
     computed = [
         ("p", float(mode.impulse[0, 0]), P_REFERENCE),
         ("x₁(τ=1)", float(mode.shape[0, 0]), X_REFERENCE),

@@ -74,6 +74,8 @@ class EmbeddedService:
                 announced = {}
             # The file may be that of an earlier service.
             if announced.get("pid") == self._process.pid:
+                if "notice" in announced:
+                    sys.stderr.write(announced["notice"] + "\n")
                 return str(announced["url"])
             time.sleep(0.02)
         raise EmbeddedServiceError(f"the service does not answer:\n{self._log_tail()}")

@@ -154,14 +154,29 @@ def worker(
 
 
 @app.command()
-def warm() -> None:
+def warm(
+    dry_run: Annotated[
+        bool,
+        typer.Option(
+            "--dry-run", help="Only list the kernels that would be compiled, the longest first."
+        ),
+    ] = False,
+) -> None:
     """Compile the kernels of all kinds of computations and keep them on disk.
 
     Services and workers do so by themselves, in the background. This command does it beforehand,
     as when an image is built, and ends at once where all is compiled.
     """
-    from vibroimpact_service.warming import FolderNotWritableError, Warming
+    from vibroimpact_service.warming import FolderNotWritableError, Warming, missing
+    from vibroimpact_solvers.kernels import inventory
 
+    if dry_run:
+        names = sorted(missing(), key=lambda name: (-inventory.estimate([name]), name))
+        for name in names:
+            typer.echo(f"{name:40} {inventory.estimate([name]):4.0f} s")
+        total = inventory.estimate(names) if names else 0.0
+        typer.echo(f"{len(names)} of {len(inventory.kernels())} kernels, about {total:.0f} s")
+        return
     logs.to_stderr()
     warming = Warming()
     try:
@@ -169,6 +184,8 @@ def warm() -> None:
     except FolderNotWritableError as error:
         typer.echo(f"{error}; NUMBA_CACHE_DIR can name one", err=True)
         raise typer.Exit(3) from None
+    if warming.notice:
+        typer.echo(warming.notice, err=True)
     try:
         with typer.progressbar(length=len(warming.states), label="Compiling kernels") as bar:
             for done in warming.progress():
@@ -298,6 +315,8 @@ class Server(uvicorn.Server):
                 raise
         url = _address(self)
         note: dict[str, Any] = {"url": url, "pid": os.getpid()}
+        if notice := self._application.state.services.evaluation.warming.notice:
+            note["notice"] = notice  # for a client that has started the service
         if self._metrics is not None:
             note["metrics"] = _address(self._metrics)
             log.info("metrics and health", url=note["metrics"])

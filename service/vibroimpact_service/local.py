@@ -16,6 +16,7 @@ from vibroimpact_service.documents.planning import Planned
 from vibroimpact_service.documents.requests import Request
 from vibroimpact_service.results import representations
 from vibroimpact_service.store import Store
+from vibroimpact_solvers.kernels import inventory
 
 _CALLER = "local"
 
@@ -32,6 +33,8 @@ def compute(
     kind: str, content: Mapping[str, Any], tick: Callable[[int, int], None] | None = None
 ) -> bytes:
     """Return the HDF5 file of the result of a request.
+
+    Where kernels have to be compiled for it, a line on standard error says so.
 
     Parameters
     ----------
@@ -78,7 +81,10 @@ def _planned(
     try:
         request = requests.read(_CALLER, kinds.named(kind, "kind"), dict(content))
         # Systems are stored by servers alone: the store is empty.
-        with tempfile.TemporaryDirectory(prefix="vibroimpact-") as folder:
+        with (
+            tempfile.TemporaryDirectory(prefix="vibroimpact-") as folder,
+            inventory.announced(),
+        ):
             return answer(request, planning.plan(Store(folder), request.kind, request.document))
     except Exception as error:
         fault = problems.of(error)

@@ -33,8 +33,8 @@ from vibroimpact_service.documents import planning, requests
 from vibroimpact_service.jobs import forkserver
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.store import Store
-from vibroimpact_service.warming_problems import PROBLEMS
-from vibroimpact_solvers.kernels import cache, files, threads
+from vibroimpact_service.warming_problems import LIBRARY_ONLY, PROBLEMS
+from vibroimpact_solvers.kernels import cache, files, inventory, threads
 
 State = Literal["warming", "warm", "failed"]
 
@@ -87,11 +87,14 @@ class Warming:
     ----------
     states : dict
         Name of a kind -> "warming", "warm" or "failed".
+    notice : str
+        What those who wait are told while kernels are compiled; empty where none is.
     """
 
     def __init__(self, solve: Callable[[str], None] = solve_problems) -> None:
         self._solve = solve
         self.states: dict[str, State] = dict.fromkeys(KINDS, "warm")
+        self.notice = ""
         self._threads: list[threading.Thread] = []
         self._processes: set[BaseProcess] = set()
         self._lock, self._closed = threading.Lock(), False
@@ -118,6 +121,8 @@ class Warming:
             return place
         self.states |= dict.fromkeys(cold, "warming")
         forkserver.start(loading.NUMERICAL)
+        if left := missing():
+            self.notice = inventory.notice(inventory.estimate(left, threads.cores()))
         tracks: SimpleQueue[Sequence[str]] = SimpleQueue()
         alone = [(kind,) for kind in KINDS if not any(kind in track for track in _SHARED)]
         for track in (*_SHARED, *alone):
@@ -156,6 +161,8 @@ class Warming:
             self.start()
         except FolderNotWritableError as error:
             log.warning("kernels are compiled anew in each process", reason=str(error))
+        if self.notice:
+            log.info(self.notice)
         try:
             yield
         finally:
@@ -205,6 +212,11 @@ class Warming:
         process.join()
         with self._lock:
             self._processes.discard(process)
+
+
+def missing() -> list[str]:
+    """Return the names of the kernels that warming would compile."""
+    return [name for name in inventory.missing() if name not in LIBRARY_ONLY]
 
 
 def is_warm(place: Path, kind: str) -> bool:

@@ -12,6 +12,9 @@ _TWO_MASSES: Final = {**_DAMPED, "preset": "two_mass", "coupling": 1}
 _CHAIN: Final = {"preset": "chain", "n": 13, "constraints": [{"dof": 5, "gap": 0.2}]}
 _TIMES: Final = {"start": 0, "stop": 2, "num": 5}
 
+LIBRARY_ONLY: Final = frozenset({"whole_soft_motion.whole_soft_motion"})
+"""Kernels that no request needs: of soft limiters without estimate of errors."""
+
 PROBLEMS: Final[Mapping[str, Sequence[Mapping[str, Any]]]] = {
     "impact-modes": (
         {
@@ -29,6 +32,12 @@ PROBLEMS: Final[Mapping[str, Sequence[Mapping[str, Any]]]] = {
             "load": [{"dof": 0, "amplitude": 1}, {"dof": 0, "amplitude": 0.5, "harmonic": 2}],
             "frequency": {"values": [0.7]},
             "outputs": ["stability"],
+        },
+        # Harmonics of the load that move the limited coordinate: all roots of their sum.
+        {
+            "system": {**_DAMPED, "constraints": [{"dof": 0, "gap": 0.2, "restitution": 0.8}]},
+            "load": [{"dof": 0, "amplitude": 1}, {"dof": 0, "amplitude": 0.5, "harmonic": 2}],
+            "frequency": {"values": [0.7]},
         },
     ),
     "attractors": (

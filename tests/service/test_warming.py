@@ -14,6 +14,7 @@ from typing import Any
 
 import orjson
 import pytest
+import structlog.testing
 from starlette.testclient import TestClient
 from typer.testing import CliRunner
 
@@ -169,6 +170,49 @@ def test_a_kind_is_warm_as_long_as_the_kernels_it_needs_are_there(
     assert not is_warm(place, "sweep")
     warming.note_warm(place, "sweep", ["bands-1"])
     assert warming.mark_file(place, "sweep").read_text().count("\n") == 2  # flow-1 is forgotten
+
+
+REACHED = """
+import os
+from vibroimpact_service import warming
+from vibroimpact_service.kinds import KINDS
+from vibroimpact_solvers.kernels import inventory
+
+for kind in KINDS:
+    warming.solve_problems(kind)
+print(*(name for name, each in inventory.kernels().items() if not each.signatures))
+"""
+
+
+def test_warming_reaches_every_kernel_that_a_request_can_need() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", REACHED], check=True, timeout=280, stdout=subprocess.PIPE, text=True
+    )
+    assert set(done.stdout.split()) == warming.LIBRARY_ONLY
+
+
+def test_those_who_wait_are_told(
+    place: Path, notes: Path, runner: CliRunner, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left = ["rigid_motion.follow", "whole_soft_motion.whole_soft_motion"]
+    monkeypatch.setattr("vibroimpact_solvers.kernels.inventory.missing", lambda: left)
+    monkeypatch.setattr("vibroimpact_solvers.kernels.inventory.SECONDS", {left[0]: 41.0})
+    line = "compiling kernels, about 41 s, once"
+    some = Warming(partial(noted, notes))
+    with structlog.testing.capture_logs() as logged, some.in_background():
+        list(some.progress())
+    assert line in [each["event"] for each in logged]
+    with structlog.testing.capture_logs() as logged, Warming().in_background():
+        pass
+    assert logged == []  # all is there
+    warming.mark_file(place, "sweep").unlink()
+    monkeypatch.setattr(warming, "Warming", lambda: Warming(partial(noted, notes)))
+    outcome = runner.invoke(cli.app, ["warm"])
+    assert outcome.stderr.splitlines() == [line]
+    warming.mark_file(place, "sweep").unlink()
+    monkeypatch.setattr("vibroimpact_solvers.kernels.inventory.missing", lambda: left[1:])
+    outcome = runner.invoke(cli.app, ["warm"])
+    assert (outcome.stderr, outcome.exit_code) == ("", 0)  # only problems are solved again
 
 
 NEEDED = """
