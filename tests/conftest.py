@@ -47,7 +47,9 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 
 def pytest_collection_finish(session: pytest.Session) -> None:
     """Let a process in which kernels are compiled say so; what it writes itself is captured."""
-    if "vibroimpact_solvers.kernels.jit" in sys.modules and NOTICES in os.environ:
+    # Where kernels run as plain Python, numba is not there.
+    compiling = {"numba", "vibroimpact_solvers.kernels.jit"} <= sys.modules.keys()
+    if compiling and NOTICES in os.environ:
         from numba.core import event
 
         from vibroimpact_solvers.kernels.inventory import Announcing

@@ -13,7 +13,8 @@ from pathlib import Path
 
 from vibroimpact.errors import EmbeddedServiceError
 
-_START_SECONDS = 60.0
+_START_SECONDS = 300.0
+"""On a machine that is busy with other work; a service that has ended is noticed at once."""
 _STOP_SECONDS = 15.0
 
 

@@ -37,6 +37,7 @@ HELP = {
     ("gallery",): ["[FIG]...", "10.19"],
     ("demo",): ["demo"],
     ("bench",): ["--list"],
+    ("warm",): ["--dry-run", "the longest first"],
 }
 
 

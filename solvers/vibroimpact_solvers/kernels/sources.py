@@ -161,10 +161,16 @@ def parse(content: bytes, place: str) -> Source:
     return Source(hashlib.sha256(ast.dump(tree).encode()).hexdigest(), imports)
 
 
+def _nodes(tree: ast.AST) -> Iterator[ast.AST]:
+    yield tree
+    for each in ast.iter_child_nodes(tree):
+        yield from _nodes(each)
+
+
 def _imports(tree: ast.AST, place: str) -> Iterator[tuple[str, list[str]]]:
     """Yield the modules of the same package that are imported, and the names from them."""
     top = place.partition(".")[0]
-    for node in ast.walk(tree):
+    for node in _nodes(tree):
         if isinstance(node, ast.Import):
             imported = [(alias.name, list[str]()) for alias in node.names]
             # Of `import a.b`, `a` can be used, too.
@@ -185,7 +191,7 @@ def _imports(tree: ast.AST, place: str) -> Iterator[tuple[str, list[str]]]:
 
 def _without_docstrings(tree: ast.AST) -> None:
     """Remove the statements of a tree that are a string and nothing else."""
-    for node in ast.walk(tree):
+    for node in _nodes(tree):
         for block in ("body", "orelse", "finalbody"):
             statements = getattr(node, block, None)
             if isinstance(statements, list):
