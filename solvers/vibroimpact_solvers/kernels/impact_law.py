@@ -34,7 +34,7 @@ from vibroimpact_solvers.kernels.flow import (
     set_rate,
     two_sum,
 )
-from vibroimpact_solvers.kernels.jit import fma, inline, inner, kernel, never_inlined
+from vibroimpact_solvers.kernels.jit import fma, inline, inner, kernel, never_inlined, once
 from vibroimpact_solvers.kernels.next_impact import ROUNDING, SIMULTANEOUS
 from vibroimpact_solvers.kernels.rigid_state import (
     BY_FORCE,
@@ -457,7 +457,7 @@ def _comes_to_rest(
     return False
 
 
-@inline
+@once
 def strike(structure: Structure, motion: Motion, scratch: Scratch) -> int:
     """Apply the impact of the coordinate that reached its wall, and of all others at theirs.
 

@@ -218,7 +218,7 @@ def _grow_roundings(structure: Structure, scratch: Scratch) -> None:
         scratch.rounding[i] = max(scratch.rounding[i], ROUNDING * (now + walls[i].size))
 
 
-@inline
+@once
 def next_event(
     structure: Structure, motion: Motion, scratch: Scratch
 ) -> tuple[float, float, int, int]:
