@@ -28,7 +28,7 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.kernels.flow import Z1, Z2
-from vibroimpact_solvers.kernels.jit import fma, inline, inner, kernel, record
+from vibroimpact_solvers.kernels.jit import fma, inline, inner, kernel, once, record
 from vibroimpact_solvers.kernels.series import FIRST, SECOND, raised
 from vibroimpact_solvers.kernels.soft_forces import (
     BRANCH,
@@ -299,7 +299,7 @@ def _heeded(
                 C[order, side, j] += term * kicks[side, j]
 
 
-@inner
+@once
 def _steps(
     linear: Linear,
     limiters: Limiters,
