@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     JSON = None | bool | int | float | str | list["JSON"] | dict[str, "JSON"]
 
 Part = TypeVar("Part")
+_NOT_OUTPUTS: Final = frozenset({"axes", "error", "frequency"})
+"""Tables that describe the outputs or their axes."""
 
 
 class ResultFile:
@@ -92,6 +94,19 @@ class ResultFile:
     def __dir__(self) -> list[str]:
         """Return the names of all attributes, outputs included."""
         return [*super().__dir__(), *self._arrays, *self._tables]
+
+    def outputs(self) -> list[str]:
+        """Return the names of the arrays that are no axes."""
+        with self.open() as file:
+            return [name for name in self._arrays if not file[name].is_scale]
+
+    def row_counts(self) -> dict[str, int]:
+        """Return how many rows each table of an output has."""
+        return {
+            name: table.rows
+            for name, table in self._tables.items()
+            if table.rows is not None and name not in _NOT_OUTPUTS
+        }
 
     def rows(self, table: str, **at: float) -> Table:
         """Return the rows of a table that belong to one point of a sweep.

@@ -13,10 +13,9 @@ from vibroimpact.tables import Array, Table, html_table
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Array", "Result", "Table"]
+    from vibroimpact.sensitivity import Sensitivity
 
-_NOT_OUTPUTS = frozenset({"axes", "error", "frequency"})
-"""Tables that describe the outputs or their axes."""
+__all__ = ["Array", "Result", "Table"]
 
 
 class Result(ResultFile):
@@ -29,6 +28,11 @@ class Result(ResultFile):
     ----------
     content : bytes or path
         The HDF5 file, or where it lies; a file on disk is read part by part as it is used.
+    """
+
+    sensitivity: Sensitivity | None = None
+    """How much the result changes where half of the modes of a reduced model are left out, see
+    `Reduction.compute`; None: it is not known.
     """
 
     def plot(
@@ -105,25 +109,22 @@ class Result(ResultFile):
         """
         return notebook.show(self)
 
-    def _output_tables(self) -> list[tuple[str, Table]]:
-        return [
-            (name, table)
-            for name, table in self._tables.items()
-            if table.rows is not None and name not in _NOT_OUTPUTS
-        ]
-
     def __repr__(self) -> str:
         """Return the kind, the digest and the sizes of the outputs."""
         sizes = [f"{name} {shape}" for name, shape in self._shapes.items()]
-        sizes += [f"{name} ({table.rows} rows)" for name, table in self._output_tables()]
-        return f"<Result {self.kind} {self.digest[:12]}: {', '.join(sizes)}>"
+        sizes += [f"{name} ({rows} rows)" for name, rows in self.row_counts().items()]
+        reduced = "" if self.sensitivity is None else f"; {self.sensitivity}"
+        return f"<Result {self.kind} {self.digest[:12]}: {', '.join(sizes)}{reduced}>"
 
     def _repr_html_(self) -> str:
         rows = [[name, str(s), self._long_names[name]] for name, s in self._shapes.items()]
         rows += [
-            [name, f"{table.rows} rows", ", ".join(table)] for name, table in self._output_tables()
+            [name, f"{count} rows", ", ".join(self._tables[name])]
+            for name, count in self.row_counts().items()
         ]
         statement = self._tables["error"].get("statement") if "error" in self._tables else None
         note = f"<p>{html.escape(str(statement))}</p>" if statement else ""
+        if self.sensitivity is not None:
+            note += f"<p>{html.escape(str(self.sensitivity))}</p>"
         head = f"<b>{html.escape(self.kind)}</b> <code>{self.digest[:12]}</code>"
         return f"{head}{html_table(['name', 'size', 'meaning'], rows)}{note}"

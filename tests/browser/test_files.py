@@ -63,6 +63,16 @@ def _market(folder: Path) -> list[str]:
     return ["M.mtx", "K.csv"]
 
 
+def _beside_market(folder: Path) -> list[str]:
+    """Written as a text of Matrix Market beside one, with exponents as Fortran writes them."""
+    scipy.io.mmwrite(folder / "M.mtx", sparse.coo_array(M), symmetry="symmetric")
+    text = (folder / "M.mtx").read_text()
+    (folder / "M.mtx").write_text(text.replace("\n", " \r\n"))
+    lines = [" ".join(f"{value:.16E}".replace("E", "D") for value in row) for row in np.tril(K)]
+    (folder / "K.txt").write_text("\n".join(lines))
+    return ["M.mtx", "K.txt"]
+
+
 def _dense(matrix: Any) -> np.ndarray:
     if isinstance(matrix, list):
         return np.array(matrix)
@@ -82,7 +92,17 @@ def _stored(page: Page, console: Visit, files: list[Path]) -> Any:
 
 
 @pytest.mark.parametrize(
-    "write", [_numpy, _compressed, _scipy, _coordinates, _text, _abaqus, _market]
+    "write",
+    [
+        _numpy,
+        _compressed,
+        _scipy,
+        _coordinates,
+        _text,
+        _abaqus,
+        _market,
+        _beside_market,
+    ],
 )
 def test_the_page_reads(console: Visit, tmp_path: Path, write: Callable[[Path], list[str]]) -> None:
     page = console.open("modes")
@@ -99,6 +119,19 @@ def test_two_market_files_go_to_the_service_in_their_order(console: Visit, tmp_p
     system = _stored(page, console, [tmp_path / "stiffness.mtx", tmp_path / "mass.mtx"])
     np.testing.assert_allclose(_dense(system["M"]), M, rtol=1e-15)
     np.testing.assert_allclose(_dense(system["K"]), K, rtol=0)
+
+
+def test_lists_of_entries_are_placed_by_their_nodes(console: Visit, tmp_path: Path) -> None:
+    """The mass leaves out the first node, which has none: its rows are not those of the file."""
+    light = M.copy()
+    light[0, 0] = 0.0
+    for name, matrix in (("M", light), ("K", K)):
+        entries = [(i, j, float(matrix[i, j])) for i in range(N) for j in range(i + 1)]
+        lines = [f"{i + 1},2, {j + 1},2, {value!r}" for i, j, value in entries if value]
+        (tmp_path / f"{name}.mtx").write_text("\n".join(lines))
+    page = console.open("modes")
+    system = _stored(page, console, [tmp_path / "M.mtx", tmp_path / "K.mtx"])
+    np.testing.assert_allclose(_dense(system["M"]), light, rtol=0)
 
 
 def test_one_table_alone_is_the_stiffness_of_unit_masses(console: Visit, tmp_path: Path) -> None:
@@ -134,6 +167,16 @@ def test_what_it_cannot_read_it_names_with_the_way_out(console: Visit, tmp_path:
         ("K.csv", "1, x\n2, 3\n", "a line without numbers: 1, x"),
         ("K.mtx", "1 1\n2 2\n", "neither Matrix Market nor of lines with 3 or 5 numbers"),
         ("K.npz", "no archive", "is no .npz file"),
+        ("K.mtx", "2 2 2\n1 1 2.5\n2 2 1.5\n", "line 1: it can be an entry, or the size"),
+        ("K.mtx", "1 1 0x10\n", '"0x10" is not a number'),
+        ("K.mtx", "1.5 1 2\n", "line 1: an index is not whole"),
+        ("K.csv", "1,5;2\n2;3\n", "line 1: decimal commas are not read"),
+        ("K.csv", "1,,2\n2,1\n", "an empty field"),
+        (
+            "K.mtx",
+            "%%MatrixMarket matrix coordinate real general\n1 1 1\n1 1 1,5\n",
+            "Line 3: '1,5' has a decimal comma",
+        ),
         ("K.json", "{}", "M"),
     ],
 )

@@ -7,49 +7,117 @@ kept ones and i the others,
     x_i = -K_ii^-1 K_is x_s                   Guyan: exact at rest
     x_i = -K_ii^-1 K_is x_s + Phi q           Craig-Bampton: and the lowest modes with s fixed
 
+Where a structure can still move as a rigid body while s is fixed, K_ii has no inverse: these
+motions belong to every reduction, as the first of the modes, and the shapes of the kept degrees of
+freedom are orthogonal to them in M.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
-import scipy.sparse as sparse
-import scipy.sparse.linalg
 
+from vibroimpact.models.flexibility import (
+    INDEPENDENT,
+    RIGID,
+    Flexibility,
+    MasslessMotion,
+    rigid_body_modes,
+    unit_stiffness,
+)
 from vibroimpact.models.model import Label, Model
+from vibroimpact.sensitivity import Sensitivity
 from vibroimpact.tables import Array
+
+if TYPE_CHECKING:
+    from vibroimpact.results import Result
 
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
     """A reduced model and what it leaves out.
 
+    Natural frequencies converge as modes are added. **The impulses of rigid stops do not**, nor do
+    existence bands: a rigid stop excites every mode of the model, and each one that is added
+    changes the answer, by a finer mesh as by a larger reduction. `compute` says by how much: it
+    repeats a computation with half of the modes.
+
     Parameters
     ----------
     model : Model
-        The reduced model; kept degrees of freedom keep their labels, modes are ``(j, "mode")``.
+        The reduced model; kept degrees of freedom keep their labels, modes are ``(j, "mode")``,
+        motions of rigid bodies with the kept ones at rest before elastic ones.
     T : array, shape (dof, reduced dof)
         Displacements of the whole model by those of the reduced one.
     Omega : array, shape (mode,)
-        Natural frequencies of the reduced model that were compared.
+        Natural frequencies of the reduced model that were compared; those of rigid bodies are 0.
     error : array, shape (mode,)
         Upper bounds of their distances from the nearest natural frequency of the whole model,
         relative to that one: ``|Omega^2/lambda - 1| <= |K x - Omega^2 M x| / |x|``, the first
-        norm that of K^-1, the second that of K; roundings are left out. nan if K is singular.
+        norm that of K^-1 (of the flexibility beside rigid bodies' motions where K is singular),
+        the second that of K; roundings are left out. 0 of rigid bodies, whose motions the reduced
+        model has exactly. nan if K is not positive semidefinite, where no such bound holds.
+    kept : int
+        How many of the degrees of freedom are kept ones; they come first.
+    rigid : int
+        How many of the modes are motions of rigid bodies; they come first of the modes.
     """
 
     model: Model
     T: Array
     Omega: Array
     error: Array
+    kept: int = 0
+    rigid: int = 0
 
     def expand(self, q: Array) -> Array:
         """Return displacements of the whole model, shape (..., dof)."""
         return np.asarray(q) @ self.T.T
+
+    @property
+    def modes(self) -> int:
+        """Number of elastic modes."""
+        return self.model.n - self.kept - self.rigid
+
+    def half(self) -> Reduction:
+        """Return the reduction with the lower half of the elastic modes; nothing is compared."""
+        n = self.kept + self.rigid + self.modes // 2
+        none = np.zeros(0)
+        part = self.model.part(range(n))
+        return Reduction(part, self.T[:, :n], none, none, self.kept, self.rigid)
+
+    def compute(self, computation: Callable[[Model], Result]) -> Result:
+        """Return a result of the reduced model that says how much it owes to the modes.
+
+        Parameters
+        ----------
+        computation : callable
+            Returns the result of a model, such as ``lambda model: client.impact_modes(
+            model.system([model.constraint(17, "z", 1e-3)]), [40.0])``. It is called for the
+            reduced model, and for that with half of the elastic modes, which is the smaller task.
+
+        Returns
+        -------
+        Result
+            That of the reduced model, with `Result.sensitivity`.
+
+        Raises
+        ------
+        ValueError
+            If there are no elastic modes to leave out.
+        """
+        if self.modes < 1:
+            raise ValueError("a reduction without elastic modes has none to leave out")
+        result = computation(self.model)
+        smaller = computation(self.half().model)
+        result.sensitivity = Sensitivity.between(
+            result, smaller, self.modes, self.modes // 2, self.kept
+        )
+        return result
 
 
 def condense(model: Model) -> Reduction:
@@ -65,13 +133,21 @@ def condense(model: Model) -> Reduction:
     """
     rows = np.asarray(abs(model.M).sum(axis=1)).ravel()
     massless = rows <= 1e-14 * rows.max(initial=0.0)
-    return _reduced(model, np.flatnonzero(~massless), 0, 0)
+    return _reduced(model, np.flatnonzero(~massless), 0, 0, None)
 
 
 def reduce(
-    model: Model, keep: Iterable[Label], modes: int = 0, compare: int | None = None
+    model: Model,
+    keep: Iterable[Label],
+    modes: int = 0,
+    compare: int | None = None,
+    rigid: int | None = None,
 ) -> Reduction:
     """Return a smaller model that keeps some degrees of freedom.
+
+    Motions of rigid bodies that a structure has although these are fixed are always part of it: a
+    free beam of which one deflection is kept has one more degree of freedom, and the mass, moment
+    of inertia and natural frequencies 0 of the whole beam.
 
     Parameters
     ----------
@@ -80,68 +156,189 @@ def reduce(
     keep : iterable of (int, str)
         Labels of the degrees of freedom to keep: those with limiters and loads.
     modes : int
-        How many of the lowest modes with these held fixed are added (Craig and Bampton); 0 is
-        Guyan's reduction.
+        How many of the lowest elastic modes with these held fixed are added (Craig and Bampton);
+        0 is Guyan's reduction.
     compare : int, optional
         How many of the lowest natural frequencies get an error; default: half of all.
+    rigid : int, optional
+        Number of rigid-body modes of the whole structure, 6 for a free one in space; default: as
+        K tells. To be given where K was rounded, as in files with few digits, or where springs are
+        so soft that a warning asks.
 
     Raises
     ------
     ValueError
-        If a label does not exist, or there are fewer modes.
+        If a label does not exist, there are fewer modes, or some degrees of freedom can move
+        without mass and stiffness.
+
+    Warns
+    -----
+    UserWarning
+        If K nearly has more rigid-body modes than it has to rounding.
     """
-    kept = np.array(sorted(model.dof(*label) for label in keep), dtype=np.int64)
+    kept = np.array(sorted({model.dof(*label) for label in keep}), dtype=np.int64)
     if kept.size + modes > model.n:
         raise ValueError(f"{kept.size} kept and {modes} modes are more than {model.n}")
-    size = kept.size + modes
-    return _reduced(model, kept, modes, max(1, size // 2) if compare is None else compare)
+    return _reduced(model, kept, modes, compare, rigid)
 
 
-def _reduced(model: Model, kept: Array, modes: int, compare: int) -> Reduction:
+def _reduced(
+    model: Model, kept: Array, modes: int, compare: int | None, rigid: int | None
+) -> Reduction:
+    R, definite = rigid_body_modes(model.K, rigid)
+    moved = R[kept] / unit_stiffness(model.K)[kept, np.newaxis]
+    held, turned = _held(moved, model.n)
     others = np.setdiff1d(np.arange(model.n), kept)
-    T = np.zeros((model.n, kept.size + modes))
+    T = np.zeros((model.n, kept.size + held + modes))
     T[kept, np.arange(kept.size)] = 1.0
-    if others.size:
-        inner = sparse.csc_array(model.K[others][:, others])
-        try:
-            solve = scipy.sparse.linalg.splu(inner).solve
-        except RuntimeError:
-            raise ValueError("the degrees of freedom left out are not held by springs") from None
-        T[others, : kept.size] = -solve(model.K[others][:, kept].toarray())
-        if modes:
-            T[others, kept.size :] = _lowest(inner, model.M[others][:, others], modes)
-    M, K = (T.T @ (part @ T) for part in (model.M, model.K))
-    C = None if model.C is None else T.T @ (model.C @ T)
+    first = kept.size + held
+    try:
+        whole = Flexibility(model.K, model.M, R)
+        if others.size:
+            K, M = (part[others][:, others] for part in (model.K, model.M))
+            flexible = Flexibility(K, M, R[others] @ turned[:, :held])
+            T[others, : kept.size] = flexible.solve(-model.K[others][:, kept].toarray())
+            T[others, kept.size : first] = flexible.R
+            T[others, first:] = _modes(flexible, modes)
+    except MasslessMotion as massless:
+        motion = massless.motion
+        if motion.size < model.n:
+            motion = np.zeros(model.n)
+            motion[others] = massless.motion
+        raise _massless(model, motion) from None
+    bodies = T[:, kept.size : first]
+    T[:, : kept.size] -= bodies @ (bodies.T @ (model.M @ T[:, : kept.size]))
+    M = _mean(T.T @ (model.M @ T))
+    C = None if model.C is None else _mean(T.T @ (model.C @ T))
+    K = _stiffness(model, T, kept, first, moved @ turned[:, held:])
     labels: Sequence[Label] = [
-        *(model.labels[row] for row in kept), *((mode, "mode") for mode in range(modes))
+        *(model.labels[row] for row in kept), *((mode, "mode") for mode in range(held + modes))
     ]  # fmt: skip
     small = Model(M, K, C, labels, model.coordinates, model.units)
-    Omega, error = _errors(model, T, M, K, compare)
-    return Reduction(small, T, Omega, error)
+    motions = np.concatenate([R[kept], bodies.T @ (model.M @ R), np.zeros((modes, R.shape[1]))])
+    count = max(1, small.n // 2) if compare is None else min(compare, small.n)
+    Omega, error = _errors(whole, small, T, motions, definite, count)
+    return Reduction(small, T, Omega, error, kept.size, held)
 
 
-def _lowest(K: Any, M: Any, count: int) -> Array:
-    """Return the lowest modes, orthonormal in M, shape (dof, mode)."""
-    if count < K.shape[0] - 1 and K.shape[0] > 200:
-        start = np.random.default_rng(0).normal(size=K.shape[0])
-        _, shapes = scipy.sparse.linalg.eigsh(K, count, M, sigma=0.0, v0=start)
-    else:
-        _, shapes = scipy.linalg.eigh(K.toarray(), M.toarray(), subset_by_index=[0, count - 1])
-    return np.asarray(shapes)
-
-
-def _errors(model: Model, T: Array, M: Array, K: Array, count: int) -> tuple[Array, Array]:
-    """Return the lowest natural frequencies of the reduced model, and bounds of their errors."""
+def _modes(flexible: Flexibility, count: int) -> Array:
+    """Return the lowest modes of the part that is not kept."""
     if count == 0:
+        return np.zeros((flexible.K.shape[0], 0))
+    _, shapes = flexible.modes(count)
+    if shapes.shape[1] < count:
+        raise ValueError(f"{count} modes are more than the {shapes.shape[1]} that have mass")
+    return shapes
+
+
+def _held(moved: Array, n: int) -> tuple[int, Array]:
+    """Return how many combinations of rigid-body modes leave the kept ones at rest, and all.
+
+    Parameters
+    ----------
+    moved : array, shape (kept, rigid)
+        Displacements of the kept degrees of freedom by rigid-body modes of unit size.
+    n : int
+        All degrees of freedom.
+
+    Returns
+    -------
+    int
+        How many.
+    array, shape (rigid, rigid)
+        Combinations of rigid-body modes, these first.
+    """
+    rigid = moved.shape[1]
+    if not moved.size:
+        return rigid, np.eye(rigid)
+    _, sizes, turned = scipy.linalg.svd(moved, full_matrices=True)
+    rank = int((sizes > INDEPENDENT / np.sqrt(n)).sum())
+    return rigid - rank, turned[::-1].T
+
+
+def _mean(matrix: Array) -> Array:
+    """Return a matrix that is symmetric but for rounding as one that is symmetric."""
+    return 0.5 * (matrix + matrix.T)
+
+
+def _stiffness(model: Model, T: Array, kept: Array, first: int, moving: Array) -> Array:
+    """Return T' K T, with the zeros that it has without rounding.
+
+    Static shapes and modes are orthogonal in K, and motions of rigid bodies have no energy.
+
+    Parameters
+    ----------
+    model : Model
+        The whole model.
+    T : array, shape (dof, reduced dof)
+        Static shapes, motions of rigid bodies with the kept ones at rest, and from `first` on
+        elastic modes.
+    kept : array of int
+        The kept degrees of freedom.
+    first : int
+        As said.
+    moving : array, shape (kept, independent)
+        Their displacements by the other motions of rigid bodies, in units of equal stiffness.
+    """
+    static, elastic = T[:, : kept.size], T[:, first:]
+    K = np.zeros((T.shape[1], T.shape[1]))
+    K[first:, first:] = _mean(elastic.T @ (model.K @ elastic))
+    S = _mean(static.T @ (model.K @ static))
+    if moving.size:
+        unit = np.outer(*[unit_stiffness(model.K)[kept]] * 2)
+        axes, _, _ = scipy.linalg.svd(moving, full_matrices=False)
+        elastic_part = np.eye(kept.size) - axes @ axes.T
+        S = _mean(elastic_part @ (S * unit) @ elastic_part) / unit
+        terms = np.sum(np.abs(static) * (abs(model.K) @ np.abs(static)), axis=0)
+        without_energy = (moving.shape[1] == kept.size) | (np.diagonal(S) <= RIGID * terms)
+        S[without_energy] = S[:, without_energy] = 0.0
+    K[: kept.size, : kept.size] = S
+    return K
+
+
+def _errors(
+    whole: Flexibility | None, small: Model, T: Array, bodies: Array, definite: bool, count: int
+) -> tuple[Array, Array]:
+    """Return the lowest natural frequencies of the reduced model, and bounds of their errors.
+
+    Parameters
+    ----------
+    whole : Flexibility
+        Of the whole model; None: nothing is compared.
+    small : Model
+        The reduced model.
+    T : array, shape (dof, reduced dof)
+        Displacements of the whole model.
+    bodies : array, shape (reduced dof, rigid)
+        Motions of rigid bodies of the reduced model.
+    definite : bool
+        Whether the stiffness of the whole model is positive semidefinite.
+    count : int
+        How many frequencies.
+    """
+    if whole is None or count == 0:
         return np.zeros(0), np.zeros(0)
-    squares, shapes = scipy.linalg.eigh(K, M, subset_by_index=[0, min(count, len(K)) - 1])
+    rigid = min(count, bodies.shape[1])
+    squares, shapes = Flexibility(small.K, small.M, bodies).modes(count - rigid)
     x = T @ shapes
-    Omega = np.sqrt(np.maximum(squares, 0.0))
-    residual, size = model.K @ x - (model.M @ x) * squares, np.sum(x * (model.K @ x), axis=0)
-    try:
-        solve = scipy.sparse.linalg.splu(sparse.csc_array(model.K)).solve
-    except RuntimeError:
+    Omega = np.concatenate([np.zeros(rigid), np.sqrt(np.maximum(squares, 0.0))])
+    if not definite:
         return Omega, np.full(Omega.size, np.nan)
-    apart = np.sqrt(np.maximum(np.sum(residual * solve(residual), axis=0), 0.0) / size)
+    residual, size = whole.K @ x - (whole.M @ x) * squares, np.sum(x * (whole.K @ x), axis=0)
+    products = np.sum(residual * whole.elastic(residual), axis=0)
+    apart = np.sqrt(np.maximum(products, 0.0) / size)
     # |Omega/Omega_j - 1| <= 1 - sqrt(1 - d) where |Omega^2/lambda_j - 1| <= d < 1
-    return Omega, np.where(apart < 1.0, 1.0 - np.sqrt(1.0 - np.minimum(apart, 1.0)), apart)
+    error = np.where(apart < 1.0, 1.0 - np.sqrt(1.0 - np.minimum(apart, 1.0)), apart)
+    return Omega, np.concatenate([np.zeros(rigid), error])
+
+
+def _massless(model: Model, motion: Array) -> ValueError:
+    """Return the error that names what can move without mass and stiffness."""
+    share = np.abs(motion / unit_stiffness(model.K))
+    rows = np.argsort(-share, kind="stable")[:3]
+    moving = [f"node {model.labels[row][0]} {model.labels[row][1]}" for row in rows
+              if share[row] > 0.1 * share[rows[0]]]  # fmt: skip
+    return ValueError(
+        f"{', '.join(moving)} can move without mass and without stiffness: fix it with "
+        "Model.fixed, or give it one of them"
+    )

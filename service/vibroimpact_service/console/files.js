@@ -1,21 +1,27 @@
 // Matrices in files, as the service takes them or as the browser can read them itself.
 
-/** @typedef {number[][] | {shape: number[], row: number[], col: number[], data: number[]}} Matrix in forms of the contract */
+/** @typedef {{shape: number[], row: number[], col: number[], data: number[]}} Entries of a sparse matrix, in the form of the contract */
+/** @typedef {number[][] | Entries & {ends?: string[]}} Matrix in forms of the contract; `ends`: what the rows are, nodes and directions; empty: the last ones may be missing */
 /** @typedef {{values: any, shape: number[], fortran: boolean}} NumpyArray */
 
 export const ENDINGS = ["mtx", "npy", "npz", "csv", "txt", "json"];
 
 /** Names of matrices in files and of files, as the Python client knows them. @type {Record<string, "M" | "K" | "C">} */
 const NAMES = Object.fromEntries([
-  ...["M", "MASS", "MAA", "MAAX", "MGG", "MXX"].map((name) => [name, "M"]),
-  ...["K", "STIFFNESS", "KAA", "KAAX", "KGG", "KXX", "STIF"].map((name) => [name, "K"]),
-  ...["C", "D", "DAMPING", "BAA", "BGG", "BXX", "VISCOUSDAMPING"].map((name) => [name, "C"]),
+  ...["M", "MASS", "MAA", "MAAX", "MGG", "MGGX", "MXX", "MHH", "M2GG", "M2PP"].map((name) => [name, "M"]),
+  ...["K", "STIFFNESS", "STIF", "KAA", "KAAX", "KGG", "KGGX", "KXX", "KHH", "K2GG", "K2PP"].map((name) => [name, "K"]),
+  ...["C", "D", "DAMPING", "VISCOUSDAMPING", "BAA", "BAAX", "BGG", "BGGX", "BXX", "BHH", "B2GG", "B2PP"].map((name) => [name, "C"]),
 ]);
 const ORDER = /** @type {const} */ (["M", "K", "C"]);
 
+/** Numbers as files write them, with Fortran's exponents too. */
+const NUMBER = /^[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?$/;
+const MARKET = "application/x-matrix-market";
+
 /**
  * Return what the service stores, and the geometry beside it. Matrix Market texts, one .npy and JSON
- * are read by the service; the others here.
+ * are read by the service, which has the one reader of such texts; the others here, and written as
+ * such texts where they come beside one.
  * @param {File[]} files one, or one for each matrix, which its name tells
  * @returns {Promise<{content: Blob, geometry?: import("./structures.js").GeometryDocument}>}
  */
@@ -23,20 +29,41 @@ export async function structureOf(files) {
   const [first] = files;
   if (files.length === 1 && endingOf(first) === "json") return document(await first.text());
   if (files.length === 1 && endingOf(first) === "npy") return { content: new Blob([first], { type: "application/x-npy" }) };
-  if ((await Promise.all(files.map(isMatrixMarket))).every(Boolean)) {
-    const ordered = files.length === 1 ? files : ORDER.flatMap((name) => files.filter((file) => matrixOf(file.name) === name));
-    checkNames(files, ordered.map(({ name }) => matrixOf(name)));
-    return { content: new Blob(ordered.flatMap((file) => [file, "\n"]), { type: "application/x-matrix-market" }) };
-  }
+  const market = (await Promise.all(files.map(isMatrixMarket))).some(Boolean);
   const parts = (await Promise.all(files.map(read))).flatMap((part) => Object.entries(part));
   const names = parts.map(([name]) => matrixOf(name));
-  // One matrix alone is the stiffness, whatever its name.
+  // One matrix alone is the stiffness, whatever its name; one text may hold several.
   if (parts.length === 1) names[0] = "K";
   checkNames(files, names);
-  const matrices = Object.fromEntries(parts.map(([, matrix], i) => [String(names[i]), whole(matrix)]));
-  const n = sizeOf(matrices.K);
-  const system = { M: { scalar: 1, n }, ...matrices, constraints: [] };
+  const matrices = Object.fromEntries(parts.map(([, matrix], i) => [String(names[i]), matrix]));
+  if (market) {
+    const ordered = ORDER.flatMap((name) => (name in matrices ? [matrices[name]] : []));
+    return { content: new Blob(ordered.flatMap((each) => [each instanceof File ? each : marketText(whole(each)), "\n"]), { type: MARKET }) };
+  }
+  const placed = together(/** @type {Record<string, Matrix>} */ (matrices));
+  const system = { M: { scalar: 1, n: sizeOf(placed.K) }, ...placed, constraints: [] };
   return { content: new Blob([JSON.stringify(system)], { type: "application/json" }) };
+}
+
+/**
+ * Return matrices in the size of the stiffness, triangles completed. Lists of entries leave out what
+ * has no mass or damping: rows are then placed by their nodes and directions.
+ * @param {Record<string, Matrix>} matrices @returns {Record<string, any>}
+ */
+function together(matrices) {
+  const { K } = matrices;
+  const ends = Array.isArray(K) ? undefined : K.ends;
+  return Object.fromEntries(Object.entries(matrices).map(([name, matrix]) => {
+    if (!Array.isArray(matrix) && matrix.ends && ends) {
+      const places = matrix.ends.map((end) => ends.indexOf(end));
+      if (places.includes(-1)) throw new Error(`${name} has nodes or directions that K has not.`);
+      /** @param {number} i */
+      const place = (i) => (places.length ? places[i] : i);
+      const side = Math.max(sizeOf(K), places.length ? 0 : sizeOf(matrix));
+      return [name, whole({ shape: [side, side], row: matrix.row.map(place), col: matrix.col.map(place), data: matrix.data })];
+    }
+    return [name, whole(matrix)];
+  }));
 }
 
 /** @param {File} file */
@@ -60,7 +87,7 @@ function checkNames(files, names) {
 
 /** @param {File} file */
 async function isMatrixMarket(file) {
-  return endingOf(file) === "mtx" && (await file.slice(0, 14).text()) === "%%MatrixMarket";
+  return endingOf(file) === "mtx" && /^\s*%+\s*MatrixMarket/im.test(await file.slice(0, 4096).text());
 }
 
 /** @param {string} text @returns {{content: Blob, geometry?: any}} */
@@ -69,64 +96,97 @@ function document(text) {
   return { geometry, content: new Blob([JSON.stringify({ constraints: [], ...system })], { type: "application/json" }) };
 }
 
-/** @param {File} file @returns {Promise<Record<string, Matrix>>} */
+/** @param {File} file @returns {Promise<Record<string, Matrix | File>>} */
 async function read(file) {
   const ending = endingOf(file);
   const stem = file.name.replace(/\.[^.]*$/, "");
   if (ending === "npz") return archive(await file.arrayBuffer(), file.name, stem);
   if (ending === "npy") return { [stem]: rows(numpyArray(await file.arrayBuffer(), file.name), file.name) };
   if (ending === "csv" || ending === "txt") return { [stem]: table(await file.text(), file.name) };
-  if (ending === "mtx") return { [stem]: await isMatrixMarket(file) ? marketArray(await file.text(), file.name) : abaqus(await file.text(), file.name) };
+  if (ending === "mtx") return { [stem]: await isMatrixMarket(file) ? file : list(await file.text(), file.name) };
   const how = `import numpy, vibroimpact; m = vibroimpact.read_model("${file.name}"); numpy.savez("${stem}.npz", M=m.M.toarray(), K=m.K.toarray())`;
   throw new Error(`The page cannot read ${file.name}. It reads .${ENDINGS.join(", .")}. The Python client reads .mat, .op4, .bdf, .dat and .pch too and writes what can be uploaded here: ${how}`);
 }
 
-/** @param {string} text @param {string} name @returns {number[][]} of numbers in lines */
+/** @typedef {{line: number, words: string[], values: number[]}} Row of numbers */
+
+/** @param {string} text @param {string} name @returns {Row[]} the lines that have numbers */
 function numbersOf(text, name) {
-  const lines = text.split(/\r?\n/).map((line) => line.replace(/[#%*].*$/, "").trim()).filter(Boolean);
-  return lines.map((line) => {
-    const values = line.split(/[\s,;]+/).filter(Boolean).map(Number);
-    if (values.some(Number.isNaN)) throw new Error(`${name} has a line without numbers: ${line.slice(0, 60)}`);
-    return values;
+  const rowsOfNumbers = /** @type {Row[]} */ ([]);
+  const semicolons = text.includes(";");
+  text.replace(/^\ufeff/, "").split(/\r\n|\r|\n/).forEach((content, i) => {
+    const words = content.replace(/[#%*].*$/, "").trim().replace(/\s*[,;]$/, "").split(/\s*[,;]\s*|\s+/);
+    if (words.length === 1 && !words[0]) return;
+    const line = i + 1;
+    if (semicolons && content.includes(",")) throw new Error(`${name}, line ${line}: decimal commas are not read; write points.`);
+    const wrong = words.find((word) => !NUMBER.test(word));
+    if (wrong !== undefined) throw new Error(`${name}, line ${line}, is a line without numbers: ${content.trim().slice(0, 60)} (${wrong ? `"${wrong.slice(0, 40)}" is not a number` : "an empty field"})`);
+    const values = words.map((word) => Number(word.replace(/[dD]/, "e")));
+    if (!values.every(Number.isFinite)) throw new Error(`${name}, line ${line}: a number is beyond double precision.`);
+    rowsOfNumbers.push({ line, words, values });
   });
+  return rowsOfNumbers;
 }
 
 /** @param {string} text @param {string} name @returns {number[][]} */
 function table(text, name) {
+  if (/^\s*%+\s*MatrixMarket/im.test(text)) throw new Error(`${name} is a text of Matrix Market: call it .mtx.`);
   const lines = numbersOf(text, name);
-  if (!lines.length || lines.some((line) => line.length !== lines.length)) {
-    throw new Error(`${name} has ${lines.length} lines of ${lines.length ? lines[0].length : 0} numbers; a matrix has as many lines as numbers in each.`);
+  const wrong = lines.find(({ values }) => values.length !== lines.length);
+  if (!lines.length || wrong) {
+    throw new Error(`${name} has ${lines.length} lines${wrong ? `, and ${wrong.values.length} numbers in line ${wrong.line}` : ""}; a matrix has as many lines as numbers in each.`);
   }
-  return lines;
+  return lines.map(({ values }) => values);
 }
 
 /** Abaqus: lines of node, direction, node, direction, value, or of row, column, value. @param {string} text @param {string} name @returns {Matrix} */
-function abaqus(text, name) {
+function list(text, name) {
   const lines = numbersOf(text, name);
-  const width = lines.length ? lines[0].length : 0;
-  if ((width !== 3 && width !== 5) || lines.some((line) => line.length !== width)) {
-    throw new Error(`${name} is neither Matrix Market nor of lines with 3 or 5 numbers, as Abaqus writes them.`);
+  const width = lines.length ? lines[0].values.length : 0;
+  const wrong = lines.find(({ values }) => values.length !== width);
+  if ((width !== 3 && width !== 5) || wrong) {
+    throw new Error(`${name} is neither Matrix Market nor of lines with 3 or 5 numbers, as Abaqus writes them${wrong ? `: line ${wrong.line} has ${wrong.values.length}` : ""}.`);
   }
-  const data = lines.map((line) => line[width - 1]);
+  const uneven = lines.find(({ values }) => !values.slice(0, -1).every(Number.isInteger));
+  if (uneven) throw new Error(`${name}, line ${uneven.line}: an index is not whole.`);
+  const data = lines.map(({ values }) => values[width - 1]);
   if (width === 3) {
-    const [row, col] = [0, 1].map((k) => lines.map((line) => line[k] - 1));
+    checkSizes(lines, name);
+    const low = Math.min(...lines.map(({ values }) => Math.min(values[0], values[1])));
+    const first = low === 0 && lines.some(({ values: [i, j] }) => i === 0 && j === 0) ? 0 : 1;
+    const out = lines.find(({ values: [i, j] }) => Math.min(i, j) < first);
+    if (out) throw new Error(`${name}, line ${out.line}: an index below 1.`);
+    const [row, col] = [0, 1].map((k) => lines.map(({ values }) => values[k] - first));
     const n = 1 + [...row, ...col].reduce((a, b) => Math.max(a, b), 0);
-    return { shape: [n, n], row, col, data };
+    return { shape: [n, n], row, col, data, ends: [] };
   }
-  const ends = lines.flatMap((line) => [[line[0], line[1]], [line[2], line[3]]]);
-  const ordered = ends.sort(([a, b], [c, d]) => a - c || b - d).map((end) => end.join());
+  const pairs = lines.flatMap(({ values }) => [[values[0], values[1]], [values[2], values[3]]]);
+  const ordered = [...pairs].sort(([a, b], [c, d]) => a - c || b - d).map((end) => end.join());
   const index = new Map([...new Set(ordered)].map((end, i) => [end, i]));
   /** @param {number} k */
-  const places = (k) => lines.map((line) => Number(index.get(`${line[k]},${line[k + 1]}`)));
-  return { shape: [index.size, index.size], row: places(0), col: places(2), data };
+  const places = (k) => lines.map(({ values }) => Number(index.get(`${values[k]},${values[k + 1]}`)));
+  return { shape: [index.size, index.size], row: places(0), col: places(2), data, ends: [...index.keys()] };
 }
 
-/** One of several files in Matrix Market's form beside others in other forms. @param {string} text @param {string} name @returns {Matrix} */
-function marketArray(text, name) {
-  const symmetric = /^%%MatrixMarket +matrix +coordinate +\S+ +(general|symmetric)/i.exec(text);
-  if (!symmetric) throw new Error(`${name}: beside files of other forms, a Matrix Market file is to be one of coordinates.`);
-  const [[n, m], ...entries] = numbersOf(text, name);
-  return { shape: [n, m], row: entries.map(([i]) => i - 1), col: entries.map(([, j]) => j - 1), data: entries.map(([, , value]) => value) };
+/** Refuse a first line that can be the size of a matrix whose header was lost. @param {Row[]} lines @param {string} name */
+function checkSizes([first, ...others], name) {
+  const whole = (/** @type {string} */ word) => /^[+-]?\d+$/.test(word);
+  const [i, j, announced] = first.values;
+  if (!others.length || !first.words.every(whole) || others.some(({ values }) => values[0] > i || values[1] > j)) return;
+  const repeated = others.some(({ values }) => values[0] === i && values[1] === j);
+  const cut = announced > others.length && announced <= i * j && !others.every(({ words }) => whole(words[2]));
+  if (announced === others.length || repeated || cut) {
+    throw new Error(`${name}, line ${first.line}: it can be an entry, or the size of a matrix whose header was lost. Put %%MatrixMarket matrix coordinate real general before it, or write its value with a decimal point.`);
+  }
+}
+
+/** @param {Matrix} matrix @returns {string} as a text of Matrix Market */
+function marketText(matrix) {
+  const lines = Array.isArray(matrix)
+    ? matrix.flatMap((row, i) => row.flatMap((value, j) => (value ? [`${i + 1} ${j + 1} ${value}`] : [])))
+    : matrix.data.map((value, e) => `${matrix.row[e] + 1} ${matrix.col[e] + 1} ${value}`);
+  const n = sizeOf(matrix);
+  return ["%%MatrixMarket matrix coordinate real general", `${n} ${n} ${lines.length}`, ...lines].join("\n");
 }
 
 /** @param {Matrix} matrix @returns {number} */
@@ -140,8 +200,9 @@ function whole(matrix) {
     const given = [1, -1].map((side) => matrix.some((row, i) => row.some((value, j) => value !== 0 && side * (j - i) > 0)));
     return given[0] && given[1] ? matrix : matrix.map((row, i) => row.map((value, j) => (i === j ? value : value + matrix[j][i])));
   }
-  const { shape, row, col, data } = matrix;
-  if (data.some((value, e) => value !== 0 && row[e] < col[e]) && data.some((value, e) => value !== 0 && row[e] > col[e])) return matrix;
+  const { row, col, data } = matrix;
+  const shape = [...matrix.shape];
+  if (data.some((value, e) => value !== 0 && row[e] < col[e]) && data.some((value, e) => value !== 0 && row[e] > col[e])) return { shape, row, col, data };
   const off = data.map((_, e) => e).filter((e) => row[e] !== col[e]);
   return { shape, row: [...row, ...off.map((e) => col[e])], col: [...col, ...off.map((e) => row[e])], data: [...data, ...off.map((e) => data[e])] };
 }
