@@ -3,9 +3,9 @@
 Between events a motion is ``z' = A z``; it is followed in steps, through Taylor polynomials whose
 remainder is below all digits, and the first root of every distance to a wall and of every contact
 force within a step is isolated by Bernstein coefficients: none can be missed. Impacts obey
-Newton's law, simultaneous ones the complementarity of impulses and velocities, contacts that of
-forces and accelerations. A chatter is followed until what is left of it cannot be told from its
-geometric sum.
+Newton's law, simultaneous ones Poisson's (with k = 1 throughout, Moreau's), contacts the
+complementarity of forces and accelerations. A chatter is followed until what is left of it cannot
+be told from its geometric sum.
 """
 
 from __future__ import annotations
@@ -331,8 +331,8 @@ class RigidMotion:
         u = {key: key[1] * self._value(key[0], 1) for key in struck}
         u = {key: arb(0) if abs(value) <= tiny else value for key, value in u.items()}
         if any(value > 0 for value in u.values()):
-            give = {key: u[key] + self.k[key[0]] * max(u[key], arb(0)) for key in struck}
-            P = self._complementary(struck, give, tiny)
+            P = {key: p for group in self._coupled(struck)
+                 for key, p in self._impulses(group, u, tiny).items()}  # fmt: skip
             for key in struck:
                 if P[key] > 0:
                     a, side = key
@@ -347,6 +347,53 @@ class RigidMotion:
             u = {key: arb(0) if abs(value) <= tiny * 16 else value for key, value in u.items()}
         self._settle(struck, u)
         self._sum_chatter(u)
+
+    def _coupled(self, keys: list[tuple[int, int]]) -> list[list[tuple[int, int]]]:
+        """Return the groups of coordinates that impulses reach from one another."""
+        groups: list[list[tuple[int, int]]] = []
+        for key in keys:
+            joined = [g for g in groups if any(self._reaches(key, other) for other in g)]
+            groups = [g for g in groups if g not in joined]
+            groups.append([*itertools.chain.from_iterable(joined), key])
+        return groups
+
+    def _reaches(self, p: tuple[int, int], q: tuple[int, int]) -> bool:
+        a, b = p[0], q[0]
+        return bool(self.G[a, b] ** 2 > arb(2.0**-200) * self.G[a, a] * self.G[b, b])
+
+    def _impulses(
+        self, keys: list[tuple[int, int]], u: dict[tuple[int, int], Any], tiny: Any
+    ) -> dict[tuple[int, int], Any]:
+        """Return the impulses of one group; contacts give nothing of theirs back.
+
+        A perfectly inelastic blow leaves the least energy that impulses can leave. Poisson: then
+        each wall gives k times as much again, and more where another one would be passed without.
+        Moreau, k = 1: what the inelastic blow took is reflected, again while anything approaches.
+        """
+        k = {key: arb(0) if key in self.held else self.k[key[0]] for key in keys}
+        given = {key: arb(0) for key in keys}
+
+        def speeds() -> dict[tuple[int, int], Any]:
+            return {
+                p: (u[p] - sum((self.G[p[0], q[0]] * (p[1] * q[1] * given[q]) for q in keys),
+                               arb(0))).mid()
+                for p in keys
+            }  # fmt: skip
+
+        def press(shares: dict[tuple[int, int], Any]) -> None:
+            inelastic = self._complementary(keys, speeds(), tiny)
+            for key in keys:
+                given[key] = given[key] + shares[key] * inelastic[key]
+
+        if all(k[key] == 1 for key in keys if key not in self.held):
+            for _ in range(10_000):
+                press({key: arb(2) for key in keys})
+                if all(speed <= tiny for speed in speeds().values()):
+                    return given
+            raise UndecidedError("reflections do not end")
+        press({key: 1 + k[key] for key in keys})
+        press({key: arb(1) for key in keys})
+        return given
 
     def _settle(self, struck: list[tuple[int, int]], u: dict[tuple[int, int], Any]) -> None:
         """Hold what is pressed to its wall; let go what recedes."""

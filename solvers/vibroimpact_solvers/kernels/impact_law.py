@@ -1,11 +1,16 @@
-"""Impacts: Newton's law for one coordinate, with complementarity for several at their walls.
+"""Impacts: Newton's law for one coordinate, Poisson's or Moreau's for several at their walls.
 
 The impulse P of one impact makes ``y'+ = -k y'-``; with ``w M^-1 w^T`` the mobility of y,
 ``P = -(1 + k) y'- / (w M^-1 w^T)``. It is added to the state with an error below one rounding: a
 rounding of the velocity would be the same at every impact of a periodic motion, and so would be
-what it takes from the energy. Coordinates that are at their walls at the same time have impulses
-``P >= 0`` that are not tensile, and leave with at least their restitution: a linear complementarity
-problem (Moreau; Glocker and Pfeiffer).
+what it takes from the energy.
+
+Coordinates that are at their walls at the same time and coupled have impulses ``P >= 0``, none of
+them tensile, by Poisson's law: those that end the approach, and those of the expansion, at least k
+times as much each; both are linear complementarity problems (Glocker and Pfeiffer). The expansion
+leaves the least energy that these bounds permit, and to give all of the first impulses back would
+leave the energy as it was: it never grows, whatever the k are. Only where all k are exactly 1, it
+is Moreau's law, which conserves the energy, as Poisson's may not.
 """
 
 from __future__ import annotations
@@ -51,6 +56,11 @@ from vibroimpact_solvers.kernels.rigid_state import (
 _LONG_CHATTER = 1e-3  # time of bounces lower than rounding that is not passed over
 _FIRST = 0  # a pair, whose sign is as good as any
 _ALONE = 0  # the row of a coordinate that is struck alone
+_UNCOUPLED = 1e-14  # couplings that are rounding, relative to the mobilities of both
+_APPROACHES = 1e-13  # speeds that are no rounding, relative to the terms they are sums of
+_PASSES = 10_000  # of Moreau's law
+NEWTON, POISSON, MOREAU = range(3)
+"""Laws of impact."""
 BOUNCES, RESTS, OPENS = range(3)
 """What an impact does: the motion goes on, a coordinate comes to rest, or contacts may open."""
 
@@ -260,6 +270,8 @@ def impulses(
         row.restitution = restitution[struck[a]]
     equations, q, P = np.empty((2 * m, m + 1)), np.empty(m), np.empty(m)
     _simultaneous_impulses(mobility, rows, equations, q, P, np.empty(m, np.int64))
+    for a in range(m):
+        P[a] = rows[a].impulse
     return P
 
 
@@ -267,18 +279,85 @@ def impulses(
 def _simultaneous_impulses(
     mobility: Floats, struck: Rows, equations: Floats, q: Floats, P: Floats, basic: Integers
 ) -> None:
-    """Fill in the impulses of coordinates at their walls; arrays of `Scratch` are overwritten."""
+    """Fill in laws and impulses of coordinates at their walls; arrays of `Scratch` are overwritten.
+
+    Poisson's law: impulses ``L`` that end the approach, ``0 <= L _|_ G L - u >= 0``, and then those
+    of the expansion, ``k L + E`` with ``0 <= E _|_ G ((1 + k) L + E) - u >= 0``.
+    """
     count = struck.size
     G, work = equations[:count], equations[count : 2 * count]
+    _couple(mobility, struck, G)
     for a in range(count):
-        one = struck[a]
-        q[a] = -one.speed * (1.0 + one.restitution) if one.speed > 0.0 else -one.speed
-        for b in range(count):
-            other = struck[b]
-            G[a, b] = one.side * other.side * mobility[one.coordinate, other.coordinate]
+        q[a] = -struck[a].speed if struck[a].law != MOREAU else 0.0
     complementarity.solve(G, q[:count], P[:count], basic[:count], work)
     for a in range(count):
-        struck[a].impulse = P[a]
+        recedes, expansion = -struck[a].speed, 0.0
+        for b in range(count):
+            recedes += G[a, b] * P[b]
+            expansion += G[a, b] * struck[b].restitution * P[b]
+        q[a] = expansion
+        if P[a] == 0.0 and struck[a].law != MOREAU:
+            q[a] += max(recedes, 0.0)
+        struck[a].impulse = (1.0 + struck[a].restitution) * P[a]
+    complementarity.solve(G, q[:count], P[:count], basic[:count], work)
+    for a in range(count):
+        struck[a].impulse += P[a]
+    _reflect(struck, equations, q, P, basic)
+
+
+@inner
+def _couple(mobility: Floats, struck: Rows, G: Floats) -> None:
+    """Fill in the mobility of coordinates towards their walls, and the law of each of them.
+
+    Those that no impulse reaches from one another are apart, whatever they have in common.
+    """
+    count = struck.size
+    for a in range(count):
+        struck[a].group = a
+        for b in range(count):
+            i, j = struck[a].coordinate, struck[b].coordinate
+            coupling = struck[a].side * struck[b].side * mobility[i, j]
+            uncoupled = abs(coupling) <= _UNCOUPLED * math.sqrt(mobility[i, i] * mobility[j, j])
+            G[a, b] = 0.0 if uncoupled else coupling
+    for _ in range(count):
+        for a in range(count):
+            for b in range(count):
+                if G[a, b] != 0.0:
+                    struck[a].group = min(struck[a].group, struck[b].group)
+    for a in range(count):
+        one, others, elastic = struck[a], 0, True
+        for b in range(count):
+            if struck[b].group == one.group:
+                others += 1
+                elastic = elastic and struck[b].restitution == 1.0
+        one.law = NEWTON if others == 1 else (MOREAU if elastic else POISSON)
+
+
+@inner
+def _reflect(struck: Rows, equations: Floats, q: Floats, P: Floats, basic: Integers) -> None:
+    """Add the impulses of Moreau's law with k = 1, which is repeated while one approaches.
+
+    Each pass, ``0 <= P _|_ G P - 2 u >= 0``, leaves the energy as it is. There are finitely many;
+    what comes after very many, of bodies unlike by a million, ends without restitution.
+    """
+    count = struck.size
+    G, work = equations[:count], equations[count : 2 * count]
+    for passes in range(_PASSES + 1):
+        approaches = False
+        for a in range(count):
+            q[a] = 0.0
+            if struck[a].law == MOREAU:
+                u, size = struck[a].speed, abs(struck[a].speed)
+                for b in range(count):
+                    u -= G[a, b] * struck[b].impulse
+                    size += abs(G[a, b]) * struck[b].impulse
+                q[a] = -2.0 * u if passes < _PASSES else -u
+                approaches = approaches or u > _APPROACHES * size
+        if not approaches:
+            return
+        complementarity.solve(G, q[:count], P[:count], basic[:count], work)
+        for a in range(count):
+            struck[a].impulse += P[a]
 
 
 @inline
@@ -303,7 +382,7 @@ def _find_struck(structure: Structure, motion: Motion, scratch: Scratch) -> int:
         row = scratch.struck[count]
         row.coordinate, row.side, row.restitution = i, side, wall.restitution
         row.speed, row.speed_rest = side * speed, side * lost
-        row.room, row.hop_error = room_at(walls, i, side, y), 0.0
+        row.room, row.hop_error, row.law = room_at(walls, i, side, y), 0.0, NEWTON
         count += 1
     return count
 
@@ -336,7 +415,7 @@ def _write(motion: Motion, struck: Rows, a: int, acceleration: float) -> None:
     row = motion.impacts[now.rows]
     row.constraint, row.side = one.coordinate, int(one.side)
     row.velocity, row.impulse = one.side * one.speed, one.impulse
-    row.acceleration = acceleration
+    row.acceleration, row.law = acceleration, one.law
     now.rows += 1
 
 

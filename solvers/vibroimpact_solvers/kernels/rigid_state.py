@@ -67,6 +67,7 @@ IMPACT: Final = record(
         ("before", "f8"),  # length of that before the impact, in units of 2^-52
         ("constraint", "i8"),
         ("side", "i8"),
+        ("law", "i8"),  # `impact_law.NEWTON`, `POISSON` or `MOREAU`
     ]
 )
 """An impact; its time is the sum of two doubles."""
@@ -117,6 +118,8 @@ STRUCK: Final = record(
         ("impulse", "f8"),  # away from the wall
         ("room", "f8"),  # distance to the wall
         ("hop_error", "f8"),  # of its place after a hop, in units of 2^-52; 0: there was none
+        ("group", "i8"),  # the first one that impulses on it reach, directly or not
+        ("law", "i8"),  # `impact_law.NEWTON`, `POISSON` or `MOREAU`
     ]
 )
 """A coordinate at a wall."""

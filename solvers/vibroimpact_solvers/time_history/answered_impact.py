@@ -1,4 +1,8 @@
-"""The impact of a coordinate while others are in contact, which answer it with impulses."""
+"""The impact of a coordinate while others are in contact, which answer it with impulses.
+
+Contacts are not struck: they give nothing of their answers back, as if their k were 0. With k of
+the coordinate, Poisson's law then is Newton's, for the structure with the contacts that stay.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +46,8 @@ class AnsweredImpact:
         speeds = np.zeros(len(contacts))
         index, side = contacts[0]
         speeds[0] = max(0.0, side * float(structure.W[index] @ v))
-        restitution = np.array([c.restitution for c in structure.system.constraints])
+        restitution = np.zeros(len(structure.system.constraints))
+        restitution[index] = structure.system.constraints[index].restitution
         given = impulses(structure.mobility, restitution, indices, sides.astype(np.float64), speeds)
         return cls(structure, contacts, v, given)
 

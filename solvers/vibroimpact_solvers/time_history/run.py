@@ -13,6 +13,7 @@ import numpy as np
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.kernels.deviations import EPS, SAFETY
+from vibroimpact_solvers.kernels.impact_law import NEWTON
 from vibroimpact_solvers.kernels.rigid_motion import Stop, follow
 from vibroimpact_solvers.kernels.rigid_state import IMPACT, PROGRESS, Rows, workspace
 from vibroimpact_solvers.time_history.answered_impact import AnsweredImpact, Moved
@@ -533,7 +534,7 @@ class Run:
         velocity, impulse = scale * side * impact.speed, scale * float(impact.impulses[0])
         bend = scale**2 * float(self.structure.W[constraint] @ before)
         known = growth, growth * float(self.progress_row["largest"])
-        row = self.now / scale, 0.0, velocity, impulse, bend, *known, constraint, side
+        row = self.now / scale, 0.0, velocity, impulse, bend, *known, constraint, side, NEWTON
         return np.array([row], IMPACT)
 
     def _error_of_answered(self, row: Rows) -> float:

@@ -162,6 +162,7 @@ def test_impulses_of_coupled_constraints() -> None:
     P = impulses(mobility, restitution, struck, ones, np.array([1.0, 1.0]))
     after = 1.0 - mobility @ P
     np.testing.assert_allclose(after, [-0.5, -0.5], rtol=1e-14)
+    restitution = np.array([0.5, 0.0])  # of what is in contact: it is not struck
     P = impulses(mobility, restitution, struck, np.array([1.0, -1.0]), np.array([1.0, 0.0]))
     after = np.array([1.0, 0.0]) - np.array([[1.0, -0.8], [-0.8, 1.0]]) @ P
     assert (P > 0.0).all()

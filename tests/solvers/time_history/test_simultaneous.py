@@ -1,0 +1,117 @@
+"""Coupled impacts at one instant: states after them against the reference in balls."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.reference.rigid import History
+from tests.truth.histories import problem_of, truth
+from tests.truth.structures import Document
+from vibroimpact_solvers import time_history as th
+
+
+def struck_at_once(seed: int) -> Document:
+    """Return bodies in a row that touch, or that start at walls; unequal k, or all of them 1."""
+    rng = np.random.default_rng(seed)
+    m = int(rng.integers(2, 5))
+    row = rng.random() < 0.5
+    M = np.diag(np.round(np.exp(rng.uniform(-1.0, 1.0, m)), 3)) + (0.0 if row else 0.125)
+    K = np.diag(rng.choice([0.0, 1.0, 3.0], m))
+    k = rng.choice([0.3, 0.5, 0.7, 0.9, 1.0], m) if rng.random() < 0.7 else np.ones(m)
+    constraints = [
+        {
+            "dofs": [i - 1, i] if row and i else [i],
+            "weights": [-1.0, 1.0] if row and i else [1.0],
+            "lower": None,
+            "upper": 0.0,
+            "restitution": float(k[i]),
+        }
+        for i in range(m)
+    ]
+    v = np.round(rng.normal(size=m), 3)
+    document: Document = {"M": M.tolist(), "K": K.tolist(), "constraints": constraints}
+    force = np.round(rng.normal(size=m), 3).tolist()  # which tells what stays at its wall
+    start = {"x": [0.0] * m, "v": v.tolist(), "force": force}
+    return document | start | {"t": [1e-6], "t_end": 1e-6}
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_impulses_are_those_of_the_reference(seed: int) -> None:
+    document = struck_at_once(seed)
+    problem = problem_of(document)
+    result = th.solve(problem, th.plan(problem))
+    motion = truth(document, math.inf)
+    assert result.v is not None
+    assert result.impact_impulse is not None
+    assert result.impact_constraint is not None
+    n = len(document["M"])
+    expected = np.array([float(x) for x in motion.states[0].entries()[n : 2 * n]])
+    largest = np.abs(document["v"]).max()
+    np.testing.assert_allclose(result.v[0], expected, rtol=0.0, atol=1e-13 * largest)
+    impulses = np.zeros((2, n))
+    np.add.at(impulses[0], result.impact_constraint, result.impact_impulse)
+    np.add.at(impulses[1], [i.constraint for i in motion.impacts], _impulses(motion))
+    np.testing.assert_allclose(impulses[0], impulses[1], rtol=0.0, atol=1e-12 * largest)
+
+
+def _impulses(motion: History) -> list[float]:
+    return [float(impact.impulse) for impact in motion.impacts]
+
+
+def stack(M: list[float], gaps: list[float], k: float, **rest: object) -> Document:
+    """Return balls one above the other under their weights, above a floor."""
+    n = len(M)
+    constraints = [
+        {
+            "dofs": [i - 1, i] if i else [0],
+            "weights": [-1.0, 1.0] if i else [1.0],
+            "lower": gap,
+            "upper": None,
+            "restitution": k,
+        }
+        for i, gap in enumerate(gaps)
+    ]
+    document: Document = {"M": np.diag(M).tolist(), "K": np.zeros((n, n)).tolist()}
+    return document | {"constraints": constraints, "x": [0.0] * n} | rest
+
+
+def solve(document: Document) -> th.Result:
+    problem = problem_of(document)
+    return th.solve(problem, th.plan(problem))
+
+
+def test_a_stack_comes_to_rest() -> None:
+    """It bounced a million times, as impacts of several gained energy, and was refused."""
+    g, M = 9.81, [2.0, 0.5, 2.0]
+    result = solve(
+        stack(
+            M, [0.1, 0.25, 0.0], 0.7, K=np.diag([10.0, 0.0, 10.0]).tolist(),
+            force=[-g * m for m in M], v=[-0.5, 0.0, 1.0], t=np.linspace(0.0, 3.0, 31).tolist(),
+            t_end=3.0,
+        )
+    )  # fmt: skip
+    assert result.x is not None
+    assert result.energy is not None
+    assert result.contact_stop is not None
+    np.testing.assert_allclose(result.x[-1], [-0.1, -0.35, -0.35], rtol=1e-14)
+    assert result.energy[-1] == pytest.approx(-9.88325, rel=1e-14)
+    assert (np.diff(result.energy) <= 1e-12).all()
+    assert (result.contact_stop == 3.0).sum() == 3
+    assert result.count_impacts < 1000
+
+
+@pytest.mark.parametrize(("k", "energy"), [(1.0, 1.25), (0.7, -6.0)])
+def test_balls_that_touch_above_a_floor_are_followed_to_the_end(k: float, energy: float) -> None:
+    """There was no answer for minutes; at rest the energy is that of the height."""
+    result = solve(
+        stack(
+            [2.0, 2.0, 2.0], [1.0, 0.0, 0.0], k, force=[-2.0, -2.0, -2.0], v=[1.0, 0.0, -0.5],
+            t=np.linspace(0.0, 5.0, 51).tolist(), t_end=5.0,
+        )
+    )  # fmt: skip
+    assert result.energy is not None
+    assert (np.diff(result.energy) <= 1e-12).all()
+    assert result.energy[-1] == pytest.approx(energy, rel=1e-12)
