@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from vibroimpact_solvers.arrays import Floats, Integers
-from vibroimpact_solvers.kernels.jit import inner
+from vibroimpact_solvers.kernels.jit import inner, never_inlined
 
 _DEPENDENT = 1e-13  # pivots, relative to the diagonal, of what the rows before it decide already
 
@@ -29,6 +29,7 @@ def solve(G: Floats, q: Floats, z: Floats, basic: Integers, work: Floats) -> boo
     bool
         Whether a solution was found, as it always is where G is positive definite.
     """
+    never_inlined()
     m = q.size
     for i in range(m):
         basic[i] = 0
