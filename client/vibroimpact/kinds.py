@@ -621,6 +621,11 @@ class TimeHistoryImpacts(Table):
     """Estimated relative error of the state, in units of the rounding 2^-52, shape (impact);
     nan: not estimated.
     """
+    law: Words
+    """Law that the impulse follows, shape (impact); newton: no other coordinate at its wall is
+    coupled to it; of several at once poisson, or moreau where the restitution of all of them is
+    1.
+    """
 
 
 class TimeHistoryContacts(Table):

@@ -60,6 +60,7 @@ class Result:
     impact_velocity: Annotated[Floats | None, _MOTION["impact_velocity"]]
     impact_impulse: Annotated[Floats | None, _MOTION["impact_impulse"]]
     impact_condition: Annotated[Floats | None, _MOTION["impact_condition"]]
+    impact_law: Annotated[Integers | None, _MOTION["impact_law"]]
     contact_count: Annotated[
         Integers | None,
         Quantity(_MEMBER, "1", "rows of contacts of each member", rows_of="contact"),

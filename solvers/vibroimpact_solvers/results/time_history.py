@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Final
 
 from vibroimpact_solvers.arrays import Floats, Group, Integers, Quantity
 from vibroimpact_solvers.results.shared import TIME, Dofs, Statement, V, X
@@ -29,6 +29,8 @@ def _error(of: str, dims: tuple[str, ...], unit: str, what: str, missing: str) -
 _BEYOND = "not estimated, or beyond the horizon"
 _UNSURE = f"{_BEYOND}, or the impact may be missing"
 _ROUNDING = "in units of the rounding 2^-52"
+LAWS: Final = ("newton", "poisson", "moreau")
+"""Laws of impact, in the order of `kernels.impact_law`."""
 _SIDE = "wall: 1 the upper, -1 the lower one"
 
 
@@ -93,6 +95,17 @@ class Result:
             f"estimated relative error of the state, {_ROUNDING}",
             "condition",
             missing="not estimated",
+        ),
+    ]
+    impact_law: Annotated[
+        Integers | None,
+        _impact(
+            "1",
+            "law that the impulse follows",
+            "law",
+            flags=LAWS,
+            note="newton: no other coordinate at its wall is coupled to it; of several at once "
+            "poisson, or moreau where the restitution of all of them is 1",
         ),
     ]
     contact_start: Annotated[

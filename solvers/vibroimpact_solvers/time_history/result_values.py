@@ -184,6 +184,7 @@ _COLUMNS: Final = {
     "impact_velocity": "velocity",
     "impact_impulse": "impulse",
     "impact_condition": "deviation",
+    "impact_law": "law",
 }
 """Fields of the result, and columns of the table of impacts."""
 OF_CONTACTS: Final = tuple(f"error_contact_{name}" for name in ("start", "rest", "stop", "impulse"))

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from vibroimpact_solvers import spectrum
+from vibroimpact_solvers.kernels.impact_law import NEWTON
 from vibroimpact_solvers.plan import Plan, Stage
 from vibroimpact_solvers.results.time_history import Result
 from vibroimpact_solvers.time_history import reference, soft_errors
@@ -188,6 +189,7 @@ def _integrated(prepared: Prepared, initial: State | ImpactMode, tick: Tick | No
             impact_velocity=strengths[:, 0].astype(np.float64),
             impact_impulse=strengths[:, 1].astype(np.float64),
             impact_condition=np.full(len(run.times), np.nan),
+            impact_law=np.full(len(run.times), NEWTON),
             **dict.fromkeys(OF_IMPACTS, np.full(len(run.times), np.nan)),
         )
     values.update(

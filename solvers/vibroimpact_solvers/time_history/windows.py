@@ -118,6 +118,7 @@ class Part:
     impact_velocity: Floats | None
     impact_impulse: Floats | None
     impact_condition: Floats | None
+    impact_law: Integers | None
     contact_start: Floats | None
     contact_rest: Floats | None
     contact_stop: Floats | None

@@ -10,7 +10,9 @@ import pytest
 from tests.reference.rigid import History
 from tests.truth.histories import problem_of, truth
 from tests.truth.structures import Document
+from vibroimpact_solvers import ensemble
 from vibroimpact_solvers import time_history as th
+from vibroimpact_solvers.results.time_history import LAWS
 
 
 def struck_at_once(seed: int) -> Document:
@@ -115,3 +117,48 @@ def test_balls_that_touch_above_a_floor_are_followed_to_the_end(k: float, energy
     assert result.energy is not None
     assert (np.diff(result.energy) <= 1e-12).all()
     assert result.energy[-1] == pytest.approx(energy, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("k", "laws"),
+    [
+        ((1.0, 1.0), ["moreau", "moreau"]),
+        ((0.5, 0.5), ["poisson", "poisson"]),
+        ((1.0, 0.5), ["poisson", "poisson"]),
+    ],
+)
+def test_impacts_tell_their_law(k: tuple[float, float], laws: list[str]) -> None:
+    """Two coupled masses strike at the start, then each returns by its own spring, alone."""
+    document = stack([1.0, 1.0], [0.0, 0.0], 1.0, v=[-1.0, -0.5], t=[4.0], t_end=4.0)
+    document["K"] = [[1.0, 0.0], [0.0, 2.0]]
+    document["M"] = [[1.0, 0.25], [0.25, 1.0]]
+    for i in range(2):
+        document["constraints"][i] |= {"dofs": [i], "weights": [1.0], "restitution": k[i]}
+    result = solve(document)
+    assert result.impact_law is not None
+    assert result.impact_time is not None
+    named = [LAWS[law] for law in result.impact_law]
+    assert named[:2] == laws
+    assert (result.impact_time[:2] == 0.0).all()
+    assert len(named) > 2
+    assert set(named[2:]) == {"newton"}
+
+
+def test_uncoupled_impacts_at_one_instant_are_of_newtons_law() -> None:
+    document = stack([1.0, 1.0], [0.0, 0.0], 0.5, v=[-1.0, -0.5], t=[0.5], t_end=0.5)
+    document["constraints"][1] |= {"dofs": [1], "weights": [1.0]}
+    result = solve(document)
+    assert result.impact_law is not None
+    assert [LAWS[law] for law in result.impact_law] == ["newton", "newton"]
+    np.testing.assert_array_equal(result.v, [[0.5, 0.25]])
+
+
+def test_motions_of_an_ensemble_tell_the_laws_of_their_impacts() -> None:
+    system = problem_of(stack([1.0, 1.0], [0.0, 0.0], 0.5, v=[0.0, 0.0], t=[0.5], t_end=0.5)).system
+    many = ensemble.Problem(system, np.zeros((2, 2)), np.array([[-1.0, -0.5], [-1.0, -2.0]]), 0.25)
+    result = ensemble.solve(many, ensemble.plan(many))
+    assert result.impact_law is not None
+    assert result.impact_count is not None
+    # The second one of the first motion recedes from the first one, which is struck.
+    assert result.impact_count.min() >= 1
+    assert {LAWS[law] for law in result.impact_law} == {"poisson"}

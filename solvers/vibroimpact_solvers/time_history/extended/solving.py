@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats, nothing
+from vibroimpact_solvers.kernels.impact_law import NEWTON
 from vibroimpact_solvers.results.time_history import Result
 from vibroimpact_solvers.time_history.extended.motion import Motion
 from vibroimpact_solvers.time_history.extended.precision import Real, above, working
@@ -122,6 +123,8 @@ def _impacts(run: Motion) -> dict[str, Any]:
         "error_impact_velocity": _column_errors([i.velocity for i in impacts]),
         "error_impact_impulse": _column_errors([i.impulse for i in impacts]),
         "impact_condition": np.array([i.condition / _EPS for i in impacts], dtype=np.float64),
+        # Coupled ones at one instant are refused.
+        "impact_law": np.full(len(impacts), NEWTON),
     }
 
 
