@@ -1,9 +1,10 @@
 """Compiling kernels before a request needs them, in processes of their own.
 
-A process of low priority solves problems of one kind of computation after another, so that every
-kernel they need is compiled and kept on disk (`kernels.cache`); a file beside the kernels says
-which of them a kind needs, so that it is warm as long as these are there. While it compiles a
-kind, a process holds a lock on it: several services that start at the same time share the work.
+Processes of low priority, one a core, solve problems of one kind of computation after another, so
+that every kernel they need is compiled and kept on disk (`kernels.cache`); a file beside the
+kernels says which of them a kind needs, so that it is warm as long as these are there. While it
+compiles what a kind needs, or one of two steps of it, a process holds a lock: several services that
+start at the same time share the work.
 """
 
 from __future__ import annotations
@@ -44,26 +45,39 @@ _NICENESS: Final = 10
 _PROGRESS_SECONDS: Final = 0.2
 _ATTEMPTS: Final = 2
 """A process that was killed, for its memory perhaps, gets another chance."""
+_SOFT: Final = "soft-time-history"
+STEPS: Final[Mapping[str, str]] = {kind: kind for kind in KINDS} | {_SOFT: "time-history"}
+"""What one process compiles at a time -> the kind that needs it.
+
+Motions with rigid and with soft limiters have no long kernel in common: one after the other, they
+would keep one core busy when all others have finished.
+"""
 _SHARED: Final = (
     ("time-history", "ensemble", "attractors"),
     ("impact-modes", "existence-bands", "resonances", "sweep"),
+    ("periodic-motions", "branches"),
+    (_SOFT,),
 )
-"""Kinds that need the same kernels, to be compiled one after the other; the longest first."""
+"""Steps that need the same kernels, to be compiled one after the other; the longest first."""
 _VERSION: Final = version("vibroimpact")
 
 
-def problems(kind: str) -> list[Mapping[str, Any]]:
-    """Return requests of a kind that together need all of its kernels."""
+def problems(step: str) -> list[Mapping[str, Any]]:
+    """Return the requests of a step; those of all steps of a kind need all of its kernels."""
+    kind = STEPS[step]
     shown = [example["request"] for example in examples.requests(kind).values()]
-    return [*shown, *PROBLEMS.get(kind, ())]
+    asked = [*shown, *PROBLEMS.get(kind, ())]
+    if kind != STEPS[_SOFT]:
+        return asked
+    return [each for each in asked if ("limiter" in each) == (step == _SOFT)]
 
 
-def solve_problems(kind: str) -> None:
-    """Solve the problems of a kind."""
+def solve_problems(step: str) -> None:
+    """Solve the problems of a step."""
     with tempfile.TemporaryDirectory() as folder:
         store = Store(folder)
-        for content in problems(kind):
-            request = requests.read("warming", KINDS[kind], content)
+        for content in problems(step):
+            request = requests.read("warming", KINDS[STEPS[step]], content)
             planned = planning.plan(store, request.kind, request.document)
             planned.kind.solver.solve(planned.problem, planned.plan)
 
@@ -81,7 +95,7 @@ class Warming:
     Parameters
     ----------
     solve : callable
-        Solves the problems of a kind, in a process of its own.
+        Solves the problems of a step, in a process of its own.
 
     Attributes
     ----------
@@ -116,17 +130,17 @@ class Warming:
         if place is None:
             self.states = dict.fromkeys(KINDS, "failed")
             raise FolderNotWritableError("no folder for compiled kernels can be written to")
-        cold = {kind for kind in KINDS if not is_warm(place, kind)}
+        cold = {step for step in STEPS if not is_done(place, step)}
         if not cold:
             return place
-        self.states |= dict.fromkeys(cold, "warming")
+        self.states |= dict.fromkeys((STEPS[step] for step in cold), "warming")
         forkserver.start(loading.NUMERICAL)
         if left := missing():
             self.notice = inventory.notice(inventory.estimate(left, threads.cores()))
         tracks: SimpleQueue[Sequence[str]] = SimpleQueue()
-        alone = [(kind,) for kind in KINDS if not any(kind in track for track in _SHARED)]
+        alone = [(step,) for step in STEPS if not any(step in track for track in _SHARED)]
         for track in (*_SHARED, *alone):
-            tracks.put([kind for kind in track if kind in cold])
+            tracks.put([step for step in track if step in cold])
         for _ in range(threads.cores()):
             thread = threading.Thread(
                 target=self._run, args=(place, tracks), name="warming", daemon=True
@@ -180,33 +194,37 @@ class Warming:
     def _run(self, place: Path, tracks: SimpleQueue[Sequence[str]]) -> None:
         with suppress(Empty):
             while not self._closed:
-                for kind in tracks.get_nowait():
-                    self._compile(place, kind)
+                for step in tracks.get_nowait():
+                    self._compile(place, step)
 
-    def _compile(self, place: Path, kind: str) -> None:
-        """Compile a kind, and take note of the outcome."""
+    def _compile(self, place: Path, step: str) -> None:
+        """Compile what a step needs, and take note of the outcome."""
+        kind = STEPS[step]
         for _ in range(_ATTEMPTS):
-            self._process(place, kind)
+            self._process(place, step)
             if self._closed:
                 return
             # Not by its exit code, which another thread that starts a process may have taken.
-            if is_warm(place, kind):
-                self.states[kind] = "warm"
+            if is_done(place, step):
+                if is_warm(place, kind):
+                    self.states[kind] = "warm"
                 return
         log.error("kernels cannot be compiled", kind=kind)
         self.states[kind] = "failed"
 
-    def _process(self, place: Path, kind: str) -> None:
-        """Compile a kind in a process of its own."""
+    def _process(self, place: Path, step: str) -> None:
+        """Compile what a step needs in a process of its own."""
         context = multiprocessing.get_context("forkserver")
-        process = context.Process(target=compile_kind, args=(place, kind, self._solve), daemon=True)
+        process = context.Process(target=compile_step, args=(place, step, self._solve), daemon=True)
         with self._lock:
             if self._closed:
                 return
             try:
                 process.start()
             except (OSError, EOFError) as error:  # no memory, no descriptor, no forkserver
-                log.warning("no process to compile kernels in", kind=kind, reason=repr(error))
+                log.warning(
+                    "no process to compile kernels in", kind=STEPS[step], reason=repr(error)
+                )
                 return
             self._processes.add(process)
         process.join()
@@ -221,10 +239,15 @@ def missing() -> list[str]:
 
 def is_warm(place: Path, kind: str) -> bool:
     """Whether the kernels of a kind are in a folder, compiled from the sources of this process."""
+    return all(is_done(place, step) for step, of in STEPS.items() if of == kind)
+
+
+def is_done(place: Path, step: str) -> bool:
+    """Whether the kernels that a step needs are in a folder."""
     present = set(cache.folders().values())
     return any(
         release == _VERSION and all(each in present and (place / each).is_dir() for each in modules)
-        for release, *modules in _marks(place, kind)
+        for release, *modules in _marks(place, step)
     )
 
 
@@ -239,24 +262,24 @@ def is_compiled(kind: str) -> bool:
     return place is not None and is_warm(place, kind)
 
 
-def compile_kind(place: Path, kind: str, solve: Callable[[str], None]) -> None:
-    """Compile the kernels of a kind in this process, unless another one does or has.
+def compile_step(place: Path, step: str, solve: Callable[[str], None]) -> None:
+    """Compile the kernels that a step needs in this process, unless another one does or has.
 
     Parameters
     ----------
     place : Path
         Folder of the kernels.
-    kind : str
+    step : str
     solve : callable
-        Solves the problems of a kind.
+        Solves the problems of a step.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process ends this one
     logs.to_stderr()
     os.nice(_NICENESS)
-    with _locked(lock_file(place, kind)):
-        if not is_warm(place, kind):
-            solve(kind)
-            note_warm(place, kind, loaded())
+    with _locked(lock_file(place, step)):
+        if not is_done(place, step):
+            solve(step)
+            note_done(place, step, loaded())
 
 
 def loaded() -> list[str]:
@@ -267,44 +290,44 @@ def loaded() -> list[str]:
     return sorted({Path(each).name for each in kept if each is not None})
 
 
-def note_warm(place: Path, kind: str, modules: Iterable[str] = ()) -> None:
-    """Write down that the kernels of a kind are compiled.
+def note_done(place: Path, step: str, modules: Iterable[str] = ()) -> None:
+    """Write down that the kernels that a step needs are compiled.
 
     Parameters
     ----------
     place : Path
         Folder of the kernels.
-    kind : str
+    step : str
     modules : iterable of str
-        Folders in it of all kernels that the kind needs.
+        Folders in it of these kernels.
     """
     others = [
-        mark for mark in _marks(place, kind) if all((place / each).is_dir() for each in mark[1:])
+        mark for mark in _marks(place, step) if all((place / each).is_dir() for each in mark[1:])
     ]
     marks = {" ".join(mark): None for mark in (*others, (_VERSION, *modules))}
-    file = mark_file(place, kind)
+    file = mark_file(place, step)
     passing = file.with_name(f".{file.name}-{os.getpid()}")
     passing.write_text("".join(f"{mark}\n" for mark in marks))
     passing.replace(file)
 
 
-def mark_file(place: Path, kind: str) -> Path:
-    """Return the file that says what a kind needs: a line for each state of the sources.
+def mark_file(place: Path, step: str) -> Path:
+    """Return the file that says what a step needs: a line for each state of the sources.
 
     Several installations may share the folder. A line holds the version and the folders of all
-    modules with kernels that the kind needs; one that is not complete counts for nothing.
+    modules with kernels that the step needs; one that is not complete counts for nothing.
     """
-    return place / f"{kind}{files.WARM}"
+    return place / f"{step}{files.WARM}"
 
 
-def lock_file(place: Path, kind: str) -> Path:
-    """Return the file on which a process holds a lock while it compiles a kind."""
-    return place / f"{kind}.lock"
+def lock_file(place: Path, step: str) -> Path:
+    """Return the file on which a process holds a lock while it compiles a step."""
+    return place / f"{step}.lock"
 
 
-def _marks(place: Path, kind: str) -> list[list[str]]:
+def _marks(place: Path, step: str) -> list[list[str]]:
     try:
-        lines = mark_file(place, kind).read_text().splitlines(keepends=True)
+        lines = mark_file(place, step).read_text().splitlines(keepends=True)
     except (OSError, ValueError):
         return []
     return [line.split() for line in lines if line.endswith("\n") and line.strip()]

@@ -19,6 +19,7 @@ from starlette.testclient import TestClient
 from typer.testing import CliRunner
 
 from tests.service.compiling import failing, killed, noted
+from vibroimpact_schema import examples
 from vibroimpact_service import cli, warming
 from vibroimpact_service.app import create_app
 from vibroimpact_service.documents import parse, planning, requests
@@ -30,7 +31,8 @@ from vibroimpact_service.metrics import Metrics
 from vibroimpact_service.results.representations import JSON
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
-from vibroimpact_service.warming import Warming, is_warm
+from vibroimpact_service.warming import STEPS, Warming, is_warm
+from vibroimpact_service.warming_problems import PROBLEMS
 from vibroimpact_solvers.kernels import cache
 
 
@@ -78,11 +80,11 @@ def test_every_kind_is_compiled_once(place: Path, notes: Path) -> None:
     assert not first.is_warm("impact-modes", "time-history")
     run(first, second)
     assert first.summary == second.summary == "warm"
-    assert attempts(notes) == dict.fromkeys(KINDS, 1)
+    assert attempts(notes) == dict.fromkeys(STEPS, 1)
     third = Warming(partial(noted, notes))
     third.start()
     assert third.summary == "warm"  # at once
-    assert attempts(notes) == dict.fromkeys(KINDS, 1)
+    assert attempts(notes) == dict.fromkeys(STEPS, 1)
 
 
 def test_it_ends_where_no_process_can_be_started(
@@ -102,7 +104,7 @@ def test_it_ends_where_no_process_can_be_started(
 def test_two_services_that_start_at_once_share_the_work(place: Path, notes: Path) -> None:
     run(*(Warming(partial(noted, notes, seconds=0.1)) for _ in range(2)))
     assert all(is_warm(place, kind) for kind in KINDS)
-    assert attempts(notes) == dict.fromkeys(KINDS, 1)
+    assert attempts(notes) == dict.fromkeys(STEPS, 1)
 
 
 def test_a_kind_that_cannot_be_compiled_does_not_stop_the_others(place: Path, notes: Path) -> None:
@@ -114,7 +116,7 @@ def test_a_kind_that_cannot_be_compiled_does_not_stop_the_others(place: Path, no
     later = Warming(partial(noted, notes))  # the next start tries again, and that kind alone
     run(later)
     assert later.summary == "warm"
-    assert attempts(notes) == dict.fromkeys(KINDS, 1) | {"time-history": 3}
+    assert attempts(notes) == dict.fromkeys(STEPS, 1) | {"time-history": 3}
 
 
 @pytest.mark.parametrize(("times", "state"), [(1, "warm"), (2, "failed: slow-flow")])
@@ -125,7 +127,7 @@ def test_a_process_that_is_killed_is_started_once_more(
     run(some)
     assert some.summary == state
     assert is_warm(place, "slow-flow") == (state == "warm")
-    assert attempts(notes) == dict.fromkeys(KINDS, 1) | {"slow-flow": 2}
+    assert attempts(notes) == dict.fromkeys(STEPS, 1) | {"slow-flow": 2}
 
 
 def test_a_service_that_stops_does_not_wait(place: Path, notes: Path) -> None:
@@ -136,11 +138,24 @@ def test_a_service_that_stops_does_not_wait(place: Path, notes: Path) -> None:
     assert not any(is_warm(place, kind) for kind in KINDS)
 
 
+def test_a_kind_is_warm_once_all_its_steps_are_done(place: Path) -> None:
+    """Each of its requests belongs to one of them."""
+    for kind in KINDS:
+        steps = [step for step, of in STEPS.items() if of == kind]
+        for step in steps:
+            assert not is_warm(place, kind)
+            warming.note_done(place, step)
+        assert is_warm(place, kind)
+        asked = [each for step in steps for each in warming.problems(step)]
+        assert len(asked) == len(examples.requests(kind)) + len(PROBLEMS.get(kind, ()))
+    assert len(STEPS) == len(KINDS) + 1
+
+
 @pytest.mark.parametrize("text", ["", "0.", version("vibroimpact"), "0.1.0\n", "\n", "\0\n"])
 def test_half_a_mark_marks_nothing(place: Path, text: str) -> None:
     warming.mark_file(place, "sweep").write_text(text)
     assert not is_warm(place, "sweep")
-    warming.note_warm(place, "sweep")
+    warming.note_done(place, "sweep")
     assert is_warm(place, "sweep")
     warming.mark_file(place, "sweep").write_bytes(b"\xff\xfe")
     assert not is_warm(place, "sweep")
@@ -155,31 +170,30 @@ def test_a_kind_is_warm_as_long_as_the_kernels_it_needs_are_there(
     for name in ("flow-1", "bands-1"):
         (place / name).mkdir()
     monkeypatch.setattr(cache, "folders", lambda: first)
-    warming.note_warm(place, "sweep", ["bands-1", "flow-1"])
-    warming.note_warm(place, "resonances", ["bands-1"])
+    warming.note_done(place, "sweep", ["bands-1", "flow-1"])
+    warming.note_done(place, "resonances", ["bands-1"])
     assert is_warm(place, "sweep")
     monkeypatch.setattr(cache, "folders", lambda: second)
     assert not is_warm(place, "sweep")  # it would compile what imports another flow
     assert is_warm(place, "resonances")
     (place / "flow-2").mkdir()
-    warming.note_warm(place, "sweep", ["bands-1", "flow-2"])
+    warming.note_done(place, "sweep", ["bands-1", "flow-2"])
     assert is_warm(place, "sweep")
     monkeypatch.setattr(cache, "folders", lambda: first)
     assert is_warm(place, "sweep")  # both keep theirs
     (place / "flow-1").rmdir()
     assert not is_warm(place, "sweep")
-    warming.note_warm(place, "sweep", ["bands-1"])
+    warming.note_done(place, "sweep", ["bands-1"])
     assert warming.mark_file(place, "sweep").read_text().count("\n") == 2  # flow-1 is forgotten
 
 
 REACHED = """
 import os
 from vibroimpact_service import warming
-from vibroimpact_service.kinds import KINDS
 from vibroimpact_solvers.kernels import inventory
 
-for kind in KINDS:
-    warming.solve_problems(kind)
+for step in warming.STEPS:
+    warming.solve_problems(step)
 print(*(name for name, each in inventory.kernels().items() if not each.signatures))
 """
 
@@ -223,8 +237,8 @@ from vibroimpact_service import warming
 from vibroimpact_service.kinds import KINDS
 
 place = cache.folder()
-warming.compile_kind(place, "resonances", warming.solve_problems)
-warming.compile_kind(place, "slow-flow", warming.solve_problems)
+warming.compile_step(place, "resonances", warming.solve_problems)
+warming.compile_step(place, "slow-flow", warming.solve_problems)
 for kind in ("resonances", "slow-flow"):
     (line,) = warming.mark_file(place, kind).read_text().splitlines()
     print(kind, *(name.partition("-")[0] for name in line.split()[1:]))
@@ -266,9 +280,10 @@ def test_the_command_names_what_was_not_compiled(
     assert str(place) in outcome.output
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_problems_of_a_kind_can_be_solved(kind: str, tmp_path: Path) -> None:
-    asked = [requests.read("warming", KINDS[kind], each) for each in warming.problems(kind)]
+@pytest.mark.parametrize("step", STEPS)
+def test_the_problems_of_a_step_can_be_solved(step: str, tmp_path: Path) -> None:
+    kind = KINDS[STEPS[step]]
+    asked = [requests.read("warming", kind, each) for each in warming.problems(step)]
     assert asked
     for each in asked:
         assert planning.plan(Store(str(tmp_path)), each.kind, each.document).plan.steps
@@ -293,10 +308,10 @@ free = {
 }
 store, settings = Store(sys.argv[1]), Settings(data=sys.argv[1])
 with event.install_recorder("numba:compile") as compiled:
-    for kind in KINDS:
+    for step, kind in warming.STEPS.items():
         # Of a body that nothing holds, the modes say which impacts it can have.
         more = [free] if kind == "periodic-motions" else []
-        for content in [*warming.problems(kind), *more]:
+        for content in [*warming.problems(step), *more]:
             request = requests.read("ann", KINDS[kind], content)
             planning.plan(store, request.kind, request.document, settings)
     during_plans = len(compiled.buffer)
@@ -309,7 +324,7 @@ def test_plans_compile_nothing(tmp_path: Path) -> None:
     """Else they would be refused for their processor time while kernels are missing."""
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "empty")}
     command = [sys.executable, "-c", PLANS, str(tmp_path)]
-    subprocess.run(command, env=environment, check=True, timeout=120)
+    subprocess.run(command, env=environment, check=True, timeout=280)
 
 
 def test_what_needs_missing_kernels_becomes_a_job(

@@ -30,7 +30,6 @@ from tests.conftest import PostgreSQL, programs
 from tests.service.jobs.test_webhooks import SECRET, Receiver
 from vibroimpact_service import warming
 from vibroimpact_service.jobs import certificates
-from vibroimpact_service.kinds import KINDS
 from vibroimpact_solvers.kernels import cache
 
 THRESHOLDS = {
@@ -367,8 +366,8 @@ def test_cold_kernels(cluster: Cluster) -> None:
     # Files of these names are being written by another process, and vanish.
     passing = shutil.ignore_patterns("*.tmp.*")
     shutil.copytree(compiled, copied, ignore=passing)
-    for kind in KINDS:
-        warming.note_warm(copied, kind)
+    for step in warming.STEPS:
+        warming.note_done(copied, step)
     warming.mark_file(copied, "resonances").unlink()
     cluster.replicas["b"].end()
     with warming.lock_file(copied, "resonances").open("a") as other:
@@ -376,7 +375,7 @@ def test_cold_kernels(cluster: Cluster) -> None:
         kept = {"NUMBA_CACHE_DIR": str(copied.parent), "WARMS": "1"}
         cluster.replicas["b"] = cluster.start_replica("b", **kept)
         with cluster.firing("VibroimpactKernelsCold"):
-            warming.note_warm(copied, "resonances")  # it is done: nothing is left to compile
+            warming.note_done(copied, "resonances")  # it is done: nothing is left to compile
             fcntl.flock(other, fcntl.LOCK_UN)
 
 

@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from vibroimpact_service import warming
-from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.operations.checks import environment
 from vibroimpact_service.operations.checks.check import Check
 from vibroimpact_solvers.kernels import cache
@@ -81,8 +80,8 @@ def test_room_for_temporary_files(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_kernels(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(cache, "folder", lambda *_: tmp_path)
-    for kind in KINDS:
-        warming.note_warm(tmp_path, kind)
+    for step in warming.STEPS:
+        warming.note_done(tmp_path, step)
     assert environment.kernels().state == "ok"
     warming.mark_file(tmp_path, "sweep").write_text("0.0.1\n")
     warming.mark_file(tmp_path, "ensemble").unlink()
