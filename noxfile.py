@@ -206,6 +206,16 @@ def _faults(session: nox.Session, **environment: str) -> None:
 
 
 @nox.session(tags=["nightly"])
+def planted(session: nox.Session) -> None:
+    """Plant a fault in each room, in a copy: the tests that README's command runs must catch it.
+
+    ``nox -s planted -- time_history jobs`` for some.
+    """
+    install_locked(session)
+    session.run("python", "-m", "tests.planted", *session.posargs)
+
+
+@nox.session(tags=["nightly"])
 def network(session: nox.Session) -> None:
     """Run a cluster whose parts have network namespaces of their own: kill, stop and cut them.
 
