@@ -99,7 +99,7 @@ SAVED: Mapping[str, Mapping[str, tuple[int, int]]] = {
     "only impacts requested, N=13": {PLACES: (0, 301 * 13 * 2), STATES: (80, 80 + 301)},
     "only displacements requested, N=13": {
         PLACES: (301 * 13, 301 * 13 * 2),
-        NUMBERS: (8140, 16_667),
+        NUMBERS: (8140, 16_678),
     },
     "one of 13 degrees of freedom requested": {PLACES: (301 * 2, 301 * 13 * 2)},
     # One state instead of six at the end of each free motion.
