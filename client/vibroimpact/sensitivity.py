@@ -64,7 +64,7 @@ class Sensitivity:
         change: dict[str, Array] = {}
         sizes: dict[str, float] = {}
         for name in result.outputs():
-            if name in half:
+            if name in half and name not in _AXES:
                 alike = _alike(
                     np.asarray(getattr(result, name)), np.asarray(getattr(half, name)), kept
                 )

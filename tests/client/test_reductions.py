@@ -248,6 +248,7 @@ def test_results_say_what_changes_with_half_of_the_modes() -> None:
     assert np.all(sensitivity.change["shape"] < 1e-15)
     assert re.search(r"with 2 of 4 modes, .*impulse changes by up to [\d.e+]+ %", repr(result))
     assert "with 2 of 4 modes" in result._repr_html_()
+    assert sensitivity.change.keys() == {"impulse", "momentum", "exists", "shape", "witness"}
     assert blows(reduced.model).sensitivity is None
     with pytest.raises(ValueError, match="has none to leave out"):
         vi.reduce(model, [(12, "z")]).compute(blows)
