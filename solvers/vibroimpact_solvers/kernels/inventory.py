@@ -15,9 +15,9 @@ from numba.core import event
 from vibroimpact_solvers.kernels import cache
 
 SECONDS: Final = {
-    "rigid_motion.follow": 75.0,
+    "rigid_motion.follow": 50.0,
     "families.solutions": 14.0,
-    "taylor.follow": 13.6,
+    "taylor.follow": 9.0,
     "bands.survey": 5.0,
     "impact_equations.set_equations": 4.9,
     "floquet.zeros": 3.9,
