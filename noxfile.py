@@ -102,6 +102,26 @@ def tests(session: nox.Session) -> None:
     session.run("pytest", *session.posargs)
 
 
+QUICK = tuple(
+    f"tests/{folder}"
+    for folder in (
+        "schema", "client", "solvers", "service/documents", "service/results", "service/store",
+        "service/access", "service/jobs",
+    )
+)  # fmt: skip
+"""Folders in which every test that is not quick says so, by its source or a mark."""
+
+
+@nox.session
+def quick(session: nox.Session) -> None:
+    """Run the tests that need nothing but Python: no compiler, process, server or database.
+
+    Kernels run as plain Python. ``nox -s quick -- tests/solvers`` for a part.
+    """
+    install_locked(session)
+    session.run("pytest", "--quick", *(session.posargs or QUICK))
+
+
 @nox.session
 def sfepy(session: nox.Session) -> None:
     """Build SfePy from its sources and run the page of the documentation that uses it."""

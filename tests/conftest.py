@@ -18,6 +18,13 @@ from typing import Any
 
 import pytest
 
+from tests.quick import (  # noqa: F401
+    pytest_addoption,
+    pytest_collection_modifyitems,
+    pytest_configure,
+    pytest_ignore_collect,
+)
+
 # Each process of the suite has a core to itself, and so have the services that it starts: threads
 # of linear algebra would only wait for one another. Read once, when numpy is loaded.
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -28,16 +35,21 @@ NOTICES = "VIBROIMPACT_TEST_NOTICES"
 """Environment variable with the file in which processes say that they compile kernels."""
 
 
-def pytest_xdist_auto_num_workers() -> int:
-    """Return two processes for each core: many tests wait for a service, a timer or a disk."""
-    return 2 * len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 4
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """Return two processes for each core: many tests wait for a service, a timer or a disk.
+
+    Quick ones wait for nothing.
+    """
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2
+    return cores if config.option.quick else 2 * cores
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Compile all kernels once, before each process of the whole suite would for itself."""
     config = session.config
     whole = config.args_source is pytest.Config.ArgsSource.TESTPATHS
-    if not hasattr(config, "workerinput") and not config.option.collectonly:
+    plain = config.option.quick or config.option.plain
+    if not hasattr(config, "workerinput") and not config.option.collectonly and not plain:
         _pass_on_notices(config)
         if whole:
             command = [sys.executable, "-m", "vibroimpact_service.cli", "warm"]

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vibroimpact.result_file import ResultFile
-from vibroimpact.style import ADMISSIBLE, PHANTOM, colorbar, new_axes, noted, title
+from vibroimpact.style import ADMISSIBLE, PHANTOM, colorbar, new_axes, title
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
 
 
-@noted
 def draw(
     result: ResultFile,
     output: str | None = None,

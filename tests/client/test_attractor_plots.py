@@ -18,6 +18,7 @@ def local() -> vi.Local:
     return vi.Local()
 
 
+@pytest.mark.needs("compiled kernels")
 def test_sections_have_the_points_of_each_attractor(local: vi.Local) -> None:
     result = local.attractors(MASS, 2.8, LOAD, X, V, points=60)
     ax = result.plot()
@@ -27,6 +28,7 @@ def test_sections_have_the_points_of_each_attractor(local: vi.Local) -> None:
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["100% chaotic"]
 
 
+@pytest.mark.needs("compiled kernels")
 def test_sections_at_impacts_have_phases_and_velocities(local: vi.Local) -> None:
     result = local.attractors(MASS, 2.0, LOAD, X, V, section="impacts", settle=50, observe=50)
     ax = vi.plots.section(result)

@@ -133,6 +133,7 @@ def test_shapes_are_drawn_on_the_geometry() -> None:
     assert ax.lines[1].get_ydata()[-1] == pytest.approx(0.95)
 
 
+@pytest.mark.needs("compiled kernels")
 def test_an_animation_goes_there_and_back(tmp_path: Path) -> None:
     tau = np.linspace(-1.0, 1.0, 5)
     animation = beam().animate(tau[:, np.newaxis] * np.arange(20.0))
@@ -157,6 +158,7 @@ def test_parts_without_mass_follow_statically() -> None:
     assert reduced.expand(np.ones(reduced.model.n)).shape == (20,)
 
 
+@pytest.mark.needs("processes")
 @pytest.mark.parametrize("form", ["npz", "mtx", "csv", "mtx-abaqus", "mtx-coordinates"])
 @pytest.mark.parametrize("massless", [0, 3])
 def test_models_without_mass_somewhere_are_read_and_computed(

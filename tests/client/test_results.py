@@ -37,6 +37,7 @@ def content(size: int = 3, digest: str = "ab" * 32) -> bytes:
     return buffer.getvalue()
 
 
+@pytest.mark.needs("compiled kernels")
 def test_a_large_result_on_disk_takes_no_memory(tmp_path: Path) -> None:
     path = tmp_path / "large.h5"
     path.write_bytes(content(8_000_000))  # 64 MB each

@@ -53,8 +53,6 @@ def test_requests_fit_the_contract() -> None:
 class Played:
     """A result with given arrays."""
 
-    neglected = ()
-
     def __init__(self, **arrays: Any) -> None:
         self.data = xarray.Dataset(
             arrays, coords={"gap": [0.3, 0.1, 0.2], "k": [1.0, 2.0], "Omega": [1.0, 1.5, 2.0, 2.5]}
@@ -72,6 +70,7 @@ def played() -> Any:
     return Played(impulse=(("gap", "k", "Omega", "constraint"), impulse), exists=(*exists, flags))
 
 
+@pytest.mark.needs("compiled kernels")
 def test_a_map_over_two_axes_in_ascending_order() -> None:
     ax = draw(played(), at={"Omega": 1.4})
     (mesh,) = ax.collections
@@ -96,6 +95,7 @@ def test_lines_over_one_axis() -> None:
     np.testing.assert_array_equal(colour.get_ydata(), [15.0, 23.0, 7.0])
 
 
+@pytest.mark.needs("compiled kernels")
 def test_counts_of_events_are_named_after_what_they_count() -> None:
     oscillator = vi.oscillator([vi.constraint(0, 1.0)])
     base = vi.time_history_request(oscillator, ([0.0], [2.0]), 5.0, outputs=["impacts"])

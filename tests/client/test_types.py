@@ -10,6 +10,8 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
+import pytest
+
 import vibroimpact as vi
 from tests.client import typed_script
 from vibroimpact.tables import Table
@@ -40,6 +42,7 @@ def test_no_public_signature_has_a_dictionary_of_anything() -> None:
     assert vague == {}
 
 
+@pytest.mark.needs("compiled kernels")
 def test_the_typed_script_runs_and_its_results_are_of_their_classes() -> None:
     results = typed_script.by_kind(vi.Local())
     assert [type(result) for result in results] == [

@@ -198,6 +198,7 @@ def own_garbage() -> Iterator[None]:
     gc.unfreeze()
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("name", PLANS)
 @pytest.mark.usefixtures("own_garbage")
 def test_every_plan_is_quick_or_refused(tmp_path: Path, name: str) -> None:
@@ -283,6 +284,7 @@ def test_checks_of_many_states_are_part_of_the_plan(tmp_path: Path) -> None:
         decode.problem(asked.kind, asked.document, system, meter)
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.skipif(sys.platform != "linux", reason="the system does not tell its time apart")
 def test_what_the_system_takes_for_memory_is_not_the_time_of_a_plan(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -369,6 +371,7 @@ UNBOUNDED: dict[str, tuple[str, dict[str, Any], str | None]] = {
 }  # fmt: skip
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("name", UNBOUNDED)
 def test_what_takes_far_too_much_is_refused_by_its_price(tmp_path: Path, name: str) -> None:
     """Each of them was priced at milliseconds, or took gibibytes."""
@@ -442,6 +445,7 @@ SIZES: dict[str, tuple[str, dict[str, Any]]] = {
 }  # fmt: skip
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("name", SIZES)
 def test_results_are_as_large_as_planned(tmp_path: Path, name: str) -> None:
     """What a plan promises is not a third of what there is, nor many times as much."""

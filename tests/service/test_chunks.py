@@ -30,6 +30,7 @@ def keep_request(store: Store, content: dict[str, Any]) -> tuple[ImpactModesRequ
     return request, name, data
 
 
+@pytest.mark.needs("compiled kernels")
 def test_pieces_give_the_numbers_of_the_whole(
     store: Store, request_body: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -65,6 +66,7 @@ def steps(start: float, stop: float) -> dict[str, Any]:
     return {"start": start, "stop": stop, "step": 0.001}
 
 
+@pytest.mark.needs("compiled kernels")
 def test_longer_and_shifted_sweeps_share_their_chunks(
     store: Store, request_body: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -90,6 +92,7 @@ def test_longer_and_shifted_sweeps_share_their_chunks(
     assert first.isdisjoint(chunks("ann", frequency={**steps(0.6, 1.6), "step": 0.0011}))
 
 
+@pytest.mark.needs("compiled kernels")
 def test_a_longer_sweep_from_shared_chunks_has_the_numbers_of_one_in_one_go(
     store: Store, request_body: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -186,6 +189,7 @@ def test_a_piece_that_takes_far_more_than_planned_ends_and_says_what_is_kept(
     assert problem["detail"] == str(passed.value)
 
 
+@pytest.mark.needs("compiled kernels")
 def test_kernels_may_be_compiled_beside_the_limit_of_a_piece(
     store: Store, request_body: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -164,6 +164,7 @@ def at(document: Any, path: str, *, record: bool = False) -> Any:
     return None if document is None and "/" not in path else np.array(document, dtype=np.float64)
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("kind", [*STATED, "sweep"])
 def test_errors_are_absolute_and_broadcast(settings: Settings, queue: Any, kind: str) -> None:
     patient = settings.model_copy(update={"inline_seconds": 1e3, "inline_overrun_seconds": 1e3})

@@ -95,6 +95,7 @@ def asked(content: dict[str, Any], kind: Kind | None = None, owner: str = OWNER)
     return requests.read(owner, kind, parse.json(orjson.dumps(content)))
 
 
+@pytest.mark.needs("compiled kernels")
 def test_small_work_is_answered_at_once_and_known_the_next_time(
     use: Evaluation, request_body: dict[str, Any], free: Admission
 ) -> None:

@@ -43,6 +43,7 @@ def test_groups_that_kinds_share_are_one_document() -> None:
     assert one.model_fields["error"].annotation != many.model_fields["error"].annotation
 
 
+@pytest.mark.needs("processes")
 def test_the_documentation_has_a_table_of_every_kind() -> None:
     path = ROOT / "docs" / "result_tables.py"
     spec = importlib.util.spec_from_file_location("result_tables", path)
@@ -57,6 +58,7 @@ def test_the_documentation_has_a_table_of_every_kind() -> None:
     assert "| `energy` | `t` | mass length² / time² |" in page
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("outputs", [["exists"], ["extremes"], ["energy"], ["stability"]])
 def test_errors_of_columns_come_with_their_outputs(http: TestClient, outputs: list[str]) -> None:
     request = {

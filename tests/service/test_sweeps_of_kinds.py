@@ -177,6 +177,7 @@ def test_all_kinds_are_here() -> None:
 
 @pytest.mark.parametrize("case", CASES, ids=[case.kind for case in CASES])
 class TestEveryKind:
+    @pytest.mark.needs("compiled kernels")
     def test_points_are_what_they_are_alone(self, store: Store, case: Case) -> None:
         problem, result = solved(store, case)
         compared = 0
@@ -208,6 +209,7 @@ class TestEveryKind:
         grid = [dim for dim in result.meanings[name].dims if dim in axes]
         return array[tuple(index[axes.index(dim)] for dim in grid)]
 
+    @pytest.mark.needs("compiled kernels")
     def test_pieces_give_the_whole(
         self, store: Store, case: Case, monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -225,6 +227,7 @@ class TestEveryKind:
         for key, values in whole.arrays.items():
             assert key in TIMED or joined[key].tobytes() == values.tobytes(), key
 
+    @pytest.mark.needs("compiled kernels")
     def test_both_encodings_open(self, store: Store, case: Case) -> None:
         request = SweepRequest.model_validate(document(case))
         planned = planning.plan(store, KINDS["sweep"], request)

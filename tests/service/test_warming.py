@@ -280,6 +280,7 @@ def test_the_command_names_what_was_not_compiled(
     assert str(place) in outcome.output
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("step", STEPS)
 def test_the_problems_of_a_step_can_be_solved(step: str, tmp_path: Path) -> None:
     kind = KINDS[STEPS[step]]

@@ -84,6 +84,7 @@ def joined(store: Store, chunks: list[Chunk]) -> bytes:
     return data
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.usefixtures("small_windows", "one_moment")
 def test_a_result_in_files_is_the_one_in_memory(store: Store, content: dict[str, Any]) -> None:
     request = keep(store, content)
@@ -110,6 +111,7 @@ def test_a_result_in_files_is_the_one_in_memory(store: Store, content: dict[str,
     assert not [path for path in Path(store.url, "results").iterdir() if path.name[0] == "."]
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.usefixtures("small_windows", "one_moment")
 def test_a_resumed_motion_has_the_numbers_of_one_in_one_go(
     store: Store, content: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -138,6 +140,7 @@ def test_a_resumed_motion_has_the_numbers_of_one_in_one_go(
     assert joined(other, chunks) == once
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.usefixtures("small_windows")
 def test_a_lost_window_is_computed_again(store: Store, content: dict[str, Any]) -> None:
     keep(store, content)

@@ -36,6 +36,7 @@ def solved(asked: ensemble.Problem) -> ensemble.Result:
     return ensemble.solve(asked, ensemble.plan(asked))
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("system", [OSCILLATOR, CHAIN], ids=["oscillator", "chain"])
 def test_members_are_what_they_would_be_alone(system: System) -> None:
     x, v = states(system, 150)
@@ -158,6 +159,7 @@ def test_a_motion_that_cannot_be_followed_is_reported_with_the_member(
     assert result.error_failures == ["member 1: this one cannot be followed"]
 
 
+@pytest.mark.needs("compiled kernels")
 def test_pieces_make_the_whole() -> None:
     x, v = states(CHAIN, 50)
     x[5], x[40:50] = 3.0, 3.0

@@ -44,6 +44,7 @@ def _with_examples() -> list[str]:
     return names
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("name", _with_examples())
 def test_examples_print_what_they_show(name: str) -> None:
     outcome = doctest.testmod(import_module(name), optionflags=doctest.NORMALIZE_WHITESPACE)

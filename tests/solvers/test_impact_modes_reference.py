@@ -149,6 +149,7 @@ class TestChain:
     def test_family(self, reference: Reference) -> None:
         check_family(self.system, reference("impact_modes", "24")["values"]["p6_at_Omega"], "p6")
 
+    @pytest.mark.needs("compiled kernels")
     def test_poles_of_the_impulse(self, reference: Reference) -> None:
         for text in reference("impact_modes", "25")["values"]["Omega_zeros"]:
             pole = float(text)

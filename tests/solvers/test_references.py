@@ -121,6 +121,7 @@ def test_soft_limiters_conserve_energy_where_their_laws_change_sides() -> None:
         assert near(energy, arb(9) / 8, 24)
 
 
+@pytest.mark.needs("compiled kernels")
 def test_steps_of_soft_motions_see_powers_that_are_far_away() -> None:
     """From the middle of a free gap the series has every eighth coefficient only."""
     spring = Spring(ONE, arb(0.1), arb(0.1), 8.0, 7)

@@ -75,6 +75,7 @@ def test_stable_motions_have_radius_one_exactly() -> None:
         assert exact_radius(system, float(Omega[f])) == pytest.approx(1.0, abs=1e-20)
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("seed", range(6))
 def test_radii_near_grazing_of_one_of_two_walls_are_within_their_errors(seed: int) -> None:
     """One of the impulses is a small difference of large numbers where it changes its sign."""

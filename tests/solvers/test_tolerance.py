@@ -35,6 +35,7 @@ def solved(tolerance: float | None) -> impact_modes.Result:
     return impact_modes.solve(problem, impact_modes.plan(problem))
 
 
+@pytest.mark.needs("compiled kernels")
 def test_solutions_say_whether_they_are_within() -> None:
     assert solved(None).within_tolerance is None
     np.testing.assert_array_equal(solved(1e-10).within_tolerance, [True, False, True])

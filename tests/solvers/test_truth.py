@@ -37,6 +37,7 @@ def kind(case: Case) -> str:
     return case.name.split(",")[0]
 
 
+@pytest.mark.needs("compiled kernels")
 def test_impact_modes_are_what_they_are_said_to_be() -> None:
     report = outcome(
         "impact-modes", 40, lambda case: kind(case) in {"dense", "diagonal", "indefinite"}
@@ -63,6 +64,7 @@ def test_hard_impact_modes(index: int) -> None:
     assert not report.failures
 
 
+@pytest.mark.needs("compiled kernels")
 def test_modes_exist_in_bands_and_nowhere_else() -> None:
     report = outcome("bands", 10, lambda case: kind(case) in {"dense", "diagonal", "chain"})
     stated = [f for f in report.failures if "not certified" not in f[0]]
@@ -70,6 +72,7 @@ def test_modes_exist_in_bands_and_nowhere_else() -> None:
     assert report.counts["verdicts"] > 50
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("maker", ["plain", "damped", "coupled", "loaded"])
 def test_motions_are_what_they_are_said_to_be(maker: str) -> None:
     report = outcome("histories", 6, lambda case: case.name == maker)
@@ -77,6 +80,7 @@ def test_motions_are_what_they_are_said_to_be(maker: str) -> None:
     assert report.counts["horizon at the end"] >= 4
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize(
     ("seed", "index"),
     [
@@ -105,6 +109,7 @@ def test_hard_motions(seed: int, index: int) -> None:
     assert report.counts["horizon at the end"] == 1
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("seed", [0, 3, 6, 8])
 def test_rattling_between_close_stops(seed: int) -> None:
     """1,200 impacts, each later or earlier by the rounding of the distance between the stops."""
@@ -127,17 +132,20 @@ def test_rattling_between_close_stops(seed: int) -> None:
     assert report.counts["horizon at the end"] == 1
 
 
+@pytest.mark.needs("compiled kernels")
 def test_a_velocity_between_soft_limiters_whose_error_was_stated_too_small() -> None:
     report = Report()
     SETS["soft"].check(SETS["soft"].case(112, 96), report)
     assert not report.failures
 
 
+@pytest.mark.needs("compiled kernels")
 def test_motions_between_soft_limiters_are_what_they_are_said_to_be() -> None:
     report = outcome("soft", 6, lambda case: kind(case) in {"plain", "damped"})
     assert not report.failures
 
 
+@pytest.mark.needs("compiled kernels")
 def test_periodic_motions_are_what_they_are_said_to_be() -> None:
     report = outcome("periodic-motions", 14, lambda case: kind(case) != "large")
     assert not report.failures
@@ -147,6 +155,7 @@ def test_periodic_motions_are_what_they_are_said_to_be() -> None:
     assert report.counts["verdicts certified"] > 60
 
 
+@pytest.mark.needs("compiled kernels")
 def test_histories_do_what_verdicts_on_periodic_motions_say() -> None:
     report = outcome("settling", 24, lambda _: True)
     assert not report.failures

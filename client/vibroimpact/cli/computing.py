@@ -37,9 +37,9 @@ def compute(
     with _either(url, profile) as client:
         if isinstance(client, Local):
             with waiting:
-                result = options.fetched(lambda: client.compute(kind, request))
+                result = client.compute(kind, request)
         else:
-            result = options.fetched(lambda: client.compute(kind, request, progress=True))
+            result = client.compute(kind, request, progress=True)
     options.show(result, out, plot, output)
     if json_:
         print(json.dumps(result.to_dict()))

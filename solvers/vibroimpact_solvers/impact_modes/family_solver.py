@@ -142,7 +142,7 @@ class FamilySolver:
             relative_error=np.minimum(impulses.error, 1.0),
             condition=np.minimum(impulses.error / EPS, _SINGULAR),
             error_statement=self._statement(),
-            neglected=problem.neglected or None,
+            neglected=problem.system.losses(problem.active) or None,
         )
         if problem.tolerance is not None:
             values["within_tolerance"] = impulses.error <= problem.tolerance
@@ -249,7 +249,6 @@ class FamilySolver:
         if "stability" in outputs:
             radii, errors = self._growth(exists, motion, impulses)
             values.update(stability=radii, stability_error=errors * radii)
-            values["neutral"] = stability.neutral(radii, errors * radii)
         return values
 
     def _checked(

@@ -211,13 +211,6 @@ def graze(structure: Structure, motion: Motion, scratch: Scratch, i: int, side: 
         lose(motion.progress, error, now.time)
 
 
-@inline
-def _rounding_of_place(structure: Structure, motion: Motion, scratch: Scratch, i: int) -> float:
-    """Return the rounding of a coordinate, be it by terms that cancelled when the motion began."""
-    terms = magnitude(structure.watched.coordinate[i], motion.z) + structure.walls[i].size
-    return float(max(scratch.rounding[i], ROUNDING * terms))
-
-
 @inner
 def _widen_unknown_order(structure: Structure, motion: Motion, scratch: Scratch) -> None:
     """Account for coordinates that may strike before or after the one at its wall.
@@ -239,8 +232,7 @@ def _widen_unknown_order(structure: Structure, motion: Motion, scratch: Scratch)
         lower = walls[b].lower + y < walls[b].upper - y
         room = walls[b].lower + y if lower else walls[b].upper - y
         other = -velocity if lower else velocity
-        rounding = _rounding_of_place(structure, motion, scratch, b)
-        near = max(scratch.margin[b], SIMULTANEOUS * rounding)
+        near = max(scratch.margin[b], SIMULTANEOUS * scratch.rounding[b])
         if room <= near + max(other, 0.0) * late:
             same = lower == (now.side < 0)
             coupling = structure.mobility[a, b] if same else -structure.mobility[a, b]
@@ -375,7 +367,7 @@ def _find_struck(structure: Structure, motion: Motion, scratch: Scratch) -> int:
     count = 0
     for i in range(walls.size):
         wall, y = walls[i], product(watched.coordinate[i], motion.z)
-        at_a_wall = SIMULTANEOUS * _rounding_of_place(structure, motion, scratch, i)
+        at_a_wall = SIMULTANEOUS * scratch.rounding[i]
         if i == now.coordinate:
             side = 1.0 if now.side > 0 else -1.0
             now.penetration = max(now.penetration, abs(room_at(walls, i, side, y)))

@@ -146,6 +146,7 @@ def test_unknown_key_ids_do_not_press_the_issuer(served: TestClient, issuer: Iss
     assert issuer.asked == asked
 
 
+@pytest.mark.needs("a server")
 def test_an_issuer_who_is_away_is_no_fault_of_the_token(settings: Settings, queue: Any) -> None:
     chosen = settings.model_copy(update={"oidc_issuer": "http://127.0.0.1:9"})
     token = jwt.encode({"sub": "a"}, "s" * 32, headers={"kid": "one"})

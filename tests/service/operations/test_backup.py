@@ -81,6 +81,7 @@ def test_all_is_the_same_in_another_place(
         assert path.stat().st_mode & 0o077 == 0
 
 
+@pytest.mark.needs("PostgreSQL")
 def test_errors_of_jobs_keep_their_form(make: Make, tmp_path: Path) -> None:
     before, after = make("sqlite"), make("postgresql")
     before.fill()
@@ -93,6 +94,7 @@ def test_errors_of_jobs_keep_their_form(make: Make, tmp_path: Path) -> None:
     engine.dispose()
 
 
+@pytest.mark.needs("PostgreSQL")
 def test_records_of_an_earlier_revision_are_restored_as_of_today(
     make: Make, tmp_path: Path
 ) -> None:
@@ -226,6 +228,7 @@ def test_records_are_replaced_only_on_request(make: Make, tmp_path: Path, databa
     assert comparable(after) == comparable(before)
 
 
+@pytest.mark.needs("PostgreSQL")
 def test_records_stay_where_a_restoration_fails(
     make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -243,6 +246,7 @@ def test_records_stay_where_a_restoration_fails(
         assert after.rows() == kept
 
 
+@pytest.mark.needs("PostgreSQL")
 def test_nothing_is_restored_below_a_service(make: Make, tmp_path: Path) -> None:
     before, after, server = make("sqlite"), make("sqlite"), make("postgresql")
     before.fill()

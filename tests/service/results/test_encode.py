@@ -132,6 +132,7 @@ def test_what_was_not_asked_is_in_neither() -> None:
         assert set(file) == {"Omega", "omega", "frequency", "error"}
 
 
+@pytest.mark.needs("compiled kernels")
 @given(
     arrays.arrays(
         np.float64,
@@ -150,6 +151,7 @@ def test_both_encodings_hold_every_bit(x: np.ndarray) -> None:
     assert from_hdf5.tobytes() == x.tobytes()
 
 
+@pytest.mark.needs("compiled kernels")
 def test_xarray_opens_the_file_unaided() -> None:
     fields = {"exists": np.array([True, False, True]), "spread": np.full(3, 1e-16)}
     given_ = result(**fields)

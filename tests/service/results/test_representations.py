@@ -44,6 +44,7 @@ def damage(store: Store, name: str) -> None:
     path.write_bytes(bytes(data))
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("media_type", [JSON, HDF5])
 def test_a_result_is_answered_where_there_is_no_room_for_its_representation(
     stored: Store, media_type: str, monkeypatch: pytest.MonkeyPatch

@@ -43,6 +43,7 @@ def solved(omega: float, count: int = 12, gap: float = 0.0, **options: Any) -> a
     return attractors.solve(problem, attractors.plan(problem))
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize(
     ("omega", "period", "impacts"),
     [(2.0, 1, 1), (4.0, 2, 1), (6.0, 3, 1), (2.7, 2, 2), (2.9, 4, 9), (3.0, 4, 4)],
@@ -71,6 +72,7 @@ def test_periods_are_those_of_motions_from_impact_to_impact(
     assert min(math.hypot(far[0] - p[0], far[1] - p[1]) for p in points) < 1e-5
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("omega", [1.5, 2.0, 2.5, 2.6, 2.65, 2.7, 3.0, 3.5, 4.0])
 def test_exponents_are_those_of_the_multipliers(omega: float) -> None:
     result = solved(omega)
@@ -85,6 +87,7 @@ def test_exponents_are_those_of_the_multipliers(omega: float) -> None:
     assert (result.error_attractor_exponent < 0.05).all()
 
 
+@pytest.mark.needs("compiled kernels")
 def test_chaos_has_the_exponent_of_neighbouring_motions() -> None:
     result = solved(2.8, count=8, observe=1000)
     assert result.attractor_nature.tolist() == [Nature.CHAOTIC]
@@ -97,6 +100,7 @@ def test_chaos_has_the_exponent_of_neighbouring_motions() -> None:
     assert (np.abs(result.settled_exponent - value) < result.error_settled_exponent + error).all()
 
 
+@pytest.mark.needs("compiled kernels")
 def test_coexisting_attractors_are_both_counted() -> None:
     """At 2.6, one impact in one period and three impacts in three: whichever is nearer."""
     result = solved(2.6, count=30)

@@ -47,6 +47,7 @@ def scan(result: Result, system: System, Omega: np.ndarray, active: tuple[int, .
     np.testing.assert_array_equal(exists(system, some, active), inside(result, some))
 
 
+@pytest.mark.needs("compiled kernels")
 def test_the_chain_of_the_figures() -> None:
     system = chain()
     result = solved(system, 0.2, 3.0)
@@ -66,6 +67,7 @@ def test_the_last_band_begins_at_the_highest_natural_frequency() -> None:
     assert result.band_stop_reason[-1] == Edge.RANGE
 
 
+@pytest.mark.needs("compiled kernels")
 def test_bands_begin_at_natural_frequencies_or_odd_parts_of_them() -> None:
     result = solved(chain(), 0.2, 3.0)
     natural = 2 * np.sin(np.arange(1, 14) * np.pi / 28)
@@ -74,6 +76,7 @@ def test_bands_begin_at_natural_frequencies_or_odd_parts_of_them() -> None:
         assert np.abs(odd / start - 1).min() < 1e-14
 
 
+@pytest.mark.needs("compiled kernels")
 def test_one_oscillator_exists_above_its_natural_frequency_only() -> None:
     # Fig. 10.2: the other branches with positive impulse are phantoms.
     system = presets.oscillator([Constraint.at(0, 1.0)], 1.0)
@@ -91,6 +94,7 @@ def test_one_oscillator_exists_above_its_natural_frequency_only() -> None:
     np.testing.assert_allclose(result.rejected_stop, 1 / (2 * k), rtol=1e-12)
 
 
+@pytest.mark.needs("compiled kernels")
 def test_witnesses_are_beyond_the_limit() -> None:
     system = chain()
     result = solved(system, 0.5, 3.0)
@@ -100,6 +104,7 @@ def test_witnesses_are_beyond_the_limit() -> None:
     assert (np.abs(result.rejected_witness) <= 1).all()
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("seed", range(8))
 def test_no_band_of_a_random_structure_is_missed(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -110,6 +115,7 @@ def test_no_band_of_a_random_structure_is_missed(seed: int) -> None:
     scan(result, system, rng.uniform(0.15, 3.0, 1_000_000 if seed < 4 else 60_000))
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("seed", range(4))
 def test_limits_that_are_not_struck_count(seed: int) -> None:
     rng = np.random.default_rng(100 + seed)
@@ -122,6 +128,7 @@ def test_limits_that_are_not_struck_count(seed: int) -> None:
     scan(result, system, rng.uniform(0.2, 4.0, 30_000), (0,))
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize(
     "stops",
     [

@@ -54,6 +54,7 @@ def test_the_smallest_entries_are_as_small_as_they_should_be() -> None:
     assert 1e-31 < float(min(abs(each) for each in x)) / GAP < 1e-17
 
 
+@pytest.mark.needs("compiled kernels")
 def test_impulses_over_the_whole_family() -> None:
     Omega = np.random.default_rng(3).uniform(0.2, 3.0, 400)
     result = solve(Omega, frozenset({"impulse"}))

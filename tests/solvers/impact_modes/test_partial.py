@@ -58,6 +58,7 @@ def partial(case: Problem) -> DirectFamily:
 COUPLED = (Constraint.at(30, GAP), Constraint((81, 82), (1.0, -1.0), 1.5 * GAP, 1.5 * GAP))
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize(
     "system",
     [

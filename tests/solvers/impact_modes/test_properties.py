@@ -67,6 +67,7 @@ def changed(system: System, T: np.ndarray) -> System:
     )
 
 
+@pytest.mark.needs("compiled kernels")
 @settings(deadline=None)
 @given(seeds, sizes, ratios, st.integers(1, 2))
 def test_coordinates_do_not_matter(seed: int, n: int, ratio: float, count: int) -> None:
@@ -85,6 +86,7 @@ def test_coordinates_do_not_matter(seed: int, n: int, ratio: float, count: int) 
     np.testing.assert_allclose(after.energy, before.energy, rtol=4.0 * bound)
 
 
+@pytest.mark.needs("compiled kernels")
 @settings(deadline=None)
 @given(seeds, sizes, ratios, st.integers(-30, 30), st.integers(-30, 30), st.integers(-30, 30))
 def test_units_do_not_matter(
@@ -108,6 +110,7 @@ def test_units_do_not_matter(
     np.testing.assert_allclose(after.energy, before.energy * (m * d**2 / s**2), rtol=20 * bound)
 
 
+@pytest.mark.needs("compiled kernels")
 @settings(deadline=None)
 @given(seeds, st.integers(3, 7), ratios)
 def test_two_impacts_are_a_sum_of_single_ones(seed: int, n: int, ratio: float) -> None:
@@ -206,6 +209,7 @@ def test_nothing_breaks_at_a_pole_in_floating_point(seed: int, n: int, odd: int)
     assert (np.abs(result.impulse[:, 0]) < 1e-6 * usual * (1 + (roots.max() / omega) ** 2)).all()
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("unit", [1e-12, 1e12])
 def test_lengths_in_other_units_exist_as_well(unit: float) -> None:
     Omega = np.linspace(0.3, 3.0, 2000)

@@ -68,6 +68,7 @@ def test_a_touch_is_none_or_two_and_a_threefold_root_one() -> None:
         assert sorted(np.abs(roots - np.exp(1j * turn)) < 1e-4) == [False, True]
 
 
+@pytest.mark.needs("compiled kernels")
 def test_the_multiple_root_of_a_flat_one_costs_no_time() -> None:
     Q, wall = coefficients(np.full(20, 2.0), np.array([]))
     assert found(Q, wall).size == 0
@@ -75,6 +76,7 @@ def test_the_multiple_root_of_a_flat_one_costs_no_time() -> None:
     assert found(Q, wall).size == 2
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("highest", [0.0, 5e-324, 1e-300, 1e-20, 1e-3])
 @pytest.mark.parametrize("order", [2, 7, 1_000_000])
 def test_little_or_nothing_of_the_highest_harmonic(highest: float, order: int) -> None:
@@ -86,6 +88,7 @@ def test_little_or_nothing_of_the_highest_harmonic(highest: float, order: int) -
         assert roots == pytest.approx([near, TWO_PI - near], abs=2.0 * highest + 1e-14)
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("order", [3, 50, 1000])
 def test_all_roots_of_a_high_harmonic(order: int) -> None:
     roots = found(np.array([0.1, 1.0j]), 0.2, np.array([1, order]))

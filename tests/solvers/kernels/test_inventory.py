@@ -118,6 +118,7 @@ def test_a_file_that_is_gone_is_listed(listed: Listed, tmp_path: Path) -> None:
     assert listed().keys() == {"bands.survey"}
 
 
+@pytest.mark.needs("the compiler")
 def test_times_are_those_of_kernels() -> None:
     assert inventory.SECONDS.keys() <= inventory.kernels().keys()
 

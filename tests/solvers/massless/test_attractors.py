@@ -34,6 +34,7 @@ def states() -> tuple[Floats, Floats]:
     return x, v
 
 
+@pytest.mark.needs("compiled kernels")
 def test_attractors_are_those_of_the_structure_condensed_by_hand() -> None:
     x, v = states()
     whole = problem(K, [0, 1, 2], x, v)

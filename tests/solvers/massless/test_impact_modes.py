@@ -111,6 +111,7 @@ def agrees(
     return True
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("seed", range(4))
 def test_bands_are_those_of_the_condensed_structure(seed: int) -> None:
     """With equal certificates; the edges are within their errors of each other."""

@@ -47,6 +47,7 @@ def follows(case: Condensable, result: Any, size: float = 1e-13) -> None:
         assert np.abs(values[..., case.massless] - follow).max() < room
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("restitution", [1.0, 0.7, 0.0])
 @pytest.mark.parametrize("digits", [None, 40])
 def test_impacts_and_contacts_are_those_of_the_reference(
@@ -114,6 +115,7 @@ def test_energy_is_that_of_the_whole_structure() -> None:
     assert result.count_impacts > 5
 
 
+@pytest.mark.needs("compiled kernels")
 def test_other_methods_and_limiters_agree() -> None:
     """Soft limiters, an integrator, sampled loads and starts on impact modes."""
     case = condensable(5, 4, 3)
@@ -166,6 +168,7 @@ def test_a_whole_state_starts_the_same_motion() -> None:
     np.testing.assert_array_equal(long.impact_time, short.impact_time)
 
 
+@pytest.mark.needs("compiled kernels")
 def test_ensembles_are_their_motions() -> None:
     case = condensable(7, 4, 3)
     whole = case.whole((Constraint.at(1, 0.05, 0.8),))
@@ -200,6 +203,7 @@ def test_sweeps_are_their_points() -> None:
         np.testing.assert_allclose(result.arrays["impulse"][place], alone.impulse, rtol=1e-13)
 
 
+@pytest.mark.needs("compiled kernels")
 def test_periodic_motions_are_those_of_the_condensed_structure() -> None:
     """And extremes without mass are those of the waveform by the static relation."""
     case = condensable(9, 4, 3)
@@ -226,6 +230,7 @@ def test_periodic_motions_are_those_of_the_condensed_structure() -> None:
     np.testing.assert_allclose(ours.solution_x_max[:, case.massless], follow.max(axis=1), atol=1e-4)
 
 
+@pytest.mark.needs("compiled kernels")
 def test_branches_are_those_of_the_condensed_structure() -> None:
     case = condensable(10, 3, 2)
     limiters = (Constraint((1,), (1.0,), None, 0.1, 0.8),)

@@ -128,6 +128,7 @@ class TestVariants:
         assert np.abs(result.difference_x).max() < 1e-7
         assert np.nanmax(np.abs(result.difference_phi)) < 1e-7
 
+    @pytest.mark.needs("compiled kernels")
     def test_orders_in_zeta(self, solved: Solved, order: Order) -> None:
         """Averaged, to zeta Omega0 t = 0.6: gamma at impacts 2, phase and displacement 1."""
         found = []
@@ -139,6 +140,7 @@ class TestVariants:
         for column, expected in zip(np.array(found).T, (2, 1, 1), strict=True):
             assert order(ZETA, column) == pytest.approx(expected, abs=0.1)
 
+    @pytest.mark.needs("compiled kernels")
     @pytest.mark.parametrize(("variant", "expected"), [("truncated", 7), ("leading", 5)])
     def test_orders_in_gamma(
         self, solved: Solved, order: Order, variant: str, expected: int

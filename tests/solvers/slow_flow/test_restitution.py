@@ -152,6 +152,7 @@ class TestSlowFlow:
         assert errors["second_order"][1] <= 1e-6
         assert errors["printed"] == (pytest.approx(7.5e-2, rel=0.02), pytest.approx(3.2, rel=0.02))
 
+    @pytest.mark.needs("compiled kernels")
     @pytest.mark.parametrize(
         ("variant", "gamma", "phi", "x"), [("corrected", 2, 1, 1), ("second_order", 4, 3, 2)]
     )

@@ -91,6 +91,7 @@ class TestSlowFlows:
         for column, found in enumerate((result.gamma, result.phi, result.A, result.B)):
             np.testing.assert_allclose(found, expected[:, column], rtol=1e-8, atol=1e-10)
 
+    @pytest.mark.needs("compiled kernels")
     def test_transformed_equations_are_exact(self, solved: Solved) -> None:
         t = np.linspace(0.0, 88.0, 881)
         result = solved(coupled(), "two_oscillator", "transformed", t, **FIG)
@@ -100,6 +101,7 @@ class TestSlowFlows:
         for name in ("gamma", "phi", "A", "B"):
             np.testing.assert_allclose(getattr(result, name), getattr(exact, name), atol=1e-8)
 
+    @pytest.mark.needs("compiled kernels")
     @pytest.mark.parametrize("variant", ["transformed", "averaged", "truncated"])
     def test_both_stages_join(self, solved: Solved, variant: str) -> None:
         end = float(solved(coupled(), "two_oscillator", variant, [1.0], **FIG).t_max)
@@ -112,6 +114,7 @@ class TestSlowFlows:
         np.testing.assert_allclose(result.v[0], result.v[1], atol=1e-4)
         assert (result.x[2] ** 2 + result.v[2] ** 2).sum() < 1.0
 
+    @pytest.mark.needs("compiled kernels")
     def test_forced_response_is_overestimated_far_from_resonance(self, solved: Solved) -> None:
         """A and B are slow only near Omega = Omega0: x2 is too large by (Omega0+Omega)/(2 Omega0).
 
@@ -130,6 +133,7 @@ class TestSlowFlows:
         ratio = np.abs(result.x[:, 1]).max() / abs(forced)
         assert ratio == pytest.approx((1 + Omega) / 2, rel=0.02)
 
+    @pytest.mark.needs("compiled kernels")
     def test_soft_walls_have_the_rigid_period_at_first(self, solved: Solved) -> None:
         system = coupled(beta=1e-6, zeta=1e-4)
         t = np.array([0.0, 0.8, 1.6])

@@ -105,6 +105,7 @@ class TestTenStiffnesses400FrequenciesFiftyGaps:
         plan = sweep.plan(problem)
         return sweep.solve(problem, plan), plan
 
+    @pytest.mark.needs("compiled kernels")
     def test_two_constraints_cost_ten_spectra_and_4000_responses(
         self, counted: Counter[str]
     ) -> None:
@@ -117,10 +118,12 @@ class TestTenStiffnesses400FrequenciesFiftyGaps:
         }
         assert result.arrays["impulse"].shape == (50, 10, 400, 2)
 
+    @pytest.mark.needs("compiled kernels")
     def test_one_constraint_costs_ten_spectra_and_4000_sums(self, counted: Counter[str]) -> None:
         self.solve(1, frozenset({"impulse"}))
         assert counted == {"spectrum": 10, "scalar": 4000}
 
+    @pytest.mark.needs("compiled kernels")
     def test_motions_that_are_followed_cost_their_responses_once_more_for_all_gaps(
         self, counted: Counter[str]
     ) -> None:
@@ -129,6 +132,7 @@ class TestTenStiffnesses400FrequenciesFiftyGaps:
         assert 4000 < counted["bordered"] <= 8000
 
 
+@pytest.mark.needs("compiled kernels")
 def test_frequencies_may_be_an_axis_of_their_own(counted: Counter[str]) -> None:
     grid = Grid(2, frozenset({"impulse"}), places=(5, 40, 10))
     problem = grid.problem()
@@ -140,6 +144,7 @@ def test_frequencies_may_be_an_axis_of_their_own(counted: Counter[str]) -> None:
     np.testing.assert_array_equal(result.arrays["Omega"][:, 0], grid.frequencies)
 
 
+@pytest.mark.needs("compiled kernels")
 def test_every_point_has_the_numbers_that_it_has_alone() -> None:
     outputs = frozenset({"impulse", "exists", "reason", "shape", "energy", "harmonics"})
     problem = Grid(2, outputs, places=(3, 7, 2)).problem()

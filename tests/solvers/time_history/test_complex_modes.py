@@ -36,6 +36,7 @@ def nearest(modes: ComplexModes, true: list[mp.mpc]) -> Floats:
         )
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize("stiff", [0.0, 5.0])
 def test_rates_lie_within_their_errors(seed: int, stiff: float) -> None:

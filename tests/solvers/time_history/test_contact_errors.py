@@ -212,6 +212,7 @@ SLOW_AT_ITS_WALL = {
 }  # fmt: skip
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize(
     "document",
     [ONE_LEFT_SLOWLY, SLIDING, TAKING_TURNS, WEAKLY_PRESSED, SLOW_AT_ITS_WALL],

@@ -145,6 +145,7 @@ SYSTEMS |= {
 }
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_impulses_are_integrals_of_the_force(name: str) -> None:
     system = SYSTEMS[name]

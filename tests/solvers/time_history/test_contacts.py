@@ -189,6 +189,7 @@ def test_the_slightest_impact_is_found(excess: float) -> None:
     np.testing.assert_allclose(np.abs(result.impact_velocity), expected, rtol=1e-15 / excess)
 
 
+@pytest.mark.needs("compiled kernels")
 def test_energy_of_a_hundred_thousand_elastic_impacts() -> None:
     system = presets.chain(13, [Constraint.at(5, 0.2)])
     rng = np.random.default_rng(5)

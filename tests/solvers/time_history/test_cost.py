@@ -35,6 +35,7 @@ def on_mode(n: int, dof: int, omega: float) -> tuple[System, th.State]:
     return system, th.State(np.zeros(n), impulse[0, 0] / omega * (natural.modes @ amplitude))
 
 
+@pytest.mark.needs("compiled kernels")
 def test_expansions_grow_with_impacts_and_not_with_masses() -> None:
     """Two expansions for an impact in such motions, whatever the size; each costs O(N)."""
     for n, dof in ((13, 5), (100, 49), (400, 199)):
@@ -64,6 +65,7 @@ def test_a_hundred_impacts_of_an_oscillator() -> None:
     np.testing.assert_allclose(result.impact_time, [float(t) for t in times], rtol=4e-15)
 
 
+@pytest.mark.needs("compiled kernels")
 def test_a_million_impacts_of_an_oscillator() -> None:
     """Intervals of 2 arcsin(1/5): the time after 10^6 of them is known to two units in the last.
 
@@ -105,6 +107,7 @@ def test_a_mode_after_one_period_and_after_ten() -> None:
         assert length < result.error_condition * 2.0**-52
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize(("n", "dof", "bound"), [(100, 49, 5e-14), (1000, 499, 5e-14)])
 def test_a_mode_of_a_long_chain_after_ten_periods(n: int, dof: int, bound: float) -> None:
     """Case C: the mode at 1.5 (2/pi) Omega_N is hardly unstable."""

@@ -73,6 +73,7 @@ def errors(seed: int) -> tuple[float, float] | None:
     return result.error_condition * ROUNDING, float(error / size)
 
 
+@pytest.mark.needs("compiled kernels")
 def test_errors_stay_below_their_estimates_and_not_far() -> None:
     """Of 103 random longer motions the ratio was 1.9 at least and 25 in the median."""
     found = [pair for pair in map(errors, range(24)) if pair is not None]
@@ -82,6 +83,7 @@ def test_errors_stay_below_their_estimates_and_not_far() -> None:
     assert np.median(estimated / true) < 100.0
 
 
+@pytest.mark.needs("compiled kernels")
 def test_a_motion_that_cannot_be_foretold_says_from_when_on() -> None:
     """Case F: two walls, N = 12, k = 0.9, a random state, t = 200: lost before t = 120.
 

@@ -69,6 +69,7 @@ def distance(a: Motion, b: Motion) -> float:
         return float(max(times + states).mid())
 
 
+@pytest.mark.needs("compiled kernels")
 def test_the_chaotic_case_converges_with_digits() -> None:
     """t = 200 is far beyond what doubles can tell; each run is right to what it states."""
     asked = chaotic(200.0)
@@ -92,6 +93,7 @@ def test_the_chaotic_case_converges_with_digits() -> None:
     assert right.size > 100
 
 
+@pytest.mark.needs("compiled kernels")
 def test_digits_are_used_where_doubles_do_not_hold() -> None:
     short = chaotic(20.0, digits=30)
     found = th.solve(short, th.plan(short))
@@ -134,6 +136,7 @@ SYSTEMS = {
 }  # fmt: skip
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_doubles_agree_within_their_error(name: str) -> None:
     """Impacts, chatter, contacts, their forces and releases, with loads of all sorts."""
@@ -174,6 +177,7 @@ def test_an_independent_motion_in_extended_precision_agrees_to_thirty_digits() -
             assert abs(mp.mpf(mine.velocity.str(50, radius=False)) - speed) < mp.mpf(10) ** -28
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("digits", [25, 60, 150])
 def test_a_ball_comes_to_rest_where_its_series_ends(digits: int) -> None:
     """t = (1 + k)/(1 - k) sqrt(2 h/g), with k and g as the doubles that were given."""
@@ -300,6 +304,7 @@ def random_motion(seed: int) -> th.Problem:
 
 
 # Other seeds were compared by the hundreds; these have contacts, chatter and many impacts.
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("seed", [1, 4, 6, 8, 11, 20, 28, 37, 38, 41])
 @pytest.mark.parametrize("digits", [-2, 30])
 def test_random_motions_are_enclosed(seed: int, digits: int) -> None:
@@ -353,6 +358,7 @@ def test_wrong_digits_are_refused(other: dict[str, object], code: str) -> None:
     assert (caught.value.pointer, caught.value.code) == (("digits",), code)
 
 
+@pytest.mark.needs("compiled kernels")
 def test_two_threads_may_ask_for_different_digits() -> None:
     asked = chaotic(12.0)
     alone = {digits: followed(asked, digits) for digits in (25, 60)}

@@ -90,6 +90,7 @@ def test_damping_below_at_and_above_the_critical(zeta: float) -> None:
     assert worst < 40.0
 
 
+@pytest.mark.needs("compiled kernels")
 def test_a_chain_with_two_limiters() -> None:
     limiters = [Constraint.at(1, 0.2, 0.9), Constraint((3, 4), (1.0, -1.0), None, 0.15, 0.7)]
     system = presets.chain(6, limiters)
@@ -108,6 +109,7 @@ def test_damping_that_couples_the_modes() -> None:
     assert worst < 20.0
 
 
+@pytest.mark.needs("compiled kernels")
 def test_dashpots_that_overdamp_some_modes() -> None:
     C = np.array([[3.0, -2.5, 0.0], [-2.5, 4.0, -0.2], [0.0, -0.2, 0.25]])
     K = np.array([[3.0, -1.0, 0.0], [-1.0, 2.5, -1.0], [0.0, -1.0, 1.5]])
@@ -123,6 +125,7 @@ def test_dashpots_that_overdamp_some_modes() -> None:
     assert worst < 40.0
 
 
+@pytest.mark.needs("compiled kernels")
 def test_harmonic_loads() -> None:
     system = presets.chain(4, [Constraint.at(2, 0.3, 0.8)])
     load = [th.Harmonic(0, 0.4, 0.9, 0.3), th.Harmonic(3, 0.2, 2.2, -1.0)]

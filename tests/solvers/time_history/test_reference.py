@@ -7,6 +7,7 @@ from typing import Any
 
 import mpmath as mp
 import numpy as np
+import pytest
 
 from vibroimpact_solvers import presets
 from vibroimpact_solvers import time_history as th
@@ -76,6 +77,7 @@ def test_coupled_damping(reference: Reference) -> None:
     check_states(result, states)
 
 
+@pytest.mark.needs("compiled kernels")
 def test_restitution_for_a_thousand_units_of_time(reference: Reference) -> None:
     impacts, states = reference(FILE, "36")["values"], reference(FILE, "37")["values"]
     system = presets.oscillator([Constraint.at(0, 1.0, 0.95)], 1.0)

@@ -37,6 +37,7 @@ def test_an_oscillator_at_resonance_grows_like_t() -> None:
     np.testing.assert_allclose(result.v[:, 0], v, rtol=0.0, atol=1e-13 * 75.0)
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("detuning", [0.0, 1e-9, 4e-4])
 def test_impacts_of_a_chain_driven_near_resonance(detuning: float) -> None:
     """Against the exact motion just beside resonance: the two differ by the detuning's part."""

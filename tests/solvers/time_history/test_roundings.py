@@ -45,6 +45,7 @@ def test_modes_of_a_chain_are_rounded_once() -> None:
     assert worst <= 0.5 + 4.0 * FINE / EPS
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize(
     ("n", "dof", "factor", "periods"), [(50, 20, 1.7, 100), (100, 49, 1.5, 250)]
 )
@@ -213,6 +214,7 @@ def test_a_sampled_load_pushes_a_body_through_the_faintest_drag(drag: float) -> 
     assert (np.abs(off) <= 8.0 * EPS * np.abs(result.x[:, 0]).max()).all()
 
 
+@pytest.mark.needs("compiled kernels")
 def test_to_and_fro_between_close_walls() -> None:
     """Thousands of crossings, each of which depends on the places of both walls."""
     gap = 0.00027322615469776757
@@ -249,6 +251,7 @@ def test_a_body_that_drag_alone_holds_keeps_its_velocity() -> None:
     })  # fmt: skip
 
 
+@pytest.mark.needs("compiled kernels")
 def test_a_body_that_grows_into_its_wall_bounces_a_thousand_times() -> None:
     """Where hops begin is a rounding of a large state, and lengthens each of them (k = 1)."""
     histories.checked({
@@ -263,6 +266,7 @@ def test_a_body_that_grows_into_its_wall_bounces_a_thousand_times() -> None:
     })  # fmt: skip
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize(
     ("m", "k", "gap", "v"),
     [(0.6205243985892677, 1.3598929845617143, 0.0009591443688309724, 7.421020880562266),

@@ -34,6 +34,7 @@ def test_a_start_at_a_wall_strikes_it_however_slow(speed: float) -> None:
     assert report.counts["horizon at the end"] == 1
 
 
+@pytest.mark.needs("compiled kernels")
 def test_roundings_of_many_short_motions_do_not_add_up() -> None:
     document = {
         "M": [[2.823949671386963]], "K": [[3.690100733003918]], "C": [[0.15998070361727434]],
@@ -83,6 +84,7 @@ def test_contacts_without_end_are_refused(monkeypatch: pytest.MonkeyPatch) -> No
         time_history.solve(problem, time_history.plan(problem))
 
 
+@pytest.mark.needs("compiled kernels")
 def test_what_rattles_beside_a_contact_is_followed_by_the_compiled_loop(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -27,6 +27,7 @@ def solve(problem: th.Problem) -> th.Result:
     return th.solve(problem, th.plan(problem))
 
 
+@pytest.mark.needs("compiled kernels")
 def test_period_of_a_soft_oscillator_against_quadrature() -> None:
     """x'' + x + b (x/s)^17 = 0 from rest: the period is a quadrature of the energy integral."""
     law = th.Power(17.0, 0.8, 0.97)
@@ -64,6 +65,7 @@ def test_period_of_a_soft_oscillator_against_quadrature() -> None:
     np.testing.assert_allclose(result.error_penetration, turn / size, rtol=1e-12)
 
 
+@pytest.mark.needs("compiled kernels")
 def test_soft_limiters_of_a_damped_driven_chain_against_an_integrator() -> None:
     system = presets.chain(5, [Constraint.at(1, 0.2), Constraint((3,), (1.0,), 0.3, None)])
     v = np.array([0.4, 0.9, -0.3, 0.5, 0.1])
@@ -181,6 +183,7 @@ def states(result: th.Result) -> np.ndarray:
 EXPONENTS = st.sampled_from([1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 7.0, 8.0, 17.0, 17.3, 64.0, 65.0, 80.0])
 
 
+@pytest.mark.needs("compiled kernels")
 @settings(deadline=None, max_examples=15, derandomize=True)  # the integrator fails now and then
 @given(st.integers(0, 10**6), EXPONENTS)
 def test_random_scenes_against_an_integrator(seed: int, exponent: float) -> None:
@@ -216,6 +219,7 @@ def independent(case: dict[str, Any]) -> np.ndarray:
     return np.asarray(found.y.T)
 
 
+@pytest.mark.needs("compiled kernels")
 def test_stated_errors_hold() -> None:
     """Stated differences are more than the errors, and within the tolerance.
 
@@ -240,6 +244,7 @@ def test_stated_errors_hold() -> None:
     assert short <= 1
 
 
+@pytest.mark.needs("compiled kernels")
 def test_stated_errors_hold_where_roundings_make_them() -> None:
     """Limiters of exponent one on both sides are springs: the exponential of a matrix.
 
@@ -335,6 +340,7 @@ THROUGH_THE_MIDDLE = {
 }  # fmt: skip
 
 
+@pytest.mark.needs("compiled kernels")
 def test_steps_that_overflow_a_force_are_shortened() -> None:
     """Infinite at the end of a step, less its infinite rounding, it counted as one that agrees."""
     assert_within_stated_errors(THROUGH_THE_MIDDLE)
@@ -370,6 +376,7 @@ APART = {
 }  # fmt: skip
 
 
+@pytest.mark.needs("compiled kernels")
 def test_each_output_has_the_error_of_its_own_difference() -> None:
     """What one coordinate is off was stated of all of them."""
     assert_within_stated_errors(APART)
@@ -449,6 +456,7 @@ def test_a_limiter_of_exponent_one_is_a_spring(tolerance: float) -> None:
     np.testing.assert_allclose(states(found), expected, rtol=0.0, atol=3.0 * tolerance)
 
 
+@pytest.mark.needs("compiled kernels")
 def test_a_spring_on_one_side_has_two_half_periods() -> None:
     """x'' + x = 0 to the left and x'' + (1 + k) x = 0 to the right of zero, 200 changes of it."""
     stiffness = 8.0
@@ -474,6 +482,7 @@ def test_a_spring_on_one_side_has_two_half_periods() -> None:
     assert found.error_penetration == pytest.approx(0.7 / 3.0, rel=1e-9)
 
 
+@pytest.mark.needs("compiled kernels")
 def test_the_energy_is_kept_for_long() -> None:
     """Two thousand contacts of two masses, at the least error of a step."""
     system = presets.two_mass([Constraint.at(0, 0.5)], 1.0)
@@ -495,6 +504,7 @@ def test_the_energy_is_kept_for_long() -> None:
     assert math.isnan(found.error_condition)
 
 
+@pytest.mark.needs("compiled kernels")
 def test_what_cannot_be_known_is_told() -> None:
     """A chaotic motion until double precision tells nothing: the statement says so, and when."""
     walls = [Constraint.at(4, 0.2), Constraint.at(8, 0.2)]
@@ -536,6 +546,7 @@ def test_no_contact_is_missed_by_series_that_do_not_see_it(tolerance: float) -> 
     assert (np.abs(np.diff(np.sign(found.v[:, 0]))) > 0).sum() > 15
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("outputs", [{"x"}, {"v"}, {"impacts"}])
 def test_prepared_motions_in_one_call_are_the_same(outputs: set[str]) -> None:
     system = presets.chain(6, [Constraint.at(1, 0.2), Constraint((3,), (1.0,), None, 0.3)])
@@ -565,6 +576,7 @@ def test_prepared_motions_in_one_call_are_the_same(outputs: set[str]) -> None:
         motion.solve(th.State(np.full(6, np.nan), np.zeros(6)))
 
 
+@pytest.mark.needs("compiled kernels")
 def test_long_motions_can_be_stopped() -> None:
     class StoppedError(Exception):
         pass

@@ -43,6 +43,7 @@ def in_windows(
     return plan, th.split(problem, plan, 0.2)
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("count", [2, 7, 60, 400])
 def test_windows_are_one_motion(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Contacts last over many windows when these are short, and their table is the same."""
@@ -89,6 +90,7 @@ def test_windows_are_one_motion(count: int, monkeypatch: pytest.MonkeyPatch) -> 
             assert value == expected, field.name
 
 
+@pytest.mark.needs("compiled kernels")
 def test_elastic_windows_keep_energy_and_state_its_drift(monkeypatch: pytest.MonkeyPatch) -> None:
     system = presets.chain(9, [Constraint.at(4, 0.2)])
     rng = np.random.default_rng(4)
@@ -103,6 +105,7 @@ def test_elastic_windows_keep_energy_and_state_its_drift(monkeypatch: pytest.Mon
     assert drift < 1e-13
 
 
+@pytest.mark.needs("compiled kernels")
 def test_the_predictability_of_windows_is_that_of_one_motion(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -128,6 +131,7 @@ def test_the_predictability_of_windows_is_that_of_one_motion(
     assert bounds[1] < 190.0
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("outputs", [{"impacts"}, {"contacts"}, {"x"}, {"energy"}, ALL])
 def test_results_do_not_depend_on_who_computes_the_windows(
     outputs: set[str], monkeypatch: pytest.MonkeyPatch
@@ -148,6 +152,7 @@ def test_results_do_not_depend_on_who_computes_the_windows(
             assert value == expected, field.name
 
 
+@pytest.mark.needs("compiled kernels")
 def test_parts_hold_no_more_than_their_window(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = sticky()
     plan, windows = in_windows(monkeypatch, problem, 10)
