@@ -18,13 +18,6 @@ from shared import Machine
 Some = TypeVar("Some", bound=Process)
 
 
-CLUSTERS = 2
-"""How many clusters of `test_monitoring` there are beside one another, each for some tests.
-
-There they follow one another: an alert that fires must end before the next one is waited for.
-"""
-
-
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Repeat faults at random moments as often as VIBROIMPACT_SEEDS says, each with its seed."""
     count = int(os.environ.get("VIBROIMPACT_SEEDS", "1"))
@@ -36,9 +29,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     here = [item for item in items if Path(__file__).parent in item.path.parents]
     for item in here:
         item.add_marker(pytest.mark.faults)
-    monitored = [item for item in here if "cluster" in getattr(item, "fixturenames", ())]
-    for number, item in enumerate(monitored):
-        item.add_marker(pytest.mark.xdist_group(f"cluster {number * CLUSTERS // len(monitored)}"))
 
 
 @pytest.fixture

@@ -42,6 +42,11 @@ THRESHOLDS = {
 is busy with other things does not reach."""
 
 
+FIRST, SECOND = (pytest.mark.xdist_group(f"{name} cluster") for name in ("first", "second"))
+"""Two clusters beside one another. On each, tests follow one another: an alert that fires must end
+before the next one is waited for."""
+
+
 class Cluster:
     """Database, scheduler, worker, two replicas, a receiver of webhooks, and their Prometheus."""
 
@@ -157,6 +162,7 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
         yield Cluster(tmp_path_factory.mktemp("cluster"), opened)
 
 
+@FIRST
 def test_a_key_is_needed_at_one_port_and_not_at_the_other(cluster: Cluster) -> None:
     until(
         lambda: {each["health"] for each in cluster.prometheus.targets()} == {"up"},
@@ -171,6 +177,7 @@ def test_a_key_is_needed_at_one_port_and_not_at_the_other(cluster: Cluster) -> N
     assert replica.http.get(f"{inside}/v1/health/ready").status_code == 200
 
 
+@FIRST
 def test_every_query_of_the_dashboard_has_data(cluster: Cluster) -> None:
     jobs = [cluster.submit(tiny(0.7 + i / 100)) for i in range(3)]
     webhook = {"url": cluster.receiver.url, "secret": SECRET}
@@ -211,6 +218,7 @@ def test_every_query_of_the_dashboard_has_data(cluster: Cluster) -> None:
     assert series < 1500
 
 
+@FIRST
 def test_nothing_fires_without_a_fault(cluster: Cluster) -> None:
     until(lambda: not cluster.prometheus.firing(), "an alert fires", 30)
 
@@ -221,6 +229,7 @@ def test_nothing_fires_without_a_fault(cluster: Cluster) -> None:
     until(lambda: health() == {"ok"}, "a rule is not evaluated", 30)
 
 
+@FIRST
 def test_no_workers(cluster: Cluster) -> None:
     cluster.worker.end()
     # One that asks a moment before would begin the job, which then is not queued any more.
@@ -231,6 +240,7 @@ def test_no_workers(cluster: Cluster) -> None:
         until(lambda: cluster.done(job), "the job does not end")
 
 
+@FIRST
 def test_deaths_of_workers(cluster: Cluster) -> None:
     job = cluster.submit(sweep(0.61))
     moment = time.time()
@@ -240,6 +250,7 @@ def test_deaths_of_workers(cluster: Cluster) -> None:
         until(lambda: cluster.done(job), "the job does not end")
 
 
+@FIRST
 def test_a_killed_replica(cluster: Cluster) -> None:
     job = cluster.submit(sweep(0.62))
 
@@ -256,6 +267,7 @@ def test_a_killed_replica(cluster: Cluster) -> None:
         until(lambda: cluster.done(job), "the job does not end")
 
 
+@FIRST
 def test_a_dead_database(cluster: Cluster) -> None:
     cluster.database.kill()
     for _ in range(20):
@@ -266,6 +278,7 @@ def test_a_dead_database(cluster: Cluster) -> None:
         until(cluster.replicas["a"].ready, "it is not ready")
 
 
+@FIRST
 def test_a_full_store(cluster: Cluster) -> None:
     if not cluster.mounted:
         pytest.skip("mounting a file system is not permitted here")
@@ -277,6 +290,7 @@ def test_a_full_store(cluster: Cluster) -> None:
         filler.unlink()
 
 
+@SECOND
 def test_failing_jobs(cluster: Cluster) -> None:
     failure = cluster.folder / "fail"
     failure.touch()
@@ -287,6 +301,7 @@ def test_failing_jobs(cluster: Cluster) -> None:
         failure.unlink()
 
 
+@SECOND
 def test_failing_webhooks(cluster: Cluster) -> None:
     cluster.receiver.statuses = [500]
     before = len(cluster.receiver.got)
@@ -318,6 +333,7 @@ def again_and_again(strike: Callable[[], None], pause: float = 0.2) -> Iterator[
         end()
 
 
+@SECOND
 def test_a_slow_database(cluster: Cluster) -> None:
     """Somebody else locks the table of jobs for two seconds, whenever he can."""
     url = cluster.settings["database"]
@@ -336,6 +352,7 @@ def test_a_slow_database(cluster: Cluster) -> None:
         end()
 
 
+@SECOND
 def test_an_event_loop_that_lags(cluster: Cluster) -> None:
     replica = cluster.replicas["a"].process.pid
 
@@ -349,6 +366,7 @@ def test_an_event_loop_that_lags(cluster: Cluster) -> None:
         end()
 
 
+@SECOND
 def test_a_certificate_that_expires(cluster: Cluster) -> None:
     """Processes that are connected go on; what counts is what the next ones would read."""
     present = Path(cluster.settings["tls_cert"])
@@ -358,6 +376,7 @@ def test_a_certificate_that_expires(cluster: Cluster) -> None:
         present.write_bytes(good)
 
 
+@SECOND
 def test_cold_kernels(cluster: Cluster) -> None:
     """Somebody else has begun to compile the kernels of a kind, and stands still."""
     compiled = cache.folder()
@@ -379,6 +398,7 @@ def test_cold_kernels(cluster: Cluster) -> None:
             fcntl.flock(other, fcntl.LOCK_UN)
 
 
+@SECOND
 def test_no_replica_at_all(cluster: Cluster) -> None:
     for replica in cluster.replicas.values():
         replica.kill()
