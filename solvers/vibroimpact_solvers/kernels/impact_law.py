@@ -211,6 +211,13 @@ def graze(structure: Structure, motion: Motion, scratch: Scratch, i: int, side: 
         lose(motion.progress, error, now.time)
 
 
+@inline
+def _rounding_of_place(structure: Structure, motion: Motion, scratch: Scratch, i: int) -> float:
+    """Return the rounding of a coordinate, be it by terms that cancelled when the motion began."""
+    terms = magnitude(structure.watched.coordinate[i], motion.z) + structure.walls[i].size
+    return float(max(scratch.rounding[i], ROUNDING * terms))
+
+
 @inner
 def _widen_unknown_order(structure: Structure, motion: Motion, scratch: Scratch) -> None:
     """Account for coordinates that may strike before or after the one at its wall.
@@ -232,7 +239,8 @@ def _widen_unknown_order(structure: Structure, motion: Motion, scratch: Scratch)
         lower = walls[b].lower + y < walls[b].upper - y
         room = walls[b].lower + y if lower else walls[b].upper - y
         other = -velocity if lower else velocity
-        near = max(scratch.margin[b], SIMULTANEOUS * scratch.rounding[b])
+        rounding = _rounding_of_place(structure, motion, scratch, b)
+        near = max(scratch.margin[b], SIMULTANEOUS * rounding)
         if room <= near + max(other, 0.0) * late:
             same = lower == (now.side < 0)
             coupling = structure.mobility[a, b] if same else -structure.mobility[a, b]
@@ -367,7 +375,7 @@ def _find_struck(structure: Structure, motion: Motion, scratch: Scratch) -> int:
     count = 0
     for i in range(walls.size):
         wall, y = walls[i], product(watched.coordinate[i], motion.z)
-        at_a_wall = SIMULTANEOUS * scratch.rounding[i]
+        at_a_wall = SIMULTANEOUS * _rounding_of_place(structure, motion, scratch, i)
         if i == now.coordinate:
             side = 1.0 if now.side > 0 else -1.0
             now.penetration = max(now.penetration, abs(room_at(walls, i, side, y)))
@@ -552,10 +560,10 @@ def strike(structure: Structure, motion: Motion, scratch: Scratch) -> int:
     before = estimated_length(motion.deviations, errors, motion.progress)
     if count == 1:
         rests = _strike_one(structure, motion, scratch, row)
-        if not rests and structure.walls[progress.coordinate].restitution == 0.0:
-            progress.released = progress.coordinate  # it leaves with a speed that is rounding
     else:
         rests = _strike_several(structure, motion, scratch, count, row)
+    if not rests and structure.walls[progress.coordinate].restitution == 0.0:
+        progress.released = progress.coordinate  # it leaves with a speed that is rounding
     if count > 1 or progress.rows > first:
         progress.impacts += 1
         error = estimated_error(motion.deviations, errors, motion.progress)

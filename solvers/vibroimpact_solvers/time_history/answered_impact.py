@@ -2,18 +2,20 @@
 
 Contacts are not struck: they give nothing of their answers back, as if their k were 0. With k of
 the coordinate, Poisson's law then is Newton's, for the structure with the contacts that stay.
+Bodies that only touch, without a force, are struck like all that are at their walls then.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.arrays import Booleans, Floats
 from vibroimpact_solvers.kernels.deviations import EPS
-from vibroimpact_solvers.kernels.impact_law import impulses
+from vibroimpact_solvers.kernels.impact_law import MOREAU, NEWTON, POISSON, impulses
 from vibroimpact_solvers.time_history.structure import Contact, Structure
 
 Moved = tuple[Floats, Floats]
@@ -32,24 +34,39 @@ class AnsweredImpact:
     v : array, shape (dof,)
         Velocities before the impact, in the basis' time.
     impulses : array, shape (contact,)
+    restitution : array, shape (contact,)
+        The k with which each of them was struck; 0 in contact.
+    touching : array of bool, shape (contact,)
+        Those in contact without a force.
     """
 
     structure: Structure
     contacts: tuple[Contact, ...]
     v: Floats
     impulses: Floats
+    restitution: Floats
+    touching: Booleans
 
     @classmethod
-    def of(cls, structure: Structure, contacts: tuple[Contact, ...], v: Floats) -> AnsweredImpact:
-        """Return the impact of the first coordinate; the others do not move."""
+    def of(
+        cls,
+        structure: Structure,
+        contacts: tuple[Contact, ...],
+        v: Floats,
+        idle: Collection[Contact] = (),
+    ) -> AnsweredImpact:
+        """Return the impact of the first coordinate; the others do not move, some are idle."""
         indices, sides = np.ascontiguousarray(np.array(contacts, dtype=np.int64).T)
         speeds = np.zeros(len(contacts))
         index, side = contacts[0]
         speeds[0] = max(0.0, side * float(structure.W[index] @ v))
+        touching = np.array([c in idle for c in contacts])
+        own = np.array([structure.system.constraints[i].restitution for i in indices.tolist()])
+        struck = np.where(touching | (np.arange(own.size) == 0), own, 0.0)
         restitution = np.zeros(len(structure.system.constraints))
-        restitution[index] = structure.system.constraints[index].restitution
+        restitution[indices] = struck
         given = impulses(structure.mobility, restitution, indices, sides.astype(np.float64), speeds)
-        return cls(structure, contacts, v, given)
+        return cls(structure, contacts, v, given, struck, touching)
 
     @property
     def rows(self) -> Floats:
@@ -61,6 +78,24 @@ class AnsweredImpact:
     def speed(self) -> float:
         """The speed towards the wall, before the impact."""
         return float(self.rows[0] @ self.v)
+
+    @property
+    def law(self) -> int:
+        """The law of the impact (`kernels.impact_law`)."""
+        struck = self.impulses > 0.0
+        if not (struck & self.touching).any():
+            return NEWTON
+        return MOREAU if (self.restitution[struck] == 1.0).all() else POISSON
+
+    @property
+    def undecided(self) -> float:
+        """Length of the state that the order of impacts decides on.
+
+        The smallest gap would make those of bodies that touch follow one another.
+        """
+        given = np.where(self.touching, (1.0 + self.restitution) * self.impulses, 0.0)
+        pushed = self.rows.T @ given
+        return math.sqrt(float(pushed @ self.structure.mass_solve(pushed)))
 
     @property
     def leaves_slowly(self) -> bool:

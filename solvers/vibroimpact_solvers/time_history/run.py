@@ -13,7 +13,6 @@ import numpy as np
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.kernels.deviations import EPS, SAFETY
-from vibroimpact_solvers.kernels.impact_law import NEWTON
 from vibroimpact_solvers.kernels.rigid_motion import Stop, follow
 from vibroimpact_solvers.kernels.rigid_state import IMPACT, PROGRESS, Rows, workspace
 from vibroimpact_solvers.time_history.answered_impact import AnsweredImpact, Moved
@@ -435,10 +434,13 @@ class Run:
 
     def _doubt_place(self, speed: float, duration: float) -> None:
         """Let displacements be unknown by a speed, as a length of the state, while bounces last."""
+        self._doubt(speed * duration)
+
+    def _doubt(self, unknown: float) -> None:
+        """Let the state be unknown by a length from now on."""
         now = self.progress_row
         if now["largest"] > 0.0:
-            unknown = speed * duration / (EPS * now["largest"])
-            now["unresolved"] = max(now["unresolved"], unknown)
+            now["unresolved"] = max(now["unresolved"], unknown / (EPS * now["largest"]))
 
     def _resolve_contacts(self, x: Floats, v: Floats) -> None:
         """Continue with the present contacts except those whose force would have to be tensile."""
@@ -491,7 +493,8 @@ class Run:
         """Apply the impact of a constraint while others are in contact."""
         x, v = self._displacements()
         contact = self.configuration.free[watched], side
-        impact = AnsweredImpact.of(self.structure, (contact, *self.contacts), v)
+        idle = self.configuration.idle
+        impact = AnsweredImpact.of(self.structure, (contact, *self.contacts), v, idle)
         moved, before, growth = self._deviations(), self._acceleration(), self.growth
         roundings = self._roundings()
         row = self._row(contact, impact, before, growth)
@@ -520,6 +523,7 @@ class Run:
         for c, (dx, dv) in enumerate(self._rounded(turned, roundings), start=1):
             self.Z[c] = self.structure.state_of(self.configuration, dx, dv)
         self.configuration.basis.doubt_loads(self.Z)
+        self._doubt(impact.undecided)
         row["deviation"] = max(growth, self.growth)
         self._add_impact(row)
 
@@ -534,7 +538,7 @@ class Run:
         velocity, impulse = scale * side * impact.speed, scale * float(impact.impulses[0])
         bend = scale**2 * float(self.structure.W[constraint] @ before)
         known = growth, growth * float(self.progress_row["largest"])
-        row = self.now / scale, 0.0, velocity, impulse, bend, *known, constraint, side, NEWTON
+        row = self.now / scale, 0.0, velocity, impulse, bend, *known, constraint, side, impact.law
         return np.array([row], IMPACT)
 
     def _error_of_answered(self, row: Rows) -> float:

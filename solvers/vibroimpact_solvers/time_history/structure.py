@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import weakref
 from dataclasses import dataclass, field
@@ -14,7 +15,7 @@ import scipy.linalg
 import scipy.sparse
 
 from vibroimpact_solvers import condensation, spectrum
-from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.arrays import Booleans, Floats, Integers
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.kernels import rigid_state
 from vibroimpact_solvers.kernels.deviations import SAFETY
@@ -58,6 +59,8 @@ class Configuration:
         The constraints in contact, whose coordinates are held fixed.
     answers : array, shape (contact, free constraint)
         Impulses of the contacts on unit impulses at upper walls, and their negatives at lower ones.
+    idle : frozenset of Contact
+        Contacts without a force, whatever the state is: bodies that touch and fly together.
     free : tuple of int
         The other constraints, in the order in which they are watched; contact forces are
         watched after them.
@@ -70,6 +73,7 @@ class Configuration:
     basis: Basis
     contacts: tuple[Contact, ...]
     answers: Floats
+    idle: frozenset[Contact]
     free: tuple[int, ...]
     kernel: rigid_state.Structure
     reaches: dict[bytes, Any] = field(default_factory=dict)
@@ -360,8 +364,9 @@ class Structure:
             [max(abs(w) for w in (c.lower, c.upper) if w is not None) for c in limits]
         ) + np.abs(level)
         restitution = np.array([c.restitution for c in limits])
+        idle = np.zeros(0, dtype=np.bool_)
         if contacts:
-            press, press_level = self._contact_force_forms(basis, contacts)
+            press, press_level, idle = self._contact_force_forms(basis, contacts)
             forms = np.concatenate([forms, press])
             slopes = np.concatenate([slopes, basis.rates_of(press)])
             kicks = np.concatenate([kicks, np.zeros_like(press)])
@@ -379,6 +384,7 @@ class Structure:
         opens = _opening(forms[len(free) :], kicks[: len(free)], answers)
         if contacts and basis.longest < np.inf:  # sums of growing kicks would lose their digits
             opens[:] = rigid_state.MAYBE
+        opens[:, (answers[idle] != 0.0).any(axis=0)] = rigid_state.MAYBE  # they are struck, too
         walls = np.empty(restitution.size, rigid_state.WALL)
         walls["lower"], walls["upper"], walls["restitution"] = lower, upper, restitution
         walls["size"], walls["factor"], walls["factor_rest"] = sizes, factor, rest
@@ -396,7 +402,8 @@ class Structure:
         kernel = rigid_state.Structure(
             basis.flow, watched, walls, mobility, rigid_state.Errors(*errors)
         )
-        return Configuration(basis, contacts, answers, free, kernel)
+        without_force = frozenset(itertools.compress(contacts, idle))
+        return Configuration(basis, contacts, answers, without_force, free, kernel)
 
     def _answers(self, free: tuple[int, ...], contacts: tuple[Contact, ...]) -> Floats:
         """Return the impulses by which contacts keep closed, shape (contact, free constraint)."""
@@ -412,8 +419,8 @@ class Structure:
 
     def _contact_force_forms(
         self, basis: Basis, contacts: tuple[Contact, ...]
-    ) -> tuple[Floats, Floats]:
-        """Return the forms of the contact forces, and their levels."""
+    ) -> tuple[Floats, Floats, Booleans]:
+        """Return the forms of the contact forces, their levels, and where all are rounding."""
         system, modes = self.system, basis.modes
         W = self.W[[index for index, _ in contacts]]
         sides = np.array([side for _, side in contacts], dtype=np.float64)
@@ -425,15 +432,30 @@ class Structure:
         by_x = -(system.K @ np.ascontiguousarray(onto.T)).T
         level = onto @ self.force + by_x @ modes.base
         rows = by_x @ modes.shapes
+        sizes, stiffness = np.abs(onto), _magnitudes(system.K)
+        by_x_sizes = (stiffness @ np.ascontiguousarray(sizes.T)).T
+        idle = np.abs(level) <= _UNCOUPLED * (
+            sizes @ np.abs(self.force) + by_x_sizes @ np.abs(modes.base)
+        )
+        idle &= (np.abs(rows) <= _UNCOUPLED * (by_x_sizes @ np.abs(modes.shapes))).all(axis=1)
         forms = basis.displacement(rows)
         level = level + basis.level(rows)
         if system.C is not None:
             by_v = -(system.C @ np.ascontiguousarray(onto.T)).T @ modes.shapes
             forms = forms + math.ldexp(1.0, basis.exponent) * basis.velocity(by_v)
+            by_v_sizes = (_magnitudes(system.C) @ np.ascontiguousarray(sizes.T)).T
+            idle &= (np.abs(by_v) <= _UNCOUPLED * (by_v_sizes @ np.abs(modes.shapes))).all(axis=1)
         harmonic = self.harmonic_loads
         parts = harmonic.cosine, harmonic.sine, self.ramps.directions
+        for part in parts:
+            idle &= (np.abs(onto @ part) <= _UNCOUPLED * (sizes @ np.abs(part))).all(axis=1)
         forms = forms + basis.load(*(onto @ part for part in parts))
-        return forms, level
+        return forms, level, idle
+
+
+def _magnitudes(A: SymmetricMatrix) -> SymmetricMatrix:
+    """Return the matrix of the magnitudes of all entries."""
+    return SymmetricMatrix(np.abs(A.data), A.form, A.pattern)
 
 
 def _with_separate_rigid_modes(C: SymmetricMatrix, roots: Floats, shapes: Floats) -> Floats:
@@ -457,7 +479,7 @@ def _modal_damping(C: SymmetricMatrix, shapes: Floats) -> tuple[Floats, Floats]:
     damping acts would be coupled to the others by what rounding makes of its zeros.
     """
     damping = shapes.T @ (C @ shapes)
-    sums = SymmetricMatrix(np.abs(C.data), C.form, C.pattern) @ np.ones(C.n)
+    sums = _magnitudes(C) @ np.ones(C.n)
     sizes, magnitudes = np.sqrt(sums @ shapes**2), np.abs(shapes)
     rounded = np.outer(magnitudes.T @ sums, magnitudes.max(axis=0, initial=0.0))
     rounding = (8 + sizes.size) * np.outer(sizes, sizes) + 4.0 * (rounded + rounded.T)

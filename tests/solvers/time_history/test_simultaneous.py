@@ -162,3 +162,63 @@ def test_motions_of_an_ensemble_tell_the_laws_of_their_impacts() -> None:
     # The second one of the first motion recedes from the first one, which is struck.
     assert result.impact_count.min() >= 1
     assert {LAWS[law] for law in result.impact_law} == {"poisson"}
+
+
+@pytest.mark.parametrize("masses", [(1.0, 0.1), (2.0, 0.3), (1.0, 1.0), (3.0, 0.7)])
+@pytest.mark.parametrize(("lower", "upper"), [(1.0, 1.0), (0.7, 0.7), (0.4, 0.9)])
+def test_two_balls_that_touch_are_dropped(
+    masses: tuple[float, float], lower: float, upper: float
+) -> None:
+    """One law whatever the last bits of the masses are, and the order is not known.
+
+    The blow without restitution stops both: impulses (m1 + m2) v and m2 v. Each wall gives back k
+    times its own, so that both leave with k v; with the upper k larger the upper one leaves with
+    that, and the lower one with less, or not at all.
+    """
+    g, t = 9.81, math.sqrt(2.0 / 9.81)
+    document = stack(
+        list(masses), [1.0, 0.0], lower, force=[-g * m for m in masses], v=[0.0, 0.0],
+        t=[0.9 * t, t + 0.01], t_end=t + 0.01,
+    )  # fmt: skip
+    document["constraints"][1]["restitution"] = upper
+    result = solve(document)
+    assert result.v is not None
+    assert result.error_v is not None
+    assert result.impact_law is not None
+    m1, m2 = masses
+    up = g * t * np.array([((m1 + m2) * lower - m2 * upper) / m1, upper])
+    after = np.where(up > 0.0, up - 0.01 * g, 0.0)
+    np.testing.assert_allclose(result.v[1], after, rtol=0.0, atol=1e-12)
+    assert np.isfinite(result.error_v[0]).all()
+    assert np.isinf(result.error_v[1]).all()
+    assert result.error_predictable_until == pytest.approx(t, rel=1e-14)
+    assert LAWS[result.impact_law[0]] == ("moreau" if lower == upper == 1.0 else "poisson")
+
+
+def test_bodies_a_little_apart_hand_the_blow_on() -> None:
+    """Newton's cradle: one after the other, as far as is known."""
+    gap = 1e-9
+    document = stack([1.0, 1.0, 1.0], [1e9, gap, gap], 1.0, v=[1.0, 0.0, 0.0], t=[1.0], t_end=1.0)
+    document["constraints"] = [
+        c | {"lower": None, "upper": gap, "weights": [1.0, -1.0]}
+        for c in document["constraints"][1:]
+    ]
+    result = solve(document)
+    assert result.impact_law is not None
+    np.testing.assert_allclose(result.v, [[0.0, 0.0, 1.0]], rtol=0.0, atol=1e-14)
+    assert result.error_predictable_until == 1.0
+    assert [LAWS[law] for law in result.impact_law] == ["newton", "newton"]
+
+
+def test_what_leaves_with_a_speed_that_is_rounding_does_not_strike_for_ever() -> None:
+    """With k = 0 beside another impact at the same instant: its blow was repeated without end."""
+    document = stack(
+        [3.0, 0.3, 0.3, 0.5], [1.0, 0.0, 0.25, 0.0], 0.9, v=[1.0, 0.5, 0.5, -1.0],
+        K=np.diag([0.0, 10.0, 0.0, 0.0]).tolist(), t=[1.0, 2.0, 3.0], t_end=3.0,
+    )  # fmt: skip
+    for i, k in enumerate((0.9, 0.0, 0.9, 0.5)):
+        document["constraints"][i]["restitution"] = k
+    result = solve(document)
+    assert result.energy is not None
+    assert result.count_impacts < 20
+    assert (np.diff(result.energy) <= 1e-12).all()
