@@ -8,7 +8,7 @@ import numpy as np
 
 from vibroimpact.motion_plots import column_of
 from vibroimpact.result_file import ResultFile
-from vibroimpact.style import ADMISSIBLE, SERIES, frequencies, label, legend, new_axes
+from vibroimpact.style import ADMISSIBLE, SERIES, frequencies, label, legend, new_axes, noted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from vibroimpact.tables import Array
 
 
+@noted
 def section(result: ResultFile, dof: int | None = None, ax: Axes | None = None) -> Axes:
     """Plot the points of the Poincaré sections of all attractors.
 
@@ -48,6 +49,7 @@ def section(result: ResultFile, dof: int | None = None, ax: Axes | None = None) 
     return ax
 
 
+@noted
 def bifurcation(result: ResultFile, dof: int | None = None, ax: Axes | None = None) -> Axes:
     """Plot the points of the Poincaré sections of a sweep over its axis.
 

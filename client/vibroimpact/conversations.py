@@ -26,6 +26,7 @@ from vibroimpact.errors import (
     JobTimeout,
     ServerError,
     from_problem,
+    warn_of_neglected,
 )
 from vibroimpact.systems import Document
 
@@ -231,10 +232,14 @@ def batch(
     """Return the result document of each request, or its error."""
     body = {"kind": kind, "requests": [dict(content) for content in contents]}
     answer = yield from request("POST", "/v1/batch", json=body)
-    return [
+    answers = [
         one["result"] if one.get("problem") is None else from_problem(one["problem"])
         for one in answer.json()["answers"]
     ]
+    results = (one for one in answers if not isinstance(one, ServerError))
+    sentences = (text for one in results for text in one.get("neglected") or ())
+    warn_of_neglected(kind, list(dict.fromkeys(sentences)))
+    return answers
 
 
 def version() -> Conversation[documents.Version]:

@@ -17,11 +17,15 @@
         ├── TooLarge           413
         ├── TooManyRequests    429
         └── Unavailable        5xx
+
+``NeglectedWarning`` is no error: a part of the structure has no effect on a result.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import inspect
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -34,6 +38,10 @@ if TYPE_CHECKING:
 
 class VibroimpactError(Exception):
     """Base of all errors of the client."""
+
+
+class NeglectedWarning(UserWarning):
+    """A part of the structure has no effect on a result, such as damping on impact modes."""
 
 
 class ConnectionFailed(VibroimpactError):
@@ -157,3 +165,17 @@ def as_answered() -> Iterator[None]:
         if not 400 <= int(failed.problem.get("status", 500)) < 500:
             raise
         raise from_problem(failed.problem) from failed
+
+
+def warn_of_neglected(kind: str, sentences: Sequence[str]) -> None:
+    """Warn that parts of the structure have no effect, at the line that called this package."""
+    if not sentences:
+        return
+    frame, level = inspect.currentframe(), 1
+    while frame is not None and _is_ours(str(frame.f_globals.get("__name__", ""))):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(f"{kind}: {'; '.join(sentences)}", NeglectedWarning, stacklevel=level)
+
+
+def _is_ours(module: str) -> bool:
+    return module == "vibroimpact" or module.startswith("vibroimpact.")

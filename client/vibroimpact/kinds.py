@@ -9,6 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Final
 
+from vibroimpact.errors import warn_of_neglected
 from vibroimpact.result_file import opened
 from vibroimpact.results import Result
 from vibroimpact.tables import Table
@@ -1260,7 +1261,12 @@ KINDS: Final[dict[str, type[Result]]] = {
 
 
 def read(content: bytes | Path) -> Result:
-    """Return a result as what it is: the file of it, or where that lies."""
+    """Return a result as what it is: the file of it, or where that lies.
+
+    Warns of what of the structure has no effect on it (`NeglectedWarning`).
+    """
     with opened(content) as file:
         kind = str(file.attrs["kind"])
-    return KINDS.get(kind, Result)(content)
+    result = KINDS.get(kind, Result)(content)
+    warn_of_neglected(result.kind, result.neglected)
+    return result

@@ -17,6 +17,7 @@ from vibroimpact.style import (
     label,
     legend,
     new_axes,
+    noted,
 )
 from vibroimpact.tables import Array
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+@noted
 def history(result: ResultFile, dof: int | None = None, ax: Axes | None = None) -> Axes:
     """Plot a displacement over time, with the walls and impacts of its constraint.
 
@@ -46,6 +48,7 @@ def history(result: ResultFile, dof: int | None = None, ax: Axes | None = None) 
     return ax
 
 
+@noted
 def basins(result: ResultFile, values: Array | None = None, ax: Axes | None = None) -> Axes:
     """Plot one value of each member of an ensemble over its initial state.
 
@@ -121,6 +124,7 @@ def _impulses(result: ResultFile, ax: Axes) -> Axes:
     return ax
 
 
+@noted
 def phase_plane(result: ResultFile, dof: int | None = None, ax: Axes | None = None) -> Axes:
     """Plot the velocity over the displacement of a degree of freedom, with its walls.
 
@@ -184,6 +188,7 @@ def _impacts(result: ResultFile, dof: int, ax: Axes) -> None:
         ax.plot(result.impacts.time[struck], places[struck], "o", color=OTHER, markersize=2.5)
 
 
+@noted
 def displacement(result: ResultFile, ax: Axes | None = None) -> Axes:
     """Plot the displacement of every computed degree of freedom over time."""
     ax = ax or new_axes()

@@ -30,6 +30,7 @@ from vibroimpact.style import (
     label,
     legend,
     new_axes,
+    noted,
     title,
 )
 from vibroimpact.tables import Array
@@ -63,6 +64,7 @@ __all__ = [
 ]
 
 
+@noted
 def momentum(result: ResultFile, ax: Axes | None = None) -> Axes:
     """Plot the momentum of each impact, 2 p/omega, over the frequency.
 
@@ -73,6 +75,7 @@ def momentum(result: ResultFile, ax: Axes | None = None) -> Axes:
     return _over_frequency(result, values, text, ax)
 
 
+@noted
 def impulse(result: ResultFile, ax: Axes | None = None) -> Axes:
     """Plot the impulse parameter p over the frequency, as `momentum` does."""
     text = label(r"impulse parameter $p$", result, "impulse")
@@ -116,6 +119,7 @@ def _over_frequency(result: ResultFile, values: Array, text: str, ax: Axes | Non
     return ax
 
 
+@noted
 def frequency_energy(result: ResultFile, ax: Axes | None = None) -> Axes:
     """Plot the frequency over the energy of the admissible solutions, unstable ones dashed.
 
@@ -175,6 +179,7 @@ def mode_plot(output: str) -> Callable[..., Axes]:
     return drawing[output]
 
 
+@noted
 def stability(result: ResultFile, ax: Axes | None = None) -> Axes:
     """Plot the growth of the fastest disturbance per half period over the frequency."""
     ax = ax or new_axes()
@@ -188,6 +193,7 @@ def stability(result: ResultFile, ax: Axes | None = None) -> Axes:
     return ax
 
 
+@noted
 def existence(result: ResultFile, ax: Axes | None = None) -> Axes:
     """Plot whether the solution at each frequency is admissible, and if not, why."""
     ax = ax or new_axes()
@@ -208,6 +214,7 @@ def existence(result: ResultFile, ax: Axes | None = None) -> Axes:
     return ax
 
 
+@noted
 def bands(result: ResultFile, ax: Axes | None = None) -> Axes:
     """Plot the bands that are admissible, rejected despite positive impulses, and stable."""
     ax = ax or new_axes()
@@ -236,6 +243,7 @@ def bands(result: ResultFile, ax: Axes | None = None) -> Axes:
     return ax
 
 
+@noted
 def resonances(result: ResultFile, ax: Axes | None = None) -> Axes:
     """Plot the resonance frequencies, one row per harmonic, coloured by part of the structure."""
     ax = ax or new_axes()
@@ -256,6 +264,7 @@ def resonances(result: ResultFile, ax: Axes | None = None) -> Axes:
 _OPEN_MARKS = 80  # side by side in a plot of journal width
 
 
+@noted
 def response(result: ResultFile, dof: int | None = None, ax: Axes | None = None) -> Axes:
     """Plot the amplitude of periodic motions, half of peak to peak, over the drive's frequency.
 
@@ -304,6 +313,7 @@ _MARKS = {
 }  # fmt: skip
 
 
+@noted
 def branches(result: ResultFile, dof: int | None = None, ax: Axes | None = None) -> Axes:
     """Plot branches of periodic motions over their parameter, with their special points.
 
@@ -379,6 +389,7 @@ def _mark_points(result: ResultFile, height: Array, ax: Axes) -> None:
         named.add(str(kind))
 
 
+@noted
 def shape(result: ResultFile, index: int = 0, ax: Axes | None = None) -> Axes:
     """Plot the displacement of every computed degree of freedom at tau = 1."""
     ax = ax or new_axes()
@@ -396,6 +407,7 @@ def shape(result: ResultFile, index: int = 0, ax: Axes | None = None) -> Axes:
     return ax
 
 
+@noted
 def waveform(result: ResultFile, index: int = 0, ax: Axes | None = None) -> Axes:
     """Plot the displacements of one impact mode over triangle-wave time, up to five of them."""
     ax = ax or new_axes()
@@ -416,6 +428,7 @@ def waveform(result: ResultFile, index: int = 0, ax: Axes | None = None) -> Axes
     return ax
 
 
+@noted
 def harmonics(result: ResultFile, index: int = 0, ax: Axes | None = None) -> Axes:
     """Plot the sizes of the Fourier amplitudes of one impact mode over their multiples of Omega."""
     ax = ax or new_axes()

@@ -35,6 +35,17 @@ class ResultFile:
     ----------
     content : bytes or path
         The file, or where it lies.
+
+    Attributes
+    ----------
+    kind, digest, solver_version : str
+    request, plan : mapping
+        The documents of the request and of its plan.
+    of : str
+        Of a sweep, the kind that is swept.
+    neglected : tuple of str
+        What of the structure has no effect on the result, a sentence each, such as damping on
+        impact modes; empty where all of it has.
     """
 
     PARTS: ClassVar[Mapping[str, type[Table]]] = {}
@@ -54,6 +65,7 @@ class ResultFile:
             self.request: Mapping[str, Any] = json.loads(str(file.attrs["request"]))
             self.plan: Mapping[str, Any] = json.loads(str(file.attrs["plan"]))
             self.of = str(file.attrs.get("of", self.kind))
+            self.neglected = tuple(str(file.attrs.get("neglected", "")).splitlines())
             for name, item in file.items():
                 if not is_group(item) and not _is_bare(item):
                     self._arrays.names.append(name)
@@ -184,6 +196,8 @@ class ResultFile:
             "of": self.of,
             "plan": self.plan,
         }
+        if self.neglected:
+            head["neglected"] = list(self.neglected)
         arrays = {name: _plain(values) for name, values in self._arrays.items()}
         return head | arrays | {name: _plain(table) for name, table in self._tables.items()}
 

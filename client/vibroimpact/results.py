@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Array", "Result", "Table"]
 
+_AMBER = "border-left: 4px solid #c77700; padding-left: .6em; margin: .4em 0"
+"""Style of a caution; the text keeps the colour of the notebook, light or dark."""
+
 
 class Result(ResultFile):
     """The result of a computation.
@@ -113,8 +116,9 @@ class Result(ResultFile):
         """Return the kind, the digest and the sizes of the outputs."""
         sizes = [f"{name} {shape}" for name, shape in self._shapes.items()]
         sizes += [f"{name} ({rows} rows)" for name, rows in self.row_counts().items()]
-        reduced = "" if self.sensitivity is None else f"; {self.sensitivity}"
-        return f"<Result {self.kind} {self.digest[:12]}: {', '.join(sizes)}{reduced}>"
+        more = [*self.neglected, *([] if self.sensitivity is None else [str(self.sensitivity)])]
+        said = "".join(f"; {sentence}" for sentence in more)
+        return f"<Result {self.kind} {self.digest[:12]}: {', '.join(sizes)}{said}>"
 
     def _repr_html_(self) -> str:
         rows = [[name, str(s), self._long_names[name]] for name, s in self._shapes.items()]
@@ -127,4 +131,8 @@ class Result(ResultFile):
         if self.sensitivity is not None:
             note += f"<p>{html.escape(str(self.sensitivity))}</p>"
         head = f"<b>{html.escape(self.kind)}</b> <code>{self.digest[:12]}</code>"
+        head += "".join(
+            f"<p style='{_AMBER}'>{html.escape(each[:1].upper() + each[1:])}.</p>"
+            for each in self.neglected
+        )
         return f"{head}{html_table(['name', 'size', 'meaning'], rows)}{note}"

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import textwrap
+from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
 
 import numpy as np
 
@@ -21,6 +24,8 @@ PAGE: Final = (7.0, 3.0)
 # Okabe and Ito's colours, of which all pairs differ for every kind of colour vision.
 ADMISSIBLE, OTHER, GREEN, ORANGE, PINK = "#0072B2", "#D55E00", "#009E73", "#E69F00", "#CC79A7"
 PHANTOM, WALL = "#8C8C8C", "#000000"
+AMBER = "#8F5300"
+"""Of cautions: amber that can be read on white."""
 SERIES: Final = (
     (ADMISSIBLE, "-"),
     (OTHER, (0, (5, 1.5))),
@@ -97,6 +102,45 @@ def legend(ax: Axes, columns: int = 5, **options: Any) -> None:
 def title(ax: Axes, text: str) -> None:
     """Write a title in the size of the sheet."""
     ax.set_title(text, fontsize=SHEET["axes.titlesize"])
+
+
+_Draw = TypeVar("_Draw", bound=Callable[..., Any])
+_NOTE: Final = "neglected"
+"""Name of the note below the axes."""
+
+
+def noted(draw: _Draw) -> _Draw:
+    """Let a plot say below its axes what of the structure its result neglects."""
+
+    @wraps(draw)
+    def drawn(*args: Any, **options: Any) -> Any:
+        ax = draw(*args, **options)
+        result: ResultFile = args[0] if args else options["result"]
+        note(ax, result.neglected)
+        return ax
+
+    return cast("_Draw", drawn)
+
+
+def note(ax: Axes, sentences: tuple[str, ...]) -> None:
+    """Write below the axes what is neglected; several results in the same axes share one note."""
+    known = [text for text in ax.texts if text.get_gid() == _NOTE]
+    before = [line for text in known for line in str(text.get_label()).split("\n")]
+    lines = list(
+        dict.fromkeys([*before, *(f"{each[:1].upper()}{each[1:]}." for each in sentences)])
+    )
+    for text in known:
+        text.remove()
+    if not lines:
+        return
+    width = int(1.3 * _CHARACTERS * ax.bbox.width / ax.figure.dpi)
+    written = ax.annotate(
+        "\n".join(part for line in lines for part in textwrap.wrap(line, max(width, 20))),
+        (0.0, 0.0), (0.0, -3.0), ("axes fraction", ax.xaxis.label), "offset points",
+        color=AMBER, fontsize=7.0, va="top", ha="left", annotation_clip=False,
+    )  # fmt: skip
+    written.set_gid(_NOTE)
+    written.set_label("\n".join(lines))
 
 
 def colorbar(drawn: Any, ax: Axes, text: str, **options: Any) -> Any:

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vibroimpact.result_file import ResultFile
-from vibroimpact.style import ADMISSIBLE, PHANTOM, colorbar, new_axes, title
+from vibroimpact.style import ADMISSIBLE, PHANTOM, colorbar, new_axes, noted, title
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
 
 
+@noted
 def draw(
     result: ResultFile,
     output: str | None = None,

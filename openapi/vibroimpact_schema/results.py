@@ -26,6 +26,11 @@ class Result(Document):
     """Fields of all results."""
 
     digest: Digest = Field(description="Name of the result.")
+    neglected: list[str] | None = Field(
+        None,
+        description="What of the structure has no effect on the result, a sentence each; absent "
+        "where all of it has.",
+    )
     plan: Steps
     provenance: Provenance
 

@@ -18,7 +18,8 @@ def document(kind: str, result: type[Any]) -> type[Result]:
 
     It follows from the solver's class, whose fields are declared (`vibroimpact_solvers.arrays`).
     """
-    entries = _entries(tuple(result.GROUPS.items()), tuple(declared(result).values()), "")
+    fields = (field for field in declared(result).values() if field.path not in Result.model_fields)
+    entries = _entries(tuple(result.GROUPS.items()), tuple(fields), "")
     title = "".join(word.capitalize() for word in kind.split("-")) + "Result"
     head: dict[str, Any] = {"kind": (Literal[kind], ...)}
     return create_model(

@@ -75,6 +75,7 @@ class Assembly:
         self._tables: dict[str, _Table] = {}
         self._given: set[str] = set()
         self._statements: dict[str, None] = {}
+        self._neglected: dict[str, None] = {}
         self._failures: list[str] = []
 
     @property
@@ -86,6 +87,15 @@ class Assembly:
     def failures(self) -> list[str]:
         """Why points failed, the first of them."""
         return self._failures[:_MAX_FAILURE_MESSAGES]
+
+    @property
+    def neglected(self) -> list[str]:
+        """All different sentences about parts of structures that have no effect."""
+        return list(self._neglected)
+
+    def neglect(self, sentences: Iterable[str] | None) -> None:
+        """Add sentences about parts of structures that have no effect, as far as they are new."""
+        self._neglected |= dict.fromkeys(sentences or ())
 
     def put(self, index: Index, outcome: Any) -> None:
         """Add the result of a point, or the error that it has instead.
@@ -100,6 +110,7 @@ class Assembly:
             return
         values = {name: getattr(outcome, name) for name in self._fields}
         self._state(values[name] for name in self._texts)
+        self.neglect(values.get("neglected"))
         self._add(place, values, 0)
 
     def put_many(self, points: Sequence[int], outcomes: Sequence[Any]) -> None:
@@ -118,6 +129,9 @@ class Assembly:
             column = [getattr(result, name) for result in results.values()]
             if field.scalar is str and not field.array:
                 self._state(set(column))
+            elif field.scalar == list[str]:
+                for sentences in column:
+                    self.neglect(sentences)
             elif name in in_tables and column[0] is not None:
                 values[name] = np.concatenate(column)
                 counts = np.array([len(rows) for rows in column])

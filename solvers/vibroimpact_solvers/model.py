@@ -337,14 +337,16 @@ class System:
 
     def losses(self, active: Sequence[int]) -> list[str]:
         """Return a sentence for each cause of energy loss, which motions without loss neglect."""
-        sentences = []
+        why = "the motions have no energy loss"
+        sentences = self.taken_as_elastic(active, why)
         if self.C is not None and self.C.data.any():
-            sentences.append("the damping C is neglected: the motions have no energy loss")
-        lossy = [str(i) for i in active if self.constraints[i].restitution < 1.0]
-        if lossy:
-            listed = ", ".join(lossy)
-            sentences.append(
-                f"the restitution of constraints {listed} is taken as 1: the motions have no "
-                "energy loss"
-            )
+            sentences.insert(0, f"the damping C is neglected: {why}")
         return sentences
+
+    def taken_as_elastic(self, active: Sequence[int], why: str) -> list[str]:
+        """Return a sentence about the restitution of some constraints, none where it is 1."""
+        lossy = [i for i in active if self.constraints[i].restitution < 1.0]
+        if not lossy:
+            return []
+        text = f"constraint{'s' if len(lossy) > 1 else ''} {listed(np.array(lossy))}"
+        return [f"the restitution of {text} is taken as 1: {why}"]

@@ -93,6 +93,11 @@ class Problem:
         check_outputs(self.outputs, OUTPUTS)
         check_tolerance(self.tolerance)
 
+    @property
+    def neglected(self) -> list[str]:
+        """A sentence about each part of the structure that has no effect."""
+        return self.system.losses(())
+
 
 def plan(problem: Problem) -> Plan:
     """Choose how the resonances are computed."""
@@ -154,7 +159,7 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     Omega = (natural[:, np.newaxis] / odd).ravel()
     order = np.argsort(Omega, kind="stable")
     error = np.repeat(np.concatenate(errors), odd.size)[order]
-    outputs, system = problem.outputs, problem.system
+    outputs = problem.outputs
     return Result(
         Omega=Omega[order] if "Omega" in outputs else None,
         harmonic=np.tile(odd, natural.size)[order] if "harmonic" in outputs else None,
@@ -165,7 +170,7 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
         within_tolerance=None if problem.tolerance is None else error <= problem.tolerance,
         error_Omega=(error + EPS) * Omega[order] if "Omega" in outputs else None,
         error_statement=_PROVED if proved else _ESTIMATED,
-        neglected=system.losses(()) or None,
+        neglected=problem.neglected or None,
     )
 
 

@@ -40,6 +40,10 @@ def test_all_of_it_awaited(tmp_path: Path) -> None:
             gaps = {"system.constraints.0.gap": [0.1, 0.2]}
             swept = await client.sweep("impact-modes", request(20), gaps)
             assert swept.impulse.shape == (2, 20, 1)
+            lossy = vi.chain(3, [vi.constraint(0, 0.1, restitution=0.7)])
+            with pytest.warns(vi.NeglectedWarning, match="restitution") as caught:
+                assert len((await client.impact_modes(lossy, [2.0])).neglected) == 1
+            assert [Path(each.filename) for each in caught] == [Path(__file__)]
             slow = await client.submit("impact-modes", request(2_000_000), deadline=600.0)
             assert slow.document["deadline"] is not None
             assert (await slow.cancel()).state in {"cancelled", "running"}

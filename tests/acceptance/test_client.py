@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -251,6 +252,20 @@ def test_a_batch_answers_one_by_one(client: vi.Client) -> None:
     assert wrong.errors[0]["pointer"] == "/system/constraints/0/gap"
     # Gap and impulse are proportional.
     np.testing.assert_allclose(2.0 * np.array(first["impulse"]), last["impulse"], rtol=1e-14)
+
+
+def test_what_has_no_effect_is_warned_of(client: vi.Client) -> None:
+    lossy = vi.chain(3, [vi.constraint(0, 0.1, restitution=0.7)])
+    request = vi.impact_modes_request(lossy, [2.0, 2.1])
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        result = client.impact_modes(lossy, [2.0, 2.1])
+        client.submit("impact-modes", request).wait().result()
+        client.result(result.digest)
+        client.batch("impact-modes", [request, request])
+    assert [Path(each.filename) for each in caught] == [Path(__file__)] * 4
+    assert {each.category for each in caught} == {vi.NeglectedWarning}
+    assert len(result.neglected) == 1
 
 
 def test_reprs_say_where_and_how_far(client: vi.Client) -> None:

@@ -54,6 +54,24 @@ def printed(done: subprocess.CompletedProcess[str]) -> Any:
     return json.loads(done.stdout)
 
 
+def test_what_has_no_effect_is_said_on_standard_error(shell: Shell) -> None:
+    stop = {"dof": 0, "gap": 1.0, "restitution": 0.7}
+    system = {"M": [[1.0]], "K": [[1.0]], "C": [[0.1]], "constraints": [stop]}
+    request = {"system": system, "frequency": {"values": [1.5]}}
+    shell.file.write_text(json.dumps(request))
+    for url in ("", None):  # by a service, and in the process of the command
+        done = shell("compute", "impact-modes", "request.json", "--json", url=url)
+        assert len(printed(done)["neglected"]) == 2
+        said = [line for line in done.stderr.splitlines() if "energy loss" in line]
+        assert [line.partition(":")[0] for line in said] == ["caution", "caution"]
+        assert "Warning" not in done.stderr
+    job = shell("submit", "impact-modes", "request.json").stdout.strip()
+    done = shell("wait", job)
+    assert done.returncode == 0
+    done = shell("result", job, "-o", "out.h5")
+    assert done.stderr.count("caution: ") == 2
+
+
 def test_a_request_becomes_a_file_a_plot_and_json(shell: Shell) -> None:
     done = shell("compute", "impact-modes", "request.json", "-o", "out.h5", "--plot", "out.png")
     assert (done.returncode, done.stdout) == (0, ""), done.stderr

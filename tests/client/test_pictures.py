@@ -44,6 +44,7 @@ class Modes:
     """Impact modes of two limiters that are struck alike, with given outputs."""
 
     kind = "impact-modes"
+    neglected = ()
 
     def __init__(self, **request: Any) -> None:
         Omega = np.array([1.0, 2.0, 3.0, 4.0])
@@ -114,6 +115,7 @@ def test_an_ensemble_on_a_grid_has_no_stripes() -> None:
     result = types.SimpleNamespace(
         request={"initial": {"x": x.tolist(), "v": v.tolist()}},
         status=np.array(["ok"] * 6),
+        neglected=(),
         count=types.SimpleNamespace(impacts=np.arange(6)),
     )
     (cells,) = plots.basins(result).collections  # type: ignore[arg-type]
@@ -139,7 +141,7 @@ def branches(path: str, **frequency: Any) -> Any:
     )  # fmt: skip
     request = {"path": path, "base": {"frequency": frequency, "system": {"constraints": []}}}
     return types.SimpleNamespace(
-        request=request, solution=rows, points=Rows(**points), dof=np.array([0]),
+        request=request, solution=rows, points=Rows(**points), dof=np.array([0]), neglected=(),
         unit=lambda _: "1", in_unit=lambda Omega, _: Omega / (2.0 * np.pi),
     )  # fmt: skip
 

@@ -53,6 +53,8 @@ def test_requests_fit_the_contract() -> None:
 class Played:
     """A result with given arrays."""
 
+    neglected = ()
+
     def __init__(self, **arrays: Any) -> None:
         self.data = xarray.Dataset(
             arrays, coords={"gap": [0.3, 0.1, 0.2], "k": [1.0, 2.0], "Omega": [1.0, 1.5, 2.0, 2.5]}

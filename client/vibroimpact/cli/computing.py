@@ -37,9 +37,9 @@ def compute(
     with _either(url, profile) as client:
         if isinstance(client, Local):
             with waiting:
-                result = client.compute(kind, request)
+                result = options.fetched(lambda: client.compute(kind, request))
         else:
-            result = client.compute(kind, request, progress=True)
+            result = options.fetched(lambda: client.compute(kind, request, progress=True))
     options.show(result, out, plot, output)
     if json_:
         print(json.dumps(result.to_dict()))

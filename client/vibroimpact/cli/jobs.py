@@ -62,7 +62,7 @@ def result(
 ) -> None:
     """Fetch the result of a job; a large one goes to the file and not to memory."""
     with options.client(url, profile) as client:
-        answer = client.job(job_id).result(out)
+        answer = options.fetched(lambda: client.job(job_id).result(out))
     options.show(answer, None, plot, output)
     if json_:
         print(json.dumps(answer.to_dict()))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import sys
+import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,6 +14,7 @@ from rich.console import Console
 
 from vibroimpact.client import Client
 from vibroimpact.config import connection
+from vibroimpact.errors import NeglectedWarning
 from vibroimpact.kinds import KINDS
 from vibroimpact.results import Result
 
@@ -75,9 +78,18 @@ def client(url: str | None, profile: str | None) -> Client:
     return Client(url, profile=profile)
 
 
+def fetched(get: Callable[[], Result]) -> Result:
+    """Return a result; what it neglects is said by `show`, and not by a warning of Python."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NeglectedWarning)
+        return get()
+
+
 def show(result: Result, out: Path | None, plot: Path | None, output: str | None) -> None:
     """Write the files that were asked for, and say so; without any, say what the result has."""
     said = Console(stderr=True, soft_wrap=True)
+    for sentence in result.neglected:
+        said.print(f"caution: {sentence}", highlight=False, markup=False, style="yellow")
     if out is not None:
         said.print(f"written: {result.to_hdf5(out)}", highlight=False)
     if plot is not None:

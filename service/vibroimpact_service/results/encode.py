@@ -174,6 +174,8 @@ def to_json(content: Content) -> bytes:
     """Return the result document; floats as their shortest text, which reads back to the bit."""
     head = content.head
     document: dict[str, Any] = {"kind": head["kind"], "digest": head["digest"]}
+    if "neglected" in content.plain:  # before the numbers, where readers see it
+        document["neglected"] = content.plain["neglected"]
     tables: dict[str, dict[str, Any]] = {}
     for name, values in content.arrays.items():
         meaning = content.meanings[name]

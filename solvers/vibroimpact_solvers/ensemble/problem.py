@@ -82,6 +82,11 @@ class Problem:
         return self._motion(self.system.limited(()), at)
 
     @property
+    def neglected(self) -> list[str]:
+        """A sentence about each part of the structure that has no effect."""
+        return self.pattern.neglected if self.moves else []
+
+    @property
     def moves(self) -> bool:
         """Whether there is a member that starts inside its limits."""
         return self.start is not None and self.start.inside

@@ -106,6 +106,7 @@ def _result(problem: Problem, assembly: Assembly) -> Result:
         "error_tolerance": time_history.TOLERANCE if given is None else given,
         "error_statement": assembly.statement,
         "error_failures": assembly.failures,
+        "neglected": problem.neglected or None,
     }
     return Result(**values)
 

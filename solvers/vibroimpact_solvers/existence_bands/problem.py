@@ -67,6 +67,11 @@ class Problem:
         self.impact_modes_at(np.array([self.start]), frozenset({"exists"}))
 
     @property
+    def neglected(self) -> list[str]:
+        """A sentence about each part of the structure that has no effect."""
+        return self.system.losses(self.active)
+
+    @property
     def resolution(self) -> float:
         """Relative width to which edges are enclosed."""
         return USUAL if self.tolerance is None else self.tolerance

@@ -44,7 +44,7 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     columns.update(
         error_resolution=ranges.resolution,
         error_statement=ranges.statement,
-        neglected=problem.system.losses(problem.active) or None,
+        neglected=problem.neglected or None,
         unresolved_start=np.array([start for start, _ in ranges.unresolved]),
         unresolved_stop=np.array([stop for _, stop in ranges.unresolved]),
     )

@@ -142,7 +142,7 @@ class FamilySolver:
             relative_error=np.minimum(impulses.error, 1.0),
             condition=np.minimum(impulses.error / EPS, _SINGULAR),
             error_statement=self._statement(),
-            neglected=problem.system.losses(problem.active) or None,
+            neglected=problem.neglected or None,
         )
         if problem.tolerance is not None:
             values["within_tolerance"] = impulses.error <= problem.tolerance

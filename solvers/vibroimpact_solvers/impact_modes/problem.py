@@ -169,6 +169,11 @@ class Problem:
             raise ModelError(("highest_harmonic",), message, code="out_of_range")
 
     @property
+    def neglected(self) -> list[str]:
+        """A sentence about each part of the structure that has no effect."""
+        return self.system.losses(self.active)
+
+    @property
     def output_dofs(self) -> Integers:
         """Degrees of freedom of shape, waveform and harmonics, shape (dof,)."""
         assert self.dofs is not None

@@ -9,6 +9,7 @@ from typing import Annotated, ClassVar, Final
 from vibroimpact_solvers.arrays import Floats, Group, Integers, Quantity, declared
 from vibroimpact_solvers.errors import STATUSES
 from vibroimpact_solvers.results import time_history
+from vibroimpact_solvers.results.shared import Neglected
 
 _MEMBER: Final = ("member",)
 _MOTION: Final = {field.name: field.quantity for field in declared(time_history.Result).values()}
@@ -98,3 +99,4 @@ class Result:
         list[str],
         Quantity((), "1", "why members have no motion, the first of them", path="error/failures"),
     ]
+    neglected: Neglected

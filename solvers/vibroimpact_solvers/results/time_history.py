@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, Final
 
 from vibroimpact_solvers.arrays import Floats, Group, Integers, Quantity
-from vibroimpact_solvers.results.shared import TIME, Dofs, Statement, V, X
+from vibroimpact_solvers.results.shared import TIME, Dofs, Neglected, Statement, V, X
 
 
 def _impact(unit: str, long_name: str, column: str, **rest: Any) -> Quantity:
@@ -250,3 +250,4 @@ class Result:
             note="absent for double precision",
         ),
     ] = None
+    neglected: Neglected = None

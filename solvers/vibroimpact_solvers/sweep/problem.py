@@ -6,8 +6,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, TypeVar
 
+import numpy as np
+
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.errors import ModelError, attempt
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.plan import Stage
 from vibroimpact_solvers.sweep.kinds import KINDS, SweptKind
@@ -145,6 +147,16 @@ class Problem:
     def problem(self, index: Index) -> Any:
         """Return the problem of one point of this piece."""
         return self.at(tuple(i + start for i, (start, _) in zip(index, self.spans, strict=True)))
+
+    def neglected(self) -> Iterator[list[str]]:
+        """Yield what has no effect where the axes are at their least and at their largest values.
+
+        Points that differ only by what has no effect are computed once, for one of them.
+        """
+        for extreme in (np.argmin, np.argmax):
+            corner = tuple(int(extreme(axis.values)) for axis in self.axes)
+            outcome = attempt(self.at, corner)
+            yield getattr(outcome, "neglected", [])
 
     def label(self, index: Index) -> str:
         """Return the values of a point of this piece as text."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -56,11 +56,15 @@ def result_of(problem: Problem, assembly: Assembly) -> Result:
             (axis.name,), axis.unit, axis.long_name, True, path=f"axes/{axis.name}"
         )
     arrays = assembly.arrays()
-    plain = {
+    plain: dict[str, Any] = {
         "of": problem.kind,
         "error/statement": assembly.statement,
         "error/failures": assembly.failures,
     }
+    for sentences in problem.neglected():
+        assembly.neglect(sentences)
+    if assembly.neglected:
+        plain["neglected"] = assembly.neglected
     return Result(own | arrays, labels | _meanings(problem, arrays), plain)
 
 

@@ -57,6 +57,7 @@ def join(problem: Problem, plan: Plan, results: Sequence[Described]) -> Result:
             for (first, _), (start, stop) in zip(problem.spans, ranges, strict=True)
         )
         plain = part.plain
+        assembly.neglect(plain.get("neglected"))
         assembly.put_piece(place, part.arrays, plain["error/statement"], plain["error/failures"])
     return result_of(problem, assembly)
 

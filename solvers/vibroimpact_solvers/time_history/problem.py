@@ -279,6 +279,14 @@ class Problem:
                 raise ModelError(pointer, message, code="index_out_of_range")
 
     @property
+    def neglected(self) -> list[str]:
+        """A sentence about each part of the structure that has no effect."""
+        if self.limiter is None:
+            return []
+        every = range(len(self.system.constraints))
+        return self.system.taken_as_elastic(every, "soft limiters give back what they take")
+
+    @property
     def times(self) -> Floats:
         """Times of the history, shape (time,)."""
         assert self.t is not None

@@ -49,6 +49,7 @@ def default_values(problem: Problem) -> dict[str, Any]:
     values["error_predictable_until"] = problem.t_end
     values["error_tolerance"] = tolerance_of(problem)
     values["error_statement"] = ""
+    values["neglected"] = problem.neglected or None
     return values
 
 

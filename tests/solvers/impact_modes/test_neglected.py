@@ -23,7 +23,7 @@ def test_damping_and_restitution_are_named() -> None:
     assert sentences is not None
     assert len(sentences) == 2
     assert "C" in sentences[0]
-    assert "constraints 0" in sentences[1]
+    assert "constraint 0" in sentences[1]
 
 
 def test_nothing_is_named_where_nothing_is_neglected() -> None:
