@@ -1,0 +1,156 @@
+"""The lines of branches in plots: they change at special points, not at the motions computed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+
+from vibroimpact.result_file import ResultFile
+from vibroimpact.tables import Array
+
+_OF_STABILITY: Final = ("fold", "flip", "torus", "symmetry")
+_OF_EXISTENCE: Final = ("grazing", "end")
+"""Special points at which motions change their stability, and at which they become phantoms."""
+
+
+@dataclass(slots=True)
+class Line:
+    """Motions of one state that follow one another on a branch.
+
+    Parameters
+    ----------
+    state : str
+        stable, neutral, unstable or phantom.
+    impacts : int
+        Impacts per period.
+    x, y : list of float
+        Parameter, and height in the plot.
+    """
+
+    state: str
+    impacts: int
+    x: list[float] = field(default_factory=list)
+    y: list[float] = field(default_factory=list)
+
+    def add(self, x: float, y: float) -> None:
+        """Add a point at the end."""
+        self.x.append(float(x))
+        self.y.append(float(y))
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A special point: its kind, its place in the plot, and the row of the motion before it."""
+
+    kind: str
+    x: float
+    y: float
+    row: int
+    exists: bool
+
+
+def states_of(rows: Any, exists: Array) -> Array:
+    """Return the state of each row of a table of periodic motions, shape (solution,).
+
+    Stable or unstable are those whose largest multiplier differs from 1 by more than its error;
+    others are neutral. Where stability was not computed, all admissible ones count as stable.
+
+    Parameters
+    ----------
+    rows : Table
+        Solutions of a result.
+    exists : array of bool, shape (solution,)
+    """
+    states = np.full(exists.size, "stable", dtype="<U8")
+    if "stability" in rows:
+        states[~(rows.stability < 1.0)] = "unstable"  # and where there is no number: grazing
+        if "neutral" in rows:  # results of 0.2.0 do not tell
+            states[rows.neutral == "yes"] = "neutral"
+    states[~exists] = "phantom"
+    return states
+
+
+def special_points(result: ResultFile, height: Array) -> list[Point]:
+    """Return the special points of all branches, as the result lists them.
+
+    Parameters
+    ----------
+    result : ResultFile
+        Of branches.
+    height : array, shape (solution,)
+        Heights of the motions in the plot.
+    """
+    points, found = result.points, []
+    for k, kind in enumerate(points.type):
+        row, along = _place(result, k)
+        after = min(row + 1, height.size - 1)
+        y = height[row] + along * (height[after] - height[row]) if along else height[row]
+        exists = bool(points.exists[k])
+        found.append(Point(str(kind), float(points.parameter[k]), float(y), row, exists))
+    return found
+
+
+def _place(result: ResultFile, k: int) -> tuple[int, float]:
+    """Return the row of the motion before a special point, and how far behind it the point lies."""
+    points, rows = result.points, result.solution
+    if "solution" in points:
+        return int(points.solution[k]), float(points.along[k])
+    # Results of 0.2.0 do not tell: the first segment that passes the parameter, or the nearest.
+    mine = np.flatnonzero(rows.branch == points.branch[k])
+    value, x = float(points.parameter[k]), rows.parameter[mine]
+    passes = np.flatnonzero((x[:-1] - value) * (x[1:] - value) <= 0.0)
+    if not passes.size:
+        return int(mine[np.argmin(np.abs(x - value))]), 0.0
+    first, step = int(passes[0]), float(x[passes[0] + 1] - x[passes[0]])
+    return int(mine[first]), (value - float(x[first])) / step if step else 0.0
+
+
+def branch_lines(result: ResultFile, states: Array, height: Array) -> Iterator[Line]:
+    """Yield the lines of all branches; neighbours share the point at which the state changes.
+
+    Parameters
+    ----------
+    result : ResultFile
+        Of branches.
+    states : array of str, shape (solution,)
+        From `states_of`.
+    height : array, shape (solution,)
+    """
+    rows, on = result.solution, dict[int, list[Point]]()
+    for point in special_points(result, height):
+        on.setdefault(point.row, []).append(point)
+    for branch in np.unique(rows.branch):
+        mine = np.flatnonzero(rows.branch == branch)
+        count = int(rows.impacts[mine[0]])
+        line = Line(str(states[mine[0]]), count)
+        for row in mine:
+            line.add(rows.parameter[row], height[row])
+            if row == mine[-1]:
+                break
+            before, after = str(states[row]), str(states[row + 1])
+            change = _change(before, after, on.get(int(row), []))
+            for point in on.get(int(row), []):
+                line.add(point.x, point.y)
+                if point is change:
+                    yield line
+                    line = Line(after, count, [point.x], [point.y])
+            if before != after and change is None:
+                # Nothing was located there: the middle is as likely as any other place.
+                x = 0.5 * (rows.parameter[row] + rows.parameter[row + 1])
+                y = 0.5 * (height[row] + height[row + 1])
+                line.add(x, y)
+                yield line
+                line = Line(after, count, [float(x)], [float(y)])
+        yield line
+
+
+def _change(before: str, after: str, points: list[Point]) -> Point | None:
+    """Return the special point of a segment at which the state of its motions changes."""
+    if before == after or not points:
+        return None
+    existence = "phantom" in (before, after)
+    kinds = _OF_EXISTENCE if existence else _OF_STABILITY
+    return next((point for point in points if point.kind in kinds), points[0])
