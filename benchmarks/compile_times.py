@@ -97,11 +97,11 @@ def _ratio(name: str) -> float:
 
 
 def too_long(
-    found: Mapping[str, float], known: Mapping[str, float], tolerance: float = TOLERANCE
+    measured: Mapping[str, float], known: Mapping[str, float], tolerance: float = TOLERANCE
 ) -> list[str]:
     """Return a sentence for each kernel that takes too long, or has no usual ratio."""
     sentences = []
-    for name, ratio in found.items():
+    for name, ratio in measured.items():
         usual = known.get(name)
         if usual is None:
             sentences.append(f"{name}: nothing to compare with; store it by --usual")
@@ -123,18 +123,18 @@ def main() -> int:
     if given.one:
         print(one(given.one))
         return 0
-    found = ratios(given.names or KERNELS)
-    for name, ratio in found.items():
+    measured = ratios(given.names or KERNELS)
+    for name, ratio in measured.items():
         print(f"{name}: {ratio:.1f} times the fixed function")
     if given.usual:
-        document = {"versions": versions(), "ratios": {k: round(v, 1) for k, v in found.items()}}
+        document = {"versions": versions(), "ratios": {k: round(v, 1) for k, v in measured.items()}}
         USUAL.write_text(json.dumps(document, indent=2) + "\n")
         return 0
     document = json.loads(USUAL.read_text())
     if document["versions"] != versions():
         print(f"Versions differ from those in {USUAL.name}: nothing is compared.")
         return 0
-    sentences = too_long(found, document["ratios"])
+    sentences = too_long(measured, document["ratios"])
     print("\n".join(sentences))
     return int(bool(sentences))
 

@@ -83,14 +83,14 @@ def special_points(result: ResultFile, height: Array) -> list[Point]:
     height : array, shape (solution,)
         Heights of the motions in the plot.
     """
-    points, found = result.points, []
+    points, placed = result.points, []
     for k, kind in enumerate(points.type):
         row, along = _place(result, k)
         after = min(row + 1, height.size - 1)
         y = height[row] + along * (height[after] - height[row]) if along else height[row]
         exists = bool(points.exists[k])
-        found.append(Point(str(kind), float(points.parameter[k]), float(y), row, exists))
-    return found
+        placed.append(Point(str(kind), float(points.parameter[k]), float(y), row, exists))
+    return placed
 
 
 def _place(result: ResultFile, k: int) -> tuple[int, float]:

@@ -1,4 +1,4 @@
-"""Motions of rigid bodies, and the elastic modes beside them, of structures held or free.
+"""Motions of rigid bodies, and the elastic modes beside them, of supported and free structures.
 
 Rigid-body modes R are the null space of K, which is positive semidefinite. Where there are some, K
 has no inverse, but K x = f has solutions for every f that is in equilibrium, R' f = 0: one of them
