@@ -375,8 +375,10 @@ def _find_struck(structure: Structure, motion: Motion, scratch: Scratch) -> int:
     count = 0
     for i in range(walls.size):
         wall, y = walls[i], product(watched.coordinate[i], motion.z)
-        at_a_wall = SIMULTANEOUS * _rounding_of_place(structure, motion, scratch, i)
-        if i == now.coordinate:
+        reached, at_a_wall = i == now.coordinate, 0.0
+        if not reached:
+            at_a_wall = SIMULTANEOUS * _rounding_of_place(structure, motion, scratch, i)
+        if reached:
             side = 1.0 if now.side > 0 else -1.0
             now.penetration = max(now.penetration, abs(room_at(walls, i, side, y)))
         elif wall.restitution >= 0.0 and wall.upper - y <= at_a_wall:
