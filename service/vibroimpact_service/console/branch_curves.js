@@ -1,24 +1,21 @@
 // Branches of periodic motions as curves that turn back, with their special points.
 
 /** @typedef {import("./curve.js").Path} Path */
-/** @typedef {{Omega: number, height: number, exists: boolean, impacts: number, stability: number | null, neutral: boolean, reason: string,
+/** @typedef {{Omega: number, height: number, exists: boolean, impacts: number, stability: number | null, reason: string,
  *   periods: number, phases: number[] | null, sequence: {constraint: number, side: string}[]}} Motion one of the
  *   response; phases: of its impacts, where several are to be looked for; null: those of the request */
-/** @typedef {{kind: string, Omega: number, height: number, exists: boolean, segment: number}} Special segment: index of
- *   the motion before it on its branch */
+/** @typedef {{kind: string, Omega: number, height: number, exists: boolean}} Special */
 
 /** The states of a motion and their lines; they are told apart without colours. */
 const LINES = {
   stable: { colour: "stable", width: 2.6 },
-  neutral: { colour: "neutral", width: 2.2, dash: [10, 3, 2, 3] },
   unstable: { colour: "unstable", width: 1.8, dash: [6, 4] },
   phantom: { colour: "phantom", width: 1, dash: [2, 3] },
 };
 
-/** @param {{exists: boolean, stability: number | null, neutral: boolean}} motion @returns {"stable" | "neutral" | "unstable" | "phantom"} */
-export function stateOf({ exists, stability, neutral }) {
+/** @param {{exists: boolean, stability: number | null}} motion @returns {"stable" | "unstable" | "phantom"} */
+export function stateOf({ exists, stability }) {
   if (!exists) return "phantom";
-  if (neutral) return "neutral";
   return stability !== null && stability < 1 ? "stable" : "unstable";
 }
 
@@ -37,45 +34,32 @@ export function motionsOf({ solution, impact, dof: dofs }, dof, periods) {
   return solution.Omega.map((/** @type {number} */ Omega, /** @type {number} */ i) => ({
     // null where there is no bounded motion: it has no place in the curve.
     Omega, height: solution.x_max[i][column] === null ? NaN : (solution.x_max[i][column] - solution.x_min[i][column]) / 2, exists: solution.exists[i], impacts: solution.impacts[i],
-    stability: solution.stability[i], neutral: Boolean(solution.neutral && solution.neutral[i]), reason: solution.reason[i], periods: solution.periods ? solution.periods[i] : periods,
+    stability: solution.stability[i], reason: solution.reason[i], periods: solution.periods ? solution.periods[i] : periods,
     phases: solution.branch && struck[i].length > 1 ? struck[i].map((each) => impact.phase[each]) : null,
     sequence: struck[i].map((each) => ({ constraint: impact.constraint[each], side: impact.side[each] > 0 ? "upper" : "lower" })),
   }));
 }
 
-const OF_STABILITY = ["fold", "flip", "torus", "symmetry"];
-const OF_EXISTENCE = ["grazing", "end"];
-
 /**
- * Return the lines of motions that follow one another; they change at special points.
+ * Return the lines of motions that follow one another.
  * @param {Motion[]} motions
- * @param {Special[]} special those on the way, in its order
  * @returns {Path[]}
  */
-export function lines(motions, special) {
+export function lines(motions) {
   /** @type {Path[]} */
   const paths = [];
-  /** @param {string} state @param {[number, number][]} points */
-  const begin = (state, points) => paths.push({ ...LINES[/** @type {keyof LINES} */ (state)], points });
+  let before = "";
   motions.forEach((motion, i) => {
-    if (!i) begin(stateOf(motion), []);
-    paths[paths.length - 1].points.push([motion.Omega, motion.height]);
-    const next = motions[i + 1];
-    if (!next) return;
-    const [before, after] = [stateOf(motion), stateOf(next)];
-    const here = special.filter(({ segment }) => segment === i);
-    const kinds = before === "phantom" || after === "phantom" ? OF_EXISTENCE : OF_STABILITY;
-    const change = before === after ? undefined : here.find(({ kind }) => kinds.includes(kind)) || here[0];
-    for (const each of here) {
-      paths[paths.length - 1].points.push([each.Omega, each.height]);
-      if (each === change) begin(after, [[each.Omega, each.height]]);
-    }
-    if (before === after || change) return;
-    // Nothing was located there: the middle is as likely as any other place.
+    const state = stateOf(motion);
     /** @type {[number, number]} */
-    const middle = [(motion.Omega + next.Omega) / 2, (motion.height + next.height) / 2];
-    paths[paths.length - 1].points.push(middle);
-    begin(after, [middle]);
+    const point = [motion.Omega, motion.height];
+    if (state !== before) {
+      // From the last point of the other state on, so that the line has no gap.
+      const last = motions[i - 1];
+      paths.push({ ...LINES[state], points: last ? [[last.Omega, last.height]] : [] });
+    }
+    paths[paths.length - 1].points.push(point);
+    before = state;
   });
   return paths;
 }
@@ -97,37 +81,40 @@ export function branchesOf({ solution }, motions) {
 }
 
 /**
- * Return the special points of each branch with their heights.
+ * Return the special points with the heights of the branches there.
  * @param {any} result of branches
  * @param {Motion[][]} branches
- * @returns {Special[][]}
+ * @returns {Special[]}
  */
-export function specialPoints({ solution, points }, branches) {
-  const first = branches.map((_, number) => solution.branch.indexOf(number));
-  /** @type {Special[][]} */
-  const found = branches.map(() => []);
-  for (const { branch, type: kind, Omega, exists, solution: row, along } of points) {
-    const segment = row - first[branch];
-    const [a, b] = [branches[branch][segment], branches[branch][segment + 1]];
-    found[branch].push({ kind, Omega, exists, segment, height: b ? a.height + along * (b.height - a.height) : a.height });
-  }
-  return found;
+export function specialPoints({ points }, branches) {
+  /** @type {number[]} */
+  const reached = [];
+  return points.map((/** @type {any} */ { branch: number, type: kind, Omega, exists }) => {
+    const branch = branches[number] || [];
+    const segment = segmentOf(branch, kind, Omega, reached[number] || 0);
+    reached[number] = segment;
+    const [a, b] = [branch[segment], branch[Math.min(segment + 1, branch.length - 1)]];
+    const part = a && b.Omega !== a.Omega ? Math.min(Math.max((Omega - a.Omega) / (b.Omega - a.Omega), 0), 1) : 0;
+    return { kind, Omega, exists, height: a ? a.height + part * (b.height - a.height) : NaN };
+  });
 }
 
 /**
- * Return special points of motions at ascending frequencies for other motions of the same branch.
- * @param {Special[]} special
- * @param {Motion[]} motions at ascending frequencies
- * @returns {Special[]}
+ * Return the segment of a branch on which a special point lies. The points are listed in the order
+ * of the branch; where it turns back, several segments pass a frequency.
+ * @param {Motion[]} branch @param {string} kind @param {number} Omega @param {number} first
  */
-export function between(special, motions) {
-  return special.map((each) => {
-    const after = motions.findIndex(({ Omega }) => Omega >= each.Omega);
-    const segment = Math.max(0, (after < 0 ? motions.length : after) - 1);
-    const [a, b] = [motions[segment], motions[Math.min(segment + 1, motions.length - 1)]];
-    const along = b.Omega > a.Omega ? Math.min(Math.max((each.Omega - a.Omega) / (b.Omega - a.Omega), 0), 1) : 0;
-    return { ...each, segment, height: a.height + along * (b.height - a.height) };
-  }).sort((a, b) => a.Omega - b.Omega);
+function segmentOf(branch, kind, Omega, first) {
+  let [best, least] = [first, Infinity];
+  for (let k = first; k < branch.length - 1; k += 1) {
+    const [a, b] = [branch[k], branch[k + 1]];
+    const outside = Math.max(Math.min(a.Omega, b.Omega) - Omega, Omega - Math.max(a.Omega, b.Omega), 0);
+    const changes = kind === "end" || kind === "grazing" ? a.exists !== b.exists : stateOf(a) !== stateOf(b);
+    // A fold lies beside its segment; the others lie on theirs, most often where the state changes.
+    const distance = outside + (changes || kind === "fold" ? 0 : 1e-6);
+    if (distance < least) [best, least] = [k, distance];
+  }
+  return best;
 }
 
 const TURN = 2 * Math.PI;

@@ -103,16 +103,15 @@ def special_points(curve: Curve, places: list[Place], at: Tests) -> list[Special
             point = _located(curve, places, k, kind, place)
             if point is not None:
                 points.append(replace(point, exists=exists))
-    order = np.argsort([p.segment + part_of_segment(places, p) for p in points], kind="stable")
+    order = np.argsort([p.segment + _part(places, p) for p in points], kind="stable")
     return [points[k] for k in order]
 
 
-def part_of_segment(places: list[Place], point: Special) -> float:
+def _part(places: list[Place], point: Special) -> float:
     """Return how far along its segment a point is, 0 to 1."""
     first = places[point.segment].x
     way = places[point.segment + 1].x - first
-    length = float(way @ way)
-    return min(max(float(way @ (point.x - first)) / length, 0.0), 1.0) if length > 0.0 else 0.0
+    return float(way @ (point.x - first)) / float(way @ way)
 
 
 def _changes(curve: Curve, at: Tests, k: int) -> list[tuple[Type, int]]:

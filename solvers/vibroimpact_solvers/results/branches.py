@@ -76,13 +76,6 @@ class Result(periodic_motions.Result):
         Integers,
         _point("leads_to", "1", "branch that begins there and was followed, or -1", integers=()),
     ]
-    point_solution: Annotated[
-        Integers, _point("solution", "1", "row of the motion before it on its branch")
-    ]
-    point_along: Annotated[
-        Floats,
-        _point("along", "1", "how far it lies on the way from that motion to the next one, 0 to 1"),
-    ]
     point_error: Annotated[Floats, _point("error", "1", "absolute error of the parameter")]
     error_point_parameter: Annotated[
         Floats,
