@@ -98,6 +98,57 @@ def random_case(rng: np.random.Generator, name: str, n: int, least: int = 1) -> 
     return Case(name + (", symmetric" if symmetric else ""), document)
 
 
+def spectral_case(rng: np.random.Generator) -> Case:
+    """Return one with natural frequencies that are equal, or nearly, and damping of any rank.
+
+    Impacts that take all of the velocity, or none, and drives beside a resonance are among them.
+    """
+    n = int(rng.integers(2, 7))
+    spectrum = str(rng.choice(["repeated", "near", "turned", "symmetric"]))
+    values = rng.uniform(0.5, 8.0, n)
+    values[: int(rng.integers(2, n + 1))] = round(float(values[0]), 3)
+    if spectrum == "near":
+        values[: n // 2 + 1] *= 1.0 + 10.0 ** rng.uniform(-14.0, -6.0) * np.arange(n // 2 + 1)
+    K = np.diag(values)
+    if spectrum == "turned":
+        Q, _ = np.linalg.qr(rng.standard_normal((n, n)))
+        K = (Q * values) @ Q.T
+    elif spectrum == "symmetric":  # each is joined to each
+        K = float(rng.integers(1, 9)) / 4.0 * (n * np.eye(n) - 1.0) + np.eye(n)
+    M, lowest = np.eye(n), float(np.sqrt(np.linalg.eigvalsh(K)[0]))
+    ratio = float(10.0 ** rng.uniform(-3.0, -0.7))
+    damping = str(rng.choice(["proportional", "of some", "rank-deficient", "coupled"]))
+    if damping == "proportional":
+        C = ratio * (K / lowest + M * lowest)
+    elif damping == "of some":
+        C = np.diag(2.0 * ratio * lowest * (rng.random(n) < 0.7))
+    else:
+        spread = np.round(rng.standard_normal((n, int(rng.integers(1, n)))), 2)
+        C = 2.0 * ratio * lowest * (spread @ spread.T / n)
+        C += 0.1 * ratio * lowest * np.eye(n) if damping == "coupled" else 0.0
+    K, C = (0.5 * (A + A.T) for A in (K, C))
+    style = str(rng.choice(["equal", "upper"]))
+    limiter = structures.constraint(rng, n, style=style)
+    if rng.random() < 0.5:
+        limiter["dofs"] = list(range(n))
+        limiter["weights"] = np.round(rng.standard_normal(n), 2).tolist()
+    limiter["restitution"] = float(
+        rng.choice([0.0, 1e-12, 1e-3, rng.uniform(0.1, 1.0), 1.0], p=[0.15, 0.1, 0.1, 0.5, 0.15])
+    )
+    symmetric = style == "equal" and bool(rng.random() < 0.3)
+    Omega = np.exp(rng.uniform(np.log(0.3 * lowest), np.log(6.0), 2))
+    if rng.random() < 0.3:
+        resonance = float(np.sqrt(values[0])) * float(rng.choice([0.5, 1.0, 2.0]))
+        Omega[0] = resonance * (1.0 + 10.0 ** rng.uniform(-8.0, -2.0))
+    document = {
+        "M": M.tolist(), "K": K.tolist(), "C": C.tolist(), "symmetric": symmetric,
+        "constraints": [limiter], "force": np.zeros(n).tolist(),
+        "loads": [[int(rng.integers(n)), float(10.0 ** rng.uniform(-0.5, 1.0)), 1, 0.0]],
+        "periods": 1, "side": 1, "Omega": np.sort(Omega).tolist(),
+    }  # fmt: skip
+    return Case(f"{spectrum}, {damping}" + (", symmetric" if symmetric else ""), document)
+
+
 def problem(document: Document) -> periodic_motions.Problem:
     """Return the problem of the solvers."""
     load = tuple(

@@ -34,5 +34,6 @@ SETS: Final = {
     "soft": Set(4, soft.case, soft.check, 1_000),
     "periodic-motions": Set(5, periodic_motions.case, periodic_motions.check, 3_000),
     "large-periodic-motions": Set(6, periodic_motions.large_case, periodic_motions.check, 100),
+    "spectra": Set(8, periodic_motions.spectral_case, periodic_motions.check, 2_000),
     "settling": Set(7, settling.case, settling.check, 2_000),
 }

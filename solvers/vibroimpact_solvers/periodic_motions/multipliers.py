@@ -20,10 +20,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import scipy.spatial
 
 from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers
 from vibroimpact_solvers.kernels.floquet import A_PART, B_PART, Room, refine, zeros
 from vibroimpact_solvers.kernels.floquet import Cells as Cycles
+from vibroimpact_solvers.periodic_motions import monodromy
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
 from vibroimpact_solvers.periodic_motions.problem import Problem
@@ -32,6 +34,9 @@ from vibroimpact_solvers.periodic_motions.solutions import Cells, Solutions, tim
 _ROUNDINGS = 2.0 * EPS  # of a propagator, or of a product of complex numbers
 _CLOSE = 1e-6  # relative distance within which approximate multipliers are refined
 _LARGEST = 4  # approximations of the largest multiplier that are refined
+_TOGETHER = 1e-5  # relative distance below which modes' own multipliers are almost one
+_NOTHING = 1e-30  # of the largest multiplier, below which none counts for that
+_SUM = 1e-6  # to which sums of approximate multipliers are what they should be, relative to terms
 _MEMORY = 2**26  # bytes of the couplings that are there at once
 
 
@@ -117,12 +122,102 @@ def _coupled(
         at = left[start : start + block]
         cycles = _cycles(driven, walls, coupled, cells, solved.at(at), jumps[at], late[at])
         rough, near = np.empty((at.size, size), dtype=np.complex128), np.empty((at.size, width))
+        together = _together(cycles)
+        if size > monodromy.LARGEST:
+            together[:] = False
         zeros(cycles, rough, room)
+        missed = ~_complete(cycles, driven, walls, rough)
         order = np.argsort(-np.abs(rough), axis=1, kind="stable")[:, :width]
         rough = np.take_along_axis(rough, order, axis=1)
         refine(cycles, _CLOSE, rough, near, room)
-        values[at], errors[at] = rough, np.where(near < np.inf, near, np.abs(rough))
+        near = np.where(near < np.inf, near, np.abs(rough))
+        rough[missed], near[missed] = np.nan, np.inf
+        for row in np.flatnonzero(together | missed) if size <= monodromy.LARGEST else ():
+            one = at[row : row + 1]
+            factors = _factors(driven, walls, coupled, cells, solved.at(one), jumps[one], late[one])
+            each, doubt = monodromy.eigenvalues(factors)
+            rough[row], near[row] = each[:width], doubt[:width]
+        values[at], errors[at] = rough, near
     return values, errors
+
+
+def _together(cycles: Cycles) -> Booleans:
+    """Return where two of the modes' own multipliers are almost one, shape (solution,).
+
+    The determinant then loses the digits in which they differ, and with them its zeros.
+    """
+    half = 0.5 * cycles.trace
+    root = np.sqrt((half * half - cycles.determinant).astype(np.complex128))
+    poles = np.concatenate([half + root, half - root], axis=1)
+    close = np.zeros(poles.shape[0], dtype=bool)
+    if poles.shape[1] < 2:
+        return close
+    angles = np.sort(np.angle(poles), axis=1)
+    between = np.diff(angles, axis=1, append=angles[:, :1] + 2.0 * np.pi)
+    for row in np.flatnonzero(between.min(axis=1) < _TOGETHER):  # few: others are far apart
+        sizes = np.abs(poles[row])
+        there = sizes > _NOTHING * sizes.max()
+        pole, length = poles[row, there], sizes[there]
+        if pole.size < 2:
+            continue
+        places = np.stack([np.log(length), *(pole / length).view(np.float64).reshape(-1, 2).T])
+        nearest = np.asarray(scipy.spatial.cKDTree(places.T).query(places.T, k=2)[0])[:, 1]
+        close[row] = nearest.min(initial=np.inf) < _TOGETHER
+    return close
+
+
+def _complete(cycles: Cycles, driven: Driven, walls: _Walls, values: Complexes) -> Booleans:
+    """Return whether multipliers are all there are, shape (solution,), by their sum and product.
+
+    The sum is the trace of the product of flows and jumps, the product their determinant: those
+    of the flows, and the square of the restitution at each impact.
+    """
+    terms, n = cycles.terms, cycles.terms.shape[1]
+    later = np.arange(n)[:, np.newaxis] // 2 > np.arange(n) // 2
+    A, B = terms.sum(axis=-1).transpose(3, 0, 1, 2)
+    beyond = np.einsum("nijp,np->nij", terms[:, :, :, A_PART], cycles.trace) + B
+    solved = np.linalg.solve(np.eye(n) - np.where(later, A, 0.0), np.where(later, beyond, A))
+    trace = cycles.trace.sum(axis=1) + np.trace(solved, axis1=1, axis2=2)
+    size = np.abs(values).sum(axis=1)
+    whole = np.abs(values.sum(axis=1) - trace) <= _SUM * (size + np.abs(cycles.trace).sum(axis=1))
+    constraints = driven.structure.system.constraints
+    k = np.array([constraints[a].restitution for a in walls.struck.tolist()])
+    if k.all():
+        with np.errstate(divide="ignore"):
+            product = np.log(np.abs(values)).sum(axis=1) - np.log(cycles.determinant).sum(axis=1)
+        product -= 2.0 * np.log(k).sum()
+        whole &= ~(np.abs(product) > _SUM * values.shape[1])
+    return np.asarray(whole)
+
+
+def _factors(
+    driven: Driven,
+    walls: _Walls,
+    coupled: Integers,
+    cells: Cells,
+    solved: Solutions,
+    jumps: Floats,
+    late: Floats,
+) -> monodromy.Factors:
+    """Return the factors of the linearised motion of one solution."""
+    pairs, modes, m = driven.pairs, driven.pairs.moving[coupled], walls.struck.size
+    legs, rest = solved.length[0], np.zeros(m)
+    late_by: Floats = solved.phase_error[0] / cells.Omega[solved.index]
+    if m == 1:  # the period is exact
+        legs, rest, late_by = cells.length[solved.index], cells.rest[solved.index], np.zeros(1)
+    between = (late_by + np.roll(late_by, -1))[:, np.newaxis] * pairs.speed[modes]
+    propagators = pairs.propagators(np.ascontiguousarray(legs), np.ascontiguousarray(rest))
+    flows = monodromy.flows(pairs, modes, propagators)
+    there = np.abs(flows[:, 0]).sum(axis=1)  # of even and odd numbers
+    inexact = _inexact(driven, modes, legs) + between
+    jump_errors = 2.0 * EPS * np.abs(jumps[0])
+    jump_errors[:, 0, 1] += np.abs(jumps[0, :, 0, 0]) * late[0]
+    shape = m, 2, 2, modes.size
+    return monodromy.Factors(
+        flows, there * inexact, walls.forms[..., modes].reshape(shape),
+        walls.kicks[..., modes].reshape(shape), jumps[0], jump_errors,
+        2.0 * driven.shape_error + _ROUNDINGS + driven.summed,
+    )  # fmt: skip
 
 
 def _room(modes: int, n: int) -> Room:

@@ -1,0 +1,169 @@
+"""Multipliers where natural frequencies are equal or nearly so, and where impacts take all."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.linalg
+from flint import acb_mat
+from scipy.optimize import linear_sum_assignment
+
+from tests.reference.periodic import Impact, Motion, Structure
+from vibroimpact_solvers import periodic_motions as driven
+from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
+
+COUPLED = np.array([[2.0, -1.0], [-1.0, 2.0]]), np.diag([0.2, 0.0])
+
+
+def problem(
+    K: Any, C: Any, w: Any, upper: float, k: float, dof: int, Omega: float, **options: Any
+) -> driven.Problem:
+    """Return a problem of masses of 1 with a stop along a direction, driven at one dof."""
+    n = len(K)
+    wall = Constraint(tuple(range(n)), tuple(np.array(w, float).tolist()), None, upper, k)
+    M, C, K = (SymmetricMatrix.dense(A) for A in (np.eye(n), np.asarray(C), np.asarray(K)))
+    load = (driven.Force((dof,), (1.0,), 1.0),)
+    return driven.Problem(System(M, K, (wall,), C=C), np.array([Omega]), load, **options)
+
+
+def solved(given: driven.Problem) -> driven.Result:
+    return driven.solve(given, driven.plan(given))
+
+
+def exact_multipliers(given: driven.Problem, result: driven.Result, row: int) -> np.ndarray:
+    """Return the multipliers of a solution with one impact in a period, in ball arithmetic."""
+    system, n = given.system, given.system.n
+    (wall,) = system.constraints
+    w = np.zeros(n)
+    w[list(wall.dofs)] = wall.weights
+    assert system.C is not None
+    assert wall.upper is not None
+    matrices = (A.to_dense() for A in (system.M, system.C, system.K))
+    loads = [(f.dofs[0], f.amplitude, f.harmonic, f.phase) for f in given.load]
+    structure = Structure(*matrices, np.zeros(n), loads, float(given.Omega[0]))
+    motion = Motion(structure, Impact(w, wall.upper, 1, wall.restitution), 1.0, 1)
+    at = int(np.flatnonzero(result.impact_solution == row)[0])
+    phase, p, _, state = motion.refined(float(result.impact_phase[at]))
+    matrix = motion.monodromy(phase, state, p)
+    places = range(2 * n)
+    middle = acb_mat([[matrix[i, j].mid() for j in places] for i in places])
+    return np.array([complex(value.mid()) for value in middle.eig(algorithm="approx")])
+
+
+def compared(given: driven.Problem, largest_error: float) -> driven.Result:
+    """Return the result, after all its multipliers were compared with exact ones."""
+    result = solved(given)
+    struck = np.flatnonzero(result.solution_impacts)
+    assert struck.size == 2
+    assert result.multipliers_real is not None
+    assert result.multipliers_imaginary is not None
+    assert result.error_multipliers_real is not None
+    for row in struck.tolist():
+        values = result.multipliers_real[row] + 1j * result.multipliers_imaginary[row]
+        errors = result.error_multipliers_real[row]
+        expected = exact_multipliers(given, result, row)
+        assert values.size == expected.size
+        assert (errors < largest_error).all()
+        apart = np.abs(values[:, np.newaxis] - expected)
+        ours, theirs = linear_sum_assignment(apart)
+        assert (apart[ours, theirs] <= errors[ours] + 1e-15 * np.abs(expected[theirs])).all()
+    return result
+
+
+def test_five_equal_frequencies_hide_no_unstable_motion() -> None:
+    direction = (-0.7, -0.19, 1.77, 1.72, 0.86, 0.33)
+    K, C = np.diag([1.0] * 5 + [3.0]), np.diag([0.26] * 5 + [0.52])
+    result = compared(problem(K, C, direction, 0.48, 0.58, 1, 0.9), 1e-12)
+    values = result.multipliers_real
+    assert values is not None
+    assert values.min() == pytest.approx(-1.12995251, abs=5e-9)
+    assert result.solution_stability is not None
+    assert result.solution_stability.max() == pytest.approx(1.12995251, abs=5e-9)
+
+
+def test_the_largest_alone_is_the_unstable_one() -> None:
+    direction = (-0.7, -0.19, 1.77, 1.72, 0.86, 0.33)
+    K, C = np.diag([1.0] * 5 + [3.0]), np.diag([0.26] * 5 + [0.52])
+    outputs = frozenset({"stability"})
+    result = solved(problem(K, C, direction, 0.48, 0.58, 1, 0.9, outputs=outputs))
+    assert result.solution_stability is not None
+    assert result.error_stability is not None
+    assert result.solution_stability.max() == pytest.approx(1.12995251, abs=5e-9)
+    assert (result.error_stability < 1e-12).all()
+
+
+def test_two_equal_modes_have_small_errors() -> None:
+    compared(problem(np.eye(2), 0.1 * np.eye(2), (1.0, 1.0), 0.5, 0.7, 0, 1.3), 1e-12)
+
+
+@pytest.mark.parametrize("exponent", range(-14, -5))
+@pytest.mark.parametrize("count", [2, 4])
+def test_nearly_equal_frequencies(exponent: int, count: int) -> None:
+    K = np.diag([*(1.0 + 10.0**exponent * np.arange(count)), 3.0])
+    C = 0.1 * np.eye(count + 1)
+    direction = np.array([1.0, -0.7, 0.6, 0.9, 0.4])[: count + 1]
+    compared(problem(K, C, direction, 0.5, 0.7, 0, 0.9), 1e-11)
+
+
+@pytest.mark.parametrize("k", [0.0, 1e-12, 1e-6])
+def test_impacts_that_take_all_of_the_velocity(k: float) -> None:
+    """Of damping that couples modes: 0, or nearly, is a multiplier."""
+    result = compared(problem(*COUPLED, (1.0, 0.0), 0.1, k, 0, 1.2), 1e-12)
+    assert result.solution_stability is not None
+    largest = np.sort(result.solution_stability[result.solution_impacts > 0])
+    assert largest == pytest.approx([0.348598, 0.485354], abs=1e-6)
+
+
+@pytest.mark.parametrize("turns", [0.5, 1.0, 2.0, 1.5 + 1e-9])
+def test_modes_that_turn_by_half_turns(turns: float) -> None:
+    """Both multipliers of such a mode are one, but for what the impacts make of them."""
+    K, C = np.diag([1.0, 1.7]), np.diag([0.05, 0.1])
+    Omega = float(np.sqrt(1.0 - 0.025**2)) / turns
+    compared(problem(K, C, (1.0, 0.8), 0.1, 0.7, 1, Omega), 1e-11)
+
+
+@pytest.mark.parametrize("k", [0.0, 0.6])
+def test_sequences_of_equal_modes_have_all_multipliers(k: float) -> None:
+    """Two impacts in a period, against the product of dense matrices."""
+    K, C = np.diag([1.0, 1.0, 1.0, 2.5]), np.diag([0.1, 0.1, 0.1, 0.2])
+    w, n = np.array([0.9, -0.5, 0.7, 0.4]), 4
+    given = problem(K, C, w, 0.4, k, 0, 0.8, sequence=(driven.Impact(0), driven.Impact(0)))
+    result = solved(given)
+    assert result.solution_impacts.max() == 2
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-K, -C]])
+    period = 2.0 * np.pi / 0.8
+    X = np.linalg.solve(K - 0.64 * np.eye(n) + 0.8j * C, np.eye(n)[0])
+    kick, slope, form = (
+        np.append(np.zeros(n), w), np.append(np.zeros(n), w), np.append(w, np.zeros(n))
+    )  # fmt: skip
+    whole = np.linalg.inv(np.eye(2 * n) - scipy.linalg.expm(A * period))
+    for row in np.flatnonzero(result.solution_impacts == 2):
+        at = np.flatnonzero(result.impact_solution == row)
+        times, p = result.impact_phase[at] / 0.8, -result.impact_momentum[at]
+        matrix = np.eye(2 * n)
+        for i in (0, 1):
+            later = (times[i] - times) % period
+            later[i] = 0.0
+            turn = np.exp(0.8j * times[i])
+            after = np.append((X * turn).real, (0.8j * X * turn).real)
+            for j in (0, 1):
+                after = after + scipy.linalg.expm(A * later[j]) @ whole @ kick * p[j]
+            force = np.append(np.eye(n)[0] * turn.real, np.zeros(n))[np.r_[n : 2 * n, :n]]
+            before = after - kick * p[i]
+            law = np.eye(2 * n) - (1.0 + k) / (w @ w) * np.outer(kick, slope)
+            jump = A @ after + force - law @ (A @ before + force)
+            saltation = law + np.outer(jump, form) / (slope @ before)
+            wait = (times[1 - i] - times[i]) % period
+            matrix = scipy.linalg.expm(A * wait) @ saltation @ matrix
+        expected = np.linalg.eigvals(matrix)
+        assert result.multipliers_real is not None
+        assert result.multipliers_imaginary is not None
+        assert result.error_multipliers_real is not None
+        values = result.multipliers_real[row] + 1j * result.multipliers_imaginary[row]
+        apart = np.abs(values[:, np.newaxis] - expected)
+        ours, theirs = linear_sum_assignment(apart)
+        allowed = result.error_multipliers_real[row][ours] + 1e-12
+        assert (apart[ours, theirs] <= allowed).all()
+        assert (allowed < 1e-9).all()
