@@ -49,7 +49,7 @@ class EigenvalueCounter:
             SymmetricMatrix.leanest((scale @ matrix.to_sparse() @ scale).tocsr())
             for matrix in (system.M, system.K)
         )
-        return cls(M, K, 1.0 if M.form is Form.DIAGONAL else _least(M))
+        return cls(M, K, _least(M))
 
     def count(self, value: float) -> EigenvalueCount:
         """Return how many eigenvalues are below a value.
@@ -68,8 +68,18 @@ class EigenvalueCounter:
         raise ConvergenceError(message)
 
 
+def least_eigenvalue(M: SymmetricMatrix) -> float:
+    """Return a lower bound of the eigenvalues of a mass matrix with its diagonal scaled to ones.
+
+    Raise `ConvergenceError` where the matrix is singular up to rounding.
+    """
+    return _least(M.scaled(1.0 / np.sqrt(M.main_diagonal)))
+
+
 def _least(M: SymmetricMatrix) -> float:
     """Return a lower bound of the eigenvalues of a mass matrix with ones on its diagonal."""
+    if M.form is Form.DIAGONAL:
+        return 1.0
     one = SymmetricMatrix.diagonal(np.ones(M.n))
     bound = 0.5
     while not M.plus(-bound, one).is_positive_definite():

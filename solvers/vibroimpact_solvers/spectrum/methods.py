@@ -16,11 +16,12 @@ from scipy.linalg import lapack
 from vibroimpact_solvers import condensation
 from vibroimpact_solvers import precision as precise
 from vibroimpact_solvers.arrays import EPS, Floats, Integers
+from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.kernels import doubled
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix, frozen
 from vibroimpact_solvers.model import ChainShape, System
 from vibroimpact_solvers.plan import Stage, Step
-from vibroimpact_solvers.spectrum import refinement, static_rows
+from vibroimpact_solvers.spectrum import inertia, refinement, rounded_modes, static_rows
 from vibroimpact_solvers.spectrum.cache import CACHE
 from vibroimpact_solvers.spectrum.modes import Spectrum
 
@@ -29,6 +30,7 @@ MEMORY: Final = 16e9
 
 _EXACT_CHAIN: Final = 1024
 """Masses of a chain up to which its frequencies are computed in ball arithmetic."""
+_DOUBLED: Final = 20.0  # flops of a multiplication and addition in twice the precision
 _SMALL = 1e-10  # eigenvalues below this part of the largest may be noise
 _NOISE = 4.0  # roundings of a mode's own elastic terms below which it counts as rigid
 _HALF_PI = np.longdouble("1.5707963267948966192313216916397514421")
@@ -76,12 +78,15 @@ def flops(system: System, method: Method) -> float:
         massive = n - system.massless.size
         balls = 100.0 if system.n <= refinement.LARGEST else 0.0  # flops of an operation of FLINT
         return 14.0 * massive**3 + (1.0 + balls) * condensation.flops(system)
+    refined = 0.0
+    if system.n > refinement.LARGEST:
+        refined = 8.0 * n**3 + _DOUBLED * n * (system.M.entries + system.K.entries)
     return {
         Method.CLOSED_FORM: 20.0 * n,
         Method.DIAGONAL: n,
-        Method.TRIDIAGONAL: 6.0 * n * n + 2.0 * n**3,
-        Method.BANDED: 12.0 * n**3,
-        Method.DENSE: 14.0 * n**3,
+        Method.TRIDIAGONAL: 6.0 * n * n + 2.0 * n**3 + refined,
+        Method.BANDED: 12.0 * n**3 + refined,
+        Method.DENSE: 14.0 * n**3 + refined,
     }[method]
 
 
@@ -145,6 +150,13 @@ def _compute(system: System, method: Method) -> Spectrum:
     if system.n <= refinement.LARGEST:
         stiffness = refinement.Stiffness(system.K.to_dense())
         return _refined(system, refinement.refine(_mass(system.M), stiffness, np.asarray(modes)))
+    try:
+        least = inertia.least_eigenvalue(system.M)
+        refined = rounded_modes.refine(system.M, system.K, np.asarray(modes), least)
+    except ConvergenceError:
+        refined = None  # M is too close to a singular one
+    if refined is not None and np.isfinite(refined.angles).all():
+        return _refined(system, refined)
     magnitude, condition = _full(system.M, system.K) if method is Method.DENSE else (0.0, 1.0)
     return _numerical(system, np.asarray(modes), magnitude, condition)
 
@@ -194,6 +206,7 @@ def _refined(system: System, refined: refinement.RefinedModes) -> Spectrum:
         rigid[small] |= np.abs(values[small]) <= _NOISE * EPS * own
     errors = np.where(rigid, errors + np.abs(values), errors)
     order = np.argsort(np.where(rigid, 0.0, values), kind="stable")
+    low_part = refined.modes_low[:, order] if refined.modes_low.size else refined.modes_low
     roots, rests = doubled.roots(np.where(rigid, 0.0, values)[order], low[order])
     return Spectrum(
         frozen(roots),
@@ -203,7 +216,7 @@ def _refined(system: System, refined: refinement.RefinedModes) -> Spectrum:
         rounding=frozen(rests),
         errors=frozen(errors[order]),
         angles=frozen(refined.angles[order]),
-        modal_matrix_low=frozen(np.ascontiguousarray(refined.modes_low[:, order])),
+        modal_matrix_low=frozen(np.ascontiguousarray(low_part)) if low_part.size else None,
     )
 
 

@@ -31,7 +31,7 @@ from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers
 from vibroimpact_solvers.kernels import doubled
 
 LARGEST: Final = 256
-"""Degrees of freedom up to which modes are refined."""
+"""Degrees of freedom up to which modes are kept as sums of two doubles (else `rounded_modes`)."""
 
 _UNIT = 0.5 * EPS
 _ROUNDS = 6

@@ -249,10 +249,10 @@ class Structure:
         rests = np.zeros(natural.roots.size) if natural.rounding is None else natural.rounding
         still = np.zeros(system.n)
         rounded = natural.norms + (_EPS if natural.rounding is None else 0.0)
-        errors = natural.uncertainty + rounded * np.abs(natural.eigenvalues)
+        errors = natural.uncertainty if natural.errors is None else natural.errors
+        errors = errors + rounded * np.abs(natural.eigenvalues)
         shape_error = natural.norms
-        if natural.errors is not None and natural.angles is not None:
-            errors = errors + natural.errors
+        if natural.angles is not None:
             shape_error += float(natural.angles.max(initial=0.0))
         rigid = natural.roots == 0.0
         errors[rigid] = _left_by_rounding(system.K, shapes[:, rigid])
