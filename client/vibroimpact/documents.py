@@ -60,8 +60,9 @@ class ImpactModesRequest(TypedDict):
     length / time); exists, reason: whether the solution is admissible, and if not, why
     [frequency]; shape: x at tau = 1 [frequency, dof] (length); waveform: x at tau [frequency,
     tau, dof] (length); energy [frequency] (mass length² / time²); stability: spectral radius of
-    the half-period map, the growth of the fastest deviation per half period, 1 for stable modes
-    [frequency]; harmonics: Fourier amplitudes [frequency, harmonic, dof] (length).
+    the half-period map, the growth of the fastest deviation per half period, and whether it is
+    1 within its error, so that none is known to grow [frequency]; harmonics: Fourier amplitudes
+    [frequency, harmonic, dof] (length).
     """
 
 
@@ -81,7 +82,7 @@ class ExistenceBandsRequest(TypedDict):
     outputs: NotRequired[Sequence[Literal["bands", "rejected", "stability"]]]
     """Outputs; only these are computed. bands: where solutions are admissible; rejected: where
     all impulses are positive but the solutions are phantoms; stability: where in the bands
-    solutions are stable.
+    deviations from solutions grow.
     """
 
 
@@ -146,8 +147,8 @@ class PeriodicMotionsRequest(TypedDict):
     """What is computed beside the solutions and their impacts; absent: all, waveform where tau
     is given. exists: whether solutions are admissible, and why not; extremes: largest, smallest
     and root-mean-square displacements [solution, dof]; energy: work of the load and energy lost
-    per period; stability: the largest modulus of the Floquet multipliers; multipliers: all of
-    them too; waveform: x at tau [solution, tau, dof].
+    per period; stability: the largest modulus of the Floquet multipliers, and whether it is 1
+    within its error; multipliers: all of them too; waveform: x at tau [solution, tau, dof].
     """
 
 

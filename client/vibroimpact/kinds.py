@@ -130,7 +130,9 @@ class ExistenceBandsStability(Table):
     stop: Floats
     """Upper edge of a range, Omega, shape (stability_index), 1/time."""
     stable: Words
-    """Whether its solutions are stable, shape (stability_index)."""
+    """Whether deviations from its solutions do not grow; nor do they decay, shape
+    (stability_index).
+    """
     radius: Floats
     """Largest spectral radius of the half-period map at the frequencies examined, shape
     (stability_index).
@@ -241,6 +243,10 @@ class PeriodicMotionsSolution(Table):
     stability: Floats
     """Largest modulus of the multipliers over one period, shape (solution_index); nan:
     grazing.
+    """
+    neutral: Words
+    """Whether that is 1 within its error: neither stable nor unstable, as far as is known,
+    shape (solution_index).
     """
     bifurcation: Words
     """How the largest multiplier leaves the unit circle: through 1, a fold or the loss of
@@ -397,6 +403,8 @@ class BranchesErrorPoints(Table):
 
     parameter: Floats
     """Absolute error of the parameter, shape (point)."""
+    along: Floats
+    """Absolute error of that place, shape (point)."""
 
 
 class BranchesError(Table):
@@ -442,6 +450,10 @@ class BranchesPoints(Table):
     """Whether motions on one side of it are admissible, shape (point)."""
     leads_to: Integers
     """Branch that begins there and was followed, or -1, shape (point)."""
+    solution: Integers
+    """Row of the motion before it on its branch, shape (point)."""
+    along: Floats
+    """How far it lies on the way from that motion to the next one, 0 to 1, shape (point)."""
     error: Floats
     """Absolute error of the parameter, shape (point)."""
 
@@ -480,6 +492,10 @@ class AttractorsAttractor(Table):
     stability: Floats
     """Largest modulus of the multipliers over one period, shape (attractor_index); nan: not
     confirmed.
+    """
+    neutral: Words
+    """Whether that is 1 within its error: neither stable nor unstable, as far as is known,
+    shape (attractor_index).
     """
 
 
@@ -954,6 +970,10 @@ class ImpactModes(Result):
     stability: Floats
     """Spectral radius of the half-period map, shape (Omega); nan: the order of simultaneous
     impacts decides, or the solution is a phantom.
+    """
+    neutral: Words
+    """Whether the spectral radius is 1 within its error: deviations neither grow, as far as is
+    known, nor decay, as nothing is lost, shape (Omega).
     """
     harmonics: Floats
     """Fourier amplitude, of sin(n Omega t) for odd and cos(n Omega t) for even multiples n,

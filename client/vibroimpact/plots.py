@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vibroimpact.attractor_plots import bifurcation, section
+from vibroimpact.branch_lines import branch_lines, special_points, stability_of
 from vibroimpact.motion_plots import (
     basins,
     column_of,
@@ -121,8 +122,9 @@ def _over_frequency(result: ResultFile, values: Array, text: str, ax: Axes | Non
 
 @noted
 def frequency_energy(result: ResultFile, ax: Axes | None = None) -> Axes:
-    """Plot the frequency over the energy of the admissible solutions, unstable ones dashed.
+    """Plot the frequency over the energy of the admissible solutions, unstable ones dotted.
 
+    Neutral are those from which deviations do not grow; nor do they decay, as nothing is lost.
     Requires the output energy; uses exists and stability if they were computed.
     """
     ax = ax or new_axes()
@@ -131,11 +133,13 @@ def frequency_energy(result: ResultFile, ax: Axes | None = None) -> Axes:
     frequency, text = frequencies(result, Omega)
     admissible: Array = result.exists[order] if hasattr(result, "exists") else np.isfinite(energy)
     if hasattr(result, "stability"):
-        # Moduli of an elastic motion are 1, but for rounding.
-        stable = admissible & (result.stability[order] <= 1.0 + 1e-6)
+        # Results of 0.2.0 do not tell which are neutral: moduli are 1 but for rounding.
+        near = result.neutral == "yes" if "neutral" in result else result.stability <= 1.0 + 1e-6
+        known = near | np.isfinite(result.stability + result.error.stability)
         branches = [
-            (stable, "-", ADMISSIBLE, "stable"),
-            (admissible & ~stable, ":", ORANGE, "unstable"),
+            (admissible & near[order], "-", ADMISSIBLE, "neutral"),
+            (admissible & (known & ~near)[order], ":", ORANGE, "unstable"),
+            (admissible & ~known[order], "--", PHANTOM, "stability not known"),
         ]
     else:
         branches = [(admissible, "-", ADMISSIBLE, "impact modes")]
@@ -268,32 +272,39 @@ _OPEN_MARKS = 80  # side by side in a plot of journal width
 def response(result: ResultFile, dof: int | None = None, ax: Axes | None = None) -> Axes:
     """Plot the amplitude of periodic motions, half of peak to peak, over the drive's frequency.
 
-    Filled marks are stable, open ones unstable motions, and small grey ones phantoms; motions
-    without impacts, with one impact per period and so on have colours and marks of their own. Of
-    many frequencies some are left out for unstable motions, whose marks would hide one another.
-    Where extremes were not computed, plot the momentum of the first impact.
+    Filled marks are stable, half filled ones neutral, open ones unstable motions, and small grey
+    ones phantoms; motions without impacts, with one impact per period and so on have colours and
+    marks of their own. Of many frequencies some are left out for unstable motions, whose marks
+    would hide one another. Where extremes were not computed, plot the momentum of the first impact.
     """
     ax = ax or new_axes()
     rows = result.solution
     exists = rows.exists if "exists" in rows else np.ones(rows.Omega.size, dtype=bool)
     height, text = _height(result, dof)
     x, x_label = frequencies(result, rows.Omega, "frequency of the drive")
-    stable = rows.stability <= 1.0 if "stability" in rows else exists
+    states = stability_of(rows)
     apart = rows.frequency_index % max(1, round(result.Omega.size / _OPEN_MARKS)) == 0
     ax.plot(x[~exists], height[~exists], ".", color=PHANTOM, markersize=2, zorder=1)
     for place, count in enumerate(np.unique(rows.impacts)):
         color, mark = SERIES[place % len(SERIES)][0], "osD^v"[place % 5]
         name = "no impact" if count == 0 else f"{count} impact{'s' if count > 1 else ''}"
         mine = exists & (rows.impacts == count)
-        for some, face in ((mine & stable, color), (mine & ~stable & apart, "white")):
+        for state, some, fill in (
+            ("stable", mine, "full"), ("neutral", mine, "left"), ("unstable", mine & apart, "none"),
+        ):  # fmt: skip
+            those = some & (states == state)
             ax.plot(
-                x[some], height[some], mark, color=color, markersize=3,
-                markerfacecolor=face, markeredgewidth=0.6, zorder=2,
+                x[those], height[those], mark, color=color, markersize=3, fillstyle=fill,
+                markerfacecoloralt="white", markeredgewidth=0.6, zorder=2,
             )  # fmt: skip
         if mine.any():
             ax.plot([], [], mark, color=color, markersize=3, label=name)
-    if "stability" in rows and (exists & ~stable).any():
-        ax.plot([], [], "o", color="black", markerfacecolor="white", markersize=3, label="unstable")
+    for state, fill in (("neutral", "left"), ("unstable", "none")):
+        if (exists & (states == state)).any():
+            ax.plot(
+                [], [], "o", color="black", fillstyle=fill, markerfacecoloralt="white",
+                markersize=3, label=state,
+            )  # fmt: skip
     if (~exists).any():
         ax.plot([], [], ".", color=PHANTOM, label="phantom")
     if exists.any():
@@ -307,6 +318,9 @@ def response(result: ResultFile, dof: int | None = None, ax: Axes | None = None)
     return ax
 
 
+_LINES: dict[str, tuple[Any, float]] = {
+    "stable": ("-", 1.6), "unstable": ("--", 1.2), "neutral": ("-.", 1.2), "phantom": (":", 0.6),
+}  # fmt: skip
 _MARKS = {
     "fold": ("D", "white"), "flip": ("s", "black"), "torus": ("o", "white"),
     "symmetry": ("P", "black"), "grazing": ("^", "white"), "end": ("X", "white"),
@@ -317,33 +331,28 @@ _MARKS = {
 def branches(result: ResultFile, dof: int | None = None, ax: Axes | None = None) -> Axes:
     """Plot branches of periodic motions over their parameter, with their special points.
 
-    Full lines are stable, dashed ones unstable motions, and dotted grey ones phantoms. The height
-    is the amplitude, half of peak to peak, or the momentum of the first impact where extremes were
-    not computed.
+    Full lines are stable, dashed ones unstable, dash-dotted ones neutral motions, and dotted grey
+    ones phantoms. Lines change where the special points are. The height is the amplitude, half of
+    peak to peak, or the momentum of the first impact where extremes were not computed.
     """
     ax = ax or new_axes()
     rows = result.solution
     height, text = _height(result, dof)
     exists = rows.exists if "exists" in rows else np.ones(rows.parameter.size, dtype=bool)
-    stable = rows.stability <= 1.0 if "stability" in rows else exists
-    states = (
-        (exists & stable, "-", 1.6), (exists & ~stable, "--", 1.2), (~exists, ":", 0.6),
-    )  # fmt: skip
-    for branch in np.unique(rows.branch):
-        mine = np.flatnonzero(rows.branch == branch)
-        count = int(rows.impacts[mine[0]])
-        color = SERIES[count % len(SERIES)][0]
-        for state, style, width in states:
-            # A segment has the state of its first point, so that lines do not end before a change.
-            shown = state[mine] | np.append(False, state[mine][:-1])
-            y = np.where(shown, height[mine], np.nan)
-            ax.plot(
-                rows.parameter[mine], y, style, linewidth=width,
-                color=PHANTOM if style == ":" else color, zorder=1 if style == ":" else 2,
-            )  # fmt: skip
+    drawn = set[str]()
+    for line in branch_lines(result, stability_of(rows), exists, height):
+        if np.ptp(line.x) or np.ptp(line.y):
+            drawn.add(line.state)
+        style, width = _LINES[line.state]
+        color = PHANTOM if line.state == "phantom" else SERIES[line.impacts % len(SERIES)][0]
+        order = 1 if line.state == "phantom" else 2
+        ax.plot(line.x, line.y, linestyle=style, linewidth=width, color=color, zorder=order)
     for count in np.unique(rows.impacts[exists]):
         name = "no impact" if count == 0 else f"{count} impact{'s' if count > 1 else ''}"
         ax.plot([], [], "-", color=SERIES[count % len(SERIES)][0], label=name)
+    for state in ("neutral", "unstable"):
+        if state in drawn:
+            ax.plot([], [], linestyle=_LINES[state][0], color="black", linewidth=1.2, label=state)
     _mark_points(result, height, ax)
     if exists.any():
         low, high = float(height[exists].min()), float(height[exists].max())
@@ -372,21 +381,17 @@ def _height(result: ResultFile, dof: int | None) -> tuple[Array, str]:
 
 
 def _mark_points(result: ResultFile, height: Array, ax: Axes) -> None:
-    """Mark special points of admissible motions, each at the nearest point of its branch."""
-    rows, points, named = result.solution, result.points, set[str]()
-    for branch, parameter, kind, exists in zip(
-        points.branch, points.parameter, points.type, points.exists, strict=True
-    ):
-        if not exists:
+    """Mark special points of admissible motions."""
+    named = set[str]()
+    for point in special_points(result, height):
+        if not point.exists:
             continue
-        mine = np.flatnonzero(rows.branch == branch)
-        near = mine[np.argmin(np.abs(rows.parameter[mine] - parameter))]
-        mark, face = _MARKS[str(kind)]
+        mark, face = _MARKS[point.kind]
         ax.plot(
-            parameter, height[near], mark, color="black", markerfacecolor=face, markersize=5,
-            zorder=3, label=None if kind in named else str(kind),
+            point.x, point.y, mark, color="black", markerfacecolor=face, markersize=5,
+            zorder=3, label=None if point.kind in named else point.kind,
         )  # fmt: skip
-        named.add(str(kind))
+        named.add(point.kind)
 
 
 @noted

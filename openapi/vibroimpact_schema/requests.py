@@ -73,7 +73,8 @@ class ImpactModesRequest(ComputationRequest):
         "waveform: x at tau [frequency, tau, dof] (length); "
         "energy [frequency] (mass length² / time²); "
         "stability: spectral radius of the half-period map, the growth of the fastest "
-        "deviation per half period, 1 for stable modes [frequency]; "
+        "deviation per half period, and whether it is 1 within its error, so that none is known to "
+        "grow [frequency]; "
         "harmonics: Fourier amplitudes [frequency, harmonic, dof] (length).",
     )
 
@@ -99,7 +100,8 @@ class ExistenceBandsRequest(ComputationRequest):
         ["bands", "rejected"],
         description="Outputs; only these are computed. "
         "bands: where solutions are admissible; rejected: where all impulses are positive but the "
-        "solutions are phantoms; stability: where in the bands solutions are stable.",
+        "solutions are phantoms; stability: where in the bands deviations from "
+        "solutions grow.",
     )
 
 
@@ -250,7 +252,8 @@ class PeriodicMotionsRequest(ComputationRequest):
         "exists: whether solutions are admissible, and why not; "
         "extremes: largest, smallest and root-mean-square displacements [solution, dof]; "
         "energy: work of the load and energy lost per period; "
-        "stability: the largest modulus of the Floquet multipliers; multipliers: all of them too; "
+        "stability: the largest modulus of the Floquet multipliers, and whether it is 1 within its "
+        "error; multipliers: all of them too; "
         "waveform: x at tau [solution, tau, dof].",
     )
 

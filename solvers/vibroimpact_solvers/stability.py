@@ -37,7 +37,7 @@ from typing import Any, Final, Self
 import numpy as np
 import scipy.linalg
 
-from vibroimpact_solvers.arrays import EPS, Floats
+from vibroimpact_solvers.arrays import EPS, Booleans, Floats
 from vibroimpact_solvers.kernels import saltation
 
 DIRECTION_DEPENDENT: Final = (
@@ -92,6 +92,16 @@ def commutes(mobility: Floats) -> bool:
     size = np.sqrt(np.diagonal(mobility))
     coupling = np.abs(mobility - np.diag(np.diagonal(mobility)))
     return bool((coupling <= _COUPLED * np.outer(size, size)).all())
+
+
+def neutral(modulus: Floats, error: Floats) -> Booleans:
+    """Whether the largest modulus of multipliers is 1 within its error, shapes (motion,).
+
+    As far as can be told, deviations then neither grow nor decay. Nothing is told where there is
+    no modulus or its error is not bounded.
+    """
+    with np.errstate(invalid="ignore"):
+        return np.asarray((np.abs(modulus - 1.0) <= error) & np.isfinite(error))
 
 
 def growth(orbits: Orbits) -> tuple[Floats, Floats]:

@@ -20,6 +20,7 @@ from vibroimpact_solvers.attractors.verification import Confirmed, confirmed
 from vibroimpact_solvers.errors import Status
 from vibroimpact_solvers.plan import Plan, Stage, Tick
 from vibroimpact_solvers.results.attractors import Nature, Result, Verification
+from vibroimpact_solvers.stability import neutral
 
 _FAILURES: Final = 10
 _PARTS: Final = 10  # of the observation, whose means are compared
@@ -172,11 +173,15 @@ def _confirmations(
 ) -> dict[str, Any]:
     """Return the columns about Newton's method, None where it was not asked for."""
     if not newton:
-        return dict.fromkeys(("attractor_verification", "attractor_stability", "error_stability"))
+        names = ("attractor_verification", "attractor_stability", "attractor_neutral")
+        return dict.fromkeys((*names, "error_stability"))
+    modulus = np.array([p.stability for p in proofs], dtype=np.float64)
+    error = np.array([p.stability_error for p in proofs], dtype=np.float64)
     return {
         "attractor_verification": np.array([p.verification for p in proofs], dtype=np.int64),
-        "attractor_stability": np.array([p.stability for p in proofs], dtype=np.float64),
-        "error_stability": np.array([p.stability_error for p in proofs], dtype=np.float64),
+        "attractor_stability": modulus,
+        "attractor_neutral": neutral(modulus, error),
+        "error_stability": error,
     }
 
 

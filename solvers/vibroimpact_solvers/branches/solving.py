@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import DTypeLike
 from scipy.optimize import brentq
 
 from vibroimpact_solvers.arrays import EPS, Floats, along, nothing
 from vibroimpact_solvers.branches.curve import Curve, Place
 from vibroimpact_solvers.branches.problem import Problem
-from vibroimpact_solvers.branches.special import Special, special_points, tests
+from vibroimpact_solvers.branches.special import Special, part_of_segment, special_points, tests
 from vibroimpact_solvers.branches.switching import doubled, halves, outwards
 from vibroimpact_solvers.errors import SolverError
 from vibroimpact_solvers.periodic_motions import columns
@@ -33,8 +34,13 @@ _SAME = 1e-6  # difference of phases and impulses of equal motions
 _ASIDE = 1e-9  # of the range: how far beside a resonance the limits are checked
 
 
-_Row = tuple[int, float, int, float, bool, int, float]
-_TYPES: Final = (np.int64, np.float64, np.int64, np.float64, np.bool_, np.int64, np.float64)
+_COLUMNS: Final[Mapping[str, DTypeLike]] = {
+    "branch": np.int64, "parameter": np.float64, "type": np.int64, "Omega": np.float64,
+    "exists": np.bool_, "leads_to": np.int64, "solution": np.int64, "along": np.float64,
+    "along_error": np.float64, "error": np.float64,
+}  # fmt: skip
+"""What is known of the special points, each a column."""
+_Row = tuple[int, float, int, float, bool, int, int, float, float, float]
 
 
 @dataclass(eq=False, slots=True)
@@ -205,10 +211,12 @@ def _result(problem: Problem, branches: list[Branch]) -> Result:
             value = branch.curve.value(point.x)
             Omega = float(branch.curve.motions(value).Omega[0])
             leads = branch.leads_to.get(place, -1)
+            row = len(of) - len(points) + point.segment
+            on = row, *part_of_segment(branch.places, point)
             kind = int(point.kind)
-            table.append((number, value, kind, Omega, point.exists, leads, point.error))
+            table.append((number, value, kind, Omega, point.exists, leads, *on, point.error))
     if problem.at(problem.start).load:
-        linear, touches = _linear(problem, len(branches))
+        linear, touches = _linear(problem, len(branches), len(of))
         parts += linear
         grid = np.linspace(problem.start, problem.stop, _LINEAR).tolist()
         of, values = of + [len(branches)] * _LINEAR, values + grid
@@ -224,9 +232,9 @@ def _result(problem: Problem, branches: list[Branch]) -> Result:
     fields["solution_branch"] = np.array(of, dtype=np.int64)
     fields["solution_parameter"] = np.array(values, dtype=np.float64)
     fields["solution_periods"] = np.array(periods, dtype=np.int64)
-    names = ("branch", "parameter", "type", "Omega", "exists", "leads_to", "error")
-    for k, name in enumerate(names):
-        fields[f"point_{name}"] = np.array([row[k] for row in table], dtype=_TYPES[k])
+    for k, (name, dtype) in enumerate(_COLUMNS.items()):
+        fields[f"point_{name}"] = np.array([row[k] for row in table], dtype=dtype)
+    fields["error_point_along"] = fields.pop("point_along_error")
     fields["error_point_parameter"] = fields["point_error"]
     return Result(**fields)
 
@@ -264,8 +272,11 @@ def _stacked(parts: Sequence[columns.Columns]) -> dict[str, Any]:
     return whole
 
 
-def _linear(problem: Problem, number: int) -> tuple[list[columns.Columns], list[_Row]]:
-    """Return the columns of the motion without impacts, and where it begins to touch a wall."""
+def _linear(problem: Problem, number: int, first: int) -> tuple[list[columns.Columns], list[_Row]]:
+    """Return the columns of the motion without impacts, and where it begins to touch a wall.
+
+    It is the branch of that number, whose motions stand in the table from the row `first` on.
+    """
     curve = Curve(problem, problem.at)
 
     def solved(values: Sequence[float]) -> Any:
@@ -294,5 +305,8 @@ def _linear(problem: Problem, number: int) -> tuple[list[columns.Columns], list[
         value = float(brentq(kept, grid[k], grid[k + 1], xtol=1e-13, rtol=4.0 * EPS))
         error = 1e-12 * abs(grid[k + 1] - grid[k]) + 1e-13 + 16.0 * EPS * abs(value)
         Omega = float(problem.at(value).Omega[0])
-        touches.append((number, value, int(Type.GRAZING), Omega, True, -1, error))
+        step = grid[k + 1] - grid[k]
+        rounding = 4.0 * EPS * (abs(grid[k]) + abs(grid[k + 1])) / abs(step)
+        on = first + int(k), (value - grid[k]) / step, error / abs(step) + rounding
+        touches.append((number, value, int(Type.GRAZING), Omega, True, -1, *on, error))
     return parts, touches

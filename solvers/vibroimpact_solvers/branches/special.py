@@ -34,7 +34,7 @@ class Special:
     """A special point: its type, what it lies on, and the segment's number.
 
     exists tells whether motions on one side of it are admissible; error is the absolute one of the
-    parameter.
+    parameter, and x_error that of x along the segment.
     """
 
     kind: Type
@@ -43,6 +43,7 @@ class Special:
     segment: int
     exists: bool
     error: float
+    x_error: float
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -103,15 +104,20 @@ def special_points(curve: Curve, places: list[Place], at: Tests) -> list[Special
             point = _located(curve, places, k, kind, place)
             if point is not None:
                 points.append(replace(point, exists=exists))
-    order = np.argsort([p.segment + _part(places, p) for p in points], kind="stable")
+    order = np.argsort([p.segment + part_of_segment(places, p)[0] for p in points], kind="stable")
     return [points[k] for k in order]
 
 
-def _part(places: list[Place], point: Special) -> float:
-    """Return how far along its segment a point is, 0 to 1."""
-    first = places[point.segment].x
-    way = places[point.segment + 1].x - first
-    return float(way @ (point.x - first)) / float(way @ way)
+def part_of_segment(places: list[Place], point: Special) -> tuple[float, float]:
+    """Return how far along its segment a point is, 0 to 1, and the error of that."""
+    first, last = places[point.segment].x, places[point.segment + 1].x
+    way = last - first
+    length = float(np.linalg.norm(way))
+    if length == 0.0:
+        return 0.0, 1.0
+    part = float(way @ (point.x - first)) / length**2
+    rounding = 8.0 * EPS * float(np.abs(first).max() + np.abs(last).max())
+    return min(max(part, 0.0), 1.0), min((point.x_error + rounding) / length, 1.0)
 
 
 def _changes(curve: Curve, at: Tests, k: int) -> list[tuple[Type, int]]:
@@ -144,7 +150,8 @@ def _changes(curve: Curve, at: Tests, k: int) -> list[tuple[Type, int]]:
 def _located(curve: Curve, places: list[Place], k: int, kind: Type, place: int) -> Special | None:
     """Return the point of a segment at which a test function changes sign."""
     first, last = places[k].x, places[k + 1].x
-    across = (last - first) / np.linalg.norm(last - first)
+    length = float(np.linalg.norm(last - first))
+    across = (last - first) / length
 
     def point(s: float) -> Floats:
         x = curve.onto((1.0 - s) * first + s * last, across)
@@ -165,7 +172,7 @@ def _located(curve: Curve, places: list[Place], k: int, kind: Type, place: int) 
         return None
     here = curve.value(x)
     error = max(abs(each - here) for each in near) + 16.0 * EPS * (abs(here) + abs(curve.span))
-    return Special(kind, x, tangent, k, True, error)
+    return Special(kind, x, tangent, k, True, error, width * length)
 
 
 def _half_bracket(value: Callable[[float, float], float], s: float) -> float:

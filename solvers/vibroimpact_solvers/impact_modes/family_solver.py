@@ -249,6 +249,7 @@ class FamilySolver:
         if "stability" in outputs:
             radii, errors = self._growth(exists, motion, impulses)
             values.update(stability=radii, stability_error=errors * radii)
+            values["neutral"] = stability.neutral(radii, errors * radii)
         return values
 
     def _checked(

@@ -17,6 +17,7 @@ from vibroimpact_solvers.periodic_motions.problem import Impact, Problem
 from vibroimpact_solvers.periodic_motions.solutions import Cells, Solutions
 from vibroimpact_solvers.results.impact_modes import Reason
 from vibroimpact_solvers.results.periodic_motions import Bifurcation, Result
+from vibroimpact_solvers.stability import neutral
 
 Columns = dict[str, Any]
 
@@ -120,9 +121,12 @@ def _multipliers(problem: Problem, values: Complexes, errors: Floats) -> Columns
     through = np.where(largest.real > 0.0, Bifurcation.FOLD, Bifurcation.FLIP)
     complex_pair = np.abs(largest.imag) > errors[:, 0]
     kind: Integers = np.where(complex_pair, Bifurcation.TORUS, through)
+    modulus = np.abs(largest)
+    modulus_errors = errors[:, 0] + 2.0 * EPS * modulus
     columns: Columns = {
-        "solution_stability": np.abs(largest),
-        "error_stability": errors[:, 0] + 2.0 * EPS * np.abs(largest),
+        "solution_stability": modulus,
+        "error_stability": modulus_errors,
+        "solution_neutral": neutral(modulus, modulus_errors),
         "solution_bifurcation": np.where(outside, kind, Bifurcation.NONE).astype(np.int64),
     }
     if "multipliers" in problem.outputs:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Final
 
 from vibroimpact_solvers.arrays import Booleans, Floats, Group, Integers, Quantity
 from vibroimpact_solvers.errors import STATUSES
-from vibroimpact_solvers.results.shared import Dofs, Statement
+from vibroimpact_solvers.results.shared import NEUTRAL, NO_YES, Dofs, Statement
 
 
 class Nature(IntEnum):
@@ -34,7 +34,6 @@ class Verification(IntEnum):
 
 NATURES: Final = tuple(nature.name.lower().replace("_", "-") for nature in Nature)
 VERIFICATIONS: Final = tuple(value.name.lower() for value in Verification)
-_NO_YES: Final = ("no", "yes")
 
 
 def _attractor(column: str, unit: str, long_name: str, *dims: str, **rest: Any) -> Quantity:
@@ -117,7 +116,7 @@ class Result:
         ),
     ]
     attractor_rests: Annotated[
-        Booleans, _attractor("rests", "1", "whether it rests at walls for a while", flags=_NO_YES)
+        Booleans, _attractor("rests", "1", "whether it rests at walls for a while", flags=NO_YES)
     ]
     attractor_exponent: Annotated[
         Floats,
@@ -159,6 +158,7 @@ class Result:
         _attractor("stability", "1", "largest modulus of the multipliers over one period",
                    error="error/attractor/stability", missing="not confirmed"),
     ]  # fmt: skip
+    attractor_neutral: Annotated[Booleans | None, _attractor("neutral", "1", NEUTRAL, flags=NO_YES)]
     impact_attractor: Annotated[Integers, _impact("attractor", "1", "row of its attractor")]
     impact_constraint: Annotated[
         Integers, _impact("constraint", "1", "index of the constraint struck")

@@ -76,8 +76,22 @@ class Result(periodic_motions.Result):
         Integers,
         _point("leads_to", "1", "branch that begins there and was followed, or -1", integers=()),
     ]
+    point_solution: Annotated[
+        Integers, _point("solution", "1", "row of the motion before it on its branch")
+    ]
+    point_along: Annotated[
+        Floats,
+        _point(
+            "along", "1", "how far it lies on the way from that motion to the next one, 0 to 1",
+            error="error/points/along",
+        ),
+    ]  # fmt: skip
     point_error: Annotated[Floats, _point("error", "1", "absolute error of the parameter")]
     error_point_parameter: Annotated[
         Floats,
         Quantity(("point",), "1", "absolute error of the parameter", path="error/points/parameter"),
+    ]
+    error_point_along: Annotated[
+        Floats,
+        Quantity(("point",), "1", "absolute error of that place", path="error/points/along"),
     ]

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Final
 
 from vibroimpact_solvers.arrays import Booleans, Floats, Group, Integers, Quantity
 from vibroimpact_solvers.results.impact_modes import Reason
-from vibroimpact_solvers.results.shared import Neglected, Statement
+from vibroimpact_solvers.results.shared import NO_YES, Neglected, Statement
 
 
 class Edge(IntEnum):
@@ -23,7 +23,6 @@ class Edge(IntEnum):
 
 
 EDGES: Final = tuple(edge.name.lower() for edge in Edge)
-_NO_YES: Final = ("no", "yes")
 
 
 def _column(path: str, unit: str, long_name: str, **rest: Any) -> Quantity:
@@ -84,7 +83,7 @@ class Result:
     ]
     band_certified: Annotated[
         Booleans | None,
-        _column("bands/certified", "1", "whether existence is proved throughout", flags=_NO_YES),
+        _column("bands/certified", "1", "whether existence is proved throughout", flags=NO_YES),
     ]
     rejected_start: Annotated[
         Floats | None,
@@ -114,7 +113,7 @@ class Result:
     ]
     rejected_certified: Annotated[
         Booleans | None,
-        _column("rejected/certified", "1", "whether that is proved throughout", flags=_NO_YES),
+        _column("rejected/certified", "1", "whether that is proved throughout", flags=NO_YES),
     ]
     rejected_witness: Annotated[
         Floats | None,
@@ -154,7 +153,12 @@ class Result:
     ]
     stability_stable: Annotated[
         Booleans | None,
-        _column("stability/stable", "1", "whether its solutions are stable", flags=_NO_YES),
+        _column(
+            "stability/stable",
+            "1",
+            "whether deviations from its solutions do not grow; nor do they decay",
+            flags=NO_YES,
+        ),
     ]
     stability_radius: Annotated[
         Floats | None,

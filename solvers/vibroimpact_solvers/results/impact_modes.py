@@ -10,7 +10,15 @@ from typing import Annotated, Any, ClassVar, Final
 import numpy as np
 
 from vibroimpact_solvers.arrays import Booleans, Floats, Group, Integers, Quantity, along
-from vibroimpact_solvers.results.shared import EXISTS, ONE, WITHIN, Dofs, Neglected, Statement
+from vibroimpact_solvers.results.shared import (
+    EXISTS,
+    NO_YES,
+    ONE,
+    WITHIN,
+    Dofs,
+    Neglected,
+    Statement,
+)
 
 
 class Reason(IntEnum):
@@ -183,6 +191,16 @@ class Result:
             "spectral radius of the half-period map",
             missing="the order of simultaneous impacts decides, or the solution is a phantom",
             error="error/stability",
+        ),
+    ]
+    neutral: Annotated[
+        Booleans | None,
+        Quantity(
+            _FREQUENCY,
+            "1",
+            "whether the spectral radius is 1 within its error: deviations neither grow, as far "
+            "as is known, nor decay, as nothing is lost",
+            flags=NO_YES,
         ),
     ]
     harmonics: Annotated[

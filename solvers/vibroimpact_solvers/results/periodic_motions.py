@@ -9,9 +9,7 @@ from typing import Annotated, Any, ClassVar, Final
 
 from vibroimpact_solvers.arrays import Booleans, Floats, Group, Integers, Quantity
 from vibroimpact_solvers.results.impact_modes import REASONS
-from vibroimpact_solvers.results.shared import EXISTS, ONE, WITHIN, Dofs, Statement
-
-_NO_YES: Final = ("no", "yes")
+from vibroimpact_solvers.results.shared import EXISTS, NEUTRAL, NO_YES, ONE, WITHIN, Dofs, Statement
 
 
 class Bifurcation(IntEnum):
@@ -109,7 +107,7 @@ class Result:
         Booleans | None,
         _solution(
             "certified", "1", "whether the verdict holds for all motions within the error",
-            flags=_NO_YES,
+            flags=NO_YES,
         ),
     ]  # fmt: skip
     solution_stability: Annotated[
@@ -119,6 +117,10 @@ class Result:
             error="error/solution/stability", missing="grazing",
         ),
     ]  # fmt: skip
+    solution_neutral: Annotated[
+        Booleans | None,
+        _solution("neutral", "1", NEUTRAL, flags=NO_YES),
+    ]
     solution_bifurcation: Annotated[
         Integers | None,
         _solution(

@@ -20,6 +20,11 @@ Dofs = Annotated[Integers | None, Quantity(("dof",), "1", "index of the degree o
 Statement = Annotated[
     str, Quantity((), "1", "how the errors were obtained", path="error/statement")
 ]
+NO_YES: Final = ("no", "yes")
+"""In files, whether something holds."""
+NEUTRAL: Final = (
+    "whether that is 1 within its error: neither stable nor unstable, as far as is known"
+)
 Neglected = Annotated[
     list[str] | None,
     Quantity((), "1", "what of the structure has no effect, and why", path="neglected"),
