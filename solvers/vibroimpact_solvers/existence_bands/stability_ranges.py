@@ -9,13 +9,13 @@ from typing import Final
 import numpy as np
 
 from vibroimpact_solvers import impact_modes as modes
-from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.arrays import Booleans, Floats
 from vibroimpact_solvers.existence_bands.problem import Problem
 from vibroimpact_solvers.existence_bands.ranges import Band
 
-STABLE: Final = 1e-6
-"""A motion counts as stable if deviations grow by no more than this per half period: multipliers
-that meet on the unit circle have errors of the square root of rounding."""
+_UNBOUNDED: Final = 1e-6
+"""What stands for errors that are not bounded: multipliers that meet on the unit circle have errors
+of the square root of rounding."""
 
 _POINTS = 33  # in each band
 _STEPS = 24  # bisections where stability changes
@@ -23,7 +23,7 @@ _STEPS = 24  # bisections where stability changes
 
 @dataclass(frozen=True, slots=True)
 class StabilityRange:
-    """A range in which all evaluated impact modes are stable, or all are unstable."""
+    """A range in which deviations from no evaluated impact mode grow, or from all."""
 
     # Edges, as Omega
     start: float
@@ -51,12 +51,12 @@ def _inside(problem: Problem, band: Band) -> Iterator[StabilityRange]:
     Omega, radius, error = Omega[known], radius[known], error[known]
     if not Omega.size:
         return
-    stable = radius <= 1.0 + STABLE
+    stable = ~grows(radius, error)
     changes = np.flatnonzero(stable[1:] != stable[:-1])
     low, high = Omega[changes].copy(), Omega[changes + 1].copy()
     for _ in range(_STEPS if changes.size else 0):
         middle = 0.5 * (low + high)
-        below = (_radii(problem, middle)[0] <= 1.0 + STABLE) == stable[changes]
+        below = ~grows(*_radii(problem, middle)) == stable[changes]
         low, high = np.where(below, middle, low), np.where(below, high, middle)
     edges = np.concatenate([[band.start], 0.5 * (low + high), [band.stop]])
     off = np.concatenate([[band.edge_error], 0.5 * (high - low), [band.edge_error]])
@@ -67,6 +67,12 @@ def _inside(problem: Problem, band: Band) -> Iterator[StabilityRange]:
             float(edges[k]), float(edges[k + 1]), bool(stable[firsts[k]]),
             float(radius[some].max()), float(off[k]), float(off[k + 1]), float(error[some].max()),
         )  # fmt: skip
+
+
+def grows(radius: Floats, error: Floats) -> Booleans:
+    """Whether radii are larger than 1 by more than their errors; so they are where unknown."""
+    bounded = np.where(np.isfinite(error), error, _UNBOUNDED)
+    return np.asarray(~(radius - 1.0 <= bounded))
 
 
 def _radii(problem: Problem, Omega: Floats) -> tuple[Floats, Floats]:

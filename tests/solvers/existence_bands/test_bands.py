@@ -10,7 +10,7 @@ from vibroimpact_solvers import existence_bands as bands
 from vibroimpact_solvers import impact_modes as modes
 from vibroimpact_solvers import presets
 from vibroimpact_solvers.errors import ModelError
-from vibroimpact_solvers.existence_bands import Edge, Result
+from vibroimpact_solvers.existence_bands import Edge, Result, stability_ranges
 from vibroimpact_solvers.existence_bands.search import SearchedBands
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 
@@ -304,3 +304,29 @@ def test_what_is_not_certain_beside_an_edge_is_unresolved(
     assert abs(result.band_stop[0] - expected) <= result.band_edge_error[0]
     assert result.unresolved_start.size <= 2
     assert (result.unresolved_stop - result.unresolved_start < 1e-8 * natural).all()
+
+
+def test_deviations_grow_where_the_radius_exceeds_1_by_more_than_its_error() -> None:
+    """However small the growth is; only without a bound the root of rounding stands for it."""
+    radius = np.array([1.0, 1.0 + 1e-7, 1.0 + 1e-7, 1.0 + 1e-3, 1.0 + 1e-7, 1.5, np.nan])
+    error = np.array([1e-15, 1e-9, 1e-6, 1e-2, np.inf, np.inf, np.nan])
+    expected = [False, True, False, False, False, True, True]
+    assert stability_ranges.grows(radius, error).tolist() == expected
+
+
+def test_ranges_of_stability_agree_with_what_impact_modes_say() -> None:
+    system = presets.chain(5, [Constraint.at(2, gap=1.0)])
+    result = solved(system, 0.5, 4.0, outputs=frozenset({"stability"}))
+    assert result.stability_start is not None
+    assert result.stability_stop is not None
+    assert result.stability_stable is not None
+    assert set(result.stability_stable.tolist()) == {False, True}
+    for start, stop, stable in zip(
+        result.stability_start, result.stability_stop, result.stability_stable, strict=True
+    ):
+        Omega = start + (stop - start) * np.linspace(1e-6, 1.0 - 1e-6, 41)
+        outputs = frozenset({"stability"})
+        problem = modes.Problem(system, Omega * (2 / np.pi), outputs=outputs, Omega=Omega)
+        family = modes.solve(problem, modes.plan(problem))
+        assert family.neutral is not None
+        assert (family.neutral == stable).all()
