@@ -1,14 +1,21 @@
 // What the views of computations have in common: a form, one computation at a time, its progress.
 
-import { ask, compute } from "./api.js";
+import { Away, ask, compute } from "./api.js";
 import { button, make, settled } from "./dom.js";
-import { showError } from "./fields.js";
+import { hasInvalid, showError } from "./fields.js";
 import { duration } from "./numbers.js";
 import { progressLine, working } from "./progress.js";
 import { setFields } from "./state.js";
 
 /** @typedef {{title: string, kind: string, request: any}} Request */
 /** @typedef {(job: import("./api.js").Job) => void} OnJob */
+
+/** Why what is shown answers the former input. @type {Record<string, string>} */
+const FORMER = {
+  input: "a field has no valid value.",
+  refused: "the present one was refused.",
+  away: "the service does not answer to the present one.",
+};
 
 /** Planned seconds up to which what may take long is computed without being asked for. */
 const PATIENCE = 3;
@@ -29,13 +36,18 @@ export class BaseView {
     this.progress = progressLine();
     this.figure = make("div", { class: "figure" });
     this.readout = make("p", { class: "readout" });
+    this.caution = make("div", { class: "cautions", role: "status" });
+    /** Says that what is shown answers the former input. */
+    this.former = make("p", { class: "caution", role: "status" });
+    /** Parts of the view that answer the former input, and why. @type {Map<string, string>} */ this.outdated = new Map();
     this.section = make("section", { class: "card", "aria-labelledby": `${name}-title` },
-      make("h2", { id: `${name}-title` }, title), this.form, this.note, this.progress.element, this.figure, this.readout);
-    root.append(this.section);
+      make("h2", { id: `${name}-title` }, title), this.form, this.note, this.progress.element, this.caution, this.figure, this.readout);
+    root.append(this.former, this.section);
     this.refresh = settled(pause, () => this.compute());
   }
 
   destroy() {
+    this.root.classList.remove("former");
     if (this.running) this.running.abort();
     if (this.drawing) this.drawing.destroy();
   }
@@ -90,7 +102,7 @@ export class BaseView {
     try {
       await working(this.progress, (onJob) => this.work(signal, onJob));
     } catch (error) {
-      showError(error);
+      this.refused("result", error);
     }
   }
 
@@ -98,8 +110,53 @@ export class BaseView {
   async work(signal, onJob) {
     const [first] = this.requests();
     if (!first) return;
-    this.result = await compute(first.kind, first.request, { signal, onJob });
+    this.accept(await compute(first.kind, first.request, { signal, onJob }));
     this.draw();
+  }
+
+  /**
+   * Take over the answer to the present input, and say what of the structure it neglects.
+   * @param {any} result
+   * @param {string[]} more sentences about what else has no effect
+   */
+  accept(result, more = []) {
+    this.result = result;
+    this.answered("result");
+    this.checked();
+    this.say([...more, ...(result.neglected || [])]);
+  }
+
+  /** @param {string[]} sentences about what of the structure has no effect */
+  say(sentences) {
+    this.caution.replaceChildren(...[...new Set(sentences)].map((each) => make("p", { class: "caution" }, `${each[0].toUpperCase()}${each.slice(1)}.`)));
+  }
+
+  /** Note that a part of the view answers the present input. @param {string} part */
+  answered(part) {
+    this.outdated.delete(part);
+    this.#mark();
+  }
+
+  /** Show an error, and that a part of the view still answers the former input. @param {string} part @param {unknown} error */
+  refused(part, error) {
+    showError(error);
+    if (error instanceof DOMException && error.name === "AbortError") return;
+    this.outdated.set(part, error instanceof Away ? "away" : "refused");
+    this.#mark();
+  }
+
+  /** Note whether the fields have valid values, without which nothing is computed. */
+  checked() {
+    if (hasInvalid()) this.outdated.set("input", "input");
+    else this.outdated.delete("input");
+    this.#mark();
+  }
+
+  #mark() {
+    const [why] = this.outdated.values();
+    const former = why !== undefined && this.result !== null;
+    this.root.classList.toggle("former", former);
+    this.former.textContent = former ? `What is shown is the answer to the former input: ${FORMER[why]}` : "";
   }
 
   /**
@@ -112,6 +169,7 @@ export class BaseView {
    */
   async offered({ kind, request }, { place, text, act, use, queued }, signal, onJob) {
     place.replaceChildren();
+    this.answered("offered");
     const { seconds, cached } = await ask("POST", `/v1/plan/${kind}`, request, signal);
     /** @param {OnJob} tell */
     const now = async (tell) => use(await compute(kind, request, { signal, onJob: tell, queued: queued && !cached }));
@@ -121,7 +179,7 @@ export class BaseView {
     }
     place.replaceChildren(text(duration(seconds)), " ", button(act, () => {
       place.replaceChildren();
-      working(this.progress, now).catch(showError);
+      working(this.progress, now).catch((error) => this.refused("offered", error));
     }, { class: "quiet" }));
   }
 }

@@ -1,21 +1,28 @@
 // Branches of periodic motions as curves that turn back, with their special points.
 
 /** @typedef {import("./curve.js").Path} Path */
-/** @typedef {{Omega: number, height: number, exists: boolean, impacts: number, stability: number | null, reason: string,
+/** @typedef {{Omega: number, height: number, exists: boolean, impacts: number, stability: number | null, neutral: boolean, reason: string,
  *   periods: number, phases: number[] | null, sequence: {constraint: number, side: string}[]}} Motion one of the
  *   response; phases: of its impacts, where several are to be looked for; null: those of the request */
-/** @typedef {{kind: string, Omega: number, height: number, exists: boolean}} Special */
+/** @typedef {{kind: string, Omega: number, height: number, exists: boolean, segment: number}} Special segment: index of
+ *   the motion before it on its branch */
 
 /** The states of a motion and their lines; they are told apart without colours. */
 const LINES = {
   stable: { colour: "stable", width: 2.6 },
+  neutral: { colour: "neutral", width: 2.2, dash: [10, 3, 2, 3] },
   unstable: { colour: "unstable", width: 1.8, dash: [6, 4] },
   phantom: { colour: "phantom", width: 1, dash: [2, 3] },
 };
 
-/** @param {{exists: boolean, stability: number | null}} motion @returns {"stable" | "unstable" | "phantom"} */
-export function stateOf({ exists, stability }) {
-  if (!exists) return "phantom";
+/** @param {{exists: boolean, stability: number | null, neutral: boolean}} motion @returns {"stable" | "neutral" | "unstable" | "phantom"} */
+export function stateOf(motion) {
+  return motion.exists ? stabilityOf(motion) : "phantom";
+}
+
+/** @param {{stability: number | null, neutral: boolean}} motion @returns {"stable" | "neutral" | "unstable"} */
+function stabilityOf({ stability, neutral }) {
+  if (neutral) return "neutral";
   return stability !== null && stability < 1 ? "stable" : "unstable";
 }
 
@@ -34,34 +41,62 @@ export function motionsOf({ solution, impact, dof: dofs }, dof, periods) {
   return solution.Omega.map((/** @type {number} */ Omega, /** @type {number} */ i) => ({
     // null where there is no bounded motion: it has no place in the curve.
     Omega, height: solution.x_max[i][column] === null ? NaN : (solution.x_max[i][column] - solution.x_min[i][column]) / 2, exists: solution.exists[i], impacts: solution.impacts[i],
-    stability: solution.stability[i], reason: solution.reason[i], periods: solution.periods ? solution.periods[i] : periods,
+    stability: solution.stability[i], neutral: Boolean(solution.neutral && solution.neutral[i]), reason: solution.reason[i], periods: solution.periods ? solution.periods[i] : periods,
     phases: solution.branch && struck[i].length > 1 ? struck[i].map((each) => impact.phase[each]) : null,
     sequence: struck[i].map((each) => ({ constraint: impact.constraint[each], side: impact.side[each] > 0 ? "upper" : "lower" })),
   }));
 }
 
+const OF_STABILITY = ["fold", "flip", "torus", "symmetry"];
+const OF_EXISTENCE = ["grazing", "end"];
+
 /**
- * Return the lines of motions that follow one another.
+ * Return the lines of motions that follow one another; they change at special points.
  * @param {Motion[]} motions
+ * @param {Special[]} special those on the way, in its order
  * @returns {Path[]}
  */
-export function lines(motions) {
+export function lines(motions, special) {
   /** @type {Path[]} */
   const paths = [];
-  let before = "";
+  let state = "";
+  /** @param {[number, number]} point @param {keyof LINES} next */
+  const draw = (point, next) => {
+    if (paths.length) paths[paths.length - 1].points.push(point);
+    if (next !== state) paths.push({ ...LINES[next], points: [point] });
+    state = next;
+  };
   motions.forEach((motion, i) => {
-    const state = stateOf(motion);
-    /** @type {[number, number]} */
-    const point = [motion.Omega, motion.height];
-    if (state !== before) {
-      // From the last point of the other state on, so that the line has no gap.
-      const last = motions[i - 1];
-      paths.push({ ...LINES[state], points: last ? [[last.Omega, last.height]] : [] });
+    draw([motion.Omega, motion.height], stateOf(motion));
+    const next = motions[i + 1];
+    if (!next) return;
+    let [how, there] = [stabilityOf(motion), motion.exists];
+    const located = special.filter(({ segment }) => segment === i);
+    // Where nothing was located, the middle is as likely as any other place.
+    const middle = { kind: "", Omega: (motion.Omega + next.Omega) / 2, height: (motion.height + next.height) / 2 };
+    const here = located.length || stateOf(motion) === stateOf(next) ? located : [middle];
+    const [turning, passing] = [change(here, OF_STABILITY, how !== "unstable"), change(here, OF_EXISTENCE, there)];
+    for (const each of here) {
+      if (each === turning) how = stabilityOf(next);
+      if (each === passing) there = next.exists;
+      draw([each.Omega, each.height], there ? how : "phantom");
     }
-    paths[paths.length - 1].points.push(point);
-    before = state;
   });
   return paths;
+}
+
+/**
+ * Return the point of a segment at which what the kinds tell changes, if it does. Motions lose their stability at the
+ * first such point, and regain it at the last; so they do their existence. Where there is none, it is lost or regained
+ * at any other, as at a grazing.
+ * @template {{kind: string}} Place
+ * @param {Place[]} points @param {string[]} kinds @param {boolean} first
+ * @returns {Place | undefined}
+ */
+function change(points, kinds, first) {
+  const some = points.filter(({ kind }) => kinds.includes(kind));
+  const all = some.length ? some : points;
+  return first ? all[0] : all[all.length - 1];
 }
 
 /**
@@ -81,40 +116,37 @@ export function branchesOf({ solution }, motions) {
 }
 
 /**
- * Return the special points with the heights of the branches there.
+ * Return the special points of each branch with their heights.
  * @param {any} result of branches
  * @param {Motion[][]} branches
- * @returns {Special[]}
+ * @returns {Special[][]}
  */
-export function specialPoints({ points }, branches) {
-  /** @type {number[]} */
-  const reached = [];
-  return points.map((/** @type {any} */ { branch: number, type: kind, Omega, exists }) => {
-    const branch = branches[number] || [];
-    const segment = segmentOf(branch, kind, Omega, reached[number] || 0);
-    reached[number] = segment;
-    const [a, b] = [branch[segment], branch[Math.min(segment + 1, branch.length - 1)]];
-    const part = a && b.Omega !== a.Omega ? Math.min(Math.max((Omega - a.Omega) / (b.Omega - a.Omega), 0), 1) : 0;
-    return { kind, Omega, exists, height: a ? a.height + part * (b.height - a.height) : NaN };
-  });
+export function specialPoints({ solution, points }, branches) {
+  const first = branches.map((_, number) => solution.branch.indexOf(number));
+  /** @type {Special[][]} */
+  const placed = branches.map(() => []);
+  for (const { branch, type: kind, Omega, exists, solution: row, along } of points) {
+    const segment = row - first[branch];
+    const [a, b] = [branches[branch][segment], branches[branch][segment + 1]];
+    placed[branch].push({ kind, Omega, exists, segment, height: b ? a.height + along * (b.height - a.height) : a.height });
+  }
+  return placed;
 }
 
 /**
- * Return the segment of a branch on which a special point lies. The points are listed in the order
- * of the branch; where it turns back, several segments pass a frequency.
- * @param {Motion[]} branch @param {string} kind @param {number} Omega @param {number} first
+ * Return special points of motions at ascending frequencies for other motions of the same branch.
+ * @param {Special[]} special
+ * @param {Motion[]} motions at ascending frequencies
+ * @returns {Special[]}
  */
-function segmentOf(branch, kind, Omega, first) {
-  let [best, least] = [first, Infinity];
-  for (let k = first; k < branch.length - 1; k += 1) {
-    const [a, b] = [branch[k], branch[k + 1]];
-    const outside = Math.max(Math.min(a.Omega, b.Omega) - Omega, Omega - Math.max(a.Omega, b.Omega), 0);
-    const changes = kind === "end" || kind === "grazing" ? a.exists !== b.exists : stateOf(a) !== stateOf(b);
-    // A fold lies beside its segment; the others lie on theirs, most often where the state changes.
-    const distance = outside + (changes || kind === "fold" ? 0 : 1e-6);
-    if (distance < least) [best, least] = [k, distance];
-  }
-  return best;
+export function between(special, motions) {
+  return special.map((each) => {
+    const after = motions.findIndex(({ Omega }) => Omega >= each.Omega);
+    const segment = Math.max(0, (after < 0 ? motions.length : after) - 1);
+    const [a, b] = [motions[segment], motions[Math.min(segment + 1, motions.length - 1)]];
+    const along = b.Omega > a.Omega ? Math.min(Math.max((each.Omega - a.Omega) / (b.Omega - a.Omega), 0), 1) : 0;
+    return { ...each, segment, height: a.height + along * (b.height - a.height) };
+  }).sort((a, b) => a.Omega - b.Omega);
 }
 
 const TURN = 2 * Math.PI;

@@ -3,10 +3,10 @@
 
 import { compute, latest } from "./api.js";
 import { BaseView } from "./base_view.js";
-import { branchesOf, lines, motionsOf, placesOf, specialPoints, stateOf, unwrapped } from "./branch_curves.js";
+import { between, branchesOf, lines, motionsOf, placesOf, specialPoints, stateOf, unwrapped } from "./branch_curves.js";
 import { Curve } from "./curve.js";
 import { button, make } from "./dom.js";
-import { choiceField, numberField, showError } from "./fields.js";
+import { choiceField, numberField } from "./fields.js";
 import { loadFields } from "./loads.js";
 import { MotionCard, spread } from "./motion_card.js";
 import { LARGEST, naturalFrequencies } from "./natural_frequencies.js";
@@ -32,6 +32,13 @@ const AVERSION = 12;
 
 /** @type {Record<string, string>} */
 const KINDS = { fold: "fold", flip: "flip (period doubling)", torus: "torus (two frequencies)", symmetry: "loss of symmetry", grazing: "grazing", end: "a limit is passed" };
+
+/** @type {Record<string, string>} */
+const IN_WORDS = {
+  stable: "Stable: nearby motions settle on it.",
+  neutral: "Neutral: its largest multiplier is 1 within its error, so that nearby motions neither settle on it nor leave it, as far as can be told.",
+  unstable: "Unstable: nearby motions leave it.",
+};
 
 /** @returns {Record<string, any>} */
 function fields() {
@@ -136,7 +143,7 @@ export class DrivenView extends BaseView {
   /** @param {AbortSignal} signal @param {import("./base_view.js").OnJob} onJob */
   async work(signal, onJob) {
     const [response, branches] = this.requests();
-    this.result = await compute(response.kind, response.request, { signal, onJob });
+    this.accept(await compute(response.kind, response.request, { signal, onJob }));
     this.branches = null;
     this.draw();
     const wanted = { Omega: fields().Omega, height: state.fields.height };
@@ -175,8 +182,10 @@ export class DrivenView extends BaseView {
     const followed = branches ? motionsOf(branches, coordinate, periods) : [];
     // Each frequency has the motion without impacts: a finer line than the branch of it.
     const linear = single.filter(({ impacts }) => impacts === 0);
-    const struck = branches ? branchesOf(branches, followed).map((each) => (each[0].impacts ? each : linear)) : [];
-    const special = branches ? specialPoints(branches, struck) : [];
+    const struck = branches ? branchesOf(branches, followed) : [];
+    const points = branches ? specialPoints(branches, struck) : [];
+    const touches = struck.flatMap((each, i) => (each[0].impacts ? [] : between(points[i], linear)));
+    const special = points.flatMap((each, i) => (struck[i][0].impacts ? each : between(each, linear)));
     this.motions = [...single, ...followed.filter(({ impacts }) => impacts > 0)];
     const there = this.motions.filter(({ exists }) => exists).map(({ height }) => height);
     const top = 1.15 * Math.max(...(there.length ? there : this.motions.length ? this.motions.map(({ height }) => height) : [1])) || 1;
@@ -190,7 +199,8 @@ export class DrivenView extends BaseView {
       label: `Amplitude over the drive's frequency: ${count} admissible motions with impacts, ${linear.filter(({ exists }) => exists).length} without${branches ? `; ${known.length} special points of ${struck.length} branches` : ""}.`,
       series: [
         { label: "phantom", colour: "phantom", width: 0, points: 2 },
-        { label: "stable", colour: "stable", width: 0, points: branches ? 3 : 5 }, { label: "unstable", colour: "unstable", width: 0, points: branches ? 3 : 5, open: true },
+        { label: "stable", colour: "stable", width: 0, points: branches ? 3 : 5 }, { label: "neutral", colour: "neutral", width: 0, points: branches ? 3 : 5, open: true },
+        { label: "unstable", colour: "unstable", width: 0, points: branches ? 3 : 5, open: true },
       ],
     });
     const { curve } = this;
@@ -201,8 +211,8 @@ export class DrivenView extends BaseView {
     curve.extent = [Omega[0], Omega[Omega.length - 1]];
     curve.range = [0, top];
     curve.paths = [
-      ...lines(linear).map((path) => ({ ...path, colour: path.colour === "phantom" ? "phantom" : "ink", width: Math.min(path.width, 1.6) })),
-      ...struck.filter((each) => each !== linear).flatMap(lines),
+      ...lines(linear, touches).map((path) => ({ ...path, colour: path.colour === "phantom" ? "phantom" : "ink", width: Math.min(path.width, 1.6) })),
+      ...struck.flatMap((each, i) => (each[0].impacts ? lines(each, points[i]) : [])),
     ];
     curve.marks = special.filter(({ exists, height }) => exists && height <= top).map(({ Omega: x, height: y, kind }) => ({ x, y, kind, colour: "ink" }));
     curve.onPick = (x, y) => this.#move(x, y);
@@ -212,7 +222,7 @@ export class DrivenView extends BaseView {
     const marked = new Set();
     for (let index = 0; index < Omega.length; index += every) marked.add(Omega[index]);
     const shownHere = single.filter((each) => each.impacts > 0 && each.height < 4 * top && marked.has(each.Omega));
-    curve.show([shownHere.map((each) => each.Omega), ...["phantom", "stable", "unstable"].map((each) => shownHere.map((motion) => (stateOf(motion) === each ? motion.height : null)))]);
+    curve.show([shownHere.map((each) => each.Omega), ...["phantom", "stable", "neutral", "unstable"].map((each) => shownHere.map((motion) => (stateOf(motion) === each ? motion.height : null)))]);
     Object.assign(this.slider, { min: String(Omega[0]), max: String(Omega[Omega.length - 1]) });
     if (fields().Omega !== null) curve.choose(fields().Omega, state.fields.height);
     this.#list(known);
@@ -275,8 +285,9 @@ export class DrivenView extends BaseView {
     const { constraint, ...request } = this.#request({ values: [motion.Omega] }, more);
     try {
       this.#showMotion(await compute("periodic-motions", { ...request, ...(begun.sequence || constraint === undefined ? {} : { constraint }) }), motion);
+      this.answered("cursor");
     } catch (error) {
-      showError(error);
+      this.refused("cursor", error);
     }
   }
 
@@ -314,7 +325,7 @@ export class DrivenView extends BaseView {
     });
     this.verdict.replaceChildren(
       make("p", {}, make("strong", { class: good ? "good" : "phantom" }, good ? "Admissible" : "Phantom"), ` ${solution.certified[best] ? "(certified)" : "(estimated)"}`),
-      make("p", {}, good ? (solution.stability[best] < 1 ? "Stable: nearby motions settle on it." : "Unstable: nearby motions leave it.") : `${reasonInWords(solution.reason[best])}${failed === null ? "" : `, at t/T = ${shown(failed, 3)}`}.`),
+      make("p", {}, good ? IN_WORDS[stateOf({ exists: true, stability: solution.stability[best], neutral: solution.neutral[best] })] : `${reasonInWords(solution.reason[best])}${failed === null ? "" : `, at t/T = ${shown(failed, 3)}`}.`),
       ...(failed === null ? [] : [button("Show the place", () => this.card.seek(failed))]));
     const entries = [
       ["Ω of the drive", shown(solution.Omega[best], 8)], ["period T", `${shown(T, 6)}${periods > 1 ? `, ${periods} of the drive` : ""}`], ["impacts per period", solution.impacts[best]],
@@ -341,6 +352,6 @@ function legend() {
   /** @param {string} sign @param {string} text */
   const mark = (sign, text) => make("li", {}, make("span", { class: "sign", "aria-hidden": "true" }, sign), text);
   return make("ul", { class: "legend" },
-    item("line-stable", "stable, with impacts"), item("line-unstable", "unstable"), item("line-phantom", "phantom"), item("line-linear", "without impacts"), item("natural", "natural frequency"),
+    item("line-stable", "stable, with impacts"), item("line-neutral", "neutral"), item("line-unstable", "unstable"), item("line-phantom", "phantom"), item("line-linear", "without impacts"), item("natural", "natural frequency"),
     mark("◇", "fold"), mark("■", "flip"), mark("▲", "loss of symmetry"), mark("▽", "grazing"), mark("×", "a limit is passed"), mark("○", "torus"));
 }

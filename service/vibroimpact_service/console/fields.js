@@ -22,7 +22,12 @@ export function numberField(label, value, onInput, { pointer, whole, min, max, e
   const note = make("span", { class: "fault", id: `fault-${count}` });
   input.addEventListener("input", () => {
     clearFault(input);
-    if (!input.checkValidity()) return;
+    const valid = input.checkValidity();
+    dispatchEvent(new Event("input-checked"));
+    if (!valid) {
+      tellFault(input, input.validationMessage);
+      return;
+    }
     if (input.value === "") {
       if (empty !== undefined) onInput(null);
     } else onInput(Number(input.value));
@@ -60,6 +65,11 @@ export function switchField(label, value, onChange, { name } = {}) {
   const input = make("input", { type: "checkbox", name, onchange: () => onChange(input.checked) });
   input.checked = value;
   return make("label", { class: "switch" }, input, ` ${label}`);
+}
+
+/** @returns {boolean} whether a field of the structure or of the view has no valid value */
+export function hasInvalid() {
+  return document.querySelector("#structure input:invalid, #view input:invalid") !== null;
 }
 
 /** @param {Element} field @returns {Element | null | undefined} where its faults are written: beside an input, at the end of a group */
@@ -117,11 +127,16 @@ function markFault(fault) {
   const visible = fields.filter((field) => field.offsetParent !== null);
   const field = visible.filter((each) => within(pointer, each.dataset.pointer || "")).sort((a, b) => (b.dataset.pointer || "").length - (a.dataset.pointer || "").length)[0]
     || (pointer.length > 1 ? visible.find((each) => within(each.dataset.pointer || "", pointer) && pointer.split("/").length > 2) : undefined);
-  const note = field && noteOf(field);
-  if (!field || !note) return false;
+  return field !== undefined && tellFault(field, fault.message);
+}
+
+/** Write what is wrong with a field. @param {Element} field @param {string} message @returns {boolean} whether there is a place for it */
+function tellFault(field, message) {
+  const note = noteOf(field);
+  if (!note) return false;
   field.setAttribute("aria-invalid", "true");
   field.setAttribute("aria-describedby", note.id);
-  note.textContent = fault.message;
+  note.textContent = message;
   return true;
 }
 

@@ -145,8 +145,10 @@ export class HistoryView extends BaseView {
   async work(signal, onJob) {
     await this.#begin(signal);
     const [rigid, soft] = this.requests();
-    [this.result, this.soft] = await Promise.all([
+    const [result, beside] = await Promise.all([
       compute(rigid.kind, rigid.request, { signal, onJob }), soft ? compute(soft.kind, soft.request, { signal }) : null]);
+    this.soft = beside;
+    this.accept(result, (beside && beside.neglected) || []);
     this.draw();
     this.#show();
     if (!this.begun && !calm()) this.player.play();

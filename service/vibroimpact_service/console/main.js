@@ -16,7 +16,7 @@ import { loaded, structurePanel } from "./structure_panel.js";
 /**
  * A view: it draws itself for the structure and the fields of the address.
  * @typedef {{update: () => void | Promise<void>, requests: () => {title: string, kind: string, request: any}[],
- *   destroy: () => void}} View
+ *   checked?: () => void, destroy: () => void}} View
  */
 
 /** @type {Record<string, {title: string, View: new (root: HTMLElement) => View}>} */
@@ -127,6 +127,7 @@ async function watchHealth() {
 
 // A view has changed numbers of the structure: its form shows them.
 addEventListener("structure-filled", () => panel.rebuild());
+addEventListener("input-checked", () => { if (current && current.checked) current.checked(); });
 addEventListener("service-away", watchHealth);
 document.addEventListener("visibilitychange", () => { if (!document.hidden) watchHealth(); });
 open();

@@ -5,7 +5,7 @@ import { choiceField, numberField } from "./fields.js";
 import { Heatmap } from "./heatmap.js";
 import { nearest, shown } from "./numbers.js";
 import { show, state } from "./state.js";
-import { FORMS, systemDocument } from "./structures.js";
+import { FORMS, leftOut, systemDocument } from "./structures.js";
 import { reasonInWords } from "./words.js";
 
 /** @typedef {import("./structures.js").Structure} Structure */
@@ -77,6 +77,11 @@ export class MapView extends BaseView {
         axes: [{ path: now.path, name: "varied", start: now.low, stop: now.high, num: now.rows }],
       },
     }];
+  }
+
+  /** @param {any} result */
+  accept(result) {
+    super.accept(result, leftOut(state.structure));
   }
 
   draw() {

@@ -41,8 +41,9 @@ export function matrixEditor(structure, changed) {
   function table(name, title) {
     const rows = matrices[name];
     const body = rows.map((row, i) => make("tr", {}, ...row.map((value, j) => {
-      const input = make("input", { type: "number", step: "any", "aria-label": `${name} ${i}, ${j}`, value });
+      const input = make("input", { type: "number", step: "any", "aria-label": `${name} ${i}, ${j}`, value, required: true });
       input.addEventListener("input", () => {
+        dispatchEvent(new Event("input-checked"));
         if (input.value === "" || !input.checkValidity()) return;
         rows[i][j] = Number(input.value);
         rows[j][i] = Number(input.value);

@@ -2,6 +2,7 @@
 
 import { Curve } from "./curve.js";
 import { make } from "./dom.js";
+import { NEUTRAL } from "./words.js";
 
 /** @typedef {import("./curve.js").Band} Band */
 
@@ -16,7 +17,7 @@ export function shading(grid, bands) {
   if (!bands) return sampled(grid);
   return [
     ...bands.bands.flatMap((/** @type {any} */ each) => [{ ...span(each), colour: "band" }, { ...span(each), colour: "accent", row: 0, hatched: !each.certified }]),
-    ...(bands.stability || []).map((/** @type {any} */ each) => ({ ...span(each), colour: isStable(each) ? "stable" : "unstable", row: 1, hatched: !isStable(each) })),
+    ...(bands.stability || []).map((/** @type {any} */ each) => ({ ...span(each), colour: isNeutral(each) ? "neutral" : "unstable", row: 1, hatched: !isNeutral(each) })),
   ];
 }
 
@@ -37,20 +38,23 @@ function span({ start, stop }) {
   return { start, stop };
 }
 
-/** @param {any} each */
-function isStable(each) {
+/**
+ * Whether deviations do not grow in a range of the bands. As nothing is lost they do not decay either.
+ * @param {any} each
+ */
+function isNeutral(each) {
   return each.stable === true || each.stable === "yes";
 }
 
 /**
- * Say whether modes at a frequency are stable, as far as the bands tell.
+ * Say what becomes of deviations from modes at a frequency, as far as the bands tell.
  * @param {any} bands result of existence-bands, or null
  * @param {number} Omega
  */
 export function stabilityIn(bands, Omega) {
   const range = ((bands && bands.stability) || []).find((/** @type {any} */ each) => each.start <= Omega && Omega <= each.stop);
   if (!range) return "not known";
-  return isStable(range) ? "stable: deviations do not grow" : "unstable: deviations grow";
+  return isNeutral(range) ? NEUTRAL : "unstable: deviations grow";
 }
 
 /**
@@ -73,12 +77,12 @@ export function energyCurve(root, grid, bands) {
   root.replaceChildren(holder);
   const curve = new Curve(holder, {
     x: "Ω", y: "energy (log)", height: 300, log: true, upright: true, label: "Energy of the admissible impact modes, across, over their frequency, upwards.",
-    series: [{ label: "stable", colour: bands ? "stable" : "accent", width: 2.6 }, { label: "unstable", colour: "unstable", width: 1.6, dash: [5, 3] }],
+    series: [{ label: bands ? "neutral" : "impact mode", colour: bands ? "neutral" : "accent", width: 2.6 }, { label: "unstable", colour: "unstable", width: 1.6, dash: [5, 3] }],
   });
-  const ranges = ((bands && bands.stability) || []).filter(isStable);
-  const stable = Omega.map((/** @type {number} */ x) => !bands || ranges.some((/** @type {any} */ each) => each.start <= x && x <= each.stop));
+  const ranges = ((bands && bands.stability) || []).filter(isNeutral);
+  const neutral = Omega.map((/** @type {number} */ x) => !bands || ranges.some((/** @type {any} */ each) => each.start <= x && x <= each.stop));
   curve.extent = [Omega[0], Omega[Omega.length - 1]];
   curve.range = [Math.min(...used) / 1.5, Math.max(...used) * 1.5];
-  curve.show([Omega, energy.map((value, i) => (stable[i] || stable[i - 1] ? value : null)), energy.map((value, i) => (stable[i] ? null : value))]);
+  curve.show([Omega, energy.map((value, i) => (neutral[i] || neutral[i - 1] ? value : null)), energy.map((value, i) => (neutral[i] ? null : value))]);
   return curve;
 }

@@ -10,7 +10,7 @@ import { MotionCard, spread } from "./motion_card.js";
 import { LARGEST, naturalFrequencies } from "./natural_frequencies.js";
 import { linspace, shown } from "./numbers.js";
 import { setFields, show, state } from "./state.js";
-import { FORMS, denseMatrices, geometryOf, neededDofs, size, systemDocument } from "./structures.js";
+import { FORMS, denseMatrices, geometryOf, leftOut, neededDofs, size, systemDocument } from "./structures.js";
 import { reasonInWords, stabilityInWords, stopName, whyPhantom } from "./words.js";
 
 /** Degrees of freedom up to which the growth of deviations is computed while one looks. */
@@ -106,7 +106,7 @@ export class ModesView extends BaseView {
   /** @param {AbortSignal} signal @param {import("./base_view.js").OnJob} onJob */
   async work(signal, onJob) {
     const [curve, bands] = this.requests();
-    this.result = await compute(curve.kind, curve.request, { signal, onJob });
+    this.accept(await compute(curve.kind, curve.request, { signal, onJob }), leftOut(state.structure));
     this.bands = null;
     const n = size(state.structure);
     this.natural = n && n <= LARGEST ? naturalFrequencies(...denseMatrices(state.structure)) : [];
@@ -241,9 +241,10 @@ export class ModesView extends BaseView {
     try {
       this.mode = await compute("impact-modes", this.#modeRequest(Omega));
     } catch (error) {
-      showError(error);
+      this.refused("cursor", error);
       return;
     }
+    this.answered("cursor");
     this.#showMode();
     performance.measure("cursor", { start: moved });
     this.askGrowth();
@@ -339,7 +340,7 @@ export class ModesView extends BaseView {
     const { tau, dofs, ...request } = this.#modeRequest(mode.frequency.Omega[0]);
     try {
       const answer = await compute("impact-modes", { ...request, outputs: ["stability"] });
-      if (mode === this.mode) this.stability.textContent = stabilityInWords(answer.stability[0]);
+      if (mode === this.mode) this.stability.textContent = stabilityInWords(answer.stability[0], answer.error.stability[0], answer.neutral[0]);
     } catch (error) {
       showError(error);
     }
@@ -360,5 +361,5 @@ function legend() {
   /** @param {string} kind @param {string} text */
   const item = (kind, text) => make("li", {}, make("span", { class: `key ${kind}`, "aria-hidden": "true" }), text);
   return make("ul", { class: "legend" },
-    item("thick", "impact mode"), item("thin", "phantom"), item("band", "exists (certified)"), item("stable", "stable"), item("unstable", "unstable"), item("natural", "natural frequency"));
+    item("thick", "impact mode"), item("thin", "phantom"), item("band", "exists (certified)"), item("neutral", "neutral"), item("unstable", "unstable"), item("natural", "natural frequency"));
 }

@@ -26,7 +26,7 @@ export async function working(line, work) {
   /** @param {import("./api.js").Job} job */
   const onJob = (job) => {
     if (job.progress.total > 1) Object.assign(line.bar, { max: job.progress.total, value: job.progress.done });
-    line.text.textContent = job.waiting_reason ? `${job.state}: ${job.waiting_reason}` : `a job of ${job.progress.total} parts, ${job.progress.done} done`;
+    line.text.textContent = job.waiting_reason ? `${job.state}: ${job.waiting_reason}` : `a job of ${job.progress.total} part${job.progress.total === 1 ? "" : "s"}, ${job.progress.done} done`;
     line.cancel.hidden = false;
     line.cancel.onclick = () => { send("DELETE", `/v1/jobs/${job.id}`).catch(() => {}); };
   };

@@ -130,6 +130,16 @@ export function systemDocument(structure, damped = true) {
   return { M, K, ...(damping ? { C: damping } : {}), ...(constant ? { force: constant } : {}), ...(units ? { units } : {}), constraints };
 }
 
+/**
+ * Return what the document of a structure without its damping leaves out, as results say it.
+ * @param {Structure} structure
+ * @returns {string[]}
+ */
+export function leftOut(structure) {
+  const damped = structure.damping || (structure.form !== "stored" && structure.matrices && structure.matrices.C);
+  return damped ? ["the damping C is neglected: the motions have no energy loss"] : [];
+}
+
 /** @param {number} n @param {number[] | undefined | null} force @param {{dof: number, force: number}[]} loads @returns {number[]} */
 function total(n, force, loads) {
   const all = force ? [...force] : new Array(n).fill(0);

@@ -43,10 +43,13 @@ export function whyPhantom(reason, { impulses, active, names }, place, decided) 
   return reasonInWords(reason);
 }
 
-/** @param {number} radius largest modulus of the half-period map */
-export function stabilityInWords(radius) {
-  if (!Number.isFinite(radius)) return "not known";
-  if (radius <= 1 + 1e-6) return "stable: deviations do not grow";
+/** Impact modes lose nothing, so that no deviation from them decays. */
+export const NEUTRAL = "neutral: deviations neither grow nor decay";
+
+/** @param {number | null} radius largest modulus of the half-period map @param {number | null} error null: not bounded @param {boolean} neutral whether the radius is 1 within its error */
+export function stabilityInWords(radius, error, neutral) {
+  if (radius === null || error === null) return "not known";
+  if (neutral) return NEUTRAL;
   return `unstable: deviations grow ${shown(radius, 3)} times per half period`;
 }
 
