@@ -165,6 +165,14 @@ class Motion:
         y = sum((self.w[i] * z[i, 0] for i in range(n)), arb(0))
         return y - arb(self.impact.wall), p, z
 
+    def gain(self) -> float:
+        """Return ``1 + (1 + k) b / mu`` of Newton's law for p, b being what p makes of velocity.
+
+        It is zero where neither impacts nor damping take energy: p is then free.
+        """
+        b = self._along(2 * len(self.s.orders) + 1, self.s.n) - self.mu
+        return abs(float((1 + (1 + arb(self.impact.restitution)) * b / self.mu).mid()))
+
     def without_impact(self) -> arb_mat:
         """Return the state of the steady response at the phase 0."""
         load = self.s.load_state(arb(0))

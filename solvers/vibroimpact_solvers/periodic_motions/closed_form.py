@@ -48,6 +48,13 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
     response = Response(*(part[:, 0] for part in each))
     more = 2.0 * driven.shape_error + driven.summed
     g, g_error, rate, rate_error = driven.pairs.seen(form, slope, response, more)
+    floor = np.zeros((cells.length.size, 0))
+    if driven.mixing:
+        floor = driven.mixing.of_response(cells.length, cells.sign, kicks, each.after)[:, 0]
+        moduli = np.abs(response.after), np.abs(response.before)
+        for of, size in enumerate(moduli):
+            error, seen_by = (g_error, form) if of == 0 else (rate_error, slope)
+            error += size.sum(axis=1) @ driven.doubts[of, a] + floor @ np.abs(seen_by).sum(axis=0)
     mu = driven.mobility[a, a]
     level = driven.level[a]
     wall = driven.walls[1 if side > 0 else 0, a] - level
@@ -67,10 +74,9 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
         phase_error = np.zeros(index.size)
     else:
         Y = np.einsum("sj,fhsj->fh", form, cells.steady)
-        Y_error = np.einsum(
-            "sj,fhsj,fhj->fh", np.abs(form), np.abs(cells.steady),
-            cells.steady_error + 2.0 * driven.shape_error + driven.summed,
-        )  # fmt: skip
+        Y_error = cells.seen_error(
+            form[np.newaxis], driven.doubts[0, a : a + 1], 2.0 * driven.shape_error + driven.summed
+        )[..., 0]
         turning = cells.Omega[:, np.newaxis] * driven.harmonics
         with np.errstate(invalid="ignore"):
             Q = Y * (1.0 + 1j * turning * (c * g)[:, np.newaxis])
@@ -91,7 +97,7 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
     return Solutions(
         index, phase[:, one], p[:, one], velocity[:, one], state[:, one],
         cells.length[index, one], phase_error[:, one], p_error[:, one], velocity_error[:, one],
-        response.error[index] + more, relative,
+        response.error[index] + more, relative, floor[index] * np.abs(p)[:, np.newaxis],
     )  # fmt: skip
 
 

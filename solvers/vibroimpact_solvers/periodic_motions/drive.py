@@ -11,6 +11,7 @@ from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import EPS, Booleans, Floats
 from vibroimpact_solvers.errors import PlanError
 from vibroimpact_solvers.kernels.limit_check import Coordinates
+from vibroimpact_solvers.periodic_motions.mixing import Mixing
 from vibroimpact_solvers.periodic_motions.pairs import Complexes, Pairs
 from vibroimpact_solvers.periodic_motions.problem import Problem
 from vibroimpact_solvers.time_history.basis import Basis
@@ -44,6 +45,9 @@ class Driven:
         Change of state per unit of time by the amplitude of each harmonic.
     shape_error : float
         Relative error of forms and kicks.
+    mixing : Mixing
+    doubts : array, shape (2, constraint, pair)
+        Absolute errors of the forms of position and velocity by it, of both numbers of each pair.
     free : array of bool, shape (constraint,)
         Whether impulses on a constraint move a rigid-body mode, which then never comes back.
     """
@@ -62,6 +66,8 @@ class Driven:
     forces: Complexes
     load: Complexes
     shape_error: float
+    mixing: Mixing
+    doubts: Floats
     free: Booleans
 
     @property
@@ -107,14 +113,24 @@ class Driven:
         stiff = np.where(eigenvalues == 0.0, np.inf, np.abs(eigenvalues))
         loose = 2.0 * shape_error + 4.0 * EPS + modes.errors / stiff
         keep = (load != 0.0).any(axis=(1, 2))
+        pairs, position, velocity = Pairs(basis), basis.displacement(rows), basis.velocity(rows)
+        mixing = Mixing.of(structure, basis, pairs)
+        kick, doubts = basis.kick(rows), np.zeros((2, len(rows), 0))
+        if mixing:
+            doubts = mixing.of_forms(np.stack([position, velocity]))
+            # Nor are complex modes whose participations are rounding.
+            sizes = np.linalg.norm([position, velocity], axis=2)
+            silent = (sizes <= doubts).all(axis=0)[:, np.newaxis].repeat(2, axis=1)
+            position[silent] = velocity[silent] = kick[silent] = 0.0
+            doubts = 2.0 * doubts
         return cls(
             structure,
             basis,
-            Pairs(basis),
+            pairs,
             structure.scale,
-            basis.displacement(rows),
-            basis.velocity(rows),
-            basis.kick(rows),
+            position,
+            velocity,
+            kick,
             structure.level(structure.configuration()),
             np.abs(structure.W @ modes.shapes) @ (np.abs(basis.still) * loose),
             structure.mobility,
@@ -122,6 +138,8 @@ class Driven:
             forces[keep],
             load[keep],
             shape_error,
+            mixing,
+            doubts,
             ((rows != 0.0) & (modes.roots == 0.0)).any(axis=1),
         )
 

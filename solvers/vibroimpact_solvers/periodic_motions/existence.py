@@ -113,8 +113,7 @@ def _legs(
     count, legs = solved.length.shape
     pairs, constraints = solved.state.shape[-1], driven.level.size
     Y = np.einsum("csj,fhsj->fch", driven.position, cells.steady)
-    doubt = cells.steady_error + 2.0 * driven.shape_error
-    Y_error = np.einsum("csj,fhsj,fhj->fc", np.abs(driven.position), np.abs(cells.steady), doubt)
+    Y_error = cells.seen_error(driven.position, driven.doubts[0], 2.0 * driven.shape_error)
     starts = solved.phase if impacts else np.zeros((count, 1))
     turned = np.exp(1j * starts[..., np.newaxis] * driven.harmonics)
     amplitude = Y[solved.index, np.newaxis] * turned[:, :, np.newaxis]
@@ -122,7 +121,8 @@ def _legs(
     error = np.einsum(
         "csj,mfsj,mj->mfc", np.abs(driven.position), driven.pairs.size(solved.state), inexact
     )
-    error += Y_error[solved.index, np.newaxis]
+    error += solved.seen_error(driven.position, driven.doubts[0])
+    error += Y_error.sum(axis=1)[solved.index, np.newaxis]
     late = solved.phase_error.max(axis=1, initial=0.0)[:, np.newaxis, np.newaxis]
     error += late * (np.abs(amplitude) * driven.harmonics).sum(axis=-1)
     error += 8.0 * EPS * (np.abs(driven.level) + np.abs(amplitude).sum(axis=-1))

@@ -36,6 +36,7 @@ _CLOSE = 1e-6  # relative distance within which approximate multipliers are refi
 _LARGEST = 4  # approximations of the largest multiplier that are refined
 _TOGETHER = 1e-5  # relative distance below which modes' own multipliers are almost one
 _NOTHING = 1e-30  # of the largest multiplier, below which none counts for that
+_POOR = 1e-7  # error of a multiplier, of the largest one, from which the dense matrix may do better
 _SUM = 1e-6  # to which sums of approximate multipliers are what they should be, relative to terms
 _MEMORY = 2**26  # bytes of the couplings that are there at once
 
@@ -132,11 +133,13 @@ def _coupled(
         refine(cycles, _CLOSE, rough, near, room)
         near = np.where(near < np.inf, near, np.abs(rough))
         rough[missed], near[missed] = np.nan, np.inf
-        for row in np.flatnonzero(together | missed) if size <= monodromy.LARGEST else ():
+        poor = (near > _POOR * np.abs(rough).max(axis=1, initial=0.0, keepdims=True)).any(axis=1)
+        for row in np.flatnonzero(together | missed | poor) if size <= monodromy.LARGEST else ():
             one = at[row : row + 1]
             factors = _factors(driven, walls, coupled, cells, solved.at(one), jumps[one], late[one])
             each, doubt = monodromy.eigenvalues(factors)
-            rough[row], near[row] = each[:width], doubt[:width]
+            if together[row] or missed[row] or doubt[:width].max() < near[row].max():
+                rough[row], near[row] = each[:width], doubt[:width]
         values[at], errors[at] = rough, near
     return values, errors
 
@@ -356,11 +359,14 @@ def _jumps(driven: Driven, walls: _Walls, cells: Cells, solved: Solutions) -> tu
     inexact = solved.state_error + 2.0 * driven.shape_error + driven.summed
     own = np.einsum("isj,nisj->ni", form, before)
     error = np.einsum("isj,nisj,nj->ni", np.abs(form), driven.pairs.size(before), inexact)
+    mixing = driven.mixing
+    if mixing:  # what they make of the state before an impact is what they make of that after it
+        error += np.einsum("nii->ni", solved.seen_error(form, mixing.of_forms(form)))
     by_load = np.zeros_like(own)
     if driven.harmonics.size:
         Y = np.einsum("isj,fhsj->fih", place, cells.steady)
-        doubt = cells.steady_error + 2.0 * driven.shape_error + driven.summed + _ROUNDINGS
-        Y_error = np.einsum("isj,fhsj,fhj->fih", np.abs(place), np.abs(cells.steady), doubt)
+        more = 2.0 * driven.shape_error + driven.summed + _ROUNDINGS
+        Y_error = cells.seen_error(place, driven.doubts[0, struck], more).swapaxes(1, 2)
         turning = (cells.Omega[:, np.newaxis] * driven.harmonics)[:, np.newaxis]
         rates, rates_error = turning**2 * Y, turning**2 * Y_error
         turned = np.exp(1j * solved.phase[..., np.newaxis] * driven.harmonics)

@@ -157,6 +157,7 @@ class Orbit:
         self.starts = solved.phase[row] if solved.phase.shape[1] else np.zeros(1)
         self.lengths, self.states = solved.length[row], solved.state[row]
         self.state_error = solved.whole_error[row]
+        self.absolute = cells.steady_floor[index], solved.state_floor[row]
         self.phase_errors, self.impulse_errors = solved.phase_error[row], solved.impulse_error[row]
         self.impulses, self.velocities = solved.impulse[row], solved.velocity[row]
         self.velocity_errors = solved.velocity_error[row]
@@ -304,6 +305,11 @@ class Orbit:
         )
         steady = np.abs(self.steady)
         error += np.einsum("dsj,hsj,hj->d", out, steady, self.steady_error + shape + 4.0 * EPS)
+        if driven_by := self.driven.mixing:
+            doubts, (floor, own) = driven_by.of_forms(forms), self.absolute
+            states = np.abs(self.states).sum(axis=1).max(axis=0) if own.size else 0.0
+            error += doubts @ (steady.sum(axis=(0, 1)) + states)
+            error += out.sum(axis=1) @ (floor.sum(axis=0) + (own if own.size else 0.0))
         moves = np.einsum("dsj,hsj,h->d", out, steady, harmonics)
         rounded = EPS * (float(np.abs(self.starts).max()) + self.Omega * length)
         return np.asarray(error + moves * (self.phase_errors.max(initial=0.0) + rounded))

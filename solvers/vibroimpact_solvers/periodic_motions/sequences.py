@@ -252,6 +252,7 @@ class Search:
         inexact = self.response.error.max(axis=1) + 2.0 * self.driven.shape_error
         relative = inexact.max(axis=1, initial=0.0)[:, np.newaxis] + 16.0 * EPS
         doubt = np.abs(residual) + size * relative
+        floor = self._mixed(p, doubt)
         errors = np.einsum("nij,nj->ni", np.abs(np.linalg.pinv(jacobian)), doubt)
         lengths = np.diff(np.concatenate([times, times[:, :1] + self.length], axis=1), axis=1)
         state = self.response.after * p[..., np.newaxis, np.newaxis]
@@ -267,5 +268,34 @@ class Search:
             np.broadcast_to(self.index, count), times * self.Omega, p, velocity, state, lengths,
             errors[:, m:] * self.Omega, errors[:, :m],
             errors[:, :m] * self.laws.impacts.inertia, inexact + moved[:, np.newaxis] + late,
-            np.zeros(count),
+            np.zeros(count), floor,
         )  # fmt: skip
+
+    def _mixed(self, p: Floats, doubt: Floats) -> Floats:
+        """Add what errors of the load's response, and mixed modes, do to the equations.
+
+        Returns
+        -------
+        array, shape (solution, pair)
+            Absolute errors of the states.
+        """
+        driven, cells, m = self.driven, self.cells, self.m
+        struck = [impact.constraint for impact in self.problem.impacts]
+        laws, doubts = self.laws.impacts, driven.doubts[:, struck]
+        if not self.autonomous:
+            Y = cells.seen_error(laws.position, doubts[0], 2.0 * driven.shape_error)
+            doubt[:, :m] += Y.sum(axis=1)
+            doubt[:, m:] += np.einsum("fhi,fh->fi", Y, self.Omega * driven.harmonics)
+        if not driven.mixing:
+            return np.zeros((len(p), 0))
+        kicks, after, sizes = self.laws.kicks, self.response.after, np.abs(p)
+        absolute = driven.mixing.of_response(cells.length, cells.sign, kicks, after)
+        floor = np.einsum(
+            "nij,ni->nj", np.broadcast_to(absolute, (len(p), *absolute.shape[1:])), sizes
+        )
+        state = np.abs(after).sum(axis=2)
+        for of, forms in enumerate((laws.position, laws.velocity)):
+            seen = np.einsum("ij,fkj->fik", doubts[of], state)
+            seen += np.einsum("isj,fkj->fik", np.abs(forms), absolute)
+            doubt[:, of * m : (of + 1) * m] += (seen @ sizes[..., np.newaxis])[..., 0]
+        return np.asarray(floor)

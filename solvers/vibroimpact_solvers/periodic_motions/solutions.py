@@ -33,6 +33,8 @@ class Cells:
         Amplitudes of the response to the load without impacts.
     steady_error : array, shape (frequency, harmonic, pair)
         Their relative errors.
+    steady_floor : array, shape (frequency, harmonic, pair)
+        Absolute errors of both numbers besides; empty where modes are not mixed (`mixing`).
     """
 
     Omega: Floats
@@ -41,6 +43,7 @@ class Cells:
     sign: float
     steady: Complexes
     steady_error: Floats
+    steady_floor: Floats
 
     @classmethod
     def of(cls, driven: Driven, problem: Problem) -> Cells:
@@ -51,16 +54,19 @@ class Cells:
         Omega = problem.Omega / driven.scale
         rates = Omega[:, np.newaxis] * driven.harmonics
         steady, error = driven.pairs.steady_response(rates, driven.load)
+        floor, mixing = np.zeros((*rates.shape, 0)), driven.mixing
+        if mixing:
+            floor = mixing.of_steady(rates, driven.load, steady)
         return cls(
             Omega, length, (wide - length).astype(np.float64), -1.0 if problem.symmetric else 1.0,
-            steady, error,
+            steady, error, floor,
         )  # fmt: skip
 
     def at(self, chosen: Integers) -> Cells:
         """Return some of the cells."""
         return Cells(
             self.Omega[chosen], self.length[chosen], self.rest[chosen], self.sign,
-            self.steady[chosen], self.steady_error[chosen],
+            self.steady[chosen], self.steady_error[chosen], self.steady_floor[chosen],
         )  # fmt: skip
 
     def doubled(self) -> Cells:
@@ -70,6 +76,19 @@ class Cells:
     def unbounded(self) -> Booleans:
         """Return where the load drives a mode without damping at its own frequency, (cell,)."""
         return np.asarray(~np.isfinite(self.steady).all(axis=(1, 2, 3)))
+
+    def seen_error(self, forms: Floats, doubts: Floats, more: float) -> Floats:
+        """Return errors of forms of the steady responses, shape (cell, harmonic, form).
+
+        forms have shape (form, 2, pair), `doubts`, their absolute errors by mixed modes,
+        (form, pair); `more` is their relative error, and that of sums.
+        """
+        moduli, relative = np.abs(self.steady), self.steady_error + more
+        error = np.einsum("isj,fhsj,fhj->fhi", np.abs(forms), moduli, relative)
+        if self.steady_floor.size:
+            error += np.einsum("ij,fhsj->fhi", doubts, moduli)
+            error += np.einsum("isj,fhj->fhi", np.abs(forms), self.steady_floor)
+        return np.asarray(error)
 
     def load_state(self, driven: Driven, phases: Floats) -> Floats:
         """Return the response to the load at phases of the drive, shape (cell, …, 2, pair).
@@ -104,6 +123,8 @@ class Solutions:
     common_error : array, shape (solution,)
         Relative error that all pairs of the state have in common with the impulse, where there
         is one.
+    state_floor : array, shape (solution, pair)
+        Absolute errors of both numbers of pairs besides; empty where modes are not mixed.
     """
 
     index: Integers
@@ -117,11 +138,20 @@ class Solutions:
     velocity_error: Floats
     state_error: Floats
     common_error: Floats
+    state_floor: Floats
 
     @property
     def whole_error(self) -> Floats:
         """Return both errors of the pairs of the state, shape (solution, pair)."""
         return self.state_error + self.common_error[:, np.newaxis]
+
+    def seen_error(self, forms: Floats, doubts: Floats) -> Floats:
+        """Return errors of forms of states by mixed modes, shape (solution, free motion, form)."""
+        if not self.state_floor.size:
+            return np.zeros((*self.length.shape, len(forms)))
+        error = np.einsum("ij,nmsj->nmi", doubts, np.abs(self.state))
+        error += np.einsum("isj,nj->ni", np.abs(forms), self.state_floor)[:, np.newaxis]
+        return np.asarray(error)
 
     def at(self, chosen: Integers) -> Solutions:
         """Return some of the solutions."""
@@ -146,5 +176,5 @@ def without_impacts(cells: Cells) -> Solutions:
     return Solutions(
         np.arange(count), none, none, none, np.zeros((count, 1, 2, pairs)),
         cells.length[:, np.newaxis], none, none, none, np.full((count, pairs), 2.0 * EPS),
-        np.zeros(count),
+        np.zeros(count), np.zeros((count, 0)),
     )  # fmt: skip

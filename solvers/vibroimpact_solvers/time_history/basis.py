@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from vibroimpact_solvers.arrays import Booleans, Floats, Integers
 from vibroimpact_solvers.kernels.flow import DRIVE, Flow
 from vibroimpact_solvers.kernels.passages import LOW, ORDER
-from vibroimpact_solvers.time_history.complex_modes import complex_modes
+from vibroimpact_solvers.time_history.complex_modes import ComplexModes, complex_modes
 
 COLUMNS: Final = 5
 """Deviations that are carried along where errors are estimated."""
@@ -142,6 +142,7 @@ class Basis:
         self._eigenvalues = self._roots * np.abs(self._roots)
         damping = np.zeros((0, 0)) if modes.damping is None else modes.damping * unit
         self.condition, self.vector_error = 1.0, 0.0
+        self._mixing = np.zeros((2, 0, 0))
         self._single, self._coupled = _apart(damping, self._roots.size)
         self._omega = modes.frequencies * unit
         self._eigenvalue_errors = modes.errors * (unit**2 / _EPS)
@@ -222,6 +223,7 @@ class Basis:
         modes = complex_modes(A, np.sqrt(norm), doubt, chained=self._chained)
         sigma, vectors, upper, real = modes.rates, modes.vectors, modes.oscillating, modes.real
         self.condition, self.vector_error = modes.condition, modes.vector_error
+        self._mixing = _of_both(modes)
         first = [vectors[:, upper].real]
         second = [vectors[:, upper].imag]
         # Real rates in pairs, from the slowest decay to the fastest.
@@ -533,6 +535,17 @@ class Basis:
         """The pairs that belong to modes, neither to loads nor to the padding, ascending."""
         return np.flatnonzero(self._order < self._loads.start).astype(np.int64)
 
+    @property
+    def mixing(self) -> Floats:
+        """What errors of complex modes mix of pair p into k, ``[:, k, p]``, (2, pair, pair).
+
+        Share of k in the vector of p, and how p drives k of nearly the same rate.
+        """
+        mixing = np.zeros((2, self.pairs, self.pairs))
+        one, some = self._single.size, self._coupled.size
+        mixing[:, one : one + some, one : one + some] = self._mixing
+        return mixing[:, self._order[:, np.newaxis], self._order]
+
     @cached_property
     def signs(self) -> Floats:
         """Signs drawn at random, none on the average, shape (row, 2, pair)."""
@@ -835,6 +848,16 @@ def _apart(damping: Floats, n: int) -> tuple[Integers, Integers]:
         return everyone, everyone[:0]
     coupled = (damping != np.diag(damping.diagonal())).any(axis=1)
     return everyone[~coupled], everyone[coupled]
+
+
+def _of_both(modes: ComplexModes) -> Floats:
+    """Return what modes mix, of both rates of each pair in the order of pairs, (2, pair, pair)."""
+    fast, slow = modes.real[0::2], modes.real[1::2]
+    both = np.stack([modes.far, modes.near])
+    first = np.concatenate([modes.oscillating, fast])
+    second = np.concatenate([modes.oscillating + 1, slow])  # their conjugates follow them
+    into = both[:, first] + both[:, second]
+    return np.maximum(into[:, :, first], into[:, :, second])
 
 
 def _padding(pairs: int) -> _Pairs:

@@ -15,7 +15,8 @@ from vibroimpact_solvers.errors import PlanError
 ILL: Final = 1e8
 """Condition number of the complex modes from which they are not used."""
 _CLOSE: Final = 1e-2  # of its own size, from another rate, at which complex modes may be one
-_NEAR: Final = 5e-2  # of its own size, from another rate, within which errors of vectors are slow
+NEAR: Final = 5e-2
+"""Distance from another rate, of its own size, within which errors of vectors are slow."""
 _PARALLEL: Final = 0.5  # sine of the angle between such modes below which they are almost one
 
 Complexes = NDArray[np.complex128]
@@ -36,6 +37,10 @@ class ComplexModes:
         Absolute errors of the rates, to first order.
     vector_error : float
         Error of the vectors relative to their lengths, those of near modes apart.
+    far : array, shape (2 mode, 2 mode)
+        Bounds of what column j has of the vector i too much, ``[i, j]``, near modes apart.
+    near : array, shape (2 mode, 2 mode)
+        Bounds of how a mode drives another near one, per unit of time.
     oscillating, real : array of int
         Places of the rates with positive imaginary parts, and of the real ones, which descend.
     chains : list of tuple
@@ -47,6 +52,8 @@ class ComplexModes:
     condition: float
     errors: Floats
     vector_error: float
+    far: Floats
+    near: Floats
     oscillating: Integers
     real: Integers
     chains: list[tuple[int, int, complex]]
@@ -119,15 +126,19 @@ def complex_modes(A: Floats, root: Floats, doubt: Floats, *, chained: bool = Tru
     equal = np.isinf(apart)
     bound += np.where(equal & ~together, np.abs(E), 0.0)
     # Modes near one another exchange energy so slowly that it counts as an error of their rates.
-    near = equal | (np.abs(apart) < _NEAR * np.abs(rates))
+    near = equal | (np.abs(apart) < NEAR * np.abs(rates))
     errors = np.where(near, bound, 0.0).sum(axis=0)
-    vector_error = float((np.where(near, 0.0, bound) / np.abs(apart)).sum(axis=0).max())
+    far = np.where(near, 0.0, bound) / np.abs(apart)
+    vector_error = float(far.sum(axis=0).max())
+    others = np.where(near & ~np.eye(rates.size, dtype=bool), bound, 0.0)
     vectors = vectors / root[:, np.newaxis]
     # Real modes are used by their sums and differences, which must not drown the smaller one.
     vectors[:, real] /= np.linalg.norm(vectors[:, real], axis=0)
     places = np.flatnonzero(real)
     places = places[np.argsort(-rates[places].real)]
-    return ComplexModes(rates, vectors, condition, errors, vector_error, upper, places, chains)
+    return ComplexModes(
+        rates, vectors, condition, errors, vector_error, far, others, upper, places, chains
+    )
 
 
 def _almost_equal(rates: Complexes, vectors: Complexes, upper: Integers) -> list[tuple[int, int]]:

@@ -276,7 +276,7 @@ class Structure:
             rigid = roots == 0.0
             errors[rigid] = errors[rigid].sum()  # each of them may be any of those before
             weighted = system.M @ shapes
-            damping, damping_errors = _modal_damping(system.C, shapes)
+            damping, damping_errors, _ = modal_damping(system.C, shapes)
         force = self.force - (system.K @ base if base.any() else 0.0)
         # A load that is only rounding must not drive a rigid-body mode away.
         load = force @ shapes
@@ -470,8 +470,10 @@ def _with_separate_rigid_modes(C: SymmetricMatrix, roots: Floats, shapes: Floats
     return shapes
 
 
-def _modal_damping(C: SymmetricMatrix, shapes: Floats) -> tuple[Floats, Floats]:
-    """Return ``E^T C E`` without what is rounding in it, and errors of its diagonal.
+def modal_damping(C: SymmetricMatrix, shapes: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return ``E^T C E`` without what is rounding in it, and its errors.
+
+    Those of the diagonal, shape (mode,), and those of couplings that are left out, (mode, mode).
 
     The terms of an entry add up to no more than ``sqrt(c_i c_j)``, c_i being the sum of the squares
     of mode i by the sums of the rows of |C|: ``|C|`` is below the diagonal matrix of these sums.
@@ -483,8 +485,12 @@ def _modal_damping(C: SymmetricMatrix, shapes: Floats) -> tuple[Floats, Floats]:
     sizes, magnitudes = np.sqrt(sums @ shapes**2), np.abs(shapes)
     rounded = np.outer(magnitudes.T @ sums, magnitudes.max(axis=0, initial=0.0))
     rounding = (8 + sizes.size) * np.outer(sizes, sizes) + 4.0 * (rounded + rounded.T)
-    damping[np.abs(damping) <= _EPS * rounding] = 0.0
-    return damping, _EPS * sizes**2
+    small = (np.abs(damping) <= _EPS * rounding) & (damping != 0.0)
+    left = np.where(small, np.abs(damping) + _EPS * np.outer(sizes, sizes), 0.0)
+    errors = _EPS * sizes**2 + np.where(small, np.abs(damping), 0.0).diagonal()
+    damping[small] = 0.0
+    np.fill_diagonal(left, 0.0)
+    return damping, errors, left
 
 
 def _left_by_rounding(K: SymmetricMatrix, rigid: Floats) -> Floats:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.linalg
-from flint import acb_mat
+from flint import acb_mat, arb
 from scipy.optimize import linear_sum_assignment
 
 from tests.reference.periodic import Impact, Motion, Structure
@@ -34,6 +34,17 @@ def solved(given: driven.Problem) -> driven.Result:
 
 def exact_multipliers(given: driven.Problem, result: driven.Result, row: int) -> np.ndarray:
     """Return the multipliers of a solution with one impact in a period, in ball arithmetic."""
+    n, motion = given.system.n, motion_of(given)
+    at = int(np.flatnonzero(result.impact_solution == row)[0])
+    phase, p, _, state = motion.refined(float(result.impact_phase[at]))
+    matrix = motion.monodromy(phase, state, p)
+    places = range(2 * n)
+    middle = acb_mat([[matrix[i, j].mid() for j in places] for i in places])
+    return np.array([complex(value.mid()) for value in middle.eig(algorithm="approx")])
+
+
+def motion_of(given: driven.Problem) -> Motion:
+    """Return the reference of motions with one impact in a period."""
     system, n = given.system, given.system.n
     (wall,) = system.constraints
     w = np.zeros(n)
@@ -43,13 +54,7 @@ def exact_multipliers(given: driven.Problem, result: driven.Result, row: int) ->
     matrices = (A.to_dense() for A in (system.M, system.C, system.K))
     loads = [(f.dofs[0], f.amplitude, f.harmonic, f.phase) for f in given.load]
     structure = Structure(*matrices, np.zeros(n), loads, float(given.Omega[0]))
-    motion = Motion(structure, Impact(w, wall.upper, 1, wall.restitution), 1.0, 1)
-    at = int(np.flatnonzero(result.impact_solution == row)[0])
-    phase, p, _, state = motion.refined(float(result.impact_phase[at]))
-    matrix = motion.monodromy(phase, state, p)
-    places = range(2 * n)
-    middle = acb_mat([[matrix[i, j].mid() for j in places] for i in places])
-    return np.array([complex(value.mid()) for value in middle.eig(algorithm="approx")])
+    return Motion(structure, Impact(w, wall.upper, 1, wall.restitution), 1.0, 1)
 
 
 def compared(given: driven.Problem, largest_error: float) -> driven.Result:
@@ -167,3 +172,54 @@ def test_sequences_of_equal_modes_have_all_multipliers(k: float) -> None:
         allowed = result.error_multipliers_real[row][ours] + 1e-12
         assert (apart[ours, theirs] <= allowed).all()
         assert (allowed < 1e-9).all()
+
+
+RANK_ONE = np.round(np.outer((-0.85, -0.34, 0.43), (-0.85, -0.34, 0.43)), 6)
+
+
+@pytest.mark.parametrize("distance", [1e-7, -1e-7, 1e-5, 1e-3])
+@pytest.mark.parametrize("struck", [1, 2])
+def test_what_rounding_leaves_of_a_mode_beside_its_resonance(distance: float, struck: int) -> None:
+    """It has no damping but roundings of C, and reaches the stop by them alone."""
+    K, w = np.diag([1.0, 1.0, 3.0]), np.eye(3)[struck]
+    given = problem(K, RANK_ONE, w, 0.2, 0.5, 0, 1.0 + distance)
+    result, exact = solved(given), motion_of(given)
+    assert result.impact_phase.size == 2
+    for at in range(2):
+        stated = float(result.impact_phase[at])
+        phase, p, velocity, _ = exact.refined(stated)
+        for true, value, error in (
+            (phase, stated, result.error_phase[at]),
+            (-p, result.impact_momentum[at], result.error_momentum[at]),
+            (velocity, result.impact_velocity[at], result.error_velocity[at]),
+        ):
+            off = abs(float((true - arb(float(value))).mid()))
+            assert off <= error
+            assert error < 2e-13 / abs(distance) * max(1.0, abs(value))
+
+
+@pytest.mark.parametrize("Omega", [0.9, 1.3])
+def test_a_mode_that_damping_turns_away_from_the_stop(Omega: float) -> None:
+    """Its participation is rounding, and its multipliers are free ones."""
+    given = problem(np.diag([1.0, 1.0, 3.0]), RANK_ONE, np.eye(3)[2], 0.2, 0.5, 0, Omega)
+    compared(given, 1e-10)
+
+
+def test_two_impacts_beside_the_resonance_of_such_a_mode() -> None:
+    """Their phases are as wrong as the response to the load: the same as of one, each period."""
+    K, w, twice = np.diag([1.0, 1.0, 3.0]), np.eye(3)[2], (driven.Impact(0), driven.Impact(0))
+    given = problem(K, RANK_ONE, w, 0.2, 0.5, 0, 1.0 + 1e-6, periods=2, sequence=twice)
+    result, exact = solved(given), motion_of(given)
+    known = [float(exact.refined(float(x))[0].mid()) for x in solved(
+        problem(K, RANK_ONE, w, 0.2, 0.5, 0, 1.0 + 1e-6)
+    ).impact_phase]  # fmt: skip
+    again = 0
+    for row in np.flatnonzero(result.solution_impacts == 2):
+        at = np.flatnonzero(result.impact_solution == row)
+        phase, error = result.impact_phase[at], result.error_phase[at]
+        for true in known:
+            if (np.abs(phase - true) < 1e-6).all():
+                assert (np.abs(phase - true) <= error).all()
+                assert (error < 1e-6).all()
+                again += 1
+    assert again >= 1
