@@ -51,10 +51,10 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
     floor = np.zeros((cells.length.size, 0))
     if driven.mixing:
         floor = driven.mixing.of_response(cells.length, cells.sign, kicks, each.after)[:, 0]
-        moduli = np.abs(response.after), np.abs(response.before)
-        for of, size in enumerate(moduli):
-            error, seen_by = (g_error, form) if of == 0 else (rate_error, slope)
-            error += size.sum(axis=1) @ driven.doubts[of, a] + floor @ np.abs(seen_by).sum(axis=0)
+        for of, (error, seen_by) in enumerate(((g_error, form), (rate_error, slope))):
+            sizes = np.abs((response.after, response.before)[of]).sum(axis=1)
+            bounded = np.where(np.isfinite(sizes), sizes, 0.0)  # else there is no solution
+            error += bounded @ driven.doubts[of, a] + floor @ np.abs(seen_by).sum(axis=0)
     mu = driven.mobility[a, a]
     level = driven.level[a]
     wall = driven.walls[1 if side > 0 else 0, a] - level

@@ -93,7 +93,7 @@ class Mixing:
         """
         turning = 1j * rates[..., np.newaxis]
         apart = np.minimum(np.abs(turning - self.rates[0]), np.abs(turning - self.rates[1]))
-        driven = self._of_drives(load) + np.linalg.norm(steady, axis=-2) @ self.near.T
+        driven = self._of_drives(load) + _lengths(steady) @ self.near.T
         return _gained(driven, apart)
 
     def of_response(self, cells: Floats, sign: float, kicks: Floats, after: Floats) -> Floats:
@@ -114,8 +114,14 @@ class Mixing:
         apart = np.abs(1.0 - sign * there).min(axis=0)[:, np.newaxis]
         # A pair is driven for as long as the other lasts.
         lasts = np.minimum(lengths, 1.0 / np.maximum(-self.rates.real.max(axis=0), 1.0 / lengths))
-        moved = (np.linalg.norm(after, axis=-2) * lasts[:, np.newaxis]) @ self.near.T
+        moved = (_lengths(after) * lasts[:, np.newaxis]) @ self.near.T
         return _gained(self._of_drives(kicks) + moved, apart)
+
+
+def _lengths(states: Floats | Complexes) -> Floats:
+    """Return the lengths of pairs, 0 for those without bound: no motion has them."""
+    lengths = np.linalg.norm(states, axis=-2)
+    return np.asarray(np.where(np.isfinite(lengths), lengths, 0.0))
 
 
 def _gained(driven: Floats, apart: Floats) -> Floats:

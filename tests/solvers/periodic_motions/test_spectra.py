@@ -13,6 +13,7 @@ from scipy.optimize import linear_sum_assignment
 from tests.reference.periodic import Impact, Motion, Structure
 from vibroimpact_solvers import periodic_motions as driven
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
+from vibroimpact_solvers.results.impact_modes import Reason
 
 COUPLED = np.array([[2.0, -1.0], [-1.0, 2.0]]), np.diag([0.2, 0.0])
 
@@ -223,3 +224,23 @@ def test_two_impacts_beside_the_resonance_of_such_a_mode() -> None:
                 assert (error < 1e-6).all()
                 again += 1
     assert again >= 1
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("Omega", [1.0, 0.5])
+@pytest.mark.parametrize("twice", [False, True])
+def test_the_resonance_itself_of_such_a_mode(Omega: float, *, twice: bool) -> None:
+    """What has no bound is not mixed with the rest."""
+    C = np.diag([0.0, 0.1, 0.2])
+    C[1, 2] = C[2, 1] = 0.05
+    impacts = (driven.Impact(0),) * (1 + twice)
+    for struck in ((1.0, 0.3, 1.0), (0.0, 0.3, 1.0)):
+        outputs = frozenset(driven.OUTPUTS) - {"waveform"}
+        given = problem(
+            np.diag([1.0, 1.2, 3.0]), C, struck, 0.2, 0.5, 0, Omega,
+            sequence=impacts, outputs=outputs,
+        )  # fmt: skip
+        result = solved(given)
+        (row,) = np.flatnonzero(result.solution_impacts == 0)
+        assert result.solution_reason is not None
+        assert (result.solution_reason[row] == Reason.SINGULAR) == (Omega == 1.0)
