@@ -15,9 +15,10 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.periodic_motions.pairs import Complexes, Pairs
+from vibroimpact_solvers.time_history import modal_damping
 from vibroimpact_solvers.time_history.basis import Basis
 from vibroimpact_solvers.time_history.complex_modes import NEAR
-from vibroimpact_solvers.time_history.structure import Structure, modal_damping
+from vibroimpact_solvers.time_history.structure import Structure
 
 _NONE: Final = np.zeros((0, 0))
 
@@ -46,11 +47,13 @@ class Mixing:
         modes, turns = basis.modes, np.where(np.arange(pairs.nu.size) < pairs.rotations.stop, 1j, 1)
         nu = np.where(np.arange(pairs.nu.size) < pairs.hyperbolas.stop, pairs.nu, 0.0)
         rates = np.stack([pairs.alpha + turns * nu, pairs.alpha - turns * nu])
-        C = structure.system.C
-        if C is None:
+        if structure.system.C is None:
             return cls(_NONE, _NONE, rates)
         far, near = basis.mixing
-        left = modal_damping(C, modes.shapes)[2] / structure.scale
+        damped = modal_damping.of_modes(
+            structure.system, modes.shapes, modes.roots, exact=structure.natural.proved
+        )
+        left = damped.left_out / structure.scale
         if left.any():
             each = np.eye(modes.roots.size)
             driven = np.linalg.norm(basis.kick(each), axis=1)

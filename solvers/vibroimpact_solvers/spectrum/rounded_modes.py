@@ -137,15 +137,15 @@ def _clusters(now: _Residuals) -> Integers:
     for some in _parts(count, _COLUMNS):
         size = np.abs(now.couplings[:, some])
         size += 2.0 * (now.rounding[some] + now.rounding[:, np.newaxis])
-        found = np.argwhere(size >= _SEPARATES * np.abs(now.apart(some)))
-        pairs.append(found + np.array([0, some.start]))
+        near = np.argwhere(size >= _SEPARATES * np.abs(now.apart(some)))
+        pairs.append(near + np.array([0, some.start]))
     rows, columns = np.concatenate(pairs).T
     close = scipy.sparse.coo_array((np.ones(rows.size), (rows, columns)), shape=(count, count))
     _, numbers = scipy.sparse.csgraph.connected_components(close, directed=False)
     return np.asarray(numbers, dtype=np.int64)
 
 
-def _members(clusters: Integers) -> Iterator[Integers]:
+def _groups(clusters: Integers) -> Iterator[Integers]:
     """Return the modes of each cluster of more than one."""
     for number in np.flatnonzero(np.bincount(clusters) > 1):
         yield np.flatnonzero(clusters == number)
@@ -157,7 +157,7 @@ def _step(M: SymmetricMatrix, X: Floats, now: _Residuals, clusters: Integers) ->
     better = np.empty_like(X)
     # Norms of the columns of E, of C outside of clusters, of what is left inside, and of G - I.
     e, c, inside, g = np.zeros((4, count))
-    blocks = [(some, _mass_block(M, X, some)) for some in _members(clusters)]
+    blocks = [(some, _mass_block(M, X, some)) for some in _groups(clusters)]
     for some in _parts(count, _COLUMNS):
         apart, c_some = now.apart(some), now.couplings[:, some]
         together = clusters[:, np.newaxis] == clusters[some]
@@ -166,9 +166,9 @@ def _step(M: SymmetricMatrix, X: Floats, now: _Residuals, clusters: Integers) ->
         doubt = (now.rounding[some] + now.rounding[:, np.newaxis]) / np.abs(distance)
         place = np.arange(count)[some]
         mass[place, place - some.start] = now.excess[some]
-        for members, block in blocks:
-            inner = (members >= some.start) & (members < some.stop)
-            mass[np.ix_(members, members[inner] - some.start)] = block[:, inner]
+        for group, block in blocks:
+            inner = (group >= some.start) & (group < some.stop)
+            mass[np.ix_(group, group[inner] - some.start)] = block[:, inner]
         E = np.where(together, -0.5 * mass, E)
         better[:, some] = X[:, some] + X @ E
         e[some], g[some] = _norms(E), _norms(np.abs(mass) + doubt)
@@ -206,7 +206,7 @@ def _mass_block(M: SymmetricMatrix, X: Floats, some: Integers) -> Floats:
 
 def _turn(X: Floats, now: _Residuals, clusters: Integers) -> None:
     """Turn the modes of every cluster into its own directions, in place."""
-    for some in _members(clusters):
+    for some in _groups(clusters):
         block = now.couplings[np.ix_(some, some)]
         part = 0.5 * (block + block.T)
         # The eigenvalues differ by little: the first is taken from all.

@@ -67,6 +67,8 @@ class Modes:
         Absolute errors of the diagonal of the damping.
     shape_error : float
         Relative error of the shapes.
+    neglected : float
+        Largest part of a mode's motion that couplings by damping which are left out take to others.
     """
 
     roots: Floats
@@ -85,6 +87,7 @@ class Modes:
     errors: Floats
     damping_errors: Floats
     shape_error: float
+    neglected: float
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -52,6 +52,7 @@ def new_progress(structure: Structure, problem: Problem, t_end: float) -> Rows:
         known = _BEGINNINGS[structure] = np.zeros(1, PROGRESS)
         known["longest"], known["chatter"], known["budget"] = basis.longest, CHATTER, budget(basis)
         known["growth"], known["known_until"], known["released"] = 1.0, math.inf, -1
+        known["unresolved"] = basis.modes.neglected / EPS
     progress = known.copy()
     progress["end"], progress["tolerance"] = t_end * structure.scale, tolerance_of(problem)
     progress["scale"] = structure.scale

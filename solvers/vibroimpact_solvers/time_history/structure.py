@@ -24,6 +24,7 @@ from vibroimpact_solvers.kernels.modal import Modal, handed_over
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.spectrum import Spectrum
+from vibroimpact_solvers.time_history import modal_damping
 from vibroimpact_solvers.time_history.basis import Basis, Modes, exponent_of
 from vibroimpact_solvers.time_history.loads import (
     SLOW_TURN,
@@ -34,6 +35,7 @@ from vibroimpact_solvers.time_history.loads import (
     constant,
     turns_slowly,
 )
+from vibroimpact_solvers.time_history.modal_damping import ModalDamping
 
 _EPS: Final = float(np.finfo(np.float64).eps)
 _TERMS: Final = 100_000  # that are in memory at once
@@ -256,7 +258,9 @@ class Structure:
             shape_error += float(natural.angles.max(initial=0.0))
         rigid = natural.roots == 0.0
         errors[rigid] = _left_by_rounding(system.K, shapes[:, rigid])
-        return self._equations(natural.roots, rests, shapes, still, weighted, errors, shape_error)
+        return self._equations(
+            natural.roots, rests, shapes, still, weighted, errors, shape_error, exact=natural.proved
+        )
 
     def _equations(
         self,
@@ -267,16 +271,18 @@ class Structure:
         weighted: Floats,
         errors: Floats,
         shape_error: float,
+        *,
+        exact: bool = False,
     ) -> Modes:
-        """Return the modal equations of some modes."""
+        """Return the modal equations of some modes, exact ones erring by their entries alone."""
         system = self.system
-        damping, damping_errors = None, np.zeros(roots.size)
+        damped = ModalDamping(None, np.zeros(roots.size), np.zeros((0, 0)))
         if system.C is not None:
             shapes = _with_separate_rigid_modes(system.C, roots, shapes)
             rigid = roots == 0.0
             errors[rigid] = errors[rigid].sum()  # each of them may be any of those before
             weighted = system.M @ shapes
-            damping, damping_errors, _ = modal_damping(system.C, shapes)
+            damped = modal_damping.of_modes(system, shapes, roots, exact=exact)
         force = self.force - (system.K @ base if base.any() else 0.0)
         # A load that is only rounding must not drive a rigid-body mode away.
         load = force @ shapes
@@ -285,9 +291,9 @@ class Structure:
         cosine, sine = shapes.T @ harmonic_loads.cosine, shapes.T @ harmonic_loads.sine
         ramps, begin = self.ramps, self.ramps.segment(0.0) if self.ramps.count else 0
         return Modes(
-            roots, rests, damping, load, harmonic_loads.frequencies, self._slow, cosine, sine,
+            roots, rests, damped.matrix, load, harmonic_loads.frequencies, self._slow, cosine, sine,
             shapes.T @ ramps.directions, ramps.state(begin, 0.0), shapes, base, weighted, errors,
-            damping_errors, shape_error,
+            damped.errors, shape_error + damped.neglected, damped.neglected,
         )  # fmt: skip
 
     def _with_contacts(self, contacts: tuple[Contact, ...]) -> Modes:
@@ -468,29 +474,6 @@ def _with_separate_rigid_modes(C: SymmetricMatrix, roots: Floats, shapes: Floats
     shapes = shapes.copy()
     shapes[:, rigid] = some @ turned
     return shapes
-
-
-def modal_damping(C: SymmetricMatrix, shapes: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return ``E^T C E`` without what is rounding in it, and its errors.
-
-    Those of the diagonal, shape (mode,), and those of couplings that are left out, (mode, mode).
-
-    The terms of an entry add up to no more than ``sqrt(c_i c_j)``, c_i being the sum of the squares
-    of mode i by the sums of the rows of |C|: ``|C|`` is below the diagonal matrix of these sums.
-    Entries of a mode are known to the rounding of its largest one: a mode that is still where the
-    damping acts would be coupled to the others by what rounding makes of its zeros.
-    """
-    damping = shapes.T @ (C @ shapes)
-    sums = _magnitudes(C) @ np.ones(C.n)
-    sizes, magnitudes = np.sqrt(sums @ shapes**2), np.abs(shapes)
-    rounded = np.outer(magnitudes.T @ sums, magnitudes.max(axis=0, initial=0.0))
-    rounding = (8 + sizes.size) * np.outer(sizes, sizes) + 4.0 * (rounded + rounded.T)
-    small = (np.abs(damping) <= _EPS * rounding) & (damping != 0.0)
-    left = np.where(small, np.abs(damping) + _EPS * np.outer(sizes, sizes), 0.0)
-    errors = _EPS * sizes**2 + np.where(small, np.abs(damping), 0.0).diagonal()
-    damping[small] = 0.0
-    np.fill_diagonal(left, 0.0)
-    return damping, errors, left
 
 
 def _left_by_rounding(K: SymmetricMatrix, rigid: Floats) -> Floats:
