@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from typing import Any
 
@@ -155,11 +156,31 @@ def test_a_refused_input_leaves_the_former_answer_as_such(console: Visit) -> Non
     assert figure.evaluate(opaque) == "1"
 
 
+@pytest.mark.parametrize(("view", "kind"), [("modes", "existence-bands"), ("driven", "branches")])
+def test_a_refusal_of_what_comes_after_the_answer_does_not_make_it_a_former_one(
+    console: Visit, view: str, kind: str
+) -> None:
+    problem = {"status": 422, "title": "Unprocessable", "detail": "no such luck", "errors": []}
+    refuse = {
+        "status": 422, "body": json.dumps(problem), "content_type": "application/problem+json",
+    }  # fmt: skip
+    console.page.route(f"**/v1/plan/{kind}", lambda route: route.fulfill(**refuse))
+    page = console.open(view, LOSSY, points=30)
+    _done(page)
+    expect(page.locator("#message")).to_contain_text("no such luck")
+    page.get_by_label("Ω from").fill("0.9")  # an answer to an input before the present one
+    expect(page.locator("#message")).to_contain_text("no such luck")
+    expect(page.get_by_text(FORMER)).to_have_count(0)
+    assert page.locator(".figure").first.evaluate("it => getComputedStyle(it).opacity") == "1"
+
+
 @pytest.mark.parametrize("view", ["modes", "driven", "map"])
 def test_so_does_one_that_is_no_number(console: Visit, view: str) -> None:
     page = console.open(view, LOSSY, points=40, **({"rows": 5} if view == "map" else {}))
     _done(page)
-    field = page.get_by_label("columns" if view == "map" else "points")
+    # The figure names its special points, too.
+    name = "columns" if view == "map" else "points"
+    field = page.get_by_role("spinbutton", name=name, exact=True)
     field.fill("1")
     note = page.get_by_text(FORMER)
     expect(note).to_contain_text("a field has no valid value")

@@ -99,10 +99,13 @@ export class BaseView {
     if (this.running) this.running.abort();
     this.running = new AbortController();
     const { signal } = this.running;
+    const before = this.result;
     try {
       await working(this.progress, (onJob) => this.work(signal, onJob));
     } catch (error) {
-      this.refused("result", error);
+      // What comes after the result is left out where it is refused: nothing former is shown.
+      if (this.result === before) this.refused("result", error);
+      else showError(error);
     }
   }
 
@@ -169,7 +172,6 @@ export class BaseView {
    */
   async offered({ kind, request }, { place, text, act, use, queued }, signal, onJob) {
     place.replaceChildren();
-    this.answered("offered");
     const { seconds, cached } = await ask("POST", `/v1/plan/${kind}`, request, signal);
     /** @param {OnJob} tell */
     const now = async (tell) => use(await compute(kind, request, { signal, onJob: tell, queued: queued && !cached }));
@@ -179,7 +181,7 @@ export class BaseView {
     }
     place.replaceChildren(text(duration(seconds)), " ", button(act, () => {
       place.replaceChildren();
-      working(this.progress, now).catch((error) => this.refused("offered", error));
+      working(this.progress, now).catch(showError);
     }, { class: "quiet" }));
   }
 }
