@@ -293,6 +293,8 @@ class PeriodicMotionsImpact(Table):
     """Wall: 1 the upper, -1 the lower one, shape (impact_index)."""
     phase: Floats
     """Phase of the drive, Omega t modulo 2 pi, shape (impact_index)."""
+    time: Floats
+    """Time in the period of the motion, from the drive's phase 0, shape (impact_index), time."""
     momentum: Floats
     """Momentum exchanged, positive where the wall pushes, shape (impact_index), mass length /
     time.
@@ -359,6 +361,8 @@ class PeriodicMotionsErrorImpact(Table):
 
     phase: Floats
     """Error of the phase, shape (impact_index)."""
+    time: Floats
+    """Error of the time in the period, shape (impact_index), time."""
     momentum: Floats
     """Error of the momentum, shape (impact_index), mass length / time."""
     velocity: Floats
@@ -510,6 +514,10 @@ class AttractorsImpact(Table):
     """Wall: 1 the upper, -1 the lower one, shape (impact_index)."""
     phase: Floats
     """Phase of the drive, Omega t modulo 2 pi, shape (impact_index)."""
+    time: Floats
+    """Time in the period of the attractor, which begins with x and v, shape (impact_index),
+    time.
+    """
     momentum: Floats
     """Magnitude of the momentum exchanged, shape (impact_index), mass length / time."""
     velocity: Floats
@@ -585,6 +593,8 @@ class AttractorsErrorImpact(Table):
 
     phase: Floats
     """Error of the phase, shape (impact_index); nan: not confirmed."""
+    time: Floats
+    """Error of the time, shape (impact_index), time; nan: not confirmed."""
     momentum: Floats
     """Error of the momentum, shape (impact_index), mass length / time; nan: not confirmed."""
     velocity: Floats

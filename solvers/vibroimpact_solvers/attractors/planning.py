@@ -16,7 +16,7 @@ _MEMORY = 2**27  # bytes of the states and impacts of the motions that are obser
 _LARGEST = 2**29  # and of those of one motion
 _EXPECTED = 4.0  # attractors
 _IMPACTS = 2.0  # per period of the drive
-_MOTION, _ATTRACTOR, _IMPACT = 48.0, 168.0, 72.0  # bytes of the rows of tables
+_MOTION, _ATTRACTOR, _IMPACT = 48.0, 168.0, 88.0  # bytes of the rows of tables
 _ROW = 150.0  # bytes of an impact until it is looked at
 _EVENT_SECONDS = 3e-6  # of one motion in a loop over arrays of many
 

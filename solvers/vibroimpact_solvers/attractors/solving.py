@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.attractors.exponents import Exponents
 from vibroimpact_solvers.attractors.grouping import Group, place
 from vibroimpact_solvers.attractors.observed import Observed, observe
@@ -96,7 +96,9 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
         "error_failures": failures,
     }
     values |= _attractors(problem, groups, proofs) | _confirmations(groups, proofs, newton=newton)
-    values |= _impacts(proofs) | sections(problem, [group.shown for group in groups], dofs)
+    values |= _impacts(problem, groups, proofs) | sections(
+        problem, [group.shown for group in groups], dofs
+    )
     return Result(**values)
 
 
@@ -185,24 +187,39 @@ def _confirmations(
     }
 
 
-def _impacts(proofs: Sequence[Confirmed]) -> dict[str, Any]:
+def _impacts(
+    problem: Problem, groups: Sequence[Group], proofs: Sequence[Confirmed]
+) -> dict[str, Any]:
     """Return the table of impacts of periodic attractors."""
 
     def column(parts: list[Any], kind: type) -> Any:
         return np.concatenate([np.zeros(0, kind), *parts])
 
     errors = [column([p.errors[k] for p in proofs], np.float64) for k in range(3)]
+    both = zip(groups, proofs, strict=True)
+    times = [_times(problem, group.shown.period, proof) for group, proof in both]
+    time = column(times, np.float64)
     return {
         "impact_attractor": np.repeat(np.arange(len(proofs)), [p.phase.size for p in proofs]),
         "impact_constraint": column([p.impacts.constraint for p in proofs], np.int64),
         "impact_side": column([p.impacts.side for p in proofs], np.int64),
         "impact_phase": column([p.phase for p in proofs], np.float64),
+        "impact_time": time,
         "impact_momentum": column([p.impacts.momentum for p in proofs], np.float64),
         "impact_velocity": column([p.impacts.velocity for p in proofs], np.float64),
         "error_phase": errors[0],
+        "error_time": errors[0] / float(problem.Omega[0]) + 2.0 * EPS * time,
         "error_momentum": errors[1],
         "error_velocity": errors[2],
     }
+
+
+def _times(problem: Problem, period: int, proof: Confirmed) -> Floats:
+    """Return the times of impacts in a period of so many of the drive, from the last state on."""
+    Omega, turn = float(problem.Omega[0]), 2.0 * math.pi
+    end = problem.settle + problem.observe
+    turns = np.round((Omega * proof.impacts.time - proof.phase) / turn) - end
+    return np.asarray((proof.phase + turn * np.mod(turns, max(1, period))) / Omega)
 
 
 def wilson(counts: np.ndarray[Any, np.dtype[np.int64]], total: int) -> tuple[Floats, Floats]:

@@ -254,6 +254,10 @@ class Curve:
             longest = self._longest(place)
             length = min(length, longest)
             point = self.along(place, length)
+            if point is None:  # perhaps as there are no problems beyond the range
+                last = self._last(place, length)
+                if last is not None:
+                    return [*places, last]
             next_place = None if point is None else self._next(point, place.tangent)
             if point is None or next_place is None or next_place.tangent @ place.tangent < _BEND:
                 length *= 0.5
@@ -272,6 +276,17 @@ class Curve:
             if place.tangent @ places[-2].tangent > 0.999:
                 length = min(1.5 * length, longest)
         return places
+
+    def _last(self, place: Place, length: float) -> Place | None:
+        """Return the point at the end of the range, None where a step does not reach that."""
+        beyond = place.x + length * place.tangent
+        if 0.0 <= beyond[-1] <= 1.0:
+            return None
+        end = self._end(place.x, beyond)
+        if end is None or np.linalg.norm(end - place.x) > 2.0 * length:
+            return None
+        last = self._next(end, place.tangent)
+        return last if last is not None and last.tangent @ place.tangent >= _BEND else None
 
     def _end(self, last: Floats, beyond: Floats) -> Floats | None:
         """Return the point at the end of the range, between one on it and one beyond it.
@@ -294,14 +309,28 @@ class Curve:
         return self.problem.step / math.hypot(np.linalg.norm(others), np.linalg.norm(pushed))
 
     def turned(self, x: Floats) -> list[Floats]:
-        """Return a point as it is where the motion begins at any of its impacts, without load."""
-        if not self.free:
-            return [x]
+        """Return a point as it is where the motion begins at any impact where it may begin alike.
+
+        A motion that is late by a period of the drive, or without load by any time, is the same.
+        """
+        period = 2.0 * np.pi * self.base.periods
+        points = []
+        for s in sequences.turns(self.base.impacts):
+            point = self._rolled(x, s)
+            point[self.m - s : self.m] += period
+            if self.free:
+                point[: self.m] -= point[0]
+            points.append(point)
+        return points
+
+    def _rolled(self, x: Floats, s: int) -> Floats:
+        """Return a point, or a tangent, with the numbers of impact s first."""
         phases, impulses = x[: self.m], x[self.m : -1]
-        return [
-            np.concatenate([np.roll(phases, -s) - phases[s], np.roll(impulses, -s), x[-1:]])
-            for s in sequences.turns(self.base.impacts)
-        ]
+        return np.concatenate([np.roll(phases, -s), np.roll(impulses, -s), x[-1:]])
+
+    def late(self, one: Floats, other: Floats) -> Floats:
+        """Return the differences of the phases of two points, (m,); see `sequences.same_begin`."""
+        return sequences.same_begin(self.base, one[: self.m] - other[: self.m])
 
     def crossing(self, x: Floats, tangent: Floats) -> float:
         """Return a determinant that changes sign where two curves of free motions cross.
@@ -338,17 +367,20 @@ class Curve:
 
     def is_closed(self, places: list[Place]) -> bool:
         """Whether the last step has come back to the first point."""
+        if len(places) <= 5:
+            return False
         first, last, before = places[0], places[-1], places[-2]
-        apart = first.x - last.x
-        turn = np.round(apart[0] / (2.0 * np.pi))
-        apart[: self.m] -= 2.0 * np.pi * turn
         step = float(np.linalg.norm(last.x - before.x))
-        return bool(
-            len(places) > 5
-            and np.linalg.norm(apart) < step
-            and first.tangent @ last.tangent > _BEND
-            and first.tangent @ apart <= 0.0
-        )
+        for s, point in zip(sequences.turns(self.base.impacts), self.turned(last.x), strict=True):
+            apart = first.x - point
+            apart[: self.m] = self.late(first.x, point)
+            if (
+                np.linalg.norm(apart) < step
+                and first.tangent @ self._rolled(last.tangent, s) > _BEND
+                and first.tangent @ apart <= 0.0
+            ):
+                return True
+        return False
 
     def solutions(self, points: list[Floats]) -> tuple[Motions, Driven, Cells, Solutions]:
         """Return the motions at points with one structure: of several frequencies, or at one."""

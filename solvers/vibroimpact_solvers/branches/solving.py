@@ -119,8 +119,8 @@ def _contains(branch: Branch, seed: Floats) -> bool:
         point = branch.curve.at_value(near, float(seed[-1]))
         if point is None:
             continue
-        turn = np.angle(np.exp(1j * (point[:m] - seed[:m])))
-        if max(np.abs(turn).max(), np.abs(point[m:-1] - seed[m:-1]).max()) < _SAME:
+        late = branch.curve.late(point, seed)
+        if max(np.abs(late).max(), np.abs(point[m:-1] - seed[m:-1]).max()) < _SAME:
             return True
     return False
 

@@ -100,15 +100,20 @@ def _impacts(problem: Problem, driven: Driven, solved: Solutions) -> Columns:
         m = 2
     phase_error, velocity_error, momentum_error = errors
     scale = driven.scale
+    phase_error = phase_error + 2.0 * EPS * np.abs(phase)
+    Omega = problem.Omega[solved.index, np.newaxis]
+    time = np.mod(phase, 2.0 * np.pi * problem.periods) / Omega
     struck = np.array([impact.constraint for impact in listed], dtype=np.int64)
     return {
         "impact_solution": np.repeat(np.arange(count), m),
         "impact_constraint": np.tile(struck, count),
         "impact_side": np.tile(sides.astype(np.int64), count),
         "impact_phase": np.mod(phase, 2.0 * np.pi).ravel(),
+        "impact_time": time.ravel(),
         "impact_momentum": (momentum * scale).ravel(),
         "impact_velocity": (velocity * scale).ravel(),
-        "error_phase": (phase_error + 2.0 * EPS * np.abs(phase)).ravel(),
+        "error_phase": phase_error.ravel(),
+        "error_time": (phase_error / Omega + 2.0 * EPS * time).ravel(),
         "error_momentum": (momentum_error * scale).ravel(),
         "error_velocity": (velocity_error * scale).ravel(),
     }

@@ -20,7 +20,7 @@ _NODE = 600.0  # operations at a node, whatever the structure is
 _TURN = 20.0  # radians of what turns fastest in a period that count no more
 # Bytes of the columns of a solution, with their errors; those of an extreme are for each dof.
 _SOLUTION, _EXISTENCE, _EXTREMES, _ENERGIES, _STABILITY, _MULTIPLIER = 25, 26, 48, 48, 24, 32
-_IMPACT = 72  # bytes of the columns of an impact, with their errors
+_IMPACT = 88  # bytes of the columns of an impact, with their errors
 _STARTS = 40.0  # of the search for a sequence, times steps
 _SWEEPS = 8.0  # over the multipliers until all are settled
 

@@ -120,6 +120,11 @@ class Problem:
             return (Impact(self.constraint, 1),)
         return self.sequence
 
+    @property
+    def turn(self) -> float:
+        """Phase of the drive after which the load repeats itself, rad: motions may begin later."""
+        return 2.0 * math.pi / max(1, math.gcd(*(force.harmonic for force in self.load)))
+
     def slice(self, start: int, stop: int) -> Problem:
         """Return the problem of some of the frequencies."""
         return self.at(self.Omega[start:stop])

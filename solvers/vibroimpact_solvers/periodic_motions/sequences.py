@@ -55,6 +55,17 @@ def turns(impacts: tuple[Impact, ...]) -> list[int]:
     return [s for s in range(len(impacts)) if impacts[s:] + impacts[:s] == impacts]
 
 
+def same_begin(problem: Problem, apart: Floats) -> Floats:
+    """Return differences of phases, (…, impact), of two rows of impacts.
+
+    Those of one motion are zero, whichever period of the load is the first in both rows, and
+    whichever period of the motion an impact is told of.
+    """
+    turn, whole = problem.turn, 2.0 * np.pi * problem.periods
+    apart = apart - turn * np.round(apart[..., :1] / turn)
+    return np.asarray(apart - whole * np.round(apart / whole))
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Laws:
     """The impacts of a cell, whatever the frequency is.
@@ -182,13 +193,13 @@ class Search:
         return self.driven.pairs.move(flows, self.response.after[:, j])
 
     def _different(self, times: Floats, impulses: Floats) -> tuple[Floats, Floats]:
-        """Return each solution once, impacts in order, the first in the drive's first period.
+        """Return each solution once, impacts in order, the first in the load's first period.
 
         Impacts of several constraints may coincide unless one changes the velocity of the other,
         in either order, as roundings decide. Two of one constraint at one time, with opposite
         impulses, solve the equations, too.
         """
-        drive = 2.0 * np.pi / self.Omega
+        drive = self.problem.turn / self.Omega
         times = times - np.floor(times[:, :1] / drive) * drive
         late = COINCIDENT * self.length
         apart = np.mod(times - times[:, :1], self.length)
@@ -198,13 +209,12 @@ class Search:
         apart[:, 1:] += np.where(ends, self.length, 0.0)
         after = times[:, :1] + np.maximum.accumulate(apart, axis=1)
         ordered = (np.diff(apart, axis=1) > -late).all(axis=1) & ~self._doubled(apart)
-        times, impulses = after[ordered], impulses[ordered]
-        if self.autonomous:
-            times, impulses = self._begun_alike(times, impulses)
-        kept: list[int] = []
-        for row in range(times.shape[0]):
-            apart = np.abs(times[kept] - times[row])
-            if not (np.minimum(apart, self.length - apart) * self.Omega < _SAME).all(axis=1).any():
+        times, impulses = self._begun_alike(after[ordered], impulses[ordered])
+        first, kept = turns(self.problem.impacts), list[int]()
+        for row, t in enumerate(times):
+            alike = np.array([self._begun_at(t, s) for s in first])
+            apart = (times[kept] - alike[:, np.newaxis]) * self.Omega
+            if not (np.abs(same_begin(self.problem, apart)) < _SAME).all(axis=-1).any():
                 kept.append(row)
         places = np.lexsort(np.round(times[kept] * self.Omega, _DIGITS).T[::-1])
         order = [kept[place] for place in places]
@@ -222,22 +232,33 @@ class Search:
         return np.asarray((np.minimum(apart, self.length - apart) <= limit).any(axis=1))
 
     def _begun_alike(self, times: Floats, impulses: Floats) -> tuple[Floats, Floats]:
-        """Return motions that may begin at any of their impacts, those at which they may alike.
+        """Return motions with that impact first which is, of those that could be, the largest.
 
-        With the largest impulse first, of equal ones that with the largest second one, and so on;
-        of all equal ones with the longest time to the next impact.
+        A sequence that repeats itself may begin at several of its impacts: a motion that is late
+        by a period of the drive, or without load by any time, is no other motion. Of equal impulses
+        that is first whose next one is the largest, and so on; of all equal ones that with the
+        longest time to the next impact, or that which pushes.
         """
         times, impulses = times.copy(), impulses.copy()
         first = turns(self.problem.impacts)
+        sides = np.array([impact.side for impact in self.problem.impacts])
         for row, (t, p) in enumerate(zip(times, impulses, strict=True)):
             sizes = np.abs(p) / np.abs(p).max()
             waits = np.append(t[1:], t[0] + self.length[0, 0]) - t
-            both = np.round([sizes, waits / self.length[0, 0]], _DIGITS)
-            orders = {tuple(np.roll(both, -s, axis=1).ravel()): s for s in first}
+            push = -sides * p / np.abs(p).max()
+            all_of = np.round([sizes, waits / self.length[0, 0], push], _DIGITS)
+            orders = {tuple(np.roll(all_of, -s, axis=1).ravel()): s for s in reversed(first)}
             begin = orders[max(orders)]
-            times[row] = np.mod(np.roll(t, -begin) - t[begin], self.length)
-            impulses[row] = np.roll(p, -begin)
+            if begin:
+                times[row], impulses[row] = self._begun_at(t, begin), np.roll(p, -begin)
         return times, impulses
+
+    def _begun_at(self, times: Floats, first: int) -> Floats:
+        """Return times of one motion, (impact,), with another of its impacts first."""
+        later = np.append(times[first:], times[:first] + self.length[0, 0])
+        load = self.problem.turn / self.Omega[0, 0]
+        shift = later[0] if self.autonomous else np.floor(later[0] / load) * load
+        return np.asarray(later - shift)
 
     def collected(self, times: Floats, p: Floats) -> Solutions:
         """Return the solutions with their states, and errors to first order."""

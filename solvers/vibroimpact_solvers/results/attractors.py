@@ -171,6 +171,11 @@ class Result:
         _impact("phase", "1", "phase of the drive, Omega t modulo 2 pi",
                 error="error/impact/phase"),
     ]  # fmt: skip
+    impact_time: Annotated[
+        Floats,
+        _impact("time", "time", "time in the period of the attractor, which begins with x and v",
+                error="error/impact/time"),
+    ]  # fmt: skip
     impact_momentum: Annotated[
         Floats,
         _impact("momentum", "mass length time-1", "magnitude of the momentum exchanged",
@@ -263,6 +268,9 @@ class Result:
     ]
     error_phase: Annotated[
         Floats, _error("impact/phase", "1", "phase", "impact", missing="not confirmed")
+    ]
+    error_time: Annotated[
+        Floats, _error("impact/time", "time", "time", "impact", missing="not confirmed")
     ]
     error_momentum: Annotated[
         Floats,

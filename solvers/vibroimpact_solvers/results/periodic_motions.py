@@ -202,6 +202,13 @@ class Result:
             "phase", "1", "phase of the drive, Omega t modulo 2 pi", error="error/impact/phase"
         ),
     ]
+    impact_time: Annotated[
+        Floats,
+        _impact(
+            "time", "time", "time in the period of the motion, from the drive's phase 0",
+            error="error/impact/time",
+        ),
+    ]  # fmt: skip
     impact_momentum: Annotated[
         Floats,
         _impact(
@@ -238,6 +245,7 @@ class Result:
     ]
     error_statement: Statement
     error_phase: Annotated[Floats, _error("impact/phase", "1", "phase", "impact")]
+    error_time: Annotated[Floats, _error("impact/time", "time", "time in the period", "impact")]
     error_momentum: Annotated[
         Floats, _error("impact/momentum", "mass length time-1", "momentum", "impact")
     ]

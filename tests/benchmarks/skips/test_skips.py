@@ -105,10 +105,10 @@ SAVED: Mapping[str, Mapping[str, tuple[int, int]]] = {
     # One state instead of six at the end of each free motion.
     "no estimate of errors requested, N=13": {STATES: (321, 381)},
     # Of 48 solutions, 18 of them with an impact: 13 degrees of freedom, 26 multipliers, 33 times.
-    "only exists of periodic motions requested, N=13": {NUMBERS: (576, 31_054)},
-    "only energy of periodic motions requested, N=13": {NUMBERS: (624, 31_054)},
-    "only section of attractors requested": {NUMBERS: (56, 60)},
-    "only stability of attractors requested": {NUMBERS: (55, 60)},
+    "only exists of periodic motions requested, N=13": {NUMBERS: (612, 31_090)},
+    "only energy of periodic motions requested, N=13": {NUMBERS: (660, 31_090)},
+    "only section of attractors requested": {NUMBERS: (58, 62)},
+    "only stability of attractors requested": {NUMBERS: (57, 62)},
     "fifty gaps of two coupled constraints, N=40": {
         MODES: (40, 50 * 40),
         RESPONSES: (400 * 40, 50 * 400 * 40),

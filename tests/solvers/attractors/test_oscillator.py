@@ -16,7 +16,7 @@ import pytest
 from scipy.stats import binomtest
 
 from tests.solvers.attractors.bouncing import Bouncing
-from vibroimpact_solvers import attractors, periodic_motions
+from vibroimpact_solvers import attractors, periodic_motions, time_history
 from vibroimpact_solvers.attractors import Force, Nature, Verification
 from vibroimpact_solvers.errors import Cancelled, ModelError, PlanError, Status
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
@@ -158,6 +158,27 @@ def test_states_are_those_of_the_periodic_motion_within_their_errors(omega: floa
     nearest = int(apart.argmin())
     assert apart[nearest] <= result.error_x[row, 0] + exact.error_waveform[nearest, 0, 0]
     assert result.error_x[row, 0] < 1e-9
+
+
+@pytest.mark.parametrize("omega", [2.7, 2.9])
+def test_impacts_are_at_their_times_after_the_state_of_the_attractor(omega: float) -> None:
+    """A time history from that state has them there, the first period of the drive first."""
+    result = solved(omega, count=6)
+    for row in np.flatnonzero(result.attractor_impacts > 0):
+        mine = result.impact_attractor == row
+        period = 2.0 * np.pi / omega * result.attractor_period[row]
+        state = time_history.State(result.attractor_x[row], result.attractor_v[row])
+        problem = time_history.Problem(
+            system(), state, period, outputs=frozenset({"impacts"}),
+            load=(time_history.Harmonic(0, 1.0, omega, 0.0),),
+        )  # fmt: skip
+        history = time_history.solve(problem, time_history.plan(problem))
+        times = np.sort(result.impact_time[mine])
+        assert times == pytest.approx(history.impact_time, abs=1e-5)
+        assert np.mod(omega * result.impact_time[mine], 2.0 * np.pi) == pytest.approx(
+            result.impact_phase[mine]
+        )
+        assert (result.error_time[mine] < 1e-9).all()
 
 
 def test_long_observations_of_large_structures_are_refused() -> None:

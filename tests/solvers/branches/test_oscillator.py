@@ -53,6 +53,62 @@ def times(result: branches.Result, row: int) -> list[float]:
     return list((phases[0] + apart + 2.0 * np.pi * np.arange(phases.size)) / after)
 
 
+@pytest.mark.parametrize(("start", "stop"), [(0.8, 1.0), (1.0, 0.8)])
+def test_branches_to_the_last_value_that_is_allowed_are_listed_once(
+    start: float, stop: float
+) -> None:
+    """No coefficient of restitution is above one: the branches end there, and begin there."""
+    load = (driven.Force((0,), (1.0,), 1.0),)
+
+    def at(k: float) -> driven.Problem:
+        wall = Constraint((0,), (1.0,), None, 0.5, k)
+        system = System(ONE, ONE, (wall,), C=SymmetricMatrix.diagonal([0.1]))
+        return driven.Problem(system, np.array([1.2]), load, outputs=OUTPUTS)
+
+    problem = branches.Problem(at, start, stop, at(0.8).system, step=0.05)
+    result = branches.solve(problem, branches.plan(problem))
+    impacts = {
+        int(branch): int(result.solution_impacts[result.solution_branch == branch].max())
+        for branch in np.unique(result.solution_branch)
+    }
+    assert sorted(impacts.values()) == [0, 1, 1]  # two roots of one polynomial, and the response
+    for branch in impacts:
+        ends = result.solution_parameter[result.solution_branch == branch][[0, -1]]
+        assert ends.tolist() == [start, stop]
+
+
+def test_a_branch_of_three_periods_is_listed_once() -> None:
+    """Whichever of its impacts is the first: three seeds are late by a period of the drive each."""
+    oscillator = Oscillator(0.05, 1.0, 0.0, 0.8)
+    wall = Constraint((0,), (1.0,), None, oscillator.gap, oscillator.k)
+    system = System(ONE, ONE, (wall,), C=SymmetricMatrix.diagonal([2.0 * oscillator.d]))
+    load = (driven.Force((0,), (1.0,), oscillator.a),)
+
+    def at(Omega: float) -> driven.Problem:
+        return driven.Problem(
+            system, np.array([Omega]), load, 3, (driven.Impact(0),) * 3, outputs=OUTPUTS
+        )
+
+    problem = branches.Problem(at, 2.59, 2.61, system, frequency=True, step=0.2)
+    result = branches.solve(problem, branches.plan(problem))
+    middle = driven.solve(at(2.6), driven.plan(at(2.6)))
+    found = []  # what every branch that passes 2.6 exchanges there, about
+    for branch in np.unique(result.solution_branch[result.solution_impacts > 0]):
+        mine = np.flatnonzero(result.solution_branch == branch)
+        side = result.solution_parameter[mine] < 2.6
+        rows = mine[:-1][side[:-1] != side[1:]]
+        found += [np.sort(result.impact_momentum[result.impact_solution == row]) for row in rows]
+    apart = np.abs(np.array(found)[:, np.newaxis] - found).max(axis=2)
+    assert (apart[~np.eye(len(found), dtype=bool)] > 0.1).all()
+    expected = [
+        np.sort(middle.impact_momentum[middle.impact_solution == row])
+        for row in np.flatnonzero(middle.solution_impacts)
+    ]
+    for momenta in expected:
+        assert np.abs(momenta - found).max(axis=1).min() < 0.02
+    assert len(found) >= len(expected) == 6  # the search from random starts may miss some
+
+
 def test_a_cascade_of_flips() -> None:
     """Four doublings, three against the reference; distances shrink as Feigenbaum's number."""
     oscillator = Oscillator(0.05, 1.0, 0.0, 0.8)

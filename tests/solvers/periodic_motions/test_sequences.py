@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -78,8 +80,73 @@ def test_motions_of_several_periods_are_what_time_histories_settle_on(
     stable &= result.solution_impacts == impacts
     (row,) = np.flatnonzero(stable)
     mine = result.impact_solution == row
-    assert result.impact_momentum[mine] == pytest.approx(momenta, abs=1e-6)
+    begin, period = int(np.argmax(momenta)), 2.0 * np.pi * periods / Omega
+    assert result.impact_momentum[mine] == pytest.approx(np.roll(momenta, -begin), abs=1e-6)
+    since, told = np.roll(times, -begin) - times[begin], result.impact_time[mine]
+    assert np.mod(told - told[0], period) == pytest.approx(np.mod(since, period), abs=1e-6)
     assert result.solution_work[row] == pytest.approx(result.solution_energy_lost[row], rel=1e-11)
+
+
+def shifted(phases: np.ndarray, momenta: np.ndarray, periods: int) -> set[tuple[int, ...]]:
+    """Return a motion as it is when late by periods of the drive, each impact as two numbers."""
+    turns = np.arange(periods)[:, np.newaxis]
+    late = np.mod((phases + 2.0 * np.pi * turns) / (2.0 * np.pi * periods), 1.0)
+    late = np.round(late * 1e6) % 1e6
+    order = np.argsort(late, axis=1)
+    both = np.take_along_axis(late, order, axis=1), np.round(1e6 * momenta)[order]
+    return {tuple(row) for row in np.concatenate(both, axis=1).astype(int).tolist()}
+
+
+@pytest.mark.parametrize(
+    ("Omega", "periods", "impacts", "motions"), [(2.6, 3, 3, 6), (2.7, 2, 2, 7), (0.9, 1, 2, 3)]
+)
+def test_motions_and_phantoms_are_listed_once_whichever_impact_is_first(
+    Omega: float, periods: int, impacts: int, motions: int
+) -> None:
+    """Late by a period of the drive, a motion of several periods is the same motion."""
+    one = SymmetricMatrix.diagonal([1.0])
+    wall = Constraint((0,), (1.0,), None, 0.0, 0.8)
+    system = System(one, one, (wall,), C=SymmetricMatrix.diagonal([0.1]))
+    problem = driven.Problem(
+        system, np.array([Omega]), (driven.Force((0,), (1.0,), 1.0),), periods,
+        (driven.Impact(0),) * impacts,
+    )  # fmt: skip
+    result = solved(problem)
+    seen = set[tuple[int, ...]]()
+    rows = np.flatnonzero(result.solution_impacts)
+    for row in rows:
+        mine = result.impact_solution == row
+        phases, momenta = Omega * result.impact_time[mine], result.impact_momentum[mine]
+        same = shifted(phases, momenta, periods)
+        assert not seen & same
+        seen |= same
+        assert np.abs(momenta[0]) >= np.abs(momenta).max() - 1e-6
+    assert rows.size == motions
+
+
+def test_an_impact_is_at_its_time_in_the_period_of_the_motion() -> None:
+    """The displacement at that part of the period is the wall's position."""
+    one, gap, periods = SymmetricMatrix.diagonal([1.0]), 0.2, 4
+    system = System(
+        one, one, (Constraint((0,), (1.0,), None, gap, 0.8),), C=SymmetricMatrix.diagonal([0.1])
+    )
+    problem = driven.Problem(
+        system, np.array([2.7]), (driven.Force((0,), (1.0,), 1.0, phase=0.3),), periods,
+        (driven.Impact(0),) * 3,
+    )  # fmt: skip
+    first = solved(problem)
+    period = 2.0 * np.pi * periods / 2.7
+    assert first.impact_time.size
+    assert (first.impact_time.min() >= 0.0) & (first.impact_time.max() < period)
+    assert np.mod(2.7 * first.impact_time, 2.0 * np.pi) == pytest.approx(first.impact_phase)
+    tau = first.impact_time / period
+    outputs = frozenset({"exists", "waveform"})
+    waveform = solved(replace(problem, tau=tau, outputs=outputs)).waveform
+    assert waveform is not None
+    at = waveform[first.impact_solution, np.arange(tau.size), 0]
+    assert at == pytest.approx(np.full(tau.size, gap), abs=1e-11)
+    assert (first.error_time * 2.7 >= first.error_phase).all()
+    assert first.error_time.max() < 1e-9
 
 
 def test_starts_of_the_request_lead_to_their_solution() -> None:
