@@ -52,9 +52,9 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
     if driven.mixing:
         floor = driven.mixing.of_response(cells.length, cells.sign, kicks, each.after)[:, 0]
         for of, (error, seen_by) in enumerate(((g_error, form), (rate_error, slope))):
-            sizes = np.abs((response.after, response.before)[of]).sum(axis=1)
+            sizes = np.linalg.norm((response.after, response.before)[of], axis=1)
             bounded = np.where(np.isfinite(sizes), sizes, 0.0)  # else there is no solution
-            error += bounded @ driven.doubts[of, a] + floor @ np.abs(seen_by).sum(axis=0)
+            error += bounded @ driven.doubts[of, a] + floor @ np.linalg.norm(seen_by, axis=0)
     mu = driven.mobility[a, a]
     level = driven.level[a]
     wall = driven.walls[1 if side > 0 else 0, a] - level

@@ -11,6 +11,7 @@ from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import EPS, Booleans, Floats
 from vibroimpact_solvers.errors import PlanError
 from vibroimpact_solvers.kernels.limit_check import Coordinates
+from vibroimpact_solvers.periodic_motions.groups import turned
 from vibroimpact_solvers.periodic_motions.mixing import Mixing
 from vibroimpact_solvers.periodic_motions.pairs import Complexes, Pairs
 from vibroimpact_solvers.periodic_motions.problem import Problem
@@ -44,7 +45,9 @@ class Driven:
     load : array, shape (harmonic, 2, pair), complex
         Change of state per unit of time by the amplitude of each harmonic.
     shape_error : float
-        Relative error of forms and kicks.
+        Relative error of forms and kicks, apart from what mixes modes.
+    vector_error : float
+        The latter, of complex modes, relative to their lengths.
     mixing : Mixing
     doubts : array, shape (2, constraint, pair)
         Absolute errors of the forms of position and velocity by it, of both numbers of each pair.
@@ -66,6 +69,7 @@ class Driven:
     forces: Complexes
     load: Complexes
     shape_error: float
+    vector_error: float
     mixing: Mixing
     doubts: Floats
     free: Booleans
@@ -86,16 +90,18 @@ class Driven:
         """
         system = problem.system
         structure = Structure.of(system, method, 2.0 * math.pi / float(problem.Omega[0]))
-        basis = structure.configuration().basis.without_chains()
-        modes = basis.modes
+        configuration = structure.configuration()
+        equal = turned(structure, configuration.basis.modes)
+        modes, basis = equal.modes, configuration.basis.without_chains()
+        if equal.groups:
+            basis = Basis(modes, structure.exponent, chains=False)
         if modes.load[modes.roots == 0.0].any():
             message = "a constant load drives a rigid-body mode: no motion is periodic"
             raise PlanError(message, ("system", "force"))
         rows = structure.W @ modes.shapes
         # A mode with a node at a constraint is not coupled at all; rounding of its participation
         # would put a multiplier next to a pole of the equation that the multipliers solve.
-        node = structure.natural.participations(system.constraints)[0] == 0.0
-        rows[node] = 0.0
+        rows[equal.silent] = 0.0
         harmonics = np.unique([force.harmonic for force in problem.load]).astype(np.float64)
         forces = np.zeros((harmonics.size, system.n), dtype=np.complex128)
         for force in problem.load:
@@ -108,13 +114,17 @@ class Driven:
             basis.kick(forces.real @ modes.shapes) + 1j * basis.kick(forces.imag @ modes.shapes)
         )
         rounded = 2.0 * EPS * (2.0 * basis.condition - 1.0)  # complex modes are inverted, too
-        shape_error = modes.shape_error + basis.vector_error + rounded
+        shape_error = modes.shape_error - modes.neglected + rounded  # `mixing` has it
         eigenvalues = modes.roots * np.abs(modes.roots)
         stiff = np.where(eigenvalues == 0.0, np.inf, np.abs(eigenvalues))
-        loose = 2.0 * shape_error + 4.0 * EPS + modes.errors / stiff
+        loose = (
+            2.0 * (shape_error + basis.vector_error + modes.neglected)
+            + 4.0 * EPS
+            + modes.errors / stiff
+        )
         keep = (load != 0.0).any(axis=(1, 2))
         pairs, position, velocity = Pairs(basis), basis.displacement(rows), basis.velocity(rows)
-        mixing = Mixing.of(structure, basis, pairs)
+        mixing = Mixing.of(structure, basis, pairs, equal)
         kick, doubts = basis.kick(rows), np.zeros((2, len(rows), 0))
         if mixing:
             doubts = mixing.of_forms(np.stack([position, velocity]))
@@ -122,7 +132,7 @@ class Driven:
             sizes = np.linalg.norm([position, velocity], axis=2)
             silent = (sizes <= doubts).all(axis=0)[:, np.newaxis].repeat(2, axis=1)
             position[silent] = velocity[silent] = kick[silent] = 0.0
-            doubts = 2.0 * doubts
+            doubts[:, silent[:, 0]] *= 2.0
         return cls(
             structure,
             basis,
@@ -138,6 +148,7 @@ class Driven:
             forces[keep],
             load[keep],
             shape_error,
+            basis.vector_error,
             mixing,
             doubts,
             ((rows != 0.0) & (modes.roots == 0.0)).any(axis=1),

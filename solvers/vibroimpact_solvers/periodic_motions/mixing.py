@@ -13,13 +13,15 @@ from typing import Final
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.arrays import EPS, Floats
+from vibroimpact_solvers.periodic_motions.groups import Turned
 from vibroimpact_solvers.periodic_motions.pairs import Complexes, Pairs
 from vibroimpact_solvers.time_history import modal_damping
 from vibroimpact_solvers.time_history.basis import Basis
 from vibroimpact_solvers.time_history.complex_modes import NEAR
 from vibroimpact_solvers.time_history.structure import Structure
 
+_TURNED: Final = 8.0 * EPS  # share of a mode in another that it was turned against
 _NONE: Final = np.zeros((0, 0))
 
 
@@ -42,23 +44,29 @@ class Mixing:
     rates: Complexes
 
     @classmethod
-    def of(cls, structure: Structure, basis: Basis, pairs: Pairs) -> Mixing:
-        """Return that of a structure whose modes are those of a basis."""
+    def of(cls, structure: Structure, basis: Basis, pairs: Pairs, equal: Turned) -> Mixing:
+        """Return that of a structure whose modes, some of them turned, are those of a basis."""
         modes, turns = basis.modes, np.where(np.arange(pairs.nu.size) < pairs.rotations.stop, 1j, 1)
         nu = np.where(np.arange(pairs.nu.size) < pairs.hyperbolas.stop, pairs.nu, 0.0)
         rates = np.stack([pairs.alpha + turns * nu, pairs.alpha - turns * nu])
-        if structure.system.C is None:
+        system, left = structure.system, _NONE
+        if system.C is None and not equal.groups:
             return cls(_NONE, _NONE, rates)
         far, near = basis.mixing
-        damped = modal_damping.of_modes(
-            structure.system, modes.shapes, modes.roots, exact=structure.natural.proved
-        )
-        left = damped.left_out / structure.scale
-        if left.any():
+        if system.C is not None:
+            exact = structure.natural.proved
+            damped = modal_damping.of_modes(system, modes.shapes, modes.roots, exact=exact)
+            left = damped.left_out / structure.scale
+        if left.any() or equal.spread.any():
             each = np.eye(modes.roots.size)
             driven = np.linalg.norm(basis.kick(each), axis=1)
-            moving = np.linalg.norm(basis.velocity(each), axis=1)
-            coupling = driven.T @ left @ moving
+            coupling = np.zeros(far.shape)
+            if left.any():
+                coupling += driven.T @ left @ np.linalg.norm(basis.velocity(each), axis=1)
+            placed = np.linalg.norm(basis.displacement(each), axis=1)
+            for group, spread in zip(equal.groups, equal.spread, strict=True):
+                pushed = np.outer(driven[group].sum(axis=0), placed[group].sum(axis=0))
+                coupling += pushed * (spread / structure.scale**2)
             np.fill_diagonal(coupling, 0.0)
             apart = np.abs(rates[0, :, np.newaxis] - rates[0])
             apart = np.minimum(apart, np.abs(rates[0, :, np.newaxis] - rates[1]))
@@ -67,6 +75,11 @@ class Mixing:
             close = apart <= NEAR * np.abs(rates).max(axis=0)
             far = far + np.where(close, 0.0, coupling) / np.where(close, 1.0, apart)
             near = near + np.where(close, coupling, 0.0)
+        for group in equal.groups:
+            places = basis.place[group]
+            places = places[places >= 0]
+            share = _TURNED * (1.0 - np.eye(places.size))
+            far[places[:, np.newaxis], places] += share
         # Nothing brings back what slides without drag: it is not driven by roundings either.
         slides = (rates == 0.0).all(axis=0)
         far[slides], near[slides] = 0.0, 0.0

@@ -219,7 +219,7 @@ def _factors(
     return monodromy.Factors(
         flows, there * inexact, walls.forms[..., modes].reshape(shape),
         walls.kicks[..., modes].reshape(shape), jumps[0], jump_errors,
-        2.0 * driven.shape_error + _ROUNDINGS + driven.summed,
+        2.0 * (driven.shape_error + driven.vector_error) + _ROUNDINGS + driven.summed,
     )  # fmt: skip
 
 
@@ -325,7 +325,9 @@ def _cycles(
     doubt = np.einsum("nijcp,njcb->nijbp", spread, np.abs(jumps), optimize=True)
     doubt = doubt.reshape(count, 2 * m, 2 * m, -1)
     inexact = _inexact(driven, modes, period)
-    relative = inexact + 4.0 * driven.shape_error + _ROUNDINGS + driven.summed
+    relative = (
+        inexact + 4.0 * (driven.shape_error + driven.vector_error) + _ROUNDINGS + driven.summed
+    )
     # The period is exact; the times between two impacts are as inexact as their phases.
     between = solved.phase_error[:, :, np.newaxis] + solved.phase_error[:, np.newaxis]
     between /= cells.Omega[solved.index, np.newaxis, np.newaxis]

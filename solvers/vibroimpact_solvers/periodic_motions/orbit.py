@@ -21,6 +21,7 @@ from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
 from vibroimpact_solvers.periodic_motions.problem import Problem
 from vibroimpact_solvers.periodic_motions.solutions import Cells, Solutions
+from vibroimpact_solvers.time_history import modal_damping
 
 _NODES: Final = 12  # in a panel
 _PLACES: Final = 0.5 * (np.polynomial.legendre.leggauss(_NODES)[0] + 1.0)
@@ -48,7 +49,8 @@ class Outputs:
         Coordinates of the modes from the equilibrium, and their velocities.
     stiffness, stiffness_error : array, shape (mode,)
         Eigenvalues, and their errors.
-    damping : array, shape (mode, mode), optional
+    damping, damping_error : array, shape (mode, mode), optional
+        And what rounding took from it.
     power : array, shape (harmonic, 2, pair), complex
         Velocities along the amplitudes of the load.
     """
@@ -62,6 +64,7 @@ class Outputs:
     stiffness: Floats
     stiffness_error: Floats
     damping: Floats | None
+    damping_error: Floats
     power: Complexes
 
     @classmethod
@@ -76,9 +79,14 @@ class Outputs:
         each = np.eye(modes.roots.size)
         x, v = basis.displacement(shapes), basis.velocity(shapes)
         roots = modes.roots * (1.0 + modes.rests)
+        error, system = np.zeros((0, 0)), problem.system
+        if system.C is not None and "energy" in problem.outputs:
+            exact = driven.structure.natural.proved
+            damped = modal_damping.of_modes(system, modes.shapes, modes.roots, exact=exact)
+            error = damped.left_out + np.diag(damped.errors)
         return cls(
             x, v, basis.rates_of(v), level, basis.displacement(each), basis.velocity(each),
-            roots * np.abs(roots), modes.errors, modes.damping, power,
+            roots * np.abs(roots), modes.errors, modes.damping, error, power,
         )  # fmt: skip
 
 
@@ -314,6 +322,16 @@ class Orbit:
         rounded = EPS * (float(np.abs(self.starts).max()) + self.Omega * length)
         return np.asarray(error + moves * (self.phase_errors.max(initial=0.0) + rounded))
 
+    def _steady_error_of(self, forms: Floats) -> Floats:
+        """Return the errors of forms of the steady response, shape (harmonic, form)."""
+        driven, moduli, sizes = self.driven, np.abs(self.steady), np.abs(forms)
+        inexact = self.steady_error + 2.0 * driven.shape_error + 4.0 * EPS
+        error = np.einsum("hsj,msj,hj->hm", moduli, sizes, inexact)
+        if driven.mixing:
+            error += moduli.sum(axis=1) @ driven.mixing.of_forms(forms).T
+            error += self.absolute[0] @ sizes.sum(axis=1).T
+        return np.asarray(error)
+
     def energies(self) -> Energies:
         """Return the work of the load, and the energy lost by damping and impacts.
 
@@ -368,12 +386,14 @@ class Orbit:
         work = error = 0.0
         if out.damping is not None:
             v = np.einsum("hsj,msj->hm", self.steady, out.rates)
-            inexact = self.steady_error + 2.0 * driven.shape_error + 4.0 * EPS
-            v_error = np.einsum("hsj,msj,hj->hm", np.abs(self.steady), np.abs(out.rates), inexact)
+            v_error = self._steady_error_of(out.rates)
             length = scale * float(self.lengths.sum())
             work += 0.5 * length * float(np.einsum("hm,mk,hk->", v.conj(), out.damping, v).real)
             damping = np.abs(out.damping)
             error += length * float(np.einsum("hm,mk,hk->", np.abs(v), damping, v_error))
+            both = np.abs(v) + v_error
+            error += 0.5 * length * float(np.einsum("hm,mk,hk->", both, out.damping_error, both))
+            error += 0.5 * length * float(np.einsum("hm,mk,hk->", v_error, damping, v_error))
         if self.impulses.size == 0 or driven.harmonics.size == 0:
             return work, error
         struck = [impact.constraint for impact in self.problem.impacts]
@@ -398,8 +418,12 @@ class Orbit:
         lost = error = 0.0
         if out.damping is not None:
             lost += scale * self._sums.dissipated
-            moved = np.abs(out.damping) @ self._error_of(out.rates)
-            error += 2.0 * scale * float(self._sums.rates @ moved)
+            doubt, length = self._error_of(out.rates), float(self.lengths.sum())
+            moved = np.abs(out.damping) @ doubt
+            error += scale * float(2.0 * self._sums.rates @ moved + length * (doubt @ moved))
+            largest = np.einsum("msj,sj->m", np.abs(out.rates), np.abs(self.steady).sum(axis=0))
+            largest += np.einsum("msj,sj->m", np.abs(out.rates), np.abs(self.states).max(axis=0))
+            error += scale * float(largest @ out.damping_error @ self._sums.rates)
         for impact, v, doubt in zip(
             self.problem.impacts, self.velocities, self.velocity_errors, strict=False
         ):

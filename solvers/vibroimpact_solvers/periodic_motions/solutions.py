@@ -86,8 +86,9 @@ class Cells:
         moduli, relative = np.abs(self.steady), self.steady_error + more
         error = np.einsum("isj,fhsj,fhj->fhi", np.abs(forms), moduli, relative)
         if self.steady_floor.size:
-            error += np.einsum("ij,fhsj->fhi", doubts, moduli)
-            error += np.einsum("isj,fhj->fhi", np.abs(forms), self.steady_floor)
+            lengths = np.linalg.norm(moduli, axis=2)
+            error += np.where(np.isfinite(lengths), lengths, 0.0) @ doubts.T
+            error += self.steady_floor @ np.linalg.norm(forms, axis=1).T
         return np.asarray(error)
 
     def load_state(self, driven: Driven, phases: Floats) -> Floats:
@@ -149,8 +150,8 @@ class Solutions:
         """Return errors of forms of states by mixed modes, shape (solution, free motion, form)."""
         if not self.state_floor.size:
             return np.zeros((*self.length.shape, len(forms)))
-        error = np.einsum("ij,nmsj->nmi", doubts, np.abs(self.state))
-        error += np.einsum("isj,nj->ni", np.abs(forms), self.state_floor)[:, np.newaxis]
+        error = np.linalg.norm(self.state, axis=2) @ doubts.T
+        error += (self.state_floor @ np.linalg.norm(forms, axis=1).T)[:, np.newaxis]
         return np.asarray(error)
 
     def at(self, chosen: Integers) -> Solutions:
