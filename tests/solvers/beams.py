@@ -13,9 +13,8 @@ EI, RHO_A, LENGTH, GAP = 100.0, 0.8, 1.0, 0.01
 OMEGA = FIRST * (EI / RHO_A) ** 0.5 / LENGTH**2
 
 
-def matrices(elements: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return M and K of a cantilever, deflections and rotations of its nodes by turns."""
-    h = LENGTH / elements
+def element(h: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the stiffness and the mass of an element of length h."""
     stiffness = np.array(
         [
             [12.0, 6.0 * h, -12.0, 6.0 * h],
@@ -32,11 +31,18 @@ def matrices(elements: int) -> tuple[np.ndarray, np.ndarray]:
             [-13.0 * h, -3.0 * h * h, -22.0 * h, 4.0 * h * h],
         ]
     )
+    return EI / (h * h * h) * stiffness, RHO_A * h / 420.0 * mass
+
+
+def matrices(elements: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return M and K of a cantilever, deflections and rotations of its nodes by turns."""
+    h = LENGTH / elements
+    stiffness, mass = element(h)
     M, K = np.zeros((2, 2 * elements + 2, 2 * elements + 2))
     for first in range(0, 2 * elements, 2):
         some = slice(first, first + 4)
-        M[some, some] += RHO_A * h / 420.0 * mass
-        K[some, some] += EI / h**3 * stiffness
+        M[some, some] += mass
+        K[some, some] += stiffness
     return M[2:, 2:], K[2:, 2:]
 
 

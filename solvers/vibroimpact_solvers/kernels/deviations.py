@@ -38,6 +38,9 @@ SAFETY: Final = 3.0
 EPS: Final = 2.0**-52
 _SHARP = 2.0**-8  # how well the end of a tolerance is told, relative to the free motion
 _STEADY = 0.05  # part by which what decays does not matter
+_FROM_REST = 0.25  # length over those of its parts, free and carried, below which a state rests
+_LOOKED_AT = 16  # times of a motion from rest
+_GOLDEN = 0.6180339887498949  # of whose multiples the fractions are spread evenly
 _STILL = 0  # the row of what constant loads carry
 _PROPAGATED = 2.0  # rounding of a pair by the free motion from one impact to the next
 
@@ -259,6 +262,29 @@ def _lengths_after(
         largest = max(largest, longest)
     size, _ = lengths(z, errors, 1.0)
     return SAFETY * largest, max(now.largest, size)
+
+
+@inner
+def note_size_from_rest(structure: Structure, motion: Motion, scratch: Scratch, s: float) -> None:
+    """Note the largest of the lengths on the way of a free motion of duration s from rest.
+
+    Errors are relative to the largest state. Loads drive a motion away from rest, and it may be
+    back there at its end; times that no period divides show how far it has been.
+    """
+    never_inlined()
+    flow, errors, z, now = structure.flow, structure.errors, scratch.z, motion.progress[0]
+    if now.impacts > 0 or errors.carried.shape[0] == 0 or motion.deviations.shape[0] == 0:
+        return
+    whole, parts = lengths(motion.z, errors, 1.0)
+    if max(whole, now.largest) > _FROM_REST * parts:
+        return
+    part = _GOLDEN
+    for _ in range(_LOOKED_AT):
+        set_propagator(flow, part * s, 0.0, scratch.propagator)
+        propagate_state(flow, scratch.propagator, part * s, motion.z, z)
+        whole, _ = lengths(z, errors, 1.0)
+        now.largest = max(now.largest, whole)
+        part = (part + _GOLDEN) % 1.0
 
 
 @inline

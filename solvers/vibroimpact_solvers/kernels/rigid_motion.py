@@ -24,6 +24,7 @@ from vibroimpact_solvers.kernels.deviations import (
     length,
     lose,
     lose_on_the_way,
+    note_size_from_rest,
     note_what_decays,
     random_row,
     set_sizes,
@@ -195,7 +196,11 @@ def _advance(
             if hops:
                 y = product(structure.watched.coordinate[who], motion.z)
                 hops = room_at(walls, who, side, y) <= scratch.rounding[who]
-        until = np.inf if who == AT_END else (now.time + s) + (now.time_rest + ds)
+        if who == AT_END:
+            until = np.inf
+            note_size_from_rest(structure, motion, scratch, s)
+        else:
+            until = (now.time + s) + (now.time_rest + ds)
         first, error = now.samples, 0.0
         _take_samples(structure, motion, scratch, modal, history, until)
         sampled = history.error.size > 0 and now.samples > first

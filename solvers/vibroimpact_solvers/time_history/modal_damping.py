@@ -78,6 +78,7 @@ def of_exact_modes(
     damping = np.empty((count, count))
     errors, lengths, forces = np.empty((3, count))
     inertia = np.sqrt(M.main_diagonal)[:, np.newaxis]
+    inertia = np.where(inertia > 0.0, inertia, inertia.max())  # weights of forces: any will do
     for some in _parts(count):
         x = shapes[:, some]
         high, low, error = products.product(C, x)

@@ -18,7 +18,7 @@ from vibroimpact_solvers.errors import SolverError, attempt
 from vibroimpact_solvers.kernels.rigid_motion import Stop, follow
 from vibroimpact_solvers.kernels.rigid_state import Rows
 from vibroimpact_solvers.results.time_history import Result
-from vibroimpact_solvers.time_history import result_values
+from vibroimpact_solvers.time_history import accurate_start, result_values
 from vibroimpact_solvers.time_history.basis import COLUMNS
 from vibroimpact_solvers.time_history.history import History, new_history, some_of
 from vibroimpact_solvers.time_history.problem import ImpactMode, Problem, State
@@ -76,6 +76,7 @@ class RigidMotions:
         self._errors = self._every.of((configuration,))
         self._bare = result_values.values_of_exact_motion(problem)
         self._shape = (problem.system.n,)
+        self._wide = accurate_start.is_wide(structure)
 
     def _taken(self) -> Arrays:
         try:
@@ -91,9 +92,14 @@ class RigidMotions:
         ModelError
             Where the initial state is not finite, or outside of the limits.
         """
-        arrays, history, stop = self._taken(), new_history(self._problem, 1), _REFUSED
+        arrays, history = self._taken(), new_history(self._problem, 1)
+        stop: int | None = _REFUSED
         arrays.progress_bytes[:] = self._begin_bytes
-        if isinstance(initial, State) and not self._structure.ramps.count:
+        if isinstance(initial, State) and self._wide:
+            self._problem.check(initial)
+            accurate_start.begin(self._structure, arrays, initial.x, initial.v)
+            stop = None
+        elif isinstance(initial, State) and not self._structure.ramps.count:
             x, v = initial.x, initial.v
             if x.shape != self._shape or v.shape != self._shape:
                 self._problem.check(initial)
@@ -120,14 +126,14 @@ class RigidMotions:
         initial: State | ImpactMode,
         arrays: Arrays,
         history: History,
-        stop: int,
+        stop: int | None,
         tick: Tick | None,
     ) -> Result:
-        """Return the result of a motion that the loop stopped, or did not begin."""
+        """Return the result of a motion that the loop stopped, or has not begun."""
         problem, structure, reason = self._problem, self._structure, None
         if stop == _REFUSED:  # though perhaps by a rounding only
             arrays.start(initial_state(problem, initial, structure))
-        else:
+        elif stop is not None:
             reason = Stop(stop)
         run = Run(structure, arrays, problem, history, tick)
         run.finish(reason)
@@ -147,7 +153,7 @@ class RigidMotions:
         progress, history = np.repeat(self._begin, count), new_history(self._problem, count)
         tables, others = list[Rows](), dict[int, Result | SolverError]()
         arrays, place = self._taken(), 0
-        if self._structure.ramps.count:
+        if self._structure.ramps.count or self._wide:
             for place in range(count):
                 check()
                 others[place] = attempt(self.solve, State(x[place], v[place]))

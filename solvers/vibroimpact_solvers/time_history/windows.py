@@ -22,12 +22,12 @@ from vibroimpact_solvers.arrays import Floats, Integers, along, declared
 from vibroimpact_solvers.kernels.rigid_state import PROGRESS
 from vibroimpact_solvers.plan import Plan, Stage
 from vibroimpact_solvers.results.time_history import Result
-from vibroimpact_solvers.time_history import solving
+from vibroimpact_solvers.time_history import accurate_start, solving
 from vibroimpact_solvers.time_history.basis import COLUMNS
 from vibroimpact_solvers.time_history.contact_errors import masked
 from vibroimpact_solvers.time_history.history import History, conserves, new_history
 from vibroimpact_solvers.time_history.planning import Method, windows
-from vibroimpact_solvers.time_history.problem import Problem
+from vibroimpact_solvers.time_history.problem import Problem, State
 from vibroimpact_solvers.time_history.result_values import result_of, values_of_exact_motion
 from vibroimpact_solvers.time_history.run import (
     Arrays,
@@ -256,8 +256,11 @@ class _WindowRun(Run):
         dofs = problem.output_dofs.size
         arrays = Arrays(structure, COLUMNS if problem.estimate else 0, dofs)
         arrays.progress[:] = new_progress(structure, problem, window.stop)
-        if before is None:
-            arrays.start(initial_state(problem, problem.initial, structure))
+        initial = problem.initial
+        if before is None and isinstance(initial, State) and accurate_start.is_wide(structure):
+            accurate_start.begin(structure, arrays, initial.x, initial.v)
+        elif before is None:
+            arrays.start(initial_state(problem, initial, structure))
         super().__init__(structure, arrays, problem, history, tick)
         self._end = problem.t_end * self.scale
         self._last = window.index + 1 == window.count
