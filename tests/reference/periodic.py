@@ -66,6 +66,11 @@ class Structure:
         """Return the flow of the augmented state over a time."""
         return (self.A * time).exp()
 
+    def separation(self) -> float:
+        """Return the smallest relative distance of the natural frequencies."""
+        squares = np.sort(np.linalg.eigvals(np.linalg.solve(self.M, self.K)).real)
+        return float((np.diff(squares) / np.abs(squares[1:])).min(initial=1.0))
+
     def damping_ratio(self) -> float:
         """Return the smallest ratio of damping of the modes."""
         n = self.n

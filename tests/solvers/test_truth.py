@@ -156,6 +156,34 @@ def test_periodic_motions_are_what_they_are_said_to_be() -> None:
 
 
 @pytest.mark.needs("compiled kernels")
+def test_periodic_motions_of_equal_frequencies_are_what_they_are_said_to_be() -> None:
+    report = outcome("spectra", 30, lambda _: True)
+    assert not report.failures
+    assert report.counts["multipliers: grazing"] == 0
+    assert median(report, "multipliers") < 20.0
+    assert report.counts["verdicts certified"] > 80
+
+
+@pytest.mark.needs("compiled kernels")
+@pytest.mark.parametrize(
+    "index",
+    [
+        17,  # each mass joined to each: 0.41 from the multiplier
+        88,  # roundings of the damping of equal modes
+        109,  # a displacement that is rounding
+        111,  # an unstable motion that was called stable
+        218,  # roundings of modes that were turned
+        285,  # damping that is rounding, of what it moves far beside its resonance
+    ],
+)
+def test_hard_spectra(index: int) -> None:
+    """Cases of seed 0 that were outside their errors."""
+    report = Report()
+    SETS["spectra"].check(SETS["spectra"].case(0, index), report)
+    assert not report.failures
+
+
+@pytest.mark.needs("compiled kernels")
 def test_histories_do_what_verdicts_on_periodic_motions_say() -> None:
     report = outcome("settling", 24, lambda _: True)
     assert not report.failures
