@@ -186,7 +186,7 @@ def _complete(cycles: Cycles, driven: Driven, walls: _Walls, values: Complexes) 
     constraints = driven.structure.system.constraints
     k = np.array([constraints[a].restitution for a in walls.struck.tolist()])
     if k.all():
-        with np.errstate(divide="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore"):  # what has decayed tells nothing
             product = np.log(np.abs(values)).sum(axis=1) - np.log(cycles.determinant).sum(axis=1)
         product -= 2.0 * np.log(k).sum()
         whole &= ~(np.abs(product) > _SUM * values.shape[1])

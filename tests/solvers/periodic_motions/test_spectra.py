@@ -248,6 +248,15 @@ def test_the_resonance_itself_of_such_a_mode(Omega: float, *, twice: bool) -> No
         assert (result.solution_reason[row] == Reason.SINGULAR) == (Omega == 1.0)
 
 
+@pytest.mark.filterwarnings("error")
+def test_what_has_decayed_in_a_period_is_no_missing_multiplier() -> None:
+    K, C = np.diag([1.0, 2.0]), np.array([[500.0, 1.0], [1.0, 0.1]])
+    result = solved(problem(K, C, (1.0, 1.0), 0.1, 0.7, 1, 1.1))
+    assert result.multipliers_real is not None
+    assert np.isfinite(result.multipliers_real).all()
+    assert (result.solution_impacts > 0).any()
+
+
 def structure_of(given: driven.Problem) -> Driven:
     return Driven.of(given, spectrum.choose(given.system))
 
