@@ -1,4 +1,4 @@
-"""Computations in this process, without a server."""
+"""Computations without a server."""
 
 from __future__ import annotations
 
@@ -31,10 +31,11 @@ class Local(
         kinds.Sweep,
     ]
 ):
-    """Computes in this process, with the methods of `Client` for every kind of computation.
+    """Computes without a server, with the methods of `Client` for every kind of computation.
 
-    There is no server, no job and no store: nothing continues when the program ends. Results are
-    bit for bit those of a service.
+    There is no job and no store: nothing continues when the program ends. Results are bit for bit
+    those of a service. A process of the program's own computes them, with the limits of memory and
+    processor time of a worker (``VIBROIMPACT_WORKER_MEMORY_BYTES``); Ctrl-C ends it at once.
 
     Examples
     --------
@@ -75,4 +76,4 @@ def _module() -> ModuleType:
     try:
         return import_module("vibroimpact_service.local")
     except ImportError as error:
-        raise MissingExtra("computations in this process", "all", error) from error
+        raise MissingExtra("computations without a service", "all", error) from error

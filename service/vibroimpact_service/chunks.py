@@ -142,6 +142,12 @@ def _solve_chained(store: Store, job: Pieces, indices: Sequence[int], tick: Tick
             _put(store, job.names[last], before)
 
 
+def longest(kind: str, planned: float) -> float:
+    """Return the processor time that a piece of so much planned time may take, seconds."""
+    most = min(_PIECE_SECONDS + _TIMES_PLANNED * planned, _MOST_PIECE_SECONDS)
+    return most if warming.is_compiled(kind) else most + _COMPILATION_SECONDS
+
+
 @contextmanager
 def _limited(store: Store, job: Pieces, tick: Tick | None) -> Iterator[None]:
     """Bound the processor time of a piece, by its price and beyond all reasonable errors of that.
@@ -152,9 +158,7 @@ def _limited(store: Store, job: Pieces, tick: Tick | None) -> Iterator[None]:
         Where it takes more.
     """
     planned = job.planned.seconds / max(1, len(job.names))
-    most = min(_PIECE_SECONDS + _TIMES_PLANNED * planned, _MOST_PIECE_SECONDS)
-    if not warming.is_compiled(job.planned.kind.name):
-        most += _COMPILATION_SECONDS
+    most = longest(job.planned.kind.name, planned)
     if isinstance(tick, StopSignal):
         tick.allow(most)
     try:

@@ -1,4 +1,4 @@
-"""Computations in the calling process, without a server, jobs or a store.
+"""Computations without a server, jobs or a store, in a process of the caller's own.
 
 The client imports this module by its name where it is installed; what it returns and raises are
 bytes and documents, as over HTTP.
@@ -6,19 +6,33 @@ bytes and documents, as over HTTP.
 
 from __future__ import annotations
 
+import atexit
+import os
+import pickle
+import signal
+import subprocess
+import sys
 import tempfile
 from collections.abc import Callable, Mapping
-from typing import Any, TypeVar
+from contextlib import suppress
+from typing import Any, BinaryIO, Final, TypeVar, cast
 
-from vibroimpact_service import execute, kinds, problems
+from vibroimpact_service import kinds, local_process, problems
 from vibroimpact_service.documents import planning, requests
 from vibroimpact_service.documents.planning import Planned
 from vibroimpact_service.documents.requests import Request
-from vibroimpact_service.results import representations
+from vibroimpact_service.jobs import forkserver
+from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.store import Store
 from vibroimpact_solvers.kernels import inventory
 
-_CALLER = "local"
+Process = subprocess.Popen[bytes]
+
+_CALLER: Final = local_process.CALLER
+_COMMAND: Final = [sys.executable, "-m", local_process.__name__]
+_idle: Final[list[Process]] = []
+"""Processes that wait for a request. Those of a program belong to it, not to its forks."""
+os.register_at_fork(after_in_child=_idle.clear)
 
 
 class RefusedError(Exception):
@@ -29,12 +43,18 @@ class RefusedError(Exception):
         self.document = document
 
 
+class FailedError(RuntimeError):
+    """A computation failed for no fault of the request; the text is its traceback."""
+
+
 def compute(
     kind: str, content: Mapping[str, Any], tick: Callable[[int, int], None] | None = None
 ) -> bytes:
     """Return the HDF5 file of the result of a request.
 
-    Where kernels have to be compiled for it, a line on standard error says so.
+    A process beside this one computes it, with the limits of a worker, and is kept for the next
+    request. Whatever ends the wait for it, such as Ctrl-C or an error of `tick`, ends the process.
+    Where kernels have to be compiled, a line on standard error says so.
 
     Parameters
     ----------
@@ -49,12 +69,84 @@ def compute(
     ------
     RefusedError
     """
+    try:
+        process = _idle.pop()
+    except IndexError:
+        process = _started()
+    try:
+        answer = _answered(process, (kind, dict(content)), tick)
+    except BaseException:
+        _end(process)
+        raise
+    _idle.append(process)
+    match answer:
+        case "result", data:
+            return bytes(data)
+        case "refused", document:
+            raise RefusedError(document)
+        case _:
+            raise FailedError(answer[1])
 
-    def computed(request: Request, planned: Planned) -> bytes:
-        result = execute.compute(planned, request.digest, request.canonical, tick)
-        return representations.of_content(result, representations.HDF5).data
 
-    return _planned(kind, content, computed)
+def _started() -> Process:
+    """Return a new process that computes."""
+    return subprocess.Popen(
+        _COMMAND,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env={**os.environ, **forkserver.ENVIRONMENT},
+        start_new_session=True,  # Ctrl-C comes to the caller alone, who ends it
+    )
+
+
+def _answered(
+    process: Process, request: tuple[str, dict[str, Any]], tick: Callable[[int, int], None] | None
+) -> tuple[str, Any]:
+    """Return the answer to a request.
+
+    Raises
+    ------
+    RefusedError
+        Where the process ended.
+    """
+    assert process.stdin is not None
+    assert process.stdout is not None
+    try:
+        local_process.write(cast(BinaryIO, process.stdin), request)
+        while (answer := pickle.load(process.stdout))[0] == "progress":
+            if tick is not None:
+                tick(*answer[1:])
+    except (EOFError, BrokenPipeError, pickle.UnpicklingError):
+        fault = _death(process.wait())
+        raise RefusedError(fault.document(_CALLER).model_dump(mode="json")) from None
+    return cast("tuple[str, Any]", answer)
+
+
+def _death(code: int) -> ProblemError:
+    """Return the problem of a computation whose process ended with an exit code."""
+    if code == -signal.SIGXCPU:
+        detail = "It took far more processor time than planned, and its process was ended."
+        return ProblemError(problems.LIMIT_PASSED, detail)
+    why = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+    detail = f"The process that computed it ended: {why}. It may need more memory than there is."
+    return ProblemError(problems.WORKER_LOST, detail)
+
+
+def _end(process: Process) -> None:
+    """End a process, whatever it computes."""
+    process.kill()
+    process.wait()
+    for pipe in (process.stdin, process.stdout):
+        if pipe is not None:
+            with suppress(OSError):
+                pipe.close()
+
+
+@atexit.register
+def _end_all() -> None:
+    """End the processes that wait."""
+    while _idle:
+        _end(_idle.pop())
 
 
 def plan(kind: str, content: Mapping[str, Any]) -> dict[str, Any]:

@@ -13,6 +13,9 @@ LOAD = [vi.drive(dof=0, amplitude=1.0)]
 X, V = [[-1.0], [-0.5], [-2.0]], [[0.0], [1.0], [0.5]]
 
 
+pytestmark = pytest.mark.needs("processes")
+
+
 @pytest.fixture(scope="module")
 def local() -> vi.Local:
     return vi.Local()

@@ -14,6 +14,8 @@ import vibroimpact as vi
 from vibroimpact import plots
 from vibroimpact.branch_lines import branch_lines, special_points, stability_of
 
+pytestmark = pytest.mark.needs("processes")
+
 LOCAL = vi.Local()
 
 

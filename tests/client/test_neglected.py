@@ -18,6 +18,8 @@ from vibroimpact import plots, style, sweep_plots
 from vibroimpact.kinds import KINDS, read
 from vibroimpact_service import kinds as served
 
+pytestmark = pytest.mark.needs("processes")
+
 LOCAL = vi.Local()
 ELASTIC = vi.system(np.eye(2), [[2.0, -1.0], [-1.0, 2.0]], [vi.constraint(0, 1.0)])
 LOSSY = vi.system(

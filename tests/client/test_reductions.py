@@ -214,6 +214,7 @@ def test_half_of_the_modes_are_left_out() -> None:
     np.testing.assert_allclose(np.abs(half.T), np.abs(few.T), atol=1e-7)
 
 
+@pytest.mark.needs("processes")
 def test_results_say_what_changes_with_half_of_the_modes() -> None:
     """Against the same computation with the smaller model, and one worked out by hand."""
     model = beam(12).fixed([0])

@@ -62,7 +62,7 @@ def doctor(
     }
     installed = {"Python": sys.version.split()[0]}
     installed |= {extra: "yes" if find_spec(name) else "no" for extra, name in extras.items()}
-    used, failure = {"service": "none is configured; computations run in this process"}, None
+    used, failure = {"service": "none is configured; computations run without one"}, None
     chosen = config.connection(url, profile=profile)
     if chosen.url is not None:
         used["service"] = f"{chosen.url}, {'with' if chosen.key else 'without'} a key"

@@ -16,13 +16,14 @@ from typing import Final
 _PRELOADED: Final = ("distributed", "distributed.nanny")
 """Modules that every worker needs, whatever it computes."""
 
-_ENVIRONMENT: Final[Mapping[str, str]] = {
+ENVIRONMENT: Final[Mapping[str, str]] = {
     # Each worker has one core: threads of linear algebra would only slow one another down.
     "OMP_NUM_THREADS": "1",
     "MKL_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
     "MALLOC_TRIM_THRESHOLD_": "65536",
 }
+"""Variables of processes that compute."""
 
 
 def start(modules: Sequence[str]) -> None:
@@ -35,8 +36,8 @@ def start(modules: Sequence[str]) -> None:
 
 @contextmanager
 def _environment() -> Iterator[None]:
-    before = {name: os.environ.get(name) for name in _ENVIRONMENT}
-    os.environ.update(_ENVIRONMENT)
+    before = {name: os.environ.get(name) for name in ENVIRONMENT}
+    os.environ.update(ENVIRONMENT)
     try:
         yield
     finally:

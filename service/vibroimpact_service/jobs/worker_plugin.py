@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import math
-import resource
 import threading
-import time
 from collections.abc import Callable
 from typing import Any, Final
 
 from distributed import WorkerPlugin
 
+from vibroimpact_service.jobs.process_limits import limit_memory, limit_processor_time
 from vibroimpact_service.jobs.work import StopSignal
 
-_AT_ONCE: Final = 2
-"""Calls that a worker executes at the same time."""
-_MARGIN_SECONDS: Final = 60.0
 _running: Final[set[str]] = set()
 """Keys of the calls that threads of this process execute."""
 _cancelled: Final[set[str]] = set()
@@ -52,41 +47,15 @@ class ServicePlugin(WorkerPlugin):  # type: ignore[misc]
             _cancelled.add(key)
 
 
-def limit_memory(limit: int | None) -> None:
-    """Let requests for memory beyond a limit fail, with `MemoryError` or the end of the process.
-
-    What counts is memory that the process may write to and does not share, used or not.
-    """
-    if limit is not None:
-        _, most = resource.getrlimit(resource.RLIMIT_DATA)
-        bound = limit if most == resource.RLIM_INFINITY else min(limit, most)
-        resource.setrlimit(resource.RLIMIT_DATA, (bound, most))
-
-
 def execute(function: Callable[..., Any], key: str, *args: Any) -> Any:
     """Call a function in a worker, with a `StopSignal` for a cancelled call as last argument."""
     _running.add(key)
     try:
-        signal = StopSignal(cancelled=lambda: key in _cancelled, enforce=_limit_process)
+        signal = StopSignal(cancelled=lambda: key in _cancelled, enforce=limit_processor_time)
         return function(*args, signal)
     finally:
         _running.discard(key)
         _cancelled.discard(key)
-
-
-def _limit_process(seconds: float) -> None:
-    """Have the operating system end this process where calls take far more processor time.
-
-    That is for loops that do not look at their signal. The limit is raised by later calls.
-    """
-    soft, hard = resource.getrlimit(resource.RLIMIT_CPU)
-    # Two calls at the same time, and a margin for what the signal should have noticed.
-    needed = math.ceil(time.process_time() + _AT_ONCE * seconds + _MARGIN_SECONDS)
-    if soft != resource.RLIM_INFINITY:
-        needed = max(needed, soft)
-    if hard != resource.RLIM_INFINITY:
-        needed = min(needed, hard)
-    resource.setrlimit(resource.RLIMIT_CPU, (needed, hard))
 
 
 def running_calls() -> list[str]:

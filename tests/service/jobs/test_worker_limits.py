@@ -12,11 +12,11 @@ import pytest
 
 SPIN = """
 import resource, time
-from vibroimpact_service.jobs import worker_plugin
-worker_plugin._MARGIN_SECONDS = 0.0
-worker_plugin._limit_process({seconds})
+from vibroimpact_service.jobs import process_limits
+process_limits._MARGIN_SECONDS = 0.0
+process_limits.limit_processor_time({seconds})
 before = resource.getrlimit(resource.RLIMIT_CPU)[0]
-worker_plugin._limit_process(0.0)
+process_limits.limit_processor_time(0.0)
 assert resource.getrlimit(resource.RLIMIT_CPU)[0] >= before  # a smaller one takes nothing away
 end = time.process_time() + {spin}
 while time.process_time() < end:
@@ -41,7 +41,7 @@ JOB = """
 import json, sys
 from vibroimpact_service import chunks, loading
 from vibroimpact_service.documents import digest, limits, planning, requests
-from vibroimpact_service.jobs import worker_plugin
+from vibroimpact_service.jobs import process_limits
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
@@ -55,7 +55,7 @@ size = limits.result_bytes(plan)
 limit = int(limits._LIBRARIES + plan.bytes - size + limits._COPIES * size) + 1
 exact = Settings(data=folder, worker_memory_bytes=max(limit, 2**29))
 planning.plan(store, asked.kind, asked.document, exact)
-worker_plugin.limit_memory(exact.worker_memory_bytes)
+process_limits.limit_memory(exact.worker_memory_bytes)
 block = requests.stored_form("ann", asked.canonical)
 name = digest.content(block)
 store.requests.put(name, block)

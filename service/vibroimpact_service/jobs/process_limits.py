@@ -1,0 +1,50 @@
+"""Limits of memory and processor time that the operating system keeps for a whole process."""
+
+from __future__ import annotations
+
+import math
+import os
+import resource
+import time
+from pathlib import Path
+from typing import Final
+
+_AT_ONCE: Final = 2
+"""Calls that a worker executes at the same time."""
+_MARGIN_SECONDS: Final = 60.0
+_CONTAINER: Final = Path("/sys/fs/cgroup/memory.max")
+
+
+def machine_memory() -> int:
+    """Return the memory of the machine, or of the container, bytes."""
+    whole = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    try:
+        return min(whole, int(_CONTAINER.read_text()))
+    except (OSError, ValueError):  # there is none, or it is "max"
+        return whole
+
+
+def limit_memory(limit: int | None) -> None:
+    """Let requests for memory beyond a limit fail, with `MemoryError` or the end of the process.
+
+    What counts is memory that the process may write to and does not share, used or not.
+    """
+    if limit is not None:
+        _, most = resource.getrlimit(resource.RLIMIT_DATA)
+        bound = limit if most == resource.RLIM_INFINITY else min(limit, most)
+        resource.setrlimit(resource.RLIMIT_DATA, (bound, most))
+
+
+def limit_processor_time(seconds: float) -> None:
+    """Have the operating system end this process where calls take far more processor time.
+
+    That is for loops that do not look at their signal. The limit is raised by later calls.
+    """
+    soft, hard = resource.getrlimit(resource.RLIMIT_CPU)
+    # Two calls at the same time, and a margin for what the signal should have noticed.
+    needed = math.ceil(time.process_time() + _AT_ONCE * seconds + _MARGIN_SECONDS)
+    if soft != resource.RLIM_INFINITY:
+        needed = max(needed, soft)
+    if hard != resource.RLIM_INFINITY:
+        needed = min(needed, hard)
+    resource.setrlimit(resource.RLIMIT_CPU, (needed, hard))

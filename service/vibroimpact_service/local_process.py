@@ -1,0 +1,113 @@
+"""The process that computes for a caller without a server, with the limits of a worker.
+
+It reads requests from its standard input and answers on its standard output, both as pickled
+tuples: ``(kind, content)``, and for each any number of ``("progress", done, total)`` before
+``("result", bytes)``, ``("refused", document)`` or ``("failed", text)``. It ends with its caller.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import queue
+import sys
+import tempfile
+import threading
+import time
+import traceback
+from collections.abc import Mapping
+from typing import Any, BinaryIO, Final
+
+from vibroimpact_service import chunks, execute, kinds, problems
+from vibroimpact_service.documents import planning, requests
+from vibroimpact_service.jobs import process_limits
+from vibroimpact_service.jobs.work import LimitPassedError, StopSignal
+from vibroimpact_service.problems import ProblemError
+from vibroimpact_service.results import representations
+from vibroimpact_service.settings import Settings
+from vibroimpact_service.store import Store
+from vibroimpact_solvers.kernels import inventory
+
+CALLER: Final = "local"
+_PROGRESS_SECONDS: Final = 0.05
+
+
+class _Signal(StopSignal):
+    """Stops a computation after its processor time, and tells its progress."""
+
+    def __init__(self, answers: BinaryIO) -> None:
+        super().__init__(enforce=process_limits.limit_processor_time)
+        self._answers, self._next = answers, 0.0
+
+    def __call__(self, done: int, total: int) -> None:
+        """Raise `LimitPassedError` where the computation is to stop."""
+        super().__call__(done, total)
+        now = time.monotonic()
+        if now >= self._next or done >= total:
+            self._next = now + _PROGRESS_SECONDS
+            write(self._answers, ("progress", done, total))
+
+
+def write(stream: BinaryIO, message: tuple[Any, ...]) -> None:
+    """Write a message at once."""
+    pickle.dump(message, stream, pickle.HIGHEST_PROTOCOL)
+    stream.flush()
+
+
+def _compute(kind: str, content: Mapping[str, Any], answers: BinaryIO) -> bytes:
+    """Return the HDF5 file of the result of a request."""
+    request = requests.read(CALLER, kinds.named(kind, "kind"), dict(content))
+    # Systems are stored by servers alone: the store is empty.
+    with tempfile.TemporaryDirectory(prefix="vibroimpact-") as folder, inventory.announced():
+        planned = planning.plan(Store(folder), request.kind, request.document)
+        signal = _Signal(answers)
+        most = chunks.longest(request.kind.name, planned.seconds)
+        signal.allow(most)
+        try:
+            result = execute.compute(planned, request.digest, request.canonical, signal)
+        except LimitPassedError:
+            detail = (
+                f"It took more than {most:.3g} s of processor time; {planned.seconds:.3g} s were "
+                "planned."
+            )
+            raise ProblemError(problems.LIMIT_PASSED, detail) from None
+        return representations.of_content(result, representations.HDF5).data
+
+
+def _answer(kind: str, content: Mapping[str, Any], answers: BinaryIO) -> tuple[Any, ...]:
+    try:
+        return "result", _compute(kind, content, answers)
+    except MemoryError:
+        detail = "It needs more memory than a worker has."
+        fault = ProblemError(problems.LIMIT_PASSED, detail)
+    except Exception as error:
+        fault = problems.of(error)
+        if fault.type is problems.INTERNAL:
+            return "failed", traceback.format_exc()
+    return "refused", fault.document(CALLER).model_dump(mode="json")
+
+
+def _read(given: BinaryIO, waiting: queue.SimpleQueue[tuple[str, dict[str, Any]]]) -> None:
+    """Hand over what is read, and end the process, whatever it computes, with its caller."""
+    while True:
+        try:
+            waiting.put(pickle.load(given))
+        except EOFError:
+            os._exit(0)
+
+
+def main() -> None:
+    """Answer requests until the caller ends."""
+    given, answers = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what anything prints is no answer
+    limit = Settings().worker_memory_bytes
+    process_limits.limit_memory(process_limits.machine_memory() if limit is None else limit)
+    waiting = queue.SimpleQueue[tuple[str, dict[str, Any]]]()
+    threading.Thread(target=_read, args=(given, waiting), daemon=True).start()
+    while True:
+        kind, content = waiting.get()
+        write(answers, _answer(kind, content, answers))
+
+
+if __name__ == "__main__":
+    main()
