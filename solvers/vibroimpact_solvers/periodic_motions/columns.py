@@ -10,7 +10,7 @@ import numpy as np
 from vibroimpact_solvers.arrays import EPS, Floats, Integers, along
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.existence import verdicts
-from vibroimpact_solvers.periodic_motions.multipliers import multipliers
+from vibroimpact_solvers.periodic_motions.multipliers import error_of_largest, multipliers
 from vibroimpact_solvers.periodic_motions.orbit import Orbit, Outputs
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
 from vibroimpact_solvers.periodic_motions.problem import Impact, Problem
@@ -122,12 +122,13 @@ def _impacts(problem: Problem, driven: Driven, solved: Solutions) -> Columns:
 def _multipliers(problem: Problem, values: Complexes, errors: Floats) -> Columns:
     """Return the columns of the multipliers."""
     largest = values[:, 0]
-    outside = np.abs(largest) > 1.0 + errors[:, 0]
+    error = error_of_largest(values, errors)
+    outside = np.abs(largest) > 1.0 + error
     through = np.where(largest.real > 0.0, Bifurcation.FOLD, Bifurcation.FLIP)
     complex_pair = np.abs(largest.imag) > errors[:, 0]
     kind: Integers = np.where(complex_pair, Bifurcation.TORUS, through)
     modulus = np.abs(largest)
-    modulus_errors = errors[:, 0] + 2.0 * EPS * modulus
+    modulus_errors = error + 2.0 * EPS * modulus
     columns: Columns = {
         "solution_stability": modulus,
         "error_stability": modulus_errors,

@@ -66,8 +66,20 @@ def multipliers(
             errors = errors * (2.0 * np.abs(values) + errors)
             values = values**2
     order = _order(values, errors)
-    order = order if every else order[:, :1]
-    return np.take_along_axis(values, order, axis=1), np.take_along_axis(errors, order, axis=1)
+    values, errors = np.take_along_axis(values, order, 1), np.take_along_axis(errors, order, 1)
+    if every:
+        return values, errors
+    return values[:, :1], error_of_largest(values, errors)[:, np.newaxis]
+
+
+def error_of_largest(values: Complexes, errors: Floats) -> Floats:
+    """Return the error of the largest modulus, (solution,), as that of the first multiplier.
+
+    Of several that may be the largest, the first is by its argument, not by its error.
+    """
+    moduli = np.abs(values)
+    highest = np.max(moduli + errors, axis=1, initial=0.0) - moduli[:, 0]
+    return np.asarray(np.where(np.isnan(highest), errors[:, 0], np.maximum(highest, errors[:, 0])))
 
 
 def _order(values: Complexes, errors: Floats) -> Integers:
