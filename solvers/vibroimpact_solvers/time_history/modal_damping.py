@@ -98,12 +98,13 @@ def of_exact_modes(
     left_out = np.abs(damping) <= rounding
     own = damping.diagonal().copy()
     own[np.abs(own) <= np.where(still, rounding.diagonal(), errors)] = 0.0
-    couplings = np.abs(damping) + np.minimum(summed, summed.T)
-    couplings[~left_out | (damping == 0.0)] = 0.0
+    # Below its error a coupling counts as that, whatever its rounding happens to be.
+    couplings = np.where(left_out, np.maximum(np.abs(damping), np.minimum(summed, summed.T)), 0.0)
     np.fill_diagonal(couplings, 0.0)
+    exchanged, neglected = _taken(couplings, own, eigenvalues)
+    couplings[damping == 0.0] = 0.0
     damping[left_out] = 0.0
     np.fill_diagonal(damping, own)
-    exchanged, neglected = _taken(couplings, own, eigenvalues)
     return ModalDamping(damping, errors + exchanged, couplings, neglected)
 
 
