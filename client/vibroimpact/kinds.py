@@ -621,6 +621,8 @@ class AttractorsError(Table):
     """How the errors were obtained."""
     failures: str
     """Why there are no motions, the first of them."""
+    undecided: str
+    """Why motions are undecided, the first of them, and what to ask for."""
     attractor: AttractorsErrorAttractor
     """Errors of columns of the attractors."""
     section: AttractorsErrorSection

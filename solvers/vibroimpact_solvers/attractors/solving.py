@@ -27,8 +27,9 @@ _PARTS: Final = 10  # of the observation, whose means are compared
 _NORMAL: Final = 1.959963984540054  # two-sided 95 % of the normal distribution
 _STATEMENT: Final = (
     "fractions: the interval of Wilson that contains the fraction of all initial states drawn like "
-    "the given ones with a probability of 95 %; impact rates: an impact at an end of the "
-    "observation, and three standard errors of the means of its tenths; exponents: three times the "
+    "the given ones with a probability of 95 %; impact rates: none of periodic attractors, whose "
+    "impacts in a period are counted; of others an impact at an end of the observation, and three "
+    "standard errors of the means of its tenths; exponents: three times the "
     "range of the growth of a deviation about its mean slope; states of periodic attractors and "
     "points of their sections: an estimate of what is left of the transient; impacts and "
     "multipliers: those of the periodic motion that Newton's method confirms. Time histories of "
@@ -51,7 +52,7 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     assert step is not None
     assert isinstance(step.settings, Batches)
     exponents, histories = Exponents(problem), step.settings.history
-    groups, failures = list[Group](), list[str]()
+    groups, failures, undecided = list[Group](), list[str](), list[str]()
     count = problem.size
     row_of, period = np.full(count, -1), np.zeros(count, dtype=np.int64)
     status = np.zeros(count, dtype=np.int64)
@@ -78,6 +79,8 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
         for at, (row, motion) in enumerate(zip(rows, motions, strict=True)):
             settled = verdict(problem, motion, growth, at)
             row_of[row], period[row] = place(problem, groups, settled), settled.period
+            if settled.hint and len(undecided) < _FAILURES:
+                undecided.append(f"motion {row}: {settled.hint}")
         done = stop
         report()
     newton = plan.step(Stage.IMPULSE) is not None
@@ -94,6 +97,7 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
         "error_settled_exponent": error,
         "error_statement": _STATEMENT,
         "error_failures": failures,
+        "error_undecided": undecided,
     }
     values |= _attractors(problem, groups, proofs) | _confirmations(groups, proofs, newton=newton)
     values |= _impacts(problem, groups, proofs) | sections(
@@ -122,16 +126,16 @@ def _attractors(
     left = np.array([one.distance * one.scale for one in shown], dtype=np.float64)
     left = np.repeat(left[:, np.newaxis], dofs.size, axis=1)
     states = np.zeros((2, len(groups), dofs.size))
+    rates = np.array([_rate(problem, *pair) for pair in zip(shown, proofs, strict=True)])
+    rates = rates.reshape(-1, 2)
     for row, one in enumerate(shown):
         states[:, row] = one.motion.x[-1, dofs], one.motion.v[-1, dofs]
     return {
         "attractor_nature": np.array(_natures(groups, proofs), dtype=np.int64),
         "attractor_period": np.array([one.period for one in shown], dtype=np.int64),
         "attractor_impacts": np.array([p.phase.size for p in proofs], dtype=np.int64),
-        "attractor_impact_rate": np.array(
-            [one.motion.impacts.time.size / problem.observe for one in shown], dtype=np.float64
-        ),
-        "error_impact_rate": np.array([_rate_error(problem, one) for one in shown]),
+        "attractor_impact_rate": rates[:, 0],
+        "error_impact_rate": rates[:, 1],
         "attractor_rests": np.array([one.motion.rests for one in shown], dtype=bool),
         "attractor_exponent": growth[:, 0],
         "error_attractor_exponent": growth[:, 1],
@@ -147,16 +151,23 @@ def _attractors(
     }
 
 
-def _rate_error(problem: Problem, one: Verdict) -> float:
-    """Return the error of the mean number of impacts: of one at an end, and of the mean of parts.
+def _rate(problem: Problem, one: Verdict, proof: Confirmed) -> tuple[float, float]:
+    """Return the mean number of impacts per period of the drive, and its error.
 
-    Three standard errors; parts of a periodic motion have equal numbers, but for one.
+    Periodic motions have so many in each of their periods, whenever they are observed. Of others
+    the error is that of one impact at an end of the observation and of the mean of parts, three
+    standard errors. Where bodies rest, impacts before that are as many as rounding lets be told.
     """
+    observed = one.motion.impacts.time.size / problem.observe
+    if one.period and not one.motion.rests:
+        rate = proof.phase.size / one.period
+        exact = proof.verification is Verification.CONFIRMED
+        return rate, 0.0 if exact else abs(rate - observed)
     begin, T, count = float(problem.sections[0]), problem.period, min(_PARTS, problem.observe)
     ends = begin + T * np.linspace(0.0, problem.observe, count + 1)
     numbers = np.histogram(one.motion.impacts.time, ends)[0] * (count / problem.observe)
     spread = 0.0 if one.period or count < 2 else float(numbers.std(ddof=1)) / math.sqrt(count)
-    return 1.0 / problem.observe + 3.0 * spread
+    return observed, 1.0 / problem.observe + 3.0 * spread
 
 
 def _exponent(group: Group) -> tuple[float, float]:

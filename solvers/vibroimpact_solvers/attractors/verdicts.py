@@ -31,6 +31,8 @@ _SMALL: Final = 1e-3  # of the structure's length: least scale of distances
 _FLAT: Final = 1e-3  # error per period of the drive of an exponent that is told to be zero
 _ZERO: Final = 1e-4  # per period of the drive: no exponent is told from zero that is smaller
 _SLOWEST: Final = 1e-3  # contraction per period that a transient is taken to have at least
+_NEARER: Final = 0.95  # distance from returning, over that at first, of what is a transient
+_EVENLY: Final = 0.75  # of the decay of a transient in two of its thirds, at most in one of them
 _STEADY: Final = 0.05  # difference of the spreads of both halves
 
 
@@ -51,6 +53,8 @@ class Verdict:
         Displacements, and velocities over the drive's frequency, at the drive's phase 0.
     scale : float
         What distances are relative to.
+    hint : str
+        Why it is undecided, and what to ask for; empty where it is not.
     """
 
     motion: Observed
@@ -61,6 +65,7 @@ class Verdict:
     distance: float
     states: Floats
     scale: float
+    hint: str = ""
 
 
 def verdict(problem: Problem, motion: Observed, growth: Growth, place: int) -> Verdict:
@@ -69,9 +74,10 @@ def verdict(problem: Problem, motion: Observed, growth: Growth, place: int) -> V
     states = np.concatenate([motion.x, motion.v / float(problem.Omega[0])], axis=1)
     scale = max(float(np.abs(states).max()), _SMALL * problem.length) or 1.0  # or all is still
     period, apart = recurrence(states / scale, problem.longest, problem.close)
-    nature, T = Nature.UNDECIDED, problem.period
+    nature, T, hint = Nature.UNDECIDED, problem.period, ""
     if not motion.impacts.time.size and not motion.rests and not exponent < -error:
-        pass  # whatever it returns to, its neighbours do not come closer
+        # Whatever it returns to, its neighbours do not come closer.
+        hint = "no impact and no damping draws neighbouring motions to it"
     elif period and not exponent > error:
         nature = Nature.PERIODIC
     elif not period and exponent > error:
@@ -86,7 +92,48 @@ def verdict(problem: Problem, motion: Observed, growth: Growth, place: int) -> V
     return Verdict(
         motion, nature, period if periodic else 0, exponent, error,
         distance if periodic else math.inf, states, scale,
+        (hint or _hint(problem, states / scale, scale)) if nature is Nature.UNDECIDED else "",
     )  # fmt: skip
+
+
+def _hint(problem: Problem, states: Floats, scale: float) -> str:
+    """Return what the states of an undecided motion tell: a transient, or too short a look.
+
+    What is left of a transient fades by the same factor in each third of the observation.
+    """
+    last, longest = states.shape[0] - 1, problem.longest
+    late = states[last - longest + 1 :]
+    apart = [
+        float(np.abs(late - states[last - longest + 1 - n : last + 1 - n]).max())
+        for n in range(1, longest + 1)
+    ]
+    n = int(np.argmin(apart)) + 1
+    left, sizes = _thirds(states[n:] - states[:-n]), _thirds(states)
+    if left[2] > 0.0 and left[2] < _NEARER * left[0]:
+        whole, half = math.log(left[2] / left[0]), math.log(left[2] / left[1])
+        if _EVENLY * whole < half < (1.0 - _EVENLY) * whole:
+            # A motion that fades altogether is compared with ever less, down to the least scale.
+            fades = math.log(sizes[2] / sizes[0]) < 0.5 * whole
+            least = min(scale, _SMALL * problem.length) if fades else scale
+            factor = math.exp(whole / (2.0 * ((states.shape[0] - n) // 3)))
+            wanted = problem.close * least / (left[2] * scale)
+            more = math.ceil(math.log(min(wanted, 1.0)) / math.log(factor)) + longest
+            return (
+                f"it still comes closer to a motion of period {n}, by a factor of {factor:.4g} in "
+                f"each period of the drive: let it settle for about {more} periods more"
+            )
+    return (
+        f"it has no period up to {longest}, and its exponent is not told from zero: observe it for "
+        "longer, or look for longer periods"
+    )
+
+
+def _thirds(states: Floats) -> tuple[float, float, float]:
+    """Return the largest magnitudes of the last three thirds of states."""
+    third = states.shape[0] // 3
+    rows = np.abs(states[states.shape[0] - 3 * third :]).reshape(3, -1).max(axis=1)
+    first, second, last = (float(largest) for largest in rows)
+    return first, second, last
 
 
 def recurrence(states: Floats, longest: int, close: float) -> tuple[int, float]:

@@ -228,6 +228,11 @@ class Result:
         list[str],
         Quantity((), "1", "why there are no motions, the first of them", path="error/failures"),
     ]
+    error_undecided: Annotated[
+        list[str],
+        Quantity((), "1", "why motions are undecided, the first of them, and what to ask for",
+                 path="error/undecided"),
+    ]  # fmt: skip
     error_settled_exponent: Annotated[
         Floats, _error("settled/exponent", "time-1", _EXPONENT, "motion", missing="none")
     ]

@@ -9,6 +9,7 @@ The numbers here are those of the reference, not of the paper.
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -292,6 +293,34 @@ def test_motions_that_nothing_draws_together_are_undecided() -> None:
     result = solved(2.0, gap=9.0, system=system(a=0.0, gap=9.0), load=(Force((0,), (1.0,), 0.1),))
     assert result.attractor_nature.tolist() == [Nature.UNDECIDED]
     assert result.attractor_impact_rate.tolist() == [0.0]
+    assert len(result.error_undecided) == 10
+    assert result.error_undecided[0].startswith("motion 0: no impact and no damping")
+
+
+def test_transients_that_are_too_long_say_for_how_long_to_wait() -> None:
+    """Without drive, x fades as exp(-a t), by exp(-2 pi a) in each period; then it rests at 0."""
+    slow = system(a=2e-3, gap=9.0)
+    still = (Force((0,), (1.0,), 0.0),)
+    options = {"system": slow, "gap": 9.0, "load": still, "count": 1}
+    early = solved(1.0, settle=10, observe=40, **options)
+    assert early.attractor_nature.tolist() == [Nature.UNDECIDED]
+    (hint,) = early.error_undecided
+    told = re.search(r"by a factor of ([\d.]+) in each period .* about (\d+) periods more", hint)
+    assert told is not None
+    assert float(told[1]) == pytest.approx(math.exp(-2.0 * math.pi * 2e-3), rel=1e-3)
+    late = solved(1.0, settle=10 + int(told[2]), observe=40, **options)
+    assert late.attractor_nature.tolist() == [Nature.PERIODIC]
+    assert late.error_undecided == []
+
+
+@pytest.mark.parametrize(("omega", "period", "impacts"), [(2.7, 2, 2), (2.9, 4, 9), (6.0, 3, 1)])
+def test_rates_of_impacts_are_those_of_a_period(omega: float, period: int, impacts: int) -> None:
+    """Whenever it is observed: 0.2.0 counted what fell into the observation, of 41 periods here."""
+    for settle, observe in ((300, 41), (301, 50)):
+        result = solved(omega, settle=settle, observe=observe)
+        row = int(np.flatnonzero(result.attractor_period == period)[0])
+        assert result.attractor_impact_rate[row] == impacts / period
+        assert result.error_impact_rate[row] == 0.0
 
 
 @pytest.mark.parametrize("size", [1e-9, 1e9])
