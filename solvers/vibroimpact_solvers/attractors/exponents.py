@@ -82,7 +82,8 @@ class Exponents:
     Raises
     ------
     PlanError
-        Where a constant load drives a rigid-body mode, or damping makes modes almost equal.
+        Where a constant load drives a rigid-body mode that no stop pushes back, or damping makes
+        modes almost equal.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -159,8 +160,10 @@ class Exponents:
             at = np.flatnonzero(event < events.count)
             time = events.time[at, event]
             flow = driven.pairs.propagators(np.ascontiguousarray(time - before[at]))
+            moved = driven.pairs.move(flow, z[at])
+            driven.balance.carry(moved, time - before[at])
             before[at] = time
-            z[at], w[at] = driven.pairs.move(flow, z[at]), driven.pairs.move(flow, w[at])
+            z[at], w[at] = moved, driven.pairs.move(flow, w[at])
             ends = events.constraint[at, event] == _SECTION
             self._strike(z, w, events, at[~ends], event)
             done = at[ends]
@@ -180,6 +183,7 @@ class Exponents:
         phase = float(self._cells.Omega[0]) * events.time[at, event]
         turned = np.exp(1j * phase[:, np.newaxis] * driven.harmonics)
         acceleration = np.einsum("msj,msj->m", self._bend[a], z[at])
+        acceleration += driven.balance.trend()[1, a]
         acceleration += (self._pull[a] * turned).real.sum(axis=1)
         velocity = events.velocity[at, event]
         place = np.einsum("msj,msj->m", driven.position[a], w[at])
@@ -203,7 +207,9 @@ class Exponents:
             driven.structure.state_of(configuration, motion.x[0], unit * motion.v[0], loads)
             for motion in motions
         ]
-        return np.asarray(np.stack(states) - self._cells.load_state(driven, np.zeros(1))[0])
+        free = np.asarray(np.stack(states) - self._cells.load_state(driven, np.zeros(1))[0])
+        driven.balance.creep(free, -1.0)
+        return free
 
     def _events(self, motions: Sequence[Observed]) -> _Events:
         """Return what happens to motions in order of time, an impact before an end at once."""

@@ -21,9 +21,9 @@ import numpy as np
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.branches.problem import Problem
-from vibroimpact_solvers.errors import SolverError
+from vibroimpact_solvers.errors import ModelError, SolverError
 from vibroimpact_solvers.periodic_motions import Problem as Motions
-from vibroimpact_solvers.periodic_motions import closed_form, sequences
+from vibroimpact_solvers.periodic_motions import free_bodies, sequences, single
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
 from vibroimpact_solvers.periodic_motions.sequences import Laws, Search
@@ -115,6 +115,10 @@ class Curve:
         """Return the impacts of a structure, which stays the same where the frequency varies."""
         if self._laws is None or not self.problem.frequency:
             driven = Driven.of(motions, spectrum.choose(motions.system))
+            try:
+                free_bodies.sentence(motions, driven)
+            except ModelError as error:
+                raise error.under("base") from None
             self._laws = Laws.of(driven, motions)
         return self._laws
 
@@ -130,7 +134,7 @@ class Curve:
         driven = self.laws(motions).driven
         cells = Cells.of(driven, motions)
         if self.m == 1:
-            solved = closed_form.solutions(driven, cells, motions.impacts[0])
+            solved = single.solutions(driven, cells, motions)
         else:
             solved = sequences.solutions(driven, cells, motions)
         if solved.impulse.size and self.impulse == 1.0:

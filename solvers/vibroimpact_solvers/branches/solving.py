@@ -215,7 +215,7 @@ def _result(problem: Problem, branches: list[Branch]) -> Result:
             on = row, *part_of_segment(branch.places, point)
             kind = int(point.kind)
             table.append((number, value, kind, Omega, point.exists, leads, *on, point.error))
-    if problem.at(problem.start).load:
+    if problem.at(problem.start).load and not _falls(problem):
         linear, touches = _linear(problem, len(branches), len(of))
         parts += linear
         grid = np.linspace(problem.start, problem.stop, _LINEAR).tolist()
@@ -237,6 +237,12 @@ def _result(problem: Problem, branches: list[Branch]) -> Result:
     fields["error_point_along"] = fields.pop("point_along_error")
     fields["error_point_parameter"] = fields["point_error"]
     return Result(**fields)
+
+
+def _falls(problem: Problem) -> bool:
+    """Whether a constant load drives a rigid body, which has no motion without impacts."""
+    curve = Curve(problem, problem.at)
+    return curve.laws(curve.motions(problem.start)).driven.balance.loaded
 
 
 def _nothing(problem: Problem) -> columns.Columns:

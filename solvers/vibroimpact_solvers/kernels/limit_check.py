@@ -2,10 +2,10 @@
 
 In a free motion a limited coordinate is
 
-    y(t) = level + form . z(t) + Re sum_h Y_h e^(i h Omega t),
+    y(t) = level + form . z(t) + (rate + bend t / 2) t + Re sum_h Y_h e^(i h Omega t),
 
-z being the response to the impulses. From its value, velocity and acceleration at one time and a
-bound B of its third derivative from there on,
+z being the response to the impulses, rate and bend what constant loads do to rigid bodies. From
+its value, velocity and acceleration at one time and a bound B of its third derivative after it,
 
     y(t + h) <= y + y' h + y''/2 h^2 + B/6 h^3,
 
@@ -53,6 +53,7 @@ class Coordinates(NamedTuple):
     growth: Floats  # (pair,): rates at which they grow, 0 for those that do not
     level: Floats  # (constraint,)
     walls: Floats  # (2, constraint): positions of the walls, infinite where there is none
+    trend: Floats  # (2, constraint): velocities and accelerations by loads on rigid bodies
 
 
 class FreeMotions(NamedTuple):
@@ -109,7 +110,8 @@ def _set_motion(
     even, odd, z = propagator[EVEN], propagator[ODD], f.state[k]
     left = f.length[k] - t
     for i in range(c.level.size):
-        y, v, a, bound = c.level[i], 0.0, 0.0, 0.0
+        slope, bend = c.trend[0, i], c.trend[1, i]
+        y, v, a, bound = c.level[i] + (slope + 0.5 * bend * t) * t, slope + bend * t, bend, 0.0
         p, s, u, g = c.position[i], c.velocity[i], c.acceleration[i], c.size[i]
         for j in range(even.size):
             back = odd[j]

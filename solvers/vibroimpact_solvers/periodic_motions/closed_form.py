@@ -63,7 +63,7 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
     doubt = (1.0 + k) * rate_error + _ROUNDINGS * (mu + (1.0 + k) * np.abs(rate))
     with np.errstate(divide="ignore", invalid="ignore"):
         c = -(1.0 + k) / denominator
-    held = cells.sign < 0.0 or not driven.free[a]
+    held = cells.sign < 0.0 or not driven.free[a]  # else see `falling`
     if driven.harmonics.size == 0:
         moving = held & np.isfinite(g) & (g != 0.0) & (wall != 0.0)  # at gap 0 only rest
         index = np.flatnonzero(moving & (np.abs(denominator) <= doubt))
@@ -81,7 +81,7 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
         with np.errstate(invalid="ignore"):
             Q = Y * (1.0 + 1j * turning * (c * g)[:, np.newaxis])
         clear = held & np.isfinite(Q).all(axis=1) & (np.abs(denominator) > doubt)
-        index, rough = _roots(Q, np.full(g.size, wall), driven.harmonics, clear)
+        index, rough = roots(Q, np.full(g.size, wall), driven.harmonics, clear)
         law = _Law(
             cells.Omega[index], driven.harmonics, Y[index], Y_error[index], g[index],
             g_error[index], c[index], (doubt / (1.0 + k))[index], wall, wall_error,
@@ -176,7 +176,7 @@ class _Law:
         return phase, p, late + 4.0 * EPS, error + EPS * np.abs(p)
 
 
-def _roots(
+def roots(
     Q: Complexes, wall: Floats, harmonics: Floats, clear: np.ndarray
 ) -> tuple[Integers, Floats]:
     """Return the frequencies and about the phases of all roots of ``Re sum Q_h e^(ih) = wall``.

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import EPS, Booleans, Floats
-from vibroimpact_solvers.errors import PlanError
 from vibroimpact_solvers.kernels.limit_check import Coordinates
+from vibroimpact_solvers.kernels.periodic import Response
+from vibroimpact_solvers.periodic_motions.balance import Balance, unloaded
 from vibroimpact_solvers.periodic_motions.groups import turned
 from vibroimpact_solvers.periodic_motions.mixing import Mixing
 from vibroimpact_solvers.periodic_motions.pairs import Complexes, Pairs
 from vibroimpact_solvers.periodic_motions.problem import Problem
 from vibroimpact_solvers.time_history.basis import Basis
 from vibroimpact_solvers.time_history.structure import Structure
+
+if TYPE_CHECKING:
+    from vibroimpact_solvers.periodic_motions.solutions import Cells
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -52,7 +57,9 @@ class Driven:
     doubts : array, shape (2, constraint, pair)
         Absolute errors of the forms of position and velocity by it, of both numbers of each pair.
     free : array of bool, shape (constraint,)
-        Whether impulses on a constraint move a rigid-body mode, which then never comes back.
+        Whether impulses on a constraint move a rigid-body mode, which by itself never comes back.
+    balance : Balance
+        The rigid-body modes.
     """
 
     structure: Structure
@@ -73,6 +80,7 @@ class Driven:
     mixing: Mixing
     doubts: Floats
     free: Booleans
+    balance: Balance
 
     @property
     def summed(self) -> float:
@@ -86,7 +94,8 @@ class Driven:
         Raises
         ------
         PlanError
-            Where a constant load drives a rigid-body mode, or damping makes modes almost equal.
+            Where a constant load drives a rigid-body mode that no impact pushes back, or damping
+            makes modes almost equal.
         """
         system = problem.system
         structure = Structure.of(system, method, 2.0 * math.pi / float(problem.Omega[0]))
@@ -95,9 +104,7 @@ class Driven:
         modes, basis = equal.modes, configuration.basis.without_chains()
         if equal.groups:
             basis = Basis(modes, structure.exponent, chains=False)
-        if modes.load[modes.roots == 0.0].any():
-            message = "a constant load drives a rigid-body mode: no motion is periodic"
-            raise PlanError(message, ("system", "force"))
+        basis = unloaded(basis)
         rows = structure.W @ modes.shapes
         # A mode with a node at a constraint is not coupled at all; rounding of its participation
         # would put a multiplier next to a pole of the equation that the multipliers solve.
@@ -113,6 +120,8 @@ class Driven:
         load = unit * (
             basis.kick(forces.real @ modes.shapes) + 1j * basis.kick(forces.imag @ modes.shapes)
         )
+        falls = np.where(modes.roots == 0.0, modes.load, 0.0)
+        falls = unit * basis.kick(falls[np.newaxis])[0]
         rounded = 2.0 * EPS * (2.0 * basis.condition - 1.0)  # complex modes are inverted, too
         shape_error = modes.shape_error - modes.neglected + rounded  # `mixing` has it
         eigenvalues = modes.roots * np.abs(modes.roots)
@@ -133,6 +142,8 @@ class Driven:
             silent = (sizes <= doubts).all(axis=0)[:, np.newaxis].repeat(2, axis=1)
             position[silent] = velocity[silent] = kick[silent] = 0.0
             doubts[:, silent[:, 0]] *= 2.0
+        balance = Balance.of(basis, falls, pairs, kick)
+        balance.check(problem)
         return cls(
             structure,
             basis,
@@ -152,6 +163,7 @@ class Driven:
             mixing,
             doubts,
             ((rows != 0.0) & (modes.roots == 0.0)).any(axis=1),
+            balance,
         )
 
     def watched(self, walls: Floats) -> Coordinates:
@@ -178,8 +190,19 @@ class Driven:
         acceleration = self.rates_of(self.velocity)
         growth = np.maximum(pairs.growth, 0.0)
         return Coordinates(
-            self.position, self.velocity, acceleration, size, growth, self.level, walls
-        )
+            self.position, self.velocity, acceleration, size, growth, self.level, walls,
+            self.balance.trend(),
+        )  # fmt: skip
+
+    def impulse_response(self, cells: Cells, kicks: Floats) -> Response:
+        """Return the responses to kicks, one per cell, with what balances those of rigid bodies.
+
+        See `Pairs.impulse_response`.
+        """
+        response = self.pairs.impulse_response(cells.length, cells.rest, cells.sign, kicks)
+        if cells.sign > 0.0:
+            self.balance.complete(response, cells.length, kicks, self.pairs.drift)
+        return response
 
     def rates_of(self, forms: Floats) -> Floats:
         """Return the forms of the time derivatives of forms, loads apart."""

@@ -2,8 +2,8 @@
 
 In a period of the drive the load, which has no mean, changes no momentum of a free body in the
 end, and damping none either, as the body comes back to where it was. The impulses along each
-rigid-body mode r that they move have to cancel, ``sum_j p_j w_j . r = 0``; the response to one
-impulse per period has no bound.
+rigid-body mode r that they move have to cancel, ``sum_j p_j w_j . r = 0``, or to balance a constant
+load on it (`balance`).
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ from vibroimpact_solvers import condensation, spectrum
 from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import System
+from vibroimpact_solvers.periodic_motions.balance import one_way
+from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.problem import Problem
 
 PLANNED: Final = 50
@@ -32,19 +34,14 @@ _ONE_WAY = (
 
 
 def expected(problem: Problem) -> str:
-    """Return what `sentence` is going to say, or raise, as far as it is clear without the modes.
+    """Return what `sentence` is going to say, as far as it is clear without the modes.
 
     A plan computes no natural modes: those of hundreds of degrees of freedom take longer than
     a plan may, and kernels that may be missing. Where a mode is hardly moved, or several modes
-    are, the solution tells.
-
-    Raises
-    ------
-    ModelError
-        As `sentence`.
+    are, or a constant load may move it, the solution tells.
     """
     system = problem.system
-    if problem.symmetric or system.n > PLANNED or not _may_be_free(system):
+    if problem.symmetric or system.loaded or system.n > PLANNED or not _may_be_free(system):
         return ""
     rows = system.directions([impact.constraint for impact in problem.impacts])
     modes = _rigid_modes(system)
@@ -54,38 +51,33 @@ def expected(problem: Problem) -> str:
     moved = moved[:, moved.any(axis=0)]
     if moved.shape[1] != 1 or (np.abs(moved[moved != 0.0]) < _CLEAR).any():
         return ""
-    return _said(problem, moved)
+    return _ONE_WAY if one_way(problem, moved) else ""
 
 
-def sentence(problem: Problem, natural: spectrum.Spectrum) -> str:
+def sentence(problem: Problem, driven: Driven) -> str:
     """Return why a structure has no motion with the impacts of a problem; empty: it may have one.
 
     Raises
     ------
     ModelError
-        Where the impulses may cancel: these motions, whose mean position is one more unknown, are
-        computed for symmetric sequences only.
+        Where the impulses may cancel, and damping couples the rigid-body modes to others.
     """
-    if problem.symmetric:
+    if problem.symmetric or driven.balance.loaded:
         return ""
+    natural = driven.structure.natural
     rows = natural.participations(problem.system.constraints)[0]
-    moved = rows[[impact.constraint for impact in problem.impacts]]
-    return _said(problem, moved[:, natural.roots == 0.0])
-
-
-def _said(problem: Problem, moved: Floats) -> str:
-    """Return or raise what follows from what the impacts move of rigid modes, (impact, mode)."""
-    pushes = moved * np.array([i.side for i in problem.impacts])[:, np.newaxis]
-    pushes = pushes[:, pushes.any(axis=0)]
-    if not pushes.size:
+    moved = rows[[impact.constraint for impact in problem.impacts]][:, natural.roots == 0.0]
+    if not moved.any():
         return ""
-    if ((pushes >= 0.0).all(axis=0) | (pushes <= 0.0).all(axis=0)).any():
+    if one_way(problem, moved):
         return _ONE_WAY
-    message = (
-        "the impacts move a rigid-body mode, which nothing brings back: such motions are computed "
-        "only for the sequence 'symmetric'"
-    )
-    raise ModelError(("sequence",), message, code="rigid_body")
+    if driven.balance.coupled:
+        message = (
+            "the impacts move a rigid-body mode that damping couples to other modes: such motions "
+            "are computed only for the sequence 'symmetric'"
+        )
+        raise ModelError(("sequence",), message, code="rigid_body")
+    return ""
 
 
 def _may_be_free(system: System) -> bool:

@@ -127,7 +127,9 @@ class Mixing:
         lengths = cells[:, np.newaxis]
         with np.errstate(under="ignore"):
             there = np.exp(self.rates[:, np.newaxis] * lengths)
-        apart = np.abs(1.0 - sign * there).min(axis=0)[:, np.newaxis]
+        apart = np.abs(1.0 - sign * there)
+        # A rigid body does not come back by itself, but falls from one half to the other half.
+        apart = np.where(apart == 0.0, 1.0, apart).min(axis=0)[:, np.newaxis]
         # A pair is driven for as long as the other lasts.
         lasts = np.minimum(lengths, 1.0 / np.maximum(-self.rates.real.max(axis=0), 1.0 / lengths))
         moved = (_lengths(after) * lasts[:, np.newaxis]) @ self.near.T

@@ -101,7 +101,8 @@ def determinants(
     """Return numbers with the signs of ``det(1 + Z)`` and ``det(1 - Z)``, each (solution,).
 
     Z is the linearised motion over the period; over half of it, mirrored, where that mirrors the
-    rest. The structure by itself is damped: its part of the determinants is positive.
+    rest. The structure by itself is damped: its part of the determinants is positive. Rigid bodies
+    have a multiplier 1 by themselves, which impacts change: there all multipliers are multiplied.
     """
     struck = np.array([impact.constraint for impact in problem.impacts])
     walls = _Walls.of(driven, struck)
@@ -112,6 +113,10 @@ def determinants(
     later = np.arange(n)[:, np.newaxis] // 2 > np.arange(n) // 2
     values = []
     for rho in (-cells.sign, cells.sign):
+        if rho > 0.0 and (cycles.trace == 1.0 + cycles.determinant).any():
+            each = _coupled(driven, walls, coupled, cells, solved, every=True)[0]
+            values.append(np.prod(1.0 - each, axis=1).real)
+            continue
         inverse = 1.0 / (1.0 - rho * cycles.trace + cycles.determinant)
         sums = np.einsum("nijxp,np->xnij", cycles.terms, inverse)
         F = np.eye(n) - np.where(later, rho, 1.0) * (rho * sums[A_PART] + sums[B_PART])
@@ -376,6 +381,9 @@ def _jumps(driven: Driven, walls: _Walls, cells: Cells, solved: Solutions) -> tu
     mixing = driven.mixing
     if mixing:  # what they make of the state before an impact is what they make of that after it
         error += np.einsum("nii->ni", solved.seen_error(form, mixing.of_forms(form)))
+    fall = driven.balance.trend()[1, struck]
+    own += fall
+    error += (2.0 * driven.shape_error + _ROUNDINGS) * np.abs(fall)
     by_load = np.zeros_like(own)
     if driven.harmonics.size:
         Y = np.einsum("isj,fhsj->fih", place, cells.steady)

@@ -206,7 +206,15 @@ class Orbit:
             self.driven.pairs.propagators(np.ascontiguousarray(times)), self.states[leg]
         )
         turned = self._turned(leg, times)
-        return np.asarray(moved + np.einsum("th,hsj->tsj", turned, self.steady).real)
+        z = np.asarray(moved + np.einsum("th,hsj->tsj", turned, self.steady).real)
+        self.driven.balance.carry(z, times)
+        self.driven.balance.creep(z)
+        return z
+
+    def _load(self, turned: Complexes) -> Floats:
+        """Return changes of state per unit of time by the loads, shape (time, 2, pair)."""
+        driven = self.driven
+        return np.asarray(np.tensordot(turned, driven.load, 1).real + driven.balance.kick)
 
     def _turned(self, leg: int, times: Floats) -> Complexes:
         """Return the factors of the load's amplitudes, shape (time, harmonic)."""
@@ -267,7 +275,7 @@ class Orbit:
         near = piece.times[top]
         for _ in range(_REFINEMENTS):
             z = self.state(piece.leg, near)
-            load = np.tensordot(self._turned(piece.leg, near), self.driven.load, 1).real
+            load = self._load(self._turned(piece.leg, near))
             slope = np.einsum("tsj,tsj->t", z, v)
             bend = np.einsum("tsj,tsj->t", z, a) + np.einsum("tsj,tsj->t", load, v)
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -285,7 +293,7 @@ class Orbit:
         does, as nodes are a fraction of a radian of the fastest vibration apart.
         """
         out, states = self.outputs, piece.states
-        load = np.tensordot(piece.turned, self.driven.load, 1).real
+        load = self._load(piece.turned)
         slope = sign * np.tensordot(states, out.v, _PAIRS)
         bend = sign * (np.tensordot(states, out.a, _PAIRS) + np.tensordot(load, out.v, _PAIRS))
         ends = np.concatenate([piece.ends[:1], piece.times, piece.ends[1:]])

@@ -20,6 +20,7 @@ import numpy as np
 from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers
 from vibroimpact_solvers.kernels.impact_equations import Cells as Cycles
 from vibroimpact_solvers.kernels.impact_equations import Equations, Impacts, Room, set_equations
+from vibroimpact_solvers.periodic_motions.balance import Folded, add_offset
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.problem import Impact, Problem
 from vibroimpact_solvers.periodic_motions.solutions import (
@@ -121,9 +122,11 @@ class Search:
         self.m = laws.impacts.wall.size
         driven, cells = self.driven, self.cells
         self.Omega, self.length = cells.Omega[:, np.newaxis], cells.length[:, np.newaxis]
-        self.response = driven.pairs.impulse_response(
-            cells.length, cells.rest, cells.sign, laws.kicks
-        )
+        self.response = driven.impulse_response(cells, laws.kicks)
+        struck = [impact.constraint for impact in self.problem.impacts]
+        free = cells.sign > 0.0 and driven.free[struck].any()
+        self.possible = not free or driven.balance.balances(self.problem)
+        self.folded = Folded(driven.balance, struck) if free and self.possible else None
         self.seen = Cycles(
             cells.length, self.Omega * driven.harmonics, cells.steady,
             self.response.after, self.response.before,
@@ -141,8 +144,7 @@ class Search:
     def solutions(self, times: Floats) -> Solutions:
         """Return the different solutions that Newton's method reaches."""
         impulses = np.zeros(times.shape)
-        good = np.isfinite(self.response.after).all()
-        good &= not self.driven.free[[impact.constraint for impact in self.problem.impacts]].any()
+        good = self.possible and np.isfinite(self.response.after).all()
         if not good or times.shape[0] == 0:
             return self.collected(times[:0], impulses[:0])
         impulses = self._first_impulses(times)
@@ -174,7 +176,18 @@ class Search:
         return np.asarray(-np.einsum("sij,sj->si", np.linalg.pinv(laws), value))
 
     def equations(self, times: Floats, p: Floats) -> Equations:
-        """Return residuals, derivatives by impulses and times, and the sizes of their terms."""
+        """Return residuals, derivatives by impulses and times, and the sizes of their terms.
+
+        Where impacts move rigid-body modes, balances of their impulses take the place of some
+        equations about places, see `balance.Folded`.
+        """
+        equations = self._with_places(times, p)
+        if self.folded is not None:
+            self.folded.fold(p, self.length, equations)
+        return equations
+
+    def _with_places(self, times: Floats, p: Floats) -> Equations:
+        """Return the equations about all places, without the mean positions of free bodies."""
         count, size = times.shape[0], 2 * self.m
         shapes = (count, size), (count, size, size), (count, size)
         equations = Equations(*map(np.empty, shapes))
@@ -182,6 +195,8 @@ class Search:
         flow, impacts = self.driven.pairs.flow, self.laws.impacts
         times, p = np.ascontiguousarray(times), np.ascontiguousarray(p)
         set_equations(flow, impacts, self.seen, times, p, equations, room)
+        if self.folded is not None:
+            self.folded.add_trends(times, p, self.length, equations)
         return equations
 
     def _moved(self, times: Floats) -> Floats:
@@ -190,7 +205,13 @@ class Search:
         apart = time_between(times[:, i], times[:, j], i > j, self.length)
         flows = self.driven.pairs.propagators(np.ascontiguousarray(apart.ravel()))
         flows = flows.reshape(*apart.shape, *flows.shape[1:])
-        return self.driven.pairs.move(flows, self.response.after[:, j])
+        moved = self.driven.pairs.move(flows, self.response.after[:, j])
+        if self.folded is not None:
+            balance, mean = self.driven.balance, -self.folded.moved[j]
+            moved[..., balance.pairs] += balance.moved_by(
+                mean / self.length[..., np.newaxis], apart
+            )
+        return moved
 
     def _different(self, times: Floats, impulses: Floats) -> tuple[Floats, Floats]:
         """Return each solution once, impacts in order, the first in the load's first period.
@@ -281,6 +302,7 @@ class Search:
         for k, (i, j) in enumerate(zip(*self.laws.others, strict=True)):
             state[:, i] += there[:, k] * p[:, j, np.newaxis, np.newaxis]
         velocity = -self.laws.impacts.inertia * p
+        placed = self._placed(times, p, state, relative, errors)
         with np.errstate(divide="ignore", invalid="ignore"):
             moved = (errors[:, :m] / np.abs(p)).max(axis=1, initial=0.0)
         speeds = self.driven.pairs.speed
@@ -288,9 +310,27 @@ class Search:
         return Solutions(
             np.broadcast_to(self.index, count), times * self.Omega, p, velocity, state, lengths,
             errors[:, m:] * self.Omega, errors[:, :m],
-            errors[:, :m] * self.laws.impacts.inertia, inexact + moved[:, np.newaxis] + late,
-            np.zeros(count), floor,
+            errors[:, :m] * self.laws.impacts.inertia,
+            inexact + moved[:, np.newaxis] + late + placed, np.zeros(count), floor,
         )  # fmt: skip
+
+    def _placed(
+        self, times: Floats, p: Floats, state: Floats, relative: Floats, errors: Floats
+    ) -> Floats:
+        """Shift states to where their impacts are at the walls; return what that adds to errors.
+
+        Relative to the pairs of the state, shape (solution, pair).
+        """
+        added = np.zeros((len(p), state.shape[-1]))
+        if self.folded is not None:
+            residual, jacobian, size = self._with_places(times, p)
+            placing, balance = self.folded.placing, self.driven.balance
+            balance.place(state, (residual[:, : self.m] @ placing.T)[:, np.newaxis])
+            doubt = size[:, : self.m] * relative
+            doubt += np.einsum("nij,nj->ni", np.abs(jacobian[:, : self.m]), errors)
+            offset = doubt @ np.abs(placing.T)
+            add_offset(added, state, balance, offset)
+        return added
 
     def _mixed(self, p: Floats, doubt: Floats) -> Floats:
         """Add what errors of the load's response, and mixed modes, do to the equations.

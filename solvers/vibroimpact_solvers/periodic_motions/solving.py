@@ -10,7 +10,7 @@ import numpy as np
 
 from vibroimpact_solvers import cost, spectrum
 from vibroimpact_solvers.arrays import along, nothing
-from vibroimpact_solvers.periodic_motions import closed_form, columns, free_bodies, sequences
+from vibroimpact_solvers.periodic_motions import columns, free_bodies, sequences, single
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.planning import Method
 from vibroimpact_solvers.periodic_motions.problem import Problem
@@ -40,7 +40,7 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     step = plan.step(Stage.SPECTRUM)
     assert step is not None
     driven = Driven.of(problem, spectrum.Method(step.method))
-    free_bodies.sentence(problem, driven.structure.natural)
+    free_bodies.sentence(problem, driven)
     numbers = 2 * driven.pairs.alpha.size * (4 + driven.harmonics.size)
     most = driven.harmonics.max(initial=1.0)  # there may be twice as many solutions at each
     block = max(1, int(_BLOCK / (numbers * most)))
@@ -88,11 +88,11 @@ def _solve_block(problem: Problem, plan: Plan, driven: Driven) -> Result:
     step = plan.step(Stage.IMPULSE)
     assert step is not None
     if step.method == Method.CLOSED_FORM:
-        struck = closed_form.solutions(driven, cells, problem.impacts[0])
+        struck = single.solutions(driven, cells, problem)
     else:
         struck = sequences.solutions(driven, cells, problem)
     parts = [columns.of(problem, driven, cells, struck)]
-    if driven.harmonics.size:
+    if driven.harmonics.size and not driven.balance.loaded:
         # Without impacts, half of a period says nothing that the whole does not.
         whole = cells if cells.sign > 0.0 else cells.doubled()
         parts.insert(0, columns.of(problem, driven, whole, without_impacts(whole)))

@@ -232,16 +232,32 @@ def test_branches_that_begin_without_load(symmetric: bool) -> None:
         assert touches == pytest.approx([])
 
 
-def test_impacts_on_both_sides_of_a_free_body_are_refused() -> None:
+def test_impacts_on_both_sides_of_a_free_body_cancel() -> None:
     wall = Constraint((0,), (1.0,), 0.5, 0.5, 0.8)
     free = System(ONE, SymmetricMatrix.diagonal([0.0]), (wall,))
+    load, both = (driven.Force((0,), (1.0,), 1.0),), (driven.Impact(0), driven.Impact(0, -1))
+    problem = branches.Problem(
+        lambda Omega: driven.Problem(free, np.array([Omega]), load, sequence=both),
+        0.5, 0.6, free, frequency=True, step=0.2,
+    )  # fmt: skip
+    result = branches.solve(problem, branches.plan(problem))
+    momenta = result.impact_momentum.reshape(-1, 2)
+    assert momenta.shape[0] > 4
+    assert momenta[:, 0] == pytest.approx(momenta[:, 1], rel=1e-9)
+
+
+def test_impacts_on_both_sides_of_a_body_that_damping_couples_are_refused() -> None:
+    wall = Constraint((0,), (1.0,), 0.5, 0.5, 0.8)
+    K = SymmetricMatrix.dense(np.array([[1.0, -1.0], [-1.0, 1.0]]))
+    C = SymmetricMatrix.diagonal([0.1, 0.0])
+    free = System(SymmetricMatrix.diagonal([1.0, 1.0]), K, (wall,), C=C)
     load, both = (driven.Force((0,), (1.0,), 1.0),), (driven.Impact(0), driven.Impact(0, -1))
     problem = branches.Problem(
         lambda Omega: driven.Problem(free, np.array([Omega]), load, sequence=both),
         0.5, 0.6, free, frequency=True,
     )  # fmt: skip
     with pytest.raises(ModelError, match="rigid-body") as caught:
-        branches.plan(problem)
+        branches.solve(problem, branches.plan(problem))
     assert caught.value.pointer == ("base", "sequence")
 
 
