@@ -117,6 +117,7 @@ class Module:
             found |= module.of_name(name, seen) if module else set()
         return found
 
+    @functools.cache  # noqa: B019 - modules are kept anyway
     def _with_fixture(self, name: str) -> Module | None:
         """Return the file that may define a fixture: this one, or one of the folders around it."""
         if name in self.names:
@@ -130,7 +131,8 @@ class Module:
         return None
 
 
-def of_test(path: Path, *names: str) -> set[str]:
+@functools.cache
+def of_test(path: Path, *names: str) -> frozenset[str]:
     """Return what a test needs.
 
     Parameters
@@ -143,13 +145,13 @@ def of_test(path: Path, *names: str) -> set[str]:
     module, seen = _module(path), set[tuple[Path, str]]()
     found = _of_room(path)
     if len(names) == 1:
-        return found | module.of_name(names[0], seen)
+        return frozenset(found | module.of_name(names[0], seen))
     for node in module.names.get(names[0], []):
         for each in node.body if isinstance(node, ast.ClassDef) else []:
             other = isinstance(each, Function) and each.name.startswith("test")
             if not other or each.name == names[-1]:
                 found |= module.of_node(each, seen)
-    return found
+    return frozenset(found)
 
 
 def tests_of(path: Path) -> Iterator[tuple[str, ...]]:

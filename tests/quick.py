@@ -14,6 +14,7 @@ import platform
 import signal
 import sys
 from collections.abc import Callable, Iterator
+from collections.abc import Set as AbstractSet
 from pathlib import Path
 from typing import Any, Final
 
@@ -161,7 +162,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Leave out what is not quick, or what plain Python cannot do."""
     if not _plain(config):
         return
-    hindered: Callable[[set[str]], bool] = bool
+    hindered: Callable[[AbstractSet[str]], bool] = bool
     if not config.option.quick:
         hindered = {needs.COMPILER}.__le__
     left_out = [item for item in items if hindered(_needs(item))]
@@ -174,7 +175,7 @@ def _plain(config: pytest.Config) -> bool:
     return bool(config.option.quick or config.option.plain)
 
 
-def _needs(item: pytest.Item) -> set[str]:
+def _needs(item: pytest.Item) -> AbstractSet[str]:
     """Return what a test needs, as it is marked or, if it is not marked quick, by its source."""
     marked = {need for mark in item.iter_markers("needs") for need in mark.args}
     if not marked <= needs.KNOWN.keys():

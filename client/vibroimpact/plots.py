@@ -83,11 +83,19 @@ def impulse(result: ResultFile, ax: Axes | None = None) -> Axes:
     return _over_frequency(result, result.impulse, text, ax)
 
 
+def _admissible(result: ResultFile, otherwise: Array) -> Array:
+    """Return which solutions are admissible, as exists or reason say; without them, a guess."""
+    if hasattr(result, "exists"):
+        exists: Array = result.exists
+        return exists
+    return np.asarray(result.reason == "ok") if hasattr(result, "reason") else otherwise
+
+
 def _over_frequency(result: ResultFile, values: Array, text: str, ax: Axes | None) -> Axes:
     ax = ax or new_axes()
     order = np.argsort(result.Omega, kind="stable")
     x, x_label = frequencies(result, result.Omega[order])
-    exists: Array = result.exists if hasattr(result, "exists") else np.all(values > 0, axis=1)
+    exists = _admissible(result, np.all(values > 0, axis=1))
     ax.axhline(0.0, color="black", linewidth=0.5)
     for column, index in enumerate(result.constraint):
         # Later curves are narrower, so that equal ones show each other.
@@ -125,13 +133,13 @@ def frequency_energy(result: ResultFile, ax: Axes | None = None) -> Axes:
     """Plot the frequency over the energy of the admissible solutions, unstable ones dotted.
 
     Neutral are those from which deviations do not grow; nor do they decay, as nothing is lost.
-    Requires the output energy; uses exists and stability if they were computed.
+    Requires the output energy; uses exists or reason, and stability, if they were computed.
     """
     ax = ax or new_axes()
     order = np.argsort(result.Omega, kind="stable")
     Omega, energy = result.Omega[order], result.energy[order]
     frequency, text = frequencies(result, Omega)
-    admissible: Array = result.exists[order] if hasattr(result, "exists") else np.isfinite(energy)
+    admissible = _admissible(result, np.isfinite(result.energy))[order]
     if hasattr(result, "stability"):
         # Results of 0.2.0 do not tell which are neutral: moduli are 1 but for rounding.
         near = result.neutral == "yes" if "neutral" in result else result.stability <= 1.0 + 1e-6

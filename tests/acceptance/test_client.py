@@ -207,14 +207,29 @@ def test_frequency_over_energy_is_drawn(client: vi.Client) -> None:
         vi.two_mass(vi.constraint(0, 1.0)), (0.3, 4.0, 400), outputs=outputs
     )
     lines = result.plot(output="energy").get_lines()
-    assert [line.get_label() for line in lines] == ["stable", "unstable"]
-    stable = result.stability <= 1.0 + 1e-6
-    for line, some in zip(lines, (stable, ~stable), strict=True):
+    assert [line.get_label() for line in lines] == ["neutral", "unstable"]
+    neutral = result.neutral == "yes"
+    for line, some in zip(lines, (neutral, ~neutral), strict=True):
         energy, Omega = line.get_data()
         np.testing.assert_array_equal(np.isfinite(energy), result.exists & some)
         np.testing.assert_array_equal(Omega, result.Omega)
     with pytest.raises(ValueError, match="harmonics can be drawn, not 'modes'"):
         result.plot(output="modes")
+
+
+def test_phantoms_are_known_by_their_reason(client: vi.Client) -> None:
+    """Positive impulses alone do not make a motion: the structure may pass through its stop."""
+    structure = vi.chain(13, [vi.constraint(5, 0.2)])
+    outputs = ["impulse", "reason", "energy", "stability"]
+    result = client.impact_modes(structure, (0.6, 2.6, 300), outputs=outputs)
+    admissible = result.reason == "ok"
+    assert ((result.impulse > 0.0).all(axis=1) & ~admissible).any()
+    lines = result.plot(output="energy").get_lines()
+    assert [line.get_label() for line in lines] == ["neutral", "unstable"]
+    drawn = np.any([np.isfinite(line.get_xdata()) for line in lines], axis=0)
+    np.testing.assert_array_equal(drawn, admissible)
+    strong = next(line for line in result.plot().get_lines() if line.get_label() == "admissible")
+    np.testing.assert_array_equal(np.isfinite(strong.get_ydata()), admissible)
 
 
 def test_axes_carry_units(client: vi.Client) -> None:

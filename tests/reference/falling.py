@@ -3,8 +3,8 @@
 In as many digits as the caller's precision of mpmath has, 30 or so.
 
 The state, one and the cosine and sine of the drive's phase obey one linear equation, of which
-free motions are matrix exponentials; impacts are zeros of the distance. Nothing of it knows modes or
-periodic responses.
+free motions are matrix exponentials; impacts are zeros of the distance. Nothing of it knows modes
+or periodic responses.
 """
 
 from __future__ import annotations

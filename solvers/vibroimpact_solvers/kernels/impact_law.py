@@ -375,18 +375,19 @@ def _find_struck(structure: Structure, motion: Motion, scratch: Scratch) -> int:
     count = 0
     for i in range(walls.size):
         wall, y = walls[i], product(watched.coordinate[i], motion.z)
-        reached, at_a_wall = i == now.coordinate, 0.0
-        if not reached:
-            at_a_wall = SIMULTANEOUS * _rounding_of_place(structure, motion, scratch, i)
-        if reached:
+        if i == now.coordinate:
             side = 1.0 if now.side > 0 else -1.0
             now.penetration = max(now.penetration, abs(room_at(walls, i, side, y)))
-        elif wall.restitution >= 0.0 and wall.upper - y <= at_a_wall:
-            side = 1.0
-        elif wall.restitution >= 0.0 and wall.lower + y <= at_a_wall:
-            side = -1.0
-        else:
+        elif wall.restitution < 0.0:
             continue
+        else:
+            at_a_wall = SIMULTANEOUS * _rounding_of_place(structure, motion, scratch, i)
+            if wall.upper - y <= at_a_wall:
+                side = 1.0
+            elif wall.lower + y <= at_a_wall:
+                side = -1.0
+            else:
+                continue
         speed, lost = exact_product(watched.velocity[i], motion.z)
         lost += product(watched.velocity[i], scratch.rest)
         row = scratch.struck[count]

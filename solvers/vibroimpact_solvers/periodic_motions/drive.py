@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,9 +18,6 @@ from vibroimpact_solvers.periodic_motions.pairs import Complexes, Pairs
 from vibroimpact_solvers.periodic_motions.problem import Problem
 from vibroimpact_solvers.time_history.basis import Basis
 from vibroimpact_solvers.time_history.structure import Structure
-
-if TYPE_CHECKING:
-    from vibroimpact_solvers.periodic_motions.solutions import Cells
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -194,14 +190,16 @@ class Driven:
             self.balance.trend(),
         )  # fmt: skip
 
-    def impulse_response(self, cells: Cells, kicks: Floats) -> Response:
+    def impulse_response(
+        self, length: Floats, rest: Floats, sign: float, kicks: Floats
+    ) -> Response:
         """Return the responses to kicks, one per cell, with what balances those of rigid bodies.
 
         See `Pairs.impulse_response`.
         """
-        response = self.pairs.impulse_response(cells.length, cells.rest, cells.sign, kicks)
-        if cells.sign > 0.0:
-            self.balance.complete(response, cells.length, kicks, self.pairs.drift)
+        response = self.pairs.impulse_response(length, rest, sign, kicks)
+        if sign > 0.0:
+            self.balance.complete(response, length, kicks, self.pairs.drift)
         return response
 
     def rates_of(self, forms: Floats) -> Floats:

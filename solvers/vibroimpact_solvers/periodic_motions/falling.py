@@ -36,7 +36,7 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
     a, balance = impact.constraint, driven.balance
     k = driven.structure.system.constraints[a].restitution
     form, slope = driven.position[a], driven.velocity[a]
-    each = driven.impulse_response(cells, driven.kick[a : a + 1])
+    each = driven.impulse_response(cells.length, cells.rest, cells.sign, driven.kick[a : a + 1])
     response = Response(*(part[:, 0] for part in each))
     more = 2.0 * driven.shape_error + driven.summed
     g, g_error, rate, rate_error = driven.pairs.seen(form, slope, response, more)

@@ -122,7 +122,7 @@ class Search:
         self.m = laws.impacts.wall.size
         driven, cells = self.driven, self.cells
         self.Omega, self.length = cells.Omega[:, np.newaxis], cells.length[:, np.newaxis]
-        self.response = driven.impulse_response(cells, laws.kicks)
+        self.response = driven.impulse_response(cells.length, cells.rest, cells.sign, laws.kicks)
         struck = [impact.constraint for impact in self.problem.impacts]
         free = cells.sign > 0.0 and driven.free[struck].any()
         self.possible = not free or driven.balance.balances(self.problem)

@@ -15,7 +15,7 @@ import yaml
 from processes import Process, until
 
 FOLDER = Path(__file__).parents[3] / "docker" / "monitoring"
-WINDOW = "6s"
+WINDOW = "12s"
 
 
 def free_port() -> int:
