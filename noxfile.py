@@ -125,7 +125,7 @@ QUICK = tuple(
     f"tests/{folder}"
     for folder in (
         "schema", "client", "solvers", "service/documents", "service/results", "service/store",
-        "service/access", "service/jobs",
+        "service/jobs",
     )
 )  # fmt: skip
 """Folders in which every test that is not quick says so, by its source or a mark."""

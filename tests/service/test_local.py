@@ -85,9 +85,12 @@ def test_ctrl_c_ends_compiled_code(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(
         textwrap.dedent(f"""
+        import signal
         import sys
         import vibroimpact as vi
         from vibroimpact_service import local
+        # A shell lets what it runs in the background ignore Ctrl-C.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         usual, local._COMMAND = local._COMMAND, [sys.executable, "-c", {text!r}]
         begin = local._started
         def started():

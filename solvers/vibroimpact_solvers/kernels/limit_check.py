@@ -37,6 +37,8 @@ VERDICT: Final = record([("kind", "i8"), ("constraint", "i8"), ("time", "f8")])
 
 LOWER: Final = 0
 UPPER: Final = 1
+SLOPE: Final = 0  # rows of the trend of coordinates: velocities
+BEND: Final = 1  # and accelerations
 """Rows of walls."""
 
 _SHORT = 1e-7  # of the free motion: steps that the search takes without proof near a touch
@@ -110,7 +112,7 @@ def _set_motion(
     even, odd, z = propagator[EVEN], propagator[ODD], f.state[k]
     left = f.length[k] - t
     for i in range(c.level.size):
-        slope, bend = c.trend[0, i], c.trend[1, i]
+        slope, bend = c.trend[SLOPE, i], c.trend[BEND, i]
         y, v, a, bound = c.level[i] + (slope + 0.5 * bend * t) * t, slope + bend * t, bend, 0.0
         p, s, u, g = c.position[i], c.velocity[i], c.acceleration[i], c.size[i]
         for j in range(even.size):

@@ -13,6 +13,8 @@ from vibroimpact_solvers import impact_modes as modes
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 
+pytestmark = pytest.mark.needs("compiled kernels")
+
 EPS = np.finfo(np.float64).eps
 ALL = frozenset({"impulse", "exists", "shape", "energy"})
 
