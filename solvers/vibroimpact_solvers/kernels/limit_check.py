@@ -37,9 +37,11 @@ VERDICT: Final = record([("kind", "i8"), ("constraint", "i8"), ("time", "f8")])
 
 LOWER: Final = 0
 UPPER: Final = 1
-SLOPE: Final = 0  # rows of the trend of coordinates: velocities
-BEND: Final = 1  # and accelerations
 """Rows of walls."""
+
+SLOPE: Final = 0
+BEND: Final = 1
+"""Rows of the trends of coordinates: velocities and accelerations."""
 
 _SHORT = 1e-7  # of the free motion: steps that the search takes without proof near a touch
 _MOST = 1_000_000  # steps
