@@ -218,13 +218,12 @@ def _rounding_of_place(structure: Structure, motion: Motion, scratch: Scratch, i
     return float(max(scratch.rounding[i], ROUNDING * terms))
 
 
-@inner
+@once
 def _widen_unknown_order(structure: Structure, motion: Motion, scratch: Scratch) -> None:
     """Account for coordinates that may strike before or after the one at its wall.
 
     What the impulse of one takes from the velocity of the other changes the impulse of that one.
     """
-    never_inlined()
     now, watched, walls = motion.progress[0], structure.watched, structure.walls
     a = now.coordinate
     speed = (1.0 if now.side > 0 else -1.0) * product(watched.velocity[a], motion.z)

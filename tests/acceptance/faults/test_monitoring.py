@@ -279,8 +279,7 @@ def test_a_dead_database(cluster: Cluster) -> None:
     def ask() -> None:  # however late Prometheus reads the first number, others follow
         assert cluster.replicas["a"].http.get("/v1/jobs").status_code == 503
 
-    alerts = "VibroimpactDatabaseFailing", "VibroimpactServerErrors"
-    with cluster.firing(*alerts, meanwhile=ask):
+    with cluster.firing("VibroimpactDatabaseFailing", "VibroimpactServerErrors", meanwhile=ask):
         cluster.database.start()
         until(cluster.replicas["a"].ready, "it is not ready")
 
