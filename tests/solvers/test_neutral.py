@@ -75,6 +75,7 @@ def _damped() -> System:
     return System(one, one, (wall,), SymmetricMatrix.diagonal([0.1]))
 
 
+@pytest.mark.needs("compiled kernels")
 def test_special_points_lie_between_the_motions_that_they_name() -> None:
     result = _branches(_damped(), 2.4, 3.4, switch=2)
     assert result.point_type.size >= 4

@@ -257,6 +257,7 @@ def test_grids_of_frequencies_stay_with_doubles() -> None:
     assert ["ball arithmetic" in step.reason for step in steps if step is not None] == [True, False]
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("further", [frozenset(), frozenset({"stability"})])
 @pytest.mark.parametrize("n", [8, 260])
 def test_nothing_is_certified_by_estimates(n: int, further: frozenset[str]) -> None:

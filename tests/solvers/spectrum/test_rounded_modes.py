@@ -62,6 +62,7 @@ def test_modes_of_equal_frequencies_are_known_as_a_space() -> None:
     assert np.isfinite(refined.angles).all()
 
 
+@pytest.mark.needs("compiled kernels")
 def test_no_structure_is_too_large_for_proved_errors() -> None:
     """0.2.0 knew eigenvalues above 256 degrees of freedom to a rounding of the largest."""
     n = refinement.LARGEST + 4

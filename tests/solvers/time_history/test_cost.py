@@ -135,6 +135,7 @@ def test_histories_cost_what_is_asked() -> None:
     assert solve(system, state, 50.0).x is None
 
 
+@pytest.mark.needs("compiled kernels")
 def test_free_bodies_of_a_dense_structure_take_the_memory_of_its_modes() -> None:
     """Six of them: the roundings in their eigenvalues are sums of n^2 terms for each."""
     n, bodies = 600, 6

@@ -13,6 +13,7 @@ from vibroimpact_solvers.time_history import modal_damping
 EPS = 2.0**-52
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("elements", [40, 150])
 def test_proportional_damping_of_a_beam_is_known_to_a_rounding(elements: int) -> None:
     """C = 2^-15 K exactly. Sums over C in doubles are off by 1e-6 and more in the lowest mode."""

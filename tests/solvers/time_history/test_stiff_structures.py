@@ -54,6 +54,7 @@ def check(true: np.ndarray, stated: np.ndarray, size: float, least: float) -> No
     assert stated.max() < least * size
 
 
+@pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("damped", [False, True])
 def test_a_beam_of_300_degrees_of_freedom(*, damped: bool) -> None:
     beam = beams.cantilever(150, damped=damped)
@@ -69,6 +70,7 @@ def test_a_beam_of_300_degrees_of_freedom(*, damped: bool) -> None:
         check(true, stated, float(np.abs(values).max()), least)
 
 
+@pytest.mark.needs("compiled kernels")
 def test_a_beam_of_600_degrees_of_freedom() -> None:
     stored = json.loads(STORED.read_text())
     beam, (x, v) = beams.cantilever(300), start_of_beam(300)
@@ -87,6 +89,7 @@ def test_a_beam_of_600_degrees_of_freedom() -> None:
         check(true, stated[:, some], float(np.abs(values).max()), least)
 
 
+@pytest.mark.needs("compiled kernels")
 def test_a_plate_with_pairs_of_equal_frequencies() -> None:
     """A square plate by differences, simply supported: all modes are products of sines."""
     side = 17
@@ -144,6 +147,7 @@ def frame(elements: int) -> tuple[np.ndarray, np.ndarray]:
     return M[held, held], K[held, held]
 
 
+@pytest.mark.needs("compiled kernels")
 def test_a_frame() -> None:
     M, K = frame(30)
     M, K = 0.5 * (M + M.T), 0.5 * (K + K.T)
