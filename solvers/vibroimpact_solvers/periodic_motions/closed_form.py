@@ -33,7 +33,7 @@ from vibroimpact_solvers.periodic_motions.solutions import PI, Cells, Solutions
 
 _ROUNDINGS = 2.0 * EPS  # of a few real operations, or of a complex product
 _ROOM = 4096  # roots that are found at once
-_WIDE = 4.0 * float(np.finfo(np.longdouble).eps)  # of an angle and a sum in the wider type
+WIDE = 4.0 * float(np.finfo(np.longdouble).eps)  # of an angle and a sum in the wider type
 
 Wide = NDArray[np.longdouble]
 
@@ -149,31 +149,57 @@ class _Law:
         slope = (near[1] / Omega + c * g * near[2]).astype(np.float64)
         terms = size * np.hypot(1.0, turning * (c * g)[:, np.newaxis])
         bend = terms @ h**2
-        with np.errstate(divide="ignore", invalid="ignore"):
-            step = np.where(slope**2 > 4.0 * bend * np.abs(value), -value / slope, 0.0)
+        step = newton_step(value, slope, bend)
         wide = wide + step
         v, a = (part.astype(np.float64) for part in self.along(wide)[1:])
         p = c * v
         at_wall = self.Y_error.sum(axis=1) + np.abs(p) * self.g_error + self.wall_error
-        at_wall += _WIDE * (abs(self.wall) + terms @ (1.0 + 2.0 * np.pi * h))
-        at_wall += np.where(step == 0.0, np.abs(value), 0.5 * bend * step**2)
+        at_wall += WIDE * (abs(self.wall) + terms @ (1.0 + 2.0 * np.pi * h))
+        at_wall += left_over(value, step, bend)
         of_law = (turning * self.Y_error).sum(axis=1) + np.abs(p) * self.inertia_error
         doubt = at_wall + np.abs(c * g) * of_law
+        late = lateness(slope, bend, doubt)
         with np.errstate(divide="ignore", invalid="ignore"):
-            square = slope**2 - 2.0 * bend * doubt
-            late = np.where(
-                square > 0.0,
-                2.0 * doubt / (np.abs(slope) + np.sqrt(np.maximum(square, 0.0))),
-                2.0 * np.sqrt(2.0 * doubt / bend) + np.abs(slope) / bend,
-            )
             turned = np.abs(a) + (size * turning) @ h**2 * late
             error = np.abs(c) * (of_law + turned * late)
             linear = np.abs(c) * (turned * at_wall + np.abs(v / Omega) * of_law) / np.abs(slope)
         clear = slope**2 > 16.0 * bend * doubt  # the slope stays what it is to an eighth
         error = np.where(clear, np.minimum(error, 1.25 * linear), error)
-        period = 2 * PI / math.gcd(*h.astype(np.int64).tolist())
-        phase = np.mod(wide, period).astype(np.float64)
-        return phase, p, late + 4.0 * EPS, error + EPS * np.abs(p)
+        return turned_back(wide, h), p, late + 4.0 * EPS, error + EPS * np.abs(p)
+
+
+def newton_step(value: Floats, slope: Floats, bend: Floats) -> Floats:
+    """Return the step of Newton's method for a root; 0 near a double one, where it may be wide.
+
+    value and slope are those of the function, `bend` bounds its second derivative.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(slope**2 > 4.0 * bend * np.abs(value), -value / slope, 0.0)
+
+
+def left_over(value: Floats, step: Floats, bend: Floats) -> Floats:
+    """Return a bound of the function's value after `newton_step`."""
+    return np.where(step == 0.0, np.abs(value), 0.5 * bend * step**2)
+
+
+def lateness(slope: Floats, bend: Floats, doubt: Floats) -> Floats:
+    """Return how far a root may be away, where the function is not known better than `doubt`.
+
+    Near a double root that follows from the bound of the second derivative.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        square = slope**2 - 2.0 * bend * doubt
+        return np.where(
+            square > 0.0,
+            2.0 * doubt / (np.abs(slope) + np.sqrt(np.maximum(square, 0.0))),
+            2.0 * np.sqrt(2.0 * doubt / bend) + np.abs(slope) / bend,
+        )
+
+
+def turned_back(phases: Wide, harmonics: Floats) -> Floats:
+    """Return phases within the period in which all harmonics repeat themselves."""
+    period = 2 * PI / math.gcd(*harmonics.astype(np.int64).tolist())
+    return np.mod(phases, period).astype(np.float64)
 
 
 def roots(

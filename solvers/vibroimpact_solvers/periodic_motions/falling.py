@@ -13,22 +13,26 @@ be as fast as the ball loses velocity.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.kernels.periodic import Response
 from vibroimpact_solvers.periodic_motions.balance import add_offset, directions
-from vibroimpact_solvers.periodic_motions.closed_form import roots
+from vibroimpact_solvers.periodic_motions.closed_form import (
+    WIDE,
+    lateness,
+    left_over,
+    newton_step,
+    roots,
+    turned_back,
+)
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
 from vibroimpact_solvers.periodic_motions.problem import Impact
-from vibroimpact_solvers.periodic_motions.solutions import PI, Cells, Solutions
+from vibroimpact_solvers.periodic_motions.solutions import Cells, Solutions
 
 _ROUNDINGS = 4.0 * EPS  # of a few real operations, or of a complex product
-_WIDE = 4.0 * float(np.finfo(np.longdouble).eps)  # of an angle and a sum in the wider type
 
 
 def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
@@ -114,18 +118,9 @@ def _refined(
 
     wide = rough.astype(np.longdouble)
     value, slope = seen(wide)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        step = np.where(slope**2 > 4.0 * bend * np.abs(value), -value / slope, 0.0)
+    step = newton_step(value, slope, bend)
     wide = wide + step
     slope = seen(wide)[1]
-    doubt = doubt + _WIDE * (np.abs(target) + size @ (1.0 + 2.0 * np.pi * h))
-    doubt += np.where(step == 0.0, np.abs(value), 0.5 * bend * step**2)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        square = slope**2 - 2.0 * bend * doubt
-        late = np.where(
-            square > 0.0,
-            2.0 * doubt / (np.abs(slope) + np.sqrt(np.maximum(square, 0.0))),
-            2.0 * np.sqrt(2.0 * doubt / bend) + np.abs(slope) / bend,
-        )
-    period = 2 * PI / math.gcd(*h.astype(np.int64).tolist())
-    return np.mod(wide, period).astype(np.float64), late + 4.0 * EPS
+    doubt = doubt + WIDE * (np.abs(target) + size @ (1.0 + 2.0 * np.pi * h))
+    doubt += left_over(value, step, bend)
+    return turned_back(wide, h), lateness(slope, bend, doubt) + 4.0 * EPS

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from tests.solvers.spectrum.test_refinement import CASES, digits, exact
+from tests.solvers.spectrum.test_refinement import CASES, check_errors, digits, exact
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.matrices import SymmetricMatrix
 from vibroimpact_solvers.model import System
@@ -25,24 +25,7 @@ def test_errors_are_bounds_and_small(name: str) -> None:
     mass, stiffness = SymmetricMatrix.dense(M), SymmetricMatrix.dense(K)
     start = scipy.linalg.eigh(K, M)[1]
     refined = rounded_modes.refine(mass, stiffness, start, least_eigenvalue(mass))
-    values, modes = exact(K, M)
-    order = np.argsort(refined.eigenvalues, kind="stable")
-    scale = max(abs(float(v)) for v in values)
-    for place, j in enumerate(order):
-        value = mpmath.mpf(refined.eigenvalues[j]) + mpmath.mpf(refined.eigenvalues_low[j])
-        # Roundings of the modes count with the largest eigenvalue, squared.
-        assert abs(value - values[place]) <= refined.errors[j] <= 1e-26 * max(scale, 1.0)
-        gaps = [abs(v - values[place]) for k, v in enumerate(values) if k != place]
-        if min(gaps) < 1e-12 * scale or scale == 0.0:
-            continue  # the mode is not unique
-        mode = mpmath.matrix([mpmath.mpf(entry) for entry in refined.modes[:, j].tolist()])
-        rounded = mpmath.matrix([UNIT * abs(entry) for entry in refined.modes[:, j].tolist()])
-        mass_of, other = mpmath.matrix(M.tolist()), modes[:, place]
-        apart = mode - other * mpmath.sign((mode.T * mass_of * other)[0])
-        length = mpmath.sqrt((rounded.T * mpmath.matrix(np.abs(M).tolist()) * rounded)[0])
-        angle = mpmath.sqrt((apart.T * mass_of * apart)[0])
-        assert angle <= refined.angles[j] + length
-        assert refined.angles[j] <= 1e-9
+    check_errors(refined, K, M, rounding=UNIT)
 
 
 def test_modes_of_equal_frequencies_are_known_as_a_space() -> None:
