@@ -213,7 +213,7 @@ class SearchedBands:
         for _ in range(_OUTWARDS):
             if not waits.any():
                 break
-            plan = modes.plan if self.in_balls and waits.sum() <= _IN_BALLS else self.plan
+            plan = modes.all_modes_plan if self.in_balls and waits.sum() <= _IN_BALLS else self.plan
             reasons, _, certain = self._reasons(moved[waits], plan=plan)
             waits[waits] = ~(certain & (reasons == codes[waits]))
             at_limit = (moved == limits) & waits

@@ -22,6 +22,7 @@ from vibroimpact_solvers.impact_modes.costs import interval_flops
 from vibroimpact_solvers.impact_modes.family_solver import partial_modal_response
 from vibroimpact_solvers.impact_modes.pieces import content, split
 from vibroimpact_solvers.impact_modes.planning import (
+    all_modes_plan,
     can_use_partial_modes,
     inactive_constraints,
     partial_modes_plan,
@@ -39,6 +40,7 @@ __all__ = [
     "Problem",
     "Reason",
     "Result",
+    "all_modes_plan",
     "can_use_partial_modes",
     "content",
     "inactive_constraints",

@@ -23,6 +23,7 @@ _FEW = 16  # frequencies up to which ball arithmetic decides what is open
 _IN_BALLS = 2e6  # flops for each frequency: one in some hundred is open
 _SERIES_FROM = 1.001  # start of the series, over the largest natural frequency
 _SERIES_FROM_WITHOUT_FACTORS = 1.1  # the same without factorizations
+_FLOPS_OF_A_HARMONIC = 1e5  # by partial modes, at each constraint
 _ALL_INTERVALS = 64  # harmonics per degree of freedom from which on all intervals are visited
 
 
@@ -46,8 +47,16 @@ class PathCheck:
 def plan(problem: Problem) -> Plan:
     """Choose how the impact modes are computed and what is left out."""
     family = Family.of(problem)
-    direct = family.kind is Kind.ANTISYMMETRIC and _direct_pays(problem)
-    steps = tuple(_direct_steps(problem) if direct else _modal_steps(problem, family))
+    if not (family.kind is Kind.ANTISYMMETRIC and _direct_pays(problem)):
+        return all_modes_plan(problem)
+    steps = tuple(_direct_steps(problem))
+    return Plan(KIND, steps, tuple(_skips(problem, family, steps)))
+
+
+def all_modes_plan(problem: Problem) -> Plan:
+    """Return the plan with all natural modes: for searches that have them."""
+    family = Family.of(problem)
+    steps = tuple(_modal_steps(problem, family))
     return Plan(KIND, steps, tuple(_skips(problem, family, steps)))
 
 
@@ -83,8 +92,8 @@ def decides_in_balls(problem: Problem) -> bool:
 
 
 def plan_in_doubles(problem: Problem) -> Plan:
-    """Return the plan without ball arithmetic: for searches that ask again and again."""
-    whole = plan(problem)
+    """Return that plan without ball arithmetic: for searches that ask again and again."""
+    whole = all_modes_plan(problem)
     return replace(whole, steps=tuple(map(_in_doubles, whole.steps)))
 
 
@@ -199,7 +208,7 @@ def _direct_steps(problem: Problem) -> Iterator[Step]:
             f"{harmonics / points:.1f} harmonics at each frequency by partial modes, all others "
             f"by {terms} powers of the structure bounded by Omega_N <= {bound:.4g}"
         )
-    solves = costs.factorized_flops(problem) if partial is None else 1e5 * harmonics
+    solves = _solves_flops(problem, partial)
     work = solves + costs.products_flops(problem)
     yield Step(Stage.IMPULSE, "direct", reason, work, _size(points, len(problem.active)))
     if problem.outputs & {"exists", "reason"}:
@@ -302,8 +311,15 @@ def _direct_pays(problem: Problem) -> bool:
     times = sum(times for _, _, times in _displacements(problem))
     modal += points * system.n * (8.0 + 2.0 * times * problem.output_dofs.size)
     partial = _partial_step(problem)
-    solves = costs.factorized_flops(problem) if partial is None else partial.flops
+    solves = _solves_flops(problem, partial) + (0.0 if partial is None else partial.flops)
     return solves + costs.products_flops(problem) < 0.5 * modal
+
+
+def _solves_flops(problem: Problem, partial: Step | None) -> float:
+    """Return the price of all harmonics: each factorized, or evaluated by partial modes."""
+    if partial is None:
+        return costs.factorized_flops(problem)
+    return _FLOPS_OF_A_HARMONIC * costs.harmonic_count(problem)
 
 
 def _partial_step(problem: Problem, *, at_any_price: bool = False) -> Step | None:

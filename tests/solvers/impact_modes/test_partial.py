@@ -9,6 +9,7 @@ import pytest
 import scipy.linalg
 import scipy.sparse
 
+from tests.solvers import beams
 from vibroimpact_solvers import impact_modes, receptance, spectrum
 from vibroimpact_solvers.impact_modes import Problem
 from vibroimpact_solvers.impact_modes.direct import DirectFamily
@@ -160,6 +161,25 @@ def test_slices_hold_all_modes(uneven: bool) -> None:
         ).all()
         identity = computed.modes.T @ (system.M @ computed.modes)
         np.testing.assert_allclose(identity, np.eye(inside.sum()), atol=1e-11)
+
+
+@pytest.mark.parametrize("lean", [True, False])
+def test_millions_of_harmonics_are_no_reason_for_partial_modes(*, lean: bool) -> None:
+    """A beam whose frequencies differ by 1e5 to 1e6 has 1e5 harmonics below its highest one."""
+    system = beams.cantilever(150, damped=False)
+    if not lean:
+        M, K = (SymmetricMatrix.dense(A) for A in beams.matrices(150))
+        system = System(M, K, system.constraints)
+    few = problem(system, np.linspace(1.02, 3.0, 50) * beams.OMEGA, ["impulse", "exists"])
+    plan = impact_modes.plan(few)
+    spectral, impulse = plan.step(Stage.SPECTRUM), plan.step(Stage.IMPULSE)
+    assert spectral is not None
+    assert impulse is not None
+    assert spectral.method != receptance.METHOD
+    assert impulse.method == "scalar"
+    certified = impact_modes.solve(few, plan).certified
+    assert certified is not None
+    assert certified.all()
 
 
 def test_the_plan_takes_partial_modes_where_frequencies_are_many() -> None:
