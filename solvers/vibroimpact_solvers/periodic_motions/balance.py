@@ -175,12 +175,16 @@ class Balance:
 
     def carry(self, z: Floats, times: Floats) -> None:
         """Add the trend of the constant loads to states (time, 2, pair) after times."""
+        if not self.loaded:
+            return
         z[..., self.pairs] += self.moved_by(
             np.broadcast_to(self.push, (*times.shape, self.push.size)), times
         )
 
     def creep(self, z: Floats, sign: float = 1.0) -> None:
         """Add the steady velocities under constant loads to states, which flow and trend lack."""
+        if not self.loaded:
+            return
         slides = self.decay != 0.0
         z[..., 1, self.pairs[slides]] += sign * self.push[slides] / self.decay[slides]
 

@@ -150,6 +150,10 @@ def eigenvalues(factors: Factors) -> tuple[Complexes, Floats]:
         both = np.where(sizes * sizes.T == 0.0, 0.0, sizes * sizes.T / apart)
     errors = np.minimum(np.sqrt(sizes * sizes.T), both).sum(axis=1)
     left = inverse.T.astype(np.complex128).reshape(2, modes, size)
-    errors += factors.doubt(right.reshape(2, modes, size), left) + 4.0 * EPS * np.abs(values)
+    # Eigenvectors of what has decayed may be almost parallel, and products of their inverse without
+    # bound: then nothing is known of these multipliers.
+    with np.errstate(over="ignore", invalid="ignore"):
+        errors += factors.doubt(right.reshape(2, modes, size), left) + 4.0 * EPS * np.abs(values)
+    errors = np.where(np.isnan(errors), np.inf, errors)
     order = np.argsort(-np.abs(values), kind="stable")
     return values[order], errors[order]

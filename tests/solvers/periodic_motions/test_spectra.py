@@ -14,6 +14,7 @@ from tests.reference.periodic import Impact, Motion, Structure
 from vibroimpact_solvers import periodic_motions as driven
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
+from vibroimpact_solvers.periodic_motions import monodromy
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.results.impact_modes import Reason
 
@@ -321,3 +322,15 @@ class TestTurnedModes:
         assert result.error_stability is not None
         assert np.isfinite(result.solution_stability).all()
         assert (result.error_stability < 1e-7 * np.maximum(result.solution_stability, 1.0)).all()
+
+
+def test_multipliers_of_what_has_decayed_are_unknown_without_a_warning() -> None:
+    """Eigenvectors that are one but for 1e-292 have inverses whose squares no double holds."""
+    one, none = np.eye(2)[np.newaxis, ..., np.newaxis], np.zeros((1, 2, 2, 1))
+    flows = np.where(one == 0.0, [[[[0.0], [1.0]], [[0.0], [0.0]]]], 0.0)
+    factors = monodromy.Factors(
+        flows, np.full((1, 1), 1e-16), none, none, np.zeros((1, 2, 2)), np.zeros((1, 2, 2)), 1e-16
+    )
+    values, errors = monodromy.eigenvalues(factors)
+    assert not np.isnan(errors).any()
+    assert np.isinf(errors).all() or (np.abs(values) <= errors).all()
