@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import gc
 import itertools
 import resource
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -189,18 +187,8 @@ def planned(folder: Path, kind: str, content: dict[str, Any], **more: Any) -> pl
     return planning.plan(Store(str(folder)), asked.kind, asked.document, settings)
 
 
-@pytest.fixture(scope="module")
-def own_garbage() -> Iterator[None]:
-    """Leave what other modules have made out of the collections of garbage in this one."""
-    gc.collect()
-    gc.freeze()
-    yield
-    gc.unfreeze()
-
-
 @pytest.mark.needs("compiled kernels")
 @pytest.mark.parametrize("name", PLANS)
-@pytest.mark.usefixtures("own_garbage")
 def test_every_plan_is_quick_or_refused(tmp_path: Path, name: str) -> None:
     """Beside the time for its matrices; the least of some attempts, the first loads libraries."""
     kind, content = PLANS[name]

@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 from vibroimpact_schema.branches import BranchesRequest
 from vibroimpact_schema.sweeps import SweepRequest
 from vibroimpact_schema.systems import SystemReference
-from vibroimpact_service import problems
+from vibroimpact_service import garbage, problems
 from vibroimpact_service.documents import limits, stored_systems
 from vibroimpact_service.jobs.work import Tick
 from vibroimpact_service.kinds import Kind
@@ -120,20 +120,22 @@ def plan(
     except ModelError as error:
         raise problems.of(error.under(*kind.structure)) from None
     solver = kind.solver
-    meter.begin(_for_factors(system))
-    meter()
     try:
-        if isinstance(document, SweepRequest):
-            problem: Any = sweep_axes.problem(document, system, meter)
-            planned = _plan_of_sweep(problem, meter)
-        elif isinstance(document, BranchesRequest):
-            problem = branch_paths.problem(document, system)
-            planned = solver.plan(problem)
-        else:
-            problem = decode.problem(kind, document, system, meter)
+        # Garbage of others, which any thread may be made to collect, is no work of this plan.
+        with garbage.waiting():
+            meter.begin(_for_factors(system))
             meter()
-            planned = solver.plan(problem)
-        meter()
+            if isinstance(document, SweepRequest):
+                problem: Any = sweep_axes.problem(document, system, meter)
+                planned = _plan_of_sweep(problem, meter)
+            elif isinstance(document, BranchesRequest):
+                problem = branch_paths.problem(document, system)
+                planned = solver.plan(problem)
+            else:
+                problem = decode.problem(kind, document, system, meter)
+                meter()
+                planned = solver.plan(problem)
+            meter()
     except SolverError as error:
         raise problems.of(_as_sent(error, kind, sent_system)) from None
     if settings is not None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import time
 from typing import Any
 
 import pytest
@@ -36,3 +38,24 @@ def test_steps_are_the_content_of_their_document(store: Store, kind: Kind) -> No
         request: Any = parse.document(kind.request, example["request"])
         steps = planning.steps(planning.plan(store, kind, request).plan)
         assert Steps.model_validate(steps).model_dump() == steps
+
+
+def test_garbage_of_others_is_no_work_of_a_plan(settings: Settings, store: Store) -> None:
+    """A collection takes a second where there are millions of objects, in whichever thread."""
+    content = examples.requests(KIND.name)["chain"]["request"]
+    request, before = ImpactModesRequest.model_validate(content), gc.get_threshold()
+    planning.plan(store, KIND, request, settings)  # loads what it needs
+
+    def collect(phase: str, _: object) -> None:
+        end = time.thread_time() + 2.0 * settings.plan_seconds
+        while phase == "start" and time.thread_time() < end:
+            pass
+
+    gc.callbacks.append(collect)
+    try:
+        gc.set_threshold(1)
+        planned = planning.plan(store, KIND, request, settings)
+    finally:
+        gc.callbacks.remove(collect)
+        gc.set_threshold(*before)
+    assert planned.seconds > 0.0
