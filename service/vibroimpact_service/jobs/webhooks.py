@@ -47,6 +47,15 @@ _TRANSLATED: Final = (
     ipaddress.IPv6Network("64:ff9b::/96"),  # NAT64
 )
 _LOCAL_NAT64: Final = ipaddress.IPv6Network("64:ff9b:1::/48")
+_PUBLIC: Final = ipaddress.IPv6Network("2000::/3")
+"""All public addresses of IPv6; `is_global` is true of much else, site-local ones among it."""
+_KEPT: Final[tuple[ipaddress.IPv4Network | ipaddress.IPv6Network, ...]] = (
+    ipaddress.IPv4Network("192.0.0.0/24"),  # protocols
+    ipaddress.IPv4Network("192.88.99.0/24"),  # tunnels
+    ipaddress.IPv6Network("2001::/23"),  # protocols
+    ipaddress.IPv6Network("3fff::/20"),  # documentation
+)
+"""What is kept for protocols, in which `is_global` differs between versions of Python."""
 _ISATAP: Final = (0x00005EFE, 0x02005EFE)
 """What stands before the IPv4 address of a tunnel, in whatever network it is."""
 
@@ -222,12 +231,17 @@ def check(url: str, *, private: bool = False) -> tuple[str, int]:
 def _check_address(address: ipaddress.IPv4Address | ipaddress.IPv6Address, private: bool) -> None:
     if private:
         return
-    # is_global is false of private, loopback, link-local, reserved and unspecified ones.
-    if address.version == 6 and address in _LOCAL_NAT64:
-        raise RefusedError("its host lies in a private network")
+    local = address.version == 6 and address in _LOCAL_NAT64
     reached = [address] if isinstance(address, ipaddress.IPv4Address) else _reached(address)
-    if address.is_multicast or not all(each.is_global for each in reached):
+    if local or address.is_multicast or not all(_is_public(each) for each in reached):
         raise RefusedError("its host lies in a private network")
+
+
+def _is_public(address: ipaddress.IPv4Address | ipaddress.IPv6Address) -> bool:
+    """Whether an address is none that is private, local, reserved or kept for protocols."""
+    if any(address.version == kept.version and address in kept for kept in _KEPT):
+        return False
+    return address.is_global and (address.version == 4 or address in _PUBLIC)
 
 
 def _reached(

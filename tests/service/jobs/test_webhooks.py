@@ -62,6 +62,19 @@ def test_the_signature_is_that_of_the_standard() -> None:
         "https://[2001:0:7f00:1::1]/",
         "https://[2a00:1450:4001:80b:0:5efe:10.0.0.1]/",
         "https://[fe80::1%25eth0]/",
+        "https://[fec0::1]/",
+        "https://[feff::1]/",
+        "https://[4000::1]/",
+        "https://[fc00::1]/",
+        "https://[3fff::1]/",
+        "https://[2001:db8::1]/",
+        "https://[2001:2::1]/",
+        "https://[::2]/",
+        "https://192.0.0.9/",
+        "https://192.88.99.1/",
+        "https://100.64.0.1/",
+        "https://240.0.0.1/",
+        "https://255.255.255.255/",
         "https://2130706433/",
         "https://0x7f000001/",
         "https://017700000001/",
@@ -101,7 +114,8 @@ def test_accepted_addresses(url: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "address", ["127.0.0.1", "64:ff9b::7f00:1", "2002:7f00:1::", "::10.0.0.1", "fe80::1%lo"]
+    "address",
+    ["127.0.0.1", "64:ff9b::7f00:1", "2002:7f00:1::", "::10.0.0.1", "fe80::1%lo", "fec0::1"],
 )
 def test_names_that_stand_for_private_addresses_are_refused(
     monkeypatch: pytest.MonkeyPatch, address: str
