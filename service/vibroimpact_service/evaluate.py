@@ -45,6 +45,9 @@ _SMALL_REQUEST: Final = 2**16
 """Bytes of a request up to which it stands in the records; larger ones stand in the store."""
 _FOR_JOB_SECONDS: Final = 0.25
 """Part of the time for which a caller waits that is left for what makes a job of it."""
+_LEAST_SECONDS: Final = 1.0
+"""What a plan and a record of a job may take where the caller waits for less: a short wait is for
+the result, and the job that the caller gets instead needs both."""
 _KEY_REUSED: Final = "The Idempotency-Key stands for another request."
 _LOST_SECONDS: Final = 600.0
 """A lost result is computed again at most once in such a time."""
@@ -199,8 +202,9 @@ class Evaluation:
                         return outcome
                     planned = outcome
         wanted = None if preference.respond_async else media_type
+        recorded = None if until is None else max(until, clock() + _LEAST_SECONDS)
         job = await self.submit(
-            request, admission, key, planned=planned, media_type=wanted, until=until
+            request, admission, key, planned=planned, media_type=wanted, until=recorded
         )
         if until is not None:
             left = max(0.0, until - clock())
@@ -329,7 +333,8 @@ class Evaluation:
         """
         planned, name = None, request.digest
         if not admission.free:
-            until = None if seconds is None else asyncio.get_running_loop().time() + seconds
+            clock = asyncio.get_running_loop().time
+            until = None if seconds is None else clock() + max(seconds, _LEAST_SECONDS)
             planned = await _in_time(until, self._planned(request))
             if planned.seconds > self._settings.inline_seconds:
                 return planned

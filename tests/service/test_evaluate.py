@@ -547,6 +547,28 @@ def test_a_wait_is_kept_whatever_runs(
         use.close()
 
 
+@pytest.mark.parametrize("respond_async", [True, False])
+@pytest.mark.parametrize("wait", [0.0, 0.001])
+def test_no_wait_is_a_wait_for_nothing_but_the_job(
+    use: Evaluation,
+    queue: Any,
+    request_body: dict[str, Any],
+    free: Admission,
+    wait: float,
+    respond_async: bool,
+) -> None:
+    kind = counting()  # which computes nothing before the job is there
+
+    async def main() -> None:
+        question = asked(request_body, kind)
+        job = await use.compute(question, Preference(respond_async, wait), JSON, free)
+        assert isinstance(job, JobRow)
+        assert (job.state, list(queue.rows)) == ("queued", [job.id])
+        kind.gate.set()
+
+    run(main)
+
+
 def test_a_wait_is_kept_where_the_result_takes_long_to_read(
     settings: Settings,
     store: Store,
