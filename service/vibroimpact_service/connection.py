@@ -16,6 +16,9 @@ from vibroimpact_service.problems import ProblemError, Type
 from vibroimpact_service.settings import Settings
 
 _LINGER_SECONDS: Final = 1.0
+_PROBE_SECONDS: Final = 0.25
+_CONTINUE: Final = b"HTTP/1.1 100 Continue\r\n\r\n"
+"""What a caller discards who is still there (RFC 9110, 15.2.1), and answers by a reset if not."""
 
 
 class Connection(HttpToolsProtocol):
@@ -37,6 +40,8 @@ class Connection(HttpToolsProtocol):
         self._in_header, self._refused = True, False
         self._header_timer: TimerHandle | None = None
         self._stalled_timer: TimerHandle | None = None
+        self._half_closed = False
+        self._probe_timer: TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Accept a peer, unless there are too many."""
@@ -50,7 +55,8 @@ class Connection(HttpToolsProtocol):
         """Cancel the timers."""
         self._stop(self._header_timer)
         self._stop(self._stalled_timer)
-        self._header_timer = self._stalled_timer = None
+        self._stop(self._probe_timer)
+        self._header_timer = self._stalled_timer = self._probe_timer = None
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
@@ -66,9 +72,25 @@ class Connection(HttpToolsProtocol):
         if self._in_header and self._header_bytes > self.limits.max_header_bytes:
             self._refuse_header()
 
-    def eof_received(self) -> None:
-        """Close the connection, if the peer was refused."""
-        if self._refused:
+    def eof_received(self) -> bool:  # type: ignore[override]
+        """Close the connection, unless the peer has sent a whole request and may wait for its end.
+
+        Whoever ends only its own side gets its answer. Who hung up sends the same, and is told
+        apart by what it does with an interim answer.
+        """
+        cycle = self.cycle
+        if self._refused or cycle is None or cycle.response_complete or cycle.more_body:
+            return False
+        if cycle.response_started and cycle.scope["method"] == "GET":
+            return False  # an event stream would not end before it writes again
+        self._half_closed = True
+        self._probe()
+        return True
+
+    def on_response_complete(self) -> None:
+        """Go on with the next request, or close where there can be none."""
+        super().on_response_complete()
+        if self._half_closed and self.cycle.response_complete:
             self.transport.close()
 
     def on_message_begin(self) -> None:
@@ -138,6 +160,14 @@ class Connection(HttpToolsProtocol):
     def _too_slow(self) -> None:
         detail = f"The header took longer than {self.limits.header_seconds:g} s."
         self._refuse(problems.TIMEOUT, detail)
+
+    def _probe(self) -> None:
+        """Find out, by writing, whether a peer that sends no more still reads."""
+        cycle = self.cycle
+        if cycle.response_started or cycle.scope["http_version"] == "1.0":
+            return
+        self.transport.write(_CONTINUE)
+        self._probe_timer = self.loop.call_later(_PROBE_SECONDS, self._probe)
 
     def _stalled(self) -> None:
         if self.transport is not None:

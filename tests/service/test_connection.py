@@ -239,9 +239,63 @@ def test_too_many_connections(serve: Any) -> None:
     serve(talk, max_connections=3)
 
 
+@pytest.mark.parametrize("version", ["1.0", "1.1"])
+def test_who_ends_only_its_own_side_is_answered(
+    serve: Any, monkeypatch: pytest.MonkeyPatch, version: str
+) -> None:
+    begun, go = threading.Event(), threading.Event()
+    plan = planning.plan
+
+    def waiting(*given: Any) -> Any:
+        begun.set()
+        assert go.wait(20)
+        return plan(*given)
+
+    monkeypatch.setattr(planning, "plan", waiting)
+    limited = {"preset": "chain", "n": 3, "constraints": [{"dof": 0, "gap": 0.2}]}
+    body = json.dumps({"system": limited, "frequency": {"values": [1.0]}}).encode()
+
+    async def talk(port: int) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(
+            b"POST /v1/plan/impact-modes HTTP/%s\r\nHost: localhost\r\n"
+            b"Content-Type: application/json\r\nContent-Length: %d\r\n\r\n%s"
+            % (version.encode(), len(body), body)
+        )
+        assert await asyncio.to_thread(begun.wait, 10)
+        writer.write_eof()
+        await asyncio.sleep(0.6)
+        go.set()
+        text = await reader.read()  # to the end: the connection is closed after the answer
+        interim, _, answer = text.rpartition(b"HTTP/1.1 200")
+        assert json.loads(answer.partition(b"\r\n\r\n")[2])["kind"] == "impact-modes"
+        assert set(interim.split(b"\r\n\r\n")) <= {b"HTTP/1.1 100 Continue", b""}
+        assert (version == "1.0") == (interim == b"")  # which knows no interim answers
+        writer.close()
+
+    serve(talk)
+
+
+def test_half_of_a_request_is_not_waited_for(serve: Any) -> None:
+    async def talk(port: int) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(
+            b"POST /v1/plan/impact-modes HTTP/1.1\r\nHost: localhost\r\n"
+            b"Content-Type: application/json\r\nContent-Length: 100\r\n\r\n{"
+        )
+        await asyncio.sleep(0.1)
+        writer.write_eof()
+        async with asyncio.timeout(10):
+            assert await reader.read() == b""
+        writer.close()
+
+    serve(talk)
+
+
+@pytest.mark.parametrize("reset", [True, False], ids=["reset", "closed"])
 @pytest.mark.parametrize("path", ["/v1/plan/impact-modes", "/v1/compute/impact-modes", "/v1/jobs"])
 def test_a_plan_ends_when_its_caller_hangs_up(
-    serve: Any, monkeypatch: pytest.MonkeyPatch, path: str
+    serve: Any, monkeypatch: pytest.MonkeyPatch, path: str, reset: bool
 ) -> None:
     stopped, begun = threading.Event(), threading.Event()
 
@@ -270,7 +324,10 @@ def test_a_plan_ends_when_its_caller_hangs_up(
         )
         assert await asyncio.to_thread(begun.wait, 10)
         assert not await asyncio.to_thread(stopped.wait, 0.2)
-        writer.transport.abort()
+        if reset:
+            writer.transport.abort()
+        else:
+            writer.close()
         assert await asyncio.to_thread(stopped.wait, 5)
 
     serve(talk)
