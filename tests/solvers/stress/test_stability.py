@@ -243,7 +243,7 @@ def test_the_order_of_three_impacts_decides() -> None:
     assert result.stability is None or np.isnan(result.stability).all()
 
 
-def test_five_thousand_are_refused() -> None:
+def test_thousands_are_refused() -> None:
     """The map of 10,000 deviations would take gigabytes and hours for each motion."""
     system = presets.chain(5000, [Constraint.at(1666, GAP)])
     with pytest.raises(PlanError, match="10000 deviations"):
