@@ -133,6 +133,9 @@ def test_every_number_is_within_its_error(seed: int) -> None:
         assert min(apart, abs(apart - TWO_PI)) <= result.error_phase[at]
         assert off(-case.side * p, float(result.impact_momentum[at])) <= result.error_momentum[at]
         assert off(velocity, float(result.impact_velocity[at])) <= result.error_velocity[at]
+        # The velocity is the momentum by a number that is known: it is known no better.
+        doubt = result.error_momentum[at] / abs(result.impact_momentum[at])
+        assert result.error_velocity[at] >= doubt * abs(result.impact_velocity[at]) * (1.0 - 1e-12)
         within_errors_of_energies(motion, result, row, phase, state, velocity)
         path = motion.path(phase, state, 301)
         path = np.concatenate([path, -path]) if case.symmetric else path
