@@ -185,6 +185,37 @@ def test_hard_spectra(seed: int, index: int) -> None:
 
 
 @pytest.mark.needs("compiled kernels")
+def test_bodies_that_touch_lose_energy_alone() -> None:
+    report = outcome("touching", 25, lambda case: case.name != "wedged")
+    assert not report.failures
+    assert report.counts["energies"] == 25
+
+
+@pytest.mark.needs("compiled kernels")
+def test_blows_at_one_instant_give_no_energy() -> None:
+    report = outcome("blows", 150, lambda _: True)
+    assert not report.failures
+    assert report.counts["energies"] > 140
+    assert report.counts["velocities"] > 80
+
+
+@pytest.mark.needs("compiled kernels")
+def test_motions_of_falling_bodies_are_what_they_are_said_to_be() -> None:
+    report = outcome("falling", 8, lambda _: True)
+    assert not report.failures
+    assert report.counts["solutions"] >= 4
+
+
+@pytest.mark.needs("compiled kernels")
+def test_an_impulse_that_lighter_bodies_pass_on() -> None:
+    """It was outside its error, as of three bodies the modes err by more of it."""
+    report = Report()
+    SETS["falling"].check(SETS["falling"].case(0, 21), report)
+    assert not report.failures
+    assert report.ratios["momentum"]
+
+
+@pytest.mark.needs("compiled kernels")
 def test_histories_do_what_verdicts_on_periodic_motions_say() -> None:
     report = outcome("settling", 24, lambda _: True)
     assert not report.failures

@@ -266,8 +266,17 @@ REFUSALS = ("many more than planned",)
 """Part of the message of refusals that the documentation names."""
 
 
-def check(case: Case, report: Report, expected: tuple[str, ...] = REFUSALS, **more: Any) -> None:
-    """Compare the motion of a case with its reference; `expected` refusals are no failures."""
+def check(
+    case: Case,
+    report: Report,
+    expected: tuple[str, ...] = REFUSALS,
+    found: Callable[[time_history.Result], None] = lambda result: None,
+    **more: Any,
+) -> None:
+    """Compare the motion of a case with its reference; `expected` refusals are no failures.
+
+    `found` is called with the result.
+    """
     document = case.document
     try:
         problem = problem_of(document, **more)
@@ -280,6 +289,7 @@ def check(case: Case, report: Report, expected: tuple[str, ...] = REFUSALS, **mo
         plan = time_history.plan(problem)
         report.work(plan)
         result = time_history.solve(problem, plan)
+        found(result)
         refused, until = None, result.error_predictable_until
     except (ModelError, PlanError, ConvergenceError) as error:
         refused, until = error, math.inf
@@ -341,7 +351,8 @@ def _states(
     true_x = [[z[i, 0] for i in range(n)] for z in states]
     true_v = [[z[n + i, 0] for i in range(n)] for z in states]
     # The reference rounds its states at impacts: what rests moves by some 1e-77 of the motion.
-    start = map(arb, (*case.document["x"], *case.document["v"]))
+    force = case.document.get("force") or ()
+    start = map(arb, (*case.document["x"], *case.document["v"], *force))
     largest = max(abs(x).upper() for x in (*start, *(x for r in true_x + true_v for x in r)))
     for name, stated, true in (("x", result.x, true_x), ("v", result.v, true_v)):
         bounds = stated_error(result, name)[: len(states)]

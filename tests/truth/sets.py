@@ -8,7 +8,18 @@ from typing import Final
 
 import numpy as np
 
-from tests.truth import bands, digits, histories, impact_modes, periodic_motions, settling, soft
+from tests.truth import (
+    bands,
+    blows,
+    digits,
+    falling,
+    histories,
+    impact_modes,
+    periodic_motions,
+    settling,
+    soft,
+    touching,
+)
 from tests.truth.verdicts import Case, Report
 
 
@@ -35,5 +46,8 @@ SETS: Final = {
     "periodic-motions": Set(5, periodic_motions.case, periodic_motions.check, 3_000),
     "large-periodic-motions": Set(6, periodic_motions.large_case, periodic_motions.check, 100),
     "spectra": Set(8, periodic_motions.spectral_case, periodic_motions.check, 2_000),
+    "touching": Set(9, touching.case, touching.check, 20_000),
+    "blows": Set(10, blows.case, blows.check, 10_000),
+    "falling": Set(11, falling.case, falling.check, 1_000),
     "settling": Set(7, settling.case, settling.check, 2_000),
 }

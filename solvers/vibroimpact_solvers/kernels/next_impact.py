@@ -278,8 +278,8 @@ def next_event(
             return s, ds, who, side
         if who < 0 and best >= left:
             return s, ds, AT_END, 0
-        if progress.expansions >= progress.budget:
-            return s, ds, OUT_OF_BUDGET, 0
+        if progress.expansions >= progress.budget or best <= 0.0:
+            return s, ds, OUT_OF_BUDGET, 0  # without progress the next ones would be the same
         close = -1
         if who >= 0 and remains <= _NEAR * _amplitude(walls, who, rounding[who]):
             close = who

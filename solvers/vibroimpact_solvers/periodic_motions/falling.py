@@ -13,6 +13,8 @@ be as fast as the ball loses velocity.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -56,7 +58,7 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
     rate = rate - balance.trend_of(moved, moved)[0] / cells.length
     along = directions(moved[np.newaxis])[:, 0]
     p = -cells.length * float(along @ balance.push) / float(along @ moved)
-    p_relative = 2.0 * driven.shape_error + _ROUNDINGS
+    p_relative = (driven.shape_error + driven.summed) * _carried(driven, a) + _ROUNDINGS
     inertia = driven.mobility[a, a] / (1.0 + k)
     target = -(inertia + rate) * p
     doubt = np.abs(p) * (rate_error + p_relative * (inertia + np.abs(rate)))
@@ -98,6 +100,20 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
         cells.length[index, one], late[:, one], p_error[:, one], velocity_error[:, one],
         pair_error, relative, floor[index] * np.abs(p)[:, one],
     )  # fmt: skip
+
+
+def _carried(driven: Driven, a: int) -> float:
+    """Return the relative error of the impulse per error of the rigid-body modes.
+
+    It is larger than 2 where other modes have parts of the load, or of the impulse.
+    """
+    structure = driven.structure
+    rigid = structure.shapes[:, structure.natural.roots == 0.0]
+    struck, load = structure.W[a] @ rigid, structure.force @ rigid
+    reached = float(np.linalg.norm(struck))
+    whole = math.sqrt(float(structure.force @ structure.mass_solve(structure.force)))
+    along = abs(float(struck @ load)) / reached
+    return math.sqrt(float(structure.mobility[a, a])) / reached + whole / along
 
 
 def _refined(

@@ -76,6 +76,18 @@ class AtWalls:
         stays = (forces > 0.0) | (mobility @ forces - towards <= slight)
         return {c: float(forces[i]) for i, c in enumerate(sorted(contacts)) if stays[i]}
 
+    def touching(self, contacts: Collection[Contact]) -> Contact | None:
+        """Return a coordinate that stays at its wall as far as rounding tells, not in contact."""
+        given, fixed = self.forces(contacts), {index for index, _ in contacts}
+        for contact in self._at_their_walls():
+            index, side = contact
+            pushed = sum(s * float(self._mobility[index, i]) * f for (i, s), f in given.items())
+            push = side * (float(self._accelerations[index]) - pushed)
+            slow = -side * self._velocities[index] <= ROUNDING * np.abs(self._velocities).max()
+            if index not in fixed and slow and abs(push) <= self._slight[index]:
+                return contact
+        return None
+
     def come_to_rest(self, contacts: Collection[Contact], struck: Contact) -> dict[Contact, float]:
         """Return the coordinates that come to rest beside those in contact, and after which times.
 

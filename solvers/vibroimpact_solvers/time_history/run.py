@@ -34,6 +34,9 @@ _CONVERTED = 2.0  # roundings of a state that goes on as another one
 _ROWS = 4096  # of the table that the compiled loop fills
 _EXPANSIONS = 2e7  # pairs expanded between two ticks
 _SWITCHES = 50  # contacts that may begin and end at one and the same time
+_REPEATED = 10  # of them, after which impacts are rounding that are as slow as this, over all
+_SLOW = 1e-9  # velocities then, or
+_ROUNDED = 32.0 * EPS  # this, over the largest ones of the motion
 _MOST_ROWS = 2**20  # impacts of a motion, or of a window of it, and
 _MOST_EVENTS = 50_000  # those in contact; windows are planned for a tenth of that at most
 _MOST_AFTERWARDS = 2_000  # those in contact where the motion is not predictable any more
@@ -174,8 +177,8 @@ class Run:
                     self._begin_segment(self.structure.ramps.segment(self.now / self.scale))
                 place = self._place
                 stop = self._advance()
-                if stop is Stop.PAUSE:
-                    self._check_progress(place)
+                if stop is Stop.PAUSE and place == self._place:
+                    self._begin_touch()
             self._flush_table()
             if stop is Stop.END:
                 if self.end >= self._whole_end:
@@ -273,11 +276,17 @@ class Run:
                 configuration.free[place], float(apart[place]), EPS * float(sizes[place])
             )
 
-    def _check_progress(self, before: tuple[float, float, int]) -> None:
-        """Refuse a motion that keeps grazing a wall at one instant, within rounding."""
-        if before == self._place:
+    def _begin_touch(self) -> None:
+        """Let a coordinate rest that is at its wall and that only rounding takes away from it.
+
+        Where there is none, the motion keeps grazing a wall at one instant, and is refused.
+        """
+        touching = self._at_walls(*self._displacements()).touching(self.contacts)
+        if touching is None:
             message = f"the motion keeps grazing at t = {self.now / self.scale!r}"
             raise ConvergenceError(message)
+        index, side = touching
+        self._rest(self.configuration.free.index(index), side, 0.0)
 
     @property
     def _place(self) -> tuple[float, float, int]:
@@ -496,6 +505,10 @@ class Run:
         contact = self.configuration.free[watched], side
         idle = self.configuration.idle
         impact = AnsweredImpact.of(self.structure, (contact, *self.contacts), v, idle)
+        if self._repeats(impact.speed, contact[0], v):
+            self._doubt(self._at_walls(x, v).length(contact))
+            self._rest(watched, side, 0.0)
+            return
         moved, before, growth = self._deviations(), self._acceleration(), self.growth
         roundings = self._roundings()
         row = self._row(contact, impact, before, growth)
@@ -527,6 +540,15 @@ class Run:
         self._doubt(impact.undecided)
         row["deviation"] = max(growth, self.growth)
         self._add_impact(row)
+
+    def _repeats(self, speed: float, constraint: int, v: Floats) -> bool:
+        """Return whether an impact is one of many at this time, with a speed that is rounding."""
+        time, count = self._switched
+        among = float(np.abs(self.structure.W[constraint]).max() * np.abs(v).max())
+        largest = float(self.progress_row["largest"])
+        largest *= math.sqrt(float(self.structure.mobility[constraint, constraint]))
+        slow = speed <= max(_SLOW * among, _ROUNDED * largest)
+        return self.now == time and count > _REPEATED and slow
 
     def _answer_rounding(self, struck: Contact, other: Contact) -> float:
         """Return the rounding of the part of an impulse that a contact answers."""

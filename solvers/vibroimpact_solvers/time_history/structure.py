@@ -456,6 +456,7 @@ class Structure:
         for part in parts:
             idle &= (np.abs(onto @ part) <= _UNCOUPLED * (sizes @ np.abs(part))).all(axis=1)
         forms = forms + basis.load(*(onto @ part for part in parts))
+        forms[idle], level[idle] = 0.0, 0.0  # roundings would open them, or not let them open
         return forms, level, idle
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from tests.reference.rigid import History
 from tests.truth.histories import problem_of, truth
+from tests.truth.sets import SETS
 from tests.truth.structures import Document
 from vibroimpact_solvers import ensemble
 from vibroimpact_solvers import time_history as th
@@ -195,6 +196,39 @@ def test_two_balls_that_touch_are_dropped(
     assert LAWS[result.impact_law[0]] == ("moreau" if lower == upper == 1.0 else "poisson")
 
 
+def test_bodies_that_rounding_takes_apart_fall_together() -> None:
+    """Their damping is that of their masses but for the last bit: the search did not get on."""
+    g, masses = 9.81, [0.23, 3.5]
+    document = stack(
+        masses, [0.5, 0.0], 0.9, force=[-g * m for m in masses], v=[0.0, 0.0],
+        C=np.diag([0.1 * m for m in masses]).tolist(), t=[0.2, 0.3, 2.0], t_end=2.0,
+    )  # fmt: skip
+    result = solve(document)
+    assert result.x is not None
+    assert result.energy is not None
+    fallen = -g / 0.1 * np.array([t - -math.expm1(-0.1 * t) / 0.1 for t in (0.2, 0.3)])
+    np.testing.assert_allclose(result.x[:2], np.stack([fallen, fallen], 1), rtol=1e-13)
+    assert (np.diff(result.energy) <= 1e-12).all()
+    assert result.x[2, 0] >= -0.5 - 1e-12
+
+
+def test_bodies_unlike_by_a_million_do_not_strike_for_ever() -> None:
+    """What is left of their velocities after the impact is rounding, and struck again at once."""
+    M = [810.0835, 0.0013, 0.0385, 0.0821, 0.0184]
+    v = [0.351, -0.219, 0.182, 0.241, 2.238]
+    document = stack(M, [0.0] * 5, 0.5, v=v, t=[1e-9], t_end=1e-9)
+    k = (0.08596984935393825, 0.5974281818539776, 0.5315292316307386, 0.780796573638886,
+         0.11482065998622504)  # fmt: skip
+    for constraint, restitution in zip(document["constraints"], k, strict=True):
+        constraint |= {"lower": None, "upper": 0.0, "restitution": restitution}
+    result = solve(document)
+    assert result.v is not None
+    before, after = (0.5 * np.array(M) @ np.square(each) for each in (v, result.v[0]))
+    assert after <= before
+    rows = np.eye(5) - np.eye(5, k=-1)
+    assert (rows @ result.v[0]).max() <= 1e-12
+
+
 def test_bodies_a_little_apart_hand_the_blow_on() -> None:
     """Newton's cradle: one after the other, as far as is known."""
     gap = 1e-9
@@ -222,3 +256,14 @@ def test_what_leaves_with_a_speed_that_is_rounding_does_not_strike_for_ever() ->
     assert result.energy is not None
     assert result.count_impacts < 20
     assert (np.diff(result.energy) <= 1e-12).all()
+
+
+def test_structures_that_blows_bring_to_rest_stay_there() -> None:
+    """What moves after that is rounding, which three coordinates handed on without end."""
+    document = SETS["blows"].case(0, 343).document
+    result = solve(document)
+    assert result.energy is not None
+    assert result.v is not None
+    M, v = np.array(document["M"]), np.array(document["v"])
+    after = result.v[0]
+    assert after @ M @ after <= v @ M @ v
