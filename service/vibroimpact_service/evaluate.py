@@ -24,8 +24,9 @@ from vibroimpact_service.execute import Computed
 from vibroimpact_service.jobs.queue import JobQueue
 from vibroimpact_service.jobs.records import KeyReusedError, NewJob
 from vibroimpact_service.jobs.tables import JobRow
-from vibroimpact_service.jobs.work import StoppedError, StopSignal
+from vibroimpact_service.jobs.work import StoppedError
 from vibroimpact_service.kinds import KINDS
+from vibroimpact_service.lanes import Lanes
 from vibroimpact_service.metrics import Metrics
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.results import representations
@@ -132,7 +133,13 @@ async def _charge(request: Request, admission: Admission, planned: Planned) -> N
 
 
 class Evaluation:
-    """Answers requests of all kinds."""
+    """Answers requests of all kinds.
+
+    Parameters
+    ----------
+    lanes : Lanes, optional
+        Where they are computed; absent: in threads of this process.
+    """
 
     def __init__(
         self,
@@ -141,12 +148,19 @@ class Evaluation:
         queue: JobQueue,
         metrics: Metrics,
         warming: Warming | None = None,
+        lanes: Lanes | None = None,
     ) -> None:
         self._settings, self._metrics = settings, metrics
+        self.lanes = lanes
         self.warming = warming or Warming()
         self.store, self.queue = store, queue
-        self.threads = Threads(settings, self._computed)
+        self.threads = Threads(settings, self._computed, lanes)
         self.results = Results(store)
+
+    def start(self) -> None:
+        """Begin to start the lanes."""
+        if self.lanes is not None:
+            self.lanes.start()
 
     def close(self) -> None:
         """Stop what is being computed; store what was answered."""
@@ -289,7 +303,8 @@ class Evaluation:
             block=block if recorded else None,
         )
         if work is not None:
-            shared = await self.threads.on_submission(request.digest, work)
+            size = len(request.canonical)
+            shared = await self.threads.on_submission(request.digest, work, size)
             if shared is not None and self.store.results.has(request.digest):
                 new = replace(new, computed=not shared, reused=shared)
         try:
@@ -341,7 +356,8 @@ class Evaluation:
             if not self.threads.running(name):
                 await _charge(request, admission, planned)
         work = self._work(request, planned, media_type)
-        outcome, shared = await self.threads.once(name, work, seconds)
+        size = len(request.canonical)
+        outcome, shared = await self.threads.once(name, work, seconds, size)
         if isinstance(outcome, Planned):
             return outcome
         how = "collapsed" if shared else "miss" if outcome.fresh else "hit"
@@ -385,8 +401,10 @@ class Evaluation:
 
     def _work(
         self, request: Request, planned: Planned | None, media_type: str | None = None
-    ) -> Callable[[StopSignal], Computed | Planned]:
-        """Return the call that computes a result in a thread."""
+    ) -> Callable[..., Computed | Planned]:
+        """Return the call that computes a result, in a lane where there are any."""
+        if self.lanes is not None:
+            return partial(execute.in_lane, request, planned is not None, media_type)
         return partial(execute.now, self.store, self._settings, request, planned, media_type)
 
     def _computed(self, outcome: Computed | Planned) -> None:
