@@ -202,7 +202,7 @@ class Settings(BaseSettings):
     max_waiting_seconds: float = Field(
         2.0,
         gt=0,
-        description="Time that a request may wait for these processes; then it is answered 503, and "
+        description="Time that a request may wait for them; then it is answered 503, and "
         "so are new ones as long as one waits for that time.",
     )
 
