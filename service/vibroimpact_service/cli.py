@@ -19,7 +19,7 @@ import structlog
 import typer
 import uvicorn
 
-from vibroimpact_service import exits, loading, logs
+from vibroimpact_service import exits, loading, logs, stopping
 from vibroimpact_service.connection import connection
 from vibroimpact_service.jobs import forkserver
 from vibroimpact_service.operations import commands
@@ -339,6 +339,8 @@ class Server(uvicorn.Server):
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """Handle a signal."""
+        if not self.should_exit:
+            stopping.begin()
         # Event streams and long polls end themselves; uvicorn would wait for them.
         self._application.state.services.drain.set()
         # uvicorn would raise the signal again at the end; a service that stopped because it

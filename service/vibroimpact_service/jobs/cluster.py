@@ -12,6 +12,7 @@ import dask
 import structlog
 from distributed import Nanny, Scheduler
 
+from vibroimpact_service import stopping
 from vibroimpact_service.jobs import certificates, forkserver
 from vibroimpact_service.jobs.engine import CONFIG, QUEUES
 from vibroimpact_service.settings import Settings
@@ -98,8 +99,14 @@ async def _work_once(settings: Settings, ready: Callable[[int], None], stop: asy
 def _until_signalled(run: Callable[[asyncio.Event], Awaitable[None]]) -> None:
     async def main() -> None:
         stop = asyncio.Event()
+
+        def end() -> None:
+            if not stop.is_set():
+                stopping.begin()
+            stop.set()
+
         for sign in (signal.SIGTERM, signal.SIGINT):
-            asyncio.get_running_loop().add_signal_handler(sign, stop.set)
+            asyncio.get_running_loop().add_signal_handler(sign, end)
         await run(stop)
 
     logging.getLogger("distributed").setLevel(logging.ERROR)
