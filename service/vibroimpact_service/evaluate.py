@@ -17,6 +17,7 @@ from vibroimpact_schema.branches import BranchesRequest
 from vibroimpact_schema.plans import Plan as PlanDocument
 from vibroimpact_schema.sweeps import SweepRequest
 from vibroimpact_service import execute, problems
+from vibroimpact_service.charges import Admission, Charge
 from vibroimpact_service.documents import digest, limits, parse, planning, requests
 from vibroimpact_service.documents.planning import Planned
 from vibroimpact_service.documents.requests import JobOptions, Request
@@ -53,23 +54,6 @@ _KEY_REUSED: Final = "The Idempotency-Key stands for another request."
 _LOST_SECONDS: Final = 600.0
 """A lost result is computed again at most once in such a time."""
 _CACHE_STATUS: Final = {"hit": "hit", "miss": "fwd=miss", "collapsed": "fwd=miss; collapsed"}
-
-
-@dataclass(frozen=True, slots=True)
-class Admission:
-    """Whether the caller may have a computation done.
-
-    Parameters
-    ----------
-    charge : callable
-        ``await charge(plan, seconds)`` charges a planned computation to the caller, and raises
-        `ProblemError` where it costs too much.
-    free : bool
-        Whether `charge` does nothing for what is computed at once.
-    """
-
-    charge: Callable[[Plan, float], Awaitable[None]]
-    free: bool = False
 
 
 async def _nothing(_plan: Plan, _seconds: float) -> None:
@@ -265,7 +249,7 @@ class Evaluation:
         reused = results.has(request.digest) and await self.threads.run(
             lambda: results.readable(request.digest)
         )
-        seconds, work = 0.0, None
+        seconds, work, charge = 0.0, None, None
         if not reused:
             if planned is None:
                 planned = await _in_time(until, self._planned(request))
@@ -279,6 +263,9 @@ class Evaluation:
             else:
                 await self.room_for_jobs(request.owner)
             await _charge(request, admission, planned)
+            if work is not None:
+                charge = Charge(admission, seconds, goes_on=True)
+                work = charge.measured(work)
         self._metrics.result(request.kind.name, "hit" if reused else "job")
         block = requests.stored_form(request.owner, request.canonical)
         name = digest.content(block)
@@ -305,6 +292,8 @@ class Evaluation:
         if work is not None:
             size = len(request.canonical)
             shared = await self.threads.on_submission(request.digest, work, size)
+            if shared and charge is not None:
+                charge.give_back()
             if shared is not None and self.store.results.has(request.digest):
                 new = replace(new, computed=not shared, reused=shared)
         try:
@@ -346,7 +335,7 @@ class Evaluation:
         Equal requests share one computation. Where the caller is charged, that comes between
         the plan and the computation; else both are one call in a thread.
         """
-        planned, name = None, request.digest
+        planned, charge, name = None, None, request.digest
         if not admission.free:
             clock = asyncio.get_running_loop().time
             until = None if seconds is None else clock() + max(seconds, _LEAST_SECONDS)
@@ -355,9 +344,16 @@ class Evaluation:
                 return planned
             if not self.threads.running(name):
                 await _charge(request, admission, planned)
+                charge = Charge(admission, planned.seconds)
         work = self._work(request, planned, media_type)
         size = len(request.canonical)
-        outcome, shared = await self.threads.once(name, work, seconds, size)
+        if charge is not None:
+            work = charge.measured(work)
+        try:
+            outcome, shared = await self.threads.once(name, work, seconds, size)
+        finally:
+            if charge is not None:
+                charge.give_back()
         if isinstance(outcome, Planned):
             return outcome
         how = "collapsed" if shared else "miss" if outcome.fresh else "hit"

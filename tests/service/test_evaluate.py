@@ -14,9 +14,10 @@ import orjson
 import pytest
 
 from vibroimpact_service import evaluate, problems
+from vibroimpact_service.charges import Admission
 from vibroimpact_service.documents import parse, requests
 from vibroimpact_service.documents.requests import Request
-from vibroimpact_service.evaluate import Admission, Answer, Evaluation, Preference
+from vibroimpact_service.evaluate import Answer, Evaluation, Preference
 from vibroimpact_service.jobs.metrics import JobMetrics
 from vibroimpact_service.jobs.records import NewJob
 from vibroimpact_service.jobs.tables import JobRow

@@ -22,8 +22,9 @@ from tests.service.compiling import failing, killed, noted
 from vibroimpact_schema import examples
 from vibroimpact_service import cli, warming
 from vibroimpact_service.app import create_app
+from vibroimpact_service.charges import Admission
 from vibroimpact_service.documents import parse, planning, requests
-from vibroimpact_service.evaluate import Admission, Answer, Evaluation, Preference
+from vibroimpact_service.evaluate import Answer, Evaluation, Preference
 from vibroimpact_service.jobs.metrics import JobMetrics
 from vibroimpact_service.jobs.tables import JobRow
 from vibroimpact_service.kinds import KINDS

@@ -22,6 +22,8 @@ from vibroimpact_service.settings import Settings
 from vibroimpact_solvers.plan import Plan
 
 _MILLI: Final = 1000
+_UNLIMITED: Final = 2**53
+"""A limit that no difference passes: what was used is charged whether or not it is left."""
 _FAILED_KEYS: Final = RateLimitItemPerMinute(60, 1, "failures")
 
 
@@ -64,7 +66,9 @@ class Budget:
         raise ProblemError(problems.TOO_MANY, detail, headers=headers)
 
     async def spend(self, caller: Caller, plan: Plan, seconds: float) -> dict[str, str]:
-        """Charge the planned cost of a computation; return the headers that state what is left.
+        """Hold the planned cost of a computation; return the headers that state what is left.
+
+        `settle` charges what it took instead, when it has ended.
 
         Raises
         ------
@@ -85,8 +89,7 @@ class Budget:
         if seconds > most:
             detail = f"{cost}; this key has {most:g} s per hour."
             raise ProblemError(problems.TOO_COSTLY, detail)
-        window = RateLimitItemPerHour(max(1, round(_MILLI * most)), 1, "compute")
-        milliseconds = max(1, math.ceil(_MILLI * seconds))
+        window, milliseconds = _compute_window(most), _milliseconds(seconds)
         admitted = await self._windows.hit(window, caller.name, cost=milliseconds)
         headers, wait = await self._headers("compute", "ms", window, caller.name, milliseconds)
         if admitted:
@@ -96,6 +99,24 @@ class Budget:
         left = stats.remaining / _MILLI
         detail = f"{cost}; {left:g} s are left of {most:g} s per hour. Ask again in {wait} s."
         raise ProblemError(problems.QUOTA_SPENT, detail, headers=headers)
+
+    async def settle(self, caller: Caller, held: float, used: float) -> None:
+        """Charge what a computation took in place of what `spend` held for it.
+
+        Parameters
+        ----------
+        caller : Caller
+        held, used : float
+            Planned time, and processor time of the computation, seconds.
+        """
+        _, most = self._limits(caller)
+        difference = _milliseconds(used) - _milliseconds(held)
+        if most is None or difference == 0:
+            return
+        window = _compute_window(most)
+        await self._storage.acquire_sliding_window_entry(
+            window.key_for(caller.name), _UNLIMITED, window.get_expiry(), difference
+        )
 
     def free(self, caller: Caller, seconds: float) -> bool:
         """Whether `spend` does nothing for computations of up to that price."""
@@ -138,6 +159,14 @@ class Budget:
             "RateLimit-Policy": f'"{name}";q={most};w={length};qu="{unit}"',
         }
         return headers, wait
+
+
+def _compute_window(seconds: float) -> RateLimitItemPerHour:
+    return RateLimitItemPerHour(max(1, round(_MILLI * seconds)), 1, "compute")
+
+
+def _milliseconds(seconds: float) -> int:
+    return max(1, math.ceil(_MILLI * seconds))
 
 
 def _wait(

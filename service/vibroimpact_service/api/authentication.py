@@ -13,7 +13,7 @@ from vibroimpact_service import problems
 from vibroimpact_service.access.caller import LOCAL, Caller, Scope
 from vibroimpact_service.api.dependencies import services
 from vibroimpact_service.api.openapi import failures
-from vibroimpact_service.evaluate import Admission
+from vibroimpact_service.charges import Admission
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_solvers.plan import Plan
 
@@ -95,5 +95,8 @@ def admission(request: Request) -> Admission:
         for name, value in left.items():
             more[name] = f"{more[name]}, {value}" if name in more else value
 
+    async def settle(held: float, used: float) -> None:
+        await parts.budget.settle(caller(request), held, used)
+
     free = parts.budget.free(caller(request), parts.settings.inline_seconds)
-    return Admission(charge, free)
+    return Admission(charge, free, settle)

@@ -10,12 +10,13 @@ from typing import Any
 import pytest
 from starlette.testclient import TestClient
 
-from vibroimpact_service import problems
+from vibroimpact_service import execute, problems
 from vibroimpact_service.access import budget
 from vibroimpact_service.access.caller import Caller, Scope
 from vibroimpact_service.app import create_app
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
+from vibroimpact_solvers import cost
 from vibroimpact_solvers.plan import Plan
 
 COMPUTE = "/v1/compute/impact-modes"
@@ -52,10 +53,60 @@ def test_requests_are_counted_per_key(closed: TestClient, make_key: Any, bob: An
     assert "ratelimit" in closed.get("/v1/jobs/x", headers=bob).headers
 
 
+def _left(answer: Any) -> int:
+    """Return the milliseconds that are left, from the header of an answer to a computation."""
+    return int(answer.headers["ratelimit"].partition('"compute";r=')[2].partition(";")[0])
+
+
 @pytest.mark.usefixtures("noon")
-def test_computing_is_charged_by_its_plan(
-    closed: TestClient, make_key: Any, request_body: dict[str, Any]
+@pytest.mark.parametrize(("planned", "used"), [(0.9, 0.0), (0.001, 0.4)])
+def test_what_was_used_is_charged_and_not_the_estimate(
+    closed: TestClient,
+    make_key: Any,
+    request_body: dict[str, Any],
+    monkeypatch: pytest.MonkeyPatch,
+    planned: float,
+    used: float,
 ) -> None:
+    """The difference between estimate and use is given back, or taken."""
+    quota, compute = 3.0, execute.compute
+    spent: list[float] = []
+
+    def busy(*arguments: Any) -> Any:
+        began = time.thread_time()
+        content = compute(*arguments)
+        while time.thread_time() < began + used:
+            pass
+        spent.append(time.thread_time() - began)
+        return content
+
+    monkeypatch.setattr(execute, "compute", busy)
+    monkeypatch.setattr(cost, "seconds", lambda _plan: planned)
+    key, left = make_key("eve", seconds=quota), []
+    for number in range(2):
+        request_body["frequency"]["stop"] = 2.0 + 0.01 * number
+        answer = closed.post(COMPUTE, json=request_body, headers=key)
+        assert answer.status_code == 200
+        left.append(_left(answer))
+    # The first is held when it is answered, and settled when the second is.
+    assert left[0] == 1000 * quota - 1000 * planned
+    charged = 1e-3 * (left[0] - left[1])
+    assert charged == pytest.approx(spent[0], abs=0.1)
+
+
+@pytest.mark.usefixtures("noon")
+def test_computing_that_is_planned_beyond_the_quota_is_refused(
+    closed: TestClient,
+    make_key: Any,
+    request_body: dict[str, Any],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    used = budget.Budget.settle
+
+    async def as_planned(self: budget.Budget, caller: Caller, held: float, _used: float) -> None:
+        await used(self, caller, held, held)
+
+    monkeypatch.setattr(budget.Budget, "settle", as_planned)
     plan = closed.post("/v1/plan/impact-modes", json=request_body, headers=make_key("ann")).json()
     quota = 2.5 * max(plan["seconds"], 0.001)
     key = make_key("eve", seconds=quota)
@@ -151,5 +202,11 @@ def test_a_computation_costs_as_many_milliseconds_as_planned() -> None:
             await spent.spend(caller, plan, 0.4)
         assert caught.value.type is problems.QUOTA_SPENT
         assert "r=0" in (await spent.spend(caller, plan, 0.2))["RateLimit"]
+
+        await spent.settle(caller, 0.4, 0.1)  # what was not used is given back
+        assert "r=200" in (await spent.spend(caller, plan, 0.1))["RateLimit"]
+        await spent.settle(caller, 0.1, 2.0)  # and what was used beyond the quota is taken
+        with pytest.raises(ProblemError):
+            await spent.spend(caller, plan, 0.001)
 
     asyncio.run(scenario())

@@ -1,0 +1,1 @@
+"""Estimates of plans beside the processor time of what they plan."""
