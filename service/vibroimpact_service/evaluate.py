@@ -263,7 +263,7 @@ class Evaluation:
             else:
                 await self.room_for_jobs(request.owner)
             await _charge(request, admission, planned)
-            if work is not None:
+            if work is not None and self.lanes is None:
                 charge = Charge(admission, seconds, goes_on=True)
                 work = charge.measured(work)
         self._metrics.result(request.kind.name, "hit" if reused else "job")
@@ -347,13 +347,17 @@ class Evaluation:
                 charge = Charge(admission, planned.seconds)
         work = self._work(request, planned, media_type)
         size = len(request.canonical)
-        if charge is not None:
+        in_thread = charge is not None and self.lanes is None
+        if charge is not None and in_thread:
             work = charge.measured(work)
         try:
             outcome, shared = await self.threads.once(name, work, seconds, size)
         finally:
-            if charge is not None:
+            if charge is not None and in_thread:
                 charge.give_back()
+        if charge is not None and not in_thread and isinstance(outcome, Computed):
+            # A lane is a process, whose computation has it for itself.
+            charge.used(0.0 if shared else sum(outcome.seconds.values()))
         if isinstance(outcome, Planned):
             return outcome
         how = "collapsed" if shared else "miss" if outcome.fresh else "hit"
