@@ -33,6 +33,7 @@ from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.checks import check_outputs, check_tolerance
 from vibroimpact_solvers.errors import ModelError, PlanError
 from vibroimpact_solvers.matrices import SymmetricMatrix
+from vibroimpact_solvers.meter import metered
 from vibroimpact_solvers.model import ChainShape, System
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step, Tick, batches
 from vibroimpact_solvers.plan import join_only as join
@@ -130,6 +131,7 @@ def plan(problem: Problem) -> Plan:
     return Plan(KIND, steps, skips)
 
 
+@metered
 def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     """Compute the resonances.
 

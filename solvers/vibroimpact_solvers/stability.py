@@ -39,6 +39,7 @@ import scipy.linalg
 
 from vibroimpact_solvers.arrays import EPS, Booleans, Floats
 from vibroimpact_solvers.kernels import saltation
+from vibroimpact_solvers.meter import look
 
 DIRECTION_DEPENDENT: Final = (
     "direction-dependent: the outcome of simultaneous impacts at coupled constraints depends on "
@@ -142,6 +143,7 @@ def multipliers(
     if not all(commutes(side.rows @ side.rows.T) for side in (orbits.upper, orbits.lower)):
         return all_values, errors
     for f in range(orbits.omega.size):
+        look()
         # Slow modes are scaled by the frequency of the motion: in units of their own frequency
         # they would cost digits of the map.
         scale = np.maximum(np.abs(orbits.roots), orbits.omega[f])

@@ -18,6 +18,7 @@ from vibroimpact_solvers.attractors.sections import sections
 from vibroimpact_solvers.attractors.verdicts import Verdict, verdict
 from vibroimpact_solvers.attractors.verification import Confirmed, confirmed
 from vibroimpact_solvers.errors import Status
+from vibroimpact_solvers.meter import metered
 from vibroimpact_solvers.plan import Plan, Stage, Tick
 from vibroimpact_solvers.results.attractors import Nature, Result, Verification
 from vibroimpact_solvers.stability import neutral
@@ -37,6 +38,7 @@ _STATEMENT: Final = (
 )
 
 
+@metered
 def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     """Compute what the plan lists.
 

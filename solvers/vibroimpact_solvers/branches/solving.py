@@ -16,6 +16,7 @@ from vibroimpact_solvers.branches.problem import Problem
 from vibroimpact_solvers.branches.special import Special, part_of_segment, special_points, tests
 from vibroimpact_solvers.branches.switching import doubled, halves, outwards
 from vibroimpact_solvers.errors import SolverError
+from vibroimpact_solvers.meter import metered
 from vibroimpact_solvers.periodic_motions import columns
 from vibroimpact_solvers.periodic_motions.existence import verdicts
 from vibroimpact_solvers.periodic_motions.solutions import Cells, without_impacts
@@ -53,6 +54,7 @@ class Branch:
     leads_to: dict[int, int] = field(default_factory=dict)
 
 
+@metered
 def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     """Compute what the plan lists.
 

@@ -13,6 +13,7 @@ from vibroimpact_solvers.arrays import along, declared
 from vibroimpact_solvers.assembly import Assembly
 from vibroimpact_solvers.ensemble.problem import Problem
 from vibroimpact_solvers.errors import Status, attempt
+from vibroimpact_solvers.meter import metered
 from vibroimpact_solvers.plan import Plan, Tick
 from vibroimpact_solvers.results.ensemble import Result
 from vibroimpact_solvers.time_history import Piece, solve_states
@@ -28,6 +29,7 @@ _TABLES: Final = ("impact", "contact")
 _ERRORS: Final = 256  # members without motion that are looked at together
 
 
+@metered
 def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     """Compute every member as the plan says.
 

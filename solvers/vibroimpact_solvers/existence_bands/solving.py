@@ -20,11 +20,13 @@ from vibroimpact_solvers.existence_bands.search import (
     poles_of,
 )
 from vibroimpact_solvers.existence_bands.stability_ranges import stability_ranges
+from vibroimpact_solvers.meter import metered
 from vibroimpact_solvers.plan import Plan, Stage, Tick
 from vibroimpact_solvers.receptance import ExpansionSize
 from vibroimpact_solvers.results.existence_bands import Result
 
 
+@metered
 def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     """Compute the bands as the plan says.
 

@@ -24,6 +24,7 @@ from vibroimpact_solvers import condensation, precision
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.impact_modes.family import Family
 from vibroimpact_solvers.impact_modes.problem import Problem
+from vibroimpact_solvers.meter import look
 from vibroimpact_solvers.results.impact_modes import Reason
 
 LARGEST: Final = 16
@@ -84,6 +85,7 @@ class _Solution:
         last = (self.A * (self.h / flint.arb(2) ** _HALVINGS)).exp()
         propagators = [last]
         for _ in range(_HALVINGS + 1):
+            look()
             propagators.append(propagators[-1] * propagators[-1])
         return propagators[::-1]
 
@@ -108,6 +110,7 @@ class _Solution:
                     L[i, n + k] -= self.mobility[i, a] * self.h
             right[i, 0] = -end[n + i, n + len(struck)]
         for k, (a, side) in enumerate(struck):
+            look()
             line = flint.arb_mat([self.rows.tolist()[a]])
             places = line * flint.arb_mat((end if side > 0 else flint.arb_mat(start)).tolist()[:n])
             for j in range(n + len(struck)):
@@ -153,12 +156,13 @@ class _Solution:
         fastest = math.sqrt(float(np.abs(np.linalg.eigvals(A[n : 2 * n, :n])).max(initial=0.0)))
         h = float(self.h.mid())
         first = max(0, math.ceil(math.log2(max(2.0 * fastest * h, 1e-9))))
-        self._growth = {
-            k: scipy.linalg.expm(A * (h * 2.0**-k)) * (1.0 + 1e-9)
-            for k in range(first, first + _DEEPEST)
-        }
+        self._growth = dict[int, Any]()
+        for k in range(first, first + _DEEPEST):
+            look()
+            self._growth[k] = scipy.linalg.expm(A * (h * 2.0**-k)) * (1.0 + 1e-9)
         stack = [(0, 0, self._moved(1, self.start, 1), list(range(len(watches))))]
         for _ in range(MOST):
+            look()
             if not stack:
                 return Reason.OK, math.nan
             k, index, z, left = stack.pop()

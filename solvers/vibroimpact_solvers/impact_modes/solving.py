@@ -17,10 +17,12 @@ from vibroimpact_solvers.impact_modes.family_solver import (
 from vibroimpact_solvers.impact_modes.modal import ModalFamily
 from vibroimpact_solvers.impact_modes.modal import solutions as modal_solutions
 from vibroimpact_solvers.impact_modes.problem import Frequencies, Problem
+from vibroimpact_solvers.meter import metered
 from vibroimpact_solvers.plan import Plan, Stage, Tick, batches
 from vibroimpact_solvers.results.impact_modes import Result, concatenate
 
 
+@metered
 def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     """Compute what the plan lists.
 

@@ -16,6 +16,7 @@ from vibroimpact_solvers.kernels.limit_check import (
     FreeMotions,
     check_limits,
 )
+from vibroimpact_solvers.meter import look
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.problem import Impact, Problem
 from vibroimpact_solvers.periodic_motions.solutions import Cells, Solutions
@@ -46,6 +47,7 @@ class Verdicts:
 
 def verdicts(problem: Problem, driven: Driven, cells: Cells, solved: Solutions) -> Verdicts:
     """Decide which solutions exist; paths are examined where the impulses push."""
+    look()
     count, m = solved.phase.shape
     impacts = problem.impacts if m else ()
     push = np.array([-impact.side for impact in impacts]) * solved.impulse

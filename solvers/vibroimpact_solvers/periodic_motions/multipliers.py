@@ -25,6 +25,7 @@ import scipy.spatial
 from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers
 from vibroimpact_solvers.kernels.floquet import A_PART, B_PART, Room, refine, zeros
 from vibroimpact_solvers.kernels.floquet import Cells as Cycles
+from vibroimpact_solvers.meter import look
 from vibroimpact_solvers.periodic_motions import monodromy
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
@@ -38,6 +39,7 @@ _TOGETHER = 1e-5  # relative distance below which modes' own multipliers are alm
 _NOTHING = 1e-30  # of the largest multiplier, below which none counts for that
 _POOR = 1e-7  # error of a multiplier, of the largest one, from which the dense matrix may do better
 _SUM = 1e-6  # to which sums of approximate multipliers are what they should be, relative to terms
+_AT_A_TIME = 64  # solutions between two looks at the meter
 _MEMORY = 2**26  # bytes of the couplings that are there at once
 
 
@@ -104,6 +106,7 @@ def determinants(
     rest. The structure by itself is damped: its part of the determinants is positive. Rigid bodies
     have a multiplier 1 by themselves, which impacts change: there all multipliers are multiplied.
     """
+    look()
     struck = np.array([impact.constraint for impact in problem.impacts])
     walls = _Walls.of(driven, struck)
     coupled = np.flatnonzero(walls.size.any(axis=(0, 1)))
@@ -135,8 +138,10 @@ def _coupled(
     values = np.full((count, width), np.nan, dtype=np.complex128)
     errors = np.full((count, width), np.inf)
     room, left = _room(coupled.size, 2 * walls.struck.size), np.flatnonzero(clear)
-    block = max(1, _MEMORY // (400 * max(1, coupled.size) * walls.struck.size**2))
+    each_takes = 400 * max(1, coupled.size) * walls.struck.size**2
+    block = max(1, min(_AT_A_TIME, _MEMORY // each_takes))
     for start in range(0, left.size, block):
+        look()
         at = left[start : start + block]
         cycles = _cycles(driven, walls, coupled, cells, solved.at(at), jumps[at], late[at])
         rough, near = np.empty((at.size, size), dtype=np.complex128), np.empty((at.size, width))
@@ -152,6 +157,7 @@ def _coupled(
         rough[missed], near[missed] = np.nan, np.inf
         poor = (near > _POOR * np.abs(rough).max(axis=1, initial=0.0, keepdims=True)).any(axis=1)
         for row in np.flatnonzero(together | missed | poor) if size <= monodromy.LARGEST else ():
+            look()
             one = at[row : row + 1]
             factors = _factors(driven, walls, coupled, cells, solved.at(one), jumps[one], late[one])
             each, doubt = monodromy.eigenvalues(factors)

@@ -17,6 +17,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from vibroimpact_solvers.arrays import EPS, Floats, Integers
+from vibroimpact_solvers.meter import look
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
 from vibroimpact_solvers.periodic_motions.problem import Problem
@@ -202,6 +203,7 @@ class Orbit:
 
     def state(self, leg: int, times: Floats) -> Floats:
         """Return states at times since an impact, shape (time, 2, pair)."""
+        look()
         moved = self.driven.pairs.move(
             self.driven.pairs.propagators(np.ascontiguousarray(times)), self.states[leg]
         )

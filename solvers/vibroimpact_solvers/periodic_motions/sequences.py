@@ -20,6 +20,7 @@ import numpy as np
 from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers
 from vibroimpact_solvers.kernels.impact_equations import Cells as Cycles
 from vibroimpact_solvers.kernels.impact_equations import Equations, Impacts, Room, set_equations
+from vibroimpact_solvers.meter import look
 from vibroimpact_solvers.periodic_motions.balance import Folded, add_offset
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.problem import Impact, Problem
@@ -188,6 +189,7 @@ class Search:
 
     def _with_places(self, times: Floats, p: Floats) -> Equations:
         """Return the equations about all places, without the mean positions of free bodies."""
+        look()
         count, size = times.shape[0], 2 * self.m
         shapes = (count, size), (count, size, size), (count, size)
         equations = Equations(*map(np.empty, shapes))

@@ -10,6 +10,7 @@ import numpy as np
 
 from vibroimpact_solvers import cost, spectrum
 from vibroimpact_solvers.arrays import along, nothing
+from vibroimpact_solvers.meter import metered
 from vibroimpact_solvers.periodic_motions import columns, free_bodies, sequences, single
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.planning import Method
@@ -26,6 +27,7 @@ _STATEMENT: Final = (
 _BLOCK = 2e6  # numbers in the states of a block of frequencies
 
 
+@metered
 def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     """Compute what the plan lists.
 

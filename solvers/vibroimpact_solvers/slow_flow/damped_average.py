@@ -17,9 +17,11 @@ import numpy as np
 from numpy.polynomial import Chebyshev
 
 from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.meter import look
 
 _GRAZING: Final = 0.5 * math.pi
 _MOST: Final = 512  # degree of a series
+_AT_A_TIME: Final = 4096  # values between two looks at the meter
 _ROUNDING: Final = 2e-15  # of the largest coefficient; less is noise of the values
 
 
@@ -65,7 +67,16 @@ class Average:
     def at(self, t: Floats) -> tuple[Floats, Floats]:
         """Return gamma and phi at times 0 to the end."""
         root = np.sqrt(np.maximum(0.0, self.end - t))
-        return np.exp(self.log_gamma(root)), self.phase(root)
+        return np.exp(_values(self.log_gamma, root)), _values(self.phase, root)
+
+
+def _values(series: Chebyshev, x: Floats) -> Floats:
+    """Return the values of a series, a few at a time."""
+    values = np.empty_like(x)
+    for start in range(0, x.size, _AT_A_TIME):
+        look()
+        values.flat[start : start + _AT_A_TIME] = series(x.flat[start : start + _AT_A_TIME])
+    return values
 
 
 def _inverse(left: Chebyshev, root: Floats, domain: tuple[float, float]) -> Floats:
@@ -73,6 +84,7 @@ def _inverse(left: Chebyshev, root: Floats, domain: tuple[float, float]) -> Floa
     low, high = np.full_like(root, domain[0]), np.full_like(root, domain[1])
     u, slope = 0.5 * (low + high), left.deriv()
     for _ in range(100):
+        look()
         root_left = np.sqrt(np.maximum(0.0, left(u)))
         late = root_left < root
         low, high = np.where(late, low, u), np.where(late, u, high)

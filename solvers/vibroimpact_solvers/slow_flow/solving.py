@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact_solvers.arrays import Floats, nothing
+from vibroimpact_solvers.meter import metered
 from vibroimpact_solvers.plan import Plan, Stage, Tick
 from vibroimpact_solvers.results.slow_flow import Result
 from vibroimpact_solvers.slow_flow.motion import Motion
@@ -28,6 +29,7 @@ _EXACT: Final = (
 _UNKNOWN: Final = "not asked"
 
 
+@metered
 def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     """Compute what the plan lists.
 

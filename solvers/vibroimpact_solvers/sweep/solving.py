@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from vibroimpact_solvers.arrays import Described
 from vibroimpact_solvers.errors import SolverError, attempt
+from vibroimpact_solvers.meter import metered
 from vibroimpact_solvers.plan import Plan, Stage, Tick
 from vibroimpact_solvers.sweep.kinds import Outcome, SweptKind
 from vibroimpact_solvers.sweep.planning import spans
@@ -18,6 +19,7 @@ _BATCH: Final = 4096
 """Points whose problems are held at a time; more if they share responses."""
 
 
+@metered
 def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     """Compute every point of the grid, each by the plan that it has alone.
 

@@ -11,7 +11,6 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import partial
 from threading import Event
 from typing import Any, TypeVar
 
@@ -251,7 +250,7 @@ def solve_states(
 
     def some(start: int, stop: int, tick: Tick) -> Piece:
         if prepared.rigid is not None and not long:
-            return prepared.rigid.solve_some(x, v, start, stop, partial(tick, 0, 1))
+            return prepared.rigid.solve_some(x, v, start, stop, tick)
         others = {place: attempt(one, place, tick) for place in range(start, stop)}
         return Piece(np.zeros(0, np.int64), {}, others)
 
@@ -271,7 +270,7 @@ def _in_threads(
     if count == 0:
         return
     # The first one alone: it prepares everything that the others share.
-    yield some(0, 1, check)
+    yield some(0, 1, lambda done, total: None if report is None else report())
     threads = max(1, min(cores(), count // _FEWEST))
     size = max(_FEWEST, min(_MOST, count // (8 * threads)))
     starts = iter(range(1, count, size))

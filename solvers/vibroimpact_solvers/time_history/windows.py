@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import Floats, Integers, along, declared
 from vibroimpact_solvers.kernels.rigid_state import PROGRESS
+from vibroimpact_solvers.meter import metered
 from vibroimpact_solvers.plan import Plan, Stage
 from vibroimpact_solvers.results.time_history import Result
 from vibroimpact_solvers.time_history import accurate_start, solving
@@ -157,6 +158,7 @@ def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Any]:
     return [problem] if count == 1 else [Window(problem, index, count) for index in range(count)]
 
 
+@metered
 def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     """Compute what the plan lists.
 
