@@ -120,7 +120,7 @@ def _tell(pause: float, what: str, current: dict[str, Any]) -> None:
 def longest_pause(
     kind: str, document: dict[str, Any], current: dict[str, Any] | None = None
 ) -> Meter:
-    """Plan and compute a request for a while, as a lane does; current is what `_watch` sees."""
+    """Plan and compute a request for a while, as a thread does; current is what `_watch` sees."""
     meter, of = Meter(), KINDS[kind]
     if current is not None:
         current["meter"] = meter

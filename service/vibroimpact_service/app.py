@@ -34,7 +34,6 @@ from vibroimpact_service.api.dependencies import Services
 from vibroimpact_service.evaluate import Evaluation
 from vibroimpact_service.jobs.queue import JobQueue
 from vibroimpact_service.kinds import KINDS
-from vibroimpact_service.lanes import Lanes
 from vibroimpact_service.metrics import Metrics
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
@@ -63,7 +62,6 @@ def create_app(
     settings: Settings | None = None,
     queue: JobQueue | None = None,
     warming: Warming | None = None,
-    lanes: Lanes | None = None,
 ) -> FastAPI:
     """Return the application.
 
@@ -75,8 +73,6 @@ def create_app(
         Absent: one of its own.
     warming : Warming, optional
         Absent: kernels are compiled where they are needed first.
-    lanes : Lanes, optional
-        Absent: what is answered at once is computed in threads of this process.
     """
     chosen = settings or Settings()
     store = Store(chosen.store_url, patient=False)
@@ -90,7 +86,7 @@ def create_app(
         authenticator=authenticator,
         budget=Budget(chosen),
         metrics=metrics,
-        evaluation=Evaluation(chosen, store, jobs_queue, metrics, warming, lanes),
+        evaluation=Evaluation(chosen, store, jobs_queue, metrics, warming),
         body_memory=BodyMemory(chosen.max_bodies_bytes),
     )
 
@@ -98,7 +94,6 @@ def create_app(
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         await authenticator.start()
         await jobs_queue.start()
-        parts.evaluation.start()
         watching = asyncio.create_task(metrics.watch_loop())
         try:
             yield

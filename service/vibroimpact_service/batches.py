@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import pickle
 from collections.abc import Awaitable, Callable, Sequence
-from functools import partial
 from typing import Any
 
 import orjson
@@ -15,7 +14,7 @@ from vibroimpact_schema.requests import BatchRequest
 from vibroimpact_service import execute, kinds, problems
 from vibroimpact_service.documents import parse, planning, requests
 from vibroimpact_service.jobs.engine import Engine, EngineUnavailableError
-from vibroimpact_service.jobs.work import StoppedError, StopSignal, Tick, WorkerLostError
+from vibroimpact_service.jobs.work import Tick, WorkerLostError
 from vibroimpact_service.kinds import Kind
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.results import representations
@@ -67,13 +66,7 @@ async def answer(
                 detail = "The kernels are being compiled."
                 headers = {"Retry-After": "1"}
                 raise ProblemError(problems.UNAVAILABLE, detail, headers=headers) from None
-            signal = StopSignal(settings.inline_overrun_seconds)
-            try:
-                return list(await threads.compute(partial(compute, *arguments), signal))
-            except StoppedError:
-                detail = "There are no workers, and it takes too long without them."
-                headers = {"Retry-After": "5"}
-                raise ProblemError(problems.UNAVAILABLE, detail, headers=headers) from None
+            return await threads.compute(lambda: compute(*arguments, None))
 
     parts = _parts(contents, 2 * max(1, engine.workers))
     answers = await asyncio.gather(*(part(first, some) for first, some in parts))
@@ -81,14 +74,12 @@ async def answer(
 
 
 def compute(
-    settings: Settings, owner: str, kind: str, contents: bytes, first: int, *given: Any
+    settings: Settings, owner: str, kind: str, contents: bytes, first: int, tick: Tick | None
 ) -> list[bytes]:
     """Return the answer to each of some requests: ``{"result": …}`` or ``{"problem": …}``.
 
     They are packed by `_parts`; `first` is the position of the first of them in the whole batch.
-    The last thing that is given to it where it is called is a tick.
     """
-    tick: Tick = given[-1]
     store = Store(settings.store_url)
     batch = pickle.loads(contents)
     answers = []
@@ -102,7 +93,8 @@ def compute(
                 log.exception("request of a batch failed", kind=kind, position=position)
             document = fault.document(f"batch-{position}").model_dump(mode="json")
             answers.append(b'{"problem":' + orjson.dumps(document) + b"}")
-        tick(position, len(batch))
+        if tick is not None:
+            tick(position, len(batch))
     return answers
 
 

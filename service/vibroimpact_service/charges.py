@@ -79,10 +79,6 @@ class Charge:
         if not self._begun:
             self._settle(0.0)
 
-    def used(self, seconds: float) -> None:
-        """Charge what a process took that computed it."""
-        self._settle(seconds)
-
     def _settle(self, used: float) -> None:
         if self._settled:
             return

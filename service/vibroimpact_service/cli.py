@@ -94,7 +94,6 @@ def serve(
         # It loads the numerical libraries while this process loads those of HTTP.
         forkserver.start(loading.NUMERICAL)
     from vibroimpact_service.app import create_app
-    from vibroimpact_service.lanes import Lanes
     from vibroimpact_service.warming import Warming
 
     logs.to_stderr()
@@ -106,7 +105,7 @@ def serve(
     # By default, Python would let threads keep the event loop waiting for 5 ms at a time.
     sys.setswitchinterval(0.001)
     warming = Warming()
-    server = Server(create_app(settings, warming=warming, lanes=Lanes(settings)), settings)
+    server = Server(create_app(settings, warming=warming), settings)
     with warming.in_background():
         server.run()
     _end_threads()

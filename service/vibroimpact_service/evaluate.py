@@ -25,9 +25,8 @@ from vibroimpact_service.execute import Computed
 from vibroimpact_service.jobs.queue import JobQueue
 from vibroimpact_service.jobs.records import KeyReusedError, NewJob
 from vibroimpact_service.jobs.tables import JobRow
-from vibroimpact_service.jobs.work import StoppedError
+from vibroimpact_service.jobs.work import StoppedError, StopSignal
 from vibroimpact_service.kinds import KINDS
-from vibroimpact_service.lanes import Lanes
 from vibroimpact_service.metrics import Metrics
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.results import representations
@@ -117,13 +116,7 @@ async def _charge(request: Request, admission: Admission, planned: Planned) -> N
 
 
 class Evaluation:
-    """Answers requests of all kinds.
-
-    Parameters
-    ----------
-    lanes : Lanes, optional
-        Where they are computed; absent: in threads of this process.
-    """
+    """Answers requests of all kinds."""
 
     def __init__(
         self,
@@ -132,19 +125,12 @@ class Evaluation:
         queue: JobQueue,
         metrics: Metrics,
         warming: Warming | None = None,
-        lanes: Lanes | None = None,
     ) -> None:
         self._settings, self._metrics = settings, metrics
-        self.lanes = lanes
         self.warming = warming or Warming()
         self.store, self.queue = store, queue
-        self.threads = Threads(settings, self._computed, lanes)
+        self.threads = Threads(settings, self._computed)
         self.results = Results(store)
-
-    def start(self) -> None:
-        """Begin to start the lanes."""
-        if self.lanes is not None:
-            self.lanes.start()
 
     def close(self) -> None:
         """Stop what is being computed; store what was answered."""
@@ -263,7 +249,7 @@ class Evaluation:
             else:
                 await self.room_for_jobs(request.owner)
             await _charge(request, admission, planned)
-            if work is not None and self.lanes is None:
+            if work is not None:
                 charge = Charge(admission, seconds, goes_on=True)
                 work = charge.measured(work)
         self._metrics.result(request.kind.name, "hit" if reused else "job")
@@ -290,8 +276,7 @@ class Evaluation:
             block=block if recorded else None,
         )
         if work is not None:
-            size = len(request.canonical)
-            shared = await self.threads.on_submission(request.digest, work, size)
+            shared = await self.threads.on_submission(request.digest, work)
             if shared and charge is not None:
                 charge.give_back()
             if shared is not None and self.store.results.has(request.digest):
@@ -346,18 +331,13 @@ class Evaluation:
                 await _charge(request, admission, planned)
                 charge = Charge(admission, planned.seconds)
         work = self._work(request, planned, media_type)
-        size = len(request.canonical)
-        in_thread = charge is not None and self.lanes is None
-        if charge is not None and in_thread:
+        if charge is not None:
             work = charge.measured(work)
         try:
-            outcome, shared = await self.threads.once(name, work, seconds, size)
+            outcome, shared = await self.threads.once(name, work, seconds)
         finally:
-            if charge is not None and in_thread:
+            if charge is not None:
                 charge.give_back()
-        if charge is not None and not in_thread and isinstance(outcome, Computed):
-            # A lane is a process, whose computation has it for itself.
-            charge.used(0.0 if shared else sum(outcome.seconds.values()))
         if isinstance(outcome, Planned):
             return outcome
         how = "collapsed" if shared else "miss" if outcome.fresh else "hit"
@@ -401,10 +381,8 @@ class Evaluation:
 
     def _work(
         self, request: Request, planned: Planned | None, media_type: str | None = None
-    ) -> Callable[..., Computed | Planned]:
-        """Return the call that computes a result, in a lane where there are any."""
-        if self.lanes is not None:
-            return partial(execute.in_lane, request, planned is not None, media_type)
+    ) -> Callable[[StopSignal], Computed | Planned]:
+        """Return the call that computes a result in a thread."""
         return partial(execute.now, self.store, self._settings, request, planned, media_type)
 
     def _computed(self, outcome: Computed | Planned) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from typing import Any
 
@@ -67,27 +67,6 @@ def now(
         "plan": ready - began, "solve": solved - ready, "encode": time.perf_counter() - solved
     }  # fmt: skip
     return Computed(request.digest, planned, seconds, True, representation)
-
-
-def in_lane(
-    request: Request,
-    admitted: bool,
-    media_type: str | None,
-    settings: Settings,
-    store: Store,
-    signal: StopSignal,
-) -> Computed | Planned:
-    """As `now`, in another process, and the outcome without the problem.
-
-    `admitted` tells that the caller has seen the plan, which is made here once more.
-    """
-    planned = None
-    if admitted:
-        planned = planning.plan(store, request.kind, request.document, settings, signal)
-    outcome = now(store, settings, request, planned, media_type, signal)
-    if isinstance(outcome, Planned):
-        return outcome._replace(problem=None)
-    return replace(outcome, planned=outcome.planned._replace(problem=None))
 
 
 def compute(planned: Planned, name: str, canonical: bytes, tick: Tick | None = None) -> Content:

@@ -108,10 +108,6 @@ class Kind:
     extent: str = field(kw_only=True)
     structure: tuple[str, ...] = field(default=("system",), kw_only=True)
 
-    def __reduce__(self) -> tuple[object, ...]:
-        """Support pickling, between processes: the name stands for a kind."""
-        return (named, (self.name, "kind"))
-
     @property
     def identifier(self) -> str:
         """Name of the solver's module, of the function that decodes requests, in operations."""

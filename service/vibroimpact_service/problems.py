@@ -347,12 +347,6 @@ def stopping() -> ProblemError:
     return ProblemError(UNAVAILABLE, detail, headers={"Retry-After": "5"})
 
 
-def overloaded(waiting: int) -> ProblemError:
-    """Return the problem of a request beside which too many others wait."""
-    detail = f"{waiting} requests are waiting already."
-    return ProblemError(UNAVAILABLE, detail, headers={"Retry-After": "1"})
-
-
 def invalid(where: str, code: str, message: str) -> ProblemError:
     """Return the problem of one faulty place, given by its JSON pointer."""
     sentence = f"{where}: {message}" if where else message

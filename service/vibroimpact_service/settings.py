@@ -176,10 +176,10 @@ class Settings(BaseSettings):
         "directly becomes a job.",
     )
     inline_memory_bytes: int = Field(
-        2**30,
+        2 * 2**30,
         ge=2**20,
-        description="Memory of one process for small computations, enforced by the operating "
-        "system; what needs more becomes a job.",
+        description="Resident memory of the service process above which computations in it are "
+        "given up and become jobs.",
     )
     on_submission_seconds: float = Field(
         0.02, ge=0, description="Planned time below which a job is computed while it is submitted."
@@ -191,18 +191,18 @@ class Settings(BaseSettings):
     inline_threads: int = Field(
         max(2, os.cpu_count() or 2),
         ge=1,
-        description="Processes for small computations; more of them than cores slow one another "
-        "down.",
+        description="Threads for checks and small computations; more threads than cores "
+        "slow one another down.",
     )
     max_waiting: int = Field(
         256,
         ge=1,
-        description="Requests that may wait for these processes; further ones are answered 503.",
+        description="Requests that may wait for these threads; further ones are answered 503.",
     )
     max_waiting_seconds: float = Field(
         2.0,
         gt=0,
-        description="Time that a request may wait for them; then it is answered 503, and "
+        description="Time that a request may wait for these threads; then it is answered 503, and "
         "so are new ones as long as one waits for that time.",
     )
 

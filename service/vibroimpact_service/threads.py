@@ -1,4 +1,4 @@
-"""Where requests are read, planned and computed, each result once at a time: threads, and lanes."""
+"""The threads of this process in which requests are computed, each result once at a time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ import structlog
 from vibroimpact_service import garbage, problems
 from vibroimpact_service.jobs.work import StoppedError, StopSignal
 from vibroimpact_service.jobs.worker_calls import TRANSIENT_ERRORS
-from vibroimpact_service.lanes import Lanes
+from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
 
 log = structlog.get_logger("vibroimpact.threads")
@@ -70,16 +70,10 @@ class _Pool:
         late = time.monotonic() - began > self._seconds
         return late or self.unfinished >= self._most
 
-    def compute(
-        self, work: Callable[[StopSignal], Value], signal: StopSignal, _size: int = 0
-    ) -> asyncio.Future[Value]:
-        """As `run`, with a signal for the function."""
-        return self.run(lambda: work(signal))
-
     def run(self, work: Callable[[], Value]) -> asyncio.Future[Value]:
         """Return what a function returns, called in a thread; as `Threads.run`."""
         if self.saturated:
-            raise problems.overloaded(self.unfinished)
+            raise _overloaded(self.unfinished)
         loop, name = asyncio.get_running_loop(), object()
         outcome: asyncio.Future[Value] = loop.create_future()
 
@@ -89,7 +83,7 @@ class _Pool:
 
         def give_up() -> None:
             if inner.cancel() and not outcome.done():
-                outcome.set_exception(problems.overloaded(self.unfinished))
+                outcome.set_exception(_overloaded(self.unfinished))
 
         def end(_: asyncio.Future[Value]) -> None:
             self.unfinished -= 1
@@ -130,6 +124,11 @@ def _uncollected(work: Callable[[], Value]) -> Value:
         return work()
 
 
+def _overloaded(waiting: int) -> ProblemError:
+    detail = f"{waiting} requests are waiting already."
+    return ProblemError(problems.UNAVAILABLE, detail, headers={"Retry-After": "1"})
+
+
 @dataclass(slots=True)
 class _Running:
     """A computation in a thread, and whether somebody waits for it without a time limit."""
@@ -148,17 +147,11 @@ class Threads:
     settings : Settings
     ended : callable
         Called in the event loop with what a function of `once` returned, before anybody gets it.
-    lanes : Lanes, optional
-        Where the functions of `once` and `compute` are called, with settings, store and signal;
-        absent: in threads, with the signal alone.
     """
 
-    def __init__(
-        self, settings: Settings, ended: Callable[[Any], None], lanes: Lanes | None = None
-    ) -> None:
+    def __init__(self, settings: Settings, ended: Callable[[Any], None]) -> None:
         self._settings, self._ended = settings, ended
-        self._computing: _Pool | Lanes
-        self._computing = lanes or _Pool(settings.inline_threads, "execute", settings)
+        self._computing = _Pool(settings.inline_threads, "execute", settings)
         # Of their own, so that a plan does not wait for computations; a large body may hold one.
         self._planning = _Pool(1 + _LARGE_BODIES, "plan", settings)
         self._large = asyncio.Semaphore(_LARGE_BODIES)
@@ -184,21 +177,11 @@ class Threads:
         ProblemError
             503 where too many wait for the threads, or for too long.
         """
-        self._check_open()
-        return self._planning.run(work)
+        return self._in(self._planning, work)
 
-    def compute(
-        self, work: Callable[..., Value], signal: StopSignal, size: int = 0
-    ) -> asyncio.Future[Value]:
-        """Return what a function returns that may take long; parameters as of `once`.
-
-        Raises
-        ------
-        StoppedError
-            Where it was given up.
-        """
-        self._check_open()
-        return self._computing.compute(work, signal, size)
+    def compute(self, work: Callable[[], Value]) -> asyncio.Future[Value]:
+        """Return what a function returns that may take long; as `run`."""
+        return self._in(self._computing, work)
 
     async def planned(self, work: Callable[[StopSignal], Value]) -> Value:
         """Return what a function returns that plans; it is stopped when the caller goes away.
@@ -214,9 +197,10 @@ class Threads:
         finally:
             signal.stop()
 
-    def _check_open(self) -> None:
+    def _in(self, pool: _Pool, work: Callable[[], Value]) -> asyncio.Future[Value]:
         if self._closed:
             raise problems.stopping()
+        return pool.run(work)
 
     async def parse(self, body: bytes, work: Callable[[], Value]) -> Value:
         """Return what a function makes of a body, called where that delays no other request."""
@@ -234,11 +218,10 @@ class Threads:
     async def once(
         self,
         name: str,
-        work: Callable[..., Value],
+        work: Callable[[StopSignal], Value],
         seconds: float | None = None,
-        size: int = 0,
     ) -> tuple[Value, bool]:
-        """Return what a function returns, called once for all who wait for it now.
+        """Return what a function returns, called in a thread once for all who wait for it now.
 
         Callers may go away; the computation goes on for the others, and the next who asks. Its
         signal tells when nobody is left.
@@ -251,8 +234,6 @@ class Threads:
             Stopped by the signal that it gets, after ``inline_overrun_seconds`` at the latest.
         seconds : float, optional
             How long to wait; where nobody waits for longer, the computation is stopped then.
-        size : int
-            Bytes of the request.
 
         Returns
         -------
@@ -269,7 +250,7 @@ class Threads:
         if running is None:
             limit = self._settings.inline_overrun_seconds
             signal = StopSignal(limit, cancelled=self._must_stop)
-            running = _Running(self.compute(work, signal, size), signal)
+            running = _Running(self._in(self._computing, lambda: work(signal)), signal)
             self._running[name] = running
             running.future.add_done_callback(lambda future: self._finish(name, future))
         elif running.signal.stopped:
@@ -284,7 +265,7 @@ class Threads:
             running.signal.wanted = running.waiting > 0
         if not done:
             if not running.has_unlimited_waiter:
-                running.signal.stop()  # its thread is taken until it notices
+                running.signal.stop()  # the thread is taken until it notices
             raise StoppedError
         return running.future.result(), shared
 
@@ -308,9 +289,7 @@ class Threads:
         few = self._computing.unfinished < _SUBMISSIONS * self._settings.inline_threads
         return seconds < self._settings.on_submission_seconds and few
 
-    async def on_submission(
-        self, name: str, work: Callable[..., Value], size: int = 0
-    ) -> bool | None:
+    async def on_submission(self, name: str, work: Callable[[StopSignal], Value]) -> bool | None:
         """Compute and store the result of a job that is being submitted; parameters as of `once`.
 
         What turns out to take long, or fails, goes to the workers, where it does no harm.
@@ -328,7 +307,7 @@ class Threads:
         if not self.running(name) and not self.accepts(0.0):
             return None
         try:
-            _, shared = await self.once(name, work, SUBMISSION_SECONDS, size)
+            _, shared = await self.once(name, work, SUBMISSION_SECONDS)
         except TRANSIENT_ERRORS:
             raise
         except Exception as error:

@@ -31,6 +31,7 @@ REPLACED = {
     r"bundles?": "container, batch",
     r"spool(s|ed)?": "rows on disk",
     r"nursery": "forkserver",
+    r"lanes?": "queue",
     r"floors": "lower bounds of the hardware",
     r"crowds?": "concurrent clients",
     r"who may ask": "authentication",
@@ -60,11 +61,13 @@ EXCEPTIONS: dict[tuple[str, str], str] = {
     ("changes/.*", "flights"): "a name in 0.1.0",
     (
         "service/.*/jobs/(tables|migrations/.*).py",
-        "leases?|leased",
+        "leases?|leased|lanes?",
     ): "columns of the database",
     ("changes/.*|docs/service/settings.md", "spot"): "the table of former settings",
     ("service/.*/settings.py|tests/service/test_settings.py", "spot"): "a former setting",
     ("tests/reference/make_data.py", "ledger|spot"): "names in 0.1.0, which the script runs",
+    ("solvers/.*/(kernels/(response|damped_walls)|time_history/basis).py", "lanes?"): "SIMD lanes",
+    ("tests/benchmarks/test_vector_loops.py", "lanes?"): "SIMD lanes",
 }
 """(pattern of a path, pattern of a matched word) -> the reason why it stays there."""
 

@@ -245,9 +245,9 @@ def test_equal_requests_at_the_same_time_are_charged_once(
     async def note(plan: Any, seconds: float) -> None:
         charged.append(seconds)
 
-    async def noted(name: str, *given: Any) -> Any:
+    async def noted(name: str, work: Any, seconds: float | None) -> Any:
         asking.append(name)
-        return await once(name, *given)
+        return await once(name, work, seconds)
 
     monkeypatch.setattr(use.threads, "once", noted)
 

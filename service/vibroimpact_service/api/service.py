@@ -65,11 +65,7 @@ async def _checks(request: Request) -> dict[str, str]:
     state = _state(request)
     if state == "stopping":
         return {"service": state}
-    evaluation = services(request).evaluation
-    checks = await evaluation.queue.checks()
-    if evaluation.lanes is not None:
-        checks["lanes"] = evaluation.lanes.state
-    return {**checks, "service": state}
+    return {**await services(request).evaluation.queue.checks(), "service": state}
 
 
 def _state(request: Request) -> str:

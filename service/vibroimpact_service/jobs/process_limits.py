@@ -24,15 +24,6 @@ def machine_memory() -> int:
         return whole
 
 
-def memory_in_use() -> int:
-    """Return what counts of this process for `limit_memory`, bytes; 0 where that is unknown."""
-    try:
-        pages = int(Path("/proc/self/statm").read_text().split()[5])
-    except (OSError, ValueError):
-        return 0
-    return pages * os.sysconf("SC_PAGE_SIZE")
-
-
 def limit_memory(limit: int | None) -> None:
     """Let requests for memory beyond a limit fail, with `MemoryError` or the end of the process.
 
