@@ -63,9 +63,6 @@ class Observed:
 
 Outcome = Observed | SolverError
 
-MOST_IMPACTS: Final = 2**23
-"""Impacts of the motions that are observed at a time: about 400 MB."""
-
 
 def observe(
     problem: Problem, plan: Plan, start: int, stop: int, report: Callable[[], None]
@@ -83,7 +80,6 @@ def observe(
     x, v = problem.x[start:stop], problem.v[start:stop]
     first = float(problem.sections[0])
     outcomes: dict[int, Outcome] = {}
-    held = 0
     for piece in time_history.solve_states(pattern, plan, x, v, report):
         counts = piece.arrays.get("impact_count", ())
         begin = 0
@@ -103,10 +99,6 @@ def observe(
                 if isinstance(outcome, SolverError)
                 else _of_result(start + row, outcome, first)
             )
-        latest = [outcomes[row] for row in (*piece.places.tolist(), *piece.others)]
-        held += sum(one.impacts.time.size for one in latest if isinstance(one, Observed))
-        if held > MOST_IMPACTS:
-            raise time_history.too_many_impacts(held)
     yield from ((start + row, outcomes[row]) for row in range(stop - start))
 
 

@@ -39,7 +39,7 @@ from vibroimpact_solvers.time_history.problem import (
     Problem,
     State,
 )
-from vibroimpact_solvers.time_history.rigid_motions import Piece, too_many_impacts
+from vibroimpact_solvers.time_history.rigid_motions import Piece
 from vibroimpact_solvers.time_history.run import Tick
 from vibroimpact_solvers.time_history.solving import Prepared, prepare
 from vibroimpact_solvers.time_history.windows import (
@@ -85,5 +85,4 @@ __all__ = [
     "solve_many",
     "solve_states",
     "split",
-    "too_many_impacts",
 ]

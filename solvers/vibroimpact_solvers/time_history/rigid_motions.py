@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats, Integers
-from vibroimpact_solvers.errors import ConvergenceError, SolverError, attempt
+from vibroimpact_solvers.errors import SolverError, attempt
 from vibroimpact_solvers.kernels.rigid_motion import Stop, follow
 from vibroimpact_solvers.kernels.rigid_state import Rows
 from vibroimpact_solvers.results.time_history import Result
@@ -32,18 +32,6 @@ _FREE: weakref.WeakKeyDictionary[Structure, dict[tuple[int, int], list[Arrays]]]
     weakref.WeakKeyDictionary()
 )
 """Work arrays not in use, by the numbers of deviations and of output dofs; threads share them."""
-
-
-_MOST_ROWS = 2**21
-"""Impacts of the motions of one piece: about 200 MB."""
-
-
-def too_many_impacts(count: int) -> ConvergenceError:
-    """Return the error of motions whose impacts do not fit into memory together."""
-    return ConvergenceError(
-        f"{count} impacts of some of the motions are more than are held in memory at a time: ask "
-        "for motions that end earlier, or for fewer"
-    )
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -162,7 +150,7 @@ class RigidMotions:
         x, v, count = x[start:stop], v[start:stop], stop - start
         progress, history = np.repeat(self._begin, count), new_history(self._problem, count)
         tables, others = list[Rows](), dict[int, Result | SolverError]()
-        arrays, place, rows = self._taken(), 0, 0
+        arrays, place = self._taken(), 0
         if self._structure.ramps.count or self._wide:
             for place in range(count):
                 tick(0, 1)
@@ -170,8 +158,6 @@ class RigidMotions:
             place, tables = count, [arrays.table[:0]]
         while place < count:
             tick(0, 1)
-            if rows > _MOST_ROWS:
-                raise too_many_impacts(rows)
             given = arrays.Z[0], arrays.Z[1:], progress[place:], arrays.table, self._times
             why, last = follow(
                 self._arguments, given, arrays.work, self._modal, x[place:], v[place:],
@@ -181,7 +167,6 @@ class RigidMotions:
             now = progress[last]
             ended = int(now["rows" if why == _END else "first_row"])
             tables.append(arrays.table[:ended].copy())
-            rows += ended
             place = last + 1
             if why == _TABLE and ended > 0:
                 progress[last], place = self._begin[0], last  # again, with an empty table
@@ -190,8 +175,7 @@ class RigidMotions:
             elif why != _END:
                 arrays.progress[0] = now
                 state, own = State(x[last], v[last]), some_of(history, slice(last, last + 1))
-                others[last] = other = attempt(self._continued, state, arrays, own, why, tick)
-                rows += other.count_impacts if isinstance(other, Result) else 0
+                others[last] = attempt(self._continued, state, arrays, own, why, tick)
         self._free.append(arrays)
         return self._piece(start, progress, history, np.concatenate(tables), others)
 
