@@ -21,7 +21,7 @@ import numpy as np
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.branches.problem import Problem
-from vibroimpact_solvers.errors import ModelError, SolverError
+from vibroimpact_solvers.errors import ModelError, PlanError, SolverError
 from vibroimpact_solvers.periodic_motions import Problem as Motions
 from vibroimpact_solvers.periodic_motions import free_bodies, sequences, single
 from vibroimpact_solvers.periodic_motions.drive import Driven
@@ -114,10 +114,10 @@ class Curve:
     def laws(self, motions: Motions) -> Laws:
         """Return the impacts of a structure, which stays the same where the frequency varies."""
         if self._laws is None or not self.problem.frequency:
-            driven = Driven.of(motions, spectrum.choose(motions.system))
             try:
+                driven = Driven.of(motions, spectrum.choose(motions.system))
                 free_bodies.sentence(motions, driven)
-            except ModelError as error:
+            except (ModelError, PlanError) as error:
                 raise error.under("base") from None
             self._laws = Laws.of(driven, motions)
         return self._laws

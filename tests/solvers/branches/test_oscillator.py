@@ -13,7 +13,7 @@ import pytest
 from tests.solvers.branches.shooting import Oscillator
 from vibroimpact_solvers import branches
 from vibroimpact_solvers import periodic_motions as driven
-from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.errors import ModelError, PlanError
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 
 ONE = SymmetricMatrix.diagonal([1.0])
@@ -306,3 +306,19 @@ def test_a_branch_along_which_all_is_like_the_load(ends: tuple[float, float]) ->
         assert sizes[[0, -1]] == pytest.approx(ends, rel=1e-6)
         momentum = np.abs(result.impact_momentum[np.isin(result.impact_solution, rows)])
         assert momentum / sizes == pytest.approx(momentum[-1] / sizes[-1], rel=1e-9)
+
+
+def test_a_constant_load_that_impacts_do_not_balance_is_one_of_the_base() -> None:
+    wall = Constraint((0,), (1.0,), None, 0.5, 0.8)
+    K = SymmetricMatrix.dense(np.array([[1.0, -1.0], [-1.0, 1.0]]))
+    C = SymmetricMatrix.diagonal([0.3, 0.1])
+    masses = SymmetricMatrix.diagonal([1.0, 1.0])
+    pushed = System(masses, K, (wall,), C=C, force=np.array([1.0, 0.5]))
+    load = (driven.Force((0,), (1.0,), 1.0),)
+    problem = branches.Problem(
+        lambda Omega: driven.Problem(pushed, np.array([Omega]), load), 1.0, 1.2, pushed,
+        frequency=True,
+    )  # fmt: skip
+    with pytest.raises(PlanError, match="constant load") as caught:
+        branches.solve(problem, branches.plan(problem))
+    assert caught.value.pointer == ("base", "system", "C")
