@@ -11,9 +11,8 @@ so that the phases theta of the impact are the roots of one trigonometric polyno
     level + Re sum_h Q_h e^(i h theta) = wall,   Q_h = Y_h (1 + i h Omega c g),
 
 with the amplitudes Y_h of y_F: two or none for one harmonic, at most two for each order of the
-highest. All is multiplied by 1 / c, which vanishes where impacts take nothing; p then follows from
-the place, ``(wall - y) / g``. Without load, a motion keeps its energy only where mu + (1 + k) g'
-vanishes (k = 1 and no damping); then p = (wall - level) / g, at any phase.
+highest. Without load, a motion keeps its energy only where mu + (1 + k) g' vanishes (k = 1 and no
+damping); then p = (wall - level) / g, at any phase.
 """
 
 from __future__ import annotations
@@ -62,6 +61,8 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
     wall_error = driven.level_error[a] + EPS * abs(wall)
     denominator = mu + (1.0 + k) * rate
     doubt = (1.0 + k) * rate_error + _ROUNDINGS * (mu + (1.0 + k) * np.abs(rate))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        c = -(1.0 + k) / denominator
     held = cells.sign < 0.0 or not driven.free[a]  # else see `falling`
     if driven.harmonics.size == 0:
         moving = held & np.isfinite(g) & (g != 0.0) & (wall != 0.0)  # at gap 0 only rest
@@ -77,17 +78,13 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
             form[np.newaxis], driven.doubts[0, a : a + 1], 2.0 * driven.shape_error + driven.summed
         )[..., 0]
         turning = cells.Omega[:, np.newaxis] * driven.harmonics
-        inertia, unknown = -denominator / (1.0 + k), doubt / (1.0 + k)  # 1 / c
-        sign = np.where(inertia < 0.0, -1.0, 1.0)
         with np.errstate(invalid="ignore"):
-            Q = Y * (np.abs(inertia)[:, np.newaxis] + 1j * turning * (sign * g)[:, np.newaxis])
-        # Where impacts give back what they and damping take, the place alone tells the impulse.
-        clear = (np.abs(inertia) > unknown) | (np.abs(g) > g_error)
-        clear &= held & np.isfinite(Q).all(axis=1)
-        index, rough = roots(Q, wall * np.abs(inertia), driven.harmonics, clear)
+            Q = Y * (1.0 + 1j * turning * (c * g)[:, np.newaxis])
+        clear = held & np.isfinite(Q).all(axis=1) & (np.abs(denominator) > doubt)
+        index, rough = roots(Q, np.full(g.size, wall), driven.harmonics, clear)
         law = _Law(
             cells.Omega[index], driven.harmonics, Y[index], Y_error[index], g[index],
-            g_error[index], inertia[index], unknown[index], wall, wall_error,
+            g_error[index], c[index], (doubt / (1.0 + k))[index], wall, wall_error,
         )  # fmt: skip
         phase, p, phase_error, p_error = law.solved(rough)
     velocity = -p * mu / (1.0 + k)
@@ -106,16 +103,15 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Law:
-    """The two equations of impacts, ``y + g p = wall`` and ``p s = y'``, with their errors.
-
-    With ``s = 1 / c``, which may vanish.
+    """The two equations of impacts, ``y + g p = wall`` and ``p / c = y'``, with their errors.
 
     Parameters
     ----------
     Omega : array, shape (solution,)
     harmonics : array, shape (harmonic,)
     Y, Y_error : array, shape (solution, harmonic)
-    g, g_error, s, s_error : array, shape (solution,)
+    g, g_error, c, inertia_error : array, shape (solution,)
+        The error is that of 1 / c.
     wall, wall_error : float
     """
 
@@ -125,8 +121,8 @@ class _Law:
     Y_error: Floats
     g: Floats
     g_error: Floats
-    s: Floats
-    s_error: Floats
+    c: Floats
+    inertia_error: Floats
     wall: float
     wall_error: float
 
@@ -145,34 +141,28 @@ class _Law:
         derivative, as two solutions may be about to meet; that of the impulse by the linear
         equations of both errors elsewhere, as phases that are late need not be wrong impulses.
         """
-        h, Omega, s, g = self.harmonics, self.Omega, self.s, self.g
+        h, Omega, c, g = self.harmonics, self.Omega, self.c, self.g
         turning, size = Omega[:, np.newaxis] * h, np.abs(self.Y)
         wide = rough.astype(np.longdouble)
         near = self.along(wide)
-        value = (s * (near[0] - self.wall) + g * near[1]).astype(np.float64)
-        slope = (s * near[1] / Omega + g * near[2]).astype(np.float64)
-        terms = size * np.hypot(s[:, np.newaxis], turning * g[:, np.newaxis])
+        value = (near[0] + g * c * near[1] - self.wall).astype(np.float64)
+        slope = (near[1] / Omega + c * g * near[2]).astype(np.float64)
+        terms = size * np.hypot(1.0, turning * (c * g)[:, np.newaxis])
         bend = terms @ h**2
         step = newton_step(value, slope, bend)
         wide = wide + step
-        y, v, a = (part.astype(np.float64) for part in self.along(wide))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            p = np.where(np.abs(s) > self.s_error, v / s, (self.wall - y) / g)
+        v, a = (part.astype(np.float64) for part in self.along(wide)[1:])
+        p = c * v
         at_wall = self.Y_error.sum(axis=1) + np.abs(p) * self.g_error + self.wall_error
-        at_wall += WIDE * abs(self.wall)
-        rounded = WIDE * (terms @ (1.0 + 2.0 * np.pi * h)) + left_over(value, step, bend)
-        of_law = (turning * self.Y_error).sum(axis=1) + np.abs(p) * self.s_error
-        doubt = np.abs(s) * at_wall + rounded + np.abs(g) * of_law
+        at_wall += WIDE * (abs(self.wall) + terms @ (1.0 + 2.0 * np.pi * h))
+        at_wall += left_over(value, step, bend)
+        of_law = (turning * self.Y_error).sum(axis=1) + np.abs(p) * self.inertia_error
+        doubt = at_wall + np.abs(c * g) * of_law
         late = lateness(slope, bend, doubt)
         with np.errstate(divide="ignore", invalid="ignore"):
             turned = np.abs(a) + (size * turning) @ h**2 * late
-            moved = np.abs(v / Omega) + size @ h**2 * late
-            error = np.fmin(
-                (of_law + turned * late) / np.abs(s),
-                (at_wall + WIDE * (size @ (2.0 * np.pi * h)) + moved * late) / np.abs(g),
-            )
-            either = np.fmin(turned / np.abs(s), np.abs(v / Omega) / np.abs(g)) * rounded
-            linear = (turned * at_wall + np.abs(v / Omega) * of_law + either) / np.abs(slope)
+            error = np.abs(c) * (of_law + turned * late)
+            linear = np.abs(c) * (turned * at_wall + np.abs(v / Omega) * of_law) / np.abs(slope)
         clear = slope**2 > 16.0 * bend * doubt  # the slope stays what it is to an eighth
         error = np.where(clear, np.minimum(error, 1.25 * linear), error)
         return turned_back(wide, h), p, late + 4.0 * EPS, error + EPS * np.abs(p)
