@@ -10,6 +10,7 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse
 
+from benchmarks import beams
 from vibroimpact_solvers.arrays import Floats
 
 FAMILIES: Final = ("beam", "plate", "frame", "chain", "uneven", "dense", "oscillator")
@@ -74,7 +75,7 @@ def structure(family: str, size: int, seed: int) -> Structure:
     if family == "chain":
         return _chain(size)
     if family == "beam":
-        M, K = _beam(size, 1.0, fixed=(0, 1))
+        M, K = beams.matrices(size)
         return _finished(family, M, K, len(M) - 2, 0.01, dense=False)
     if family == "plate":
         M, K = _plate(max(2, round(size**0.5)))
@@ -140,38 +141,6 @@ def _matrix(matrix: Floats, *, dense: bool) -> Any:
     }  # fmt: skip
 
 
-def _element(h: float) -> tuple[Floats, Floats]:
-    """Return stiffness and mass of a beam element, EI = 100, rho A = 0.8."""
-    stiffness = np.array(
-        [
-            [12.0, 6.0 * h, -12.0, 6.0 * h],
-            [6.0 * h, 4.0 * h * h, -6.0 * h, 2.0 * h * h],
-            [-12.0, -6.0 * h, 12.0, -6.0 * h],
-            [6.0 * h, 2.0 * h * h, -6.0 * h, 4.0 * h * h],
-        ]
-    )
-    mass = np.array(
-        [
-            [156.0, 22.0 * h, 54.0, -13.0 * h],
-            [22.0 * h, 4.0 * h * h, 13.0 * h, -3.0 * h * h],
-            [54.0, 13.0 * h, 156.0, -22.0 * h],
-            [-13.0 * h, -3.0 * h * h, -22.0 * h, 4.0 * h * h],
-        ]
-    )
-    return 100.0 / h**3 * stiffness, 0.8 * h / 420.0 * mass
-
-
-def _beam(elements: int, length: float, fixed: tuple[int, ...]) -> tuple[Floats, Floats]:
-    stiffness, mass = _element(length / elements)
-    M, K = np.zeros((2, 2 * elements + 2, 2 * elements + 2))
-    for first in range(0, 2 * elements, 2):
-        some = slice(first, first + 4)
-        M[some, some] += mass
-        K[some, some] += stiffness
-    free = np.setdiff1d(np.arange(len(M)), fixed)
-    return M[np.ix_(free, free)], K[np.ix_(free, free)]
-
-
 def _plate(side: int) -> tuple[Floats, Floats]:
     """Return a simply supported plate by finite differences, its masses lumped."""
     line = 2.0 * np.eye(side) - np.eye(side, k=1) - np.eye(side, k=-1)
@@ -184,7 +153,7 @@ def _frame(elements: int) -> tuple[Floats, Floats]:
 
     Columns do not change their length: the girder moves with them as a whole.
     """
-    stiffness, mass = _element(1.0 / elements)
+    stiffness, mass = beams.element(1.0 / elements)
     column, size = 2 * elements, 6 * elements
     M, K = np.zeros((2, size, size))
     left = [-1, -1, *range(column)]
@@ -199,5 +168,5 @@ def _frame(elements: int) -> tuple[Floats, Floats]:
                         M[p, q] += mass[i, j]
     used = np.flatnonzero(np.diagonal(M))
     M, K = M[np.ix_(used, used)], K[np.ix_(used, used)]
-    M[column - 2, column - 2] += 0.8  # the girder's own mass moves sideways
+    M[column - 2, column - 2] += beams.RHO_A  # the girder's own mass moves sideways
     return M, K

@@ -1,49 +1,17 @@
-"""Cantilevers of Euler-Bernoulli elements, whose natural frequencies differ by up to 1e6."""
+"""Cantilevers of length 1 with a stop at the tip."""
 
 from __future__ import annotations
 
 import numpy as np
 import scipy.sparse
 
+from benchmarks.beams import EI, RHO_A, matrices
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 
 FIRST = 3.5160152685
 """``Omega_1 L^2 (rho A/(E I))^(1/2)`` of a cantilever."""
-EI, RHO_A, LENGTH, GAP = 100.0, 0.8, 1.0, 0.01
-OMEGA = FIRST * (EI / RHO_A) ** 0.5 / LENGTH**2
-
-
-def element(h: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the stiffness and the mass of an element of length h."""
-    stiffness = np.array(
-        [
-            [12.0, 6.0 * h, -12.0, 6.0 * h],
-            [6.0 * h, 4.0 * h * h, -6.0 * h, 2.0 * h * h],
-            [-12.0, -6.0 * h, 12.0, -6.0 * h],
-            [6.0 * h, 2.0 * h * h, -6.0 * h, 4.0 * h * h],
-        ]
-    )
-    mass = np.array(
-        [
-            [156.0, 22.0 * h, 54.0, -13.0 * h],
-            [22.0 * h, 4.0 * h * h, 13.0 * h, -3.0 * h * h],
-            [54.0, 13.0 * h, 156.0, -22.0 * h],
-            [-13.0 * h, -3.0 * h * h, -22.0 * h, 4.0 * h * h],
-        ]
-    )
-    return EI / (h * h * h) * stiffness, RHO_A * h / 420.0 * mass
-
-
-def matrices(elements: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return M and K of a cantilever, deflections and rotations of its nodes by turns."""
-    h = LENGTH / elements
-    stiffness, mass = element(h)
-    M, K = np.zeros((2, 2 * elements + 2, 2 * elements + 2))
-    for first in range(0, 2 * elements, 2):
-        some = slice(first, first + 4)
-        M[some, some] += mass
-        K[some, some] += stiffness
-    return M[2:, 2:], K[2:, 2:]
+GAP = 0.01
+OMEGA = FIRST * (EI / RHO_A) ** 0.5
 
 
 def cantilever(elements: int, *, damped: bool = True) -> System:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks import beams as finite_elements
 from tests.solvers import beams
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.model import SymmetricMatrix
@@ -17,7 +18,7 @@ EPS = 2.0**-52
 @pytest.mark.parametrize("elements", [40, 150])
 def test_proportional_damping_of_a_beam_is_known_to_a_rounding(elements: int) -> None:
     """C = 2^-15 K exactly. Sums over C in doubles are off by 1e-6 and more in the lowest mode."""
-    M, K = beams.matrices(elements)
+    M, K = finite_elements.matrices(elements)
     beam = beams.system(M, K, 2.0**-15 * K)
     natural = spectrum.spectrum(beam)
     assert beam.C is not None

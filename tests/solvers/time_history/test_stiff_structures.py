@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from flint import arb, ctx
 
+from benchmarks import beams as finite_elements
 from tests.reference import modal
 from tests.solvers import beams
 from vibroimpact_solvers import time_history as th
@@ -133,11 +134,13 @@ def frame(elements: int) -> tuple[np.ndarray, np.ndarray]:
         c, s = span / np.linalg.norm(span)
         turn = np.kron(np.eye(2), np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]))
         bending, heavy = (np.zeros((6, 6)) for _ in range(2))
-        bend, mass = beams.element(h)
+        bend, mass = finite_elements.element(h)
         across, along = np.array([1, 2, 4, 5]), np.array([0, 3])
         bending[np.ix_(across, across)], heavy[np.ix_(across, across)] = bend, mass
         bending[np.ix_(along, along)] = 1e6 / h * np.array([[1.0, -1.0], [-1.0, 1.0]])
-        heavy[np.ix_(along, along)] = beams.RHO_A * h / 6.0 * np.array([[2.0, 1.0], [1.0, 2.0]])
+        heavy[np.ix_(along, along)] = (
+            finite_elements.RHO_A * h / 6.0 * np.array([[2.0, 1.0], [1.0, 2.0]])
+        )
         for element in range(elements):
             first = 3 * (bar * elements + element)
             some = slice(first, first + 6)
