@@ -217,6 +217,8 @@ class PeriodicMotionsFrequency(Table):
 
     Omega: Floats
     """Frequency of the drive, shape (Omega), 1/time."""
+    complete: Words
+    """Whether no motion with these impacts can be missing, shape (Omega)."""
 
 
 class PeriodicMotionsSolution(Table):

@@ -203,18 +203,18 @@ def check(case: Case, report: Report) -> None:
         exact = motion(document, Omega)
         rows = np.flatnonzero(result.solution_frequency_index == index)
         struck = rows[result.solution_impacts[rows] > 0]
-        _count_solutions(exact, struck.size, report)
+        _count_solutions(exact, struck.size, bool(result.complete[index]), report)
         for row in rows:
             if result.solution_impacts[row]:
                 _check_impact(document, exact, result, int(row), report)
             else:
                 state = exact.without_impact()
-                _check_energies(exact, arb(0), state, arb(0), result, int(row), report)
+                _check_energies(document, exact, arb(0), state, arb(0), result, int(row), report)
                 path = exact.path(arb(0), state, _POINTS)
                 _check_path(document, path, result, int(row), None, report)
 
 
-def _count_solutions(exact: Motion, count: int, report: Report) -> None:
+def _count_solutions(exact: Motion, count: int, complete: bool, report: Report) -> None:
     """Compare the number of solutions with the zeros of the distance from the wall."""
     if exact.gain() < _KEEPING:
         report.count("solutions: impacts that take nothing, of what nothing damps")
@@ -224,8 +224,11 @@ def _count_solutions(exact: Motion, count: int, report: Report) -> None:
     turns = np.flatnonzero(np.diff(np.sign(np.diff(distance)))) + 1
     touch = np.abs(distance[turns]).min(initial=np.inf) < 1e-6 * np.abs(distance).max()
     report.count("frequencies")
+    report.count("complete" if complete else "solutions: said to be incomplete")
     if touch:
         report.count("solutions: two about to meet")
+    elif not complete and count < crossings:
+        report.count("solutions: missing where said to be incomplete", crossings - count)
     elif count != crossings:
         report.fail("number of solutions", f"{count} instead of {crossings}")
     report.count("solutions", crossings)
@@ -247,14 +250,21 @@ def _check_impact(
         report.compare(what, [float(value)], [true], error)
     k = arb(document["constraints"][0]["restitution"])
     impact = (1 - k * k) / (2 * exact.mu) * velocity * velocity
-    _check_energies(exact, phase, state, impact, result, row, report)
+    _check_energies(document, exact, phase, state, impact, result, row, report)
     path = exact.path(phase, state, _POINTS)
     _check_path(document, path, result, row, float((-side * p).mid()), report)
     _check_multipliers(exact, phase, state, p, result, row, report)
 
 
 def _check_energies(
-    exact: Motion, phase: arb, state: arb_mat, impact: arb, result: Result, row: int, report: Report
+    document: Document,
+    exact: Motion,
+    phase: arb,
+    state: arb_mat,
+    impact: arb,
+    result: Result,
+    row: int,
+    report: Report,
 ) -> None:
     """Compare work and losses with each other, and with those of the reference."""
     work, lost = result.solution_work, result.solution_energy_lost
@@ -269,7 +279,10 @@ def _check_energies(
     # be known to twelve digits: the errors of both are then what is checked.
     # So are they where modes of nearly the same frequency absorb one another.
     damped = exact.s.damping_ratio() >= _DAMPED and exact.s.separation() >= _APART
-    if damped and abs(float(work[row] - lost[row])) > 1e-12 * size:
+    # A phase as a double moves the work by a part of what flows to and fro, however little that
+    # loses on the whole.
+    to_and_fro = 4.0 * ROUNDING * _flow(document, result, row)
+    if damped and abs(float(work[row] - lost[row])) > 1e-12 * size + to_and_fro:
         report.fail("work is what is lost", f"{work[row]!r} of the load, {lost[row]!r} lost")
     if exact.s.n > _SMALL:
         return
@@ -281,6 +294,15 @@ def _check_energies(
     ):
         assert error is not None
         report.compare(what, [float(value[row])], [both * true], float(error[row]))
+
+
+def _flow(document: Document, result: Result, row: int) -> float:
+    """Return a bound of the change of a period's work by the phase, from the amplitudes."""
+    assert result.solution_x_max is not None
+    assert result.solution_x_min is not None
+    wide = 0.5 * (result.solution_x_max[row] - result.solution_x_min[row])
+    each = (abs(amplitude) * wide[dof] * h for dof, amplitude, h, _ in document["loads"])
+    return float(np.pi * document["periods"] * sum(each))
 
 
 def _check_path(

@@ -134,7 +134,7 @@ class Curve:
         driven = self.laws(motions).driven
         cells = Cells.of(driven, motions)
         if self.m == 1:
-            solved = single.solutions(driven, cells, motions)
+            solved, _ = single.solutions(driven, cells, motions)
         else:
             solved = sequences.solutions(driven, cells, motions)
         if solved.impulse.size and self.impulse == 1.0:

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact_solvers.arrays import EPS, Floats, Integers
+from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers
 from vibroimpact_solvers.kernels.circle import circle_roots
 from vibroimpact_solvers.kernels.periodic import Response
 from vibroimpact_solvers.periodic_motions.drive import Driven
@@ -32,14 +32,19 @@ from vibroimpact_solvers.periodic_motions.problem import Impact
 from vibroimpact_solvers.periodic_motions.solutions import PI, Cells, Solutions
 
 _ROUNDINGS = 2.0 * EPS  # of a few real operations, or of a complex product
+_ZERO = 16.0 * EPS  # more than `circle_roots` takes for zero, relative to the terms
 _ROOM = 4096  # roots that are found at once
 WIDE = 4.0 * float(np.finfo(np.longdouble).eps)  # of an angle and a sum in the wider type
 
 Wide = NDArray[np.longdouble]
 
 
-def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
-    """Return all solutions with one impact per cell, shape (solution, 1) each."""
+def solutions(driven: Driven, cells: Cells, impact: Impact) -> tuple[Solutions, Booleans]:
+    """Return all solutions with one impact per cell, shape (solution, 1) each.
+
+    Also whether none can be missing at a frequency, shape (frequency,): there may be more where
+    what an impact takes is not known to its sign, or where two solutions are about to meet.
+    """
     a, side = impact.constraint, impact.side
     k = driven.structure.system.constraints[a].restitution
     form, slope = driven.position[a], driven.velocity[a]
@@ -72,6 +77,7 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
         p_error = np.abs(p) * (g_error / np.abs(g) + _ROUNDINGS)[index]
         p_error += wall_error / np.abs(g[index])
         phase_error = np.zeros(index.size)
+        complete = np.ones(g.size, dtype=bool)
     else:
         Y = np.einsum("sj,fhsj->fh", form, cells.steady)
         Y_error = cells.seen_error(
@@ -81,7 +87,17 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
         with np.errstate(invalid="ignore"):
             Q = Y * (1.0 + 1j * turning * (c * g)[:, np.newaxis])
         clear = held & np.isfinite(Q).all(axis=1) & (np.abs(denominator) > doubt)
-        index, rough = roots(Q, np.full(g.size, wall), driven.harmonics, clear)
+        walls = np.full(g.size, wall)
+        index, rough = roots(Q, walls, driven.harmonics, clear)
+        rates = turning * np.abs(Y)
+        with np.errstate(invalid="ignore"):
+            largest = np.abs(c) * rates.sum(axis=1)  # impulse
+            at_wall = Y_error.sum(axis=1) + largest * g_error + wall_error
+            of_law = (turning * Y_error).sum(axis=1) + largest * doubt / (1.0 + k)
+            unsure = 2.0 * (at_wall + np.abs(c * g) * of_law)  # as c may be half of the true one
+        complete = clear & (np.abs(denominator) > 2.0 * doubt)
+        complete &= ~about_to_meet(Q, walls, driven.harmonics, unsure, complete)
+        complete |= not held  # one impact a period moves a free body on
         law = _Law(
             cells.Omega[index], driven.harmonics, Y[index], Y_error[index], g[index],
             g_error[index], c[index], (doubt / (1.0 + k))[index], wall, wall_error,
@@ -98,7 +114,7 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
         index, phase[:, one], p[:, one], velocity[:, one], state[:, one],
         cells.length[index, one], phase_error[:, one], p_error[:, one], velocity_error[:, one],
         response.error[index] + more, relative, floor[index] * np.abs(p)[:, np.newaxis],
-    )  # fmt: skip
+    ), complete  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -203,7 +219,7 @@ def turned_back(phases: Wide, harmonics: Floats) -> Floats:
 
 
 def roots(
-    Q: Complexes, wall: Floats, harmonics: Floats, clear: np.ndarray
+    Q: Complexes, wall: Floats, harmonics: Floats, clear: Booleans
 ) -> tuple[Integers, Floats]:
     """Return the frequencies and about the phases of all roots of ``Re sum Q_h e^(ih) = wall``.
 
@@ -219,7 +235,28 @@ def roots(
     return index, phase / common
 
 
-def _two(Q: Complexes, wall: Floats, clear: np.ndarray) -> tuple[Integers, Floats]:
+def about_to_meet(
+    Q: Complexes, wall: Floats, harmonics: Floats, doubt: Floats, clear: Booleans
+) -> Booleans:
+    """Return where ``Re sum Q_h e^(ih)`` has an extreme within the doubt of the wall, (frequency,).
+
+    Two roots are there, or none. Only frequencies that are `clear` are looked at.
+    """
+    size = np.abs(Q).sum(axis=1)
+    doubt = doubt + _ZERO * (np.abs(wall) + np.abs(Q) @ (1.0 + 2.0 * np.pi * harmonics))
+    if harmonics.size == 1:
+        return np.asarray(clear & (np.abs(size - np.abs(wall)) <= doubt))
+    near = np.abs(wall) <= doubt + size
+    near &= clear
+    index, phase = roots(1j * harmonics * Q, np.zeros(wall.size), harmonics, near)
+    turned = np.exp(1j * phase[:, np.newaxis] * harmonics)
+    extreme = (Q[index] * turned).real.sum(axis=1)
+    meeting = near & (size <= doubt)
+    meeting[index[np.abs(extreme - wall[index]) <= doubt[index]]] = True
+    return np.asarray(meeting)
+
+
+def _two(Q: Complexes, wall: Floats, clear: Booleans) -> tuple[Integers, Floats]:
     """Return the frequencies and the phases of the roots of ``|Q| cos(arg Q + phase) = wall``."""
     size = np.abs(Q)
     reached = np.flatnonzero(clear & (size >= np.abs(wall)) & (size > 0.0))
@@ -228,9 +265,7 @@ def _two(Q: Complexes, wall: Floats, clear: np.ndarray) -> tuple[Integers, Float
     return np.repeat(reached, 2), np.stack([turn - half, turn + half], axis=1).ravel()
 
 
-def _many(
-    Q: Complexes, wall: Floats, orders: Integers, clear: np.ndarray
-) -> tuple[Integers, Floats]:
+def _many(Q: Complexes, wall: Floats, orders: Integers, clear: Booleans) -> tuple[Integers, Floats]:
     """Return the frequencies and phases of the roots, ascending at each, of several orders."""
     size = np.abs(Q).sum(axis=1)
     at = np.flatnonzero(clear & (size >= np.abs(wall)) & (size > 0.0))

@@ -18,11 +18,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact_solvers.arrays import EPS, Floats
+from vibroimpact_solvers.arrays import EPS, Booleans, Floats
 from vibroimpact_solvers.kernels.periodic import Response
 from vibroimpact_solvers.periodic_motions.balance import add_offset, directions
 from vibroimpact_solvers.periodic_motions.closed_form import (
     WIDE,
+    about_to_meet,
     lateness,
     left_over,
     newton_step,
@@ -37,8 +38,11 @@ from vibroimpact_solvers.periodic_motions.solutions import Cells, Solutions
 _ROUNDINGS = 4.0 * EPS  # of a few real operations, or of a complex product
 
 
-def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
-    """Return all solutions with one impact per cell, shape (solution, 1) each."""
+def solutions(driven: Driven, cells: Cells, impact: Impact) -> tuple[Solutions, Booleans]:
+    """Return all solutions with one impact per cell, shape (solution, 1) each.
+
+    Also whether none can be missing at a frequency, shape (frequency,).
+    """
     a, balance = impact.constraint, driven.balance
     k = driven.structure.system.constraints[a].restitution
     form, slope = driven.position[a], driven.velocity[a]
@@ -72,6 +76,7 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
         finite &= np.isfinite(V).all(axis=1)
         index, rough = roots(V, target, h, finite)
         late_by = (turning * Y_error).sum(axis=1) + doubt
+        complete = finite & ~about_to_meet(V, target, h, late_by, finite)
         phase, late = _refined(V[index], target[index], h, late_by[index], rough)
         turned = np.exp(1j * phase[:, np.newaxis] * h)
         place = (Y[index] * turned).real.sum(axis=1)
@@ -79,6 +84,7 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
         place_error = Y_error[index].sum(axis=1) + speed * late
     else:  # a motion that loses nothing may begin at any time
         index = np.flatnonzero(finite & (np.abs(target) <= doubt))
+        complete = finite
         phase = late = place = place_error = np.zeros(index.size)
     p = p[index]
     velocity, p_error = -p * inertia, np.abs(p) * p_relative
@@ -99,7 +105,7 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> Solutions:
         index, phase[:, one], p[:, one], velocity[:, one], state[:, one],
         cells.length[index, one], late[:, one], p_error[:, one], velocity_error[:, one],
         pair_error, relative, floor[index] * np.abs(p)[:, one],
-    )  # fmt: skip
+    ), complete  # fmt: skip
 
 
 def _carried(driven: Driven, a: int) -> float:

@@ -90,16 +90,18 @@ def _solve_block(problem: Problem, plan: Plan, driven: Driven) -> Result:
     step = plan.step(Stage.IMPULSE)
     assert step is not None
     if step.method == Method.CLOSED_FORM:
-        struck = single.solutions(driven, cells, problem)
+        struck, complete = single.solutions(driven, cells, problem)
     else:
         struck = sequences.solutions(driven, cells, problem)
+        complete = np.zeros(cells.Omega.size, dtype=bool)  # from starts, they may be missed
     parts = [columns.of(problem, driven, cells, struck)]
     if driven.harmonics.size and not driven.balance.loaded:
         # Without impacts, half of a period says nothing that the whole does not.
         whole = cells if cells.sign > 0.0 else cells.doubled()
         parts.insert(0, columns.of(problem, driven, whole, without_impacts(whole)))
     values = nothing(Result) | columns.merged(parts)
-    values["Omega"], values["error_statement"] = problem.Omega, _STATEMENT
+    values["Omega"], values["complete"] = problem.Omega, complete
+    values["error_statement"] = _STATEMENT
     if {"extremes", "waveform"} & problem.outputs:
         values["dof"] = problem.output_dofs
     if "waveform" in problem.outputs:

@@ -69,6 +69,13 @@ class Result:
         Floats,
         Quantity(("frequency",), "time-1", "frequency of the drive", True, path="frequency/Omega"),
     ]
+    complete: Annotated[
+        Booleans,
+        Quantity(
+            ("frequency",), "1", "whether no motion with these impacts can be missing",
+            path="frequency/complete", flags=NO_YES,
+        ),
+    ]  # fmt: skip
     dof: Dofs
     tau: Annotated[
         Floats | None,
