@@ -84,6 +84,7 @@ def triangle_time(mu: Floats) -> float:
 
 
 _KERNELS: Final = "vibroimpact_solvers.kernels"
+_WHOLE: Final = 2**60
 
 
 def recorded(
@@ -91,8 +92,11 @@ def recorded(
 ) -> Watched:
     """Return a call that some work makes of a kernel, the first one for `which` = 0.
 
-    The work is done by one thread: pieces of several would come in any order.
+    The work is done by one thread: pieces of several would come in any order. A motion is one
+    piece, however long it is.
     """
+    from vibroimpact_solvers.time_history import run, soft
+
     seen: list[tuple[Any, ...]] = []
     function = getattr(place, name)
 
@@ -104,6 +108,8 @@ def recorded(
     with (
         mock.patch.object(place, name, called),
         mock.patch.object(threads, "cores", return_value=1),
+        mock.patch.object(run, "WORK", _WHOLE),
+        mock.patch.object(soft, "WORK", _WHOLE),
     ):
         work()
     return Watched(function.__module__, name, seen[which], calls)

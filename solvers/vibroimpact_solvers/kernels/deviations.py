@@ -308,6 +308,7 @@ def note_what_decays(structure: Structure, motion: Motion, scratch: Scratch, s: 
         fastest = max(fastest, -alpha[j])
     while fastest * s > 1.0 and fastest * t > _STEADY:
         error, size = _lengths_after(structure, motion, scratch, t)
+        scratch.piece[0].work += scratch.piece[0].motion
         largest = max(largest, error)
         if size > 0.0:
             now.growth = max(now.growth, error / size)

@@ -44,6 +44,7 @@ from vibroimpact_solvers.kernels.phases import sine_cosine
 from vibroimpact_solvers.kernels.rigid_state import (
     MAY_GRAZE,
     NOT_GRAZING,
+    SEARCHING,
     STRIKES,
     Motion,
     Rows,
@@ -52,10 +53,11 @@ from vibroimpact_solvers.kernels.rigid_state import (
 )
 
 AT_END: Final = -1
-OUT_OF_BUDGET: Final = -2
+NOT_ON: Final = -2
 UNDECIDED: Final = -3
-"""What may end a free motion in place of a watched coordinate: the end of the time, the number of
-expansions, and nothing that is known."""
+PAUSED: Final = -4
+"""What may end a free motion in place of a watched coordinate: the end of the time, a search that
+does not get on, and nothing that is known; or the search is not at its end."""
 
 ROUNDING: Final = 2.0 * 2.0**-52
 """Rounding of a watched coordinate, relative to the sum of magnitudes it is made of."""
@@ -218,21 +220,38 @@ def _grow_roundings(structure: Structure, scratch: Scratch) -> None:
         scratch.rounding[i] = max(scratch.rounding[i], ROUNDING * (now + walls[i].size))
 
 
+@inline
+def _margin_after(structure: Structure, scratch: Scratch, i: int, s: float) -> float:
+    """Return the error of a coordinate a time s after the beginning of a free motion."""
+    margin = float(scratch.margin[i])
+    if margin > 0.0:
+        margin += s * scratch.margin_rate[i]
+        if grows(structure.flow):
+            sizes = structure.watched.size[i]
+            margin += SAFETY * EPS * grown(structure.flow, sizes, scratch.spread, s)
+    return margin
+
+
 @once
 def next_event(
     structure: Structure, motion: Motion, scratch: Scratch
 ) -> tuple[float, float, int, int]:
     """Return how long the motion is free (two doubles), what ends it, and at which wall.
 
-    It is ended by a watched coordinate (>= 0), `AT_END` or, provisionally, `OUT_OF_BUDGET`. The
-    scratch holds what `find_reach` made of this state; expansions are counted in the progress.
+    It is ended by a watched coordinate (>= 0), `AT_END` or, provisionally, `NOT_ON`. Where it is
+    `PAUSED`, the next call goes on with the search. The scratch holds what `find_reach` made of
+    this state; expansions are counted in the progress.
     """
     flow, walls, z = structure.flow, structure.walls, scratch.z
     rounding, progress, m = scratch.rounding, motion.progress[0], structure.walls.size
+    piece = scratch.piece[0]
     changes = flow.damped or grows(flow)
     s, ds, close = 0.0, 0.0, -1
-    for j in range(z.shape[1]):
-        z[Z1, j], z[Z2, j] = motion.z[Z1, j], motion.z[Z2, j]
+    if piece.stage == SEARCHING:
+        s, ds, close = piece.time, piece.time_rest, piece.close
+    else:
+        for j in range(z.shape[1]):
+            z[Z1, j], z[Z2, j] = motion.z[Z1, j], motion.z[Z2, j]
     while True:
         left = remaining(motion.progress) - s - ds
         if left <= 0.0:
@@ -248,12 +267,7 @@ def next_event(
             i = (max(close, 0) + k) % m
             if not scratch.in_reach[i]:
                 continue
-            margin = scratch.margin[i]
-            if margin > 0.0:
-                margin += s * scratch.margin_rate[i]
-                if grows(flow):
-                    sizes = structure.watched.size[i]
-                    margin += SAFETY * EPS * grown(flow, sizes, scratch.spread, s)
+            margin = _margin_after(structure, scratch, i, s)
             if close >= 0:
                 H = min(ahead, best)
                 h, more, at = _closing_in(structure, scratch, i, k == 0, margin, H)
@@ -271,6 +285,7 @@ def next_event(
                 best, side, remains = h, at, more
                 who = i if at != 0 else AT_END
         progress.expansions += 1
+        piece.work += piece.expansion
         s, lost = two_sum(s, best)
         ds += lost
         # The envelope meets the wall early by the remainder: always, and so as to add up.
@@ -278,13 +293,16 @@ def next_event(
             return s, ds, who, side
         if who < 0 and best >= left:
             return s, ds, AT_END, 0
-        if progress.expansions >= progress.budget or best <= 0.0:
-            return s, ds, OUT_OF_BUDGET, 0  # without progress the next ones would be the same
+        if best <= 0.0:
+            return s, ds, NOT_ON, 0  # the next ones would be the same
         close = -1
         if who >= 0 and remains <= _NEAR * _amplitude(walls, who, rounding[who]):
             close = who
         set_propagator(flow, s, ds, scratch.propagator)
         propagate_state(flow, scratch.propagator, s + ds, motion.z, z)
+        if piece.work >= progress.budget:
+            piece.time, piece.time_rest, piece.close = s, ds, close
+            return s, ds, PAUSED, 0
 
 
 @inline

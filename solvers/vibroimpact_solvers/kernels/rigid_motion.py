@@ -4,7 +4,9 @@ Between impacts the motion is exact; the next impact is found by certified expan
 (`kernels.next_impact`) and applied by Newton's law (`kernels.impact_law`), while sampled
 deviations keep account of rounding (`kernels.deviations`). The history at the output times is
 written as the motion goes on (`kernels.modal`). Many motions are followed in one call, one after
-the other; the loop returns to Python where the equations change: contacts begin and end.
+the other; the loop returns to Python where the equations change: contacts begin and end. It also
+returns after a piece of work that is counted, so that a stop signal is seen; what it then goes on
+with is kept, and the motion is the same to the last bit, whatever the pieces.
 """
 
 from __future__ import annotations
@@ -55,6 +57,7 @@ from vibroimpact_solvers.kernels.modal import (
 )
 from vibroimpact_solvers.kernels.next_impact import (
     AT_END,
+    PAUSED,
     ROUNDING,
     SIMULTANEOUS,
     UNDECIDED,
@@ -64,19 +67,25 @@ from vibroimpact_solvers.kernels.next_impact import (
     next_event,
 )
 from vibroimpact_solvers.kernels.rigid_state import (
+    ANEW,
+    BETWEEN,
     MAY_GRAZE,
     NOT_GRAZING,
+    SAMPLING,
+    SEARCHING,
     STRIKES,
     History,
     Motion,
     Scratch,
     Structure,
+    begin_piece,
     scratch_of,
     structure_of,
 )
 
 _NONE = -9  # no coordinate
 _DRIFTED = 1.0 / 64.0  # of the tolerance, by errors of the frequencies in one free motion
+_MOST_STILL = 10_000  # free motions in a row in which nothing happens
 
 
 class Stop(IntEnum):
@@ -85,13 +94,14 @@ class Stop(IntEnum):
     REFUSED = -1  # the initial state is not finite, out of range, or outside of its limits
     END = 0  # the end of the time was reached
     TABLE = 1  # the table of impacts is full
-    PAUSE = 2  # the number of expansions agreed on was spent
+    PAUSE = 2  # the work agreed on is done: another call goes on as if there had been none
     CONTACT = 3  # a constraint came to rest at its wall, after its impulse
     RELEASE = 4  # a contact force vanished
     IMPACT_IN_CONTACT = 5  # a wall is reached, and others may open by that: no impulse as yet
+    STILL = 6  # the motion does not get on: the caller checks whether it has, since it began
 
 
-_REFUSED, _END, _TABLE, _PAUSE, _CONTACT, _RELEASE, _IMPACT_IN_CONTACT = range(-1, 6)
+_REFUSED, _END, _TABLE, _PAUSE, _CONTACT, _RELEASE, _IMPACT_IN_CONTACT, _STILL = range(-1, 7)
 
 
 @once
@@ -102,11 +112,17 @@ def _take_samples(
     modal: Modal,
     history: History,
     until: float,
-) -> None:
-    """Take the samples of a free motion, and write the history of all whose block is full."""
+) -> bool:
+    """Take the samples of a free motion, and write the history of all whose block is full.
+
+    Returns whether these are all.
+    """
     flow, times, energy = structure.flow, motion.output_times, history.energy
-    now = motion.progress[0]
+    now, piece = motion.progress[0], scratch.piece[0]
     while now.samples < times.size and times[now.samples] <= until:
+        if piece.work >= now.budget:
+            return False
+        piece.work += piece.sample
         since, lost = two_sum(times[now.samples], -now.time)
         lost -= now.time_rest
         set_propagator(flow, since, lost, scratch.propagator)
@@ -119,6 +135,7 @@ def _take_samples(
         now.samples += 1
         if 2 * (now.samples - now.written) == scratch.block.shape[0]:
             _write_history(motion, scratch, modal, history)
+    return True
 
 
 @inner
@@ -173,55 +190,93 @@ def _note_errors(
 
 
 @once
+def _free_motion(
+    structure: Structure, motion: Motion, scratch: Scratch, circular: bool
+) -> tuple[float, float, int, int, bool]:
+    """Return what `next_event` does, and whether a coordinate hops, or go on with its search."""
+    walls, now, piece = structure.walls, motion.progress[0], scratch.piece[0]
+    s, ds, who, side = 0.0, 0.0, UNDECIDED, 0
+    begins = piece.stage != SEARCHING
+    if begins:
+        find_reach(structure, motion, scratch)
+        if circular:
+            s, ds, who, side = next_crossing(structure, motion, scratch)
+    expanded, hops = now.expansions, False
+    if who == UNDECIDED:
+        s, ds, who, side = next_event(structure, motion, scratch)
+        hops = begins and who >= 0 and who == piece.bounced and side == now.side
+        hops = hops and walls[who].restitution < 1.0 and now.expansions == expanded + 1
+        if hops:
+            y = product(structure.watched.coordinate[who], motion.z)
+            hops = room_at(walls, who, side, y) <= scratch.rounding[who]
+    return s, ds, who, side, hops
+
+
+@once
+def _note_on_the_way(structure: Structure, motion: Motion, scratch: Scratch, s: float) -> float:
+    """Note what the end of a free motion does not show; return the length of the largest error."""
+    now, error = motion.progress[0], 0.0
+    if motion.deviations.shape[0] > 0 and now.known_until == np.inf:
+        drifted = structure.errors.drift * s * EPS > _DRIFTED * now.tolerance
+        if drifted or grows(structure.flow):
+            lose_on_the_way(structure, motion, scratch, s)
+    if motion.deviations.shape[0] > 0 and structure.flow.damped:
+        error = note_what_decays(structure, motion, scratch, s)
+    return error
+
+
+@once
 def _advance(
     structure: Structure, motion: Motion, scratch: Scratch, modal: Modal, history: History
 ) -> int:
-    """Advance a motion to its end, or to an event that the caller has to handle (`Stop`)."""
-    walls, now = structure.walls, motion.progress[0]
-    circular, bounced = has_one_undamped_mode(structure), _NONE
+    """Advance a motion to its end, or to an event that the caller has to handle (`Stop`).
+
+    A pause leaves in the piece where it goes on.
+    """
+    walls, now, piece = structure.walls, motion.progress[0], scratch.piece[0]
+    circular = has_one_undamped_mode(structure)
     while True:
-        if now.rows + walls.size > motion.impacts.size:
-            return _TABLE
-        if now.expansions >= now.budget:
-            return _PAUSE  # however short the free motions are: the caller checks for progress
-        find_reach(structure, motion, scratch)
-        s, ds, who, side = 0.0, 0.0, UNDECIDED, 0
-        if circular:
-            s, ds, who, side = next_crossing(structure, motion, scratch)
-        expanded, hops = now.expansions, False
-        if who == UNDECIDED:
-            s, ds, who, side = next_event(structure, motion, scratch)
-            hops = who >= 0 and who == bounced and side == now.side
-            hops = hops and walls[who].restitution < 1.0 and now.expansions == expanded + 1
-            if hops:
-                y = product(structure.watched.coordinate[who], motion.z)
-                hops = room_at(walls, who, side, y) <= scratch.rounding[who]
-        if who == AT_END:
-            until = np.inf
-            note_size_from_rest(structure, motion, scratch, s)
-        else:
-            until = (now.time + s) + (now.time_rest + ds)
-        first, error = now.samples, 0.0
-        _take_samples(structure, motion, scratch, modal, history, until)
+        s, ds, who, side, hops = piece.time, piece.time_rest, piece.who, piece.side, piece.hops
+        if piece.stage != SAMPLING:
+            if piece.stage != SEARCHING:
+                if now.rows + walls.size > motion.impacts.size:
+                    return _TABLE
+                if piece.still >= _MOST_STILL:
+                    return _STILL
+                if piece.work >= now.budget:
+                    piece.stage = BETWEEN
+                    return _PAUSE  # however short the free motions are
+                piece.work += piece.motion
+            s, ds, who, side, hops = _free_motion(structure, motion, scratch, circular)
+            if who == PAUSED:
+                piece.stage = SEARCHING
+                return _PAUSE
+            piece.first = now.samples
+            if who == AT_END:
+                note_size_from_rest(structure, motion, scratch, s)
+        until = np.inf if who == AT_END else (now.time + s) + (now.time_rest + ds)
+        error = 0.0
+        if not _take_samples(structure, motion, scratch, modal, history, until):
+            piece.stage, piece.time, piece.time_rest = SAMPLING, s, ds
+            piece.who, piece.side, piece.hops = who, side, hops
+            return _PAUSE
+        piece.stage, first = BETWEEN, piece.first
         sampled = history.error.size > 0 and now.samples > first
         if sampled:
             error = estimated_length(motion.deviations, structure.errors, motion.progress)
-        if motion.deviations.shape[0] > 0 and now.known_until == np.inf:
-            drifted = structure.errors.drift * s * EPS > _DRIFTED * now.tolerance
-            if drifted or grows(structure.flow):
-                lose_on_the_way(structure, motion, scratch, s)
-        if motion.deviations.shape[0] > 0 and structure.flow.damped:
-            error = max(error, note_what_decays(structure, motion, scratch, s))
-        begun = now.time
+        error = max(error, _note_on_the_way(structure, motion, scratch, s))
+        begun, begun_rest = now.time, now.time_rest
         _move(structure, motion, scratch, s, ds, hops)
-        bounced = _NONE
+        piece.bounced = _NONE
+        stands = now.time == begun and now.time_rest == begun_rest
+        piece.still = piece.still + 1 if stands else 0
         if sampled:
             _note_errors(structure, motion, history, first, error)
         if who < 0:
             if motion.deviations.shape[0] > 0:
                 error = estimated_error(motion.deviations, structure.errors, motion.progress)
                 lose(motion.progress, error, begun)
-            return _END if who == AT_END else _PAUSE
+            return _END if who == AT_END else _STILL
         if scratch.grazing[who] == MAY_GRAZE:
             graze(structure, motion, scratch, who, side)
             continue
@@ -232,8 +287,10 @@ def _advance(
         outcome = strike(structure, motion, scratch)
         if outcome != BOUNCES:
             return _CONTACT if outcome == RESTS else _IMPACT_IN_CONTACT
+        if now.rows > rows:
+            piece.still = 0
         alone = now.rows == rows + 1 and motion.deviations.shape[0] > 0
-        bounced = who if alone else _NONE  # a hop matters to the deviations only
+        piece.bounced = who if alone else _NONE  # a hop matters to the deviations only
 
 
 @once
@@ -298,7 +355,8 @@ def follow(
     Returns
     -------
     stop : int
-        A `Stop`; where it is not the end, another call goes on from there.
+        A `Stop`; where it is not the end, another call goes on from there. After a pause it needs
+        the same work arrays, and the motion's row of the progress first.
     place : int
         Which motion is the last that was followed: all before reached their ends.
     """
@@ -306,16 +364,20 @@ def follow(
     named, conversion = structure_of(structure), modal_of(modal)
     scratch = scratch_of(work, z.shape[1], conversion.place.size)
     xs, vs, energies, lengths = history
-    place, rows, spent = 0, progress[0].rows, 0
+    place, rows, piece = 0, progress[0].rows, scratch.piece[0]
+    begin_piece(named, deviations.shape[0], conversion, scratch.piece)
     while True:
         current = Motion(z, deviations, progress[place : place + 1], impacts, output_times)
         written = History(xs[place], vs[place], energies[place], lengths[place])
         now = progress[place]
-        now.rows = rows
-        for j in range(z.shape[1]):
-            scratch.rest[Z1, j] = scratch.rest[Z2, j] = 0.0
-        if x.shape[0] > 0:
+        now.rows, begins = rows, piece.stage == ANEW
+        if begins:
+            piece.bounced, piece.still = _NONE, 0
+            for j in range(z.shape[1]):
+                scratch.rest[Z1, j] = scratch.rest[Z2, j] = 0.0
+        if begins and x.shape[0] > 0:
             now.first_row = rows
+            piece.work += x.shape[1] * conversion.place.size
             if not state_of(conversion, x[place], v[place], z, scratch.rate):
                 return _REFUSED, place
         if not now.begun:
@@ -329,9 +391,12 @@ def follow(
             if x.shape[0] > 0:
                 _mark_struck(named, conversion, x[place], v[place], z, scratch)
         stop = _advance(named, current, scratch, conversion, written)
-        _write_history(current, scratch, conversion, written)
+        if stop != _PAUSE:
+            # Blocks of samples are the same with and without pauses: so are roundings of products.
+            _write_history(current, scratch, conversion, written)
+            piece.stage = ANEW
         _finish(named, current, conversion, rows, stop == _END)
-        rows, spent = now.rows, spent + now.expansions
-        if stop != _END or place + 1 >= x.shape[0] or spent >= now.budget:
+        rows = now.rows
+        if stop != _END or place + 1 >= x.shape[0] or piece.work >= now.budget:
             return stop, place
         place += 1

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.kernels.flow import Z1, Z2, Flow, Watched
 from vibroimpact_solvers.kernels.jit import once, record
-from vibroimpact_solvers.kernels.modal import MANY, SAMPLES
+from vibroimpact_solvers.kernels.modal import MANY, SAMPLES, Modal
 from vibroimpact_solvers.kernels.passages import DEPTH, LOW, ORDER
 
 Rows = NDArray[np.void]
@@ -80,7 +80,7 @@ PROGRESS: Final = record(
         ("chatter", "f8"),  # remaining time of a chatter that is not followed impact by impact
         ("tolerance", "f8"),  # of the error of the state, relative to it
         ("scale", "f8"),  # times of the basis over those of x
-        ("budget", "i8"),  # expansions after which the loop pauses
+        ("budget", "i8"),  # work after which the loop pauses, see `PIECE`
         # Kept from call to call.
         ("begun", "i8"),  # whether the deviations are set
         ("time", "f8"),
@@ -107,6 +107,35 @@ PROGRESS: Final = record(
     ]
 )
 """How far a motion is; an array of a row for each motion."""
+
+ANEW: Final = 0
+BETWEEN: Final = 1
+SEARCHING: Final = 2
+SAMPLING: Final = 3
+"""Where a motion goes on: from its state; and, after a pause, which nothing shows, between two free
+motions, in the search for the next impact, or among the samples of a free motion."""
+
+PIECE: Final = record(
+    [
+        # Work, in nanoseconds of a usual processor, which is counted and not measured.
+        ("work", "i8"),  # of this call
+        ("expansion", "i8"),
+        ("motion", "i8"),  # a free motion, besides its expansions
+        ("sample", "i8"),
+        # What goes on after a pause.
+        ("stage", "i8"),  # `ANEW`, `BETWEEN`, `SEARCHING` or `SAMPLING`
+        ("bounced", "i8"),  # the coordinate that has just bounced alone
+        ("still", "i8"),  # free motions without duration and without an impact, in a row
+        ("time", "f8"),  # of the free motion, as far as it is known, as the sum of two doubles
+        ("time_rest", "f8"),
+        ("close", "i8"),  # the coordinate close to its wall, of the search
+        ("who", "i8"),  # what ends the free motion, and at which wall
+        ("side", "i8"),
+        ("hops", "b1"),
+        ("first", "i8"),  # of the samples of the free motion
+    ]
+)
+"""A piece of the work on a motion, and how the next one goes on with the same bits."""
 
 STRUCK: Final = record(
     [
@@ -199,6 +228,7 @@ class Scratch(NamedTuple):
     equations: Floats  # (2 watched, watched + 1)
     block: Floats  # (row, mode): of `modal.displacements_of`
     sums: Floats  # (row output dof,)
+    piece: Rows  # (1,), of `PIECE`
 
 
 _ALPHA, _NU, _REST, _PUSH, _DOUBTS, _OWN, _MEASURE, _RATES = 0, 1, 2, 3, 4, 5, 7, 9
@@ -265,13 +295,14 @@ def workspace(pairs: int, watched: int, modes: int, dofs: int) -> tuple[Any, ...
     size = _STATES * 2 * pairs + _NUMBERS * watched + _SEARCH * (DEPTH + 2)
     size += 2 * watched * (watched + 1)
     size += (2 * SAMPLES if modes <= MANY else SAMPLES) * (modes + dofs)
-    return np.empty(size), np.zeros((_MARKS, watched), dtype=np.int64), np.empty(watched, STRUCK)
+    marks = np.zeros((_MARKS, watched), dtype=np.int64)
+    return np.empty(size), marks, np.empty(watched, STRUCK), np.zeros(1, PIECE)
 
 
 @once
 def scratch_of(given: tuple[Any, ...], pairs: int, modes: int) -> Scratch:
     """Give names to parts of the arrays of `workspace`."""
-    room, marks, struck = given
+    room, marks, struck, piece = given
     w, last = struck.size, _STATES * 2 * pairs
     states = room[:last].reshape(_STATES, 2, pairs)
     first, last = last, last + _NUMBERS * w
@@ -288,5 +319,17 @@ def scratch_of(given: tuple[Any, ...], pairs: int, modes: int) -> Scratch:
         states[_LENGTHS, Z1], states[_LENGTHS, Z2], numbers[_ROUNDING], numbers[_MARGIN],
         numbers[_MARGIN_RATE], numbers[_ROOM], numbers[_RIGHT], numbers[_SOLUTION],
         marks[_IN_REACH], marks[_GRAZING], marks[_BASIC], search[_DERIVATIVES, :ORDER],
-        search[_LOW, :LOW], search[:_DERIVATIVES], struck, equations, block, room[last:],
+        search[_LOW, :LOW], search[:_DERIVATIVES], struck, equations, block, room[last:], piece,
     )  # fmt: skip
+
+
+@once
+def begin_piece(structure: Structure, columns: int, modal: Modal, piece: Rows) -> None:
+    """Begin a piece of work, and tell what its parts cost."""
+    flow, m, now = structure.flow, structure.walls.size, piece[0]
+    pairs, drives = flow.nu.size, flow.drives.size
+    coordinate = 8 * pairs + 100 * drives
+    now.work = 0
+    now.expansion = m * (500 + 12 * pairs + coordinate) + 30 * pairs
+    now.motion = 500 + m * (100 + coordinate) + (60 + 20 * columns) * pairs
+    now.sample = 100 + 30 * pairs + modal.shapes.size

@@ -96,6 +96,8 @@ PROGRESS: Final = record(
         ("steps", np.int64),
         ("samples", np.int64),
         ("most", np.int64),  # steps of one call
+        ("written", np.int64),  # samples in a history of displacements and velocities
+        ("rows", np.int64),  # of it in one call
     ]
 )
 """How far a motion has come."""

@@ -1,7 +1,7 @@
 """A whole motion with soft limiters in one call, from the initial state to the history.
 
 The steps could be called one by one; for a short motion of a small structure the calls would last
-longer than the motion.
+longer than the motion. A long one takes several calls, between which a stop signal is seen.
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ from vibroimpact_solvers.kernels.modal import (
 from vibroimpact_solvers.kernels.soft_forces import Limiters
 from vibroimpact_solvers.kernels.taylor import Linear, follow
 
-REFUSED = -1
-"""What `whole_soft_motion` returns where an initial state is not finite or not within range."""
+REFUSED, _END, _BUDGET = -1, 0, 1
+"""What `whole_soft_motion` returns where an initial state is not finite or not within range, and as
+`kernels.taylor.Stop` says."""
 
 
 @kernel
@@ -36,9 +37,12 @@ def whole_soft_motion(
     output_times: Floats,
     progress: Any,
     start: tuple[Floats, Floats],
+    work: tuple[Floats, Floats, Floats],
     history: tuple[Floats, Floats],
 ) -> int:
     """Compute a motion; return why it stopped, as `kernels.taylor.follow` does, or `REFUSED`.
+
+    Where that was for the steps of one call, or for the rows of the history, another one goes on.
 
     Parameters
     ----------
@@ -50,23 +54,29 @@ def whole_soft_motion(
         The order of the series, and the error of a step.
     start : tuple of array, each of shape (dof,)
         Initial displacements and velocities.
+    work : tuple of array, of shapes (2, pair), (2, pair) and (time, 2, pair)
+        z, lost and samples of `kernels.taylor.follow`.
     history : tuple of array, each of shape (time, dof)
         Displacements and velocities at the first of the output times, filled in at the end.
     """
-    (x, v), (xs, vs), (order, error) = start, history, precision
-    modal, pairs = modal_of(modes), linear.pairs.size
-    z, lost = np.zeros((2, pairs)), np.zeros((2, pairs))
-    if not state_of(modal, x, v, z, np.zeros((2, pairs))):
-        return REFUSED
-    samples = np.empty((output_times.size, 2, pairs))
+    (x, v), (xs, vs), (order, error), (z, lost, samples) = start, history, precision, work
+    modal = modal_of(modes)
+    if progress.steps == 0:
+        if not state_of(modal, x, v, z, lost):
+            return REFUSED
+        lost[:] = 0.0
     stop = follow(linear, limiters, order, error, output_times, progress, z, lost, samples)
     block, sums = np.empty((2 * SAMPLES, modal.place.size)), np.empty(2 * SAMPLES * xs.shape[1])
-    first = 0
-    for place in range(xs.shape[0] if stop == 0 else 0):
-        coordinates_of(modal, samples[place], lost)
-        keep_coordinates(lost, block, place - first, True, True)
-        if place + 1 - first == SAMPLES or place + 1 == xs.shape[0]:
+    if stop != _END:
+        return stop
+    rate, last = np.empty_like(z), min(xs.shape[0], progress.written + progress.rows)
+    first = progress.written
+    for place in range(first, last):
+        coordinates_of(modal, samples[place], rate)
+        keep_coordinates(rate, block, place - first, True, True)
+        if place + 1 - first == SAMPLES or place + 1 == last:
             some = slice(first, place + 1)
             displacements_of(modal, block, sums, place + 1 - first, xs[some], vs[some])
             first = place + 1
-    return stop
+    progress.written = last
+    return _END if last == xs.shape[0] else _BUDGET

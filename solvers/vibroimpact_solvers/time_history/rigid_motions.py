@@ -27,7 +27,7 @@ from vibroimpact_solvers.time_history.start import initial_state
 from vibroimpact_solvers.time_history.stated_errors import StatedErrors
 from vibroimpact_solvers.time_history.structure import Structure
 
-_END, _TABLE, _REFUSED = int(Stop.END), int(Stop.TABLE), int(Stop.REFUSED)
+_END, _TABLE, _PAUSE, _REFUSED = map(int, (Stop.END, Stop.TABLE, Stop.PAUSE, Stop.REFUSED))
 _FREE: weakref.WeakKeyDictionary[Structure, dict[tuple[int, int], list[Arrays]]] = (
     weakref.WeakKeyDictionary()
 )
@@ -164,6 +164,9 @@ class RigidMotions:
                 some_of(history, slice(place, None)),
             )  # fmt: skip
             last += place
+            if why == _PAUSE:
+                place = last
+                continue
             now = progress[last]
             ended = int(now["rows" if why == _END else "first_row"])
             tables.append(arrays.table[:ended].copy())

@@ -17,7 +17,6 @@ from vibroimpact_solvers.kernels.rigid_motion import Stop, follow
 from vibroimpact_solvers.kernels.rigid_state import IMPACT, PROGRESS, Rows, workspace
 from vibroimpact_solvers.time_history.answered_impact import AnsweredImpact, Moved
 from vibroimpact_solvers.time_history.at_walls import CHATTER, AtWalls
-from vibroimpact_solvers.time_history.basis import Basis
 from vibroimpact_solvers.time_history.contact_errors import ContactErrors
 from vibroimpact_solvers.time_history.contact_impulses import Struck
 from vibroimpact_solvers.time_history.contact_impulses import impulses as impulses_at_rest
@@ -32,7 +31,7 @@ NO_START: Final = np.zeros((0, 0))
 
 _CONVERTED = 2.0  # roundings of a state that goes on as another one
 _ROWS = 4096  # of the table that the compiled loop fills
-_EXPANSIONS = 2e7  # pairs expanded between two ticks
+WORK = 5_000_000  # between two ticks, of `kernels.rigid_state.PIECE`: some 5 ms
 _SWITCHES = 50  # contacts that may begin and end at one and the same time
 _REPEATED = 10  # of them, after which slow impacts at that time are taken for rounding
 _SLOW = 1e-9  # speed of slow impacts over the velocities that it is made of, or
@@ -42,18 +41,13 @@ _MOST_EVENTS = 50_000  # those in contact; windows are planned for a tenth of th
 _MOST_AFTERWARDS = 2_000  # those in contact where the motion is not predictable any more
 
 
-def budget(basis: Basis) -> int:
-    """Return how many expansions may pass between two ticks."""
-    return max(1000, int(_EXPANSIONS / max(1, basis.pairs)))
-
-
 def new_progress(structure: Structure, problem: Problem, t_end: float) -> Rows:
     """Return the progress of a motion that begins, of `rigid_state.PROGRESS`."""
     known = _BEGINNINGS.get(structure)
     if known is None:
         basis = structure.configuration().basis
         known = _BEGINNINGS[structure] = np.zeros(1, PROGRESS)
-        known["longest"], known["chatter"], known["budget"] = basis.longest, CHATTER, budget(basis)
+        known["longest"], known["chatter"], known["budget"] = basis.longest, CHATTER, WORK
         known["growth"], known["known_until"], known["released"] = 1.0, math.inf, -1
         known["unresolved"] = basis.modes.neglected / EPS
     progress = known.copy()
@@ -172,12 +166,12 @@ class Run:
     def finish(self, stop: Stop | None = None) -> None:
         """Follow the motion to its end; stop is why the compiled loop returned, if it has run."""
         while True:
-            if stop is None:
+            if stop is None or stop is Stop.PAUSE:
                 if self.structure.ramps.count and self._segment < 0:
                     self._begin_segment(self.structure.ramps.segment(self.now / self.scale))
                 place = self._place
                 stop = self._advance()
-                if stop is Stop.PAUSE and place == self._place:
+                if stop is Stop.STILL and place == self._place:
                     self._begin_touch()
             self._flush_table()
             if stop is Stop.END:
@@ -223,7 +217,7 @@ class Run:
 
         They come ever faster where they end in no rest: with k = 1, or as fast as they grow.
         """
-        if stop in {Stop.TABLE, Stop.PAUSE}:
+        if stop in {Stop.TABLE, Stop.STILL}:
             self._check_rows()
             return
         lost = float(self.progress_row["known_until"]) < math.inf
@@ -244,22 +238,24 @@ class Run:
         )
 
     def _advance(self) -> Stop:
-        if self.tick is not None:
-            self.tick(int(1e3 * float(self.progress_row["time"]) / self._whole_end), 1000)
+        """Let the compiled loop go on until it stops for more than a pause."""
         configuration, basis = self.configuration, self.configuration.basis
         self._check_walls_distinguishable()
         now = self.progress_row
-        now["budget"] = now["expansions"] + budget(basis)
-        now["longest"] = basis.longest
+        now["budget"], now["longest"] = WORK, basis.longest
         before = (self.now, self.Z.copy()) if self.contacts else None
         times = self.output_times
         if self.end < self._whole_end:
             times = times[: np.searchsorted(times, self.end, "right")]
         motion = self.Z[0], self.Z[1:], self.progress, self._table, times
         modal = self.structure.modal(configuration, self.dofs)
-        stop, _ = follow(
-            configuration.arguments, motion, self._work, modal, NO_START, NO_START, self.history
-        )
+        stop: int = Stop.PAUSE
+        while stop == Stop.PAUSE:
+            if self.tick is not None:
+                self.tick(int(1e3 * float(now["time"]) / self._whole_end), 1000)
+            stop, _ = follow(
+                configuration.arguments, motion, self._work, modal, NO_START, NO_START, self.history
+            )
         if before is not None:
             self._add_contact_impulses(*before)
         return Stop(stop)

@@ -10,6 +10,7 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.errors import ConvergenceError
+from vibroimpact_solvers.kernels.modal import SAMPLES
 from vibroimpact_solvers.kernels.soft_forces import LARGEST, LAW, Limiters
 from vibroimpact_solvers.kernels.taylor import FINER, PAIR, PROGRESS, Linear, Stop, follow
 from vibroimpact_solvers.kernels.whole_soft_motion import whole_soft_motion
@@ -36,8 +37,10 @@ _LEAST: Final = 1e-6
 """Smallest factor by which the error of a step is reduced at once."""
 _MOST_STEPS: Final = 1e10
 """Motions that need more of them, which take hours, are refused."""
-_WORK: Final = 4_000_000
-"""Pairs of the state times steps between two calls of the tick."""
+WORK: Final = 5_000_000
+"""Between two calls of the tick, in nanoseconds of a usual processor, as it is counted."""
+_TOLD: Final = 100_000
+"""Steps after which a motion tells by its progress how many it needs."""
 _FIRST: Final = 0.25
 """The first step that is tried, in units of the basis' time."""
 
@@ -127,9 +130,9 @@ class SoftMotion:
         self._tolerance, self._estimate, self._scale = tolerance, estimate, scale
         self._scene, self._basis = scene, basis
         self._linear, self._limiters = _linear(scene), _limiters(structure, scene, law)
-        self._budget = max(100, _WORK // (basis.pairs + 20))
         self._modes: Any = None
         self._shape, self._dofs = (structure.system.n,), dofs
+        self._row = 100 + basis.modes.roots.size * dofs.size
         if not estimate:
             *modes, limits = structure.modal(scene, dofs)
             self._modes = (*modes, np.full_like(limits, np.inf))
@@ -160,8 +163,8 @@ class SoftMotion:
             rough = max(finer * rough, _COARSEST_FINEST)
             begin = end
 
-    def single_call(self, x: Floats, v: Floats) -> SoftHistory | None:
-        """Compute a motion from displacements and velocities in one call, without estimate.
+    def single_call(self, x: Floats, v: Floats, tick: Tick | None = None) -> SoftHistory | None:
+        """Compute a motion from displacements and velocities in few calls, without estimate.
 
         None where that was not possible: `follow` can do it, or raises the error.
 
@@ -171,13 +174,20 @@ class SoftMotion:
         """
         if self._modes is None or not x.shape == v.shape == self._shape:
             return None
-        progress, error = self._progress(), self._error
-        shape = self._times.size - 1, self._dofs.size
-        history = np.empty(shape), np.empty(shape)
-        stop = whole_soft_motion(
-            self._modes, self._linear, self._limiters, (order_of(error), error), self._times,
-            progress, (x, v), history,
-        )  # fmt: skip
+        error, shape = self._error, (self._times.size - 1, self._dofs.size)
+        order, state = order_of(error), (2, self._basis.pairs)
+        progress, history = self._progress(order), (np.empty(shape), np.empty(shape))
+        work = np.empty(state), np.empty(state), np.empty((self._times.size, *state))
+        stop: int = Stop.BUDGET
+        while stop == Stop.BUDGET:
+            stop = whole_soft_motion(
+                self._modes, self._linear, self._limiters, (order, error), self._times, progress,
+                (x, v), work, history,
+            )  # fmt: skip
+            if stop == Stop.BUDGET and self._is_too_long(progress):
+                return None
+            if stop == Stop.BUDGET and tick is not None:
+                tick(int(1e3 * float(progress["time"]) / self._end), 1000)
         if stop != Stop.END:
             return None
         return SoftHistory(*history, float(progress["deepest"]), int(progress["steps"]))
@@ -187,10 +197,19 @@ class SoftMotion:
         """The error of a step of a motion without estimate."""
         return max(_STEP * self._tolerance, _FINEST)
 
-    def _progress(self, heed: float = 0.0) -> Any:
+    def _progress(self, order: int, heed: float = 0.0) -> Any:
         """Return a motion's progress at its beginning, for `kernels.taylor.follow`."""
-        begun = (0.0, 0.0, self._end, _FIRST, 0.0, 0.0, heed, 0, 0, self._budget)
+        pairs, walls = self._linear.pairs.size, self._limiters.laws.size
+        step = (10 + 4 * walls) * pairs + 10 * self._linear.drives.size + walls * (30 + 3 * order)
+        most = max(1, WORK // (500 + order * step))
+        rows = SAMPLES * max(1, WORK // (SAMPLES * self._row))
+        begun = (0.0, 0.0, self._end, _FIRST, 0.0, 0.0, heed, 0, 0, most, 0, rows)
         return np.array([begun], dtype=PROGRESS)[0]
+
+    def _is_too_long(self, progress: Any) -> bool:
+        """Return whether a motion needs more steps than are taken, by its progress so far."""
+        steps, part = int(progress["steps"]), float(progress["time"]) / self._end
+        return steps >= _TOLD and not steps < _MOST_STEPS * part
 
     def _judged(self, run: SoftRun, other: SoftRun, rough: float) -> SoftRun:
         """Return a run with its difference to another one as its estimated error.
@@ -252,17 +271,17 @@ class SoftMotion:
             state += noise
             linear = _linear(scene, _EPS * basis.drifts[0])
             limiters = limiters._replace(kicks=limiters.kicks + _EPS * _kick_errors(scene))
-        progress = self._progress(_HEED if off else 0.0)
+        order = order_of(error)
+        progress = self._progress(order, _HEED if off else 0.0)
         while True:
             stop = follow(
-                linear, limiters, order_of(error), error, self._times, progress, state, lost,
-                states,
-            )  # fmt: skip
+                linear, limiters, order, error, self._times, progress, state, lost, states
+            )
             if stop == Stop.END:
                 cut = _LEFT_OUT * math.sqrt(float(progress["cut"]))
                 return SoftRun(states, float(progress["deepest"]), int(progress["steps"]), cut)
             part = float(progress["time"]) / self._end
-            if stop == Stop.STIFF or not progress["steps"] < _MOST_STEPS * part:
+            if stop == Stop.STIFF or self._is_too_long(progress):
                 message = (
                     "the limiters are so stiff that the motion needs more than "
                     f"{_MOST_STEPS:g} steps"

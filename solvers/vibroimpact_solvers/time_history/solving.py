@@ -86,7 +86,7 @@ class Prepared:
         """
         start = self.problem.initial if initial is None else initial
         if self.soft is not None and isinstance(start, State) and self._light:
-            history_only = self.soft.single_call(start.x, start.v)
+            history_only = self.soft.single_call(start.x, start.v, tick)
             if history_only is not None:
                 return _soft_history(self, history_only, tick)
         return self._solver(self, start, tick)

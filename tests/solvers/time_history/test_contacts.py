@@ -285,7 +285,7 @@ def test_the_impact_mode_that_a_motion_starts_on_is_paid_for() -> None:
 
 
 def test_a_search_that_does_not_get_on_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A compiled loop that pauses again and again at one time would never return."""
+    """A compiled loop that does not get on, again and again, would never return."""
     problem = th.Problem(
         presets.oscillator([Constraint.at(0, 1.0)], 1.0),
         th.State(np.zeros(1), np.array([5.0])),
@@ -294,6 +294,6 @@ def test_a_search_that_does_not_get_on_is_given_up(monkeypatch: pytest.MonkeyPat
         outputs=frozenset({"x"}),
     )
     for module in (rigid_motions, run):
-        monkeypatch.setattr(module, "follow", lambda *_: (Stop.PAUSE, 0))
+        monkeypatch.setattr(module, "follow", lambda *_: (Stop.STILL, 0))
     with pytest.raises(ConvergenceError, match=r"keeps grazing at t = 0\.0"):
         th.solve(problem, th.plan(problem))
