@@ -10,8 +10,10 @@ import io
 import json
 import os
 import re
+import time
 import zipfile
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -229,3 +231,41 @@ def test_hostile_headers(hardened: Any, headers: dict[str, str]) -> None:
     answer = hardened.http.post(MODES, content=modes(), headers=headers)
     assert 400 <= answer.status_code < 500
     assert answer.headers["content-type"] == "application/problem+json"
+
+
+ATTRACTORS = "/v1/compute/attractors"
+
+
+def stiff(zeta: float) -> dict[str, Any]:
+    """Return a small request whose plan is cheap, and whose computation is not."""
+    wall = {"dof": 0, "gap": {"lower": None, "upper": 0}, "restitution": 0.8}
+    structure = {"preset": "oscillator", "Omega0": 1, "zeta": zeta, "constraints": [wall]}
+    return {
+        "system": structure, "load": [{"dof": 0, "amplitude": 1}], "frequency": {"values": [2.6]},
+        "initial": {"x": [[-2]], "v": [[1]]}, "settle": 200, "observe": 100,
+    }  # fmt: skip
+
+
+def test_motions_that_find_no_end_give_up_their_threads(
+    start: Callable[..., Any], tmp_path: Path
+) -> None:
+    """Two of them hold all threads, become jobs and are cancelled; others are answered."""
+    service = start(
+        tmp_path, inline_threads="2", inline_overrun_seconds="1", max_waiting_seconds="20"
+    )
+    service.wait_ready()
+    with ThreadPoolExecutor(2) as pool:
+        asked = [partial(service.http.post, ATTRACTORS, json=stiff(zeta)) for zeta in (1e9, 2e9)]
+        answers = list(pool.map(lambda ask: ask(), asked))
+    assert [answer.status_code for answer in answers] == [202, 202]
+    for number in range(4):
+        given = json.loads(modes(frequency={"values": [1.1 + number]}))
+        assert service.http.post(MODES, json=given).status_code == 200
+    for answer in answers:
+        job = answer.headers["location"]
+        assert service.http.delete(job).is_success
+        # By a worker, which looks at its signal as well.
+        while (state := service.http.get(job).json()["state"]) in {"queued", "running"}:
+            time.sleep(0.05)
+        assert state == "cancelled"
+    assert service.stop() == 0
