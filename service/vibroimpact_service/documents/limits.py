@@ -17,6 +17,8 @@ from vibroimpact_solvers.plan import Plan, Stage
 
 _LIBRARIES: Final = 3e8
 """Memory of a worker that computes nothing."""
+_MOST_VALUES: Final = 2**30
+"""Of a grid: 8 GiB of doubles."""
 _COPIES: Final = 4.0
 """How often a worker holds a result while it joins its pieces and packs it."""
 
@@ -69,6 +71,26 @@ def check(request: Any, settings: Settings) -> None:
         if count > settings.max_points:
             message = f"{count} {points} are more than {settings.max_points}"
             raise problems.too_large(f"{where}/{name}", "too_many_points", message)
+
+
+def check_grids(request: Any) -> None:
+    """Refuse grids whose values no memory holds, whatever the settings are, if there are any.
+
+    Raises
+    ------
+    ProblemError
+        413 with the grid.
+    """
+    grids = {}
+    if isinstance(request, SweepRequest):
+        grids = {f"/axes/{place}": axis for place, axis in enumerate(request.root.axes)}
+    swept = isinstance(request, SweepRequest | BranchesRequest)
+    base, where = (request.base, "/base") if swept else (request, "")
+    grids |= {f"{where}/{name}": getattr(base, name, None) for name in ("frequency", "t")}
+    for pointer, grid in grids.items():
+        if (count := _points(grid)) > _MOST_VALUES:
+            message = f"{count} values are more than {_MOST_VALUES}"
+            raise problems.too_large(pointer, "too_many_points", message)
 
 
 def _points(grid: Any) -> int:

@@ -115,6 +115,7 @@ def plan(
         document = document.with_system(stored)
     if settings is not None:
         limits.check(document, settings)
+    limits.check_grids(document)
     try:
         system = decode.system(document.system)
     except ModelError as error:

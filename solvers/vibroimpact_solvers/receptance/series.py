@@ -26,6 +26,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.meter import look
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.receptance.coefficients import (
     IMPULSES,
@@ -102,6 +103,7 @@ class TriangleWaveResponse:
             energy[group] = _weighted(weights * (2 * m + 1), moments)
             for f in group:
                 for k in range(1, harmonics + 1):
+                    look()
                     kappa, square = (k - 0.5) * np.pi, omega[f] ** 2
                     harmonic = self.frequency_response.receptance(kappa * omega[f])
                     response = square * harmonic.value
@@ -138,6 +140,7 @@ class TriangleWaveResponse:
                 bound = bound + factor * rate**m * np.abs(power @ p)
         bound = bound / omega**2
         for k in range(1, limit.harmonics + 1):
+            look()
             kappa = (k - 0.5) * np.pi
             harmonic = self.frequency_response.displacements(kappa * omega, rows)
             bound = bound + 2.0 * kappa**2 * np.abs(harmonic @ p)
@@ -180,6 +183,7 @@ class TriangleWaveResponse:
         vector = self._solve_mass(self.directions)
         start, block = 0, [rows(vector)]
         for m in range(1, terms):
+            look()
             vector = self._solve_mass(self.system.K @ vector) / (self.bound**2 or 1.0)
             if len(block) == _BLOCK:
                 yield start, np.array(block)
@@ -210,6 +214,7 @@ class TriangleWaveResponse:
     ) -> Floats | float:
         total: Floats | float = 0.0
         for k in range(1, harmonics + 1):
+            look()
             kappa = (k - 0.5) * np.pi
             sign = 2.0 if k % 2 == 1 else -2.0
             harmonic = self.frequency_response.displacements(kappa * omega, rows) @ p

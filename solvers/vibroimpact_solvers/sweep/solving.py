@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from itertools import groupby
 from typing import Any, Final
 
 from vibroimpact_solvers.arrays import Described
 from vibroimpact_solvers.errors import SolverError, attempt
-from vibroimpact_solvers.meter import metered
+from vibroimpact_solvers.meter import look, metered
 from vibroimpact_solvers.plan import Plan, Stage, Tick
 from vibroimpact_solvers.sweep.kinds import Outcome, SweptKind
 from vibroimpact_solvers.sweep.planning import spans
@@ -33,14 +34,15 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
         Called with (done, total) points; may raise `Cancelled`.
     """
     assembly, kind = assembly_of(problem), problem.swept_kind
-    done, total = 0, sum(1 for _ in problem.points())
+    sizes = zip(problem.axes, problem.shape, strict=True)
+    done, total = 0, math.prod(size for axis, size in sizes if axis.stage)
 
     def report() -> None:
         if tick is not None:
             tick(done, total)
 
     for batch in _batches(problem):
-        points = [attempt(problem.problem, index) for index in batch]
+        points = [_problem(problem, index) for index in batch]
         report()
         for index, outcome in zip(batch, _outcomes(kind, points, report), strict=True):
             assembly.put(index, outcome)
@@ -62,6 +64,12 @@ def join(problem: Problem, plan: Plan, results: Sequence[Described]) -> Result:
         assembly.neglect(plain.get("neglected"))
         assembly.put_piece(place, part.arrays, plain["error/statement"], plain["error/failures"])
     return result_of(problem, assembly)
+
+
+def _problem(problem: Problem, index: Index) -> Any:
+    """Return the problem of a point, or its error: thousands take a second."""
+    look()
+    return attempt(problem.problem, index)
 
 
 def _batches(problem: Problem) -> Iterator[list[Index]]:

@@ -18,9 +18,11 @@ from vibroimpact_schema.requests import ImpactModesRequest
 from vibroimpact_schema.sweeps import SweepRequest
 from vibroimpact_schema.systems import MatrixSystem
 from vibroimpact_service import problems
-from vibroimpact_service.documents import limits
+from vibroimpact_service.documents import limits, planning
+from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
+from vibroimpact_service.store import Store
 from vibroimpact_solvers.plan import Plan, Stage, Step
 
 SETTINGS = Settings(data=Path("nowhere"), max_dofs=100, max_points=1000, max_result_bytes=2**20)
@@ -71,6 +73,24 @@ def test_too_many_points(frequency: dict[str, Any]) -> None:
     with pytest.raises(ProblemError) as caught:
         check(CHAIN, frequency)
     assert caught.value.errors[0].pointer == "/frequency"
+
+
+@pytest.mark.parametrize("where", ["/axes/0", "/base/frequency"])
+def test_grids_that_no_memory_holds_are_refused_without_settings(where: str) -> None:
+    """A step of 5e-11 would ask for 45 GiB."""
+    step, small = {"start": 0.1, "stop": 0.4, "step": 5e-11}, {"start": 0.1, "stop": 0.4, "num": 2}
+    axis, frequency = (step, small) if where == "/axes/0" else (small, step)
+    content = {
+        "kind": "impact-modes",
+        "base": {"system": CHAIN, "frequency": frequency},
+        "axes": [{"path": "system.constraints.0.gap", **axis}],
+    }
+    kind = KINDS["sweep"]
+    with pytest.raises(ProblemError) as caught:
+        planning.plan(Store("memory://limits"), kind, kind.request.model_validate(content))
+    assert caught.value.type is problems.TOO_LARGE
+    assert caught.value.errors[0].pointer == where
+    assert caught.value.errors[0].code == "too_many_points"
 
 
 def test_what_is_at_the_limits_passes() -> None:

@@ -15,6 +15,7 @@ import flint
 import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.meter import look
 from vibroimpact_solvers.time_history.extended.free_motion import CELLS, Approach, Event
 from vibroimpact_solvers.time_history.extended.precision import Real, undecided
 from vibroimpact_solvers.time_history.extended.structure import Contact
@@ -118,6 +119,7 @@ class _Search:
     def _within(self, start: Real, end: Real) -> Event | None:
         approach, cells = self.approach, [(start, end)]
         while cells:
+            look()
             a, b = cells.pop()
             half, m = (b - a) / 2, ((a + b) / 2).mid()
             room, slope = approach.room(m), approach.slope(m)
