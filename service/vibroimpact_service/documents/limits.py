@@ -81,9 +81,9 @@ def check_grids(request: Any) -> None:
     ProblemError
         413 with the grid.
     """
-    grids = {}
+    grids = dict[str, Any]()
     if isinstance(request, SweepRequest):
-        grids = {f"/axes/{place}": axis for place, axis in enumerate(request.root.axes)}
+        grids |= {f"/axes/{place}": axis for place, axis in enumerate(request.root.axes)}
     swept = isinstance(request, SweepRequest | BranchesRequest)
     base, where = (request.base, "/base") if swept else (request, "")
     grids |= {f"{where}/{name}": getattr(base, name, None) for name in ("frequency", "t")}
