@@ -67,6 +67,13 @@ HOSTILE: dict[str, tuple[str, dict[str, Any]]] = {
             ],
         },
     ),
+    "bands of two constraints": (
+        "existence-bands",
+        {
+            "system": chain(12, 0.2, 0.1), "frequency": {"start": 1.0, "stop": 3.0},
+            "active": [0, 1],
+        },
+    ),
     "many harmonics": (
         "impact-modes",
         {

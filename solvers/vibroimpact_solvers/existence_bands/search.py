@@ -13,6 +13,7 @@ from vibroimpact_solvers.arrays import Booleans, Floats, Integers
 from vibroimpact_solvers.existence_bands.problem import Problem
 from vibroimpact_solvers.existence_bands.ranges import Band, FrequencyRanges, Rejected
 from vibroimpact_solvers.impact_modes import Reason
+from vibroimpact_solvers.meter import look
 from vibroimpact_solvers.plan import Plan, Tick
 from vibroimpact_solvers.receptance import ExpansionSize
 from vibroimpact_solvers.results.existence_bands import Edge
@@ -230,6 +231,7 @@ class SearchedBands:
         plan: Callable[[modes.Problem], Plan] | None = None,
     ) -> tuple[Integers, Floats, Booleans]:
         """Return reason codes, witnesses, and whether the codes are certain, each (frequency,)."""
+        look()
         problem = self.problem.impact_modes_at(Omega, _OUTPUTS)
         result = modes.solve(problem, (plan or self.plan)(problem), tick)
         assert result.reason is not None

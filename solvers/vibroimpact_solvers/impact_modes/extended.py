@@ -44,6 +44,7 @@ Verdict = tuple[Reason, float]
 def decided(problem: Problem, place: int) -> Verdict | None:
     """Return what is true of the solution at one frequency, None if it stays open."""
     for bits in _BITS:
+        look()
         with precision.working(bits + 2 * _HALVINGS):
             try:
                 verdict = _Solution(problem, place).verdict()

@@ -17,7 +17,7 @@ from vibroimpact_solvers.impact_modes.family_solver import (
 from vibroimpact_solvers.impact_modes.modal import ModalFamily
 from vibroimpact_solvers.impact_modes.modal import solutions as modal_solutions
 from vibroimpact_solvers.impact_modes.problem import Frequencies, Problem
-from vibroimpact_solvers.meter import metered
+from vibroimpact_solvers.meter import look, metered
 from vibroimpact_solvers.plan import Plan, Stage, Tick, batches
 from vibroimpact_solvers.results.impact_modes import Result, concatenate
 
@@ -48,6 +48,7 @@ def solve_alike(
     block = max(1, solvers[0].block(problems[0]) // len(problems))
     pieces = []
     for start, stop in batches(total, block, tick):
+        look()
         pieces.append(_solve_block(solvers, [p.slice(start, stop) for p in problems]))
     return [concatenate(results) for results in zip(*pieces, strict=True)]
 
@@ -63,11 +64,13 @@ def _solve_block(solvers: Sequence[FamilySolver], problems: Sequence[Problem]) -
     at, needs_motion = problems[0].frequencies, solvers[0].needs_motion
     solutions = _evaluate(evaluators, at, with_motion=needs_motion)
     impulses, motions = [one[0] for one in solutions], [one[1] for one in solutions]
+    look()
     reasons = [np.zeros(at.size, dtype=np.int64)] * len(solvers)
     paths = [PathMotions(np.zeros(at.size, dtype=np.bool_))] * len(solvers)
     if solvers[0].plan.step(Stage.EXISTENCE):
         reasons = list(map(FamilySolver.reasons, solvers, problems, impulses))
         where = list(map(FamilySolver.needs_path_check, solvers, problems, reasons))
+        look()
         paths = _path_motions(evaluators, at, motions if needs_motion else None, where)
     return list(map(FamilySolver.result, solvers, problems, impulses, motions, reasons, paths))
 
