@@ -76,7 +76,7 @@ def create_app(
     """
     chosen = settings or Settings()
     store = Store(chosen.store_url, patient=False)
-    jobs_queue = queue or JobQueue(chosen, store, chunks.WORK)
+    jobs_queue = queue or JobQueue(chosen, store, chunks.work(chosen))
 
     authenticator = Authenticator(chosen)
     jobs_queue.metrics.expect(KINDS, [problem.code for problem in problems.OF_THE_SERVICE])

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
 from vibroimpact_service.jobs.work import StopSignal
+from vibroimpact_solvers import meter
 from vibroimpact_solvers.plan import Plan
 
 Value = TypeVar("Value")
@@ -62,13 +62,13 @@ class Charge:
         """Return the same work, whose processor time is charged when it ends, however it does."""
 
         def measured(signal: StopSignal) -> Value:
-            self._begun, began, least = True, time.thread_time(), self._held * self._goes_on
+            self._begun, began, least = True, meter.processor_time(), self._held * self._goes_on
             try:
                 value = work(signal)
                 least = 0.0
                 return value
             finally:
-                used = max(time.thread_time() - began, least)
+                used = max(meter.processor_time() - began, least)
                 if not self._loop.is_closed():
                     self._loop.call_soon_threadsafe(self._settle, used)
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import errno
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
-from functools import lru_cache
+from dataclasses import replace
+from functools import lru_cache, partial
 from typing import Any, Final, NamedTuple
 
 import orjson
@@ -28,6 +29,7 @@ from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.results import encode
 from vibroimpact_service.results.rows import RowFiles
+from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store, StoreUnavailableError
 
 log = structlog.get_logger("vibroimpact.chunks")
@@ -242,10 +244,17 @@ def explain(error: BaseException) -> dict[str, Any]:
     return document
 
 
-def prepare() -> None:
-    """Load the numerical libraries before the first job needs them."""
+def prepare(structures_bytes: int | None = None) -> None:
+    """Load the numerical libraries before the first job needs them.
+
+    Structures of recent requests take up to so many bytes in this process.
+    """
     logs.to_stderr()
     loading.load()
+    if structures_bytes is not None:
+        from vibroimpact_service.documents import decode
+
+        decode.KNOWN.resize(structures_bytes)
 
 
 WORK: Final = Work(
@@ -256,3 +265,8 @@ WORK: Final = Work(
     prepare=prepare,
     modules=loading.NUMERICAL,
 )
+
+
+def work(settings: Settings) -> Work:
+    """Return the same, each process with the settings of the service."""
+    return replace(WORK, prepare=partial(prepare, settings.structures_bytes))

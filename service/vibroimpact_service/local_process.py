@@ -19,7 +19,7 @@ from collections.abc import Mapping
 from typing import Any, BinaryIO, Final
 
 from vibroimpact_service import chunks, execute, kinds, problems
-from vibroimpact_service.documents import planning, requests
+from vibroimpact_service.documents import decode, planning, requests
 from vibroimpact_service.jobs import process_limits
 from vibroimpact_service.jobs.work import LimitPassedError, StopSignal
 from vibroimpact_service.problems import ProblemError
@@ -100,8 +100,10 @@ def main() -> None:
     """Answer requests until the caller ends."""
     given, answers = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what anything prints is no answer
-    limit = Settings().worker_memory_bytes
-    process_limits.limit_memory(process_limits.machine_memory() if limit is None else limit)
+    settings = Settings()
+    limit = process_limits.worker_memory(settings.worker_memory_bytes, 1)
+    process_limits.limit_memory(limit)
+    decode.KNOWN.resize(settings.structures_bytes)
     waiting = queue.SimpleQueue[tuple[str, dict[str, Any]]]()
     threading.Thread(target=_read, args=(given, waiting), daemon=True).start()
     while True:

@@ -63,8 +63,15 @@ class Settings(BaseSettings):
     worker_memory_bytes: int | None = Field(
         None,
         ge=2**29,
-        description="Memory of one worker process, enforced by the operating system; unset: that "
-        "of the machine.",
+        description="Memory of one worker process, and of one of vi.Local, enforced by the "
+        "operating system; unset: an equal share of 0.8 of the machine's, or the container's, for "
+        "each worker, half of it at most and 1 GiB at least.",
+    )
+    structures_bytes: int = Field(
+        2**28,
+        ge=0,
+        description="Memory of the structures of recent requests, with what was prepared for "
+        "them, that each process keeps for the next request about one.",
     )
     grace_seconds: float = Field(
         10.0,

@@ -1,16 +1,21 @@
 """The meter of a computation, which every loop looks at.
 
 A caller gives a tick, which may raise `Cancelled`: it stands for a stop signal and for limits of
-time and memory. Loops deep inside a computation look at it by `look`, without being handed it.
+time and memory. Loops deep inside a computation look at it by `look`, without being handed it,
+and tell it by `hold` of rows that grow beyond what a plan knows. Threads that help a computation
+have `Helpers`, so that their time and memory are counted as its own.
 """
 
 from __future__ import annotations
 
+import threading
 import time
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import wraps
-from typing import Final, TypeVar
+from typing import Any, ClassVar, Final, TypeVar
 
 from vibroimpact_solvers.plan import Plan, Tick
 
@@ -18,6 +23,9 @@ _Problem = TypeVar("_Problem")
 _Result = TypeVar("_Result")
 
 _SECONDS: Final = 0.004  # between two looks: loops may look as often as they like
+_COPIES: Final = 4
+"""How often rows are in memory while columns and results are made of them."""
+_here = threading.local()
 _METER: ContextVar[Meter | None] = ContextVar("meter", default=None)
 
 
@@ -27,10 +35,13 @@ class Meter:
     Parameters
     ----------
     tick : callable
+    held : Held, optional
+        What the computation holds of which this is a part; absent: nothing yet.
     """
 
-    def __init__(self, tick: Tick) -> None:
+    def __init__(self, tick: Tick, held: Held | None = None) -> None:
         self._tick, self._place, self._looked = tick, (0, 1), time.monotonic()
+        self.held = held or Held()
 
     def __call__(self, done: int, total: int) -> None:
         """Report progress."""
@@ -45,11 +56,109 @@ class Meter:
             self._tick(*self._place)
 
 
+class Held:
+    """Memory of the rows that a computation holds, in whichever of its threads."""
+
+    most: ClassVar[int] = 2**30
+    """Bytes of rows that a computation of this process may hold."""
+
+    def __init__(self) -> None:
+        self.nbytes = 0
+        self._lock = threading.Lock()
+
+    def add(self, nbytes: int) -> None:
+        """Count some more; raise `MemoryError` where they are too many."""
+        with self._lock:
+            self.nbytes += nbytes
+        if self.nbytes > self.most:
+            message = f"its events take {self.nbytes:.3g} bytes, more than {self.most:.3g}"
+            raise MemoryError(message)
+
+
+class Helpers:
+    """What threads that help a computation need: its stop signal, and an account of their time.
+
+    Parameters
+    ----------
+    tick : callable
+        Theirs; raises `Cancelled` where the computation stops.
+    """
+
+    def __init__(self, tick: Tick) -> None:
+        self._tick, self._last = tick, threading.local()
+        outer = _METER.get()
+        self._held = None if outer is None else outer.held
+        self._spent = deque[float]()
+
+    def tick(self, done: int, total: int) -> None:
+        """Note the time of this thread, and call the tick."""
+        now = time.thread_time()
+        self._spent.append(now - getattr(self._last, "time", now))
+        self._last.time = now
+        self._tick(done, total)
+
+    def run(self, work: Callable[..., _Result], *args: Any) -> _Result:
+        """Call a function in a thread that helps."""
+        self.tick(0, 1)
+        before = _METER.set(Meter(self.tick, self._held))
+        try:
+            return work(*args)
+        finally:
+            _METER.reset(before)
+            now = time.thread_time()
+            self._spent.append(now - self._last.time)
+            self._last.time = now
+
+    def collect(self) -> None:
+        """Count what they spent since the last call as time of the calling thread."""
+        while self._spent:
+            _here.helped = getattr(_here, "helped", 0.0) + self._spent.popleft()
+
+
+def processor_time() -> float:
+    """Return the processor time of this thread and of those that helped it, seconds."""
+    return time.thread_time() + float(getattr(_here, "helped", 0.0))
+
+
+def limit_memory(nbytes: int) -> None:
+    """Let the rows of a computation take no more than their part of the memory of this process."""
+    Held.most = nbytes // _COPIES
+
+
+def hold(nbytes: int) -> None:
+    """Count bytes of rows that the computation of this thread holds until it ends.
+
+    Raises
+    ------
+    MemoryError
+        Where they are too many.
+    """
+    meter = _METER.get()
+    if meter is not None:
+        meter.held.add(nbytes)
+
+
+@contextmanager
+def released() -> Iterator[None]:
+    """Forget the rows that are held from here on when this ends."""
+    meter = _METER.get()
+    before = 0 if meter is None else meter.held.nbytes
+    try:
+        yield
+    finally:
+        if meter is not None:
+            meter.held.nbytes = before
+
+
 def look() -> None:
     """Look at the meter of the computation that runs in this thread; it may raise `Cancelled`."""
     meter = _METER.get()
     if meter is not None:
         meter.look()
+
+
+def _nothing(_done: int, _total: int) -> None:
+    """Report to nobody."""
 
 
 def metered(
@@ -62,12 +171,13 @@ def metered(
 
     @wraps(solve)
     def solved(problem: _Problem, plan: Plan, tick: Tick | None = None) -> _Result:
-        if tick is None:
+        outer = _METER.get()
+        if tick is None and outer is not None:
             return solve(problem, plan, None)
-        meter = Meter(tick)
+        meter = Meter(tick or _nothing, None if outer is None else outer.held)
         before = _METER.set(meter)
         try:
-            return solve(problem, plan, meter)
+            return solve(problem, plan, None if tick is None else meter)
         finally:
             _METER.reset(before)
 

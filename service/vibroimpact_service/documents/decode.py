@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from decimal import Decimal
-from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -29,6 +29,7 @@ from vibroimpact_solvers import time_history as histories
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System, Units
+from vibroimpact_solvers.spectrum import Cache, held_bytes
 
 
 def system(document: systems.AnySystem) -> System:
@@ -39,8 +40,9 @@ def system(document: systems.AnySystem) -> System:
     ModelError
         With the pointer inside the document.
     """
+    name = digest.content(digest.canonical(document)).encode()
     try:
-        return _known_system(_Named(document))
+        return KNOWN.get(name, lambda: _Known(_decoded(document))).system
     except OverflowError:
         message = "its numbers are too large for double precision"
         raise ModelError((), message, code="overflow") from None
@@ -51,26 +53,27 @@ def constraints(document: systems.AnySystem) -> list[Constraint]:
     return [constraint(i, c) for i, c in enumerate(document.constraints)]
 
 
-class _Named:
-    """A document that is equal to those of the same content, as keys of a cache must be."""
+@dataclass(frozen=True, eq=False, slots=True)
+class _Known:
+    """A system that is kept with all that was prepared for it."""
 
-    __slots__ = ("document", "name")
+    system: System
 
-    def __init__(self, document: systems.AnySystem) -> None:
-        self.document = document
-        self.name = digest.content(digest.canonical(document))
-
-    def __hash__(self) -> int:
-        return hash(self.name)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Named) and other.name == self.name
+    @property
+    def nbytes(self) -> int:
+        """Memory held now: histories prepare more where other contacts occur."""
+        if self.system.n <= _SMALL:
+            return _SMALL_BYTES
+        return held_bytes(self.system, *histories.prepared(self.system))
 
 
-@lru_cache(maxsize=8)
-def _known_system(named: _Named) -> System:
-    # The checks of a large system, and the spectrum that it keeps, are paid for once.
-    document = named.document
+_SMALL: Final = 64  # degrees of freedom up to which counting would take longer than decoding
+_SMALL_BYTES: Final = 2**20
+KNOWN: Final = Cache(2**28, most=8)
+"""Systems of recent requests, the checks of which and what was prepared for them are paid once."""
+
+
+def _decoded(document: systems.AnySystem) -> System:
     limiters = constraints(document)
     units = None
     if document.units is not None:

@@ -11,6 +11,7 @@ from vibroimpact_schema.problems import Fault
 from vibroimpact_schema.sweeps import SweepRequest
 from vibroimpact_service import problems
 from vibroimpact_service.documents import fill
+from vibroimpact_service.jobs import process_limits
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
 from vibroimpact_solvers.plan import Plan, Stage
@@ -135,6 +136,8 @@ def check_plan(
         raise problems.too_large(large, "result_too_large", message)
     most = settings.worker_memory_bytes
     held = plan.bytes - size + (0.0 if joined_in_files else _COPIES * size)
+    if most is None and settings.scheduler is None and held > process_limits.LEAST_MEMORY:
+        most = process_limits.worker_memory(None, settings.workers)
     if most is not None and _LIBRARIES + held > most:
         message = f"about {_LIBRARIES + held:.3g} bytes of memory are more than {most} of a worker"
         raise problems.too_large(large, "too_much_memory", message)

@@ -15,6 +15,7 @@ from distributed import Nanny, Scheduler
 from vibroimpact_service import stopping
 from vibroimpact_service.jobs import certificates, forkserver
 from vibroimpact_service.jobs.engine import CONFIG, QUEUES
+from vibroimpact_service.jobs.process_limits import worker_memory
 from vibroimpact_service.settings import Settings
 
 log = structlog.get_logger("vibroimpact.cluster")
@@ -79,7 +80,7 @@ async def _work_once(settings: Settings, ready: Callable[[int], None], stop: asy
             settings.scheduler,
             nthreads=len(QUEUES),
             resources=dict.fromkeys(QUEUES, 1),
-            memory_limit=settings.worker_memory_bytes or "auto",
+            memory_limit=worker_memory(settings.worker_memory_bytes, settings.workers),
             security=certificates.of_settings(settings),
             local_directory=None,
             # The status page has no routes, and is for this machine alone.

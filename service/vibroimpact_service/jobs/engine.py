@@ -23,6 +23,7 @@ from distributed.scheduler import KilledWorker
 from vibroimpact_service.jobs import certificates, death_watch, forkserver, worker_plugin
 from vibroimpact_service.jobs.deaths import Deaths
 from vibroimpact_service.jobs.metrics import JobMetrics
+from vibroimpact_service.jobs.process_limits import worker_memory
 from vibroimpact_service.jobs.work import nothing
 from vibroimpact_service.settings import Settings
 
@@ -296,7 +297,7 @@ class Engine:
             protocol="tls://",
             security=certificates.temporary(),
             resources=dict.fromkeys(QUEUES, 1),
-            memory_limit=self._settings.worker_memory_bytes or "auto",
+            memory_limit=worker_memory(self._settings.worker_memory_bytes, self._settings.workers),
             # Its first address is for the client, which is in the same process: without encoding
             # and encryption, a call takes it much less time.
             scheduler_kwargs={

@@ -9,9 +9,14 @@ import time
 from pathlib import Path
 from typing import Final
 
+from vibroimpact_solvers import meter
+
 _AT_ONCE: Final = 2
 """Calls that a worker executes at the same time."""
 _MARGIN_SECONDS: Final = 60.0
+_SHARED: Final = 0.8
+LEAST_MEMORY: Final = 2**30
+"""Bytes that a worker is given wherever nothing else is said."""
 _CONTAINER: Final = Path("/sys/fs/cgroup/memory.max")
 
 
@@ -24,6 +29,17 @@ def machine_memory() -> int:
         return whole
 
 
+def worker_memory(given: int | None, workers: int) -> int:
+    """Return the memory of one of some worker processes of this machine, bytes.
+
+    Unless it is given, they share most of what there is, and leave the rest to the service.
+    """
+    if given is not None:
+        return given
+    whole = machine_memory()
+    return max(LEAST_MEMORY, int(min(_SHARED * whole / workers, 0.5 * whole)))
+
+
 def limit_memory(limit: int | None) -> None:
     """Let requests for memory beyond a limit fail, with `MemoryError` or the end of the process.
 
@@ -33,6 +49,7 @@ def limit_memory(limit: int | None) -> None:
         _, most = resource.getrlimit(resource.RLIMIT_DATA)
         bound = limit if most == resource.RLIM_INFINITY else min(limit, most)
         resource.setrlimit(resource.RLIMIT_DATA, (bound, most))
+        meter.limit_memory(bound)
 
 
 def limit_processor_time(seconds: float) -> None:

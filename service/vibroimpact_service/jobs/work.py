@@ -8,6 +8,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
+from vibroimpact_solvers import meter
+
 _CANCELLED_SECONDS: Final = 0.05
 
 
@@ -77,8 +79,8 @@ class StopSignal:
         self.stopped = True
 
     def allow(self, seconds: float) -> None:
-        """Allow so much processor time of this thread from now on."""
-        self._processor_end = time.thread_time() + seconds
+        """Allow so much processor time of this thread, and of those that help it, from now on."""
+        self._processor_end = meter.processor_time() + seconds
         if self._enforce is not None:
             self._enforce(seconds)
 
@@ -90,7 +92,7 @@ class StopSignal:
 
     def __call__(self, _done: int, _total: int) -> None:
         """Raise `StoppedError` or `LimitPassedError` where the computation is to stop."""
-        if time.thread_time() > self._processor_end:
+        if meter.processor_time() > self._processor_end:
             raise LimitPassedError
         now = time.monotonic()
         if self._end is None:

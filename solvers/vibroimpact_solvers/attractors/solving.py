@@ -18,7 +18,7 @@ from vibroimpact_solvers.attractors.sections import sections
 from vibroimpact_solvers.attractors.verdicts import Verdict, verdict
 from vibroimpact_solvers.attractors.verification import Confirmed, confirmed
 from vibroimpact_solvers.errors import Status
-from vibroimpact_solvers.meter import metered
+from vibroimpact_solvers.meter import metered, released
 from vibroimpact_solvers.plan import Plan, Stage, Tick
 from vibroimpact_solvers.results.attractors import Nature, Result, Verification
 from vibroimpact_solvers.stability import neutral
@@ -68,13 +68,14 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     for start in range(0, count, at_a_time):
         stop = min(start + at_a_time, count)
         motions = list[Observed]()
-        for row, outcome in observe(problem, histories, start, stop, report):
-            if isinstance(outcome, Observed):
-                motions.append(outcome)
-                continue
-            status[row] = Status.of(outcome)
-            if len(failures) < _FAILURES:
-                failures.append(f"motion {row}: {outcome}")
+        with released():
+            for row, outcome in observe(problem, histories, start, stop, report):
+                if isinstance(outcome, Observed):
+                    motions.append(outcome)
+                    continue
+                status[row] = Status.of(outcome)
+                if len(failures) < _FAILURES:
+                    failures.append(f"motion {row}: {outcome}")
         rows = [motion.row for motion in motions]
         growth = exponents.of(motions, report)
         exponent[rows], error[rows] = growth.mean, growth.error

@@ -12,7 +12,7 @@ array([1., 3.])
 """
 
 from vibroimpact_solvers.spectrum.bounds import largest_frequency
-from vibroimpact_solvers.spectrum.cache import CACHE, Cache
+from vibroimpact_solvers.spectrum.cache import CACHE, Cache, held_bytes
 from vibroimpact_solvers.spectrum.inertia import EigenvalueCount, EigenvalueCounter
 from vibroimpact_solvers.spectrum.methods import (
     MEMORY,
@@ -38,6 +38,7 @@ __all__ = [
     "SpectrumSlice",
     "choose",
     "flops",
+    "held_bytes",
     "largest_frequency",
     "modes_between",
     "nbytes",

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Final, Protocol, TypeVar, cast
+
+import numpy as np
 
 
 class Sized(Protocol):
@@ -23,11 +25,12 @@ class Cache:
     """Least-recently-used cache; safe to use from several threads.
 
     Two threads that need the same value compute it once: the second waits for the first. Values
-    hold up to `limit` bytes; the last one stays even if it alone is larger.
+    hold up to `limit` bytes, and `most` of them if that is given; the last one stays even if it
+    alone is larger.
     """
 
-    def __init__(self, limit: int) -> None:
-        self._limit = limit
+    def __init__(self, limit: int, most: int | None = None) -> None:
+        self._limit, self._most = limit, most
         self._held: OrderedDict[bytes, Sized] = OrderedDict()
         self._under_way: dict[bytes, threading.Lock] = {}
         self._lock = threading.Lock()
@@ -53,7 +56,15 @@ class Cache:
                     self._under_way.pop(key, None)
         return value
 
+    def resize(self, limit: int) -> None:
+        """Hold up to so many bytes from now on."""
+        with self._lock:
+            self._limit = limit
+            self._shrink()
+
     def _shrink(self) -> None:
+        if self._most is not None and len(self._held) > self._most:
+            self._held.popitem(last=False)
         total = sum(value.nbytes for value in self._held.values())
         while len(self._held) > 1 and total > self._limit:
             _, oldest = self._held.popitem(last=False)
@@ -73,6 +84,35 @@ class Cache:
         """Bytes held now."""
         with self._lock:
             return sum(value.nbytes for value in self._held.values())
+
+
+def held_bytes(*values: object) -> int:
+    """Return the memory of all arrays that objects of this package hold, each counted once."""
+    seen: set[int] = set()
+    waiting, total = list(values), 0
+    while waiting:
+        value = waiting.pop()
+        if id(value) in seen:
+            continue
+        seen.add(id(value))
+        match value:
+            case np.ndarray():
+                if isinstance(value.base, np.ndarray):
+                    waiting.append(value.base)
+                else:
+                    total += value.nbytes
+            case Mapping():
+                waiting += value.values()
+            case tuple() | list():
+                waiting += value
+            case _ if type(value).__module__.startswith(_PACKAGE):
+                names = getattr(type(value), "__slots__", ())
+                waiting += [getattr(value, name, None) for name in names]
+                waiting += getattr(value, "__dict__", {}).values()
+    return total
+
+
+_PACKAGE: Final = __name__.partition(".")[0]
 
 
 CACHE: Final = Cache(512 * 2**20)

@@ -42,6 +42,7 @@ from vibroimpact_solvers.time_history.problem import (
 from vibroimpact_solvers.time_history.rigid_motions import Piece
 from vibroimpact_solvers.time_history.run import Tick
 from vibroimpact_solvers.time_history.solving import Prepared, prepare
+from vibroimpact_solvers.time_history.structure import prepared
 from vibroimpact_solvers.time_history.windows import (
     Assembly,
     Part,
@@ -80,6 +81,7 @@ __all__ = [
     "of_mean_speed",
     "plan",
     "prepare",
+    "prepared",
     "refuse_all",
     "solve",
     "solve_many",

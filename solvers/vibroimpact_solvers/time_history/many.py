@@ -10,6 +10,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from threading import Event
 from typing import Any, TypeVar
@@ -20,6 +21,7 @@ import scipy.sparse
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import Cancelled, ModelError, SolverError, attempt
 from vibroimpact_solvers.kernels.threads import cores
+from vibroimpact_solvers.meter import Helpers
 from vibroimpact_solvers.model import RANGE, Constraint, System
 from vibroimpact_solvers.plan import Plan
 from vibroimpact_solvers.results.time_history import Result
@@ -267,33 +269,47 @@ def _in_threads(
         if stopped.is_set():
             raise Cancelled
 
+    def tell() -> None:
+        helpers.collect()
+        if report is not None:
+            report()
+
     if count == 0:
         return
     # The first one alone: it prepares everything that the others share.
     yield some(0, 1, lambda done, total: None if report is None else report())
     threads = max(1, min(cores(), count // _FEWEST))
     size = max(_FEWEST, min(_MOST, count // (8 * threads)))
-    starts = iter(range(1, count, size))
-    with ThreadPoolExecutor(threads) as pool:
-        pieces: deque[Future[_T]] = deque()
-        try:
+    starts, helpers = iter(range(1, count, size)), Helpers(check)
+    pieces: deque[Future[_T]] = deque()
+    try:
+        with ThreadPoolExecutor(threads) as pool, _ended(stopped, pieces):
             while True:
                 while len(pieces) < 2 * threads and (start := next(starts, None)) is not None:
-                    pieces.append(pool.submit(some, start, min(start + size, count), check))
+                    stop = min(start + size, count)
+                    pieces.append(pool.submit(helpers.run, some, start, stop, helpers.tick))
                 if not pieces:
                     return
-                yield _awaited(pieces.popleft(), report)
-        finally:
-            stopped.set()
-            for piece in pieces:
-                piece.cancel()
+                yield _awaited(pieces.popleft(), tell)
+    finally:
+        helpers.collect()
 
 
-def _awaited(piece: Future[_T], report: Callable[[], None] | None) -> _T:
+@contextmanager
+def _ended(stopped: Event, pieces: deque[Future[_T]]) -> Iterator[None]:
+    """Stop the pieces that are left when this ends."""
+    try:
+        yield
+    finally:
+        stopped.set()
+        for piece in pieces:
+            piece.cancel()
+
+
+def _awaited(piece: Future[_T], report: Callable[[], None]) -> _T:
     """Wait for a piece, calling `report` meanwhile."""
     while True:
-        if report is not None:
-            report()
+        report()
         try:
             return piece.result(_LOOK_SECONDS)
         except TimeoutError:

@@ -17,6 +17,7 @@ from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.errors import SolverError, attempt
 from vibroimpact_solvers.kernels.rigid_motion import Stop, follow
 from vibroimpact_solvers.kernels.rigid_state import Rows
+from vibroimpact_solvers.meter import hold
 from vibroimpact_solvers.results.time_history import Result
 from vibroimpact_solvers.time_history import accurate_start, result_values
 from vibroimpact_solvers.time_history.basis import COLUMNS
@@ -170,6 +171,7 @@ class RigidMotions:
             now = progress[last]
             ended = int(now["rows" if why == _END else "first_row"])
             tables.append(arrays.table[:ended].copy())
+            hold(tables[-1].nbytes)
             place = last + 1
             if why == _TABLE and ended > 0:
                 progress[last], place = self._begin[0], last  # again, with an empty table

@@ -15,6 +15,7 @@ from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.kernels.deviations import EPS, SAFETY
 from vibroimpact_solvers.kernels.rigid_motion import Stop, follow
 from vibroimpact_solvers.kernels.rigid_state import IMPACT, PROGRESS, Rows, workspace
+from vibroimpact_solvers.meter import hold
 from vibroimpact_solvers.time_history.answered_impact import AnsweredImpact, Moved
 from vibroimpact_solvers.time_history.at_walls import CHATTER, AtWalls
 from vibroimpact_solvers.time_history.contact_errors import ContactErrors
@@ -309,6 +310,7 @@ class Run:
     def _flush_table(self) -> None:
         now = self.progress_row
         rows = self._latest_rows.copy()
+        hold(rows.nbytes)
         self.impacts.append(self._with_their_constraints(rows))
         self._rows += rows.size
         now["first_row"] = now["rows"] = 0

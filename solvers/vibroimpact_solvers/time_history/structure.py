@@ -50,6 +50,11 @@ _Key = tuple[spectrum.Method, tuple[Load, ...], frozenset[Load], float]
 _PREPARED: weakref.WeakKeyDictionary[System, dict[_Key, Structure]] = weakref.WeakKeyDictionary()
 
 
+def prepared(system: System) -> tuple[Structure, ...]:
+    """Return what is kept for a system object, as long as that lives."""
+    return tuple(_PREPARED.get(system, {}).values())
+
+
 @dataclass(frozen=True, eq=False)
 class Configuration:
     """The structure with given constraints in contact: its modal basis, and what is watched.

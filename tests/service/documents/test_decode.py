@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import math
+import weakref
+from collections.abc import Iterator
 from decimal import Decimal
 from typing import Any
 
@@ -12,7 +15,7 @@ from pydantic import TypeAdapter
 
 from vibroimpact_schema import grids, requests, systems
 from vibroimpact_service.documents import decode
-from vibroimpact_solvers import presets
+from vibroimpact_solvers import presets, spectrum, time_history
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import Constraint, System
 
@@ -337,3 +340,38 @@ def test_faults_of_samples(load: dict[str, Any], pointer: tuple[Any, ...]) -> No
 def test_forms_of_samples(load: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=r"load"):
         motion(load)
+
+
+@pytest.fixture
+def known() -> Iterator[Any]:
+    """Let a test fill the systems that are kept, and change how much they may take."""
+    decode.KNOWN.clear()
+    yield decode.KNOWN
+    decode.KNOWN.resize(2**28)
+    decode.KNOWN.clear()
+
+
+def test_systems_are_kept_as_long_as_their_memory_allows(known: Any) -> None:
+    each = 2 * 8 * 100**2  # full M and K
+    known.resize(2 * each)
+    rows = np.ones((100, 100)) + 100.0 * np.eye(100)
+    kept = [system(M=(k * rows).tolist(), K=rows.tolist()) for k in (1.0, 2.0, 3.0)]
+    assert known.nbytes == 2 * each
+    assert system(M=(3.0 * rows).tolist(), K=rows.tolist()) is kept[2]
+    assert system(M=rows.tolist(), K=rows.tolist()) is not kept[0]
+
+
+def test_what_histories_prepare_for_a_system_counts_and_its_document_is_not_kept(
+    known: Any,
+) -> None:
+    rows = np.ones((70, 70)) + 70.0 * np.eye(70)
+    document = SYSTEM.validate_python(
+        {"M": rows.tolist(), "K": (2.0 * rows).tolist(), "constraints": [STOP]}
+    )
+    found, sent = decode.system(document), weakref.ref(document)
+    before = known.nbytes
+    time_history.structure.Structure.of(found, spectrum.choose(found), 1.0).configuration()
+    assert known.nbytes > before + 2 * 8 * 70**2
+    del document
+    gc.collect()
+    assert sent() is None

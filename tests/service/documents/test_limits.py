@@ -19,6 +19,7 @@ from vibroimpact_schema.sweeps import SweepRequest
 from vibroimpact_schema.systems import MatrixSystem
 from vibroimpact_service import problems
 from vibroimpact_service.documents import limits, planning
+from vibroimpact_service.jobs import process_limits
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
@@ -190,6 +191,24 @@ def test_plans_respect_the_memory_of_a_worker() -> None:
         with pytest.raises(ProblemError, match="bytes of memory are more than 536870912") as caught:
             check_plan(stage, size)
         assert caught.value.errors[0].code == "too_much_memory"
+
+
+def test_a_worker_has_a_limit_of_memory_where_none_is_set(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Shares of the machine, or of the container; elsewhere, workers have their own settings."""
+    container = tmp_path / "memory.max"
+    monkeypatch.setattr(process_limits, "_CONTAINER", container)
+    container.write_text(str(10 * 2**30))
+    assert process_limits.worker_memory(None, 1) == 5 * 2**30
+    assert process_limits.worker_memory(None, 4) == 2 * 2**30
+    assert process_limits.worker_memory(None, 100) == 2**30
+    assert process_limits.worker_memory(2**29, 4) == 2**29
+    shared = SETTINGS.model_copy(update={"max_result_bytes": 2**34, "workers": 4})
+    large = Plan("kind", (Step(Stage.SHAPE, "sum", "", bytes=5e8),))
+    with pytest.raises(ProblemError, match="bytes of memory are more than 2147483648"):
+        limits.check_plan(large, shared)
+    limits.check_plan(large, shared.model_copy(update={"scheduler": "tls://elsewhere:8786"}))
 
 
 def sweep(axes: list[dict[str, Any]], frequency: dict[str, Any] = GRID) -> SweepRequest:
