@@ -12,8 +12,6 @@ import os
 import resource
 import signal
 import tempfile
-import time
-from collections.abc import Iterable, Iterator
 from typing import Any, Final, NamedTuple
 
 from benchmarks.prices.requests import Case, case
@@ -21,7 +19,8 @@ from vibroimpact_schema import examples
 from vibroimpact_service.documents import decode, parse, planning
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.store import Store
-from vibroimpact_solvers import spectrum
+from vibroimpact_solvers import meter, spectrum
+from vibroimpact_solvers.model import System
 
 _SHORT: Final = 0.3
 """Seconds up to which a request is computed three times: the first touches new memory."""
@@ -42,26 +41,16 @@ class Measured(NamedTuple):
 
 def prepare() -> None:
     """Load the libraries and all kernels, by an example of each kind."""
-    os.environ["OMP_NUM_THREADS"] = "1"
     for kind in KINDS.values():
         for example in examples.requests(kind.name).values():
             _seconds(Case(kind.name, "", example["request"]), 1)
 
 
-def each(names: Iterable[str], seeds: Iterable[int], longest: float) -> Iterator[Measured]:
-    """Measure the requests of these names and seeds; each may take `longest` seconds.
+def one(name: str, seed: int, longest: float) -> Measured | None:
+    """Measure a request, which may take `longest` seconds.
 
-    Requests that are refused, such as those without any solution, are left out.
+    None where it is refused, such as one without any solution.
     """
-    seeds = list(seeds)
-    for name in names:
-        for seed in seeds:
-            one = _forked(name, seed, longest)
-            if one is not None:
-                yield one
-
-
-def _forked(name: str, seed: int, longest: float) -> Measured | None:
     reader, writer = os.pipe()
     child = os.fork()
     if child == 0:
@@ -89,10 +78,12 @@ def _measure(name: str, seed: int, longest: float, writer: int) -> None:
     signal.signal(signal.SIGXCPU, signal.SIG_DFL)
     used = resource.getrusage(resource.RUSAGE_SELF)
     limit = int(used.ru_utime + used.ru_stime + longest + 1.0)
-    planned, planning_seconds = _planned(drawn)
-    n = planned.problem.system.n
-    steps = planning.steps(planned.plan)["steps"]
-    first = [drawn.about, planned.seconds, planning_seconds, steps, n]
+    began = meter.processor_time()
+    found = planned(drawn)
+    planning_seconds = meter.processor_time() - began
+    n = found.problem.system.n
+    steps = planning.steps(found.plan)["steps"]
+    first = [drawn.about, found.seconds, planning_seconds, steps, n]
     os.write(writer, (json.dumps(first) + "\n").encode())
     resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
     try:
@@ -102,26 +93,38 @@ def _measure(name: str, seed: int, longest: float, writer: int) -> None:
     os.write(writer, (json.dumps(seconds) + "\n").encode())
 
 
-def _planned(drawn: Case) -> tuple[planning.Planned, float]:
+def planned(drawn: Case) -> planning.Planned:
+    """Plan a request as the first of its process."""
     spectrum.CACHE.clear()
-    decode._known_system.cache_clear()
+    decode.KNOWN.clear()
     kind = KINDS[drawn.kind]
     document: Any = parse.document(kind.request, drawn.document)
     with tempfile.TemporaryDirectory() as folder:
-        began = time.thread_time()
-        planned = planning.plan(Store(folder), kind, document)
-        return planned, time.thread_time() - began
+        return planning.plan(Store(folder), kind, document)
 
 
 def _seconds(drawn: Case, times: int) -> float:
     """Return the processor time of the solution, the least of some attempts at a quick one."""
     best = float("inf")
     for _ in range(times):
-        planned, _ = _planned(drawn)
+        found = planned(drawn)
         gc.disable()
-        began = time.thread_time()
-        planned.kind.solver.solve(planned.problem, planned.plan)
-        best = min(best, time.thread_time() - began)
+        began = meter.processor_time()
+        found.kind.solver.solve(found.problem, found.plan)
+        best = min(best, meter.processor_time() - began)
+        if best > _SHORT:
+            break
+    return best
+
+
+def spectrum_seconds(of: System) -> float:
+    """Return the processor time of the natural modes of a structure, the least of three."""
+    best = float("inf")
+    for _ in range(3):
+        spectrum.CACHE.clear()
+        began = meter.processor_time()
+        spectrum.spectrum(of)
+        best = min(best, meter.processor_time() - began)
         if best > _SHORT:
             break
     return best

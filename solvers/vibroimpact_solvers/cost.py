@@ -1,35 +1,56 @@
-"""Estimated time of a plan from its operations and the memory that it writes.
+"""Estimated time of a plan on one core: measured rates for the operations of its steps.
 
-The rates are those of one core of a machine of 2024.
+`rates` has the constants, which ``python -m benchmarks.prices --calibrate`` writes. They are no
+bounds: half of the honest requests take between half and twice as long (`docs/benchmarks.md`), and
+what takes much longer is ended by the meter of the computation.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Final
 
-from vibroimpact_solvers.plan import Plan, Stage
+from vibroimpact_solvers.plan import Plan, Stage, Step
+from vibroimpact_solvers.rates import RATES, SWEEP, Rate
 
-FLOPS_PER_SECOND: Final = 1.0e9
-"""Rate of the kernels; low, so that estimates are rather too long."""
-RATES: Final[Mapping[Stage, float]] = {
-    # LAPACK, with blocks or with a few vectors of a band.
-    Stage.SPECTRUM: 3.0e9,
-    # A path check ends where a limit is exceeded, mostly long before its bound.
-    Stage.EXISTENCE: 8.0e9,
-    # Products of matrices and formulas over whole arrays.
-    Stage.HISTORY: 5.0e9,
-    Stage.SLOW_FLOW: 1.0e10,
-}
-"""Operations per second of stages that have rates of their own."""
 BYTES_PER_SECOND: Final = 5.0e8
-OVERHEAD_SECONDS: Final = 4e-4
-POINT_SECONDS: Final = 1e-3
-"""For constructing the problem of one point of a sweep and collecting its result."""
+OVERHEAD_SECONDS: Final = 1e-4
+_OF_A_KIND: Final = ("constrained structure", "partial")
+"""Methods for natural modes that only one kind uses; the others take the same for all."""
+_UNMEASURED: Final = Rate(0.0, 1e-9)
+"""Of methods that no request of the calibration uses."""
+
+
+def rate(kind: str, step: Step) -> Rate:
+    """Return the rate of a step of a kind of computation."""
+    return RATES.get(name(kind, step), _UNMEASURED)
+
+
+def name(kind: str, step: Step) -> str:
+    """Return the name of a method in the table of rates."""
+    if step.stage is Stage.SPECTRUM and step.method not in _OF_A_KIND:
+        return f"{step.stage.value}, {step.method}"
+    # What sweeps of impact modes share are responses, which are a part of the impulses elsewhere.
+    shared = step.stage is Stage.RESPONSE and kind == "impact-modes"
+    return f"{kind}: {(Stage.IMPULSE if shared else step.stage).value}, {step.method}"
+
+
+def step_seconds(kind: str, step: Step) -> float:
+    """Return the estimated time of a step of a kind of computation."""
+    if step.flops == 0.0:  # what it computes is known
+        return 0.0
+    found = rate(kind, step)
+    return found.start + found.each * step.flops
 
 
 def seconds(plan: Plan) -> float:
     """Return the estimated time of a plan on one core."""
-    work = sum(step.flops / RATES.get(step.stage, FLOPS_PER_SECOND) for step in plan.steps)
-    overhead = OVERHEAD_SECONDS + POINT_SECONDS * plan.points
-    return overhead + work + plan.bytes / BYTES_PER_SECOND
+    written = plan.bytes / BYTES_PER_SECOND
+    kind = plan.of or plan.kind
+    own = RATES.get(kind, _UNMEASURED).start
+    if not plan.of:
+        work = sum(step_seconds(plan.kind, step) for step in plan.steps)
+        return OVERHEAD_SECONDS + own + work + written
+    begun = own + sum(rate(kind, step).start for step in plan.steps)
+    work = sum(rate(kind, step).each * step.flops for step in plan.steps)
+    points = plan.points * (SWEEP.point + SWEEP.begun * begun)
+    return OVERHEAD_SECONDS + SWEEP.start + points + SWEEP.work * work + written

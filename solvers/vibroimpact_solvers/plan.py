@@ -95,12 +95,15 @@ class Plan:
     skips : tuple of Skip
     points : int
         Number of problems that are derived from a common one, as in a sweep.
+    of : str
+        Kind of the computations at these points, whose steps they are; empty: its own.
     """
 
     kind: str
     steps: tuple[Step, ...]
     skips: tuple[Skip, ...] = ()
     points: int = 0
+    of: str = ""
 
     def step(self, stage: Stage) -> Step | None:
         """Return the step of a stage, or None where the plan has none."""

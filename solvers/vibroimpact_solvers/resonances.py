@@ -115,7 +115,9 @@ def plan(problem: Problem) -> Plan:
     if problem.system.massless.size:
         reason = f"{condensation.sentence(problem.system)}; {reason}"
     # Dividing the structure takes longer than the modes of small parts.
-    flops = 1.5e6 + sum(spectrum.flops(part.system, method) for part, method in methods)
+    flops = 1.5e6 * (problem.system.n > 1) + sum(
+        spectrum.flops(part.system, method) for part, method in methods
+    )
     chosen = tuple(method for _, method in methods)
     rows = float(sum(part.system.n for part in parts)) * ((problem.odd_max + 1) // 2)
     columns = 3.0 + len(problem.outputs) + ("Omega" in problem.outputs)  # with errors

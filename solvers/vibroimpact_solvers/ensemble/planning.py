@@ -6,8 +6,7 @@ import hashlib
 from collections.abc import Iterator
 from dataclasses import replace
 
-from vibroimpact_solvers import time_history
-from vibroimpact_solvers.cost import BYTES_PER_SECOND, FLOPS_PER_SECOND, OVERHEAD_SECONDS
+from vibroimpact_solvers import cost, time_history
 from vibroimpact_solvers.ensemble.problem import KIND, Problem
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 
@@ -28,9 +27,8 @@ def plan(problem: Problem) -> Plan:
 
 def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Problem]:
     """Cut an ensemble into pieces of about the given cost each."""
-    flops = sum(step.flops for step in plan.steps if step.stage is not Stage.SPECTRUM)
-    size = sum(step.bytes for step in plan.steps if step.stage is not Stage.SPECTRUM)
-    each = (flops / FLOPS_PER_SECOND + size / BYTES_PER_SECOND) / problem.size + OVERHEAD_SECONDS
+    own = Plan(KIND, tuple(step for step in plan.steps if step.stage is not Stage.SPECTRUM))
+    each = cost.seconds(own) / problem.size
     # Counts that are powers of two, from the first member on: a longer ensemble that begins
     # alike has the same pieces.
     count = 1
@@ -58,9 +56,7 @@ def _steps(problem: Problem, of_one: Plan) -> Iterator[Step]:
         yield replace(
             step,
             reason=f"{step.reason}; members in parallel",
-            flops=step.flops * problem.size + OVERHEAD_SECONDS * FLOPS_PER_SECOND * problem.size
-            if step.stage is Stage.FREE_MOTION
-            else step.flops * problem.size,
+            flops=step.flops * problem.size,
             bytes=step.bytes * problem.size,
             count=problem.size,
             # Which walls are reached is known of a member of the mean speed alone.

@@ -13,7 +13,9 @@ from vibroimpact_solvers.errors import ModelError, PlanError
 from vibroimpact_solvers.existence_bands.problem import KIND, OUTPUTS, Problem
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 
+_BANDS = 0.7  # power of the number of poles with which that of bands grows, about
 _SAMPLES = 60.0  # spectral radii computed in a band, about
+_POLE = 2e5  # operations for the impact modes about one in a search
 _POINTS = 4000.0  # impact modes computed in a search, about
 _MOST = 1e7  # poles at most: they are kept in memory, and more take too long
 _SOFT = 1e-12  # eigenvalues down to minus this part of the largest count as zero
@@ -86,7 +88,7 @@ def _steps(problem: Problem, *, grows: bool) -> Iterator[Step]:
         yield Step(Stage.BANDS, Method.CERTIFIED, reason, flops, 64.0 * poles, bounded=False)
     else:
         reason = f"{obstacle}: impact modes between all poles, edges by bisection"
-        flops = poles * 20.0 * system.n * (100.0 + 50.0 * phase) * limits
+        flops = poles * _POLE * limits
         yield Step(Stage.BANDS, Method.SEARCH, reason, flops, 64.0 * poles, bounded=False)
     if grows:
         yield _stability_step(system.n, poles)
@@ -94,7 +96,9 @@ def _steps(problem: Problem, *, grows: bool) -> Iterator[Step]:
 
 def _stability_step(n: int, poles: float) -> Step:
     reason = "multipliers of the half-period map at frequencies of every band"
-    flops = 0.5 * poles * _SAMPLES * 25.0 * (2.0 * n) ** 3
+    # Of many poles few are ends of bands; a map takes time however small it is.
+    size = 2.0 * n
+    flops = 0.5 * poles**_BANDS * _SAMPLES * (2e5 + 400.0 * size**2 + 2.0 * size**3)
     return Step(Stage.STABILITY, "half-period map", reason, flops, 64.0 * poles, bounded=False)
 
 

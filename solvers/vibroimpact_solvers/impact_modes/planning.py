@@ -20,7 +20,9 @@ from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 _ALWAYS_MODAL: Final = 256
 """Degrees of freedom up to which all natural modes are always computed."""
 _FEW = 16  # frequencies up to which ball arithmetic decides what is open
+_DIRECT_CHECK = 1e9  # operations of the check of a path by series, for each harmonic
 _IN_BALLS = 2e6  # flops for each frequency: one in some hundred is open
+_SERIES = 5e5  # operations of a series, of which there is one at each frequency
 _SERIES_FROM = 1.001  # start of the series, over the largest natural frequency
 _SERIES_FROM_WITHOUT_FACTORS = 1.1  # the same without factorizations
 _FLOPS_OF_A_HARMONIC = 1e5  # by partial modes, at each constraint
@@ -134,7 +136,8 @@ def _modal_steps(problem: Problem, family: Family) -> Iterator[Step]:
             chosen = "modal sum, above the spectrum direct"
             start = _SERIES_FROM if solves else _SERIES_FROM_WITHOUT_FACTORS
             series = SeriesRange(start, solves)
-            flops += 1e4 * points  # calls of the series, one frequency after another
+            above = problem.sample > start * spectrum.largest_frequency(system)
+            flops += _SERIES * points * float(above.mean())
             reason += (
                 f"; where Omega > {series.start:.2g} Omega_N the modal sum cancels, the series "
                 "keeps the digits of every entry"
@@ -147,7 +150,8 @@ def _modal_steps(problem: Problem, family: Family) -> Iterator[Step]:
         yield Step(Stage.ENERGY, "modal sum", reason, 40.0 * points * system.n, 8.0 * points)
     if "stability" in problem.outputs and _impacts_commute(problem):
         reason = "multipliers of the map over half a period, from saltation matrices"
-        flops = 50.0 * points * (2.0 * system.n) ** 3
+        size = 2.0 * system.n  # of the map, which takes time however small it is
+        flops = points * (2e5 + 400.0 * size**2 + 2.0 * size**3)
         yield Step(Stage.STABILITY, "half-period map", reason, flops, 16.0 * points)
 
 
@@ -213,7 +217,8 @@ def _direct_steps(problem: Problem) -> Iterator[Step]:
     yield Step(Stage.IMPULSE, "direct", reason, work, _size(points, len(problem.active)))
     if problem.outputs & {"exists", "reason"}:
         # Only the limited coordinates are evaluated, by series of few coordinates.
-        yield replace(_existence_step(problem, Family.of(problem)), flops=solves + 2e7 * points)
+        existence = solves + _DIRECT_CHECK * max(points, harmonics)
+        yield replace(_existence_step(problem, Family.of(problem)), flops=existence)
     for name, stage, times in _displacements(problem):
         dofs = problem.output_dofs.size
         reason = f"{dofs} of {system.n} degrees of freedom at {times} times"
@@ -256,8 +261,10 @@ def _existence_step(problem: Problem, family: Family) -> Step:
         "signs of impulses and pre-impact velocities, then a certified check of the path between "
         "impacts, in steps within which no limit can be exceeded"
     )
+    # Steps are as long as the motion of the limited coordinates allows, in which slow modes of
+    # about the frequency of the motion move more than fast ones: half as many decades from each.
     with np.errstate(over="ignore"):  # infinitely many steps: such a plan is refused by its price
-        turns = 2.0 * np.pi * spectrum.largest_frequency(problem.system) / problem.sample
+        turns = 2.0 * np.pi * np.sqrt(spectrum.largest_frequency(problem.system) / problem.sample)
     flops = costs.total(problem, 20.0 + turns) * limits * problem.system.n * 60.0
     size = 10.0 * problem.omega.size
     in_balls = decides_in_balls(problem)

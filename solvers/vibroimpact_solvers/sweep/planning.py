@@ -9,9 +9,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Final
 
-from vibroimpact_solvers.cost import BYTES_PER_SECOND, FLOPS_PER_SECOND, OVERHEAD_SECONDS
+from vibroimpact_solvers import cost
 from vibroimpact_solvers.errors import ModelError, PlanError, SolverError
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
+from vibroimpact_solvers.rates import SWEEP
 from vibroimpact_solvers.sweep.problem import KIND, Axis, Index, Problem, Span, rank
 
 _TRIED: Final = 1000
@@ -29,7 +30,8 @@ def plan(problem: Problem) -> Plan:
     point, of_point = _first(problem)
     steps = tuple(_steps(problem, point, of_point))
     points = math.prod(axis.values.size for axis in problem.axes if axis.stage is not None)
-    return Plan(KIND, steps, tuple(_skips(problem, of_point)), points)
+    skips = tuple(_skips(problem, of_point))
+    return Plan(KIND, steps, skips, points, of=problem.kind)
 
 
 def _first(problem: Problem) -> tuple[Any, Plan]:
@@ -163,6 +165,8 @@ def _seconds(problem: Problem, plan: Plan, shape: list[int]) -> float:
         if step.stage is Stage.SPECTRUM:
             # Workers with a cached spectrum must cut as those without it.
             flops = 14.0 * (step.bytes / 8.0) ** 1.5 * piece.count(step.stage)
-        total += flops / FLOPS_PER_SECOND + step.bytes * share / BYTES_PER_SECOND
+        total += cost.rate(problem.kind, step).each * flops
+        total += step.bytes * share / cost.BYTES_PER_SECOND
     active = (size for size, axis in zip(shape, problem.axes, strict=True) if axis.stage)
-    return total + OVERHEAD_SECONDS * math.prod(active)
+    begun = sum(cost.rate(problem.kind, step).start for step in plan.steps)
+    return total + (cost.OVERHEAD_SECONDS + SWEEP.begun * begun) * math.prod(active)

@@ -7,13 +7,12 @@ import weakref
 from collections.abc import Iterator
 from enum import StrEnum
 from functools import lru_cache
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from vibroimpact_solvers import condensation, impact_modes, spectrum
 from vibroimpact_solvers.arrays import EPS
-from vibroimpact_solvers.cost import BYTES_PER_SECOND, FLOPS_PER_SECOND
 from vibroimpact_solvers.errors import ModelError, PlanError
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix
 from vibroimpact_solvers.model import System
@@ -32,12 +31,14 @@ from vibroimpact_solvers.time_history.start import impact_mode_problem
 _MOST = 2**14  # windows; of the longest motions allowed, each then takes a few hundred megabytes
 _DOUBT = 1e-10  # of the diagonal of K, within which it may be singular
 _FEW = 500  # degrees of freedom up to which a full K is factorized for a plan
+_UNKNOWN = 100.0  # of the fastest frequency over the slowest one, where that is not known
 _QUICK = 2e7  # operations of some nanoseconds for which a plan looks what walls are within reach
 
 
 MOST_IMPACTS: Final = 10**11
 """Motions that are known to have more of them, which take days, are refused."""
-_SAMPLE = 1.5e-4 * FLOPS_PER_SECOND  # work at a sample of a load
+_FLOPS_PER_SECOND, _BYTES_PER_SECOND = 1e9, 5e8  # by which windows are cut, whatever they take
+_SAMPLE = 1.5e5  # work at a sample of a load
 _MOST_RADIANS = 2.0**52  # phase of a load at the end from which on a rounding of t_end is a turn
 SECONDS: Final = 0.5
 """Planned work of a window of a long motion."""
@@ -184,8 +185,10 @@ def _motion_step(problem: Problem, count: int, history: Step | None) -> Step:
         flops = (20.0 + turns + _crossings(problem)) * each + 5e3 * float(system.n) ** 3
         size = 72.0 * turns
         return Step(Stage.FREE_MOTION, Method.EXTENDED, reason, flops, size, bounded=False)
-    # An expansion lasts about the time of the fastest mode; an impact takes two at least.
-    # Without walls within reach the whole motion is one.
+    # How long an expansion lasts goes by the frequencies that are in the motion of the limited
+    # coordinates, see `_in_motion`; an impact takes two at least. Without walls within reach the
+    # whole motion is one.
+    turns = problem.t_end * _in_motion(problem)
     breaks = samples(problem.load, problem.t_end)
     expansions = 10.0 + (2.0 * (turns + _crossings(problem)) if count else 0.0) + breaks
     reason = (
@@ -200,7 +203,7 @@ def _motion_step(problem: Problem, count: int, history: Step | None) -> Step:
     whole += breaks * _SAMPLE
     if history is not None:
         whole, written = whole + history.flops, written + history.bytes
-    seconds = whole / FLOPS_PER_SECOND + written / BYTES_PER_SECOND
+    seconds = whole / _FLOPS_PER_SECOND + written / _BYTES_PER_SECOND
     parts = math.ceil(min(max(seconds / SECONDS, written / BYTES, 1.0), _MOST))
     if parts > 1:
         cut = f"in {parts} windows of time, each from the state at the end of the one before"
@@ -208,6 +211,18 @@ def _motion_step(problem: Problem, count: int, history: Step | None) -> Step:
     flops, size = _price(system, expansions, count)
     flops += breaks * _SAMPLE
     return Step(Stage.FREE_MOTION, Method.MODAL, reason, flops, size, parts, bounded=not count)
+
+
+def _in_motion(problem: Problem) -> float:
+    """Return the frequency by which expansions of a motion end, about.
+
+    It lies between that of the slowest mode, which moves most, and that of the fastest one: half
+    as many decades from each, as measured for beams, plates, chains and full matrices. The slow
+    one is Rayleigh's quotient of the deflection under a force at a limiter.
+    """
+    fastest = spectrum.largest_frequency(problem.system)
+    slowest = _reaches(problem.system).slowest or fastest / _UNKNOWN
+    return max(math.sqrt(fastest * slowest), largest_frequency(problem.load))
 
 
 def _price(system: System, expansions: float, count: int) -> tuple[float, float]:
@@ -273,10 +288,7 @@ def _far(problem: Problem) -> list[int]:
     loaded = problem.load or (system.force is not None and system.force.any())
     if not isinstance(state, State) or loaded or problem.limiter is not None:
         return []
-    known = _REACHES.get(system)
-    if known is None:
-        known = _REACHES[system] = _reaches(system)
-    reaches, lightest = known
+    reaches, lightest, _ = _reaches(system)
     # Motions that are fast enough for all walls need no more than their speed.
     if not reaches or 0.5 * lightest * float(state.v @ state.v) >= max(reaches):
         return []
@@ -284,41 +296,64 @@ def _far(problem: Problem) -> list[int]:
     return [i for i, least in enumerate(reaches) if energy < least]
 
 
-_REACHES: weakref.WeakKeyDictionary[System, tuple[tuple[float, ...], float]] = (
-    weakref.WeakKeyDictionary()
-)
+class _Reach(NamedTuple):
+    """What static deflections at the limiters tell.
 
-
-def _reaches(system: System) -> tuple[tuple[float, ...], float]:
-    """Return the energies below which the constraints do not reach their walls; none: unknown.
-
-    And a lower bound of the mass that moves with any degree of freedom.
+    Parameters
+    ----------
+    energies : tuple of float
+        Below which the constraints do not reach their walls; none: unknown.
+    lightest : float
+        A lower bound of the mass that moves with any degree of freedom.
+    slowest : float
+        The lowest frequency at the limiters, about; 0: unknown.
     """
+
+    energies: tuple[float, ...] = ()
+    lightest: float = 0.0
+    slowest: float = 0.0
+
+
+_REACHES: weakref.WeakKeyDictionary[System, _Reach] = weakref.WeakKeyDictionary()
+
+
+def _reaches(system: System) -> _Reach:
+    """Return what is known of a system, or look."""
+    known = _REACHES.get(system)
+    if known is None:
+        known = _REACHES[system] = _looked_up(system)
+    return known
+
+
+def _looked_up(system: System) -> _Reach:
     dense = Form.DENSE in {system.K.form, system.M.form}
     # Factors of K within its band, from which each constraint asks for one column of the inverse.
     width = system.K.width
     column = 12.0 + (width / 8.0 if system.K.form is Form.DENSE else width)
     work = system.n * (width**2 / 6.0 + len(system.constraints) * column)
     if (dense and system.n > _FEW) or work > _QUICK:
-        return (), 0.0
+        return _Reach()
     # Less than K by more than roundings: positive definite, it is so beyond doubt.
     less = system.K.plus(-_DOUBT, SymmetricMatrix.diagonal(system.K.main_diagonal))
     if not less.is_positive_definite():
-        return (), 0.0
+        return _Reach()
     lightest = float(system.M.data[0].min()) if system.M.form is Form.DIAGONAL else 0.0
     W = system.directions(range(len(system.constraints)))
     if not len(W):
-        return (), 0.0
-    compliance = np.einsum(
-        "ij,ij->i", W, less.factorize(definite=True)(np.ascontiguousarray(W.T)).T
-    )
+        return _Reach()
+    deflections = less.factorize(definite=True)(np.ascontiguousarray(W.T))
+    compliance = np.einsum("ij,ji->i", W, deflections)
+    moving = np.einsum("ji,ji->i", deflections, system.M @ deflections)
     walls = [
         min(np.inf if wall is None else wall for wall in (c.lower, c.upper))
         for c in system.constraints
     ]
     # Signs of walls beyond the equilibrium do not count: such walls are within reach.
     least = np.square(np.maximum(walls, 0.0)) / (2.0 * compliance) * (1.0 - 1e-12)
-    return tuple(least.tolist()), lightest * (1.0 - 1e-12)
+    with np.errstate(all="ignore"):  # of numbers near the ends of double precision
+        square = float((compliance / moving).min())
+    slowest = math.sqrt(square) if math.isfinite(square) else 0.0
+    return _Reach(tuple(least.tolist()), lightest * (1.0 - 1e-12), slowest)
 
 
 def _skips(problem: Problem, far: list[int]) -> tuple[Skip, ...]:

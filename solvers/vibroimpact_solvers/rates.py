@@ -1,0 +1,89 @@
+"""Measured rates of the methods. Written by ``python -m benchmarks.prices --calibrate``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final, NamedTuple
+
+
+class Rate(NamedTuple):
+    """Time of a method, or of a kind whatever its methods are.
+
+    `start` seconds, and `each` seconds for an operation of its step.
+    """
+
+    start: float
+    each: float
+
+
+class Sweep(NamedTuple):
+    """Time of a sweep: what it begins with, a point, and parts of what points take alone."""
+
+    start: float
+    point: float
+    begun: float
+    work: float
+
+
+SWEEP: Final = Sweep(0.0004, 2.8e-05, 1.1, 0.52)
+RATES: Final[Mapping[str, Rate]] = {
+    "spectrum, diagonal": Rate(2e-05, 1e-09),
+    "spectrum, closed form": Rate(6.2e-05, 1.2e-07),
+    "spectrum, dense": Rate(0.00084, 6.4e-10),
+    "spectrum, tridiagonal": Rate(0.0007, 8.7e-10),
+    "spectrum, banded": Rate(0.0014, 3.7e-10),
+    "impact-modes": Rate(0.00049, 0),
+    "impact-modes: energy, modal sum": Rate(3.8e-05, 2.7e-10),
+    "impact-modes: existence, certified": Rate(0.0001, 4.8e-11),
+    "impact-modes: harmonics, modal sum": Rate(8.6e-05, 5.6e-10),
+    "impact-modes: harmonics, modal sum, above the spectrum direct": Rate(0.00015, 1e-09),
+    "impact-modes: impulse, direct": Rate(0.0001, 1e-09),
+    "impact-modes: impulse, scalar": Rate(0.0001, 2.8e-10),
+    "impact-modes: shape, modal sum": Rate(7.3e-05, 1.2e-09),
+    "impact-modes: shape, modal sum, above the spectrum direct": Rate(0.0002, 1e-09),
+    "impact-modes: stability, half-period map": Rate(0.00063, 3.2e-10),
+    "impact-modes: waveform, modal sum": Rate(5.7e-05, 1.7e-10),
+    "impact-modes: waveform, modal sum, above the spectrum direct": Rate(0.00019, 5.5e-10),
+    "existence-bands": Rate(0.00095, 0),
+    "existence-bands: bands, branch and bound": Rate(0.0001, 6.4e-10),
+    "existence-bands: bands, search": Rate(0.12, 2.4e-09),
+    "existence-bands: stability, half-period map": Rate(0.00012, 2.2e-09),
+    "resonances": Rate(9.3e-05, 0),
+    "resonances: response, division": Rate(0.0036, 2.7e-09),
+    "resonances: spectrum, constrained structure": Rate(0.00011, 1.6e-10),
+    "periodic-motions": Rate(0.0047, 0),
+    "periodic-motions: energy, quadrature": Rate(0.00011, 1.2e-09),
+    "periodic-motions: existence, safe steps": Rate(0.0001, 2.1e-10),
+    "periodic-motions: impulse, closed form": Rate(0.0001, 8e-10),
+    "periodic-motions: impulse, newton": Rate(0.0001, 3.1e-09),
+    "periodic-motions: stability, characteristic equation": Rate(0.00015, 8.4e-11),
+    "branches": Rate(3.4, 0),
+    "branches: energy, quadrature": Rate(0.0001, 1.3e-09),
+    "branches: existence, safe steps": Rate(0.0001, 6.8e-10),
+    "branches: impulse, continuation": Rate(0.0001, 8.3e-10),
+    "branches: stability, characteristic equation": Rate(0.0001, 5e-11),
+    "attractors": Rate(0.012, 0),
+    "attractors: flight, exact between impacts": Rate(0.0001, 1.9e-10),
+    "attractors: history, modal sum": Rate(0.0001, 1.4e-10),
+    "attractors: impulse, newton": Rate(0.0001, 7.7e-10),
+    "attractors: response, recurrence": Rate(0.0001, 7.6e-10),
+    "attractors: stability, saltation": Rate(0.0001, 2.2e-11),
+    "time-history": Rate(0.00099, 0),
+    "time-history: flight, Taylor series": Rate(9.5e-05, 1e-07),
+    "time-history: flight, exact between impacts": Rate(0.00011, 1.2e-09),
+    "time-history: history, modal sum": Rate(0.001, 2.2e-10),
+    "ensemble": Rate(0.0028, 0),
+    "ensemble: flight, exact between impacts": Rate(0.0001, 1.2e-10),
+    "ensemble: history, modal sum": Rate(0.00087, 1.6e-10),
+    "slow-flow": Rate(0.00025, 0),
+    "slow-flow: flight, exact between impacts": Rate(0.00018, 3.7e-10),
+    "slow-flow: flight, parabolas": Rate(7.4e-05, 4.6e-10),
+    "slow-flow: slow_flow, closed form": Rate(0.00039, 2.6e-10),
+    "slow-flow: slow_flow, coordinate transformation": Rate(7.6e-05, 6.4e-10),
+    "slow-flow: slow_flow, elementary": Rate(8.1e-05, 9.7e-10),
+    "slow-flow: slow_flow, exact between impacts": Rate(0.00049, 1.1e-09),
+    "slow-flow: slow_flow, integration": Rate(0.00011, 8e-10),
+    "slow-flow: slow_flow, inverse tangent integral": Rate(0.00012, 1.6e-09),
+    "slow-flow: slow_flow, parabolas": Rate(8.4e-05, 5.3e-11),
+    "slow-flow: slow_flow, time transformation": Rate(9.6e-05, 3.4e-10),
+}
