@@ -234,6 +234,9 @@ def explain(error: BaseException) -> dict[str, Any]:
         fault = ProblemError(problems.LIMIT_PASSED, str(error))
     elif isinstance(error, MemoryError):
         fault = ProblemError(problems.LIMIT_PASSED, "It needs more memory than a worker has.")
+    elif isinstance(error, WorkerLostError) and "SIGXCPU" in error.why:
+        detail = "It took so much processor time that its worker was ended."
+        fault = ProblemError(problems.LIMIT_PASSED, detail)
     elif isinstance(error, WorkerLostError):
         fault = ProblemError(problems.WORKER_LOST, problems.WORKER_LOST.about)
     elif isinstance(error, DeadlineError):

@@ -16,6 +16,7 @@ import threading
 import time
 import traceback
 from collections.abc import Mapping
+from functools import partial
 from typing import Any, BinaryIO, Final
 
 from vibroimpact_service import chunks, execute, kinds, problems
@@ -36,7 +37,7 @@ class _Signal(StopSignal):
     """Stops a computation after its processor time, and tells its progress."""
 
     def __init__(self, answers: BinaryIO) -> None:
-        super().__init__(enforce=process_limits.limit_processor_time)
+        super().__init__(enforce=partial(process_limits.limit_call, CALLER))
         self._answers, self._next = answers, 0.0
 
     def __call__(self, done: int, total: int) -> None:

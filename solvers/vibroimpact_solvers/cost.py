@@ -28,10 +28,10 @@ def rate(kind: str, step: Step) -> Rate:
 def name(kind: str, step: Step) -> str:
     """Return the name of a method in the table of rates."""
     if step.stage is Stage.SPECTRUM and step.method not in _OF_A_KIND:
-        return f"{step.stage.value}, {step.method}"
+        return f"{step.stage.name.lower()}, {step.method}"
     # What sweeps of impact modes share are responses, which are a part of the impulses elsewhere.
     shared = step.stage is Stage.RESPONSE and kind == "impact-modes"
-    return f"{kind}: {(Stage.IMPULSE if shared else step.stage).value}, {step.method}"
+    return f"{kind}: {(Stage.IMPULSE if shared else step.stage).name.lower()}, {step.method}"
 
 
 def step_seconds(kind: str, step: Step) -> float:

@@ -59,8 +59,8 @@ def test_methods_that_the_examples_of_all_kinds_use_are_measured() -> None:
 
 UNMEASURED = {
     "spectrum, static condensation",
-    "time-history: flight, exact between impacts, in extended precision where needed",
-    "time-history: flight, integrator of scipy",
+    "time-history: free_motion, exact between impacts, in extended precision where needed",
+    "time-history: free_motion, integrator of scipy",
     "impact-modes: impulse, bordered",
     "periodic-motions: waveform, superposition",
     "slow-flow: slow_flow, quadrature",

@@ -15,7 +15,10 @@ from typing import Any, Final
 from distributed import NannyPlugin
 
 TOPIC: Final = "vibroimpact-workers"
-"""Topic of the events: ``{"worker": address}`` while it lives, else also why, own and cause."""
+"""Topic of the events: ``{"worker": address}`` while it lives, else also why, own and cause.
+
+A worker that is ended for the processor time of a call says so before, by its key as ``slow``.
+"""
 ALIVE_SECONDS: Final = 4
 
 _STOPPED: Final = "it was stopped"

@@ -28,6 +28,7 @@ class Deaths:
         self._counted = counted
         self._deaths: dict[str, tuple[str, bool]] = {}
         self._alive: dict[str, float] = {}
+        self._slow: dict[str, str] = {}
         self._changed = threading.Condition()
         self._checked = time.monotonic()
 
@@ -42,17 +43,24 @@ class Deaths:
                 if len(self._deaths) > _MOST:
                     del self._deaths[next(iter(self._deaths))]
                 self._changed.notify_all()
+            elif "slow" in message:
+                self._slow[message["worker"]] = message["slow"]
+                if len(self._slow) > _MOST:
+                    del self._slow[next(iter(self._slow))]
             else:
                 self._alive[message["worker"]] = time.monotonic()
 
-    def of(self, worker: str, nanny: str | None) -> WorkerLostError:
-        """Return what became of a worker that its calls have lost."""
+    def of(self, worker: str, nanny: str | None, key: str = "") -> WorkerLostError:
+        """Return what became of a worker that its calls have lost, to one of them by its key."""
         with self._changed:
             self._changed.wait_for(lambda: self._deaths.keys() & {worker, nanny}, _WAIT_SECONDS)
             if worker not in self._deaths and nanny in self._deaths:
                 self._deaths[worker] = self._deaths.pop(nanny)
             why, own = self._deaths.get(worker, ("its connection ended", False))
-        return WorkerLostError(worker, why, own=own)
+            slow = self._slow.get(worker)
+        if slow is None:
+            return WorkerLostError(worker, why, own=own)
+        return WorkerLostError(worker, why, own=slow == key, guilty=slow == key)
 
     def silent(self) -> list[str]:
         """Return the workers whose machines have not said for a while that they live."""

@@ -219,7 +219,7 @@ class Engine:
             return EngineUnavailableError("the workers went away")
         error = call.exception(timeout=10)
         if isinstance(error, KilledWorker):
-            return self._deaths.of(error.last_worker.address, error.last_worker.nanny)
+            return self._deaths.of(error.last_worker.address, error.last_worker.nanny, call.key)
         return error if isinstance(error, BaseException) else RuntimeError(repr(error))
 
     def values(self, calls: Sequence[Call]) -> list[Any]:

@@ -5,15 +5,20 @@ from __future__ import annotations
 import math
 import os
 import resource
+import signal
+import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from vibroimpact_solvers import meter
 
 _AT_ONCE: Final = 2
 """Calls that a worker executes at the same time."""
 _MARGIN_SECONDS: Final = 60.0
+_LATE_SECONDS: Final = 5.0
+_LOOK_SECONDS: Final = 0.5
 _SHARED: Final = 0.8
 LEAST_MEMORY: Final = 2**30
 """Bytes that a worker is given wherever nothing else is said."""
@@ -50,6 +55,64 @@ def limit_memory(limit: int | None) -> None:
         bound = limit if most == resource.RLIM_INFINITY else min(limit, most)
         resource.setrlimit(resource.RLIMIT_DATA, (bound, most))
         meter.limit_memory(bound)
+
+
+class _Allowed(NamedTuple):
+    """What a thread may do until it is ended with its process."""
+
+    clock: int
+    """Of its processor time."""
+    end: float
+    name: str
+
+
+_allowed: Final[dict[int, _Allowed]] = {}
+"""Thread -> what it may do."""
+_watching: Final[list[threading.Thread]] = []
+
+
+def limit_call(name: str, seconds: float, tell: Callable[[str], None] | None = None) -> None:
+    """End this process where this thread takes more processor time, some seconds after that.
+
+    For loops that do not look at their signal, but let other threads run; the operating system
+    ends the process for those that do not.
+
+    Parameters
+    ----------
+    name : str
+        Of what the thread does.
+    seconds : float
+        From now on.
+    tell : callable, optional
+        Called with the name a moment before the end.
+    """
+    limit_processor_time(seconds)
+    if not hasattr(time, "pthread_getcpuclockid"):
+        return
+    thread = threading.get_ident()
+    end = time.thread_time() + seconds + _LATE_SECONDS
+    _allowed[thread] = _Allowed(time.pthread_getcpuclockid(thread), end, name)
+    if not _watching:
+        watch = threading.Thread(target=_watch, args=(tell,), name="processor time", daemon=True)
+        _watching.append(watch)
+        watch.start()
+
+
+def call_ended() -> None:
+    """Let this thread do anything again."""
+    _allowed.pop(threading.get_ident(), None)
+
+
+def _watch(tell: Callable[[str], None] | None) -> None:
+    while True:
+        time.sleep(_LOOK_SECONDS)
+        for thread, allowed in list(_allowed.items()):
+            late = time.clock_gettime(allowed.clock) > allowed.end
+            if late and _allowed.get(thread) is allowed:
+                if tell is not None:
+                    tell(allowed.name)
+                    time.sleep(_LOOK_SECONDS)
+                os.kill(os.getpid(), signal.SIGXCPU)
 
 
 def limit_processor_time(seconds: float) -> None:

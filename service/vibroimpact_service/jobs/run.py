@@ -37,6 +37,11 @@ SUSPECT_ERRORS: Final = (WorkerLostError, MemoryError)
 """Failures that another call in the same worker process may have brought about."""
 
 
+def suspect(error: BaseException | None) -> bool:
+    """Whether another call in the same worker process may have brought an error about."""
+    return isinstance(error, SUSPECT_ERRORS) and not getattr(error, "guilty", False)
+
+
 class ClaimLostError(RuntimeError):
     """The job was ended, or its claim expired and another process has it now."""
 
@@ -209,7 +214,7 @@ class Run:
             reasons: set[str] = set()
             for _ in range(_ATTEMPTS_ALONE):
                 call, error = self.call(BULK, function, *args)
-                if not isinstance(error, SUSPECT_ERRORS):
+                if not suspect(error):
                     break
                 reason = error.why if isinstance(error, WorkerLostError) else "memory"
                 if reason in reasons:

@@ -6,7 +6,7 @@ from typing import Any
 
 from vibroimpact_service.jobs import worker_calls
 from vibroimpact_service.jobs.engine import FAST, EngineUnavailableError
-from vibroimpact_service.jobs.run import SUSPECT_ERRORS, Run
+from vibroimpact_service.jobs.run import SUSPECT_ERRORS, Run, suspect
 from vibroimpact_service.jobs.tables import JobRow
 
 
@@ -24,7 +24,8 @@ class QuickRun(Run):
         arguments = [self.arguments(job) for job in missing]
         most = self.context.max_chunks_bytes
         _, error = self.call(FAST, worker_calls.complete, arguments, most)
-        if not isinstance(error, SUSPECT_ERRORS):
+        alone = len(missing) == 1
+        if not isinstance(error, SUSPECT_ERRORS) or (alone and not suspect(error)):
             self._record(missing, error)
             return
         for job in missing:  # only the one that killed the worker fails

@@ -14,10 +14,10 @@ from vibroimpact_service.jobs import batch_size, claims, traces, worker_calls
 from vibroimpact_service.jobs.engine import BULK, FAST, Call, EngineUnavailableError
 from vibroimpact_service.jobs.run import (
     MAX_DEATH_DELAY,
-    SUSPECT_ERRORS,
     ClaimLostError,
     Run,
     RunContext,
+    suspect,
 )
 from vibroimpact_service.jobs.tables import JobRow
 from vibroimpact_service.jobs.work import (
@@ -75,7 +75,7 @@ class JobRun(Run):
         """Call a function for the job and return its value."""
         arguments = self.arguments(self.job)
         call, error = self.call(queue_name, function, arguments, *args)
-        if isinstance(error, SUSPECT_ERRORS):
+        if suspect(error):
             call, error = self.repeat_alone(function, arguments, *args)
         if error is not None:
             raise error
@@ -198,13 +198,13 @@ class _ChunkBatches:
                 self._waiting += batch[::-1]
                 self._run.pause(self._delay)
                 self._delay = min(MAX_DEATH_DELAY, 2.0 * self._delay)
-            elif isinstance(error, SUSPECT_ERRORS):
+            elif suspect(error):
                 self._suspects += batch
                 if self._chained:  # the others need these
                     self._suspects += self._waiting[::-1]
                     self._waiting.clear()
             else:
-                raise error
+                raise self._explained(error)
         if succeeded:
             self._measure(*succeeded[-1])
         for call, _ in succeeded:
@@ -235,7 +235,7 @@ class _ChunkBatches:
         if isinstance(error, MemoryError):
             return LimitPassedError(f"A piece needs more memory than a worker has: {self._kept()}")
         if isinstance(error, WorkerLostError) and "SIGXCPU" in error.why:
-            what = "A piece took so much processor time that the operating system ended its worker"
+            what = "A piece took so much processor time that its worker was ended"
             return LimitPassedError(f"{what}: {self._kept()}")
         return error
 

@@ -118,11 +118,15 @@ class WorkerLostError(RuntimeError):
     why : str
     own : bool
         Whether the computation can have brought it about: by a fault, or by its need of memory.
+    guilty : bool
+        Whether it is known to have done so: the worker was ended for its processor time.
     """
 
-    def __init__(self, worker: str = "", why: str = "", *, own: bool = True) -> None:
+    def __init__(
+        self, worker: str = "", why: str = "", *, own: bool = True, guilty: bool = False
+    ) -> None:
         super().__init__(worker, why)
-        self.worker, self.why, self.own = worker, why, own
+        self.worker, self.why, self.own, self.guilty = worker, why, own, guilty
 
 
 class DeadlineError(RuntimeError):

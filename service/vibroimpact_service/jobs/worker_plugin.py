@@ -8,11 +8,14 @@ from typing import Any, Final
 
 from distributed import WorkerPlugin
 
-from vibroimpact_service.jobs.process_limits import limit_memory, limit_processor_time
+from vibroimpact_service.jobs.death_watch import TOPIC
+from vibroimpact_service.jobs.process_limits import call_ended, limit_call, limit_memory
 from vibroimpact_service.jobs.work import StopSignal
 
 _running: Final[set[str]] = set()
 """Keys of the calls that threads of this process execute."""
+_tell: Final[list[Callable[[str], None]]] = []
+"""How the services learn which call a worker is ended for."""
 _cancelled: Final[set[str]] = set()
 """Keys of those among them that the scheduler does not want any more."""
 
@@ -35,6 +38,12 @@ class ServicePlugin(WorkerPlugin):  # type: ignore[misc]
     def setup(self, worker: Any) -> None:
         """Limit the memory of the worker, and begin to prepare it."""
         limit_memory(worker.memory_manager.memory_limit)
+
+        def tell(key: str) -> None:
+            event = {"worker": worker.address, "slow": key}
+            worker.loop.add_callback(worker.log_event, TOPIC, event)
+
+        _tell[:] = [tell]
         threading.Thread(target=self._prepare, name="prepare", daemon=True).start()
 
     def transition(self, key: Any, start: str, finish: str, **_: Any) -> None:
@@ -50,10 +59,15 @@ class ServicePlugin(WorkerPlugin):  # type: ignore[misc]
 def execute(function: Callable[..., Any], key: str, *args: Any) -> Any:
     """Call a function in a worker, with a `StopSignal` for a cancelled call as last argument."""
     _running.add(key)
+
+    def limit(seconds: float) -> None:
+        limit_call(key, seconds, _tell[0] if _tell else None)
+
     try:
-        signal = StopSignal(cancelled=lambda: key in _cancelled, enforce=limit_processor_time)
+        signal = StopSignal(cancelled=lambda: key in _cancelled, enforce=limit)
         return function(*args, signal)
     finally:
+        call_ended()
         _running.discard(key)
         _cancelled.discard(key)
 

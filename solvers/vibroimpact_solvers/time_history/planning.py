@@ -31,7 +31,7 @@ from vibroimpact_solvers.time_history.start import impact_mode_problem
 _MOST = 2**14  # windows; of the longest motions allowed, each then takes a few hundred megabytes
 _DOUBT = 1e-10  # of the diagonal of K, within which it may be singular
 _FEW = 500  # degrees of freedom up to which a full K is factorized for a plan
-_UNKNOWN = 100.0  # of the fastest frequency over the slowest one, where that is not known
+_LARGE = 100.0  # of the fastest frequency over the slowest one of larger structures
 _QUICK = 2e7  # operations of some nanoseconds for which a plan looks what walls are within reach
 
 
@@ -221,7 +221,7 @@ def _in_motion(problem: Problem) -> float:
     one is Rayleigh's quotient of the deflection under a force at a limiter.
     """
     fastest = spectrum.largest_frequency(problem.system)
-    slowest = _reaches(problem.system).slowest or fastest / _UNKNOWN
+    slowest = _reaches(problem.system).slowest or fastest
     return max(math.sqrt(fastest * slowest), largest_frequency(problem.load))
 
 
@@ -306,7 +306,7 @@ class _Reach(NamedTuple):
     lightest : float
         A lower bound of the mass that moves with any degree of freedom.
     slowest : float
-        The lowest frequency at the limiters, about; 0: unknown.
+        The lowest frequency at the limiters, about; 0: unknown, as of bodies that nothing holds.
     """
 
     energies: tuple[float, ...] = ()
@@ -332,7 +332,7 @@ def _looked_up(system: System) -> _Reach:
     column = 12.0 + (width / 8.0 if system.K.form is Form.DENSE else width)
     work = system.n * (width**2 / 6.0 + len(system.constraints) * column)
     if (dense and system.n > _FEW) or work > _QUICK:
-        return _Reach()
+        return _Reach(slowest=spectrum.largest_frequency(system) / _LARGE)
     # Less than K by more than roundings: positive definite, it is so beyond doubt.
     less = system.K.plus(-_DOUBT, SymmetricMatrix.diagonal(system.K.main_diagonal))
     if not less.is_positive_definite():

@@ -193,6 +193,19 @@ def test_causes_of_deaths(exitcode: int | None, out_of_memory: bool, own: bool) 
     assert blamed is own
 
 
+def test_of_two_calls_the_one_is_guilty_for_which_the_worker_says_it_ends() -> None:
+    lives = deaths.Deaths(lambda cause: None)
+    lives.note((0.0, {"worker": "w", "slow": "long"}))
+    why = "it was killed by SIGXCPU"
+    lives.note((0.0, {"worker": "w", "why": why, "own": True, "cause": "fault"}))
+    guilty, other = lives.of("w", None, "long"), lives.of("w", None, "short")
+    assert (guilty.own, guilty.guilty, guilty.why) == (True, True, why)
+    assert (other.own, other.guilty) == (False, False)
+    lives.note((0.0, {"worker": "v", "why": why, "own": True, "cause": "fault"}))
+    unknown = lives.of("v", None, "long")
+    assert (unknown.own, unknown.guilty) == (True, False)
+
+
 def test_silent_machines_are_given_up_unless_this_process_stood_still(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

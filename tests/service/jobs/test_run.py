@@ -19,6 +19,7 @@ from vibroimpact_service.jobs.runner import Runner
 from vibroimpact_service.jobs.work import WorkerLostError
 from vibroimpact_service.store import StoreUnavailableError
 
+SLOW = WorkerLostError("tcp://a", "died of SIGXCPU", guilty=True)
 FAULT, HUNGER = WorkerLostError("tcp://a", "died of SIGXCPU"), MemoryError()
 
 
@@ -46,6 +47,8 @@ class Scripted(Run):
         ([HUNGER, HUNGER], HUNGER),
         ([HUNGER, FAULT, HUNGER], HUNGER),  # its own, a neighbour's, its own again
         ([FAULT, WorkerLostError("tcp://b", "died of SIGXCPU")], FAULT),  # wherever it was
+        ([SLOW], SLOW),  # it is known to be its own
+        ([FAULT, SLOW], SLOW),
         ([ValueError()], ValueError()),
     ],
 )

@@ -83,3 +83,30 @@ def test_a_plan_that_is_accepted_fits_into_the_memory_of_a_worker(
     ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=250)
     assert ended.returncode == 0, ended.stderr[-2000:]
     assert 0.3 < float(ended.stdout.split()[-1]) < 1.1  # it is as large as planned
+
+
+WATCHED = """
+import math, time
+from vibroimpact_service.jobs import process_limits
+process_limits._LATE_SECONDS, process_limits._LOOK_SECONDS = {late}, 0.1
+process_limits.limit_call("slow", 0.2, lambda name: print(name, flush=True))
+if {ended}:
+    process_limits.call_ended()
+end = time.process_time() + {spin}
+while time.process_time() < end:
+    pass
+"""
+
+
+def test_a_process_is_ended_for_a_call_and_says_for_which() -> None:
+    """Long before the limit of the operating system, which counts for all calls of the process."""
+    text = WATCHED.format(late=0.3, ended=False, spin=30.0)
+    ended = subprocess.run(
+        [sys.executable, "-c", text], capture_output=True, text=True, check=False, timeout=120
+    )
+    assert (ended.returncode, ended.stdout) == (-signal.SIGXCPU, "slow\n")
+
+
+def test_a_thread_whose_call_has_ended_may_do_anything() -> None:
+    text = WATCHED.format(late=0.0, ended=True, spin=2.0)
+    subprocess.run([sys.executable, "-c", text], check=True, timeout=120)
