@@ -60,8 +60,8 @@ def fitted(samples: Samples, guess: Floats, pull: Floats | float = _PULL) -> Flo
 
     first, random = np.log(guess), np.random.default_rng(1)
     starts = [first + k * random.standard_normal(guess.size) for k in range(_TRIALS)]
-    found = [least_squares(residuals, s, loss="soft_l1", f_scale=_WIDTH) for s in starts]
-    return np.asarray(np.exp(min(found, key=lambda one: one.cost).x))
+    fits = [least_squares(residuals, s, loss="soft_l1", f_scale=_WIDTH) for s in starts]
+    return np.asarray(np.exp(min(fits, key=lambda one: one.cost).x))
 
 
 def calibrate(rows: Sequence[Measured], longest: float) -> tuple[dict[str, Rate], Sweep]:
@@ -78,7 +78,7 @@ def calibrate(rows: Sequence[Measured], longest: float) -> tuple[dict[str, Rate]
 
 def _of_spectra() -> dict[str, Rate]:
     """Measure natural modes alone: they take the same in all kinds."""
-    found: dict[str, Rate] = {}
+    table: dict[str, Rate] = {}
     taken: dict[str, list[tuple[float, float]]] = {}
     for family, sizes in _SPECTRA.items():
         for size in sizes:
@@ -92,8 +92,8 @@ def _of_spectra() -> dict[str, Rate]:
         features = np.column_stack([np.ones(flops.size), flops])
         ended = np.zeros(flops.size, dtype=bool)
         samples = Samples(features, np.zeros(flops.size), seconds, ended)
-        found[name] = Rate(*fitted(samples, np.array([_START, _EACH])).tolist())
-    return found
+        table[name] = Rate(*fitted(samples, np.array([_START, _EACH])).tolist())
+    return table
 
 
 def _of_kind(
@@ -116,10 +116,10 @@ def _of_kind(
     samples = _samples(features, own, longest)
     samples = samples._replace(known=samples.known + known)
     pull = np.array([*np.tile([_PULL, _PULL], len(names)), 0.3 * _PULL])
-    found = fitted(samples, np.array([*np.tile([_START, _EACH], len(names)), _START]), pull)
-    pairs = found[:-1].reshape(-1, 2).tolist()
+    constants = fitted(samples, np.array([*np.tile([_START, _EACH], len(names)), _START]), pull)
+    pairs = constants[:-1].reshape(-1, 2).tolist()
     rates_of_methods = {name: Rate(*pair) for name, pair in zip(names, pairs, strict=True)}
-    return {kind: Rate(float(found[-1]), 0.0)} | rates_of_methods
+    return {kind: Rate(float(constants[-1]), 0.0)} | rates_of_methods
 
 
 def _of_sweeps(own: list[tuple[Measured, Plan]], table: dict[str, Rate], longest: float) -> Sweep:
@@ -153,11 +153,11 @@ def estimates(rows: Sequence[Measured]) -> list[Measured]:
 
 def held_out(rows: Sequence[Measured], longest: float) -> list[Measured]:
     """Return all rows, with estimates by rates that were fitted to the other half of the seeds."""
-    found: list[Measured] = []
+    all_rows: list[Measured] = []
     for half in range(2):
         use(*calibrate([row for row in rows if row.seed % 2 != half], longest))
-        found += estimates([row for row in rows if row.seed % 2 == half])
-    return sorted(found, key=lambda row: list(DRAWN).index(row.name))
+        all_rows += estimates([row for row in rows if row.seed % 2 == half])
+    return sorted(all_rows, key=lambda row: list(DRAWN).index(row.name))
 
 
 def write(table: dict[str, Rate], sweep: Sweep) -> None:

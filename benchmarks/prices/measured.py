@@ -79,11 +79,11 @@ def _measure(name: str, seed: int, longest: float, writer: int) -> None:
     used = resource.getrusage(resource.RUSAGE_SELF)
     limit = int(used.ru_utime + used.ru_stime + longest + 1.0)
     began = meter.processor_time()
-    found = planned(drawn)
+    own = planned(drawn)
     planning_seconds = meter.processor_time() - began
-    n = found.problem.system.n
-    steps = planning.steps(found.plan)["steps"]
-    first = [drawn.about, found.seconds, planning_seconds, steps, n]
+    n = own.problem.system.n
+    steps = planning.steps(own.plan)["steps"]
+    first = [drawn.about, own.seconds, planning_seconds, steps, n]
     os.write(writer, (json.dumps(first) + "\n").encode())
     resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
     try:
@@ -107,10 +107,10 @@ def _seconds(drawn: Case, times: int) -> float:
     """Return the processor time of the solution, the least of some attempts at a quick one."""
     best = float("inf")
     for _ in range(times):
-        found = planned(drawn)
+        own = planned(drawn)
         gc.disable()
         began = meter.processor_time()
-        found.kind.solver.solve(found.problem, found.plan)
+        own.kind.solver.solve(own.problem, own.plan)
         best = min(best, meter.processor_time() - began)
         if best > _SHORT:
             break

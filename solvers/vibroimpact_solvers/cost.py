@@ -38,8 +38,8 @@ def step_seconds(kind: str, step: Step) -> float:
     """Return the estimated time of a step of a kind of computation."""
     if step.flops == 0.0:  # what it computes is known
         return 0.0
-    found = rate(kind, step)
-    return found.start + found.each * step.flops
+    own = rate(kind, step)
+    return own.start + own.each * step.flops
 
 
 def seconds(plan: Plan) -> float:

@@ -22,6 +22,7 @@ _ALWAYS_MODAL: Final = 256
 _FEW = 16  # frequencies up to which ball arithmetic decides what is open
 _DIRECT_CHECK = 1e9  # operations of the check of a path by series, for each harmonic
 _IN_BALLS = 2e6  # flops for each frequency: one in some hundred is open
+_SPREAD = 100.0  # root of what the fastest frequency may be over the slowest one
 _SERIES = 5e5  # operations of a series, of which there is one at each frequency
 _SERIES_FROM = 1.001  # start of the series, over the largest natural frequency
 _SERIES_FROM_WITHOUT_FACTORS = 1.1  # the same without factorizations
@@ -263,8 +264,10 @@ def _existence_step(problem: Problem, family: Family) -> Step:
     )
     # Steps are as long as the motion of the limited coordinates allows, in which slow modes of
     # about the frequency of the motion move more than fast ones: half as many decades from each.
+    # Where all modes are faster than the motion, the slowest one counts instead of it.
     with np.errstate(over="ignore"):  # infinitely many steps: such a plan is refused by its price
-        turns = 2.0 * np.pi * np.sqrt(spectrum.largest_frequency(problem.system) / problem.sample)
+        ratio = spectrum.largest_frequency(problem.system) / problem.sample
+        turns = 2.0 * np.pi * np.maximum(np.sqrt(ratio), ratio / _SPREAD)
     flops = costs.total(problem, 20.0 + turns) * limits * problem.system.n * 60.0
     size = 10.0 * problem.omega.size
     in_balls = decides_in_balls(problem)
