@@ -50,7 +50,8 @@ def seconds(plan: Plan) -> float:
     if not plan.of:
         work = sum(step_seconds(plan.kind, step) for step in plan.steps)
         return OVERHEAD_SECONDS + own + work + written
-    begun = own + sum(rate(kind, step).start for step in plan.steps)
+    methods = {name(kind, step): rate(kind, step) for step in plan.steps}
+    begun = own + sum(method.start for method in methods.values())
     work = sum(rate(kind, step).each * step.flops for step in plan.steps)
     points = plan.points * (SWEEP.point + SWEEP.begun * begun)
     return OVERHEAD_SECONDS + SWEEP.start + points + SWEEP.work * work + written

@@ -20,6 +20,7 @@ from starlette.testclient import TestClient
 
 from tests.service.conftest import Queue
 from vibroimpact_service.app import create_app
+from vibroimpact_service.documents import decode
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 from vibroimpact_solvers import spectrum
@@ -130,6 +131,7 @@ def test_a_request_visits_the_files_that_the_page_lists(tmp_path: Path) -> None:
             pass  # kernels are being compiled
     store = Store(Settings(data=tmp_path / "second").store_url)
     spectrum.CACHE.clear()  # else large spectra of other tests may be dropped meanwhile
+    decode.KNOWN.clear()  # nor are their structures counted
     with _traced() as trace, _application(tmp_path / "second") as http:
         assert _is_stored(store, http.post(route, json=_body(13)))
         trace.on = True

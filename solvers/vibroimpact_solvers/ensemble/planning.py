@@ -27,8 +27,11 @@ def plan(problem: Problem) -> Plan:
 
 def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Problem]:
     """Cut an ensemble into pieces of about the given cost each."""
-    own = Plan(KIND, tuple(step for step in plan.steps if step.stage is not Stage.SPECTRUM))
-    each = cost.seconds(own) / problem.size
+    own = [step for step in plan.steps if step.stage is not Stage.SPECTRUM]
+    work = sum(cost.rate(KIND, step).each * step.flops for step in own)
+    written = sum(step.bytes for step in own) / cost.BYTES_PER_SECOND
+    # What a piece begins with does not go by its members, whose number must not matter.
+    each = (work + written) / problem.size + cost.OVERHEAD_SECONDS
     # Counts that are powers of two, from the first member on: a longer ensemble that begins
     # alike has the same pieces.
     count = 1

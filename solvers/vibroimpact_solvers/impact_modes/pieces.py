@@ -41,10 +41,11 @@ def content(piece: Problem) -> bytes:
 def _seconds_of_one(problem: Problem, plan: Plan) -> float:
     """Return the cost of one frequency among many, the same for any grid of frequencies.
 
-    It is that of half the largest natural frequency, by the methods of the plan.
+    It is the mean of those at half and at twice the largest natural frequency, by the methods of
+    the plan: above it displacements may be sums of series.
     """
-    middle = np.array([spectrum.largest_frequency(problem.system) / np.pi])
-    many = replace(problem, omega=np.repeat(middle, _MANY), Omega=None, rounding=None)
+    ends = np.array([1.0, 4.0]) * spectrum.largest_frequency(problem.system) / np.pi
+    many = replace(problem, omega=np.repeat(ends, _MANY // 2), Omega=None, rounding=None)
     steps = (step for step in steps_like(plan, many) if step.stage is not Stage.SPECTRUM)
     return seconds(Plan(KIND, tuple(steps))) / _MANY
 

@@ -14,6 +14,7 @@ from vibroimpact_solvers import cost, impact_modes, sweep
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.plan import Stage
+from vibroimpact_solvers.rates import SWEEP
 
 ONE = SymmetricMatrix.diagonal([1.0])
 SYSTEM = System(ONE, ONE, (Constraint.at(0, 0.2),))
@@ -130,5 +131,5 @@ def test_a_sweep_costs_what_it_takes_to_make_its_points() -> None:
     plan = sweep.plan(grid(stepped(1, 4), stepped(1, 3, name="m"), idle))
     assert plan.points == 12  # those that differ by the idle axis alone are one
     alone = cost.seconds(impact_modes.plan(at((0, 0, 0))))
-    assert cost.seconds(plan) > 12 * cost.POINT_SECONDS
-    assert cost.seconds(plan) < 12 * (cost.POINT_SECONDS + alone)
+    assert cost.seconds(plan) > 12 * SWEEP.point
+    assert cost.seconds(plan) < SWEEP.start + 12 * (SWEEP.point + max(1.0, SWEEP.begun) * alone)
