@@ -402,6 +402,14 @@ def _clear_floor(impulses: list[float], unknown: float, size: float) -> float:
     return floor
 
 
+def _clear_interval(near: float, *times: list[float]) -> float:
+    """Return a time that no interval between some times is near: rounding takes none across."""
+    intervals = np.concatenate([np.diff(np.sort(some)) for some in times])
+    while (np.abs(intervals - near) <= 1e-3 * near).any():
+        near *= 1.01
+    return near
+
+
 def _impacts(
     result: time_history.Result, motion: History, horizon: float, report: Report, case: Case
 ) -> None:
@@ -434,6 +442,7 @@ def _impacts(
     )
     stated = [entry for entry in columns if entry[0] < stop]
     size = max((impulse for _, _, impulse in true), default=0.0)
+    near = _clear_interval(near, *([time for time, *_ in each] for each in (true, stated)))
     expected, found = (_clusters(entries, near) for entries in (true, stated))
     unknown = _unknown_impulse(result, motion, horizon, case.document)
     largest = [max(c[1].values()) for c in (*expected, *found)]

@@ -344,11 +344,15 @@ def _couple(mobility: Floats, struck: Rows, G: Floats) -> None:
 def _reflect(struck: Rows, equations: Floats, q: Floats, P: Floats, basic: Integers) -> None:
     """Add the impulses of Moreau's law with k = 1, which is repeated while one approaches.
 
-    Each pass, ``0 <= P _|_ G P - 2 u >= 0``, leaves the energy as it is. There are finitely many;
-    what comes after very many, of bodies unlike by a million, ends without restitution.
+    Each pass, ``0 <= P _|_ G P - 2 u >= 0``, leaves the energy as it is. There are finitely many
+    where walls leave room. Where they leave none, as on both sides of a body, velocities go to and
+    fro for ever: they end without restitution, as does what comes after very many passes, of bodies
+    unlike by a million.
     """
-    count = struck.size
+    count, ends = struck.size, False
     G, work = equations[:count], equations[count : 2 * count]
+    for a in range(count):
+        struck[a].reflected = 0.0
     for passes in range(_PASSES + 1):
         approaches = False
         for a in range(count):
@@ -358,13 +362,28 @@ def _reflect(struck: Rows, equations: Floats, q: Floats, P: Floats, basic: Integ
                 for b in range(count):
                     u -= G[a, b] * struck[b].impulse
                     size += abs(G[a, b]) * struck[b].impulse
-                q[a] = -2.0 * u if passes < _PASSES else -u
+                q[a] = -u if ends else -2.0 * u
                 approaches = approaches or u > _APPROACHES * size
         if not approaches:
             return
         complementarity.solve(G, q[:count], P[:count], basic[:count], work)
+        ends = passes + 1 == _PASSES or _returns(struck, G, P)
         for a in range(count):
             struck[a].impulse += P[a]
+            struck[a].reflected = P[a]
+
+
+@inline
+def _returns(struck: Rows, G: Floats, P: Floats) -> bool:
+    """Return whether impulses P undo what those of the pass before did to all velocities."""
+    for a in range(struck.size):
+        moved, size = 0.0, 0.0
+        for b in range(struck.size):
+            moved += G[a, b] * (struck[b].reflected + P[b])
+            size += abs(G[a, b]) * (struck[b].reflected + P[b])
+        if abs(moved) > _APPROACHES * size:
+            return False
+    return True
 
 
 @inline
@@ -564,8 +583,11 @@ def strike(structure: Structure, motion: Motion, scratch: Scratch) -> int:
         rests = _strike_one(structure, motion, scratch, row)
     else:
         rests = _strike_several(structure, motion, scratch, count, row)
-    if not rests and structure.walls[progress.coordinate].restitution == 0.0:
-        progress.released = progress.coordinate  # it leaves with a speed that is rounding
+    slow = progress.rows == first or structure.walls[progress.coordinate].restitution == 0.0
+    if not rests and slow:
+        # It leaves with a speed that is rounding: the search, which found it at its wall by other
+        # sums, would find it there for ever.
+        progress.released = progress.coordinate
     if count > 1 or progress.rows > first:
         progress.impacts += 1
         error = estimated_error(motion.deviations, errors, motion.progress)

@@ -94,8 +94,13 @@ def find_reach(structure: Structure, motion: Motion, scratch: Scratch) -> None:
     if claims:
         set_spread(flow, motion.deviations, spread)
     for i in range(walls.size):
-        wall, sizes = walls[i], watched.size[i]
-        now = far = reach(flow, watched, i, z, lengths, 0.0)
+        wall, sizes, now, ahead = walls[i], watched.size[i], 0.0, 0.0
+        for _ in range(2):
+            now = reach(flow, watched, i, z, lengths, ahead)
+            if now + wall.size > 0.0:
+                break
+            ahead = min(left, 1.0)  # what is zero and still is rounded as it will soon be
+        far = now
         if grows(flow):
             far = reach(flow, watched, i, z, lengths, left)
         rounding = ROUNDING * (now + wall.size)

@@ -145,6 +145,7 @@ STRUCK: Final = record(
         ("speed", "f8"),  # towards the wall, before the impact
         ("speed_rest", "f8"),  # what rounding took from it
         ("impulse", "f8"),  # away from the wall
+        ("reflected", "f8"),  # that of the last pass of Moreau's law
         ("room", "f8"),  # distance to the wall
         ("hop_error", "f8"),  # of its place after a hop, in units of 2^-52; 0: there was none
         ("group", "i8"),  # the first one that impulses on it reach, directly or not

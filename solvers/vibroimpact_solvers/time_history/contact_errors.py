@@ -84,6 +84,21 @@ class ContactErrors:
         errors += EPS * np.abs(form_errors * z).sum(axis=(1, 2))
         return forces, errors + _TERMS * EPS * (np.abs(forms * z).sum(axis=(1, 2)) + np.abs(levels))
 
+    def begin(
+        self, configuration: Configuration, contact: Contact, Z: Floats, least: float
+    ) -> tuple[float, float]:
+        """Return the errors of the time and of the impulse of a contact from the first instant on.
+
+        There are none, unless rounding decides whether its force pushes then, or not until later.
+        """
+        place = configuration.contacts.index(contact)
+        forces, errors = self.forces(configuration, Z, least)
+        unknown = float(errors[place])
+        if float(forces[place]) > unknown or contact in configuration.idle:
+            return 0.0, 0.0
+        late = self.release(configuration, place, Z, least)
+        return late, 2.0 * unknown * late
+
     def release(self, configuration: Configuration, place: int, Z: Floats, least: float) -> float:
         """Return the error of the time at which the force of a contact vanishes."""
         forces, errors = self.forces(configuration, Z, least)

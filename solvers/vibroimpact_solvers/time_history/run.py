@@ -468,7 +468,8 @@ class Run:
         if errors is None or rest.contact not in self.configuration.contacts:
             return
         if rest.rest == 0.0:  # it begins with the motion
-            rest.start_error = rest.rest_error = rest.impulse_error = 0.0
+            begun = errors.begin(self.configuration, rest.contact, self.Z, self._known_at_best)
+            rest.start_error, rest.rest_error, rest.impulse_error = begun[0], *begun
             return
         lasts = (rest.rest - rest.start) / self.scale
         state = self.Z, max(known, self._known), self._known_at_best

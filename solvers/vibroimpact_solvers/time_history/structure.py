@@ -448,14 +448,16 @@ class Structure:
         idle = np.abs(level) <= _UNCOUPLED * (
             sizes @ np.abs(self.force) + by_x_sizes @ np.abs(modes.base)
         )
-        idle &= (np.abs(rows) <= _UNCOUPLED * (by_x_sizes @ np.abs(modes.shapes))).all(axis=1)
+        # A shape has roundings of others' size: where it is zero, they are all of it.
+        largest = np.abs(modes.shapes).max(axis=1, initial=0.0, keepdims=True)
+        idle &= (np.abs(rows) <= _UNCOUPLED * (by_x_sizes @ largest)).all(axis=1)
         forms = basis.displacement(rows)
         level = level + basis.level(rows)
         if system.C is not None:
             by_v = -(system.C @ np.ascontiguousarray(onto.T)).T @ modes.shapes
             forms = forms + math.ldexp(1.0, basis.exponent) * basis.velocity(by_v)
             by_v_sizes = (_magnitudes(system.C) @ np.ascontiguousarray(sizes.T)).T
-            idle &= (np.abs(by_v) <= _UNCOUPLED * (by_v_sizes @ np.abs(modes.shapes))).all(axis=1)
+            idle &= (np.abs(by_v) <= _UNCOUPLED * (by_v_sizes @ largest)).all(axis=1)
         harmonic = self.harmonic_loads
         parts = harmonic.cosine, harmonic.sine, self.ramps.directions
         for part in parts:

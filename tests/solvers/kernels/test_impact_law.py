@@ -193,3 +193,15 @@ def test_thousands_of_reflections_keep_the_energy() -> None:
     assert blow.energy(after) == pytest.approx(blow.energy(blow.v), rel=1e-9)
     assert (blow.rows @ after).max() <= 1e-9
     assert after[1] > 0.9
+
+
+@pytest.mark.parametrize("coupling", [0.0, 0.5])
+def test_walls_that_leave_no_room_take_the_velocity(coupling: float) -> None:
+    """Reflections went to and fro ten thousand times, and left their roundings as velocities."""
+    # Only y = 0 has W y <= 0 in its first two coordinates; the third is free.
+    W = np.array([[1.0, 0.0, 0.0], [-2.0, -1.0, 0.0], [3.0, 3.0, 0.0]])
+    M = np.array([[1.0417, coupling, 0.0], [coupling, 1.7745, 0.0], [0.0, 0.0, 1.3]])
+    blow = Blow(M, W, np.ones(3), np.array([-1.775, -0.887, 0.4]))
+    P = blow.impulses(np.ones(3))
+    np.testing.assert_allclose(blow.after(P), [0.0, 0.0, 0.4], rtol=0.0, atol=1e-14)
+    assert P.max() < 10.0 * np.abs(M @ blow.v).max()

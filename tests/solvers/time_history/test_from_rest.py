@@ -47,3 +47,24 @@ def test_a_driven_mass_that_comes_back_to_rest_is_known() -> None:
     exact = 4.0 / 3.0 * (np.cos(0.5 * times) - np.cos(times))
     assert (np.abs(result.x[:, 0] - exact) <= result.error_x[:, 0]).all()
     assert result.error_x.max() < 1e-13
+
+
+def test_a_mass_with_drag_falls_from_zero_at_a_wall() -> None:
+    """The search began with steps relative to a displacement that was 0, and went no further."""
+    c, m, g = 0.5, 2.0, 9.81
+    system = System(
+        SymmetricMatrix.diagonal(np.array([m])),
+        SymmetricMatrix.diagonal(np.zeros(1)),
+        (Constraint((0,), (1.0,), None, 0.0, 0.5),),
+        C=SymmetricMatrix.diagonal(np.array([c])),
+        force=np.array([-m * g]),
+    )
+    times, rest = np.linspace(0.25, 1.0, 4), th.State(np.zeros(1), np.zeros(1))
+    problem = th.Problem(system, rest, 1.0, t=times, outputs=frozenset({"x", "v"}))
+    result = th.solve(problem, th.plan(problem))
+    assert result.x is not None
+    assert result.v is not None
+    limit = m * g / c
+    np.testing.assert_allclose(result.v[:, 0], limit * np.expm1(-c / m * times), rtol=1e-14)
+    fallen = limit * (times + m / c * np.expm1(-c / m * times))
+    np.testing.assert_allclose(result.x[:, 0], -fallen, rtol=1e-13)

@@ -13,7 +13,9 @@ from tests.truth.sets import SETS
 from tests.truth.structures import Document
 from vibroimpact_solvers import ensemble
 from vibroimpact_solvers import time_history as th
+from vibroimpact_solvers.kernels.rigid_motion import follow
 from vibroimpact_solvers.results.time_history import LAWS
+from vibroimpact_solvers.time_history import run
 
 
 def struck_at_once(seed: int) -> Document:
@@ -267,3 +269,67 @@ def test_structures_that_blows_bring_to_rest_stay_there() -> None:
     M, v = np.array(document["M"]), np.array(document["v"])
     after = result.v[0]
     assert after @ M @ after <= v @ M @ v
+
+
+def test_walls_that_leave_no_room_stop_a_structure() -> None:
+    """With k = 1 it was refused, as it went to and fro at the speed of roundings."""
+    W = [[1.0, 0.0], [-2.0, -1.0], [3.0, 3.0]]  # W x <= 0 has x = 0 alone
+    document: Document = {"M": [[1.0417, 0.5], [0.5, 1.7745]], "K": [[0.0, 0.0], [0.0, 0.0]]}
+    document["constraints"] = [
+        {"dofs": [0, 1], "weights": w, "lower": None, "upper": 0.0, "restitution": 1.0} for w in W
+    ]
+    result = solve(document | {"x": [0.0, 0.0], "v": [-1.775, -0.887], "t": [1.0], "t_end": 1.0})
+    np.testing.assert_allclose(result.v, 0.0, rtol=0.0, atol=1e-14)
+    np.testing.assert_allclose(result.x, 0.0, rtol=0.0, atol=1e-14)
+
+
+def test_what_is_slower_than_rounding_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search found it at its wall, by other sums than the impact, millions of times."""
+    m = [1.2, 0.5, 1.5]
+    document = stack(m, [0.0, 0.0, 1e-9], 1.0, K=np.diag([0.0, 1.0, 0.0]).tolist())
+    document["constraints"][1]["restitution"] = 0.3
+    spent = list[int]()
+
+    def counted(*given: object) -> tuple[int, int]:
+        motion = given[1]
+        assert isinstance(motion, tuple)
+        before = int(motion[2]["expansions"][0])
+        found = follow(*given)  # type: ignore[arg-type]
+        spent.append(int(motion[2]["expansions"][0]) - before)
+        return found
+
+    monkeypatch.setattr(run, "follow", counted)
+    result = solve(
+        document | {"force": [-x for x in m], "v": [0.5, 0.0, -0.5], "t": [0.32], "t_end": 0.32}
+    )
+    assert result.count_impacts > 20
+    assert 0 < sum(spent) < 10 * result.count_impacts
+
+
+def test_bodies_that_touch_without_a_force_are_struck_together() -> None:
+    """A zero of a mode that was 2e-16 was taken for a force; they flew on as one body."""
+    m = 0.5
+    document = stack([m] * 4, [1.0, 0.25, 0.0, 0.25], 0.9, K=np.diag([0.0, 1.0, 1.0, 0.0]).tolist())
+    document["constraints"][0]["restitution"] = 0.7
+    document["constraints"][3]["restitution"] = 0.3
+    document |= {"force": [-9.81 * m] * 4, "v": [-1.0, 0.5, 0.5, -1.0], "t": [0.3], "t_end": 0.3}
+    result = solve(document)
+    assert result.x is not None
+    assert result.v is not None
+    state = [float(x) for x in truth(document).states[0].entries()[:8]]
+    np.testing.assert_allclose([*result.x[0], *result.v[0]], state, rtol=0.0, atol=1e-12)
+
+
+def test_a_contact_from_the_start_that_rounding_delays() -> None:
+    """Damping has no force but rounding at the start; the spring presses from then on.
+
+    The rest was said to begin at 0 exactly: at 7.9e-17 by the numbers as they are.
+    """
+    C = np.diag([0.1 * 0.55, 0.1 * 0.79]).tolist()
+    document = stack([0.55, 0.79], [1.0, 0.0], 0.0, K=[[10.0, 0.0], [0.0, 0.0]], C=C)
+    document |= {"force": [-9.81 * 0.55, -9.81 * 0.79], "v": [0.5, -1.0], "t": [0.1], "t_end": 0.1}
+    result = solve(document)
+    assert result.contact_rest is not None
+    assert result.error_contact_rest is not None
+    late = float(truth(document).contacts[0].rest) - float(result.contact_rest[0])
+    assert 0.0 < late <= float(result.error_contact_rest[0]) < 1e-12
