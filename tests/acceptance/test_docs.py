@@ -105,7 +105,7 @@ def test_curl_and_javascript_alone(service: Service, tmp_path: Path) -> None:
     service.wait_ready()
     environment = {**os.environ, "VIBROIMPACT_URL": service.url}
     shell = "set -e\n" + _script("docs/stories/http.md", "bash")
-    subprocess.run(["bash", "-c", shell], cwd=tmp_path, env=environment, check=True, timeout=200)
+    subprocess.run(["bash", "-c", shell], cwd=tmp_path, env=environment, check=True, timeout=1000)
     answer = json.loads((tmp_path / "answer.json").read_text())
     assert answer["momentum"] == json.loads((tmp_path / "result.json").read_text())["momentum"]
     assert (tmp_path / "answer.h5").read_bytes().startswith(b"\x89HDF")
@@ -114,7 +114,7 @@ def test_curl_and_javascript_alone(service: Service, tmp_path: Path) -> None:
     (tmp_path / "run.mjs").write_text(_script("docs/stories/http.md", "javascript"))
     done = subprocess.run(
         ["node", "run.mjs"], cwd=tmp_path, env=environment, check=True, capture_output=True,
-        text=True, timeout=200,
+        text=True, timeout=1000,
     )  # fmt: skip
     assert "succeeded 1 / 1" in done.stdout
     assert f"impact-modes {answer['digest'][:12]}" in done.stdout

@@ -202,7 +202,7 @@ def test_memory_does_not_grow_with_the_length_of_the_motion(store: Store) -> Non
     ]
     done = subprocess.run(
         [sys.executable, "-c", MEASURE, store.url, json.dumps(bodies)],
-        capture_output=True, text=True, check=False, timeout=270,
+        capture_output=True, text=True, check=False, timeout=1000,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     peaks, sizes, windows = json.loads(done.stdout)

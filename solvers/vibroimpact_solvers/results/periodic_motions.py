@@ -70,7 +70,7 @@ class Result:
         Quantity(("frequency",), "time-1", "frequency of the drive", True, path="frequency/Omega"),
     ]
     complete: Annotated[
-        Booleans,
+        Booleans | None,
         Quantity(
             ("frequency",), "1", "whether no motion with these impacts can be missing",
             path="frequency/complete", flags=NO_YES,
