@@ -60,7 +60,7 @@ def start(data: Path) -> tuple[subprocess.Popen[bytes], str, dict[str, str]]:
         stdout=subprocess.DEVNULL,
         stderr=(data / "stderr.txt").open("wb"),
     )
-    note, end = data / "service.json", time.monotonic() + 60
+    note, end = data / "service.json", time.monotonic() + 600
     while not note.exists():
         if process.poll() is not None or time.monotonic() > end:
             sys.exit((data / "stderr.txt").read_text())
