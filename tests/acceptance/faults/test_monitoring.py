@@ -90,6 +90,11 @@ class Cluster:
         targets = [f"127.0.0.1:{port}" for port in self.ports.values()]
         self.prometheus = Prometheus(folder / "prometheus", targets, **THRESHOLDS)
         opened.callback(self.prometheus.end)
+        # What counts from 0 has no increase to one that has not read the 0.
+        until(
+            lambda: {each["health"] for each in self.prometheus.targets()} == {"up"},
+            "Prometheus does not read the replicas",
+        )
 
     def _key(self, *arguments: str) -> str:
         created = subprocess.run(
