@@ -1,8 +1,8 @@
 """Estimated time of a plan on one core: measured rates for the operations of its steps.
 
 `rates` has the constants, which ``python -m benchmarks.prices --calibrate`` writes. They are no
-bounds: half of the honest requests take between half and twice as long (`docs/benchmarks.md`), and
-what takes much longer is ended by the meter of the computation.
+bounds: about half of the honest requests take between half and twice as long (the table is in
+`docs/service/operation.md`), and what takes much longer is ended by the meter of the computation.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from vibroimpact_service.jobs.work import WorkerLostError
 
@@ -13,6 +13,8 @@ _WAIT_SECONDS: Final = 2.0
 _SILENT_SECONDS: Final = 13.0
 _CHECK_SECONDS: Final = 4.0
 _MOST: Final = 1000
+
+_Value = TypeVar("_Value")
 
 
 class Deaths:
@@ -39,14 +41,10 @@ class Deaths:
             if "why" in message:
                 self._counted(message["cause"])
                 self._alive.pop(message["worker"], None)
-                self._deaths[message["worker"]] = message["why"], message["own"]
-                if len(self._deaths) > _MOST:
-                    del self._deaths[next(iter(self._deaths))]
+                _keep(self._deaths, message["worker"], (message["why"], message["own"]))
                 self._changed.notify_all()
             elif "slow" in message:
-                self._slow[message["worker"]] = message["slow"]
-                if len(self._slow) > _MOST:
-                    del self._slow[next(iter(self._slow))]
+                _keep(self._slow, message["worker"], message["slow"])
             else:
                 self._alive[message["worker"]] = time.monotonic()
 
@@ -75,3 +73,10 @@ class Deaths:
                 del self._alive[each]
                 self._counted("silent")
         return silent
+
+
+def _keep(known: dict[str, _Value], worker: str, value: _Value) -> None:
+    """Note something of a worker; what was noted first goes where there is too much."""
+    known[worker] = value
+    if len(known) > _MOST:
+        del known[next(iter(known))]

@@ -18,7 +18,7 @@ damping); then p = (wall - level) / g, at any phase.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,21 +87,16 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> tuple[Solutions, 
         with np.errstate(invalid="ignore"):
             Q = Y * (1.0 + 1j * turning * (c * g)[:, np.newaxis])
         clear = held & np.isfinite(Q).all(axis=1) & (np.abs(denominator) > doubt)
+        law = _Law(
+            cells.Omega, driven.harmonics, Y, Y_error, g, g_error, c, doubt / (1.0 + k),
+            wall, wall_error,
+        )  # fmt: skip
         walls = np.full(g.size, wall)
         index, rough = roots(Q, walls, driven.harmonics, clear)
-        rates = turning * np.abs(Y)
-        with np.errstate(invalid="ignore"):
-            largest = np.abs(c) * rates.sum(axis=1)  # impulse
-            at_wall = Y_error.sum(axis=1) + largest * g_error + wall_error
-            of_law = (turning * Y_error).sum(axis=1) + largest * doubt / (1.0 + k)
-            unsure = 2.0 * (at_wall + np.abs(c * g) * of_law)  # as c may be half of the true one
         complete = clear & (np.abs(denominator) > 2.0 * doubt)
-        complete &= ~about_to_meet(Q, walls, driven.harmonics, unsure, complete)
+        complete &= ~about_to_meet(Q, walls, driven.harmonics, law.largest_doubt(), complete)
         complete |= not held  # one impact a period moves a free body on
-        law = _Law(
-            cells.Omega[index], driven.harmonics, Y[index], Y_error[index], g[index],
-            g_error[index], c[index], (doubt / (1.0 + k))[index], wall, wall_error,
-        )  # fmt: skip
+        law = law.at(index)
         phase, p, phase_error, p_error = law.solved(rough)
     velocity = -p * mu / (1.0 + k)
     state = response.after[index]
@@ -123,10 +118,11 @@ class _Law:
 
     Parameters
     ----------
-    Omega : array, shape (solution,)
+    Omega : array, shape (row,)
+        Rows are frequencies, or the solutions at them.
     harmonics : array, shape (harmonic,)
-    Y, Y_error : array, shape (solution, harmonic)
-    g, g_error, c, inertia_error : array, shape (solution,)
+    Y, Y_error : array, shape (row, harmonic)
+    g, g_error, c, inertia_error : array, shape (row,)
         The error is that of 1 / c.
     wall, wall_error : float
     """
@@ -141,6 +137,27 @@ class _Law:
     inertia_error: Floats
     wall: float
     wall_error: float
+
+    def at(self, index: Integers) -> _Law:
+        """Return some of the rows, each as often as it is listed."""
+        fields = ("Omega", "Y", "Y_error", "g", "g_error", "c", "inertia_error")
+        return replace(self, **{name: getattr(self, name)[index] for name in fields})
+
+    def doubts(self, impulses: Floats) -> tuple[Floats, Floats]:
+        """Return the errors of both equations where impulses are of these magnitudes, (row,)."""
+        turning = self.Omega[:, np.newaxis] * self.harmonics
+        at_wall = self.Y_error.sum(axis=1) + impulses * self.g_error + self.wall_error
+        return at_wall, (turning * self.Y_error).sum(axis=1) + impulses * self.inertia_error
+
+    def largest_doubt(self) -> Floats:
+        """Return the error of the equation of phases, whatever the phase is, shape (row,).
+
+        It holds where c is half of the true one, too.
+        """
+        with np.errstate(invalid="ignore"):
+            turning = self.Omega[:, np.newaxis] * self.harmonics
+            at_wall, of_law = self.doubts(np.abs(self.c) * (turning * np.abs(self.Y)).sum(axis=1))
+            return np.asarray(2.0 * (at_wall + np.abs(self.c * self.g) * of_law))
 
     def along(self, phases: Wide) -> tuple[Wide, Wide, Wide]:
         """Return y, y' and the derivative of y' by the phase, without rounding of angles."""
@@ -169,10 +186,9 @@ class _Law:
         wide = wide + step
         v, a = (part.astype(np.float64) for part in self.along(wide)[1:])
         p = c * v
-        at_wall = self.Y_error.sum(axis=1) + np.abs(p) * self.g_error + self.wall_error
+        at_wall, of_law = self.doubts(np.abs(p))
         at_wall += WIDE * (abs(self.wall) + terms @ (1.0 + 2.0 * np.pi * h))
         at_wall += left_over(value, step, bend)
-        of_law = (turning * self.Y_error).sum(axis=1) + np.abs(p) * self.inertia_error
         doubt = at_wall + np.abs(c * g) * of_law
         late = lateness(slope, bend, doubt)
         with np.errstate(divide="ignore", invalid="ignore"):
