@@ -8,12 +8,12 @@ nonnegative least squares, energies are those of masses and velocities.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 import scipy.linalg
-import scipy.optimize
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -22,6 +22,22 @@ from vibroimpact_solvers.kernels.impact_law import impulses
 
 SEEDS = st.integers(0, 2**32 - 1)
 MANY = settings(max_examples=300, deadline=None)
+
+
+def pushed(N: Floats, velocity: Floats) -> Floats:
+    """Return the impulses that take all velocity towards walls: ``|velocity - N P|`` is least.
+
+    Of all sets of walls that may push, that which leaves least: `scipy.optimize.nnls` 1.17 returns
+    something else where a pair of impulses is zero at the solution.
+    """
+    m, least, best = N.shape[1], np.inf, np.zeros(N.shape[1])
+    for chosen in itertools.product((False, True), repeat=m):
+        P = np.zeros(m)
+        P[list(chosen)] = np.linalg.lstsq(N[:, chosen], velocity, rcond=None)[0]
+        left = float(np.linalg.norm(velocity - N @ P))
+        if (P >= 0.0).all() and left < least:
+            least, best = left, P
+    return best
 
 
 @dataclass(frozen=True)
@@ -48,7 +64,7 @@ class Blow:
     @property
     def restitution(self) -> Floats:
         """Random k, some of them at the ends of their range."""
-        rng = np.random.default_rng(abs(hash(self.v.tobytes())) % 2**32)
+        rng = np.random.default_rng(self.v.view(np.uint64))
         k = rng.random(self.sides.size)
         return np.where(rng.random(k.size) < 0.3, rng.choice([0.0, 1.0], k.size), k)
 
@@ -80,16 +96,16 @@ class Blow:
     def poisson(self, k: Floats) -> Floats:
         """Return velocities by Poisson's law."""
         N, velocity = self.normals
-        inelastic, _ = scipy.optimize.nnls(N, velocity)
+        inelastic = pushed(N, velocity)
         velocity = velocity - N @ ((1.0 + k) * inelastic)
-        more, _ = scipy.optimize.nnls(N, velocity)
+        more = pushed(N, velocity)
         return self._back(velocity - N @ more)
 
     def moreau(self) -> Floats:
         """Return velocities by Moreau's law with k = 1."""
         N, velocity = self.normals
         while (N.T @ velocity).max() > 1e-12 * np.linalg.norm(velocity) * np.abs(N).max():
-            inelastic, _ = scipy.optimize.nnls(N, velocity)
+            inelastic = pushed(N, velocity)
             velocity = velocity - 2.0 * N @ inelastic
         return self._back(velocity)
 
