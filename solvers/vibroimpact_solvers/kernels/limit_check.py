@@ -28,9 +28,11 @@ from vibroimpact_solvers.kernels.flow import EVEN, ODD, Z1, Z2, Flow, set_propag
 from vibroimpact_solvers.kernels.jit import inner, kernel, record
 
 KEPT: Final = 0
-PASSED: Final = 1
-UNDECIDED: Final = 2
-"""Verdicts; undecided is a touch that the error of the coordinate does not tell from a passage."""
+TOUCHED: Final = 1
+BEYOND: Final = 2
+PASSED: Final = 3
+"""Verdicts, the worse the larger; within the error of a wall, likely before or beyond it, none is
+sure."""
 
 VERDICT: Final = record([("kind", "i8"), ("constraint", "i8"), ("time", "f8")])
 """A verdict, the constraint that it is about, and when its limit is passed or touched."""
@@ -45,6 +47,7 @@ BEND: Final = 1
 
 _SHORT = 1e-7  # of the free motion: steps that the search takes without proof near a touch
 _MOST = 1_000_000  # steps
+_LIKELY = 1.0 / 16.0  # of the stated error, which the true one is mostly a hundredth of
 
 
 class Coordinates(NamedTuple):
@@ -182,8 +185,9 @@ def _passed(
             over = sign * (motion.y[i] - c.walls[side, i])
             if over > f.error[k, i]:
                 return PASSED, i
-            if over > -f.error[k, i]:
-                verdict, which = UNDECIDED, i
+            here = BEYOND if over > _LIKELY * f.error[k, i] else TOUCHED
+            if over > -f.error[k, i] and here > verdict:
+                verdict, which = here, i
     return verdict, which
 
 
@@ -237,7 +241,7 @@ def check_limits(flow: Flow, c: Coordinates, f: FreeMotions, verdicts: NDArray[n
             _set_motion(flow, c, f, k, t, propagator, motion)
             steps += 1
             verdict, which = _passed(c, f, k, t, tail, motion)
-            if verdict != KEPT and decided.kind != PASSED:
+            if verdict > decided.kind:
                 decided.kind, decided.constraint, decided.time = verdict, which, t
             if verdict == PASSED:
                 break
@@ -245,7 +249,7 @@ def check_limits(flow: Flow, c: Coordinates, f: FreeMotions, verdicts: NDArray[n
             while h > _SHORT * length and not _step_keeps(c, f, k, t, h, tail, motion):
                 h *= 0.5
             t += max(h, min(_SHORT * length, length - t))
-        if steps == _MOST:
-            decided.kind = UNDECIDED
+        if steps == _MOST and decided.kind < TOUCHED:
+            decided.kind = TOUCHED
         total += steps
     return total

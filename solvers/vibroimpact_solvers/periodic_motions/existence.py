@@ -8,9 +8,10 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers
 from vibroimpact_solvers.kernels.limit_check import (
+    BEYOND,
+    KEPT,
     LOWER,
     PASSED,
-    UNDECIDED,
     UPPER,
     VERDICT,
     FreeMotions,
@@ -65,9 +66,9 @@ def verdicts(problem: Problem, driven: Driven, cells: Cells, solved: Solutions) 
     if checked.size:
         some = solved.at(checked)
         verdict, which, at = _check(problem, driven, cells, some, impacts)
-        reason[checked[verdict == PASSED]] = Reason.PENETRATION
+        reason[checked[verdict >= BEYOND]] = Reason.PENETRATION
         witness[checked], constraint[checked] = at, which
-        certified[checked] &= verdict != UNDECIDED
+        certified[checked] &= (verdict == KEPT) | (verdict == PASSED)
     return Verdicts(reason, witness, constraint, certified)
 
 
@@ -96,9 +97,7 @@ def _check(
     kinds, which, times = (
         decided[name].reshape(count, legs) for name in ("kind", "constraint", "time")
     )
-    # The worst of a solution's free motions speaks for it.
-    severity = np.select([kinds == PASSED, kinds == UNDECIDED], [2, 1], 0)
-    worst, row = severity.argmax(axis=1), np.arange(count)
+    worst, row = kinds.argmax(axis=1), np.arange(count)  # of a solution's free motions
     starts = solved.phase if solved.phase.size else np.zeros((count, 1))
     phase = starts[row, worst] + times[row, worst] * (cells.Omega[solved.index])
     return kinds[row, worst], which[row, worst], np.mod(phase / (2.0 * np.pi * problem.periods), 1)

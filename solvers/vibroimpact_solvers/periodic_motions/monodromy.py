@@ -6,10 +6,10 @@ product of the flows of all free motions and of the saltation matrices of the im
 eigenvectors V, and ``V^-1 M V = rho + R`` computed factor by factor, the diagonal of R improves
 them; what is off the diagonal matters to second order,
 
-    sum_j |R_ij R_ji| / |rho_i - rho_j|,   at most sum_j |R_ij|,
+    sum_j min(2 |R_ij R_ji| / |rho_i - rho_j|, sqrt |R_ij R_ji|),
 
-and errors of flows and jumps to first order, between left and right eigenvectors that have been
-carried to where they act.
+which bounds what two values do to one another however close they are, and errors of flows and jumps
+to first order, between left and right eigenvectors that have been carried to where they act.
 """
 
 from __future__ import annotations
@@ -147,7 +147,7 @@ def eigenvalues(factors: Factors) -> tuple[Complexes, Floats]:
     np.fill_diagonal(apart, np.inf)
     sizes = np.abs(R)
     with np.errstate(divide="ignore", invalid="ignore"):
-        both = np.where(sizes * sizes.T == 0.0, 0.0, sizes * sizes.T / apart)
+        both = np.where(sizes * sizes.T == 0.0, 0.0, 2.0 * sizes * sizes.T / apart)
     errors = np.minimum(np.sqrt(sizes * sizes.T), both).sum(axis=1)
     left = inverse.T.astype(np.complex128).reshape(2, modes, size)
     # Eigenvectors of what has decayed may be almost parallel, and products of their inverse without

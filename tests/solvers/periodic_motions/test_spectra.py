@@ -334,3 +334,47 @@ def test_multipliers_of_what_has_decayed_are_unknown_without_a_warning() -> None
     values, errors = monodromy.eigenvalues(factors)
     assert not np.isnan(errors).any()
     assert np.isinf(errors).all() or (np.abs(values) <= errors).all()
+
+
+@pytest.mark.parametrize("turn", np.linspace(0.0, 3.0, 7))
+@pytest.mark.parametrize("size", [0.01, 0.5, 1.0, 2.0])
+def test_two_values_that_eigenvectors_leave_coupled(
+    size: float, turn: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """``[[1, b], [c, -1]]`` has ``sqrt(1 + b c)``; eigenvectors that rounding spoils leave b, c."""
+    couples = size * np.exp(1j * turn)
+    matrix = np.array([[1.0, couples], [1.0, -1.0]])
+    zeros = np.zeros((1, 2, 2))
+    factors = monodromy.Factors(
+        matrix[np.newaxis, ..., np.newaxis], np.zeros((1, 1)), zeros[..., np.newaxis],
+        zeros[..., np.newaxis], zeros, zeros, 0.0,
+    )  # fmt: skip
+    spoilt = np.array([1.0, -1.0], dtype=np.complex128), np.eye(2, dtype=np.complex128)
+    monkeypatch.setattr(np.linalg, "eig", lambda _: spoilt)
+    values, errors = monodromy.eigenvalues(factors)
+    exact = np.sqrt(1.0 + couples) * np.array([1.0, -1.0])
+    assert sorted(values.real) == [-1.0, 1.0]
+    assert (np.abs(values - exact * np.sign(values.real * exact.real)) <= errors).all()
+    assert (errors <= 2.0 * np.sqrt(size) + 1e-14).all()
+
+
+def test_what_is_likely_beyond_a_wall_is_no_motion_though_it_is_not_certain() -> None:
+    """Close beside the resonance of a mode without damping: .076 too far, known to .6."""
+    C = np.array(
+        [[0.2660769237997415, 0.21548483265472024], [0.21548483265472024, 0.17451236447389315]]
+    )
+    wall = Constraint((0,), (1.0,), None, 1.0, 0.0)
+    M, C, K = (
+        SymmetricMatrix.dense(A) for A in (np.eye(2), C, np.diag([2.301, 2.301000009078063]))
+    )
+    load = (driven.Force((0,), (2.3470235315751102,), 1.0),)
+    result = solved(
+        driven.Problem(System(M, K, (wall,), C=C), np.array([1.5169048195828825]), load)
+    )
+    beyond = np.flatnonzero(result.solution_impacts)[0]
+    assert result.solution_x_max is not None
+    assert result.error_x_max is not None
+    assert 1.05 < result.solution_x_max[beyond, 0] < 1.1
+    assert result.error_x_max[beyond, 0] > 0.3
+    assert result.solution_reason[beyond] == Reason.PENETRATION
+    assert not result.solution_certified[beyond]
