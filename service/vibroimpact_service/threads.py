@@ -34,6 +34,8 @@ _PAGE_BYTES: Final = os.sysconf("SC_PAGE_SIZE")
 _LARGE_BODIES: Final = 2
 SUBMISSION_SECONDS: Final = 0.25
 """Time after which a job that is computed while it is submitted goes to the queue instead."""
+_CROWDED: Final = 0.25
+"""Part of the longest wait for a thread after which those that hold one for too long give it up."""
 _SUBMISSIONS: Final = 16
 """Computations waiting for each thread up to which jobs are computed while they are submitted: at
 some milliseconds each, the way through the queue and the workers takes longer than waiting."""
@@ -63,12 +65,20 @@ class _Pool:
     @property
     def saturated(self) -> bool:
         """Whether the first in the row has waited for too long, or the row is too long."""
+        return self._waits > self._seconds or self.unfinished >= self._most
+
+    @property
+    def crowded(self) -> bool:
+        """Whether the first in the row has waited for some time."""
+        return self._waits > _CROWDED * self._seconds
+
+    @property
+    def _waits(self) -> float:
+        """How long the first in the row has waited."""
         try:
-            began = next(iter(self._handed.values()))
+            return time.monotonic() - next(iter(self._handed.values()))
         except (StopIteration, RuntimeError):  # there is none, or a thread takes it just now
-            return self.unfinished >= self._most
-        late = time.monotonic() - began > self._seconds
-        return late or self.unfinished >= self._most
+            return 0.0
 
     def run(self, work: Callable[[], Value]) -> asyncio.Future[Value]:
         """Return what a function returns, called in a thread; as `Threads.run`."""
@@ -231,7 +241,8 @@ class Threads:
         name : str
             Digest of the result.
         work : callable
-            Stopped by the signal that it gets, after ``inline_overrun_seconds`` at the latest.
+            Stopped by the signal that it gets, after ``inline_overrun_seconds`` at the latest;
+            after ``inline_seconds``, for which it was planned at most, where others wait.
         seconds : float, optional
             How long to wait; where nobody waits for longer, the computation is stopped then.
 
@@ -249,7 +260,7 @@ class Threads:
         shared = running is not None
         if running is None:
             limit = self._settings.inline_overrun_seconds
-            signal = StopSignal(limit, cancelled=self._must_stop)
+            signal = StopSignal(limit, cancelled=lambda: self._must_stop(signal))
             running = _Running(self._in(self._computing, lambda: work(signal)), signal)
             self._running[name] = running
             running.future.add_done_callback(lambda future: self._finish(name, future))
@@ -269,10 +280,15 @@ class Threads:
             raise StoppedError
         return running.future.result(), shared
 
-    def _must_stop(self) -> bool:
-        """Whether computations are given up: the service ends, or its process grows too large."""
-        if self._closed or not _STATM.exists():
-            return self._closed
+    def _must_stop(self, signal: StopSignal) -> bool:
+        """Whether a computation is given up.
+
+        The service ends, others wait for its thread longer than planned, or the process grows
+        too large.
+        """
+        late = signal.running_seconds > self._settings.inline_seconds and self._computing.crowded
+        if self._closed or late or not _STATM.exists():
+            return self._closed or late
         pages = int(_STATM.read_text().split()[1])
         return pages * _PAGE_BYTES > self._settings.inline_memory_bytes
 

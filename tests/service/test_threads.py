@@ -282,6 +282,28 @@ def test_who_waits_for_too_long_is_told_and_so_are_new_ones(make: Callable[..., 
     run(scenario())
 
 
+def test_a_thread_is_given_up_to_who_waits_once_its_time_is_over(
+    make: Callable[..., Threads],
+) -> None:
+    """Without others it goes on; here until `inline_overrun_seconds`, which are ten."""
+    threads = make(1, inline_seconds=0.3)
+
+    def long(tick: StopSignal) -> None:
+        while True:
+            tick(0, 1)
+            time.sleep(0.01)
+
+    async def scenario() -> None:
+        alone = asyncio.ensure_future(threads.once("alone", long))
+        await asyncio.sleep(1.0)
+        assert not alone.done()
+        assert await threads.once("other", lambda _tick: True) == (True, False)
+        with pytest.raises(StoppedError):
+            await alone
+
+    run(scenario())
+
+
 def test_new_work_is_refused_while_old_work_waits(
     make: Callable[..., Threads], monkeypatch: pytest.MonkeyPatch
 ) -> None:

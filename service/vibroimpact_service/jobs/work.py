@@ -68,11 +68,16 @@ class StopSignal:
         enforce: Callable[[float], None] | None = None,
     ) -> None:
         self._seconds, self._cancelled, self._enforce = seconds, cancelled, enforce
-        self._end: float | None = None
+        self._began: float | None = None
         self._processor_end = math.inf
         self._next_check = time.monotonic() + _CANCELLED_SECONDS
         self.stopped = False
         self.wanted = True
+
+    @property
+    def running_seconds(self) -> float:
+        """Time since the first progress."""
+        return 0.0 if self._began is None else time.monotonic() - self._began
 
     def stop(self) -> None:
         """Stop the computation at its next progress."""
@@ -95,12 +100,12 @@ class StopSignal:
         if meter.processor_time() > self._processor_end:
             raise LimitPassedError
         now = time.monotonic()
-        if self._end is None:
-            self._end = now + self._seconds
+        if self._began is None:
+            self._began = now
         if self._cancelled is not None and now >= self._next_check:
             self._next_check = now + _CANCELLED_SECONDS
             self.stopped = self.stopped or self._cancelled()
-        if self.stopped or now > self._end:
+        if self.stopped or now > self._began + self._seconds:
             raise StoppedError
 
 
