@@ -126,6 +126,7 @@ class Engine:
         self._closing = threading.Event()
         self._thread: threading.Thread | None = None
         self._cancelled: dict[str, float] = {}
+        self._open: dict[str, str] = {}  # the key of each call that has not ended -> its queue
         self._deaths = Deaths((metrics or JobMetrics()).worker_died)
         self.workers = 0
         self.failure: str | None = None
@@ -183,8 +184,24 @@ class Engine:
             priority=priority,
             pure=False,
         )
+        self._open[key] = queue
+        call.add_done_callback(lambda _: self._open.pop(key, None))
         call.add_done_callback(ended)
         return call
+
+    def ahead(self, job: str) -> int:
+        """Return how many calls were sent before all those of a run that have not ended.
+
+        Parameters
+        ----------
+        job : str
+            The run's first job, with which the keys of its calls begin.
+        """
+        calls = list(self._open.items())
+        for place, (key, queue) in enumerate(calls):
+            if key.startswith(job):
+                return sum(other == queue for _, other in calls[:place])
+        return 0
 
     async def run(self, function: Callable[..., Any], *args: Any) -> Any:
         """Return the value of a quick call.

@@ -293,7 +293,12 @@ class JobQueue:
                     continue
 
     def waiting_reason(self, job: JobRow, position: int) -> str | None:
-        """Return why a job is not running yet, in words."""
+        """Return why a job is not computed yet, in words."""
+        if job.state == "running":
+            ahead = self._runner.ahead(job.id)
+            busy = ahead >= self.engine.workers
+            parts = "1 part of other jobs goes" if ahead == 1 else f"{ahead} parts of other jobs go"
+            return f"the workers are busy: {parts} first" if busy else None
         if job.state != "queued":
             return None
         if job.waiting_note is not None:

@@ -60,6 +60,11 @@ class Runner:
         """Return the results that are being computed."""
         return {job.result for run in tuple(self._runs) for job in run.jobs.values()}
 
+    def ahead(self, job: str) -> int:
+        """Return how many calls for other jobs the workers have before those for a job."""
+        firsts = [next(iter(run.jobs)) for run in tuple(self._runs) if job in run.jobs]
+        return max(map(self._engine.ahead, firsts), default=0)
+
     def claims_lost(self, lost: Collection[str]) -> None:
         """Stop the runs of jobs whose claim is lost."""
         for run in tuple(self._runs):

@@ -271,6 +271,25 @@ def test_a_waiting_job_says_why_and_where(place: Place) -> None:
     run(scenario, place)
 
 
+def test_a_job_that_waits_for_a_worker_says_so(place: Place) -> None:
+    """It is running, which is that a process has claimed it."""
+
+    async def scenario(b: Bench) -> None:
+        long = await b.submit(n=10, chunk=10, sleep=5.0, seconds=5.0)
+        while (await b.queue.get("ann", long.id)).phase != "computing":
+            await asyncio.sleep(0.02)
+        short = await b.submit(n=10, sleep=0.0, seconds=5.0, salt=1)
+        told = set()
+        while not (row := await b.queue.get("ann", short.id)).final:
+            told.add(b.queue.waiting_reason(row, 0) if row.state == "running" else None)
+            assert b.queue.waiting_reason(await b.queue.get("ann", long.id), 0) is None
+            await asyncio.sleep(0.02)
+        assert "the workers are busy: 1 part of other jobs goes first" in told
+        assert (await b.queue.get("ann", long.id)).state == "succeeded"
+
+    run(scenario, place)
+
+
 def test_a_restart_goes_on_from_the_chunks_that_are_there(place: Place) -> None:
     log = place.folder / "log"
 
