@@ -229,7 +229,7 @@ class JobQueue:
 
         It is cancelled when this returns. Calls that compute it stop soon after.
         """
-        row, ended = await self._records.write(claims.cancel, owner, job)
+        row, ended = await self._records.end(claims.cancel, owner, job)
         if row is not None and ended:
             self.metrics.finished([row])
         if row is not None and row.final:
@@ -239,7 +239,7 @@ class JobQueue:
 
     async def hold(self, owner: str, job: str) -> JobRow | None:
         """Keep a job from running; return it, or None where that owner has no such job."""
-        row = await self._records.write(control.hold, owner, job)
+        row = await self._records.end(control.hold, owner, job)
         if row is not None and row.state == "queued":
             self._runner.claims_lost({job})
         self._watch.notify([job])

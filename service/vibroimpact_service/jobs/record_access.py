@@ -15,6 +15,7 @@ from typing import Any, Final, NamedTuple, TypeVar, TypeVarTuple
 from sqlalchemy.engine import Connection, Engine
 
 from vibroimpact_service.jobs.database import RecordsUnavailableError, failing, reader
+from vibroimpact_service.jobs.reserve import Reserve
 from vibroimpact_service.store import StoreFullError
 from vibroimpact_service.store.silence import Silence
 
@@ -40,6 +41,8 @@ class _Write(NamedTuple):
     future: Future[Any]
     trial: bool
     """Whether it is the one that tries a silent server."""
+    reserved: bool = False
+    """Whether it may use the room that is kept for it where there is no other."""
 
 
 @cache
@@ -55,7 +58,8 @@ class RecordAccess:
     `records` and `claims`. All methods raise `RecordsUnavailableError` and `StoreFullError`.
 
     A write is done only after its transaction was committed. Where one operation of a group
-    fails, the group is rolled back and each operation is repeated alone.
+    fails, the group is rolled back and each operation is repeated alone. Those that end work may
+    use what is kept of a disk that is full (`reserve`).
 
     Of a server that is known to be silent, which one of them learns for all of the process, only
     one now and then waits; the others have their error at once.
@@ -72,7 +76,8 @@ class RecordAccess:
     ) -> None:
         self.database, self._measured = database, measured
         self._reader = reader(database)
-        self._silence = _silence_of(str(database.url))
+        self._silence, self._reserve = _silence_of(str(database.url)), Reserve(database)
+        self._reserve.keep()
         self._threads = ThreadPoolExecutor(_READERS, "records")
         self._waiting: queue.SimpleQueue[_Write | None]
         self._waiting = queue.SimpleQueue()
@@ -81,7 +86,10 @@ class RecordAccess:
         self._writer.start()
 
     def submit(
-        self, operation: Callable[[Connection, *Arguments], Value], *args: *Arguments
+        self,
+        operation: Callable[[Connection, *Arguments], Value],
+        *args: *Arguments,
+        reserved: bool = False,
     ) -> Future[Value]:
         """Queue an operation; its future is done once it is durable.
 
@@ -95,8 +103,8 @@ class RecordAccess:
             elif not self._silence.admits():
                 future.set_exception(RecordsUnavailableError(_UNREACHED))
             else:
-                write = _Write(lambda connection: operation(connection, *args), future, trial)
-                self._waiting.put(write)
+                work = _Write(lambda c: operation(c, *args), future, trial, reserved)
+                self._waiting.put(work)
         return future
 
     def write_now(
@@ -110,6 +118,12 @@ class RecordAccess:
     ) -> Value:
         """Return the value of an operation, once it is durable."""
         return await asyncio.wrap_future(self.submit(operation, *args))
+
+    async def end(
+        self, operation: Callable[[Connection, *Arguments], Value], *args: *Arguments
+    ) -> Value:
+        """As `write`, of an operation that ends work: also where the disk is full."""
+        return await asyncio.wrap_future(self.submit(operation, *args, reserved=True))
 
     def read_now(
         self, query: Callable[[Connection, *Arguments], Value], *args: *Arguments
@@ -209,6 +223,10 @@ class RecordAccess:
             ):
                 values = [item.operation(connection) for item in group]
         except (RecordsUnavailableError, StoreFullError) as error:
+            ends = [item._replace(reserved=False) for item in group if item.reserved]
+            if ends and isinstance(error, StoreFullError) and self._reserve.spend():
+                self._commit(ends)
+                group = [item for item in group if not item.reserved]
             # No single operation is to blame, so repeating each alone would only take longer.
             for item in group:
                 item.future.set_exception(error)
@@ -222,3 +240,4 @@ class RecordAccess:
             return
         for item, value in zip(group, values, strict=True):
             item.future.set_result(value)
+        self._reserve.keep()

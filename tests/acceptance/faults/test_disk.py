@@ -61,3 +61,25 @@ def test_a_full_disk(
     user.check()
     # What failed on the full disk was begun again, but not what had been stored before.
     record.check()
+
+
+def test_jobs_are_cancelled_on_a_full_disk(
+    started: Callable[[Any], Any], record: Record, small_disk: Path
+) -> None:
+    """The database is on it, as the whole data folder is."""
+    replica = started(Replica(small_disk / "data", record))
+    until(replica.ready, "no workers")
+    bodies = [{"kind": "impact-modes", "request": sweep(f)} for f in (0.6, 0.7, 0.8)]
+    jobs = [replica.http.post("/v1/jobs", json=body).json()["id"] for body in bodies]
+    until(record.begun, "nothing begins")
+    filler = small_disk / "filler"
+    with filler.open("wb", buffering=0) as file, contextlib.suppress(OSError):
+        while True:
+            file.write(bytes(4096))
+    for job in jobs:
+        ended = replica.http.delete(f"/v1/jobs/{job}")
+        assert (ended.status_code, ended.json()["state"]) == (200, "cancelled"), ended.text
+    filler.unlink()
+    until(replica.ready, "it is not ready though there is room")
+    for job in jobs:
+        assert replica.http.get(f"/v1/jobs/{job}").json()["state"] == "cancelled"
