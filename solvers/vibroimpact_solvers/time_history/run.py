@@ -33,7 +33,7 @@ NO_START: Final = np.zeros((0, 0))
 _CONVERTED = 2.0  # roundings of a state that goes on as another one
 _ROWS = 4096  # of the table that the compiled loop fills
 WORK = 5_000_000  # between two ticks, of `kernels.rigid_state.PIECE`: some 5 ms
-_SWITCHES = 50  # contacts that may begin and end at one and the same time
+_SWITCHES = 50  # contacts that may begin and end at one time, as far as that is known
 _REPEATED = 10  # of them, after which slow impacts at that time are taken for rounding
 _SLOW = 1e-9  # speed of slow impacts over the velocities that it is made of, or
 _ROUNDED = 32.0 * EPS  # over the largest velocity of the motion so far
@@ -354,7 +354,7 @@ class Run:
         self.Z[0] = self.structure.state_of(configuration, x, v, loads)
         configuration.basis.doubt_loads(self.Z)
         time, count = self._switched
-        self._switched = (self.now, count + 1 if self.now == time else 1)
+        self._switched = (time, count + 1) if self._at_once(time) else (self.now, 1)
         if self._switched[1] > _SWITCHES:
             raise self._too_many(self._switched[1])
 
@@ -540,6 +540,10 @@ class Run:
         row["deviation"] = max(growth, self.growth)
         self._add_impact(row)
 
+    def _at_once(self, time: float) -> bool:
+        """Return whether no rounding of the motion tells a time from now."""
+        return self.now - time <= EPS * max(1.0, self.now)
+
     def _repeats(self, speed: float, constraint: int, v: Floats) -> bool:
         """Return whether an impact is one of many at this time, with a speed that is rounding."""
         time, count = self._switched
@@ -547,7 +551,7 @@ class Run:
         largest = float(self.progress_row["largest"])
         largest *= math.sqrt(float(self.structure.mobility[constraint, constraint]))
         slow = speed <= max(_SLOW * among, _ROUNDED * largest)
-        return self.now == time and count > _REPEATED and slow
+        return self._at_once(time) and count > _REPEATED and slow
 
     def _answer_rounding(self, struck: Contact, other: Contact) -> float:
         """Return the rounding of the part of an impulse that a contact answers."""

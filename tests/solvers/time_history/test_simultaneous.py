@@ -13,6 +13,7 @@ from tests.truth.sets import SETS
 from tests.truth.structures import Document
 from vibroimpact_solvers import ensemble
 from vibroimpact_solvers import time_history as th
+from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.kernels.rigid_motion import follow
 from vibroimpact_solvers.results.time_history import LAWS
 from vibroimpact_solvers.time_history import run
@@ -333,3 +334,24 @@ def test_a_contact_from_the_start_that_rounding_delays() -> None:
     assert result.error_contact_rest is not None
     late = float(truth(document).contacts[0].rest) - float(result.contact_rest[0])
     assert 0.0 < late <= float(result.error_contact_rest[0]) < 1e-12
+
+
+def test_impacts_of_rounding_that_follow_one_another_faster_than_time_is_known() -> None:
+    """Three walls at the origin of a free body; each impact is 5e-29 after the one before."""
+    directions = [[2.0, -1.0, 2.0], [-1.0, -1.0, -2.0], [-3.0, 3.0, -2.0]]
+    document: Document = {
+        "M": [[3.123, -0.5, 0.0], [-0.5, 0.8668, -0.25], [0.0, -0.25, 1.2683]],
+        "K": np.zeros((3, 3)).tolist(),
+        "constraints": [
+            {"dofs": [0, 1, 2], "weights": w, "lower": None, "upper": 0.0, "restitution": 0.0}
+            for w in directions
+        ],
+        "x": [0.0] * 3, "v": [-1.985, -1.957, -0.634], "t": [2.0**-40], "t_end": 2.0**-40,
+    }  # fmt: skip
+    try:
+        result = solve(document)
+    except ConvergenceError as error:  # three directions that rest are one too many of them
+        assert "depend on one another" in str(error)  # noqa: PT017
+    else:
+        assert result.v is not None
+        assert np.abs(result.v).max() < 1e-9
