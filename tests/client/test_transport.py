@@ -30,11 +30,7 @@ class Played:
         return transport.hold(conversations.request(method, path, json=json))
 
 
-@pytest.fixture(autouse=True)
-def pauses(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    pauses: list[float] = []
-    monkeypatch.setattr("vibroimpact.transport.time.sleep", pauses.append)
-    return pauses
+pytestmark = pytest.mark.usefixtures("pauses")
 
 
 def problem(status: int, **more: object) -> httpx2.Response:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import io
 import mmap
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-import h5netcdf
 import h5py
 import numpy as np
 import orjson
@@ -17,6 +15,7 @@ import orjson
 from vibroimpact_service.results import encode
 from vibroimpact_service.results.container import Array
 from vibroimpact_service.results.encode import Content
+from vibroimpact_service.results.netcdf import Variables
 from vibroimpact_service.results.units import unit
 from vibroimpact_solvers.arrays import Quantity
 
@@ -29,64 +28,68 @@ _PIECE: Final = 8 * 2**20
 
 def to_hdf5(content: Content) -> bytes:
     """Return the file of a result."""
-    buffer = io.BytesIO()
-    _write(buffer, content)
-    return buffer.getvalue()
+    with h5py.File("result", "w", driver="core", backing_store=False, track_order=True) as file:
+        _write(file, content)
+        file.flush()
+        return bytes(file.id.get_file_image())
 
 
 def convert(stored: Path, offset: int, path: Path) -> None:
     """Write the file of a stored result to a path, holding only pieces of its arrays in memory."""
-    _write(path, encode.unpack_file(stored, offset))
+    with h5py.File(path, "w", track_order=True) as file:
+        _write(file, encode.unpack_file(stored, offset))
 
 
-def _write(target: Path | io.BytesIO, content: Content) -> None:
-    with h5py.File(target, "w", track_order=True) as raw, h5netcdf.File(raw, "w") as file:
-        _write_head(file, content.head)
-        dimensions = axes(content.meanings)
-        for name, values in content.arrays.items():
-            for dim, size in zip(content.meanings[name].dims, values.shape, strict=True):
-                file.dimensions.setdefault(dimensions.names.get(dim, dim), size)
-        for name, values in content.arrays.items():
-            meaning = content.meanings[name]
-            at_root = meaning.coordinate or not meaning.path
-            place = name if at_root else meaning.path
-            variable = _write_array(
-                file, place, dimensions.of(meaning), values, bool(meaning.flags)
-            )
-            variable.attrs.update(_attributes(meaning, dimensions, content.head["units"]))
-            if at_root and meaning.path:
-                # The dataset appears in its group too, without being copied.
-                _group(file, meaning.path.rpartition("/")[0])
-                raw[meaning.path] = raw[place]
-        for name, value in content.plain.items():
-            group, _, attribute = content.path(name).rpartition("/")
-            text = "\n".join(value) if isinstance(value, list) else value
-            _group(file, group).attrs[attribute] = text
-            if isinstance(value, (int, float)) and group:
-                # As a variable too, like the numbers that are arrays elsewhere.
-                meaning = content.meanings[name]
-                number = file.create_variable(content.path(name), (), data=np.array(value))
-                number.attrs.update(_attributes(meaning, dimensions, content.head["units"]))
-        if content.free:
-            of_arrays = _group(file, "dimensions")
-            for name, meaning in content.meanings.items():
-                of_arrays.attrs[name] = " ".join(dimensions.of(meaning))
+def _write(file: h5py.File, content: Content) -> None:
+    variables, dimensions = Variables(file), axes(content.meanings)
+    variables.describe("", _head(content.head))
+    places, sizes = dict[str, str](), dict[str, int]()
+    for name, values in content.arrays.items():
+        meaning = content.meanings[name]
+        places[name] = name if meaning.coordinate or not meaning.path else meaning.path
+        for dim, size in zip(dimensions.of(meaning), values.shape, strict=True):
+            sizes.setdefault(dim, size)
+    variables.name_dimensions(sizes, set(places.values()))
+    for name, values in content.arrays.items():
+        meaning, place = content.meanings[name], places[name]
+        attributes = _attributes(meaning, dimensions, content.head["units"])
+        dims = dimensions.of(meaning)
+        if meaning.flags:
+            values = values.astype(np.int8, copy=False) if values.nbytes <= _PIECE else values
+        dtype = np.dtype(np.int8) if meaning.flags else values.dtype
+        storage = _storage(values.shape, dtype)
+        if storage:
+            target = variables.large(place, dims, values.shape, dtype, attributes, storage)
+            _fill(target, values, dtype, storage["chunks"][0])
+        else:
+            variables.small(place, dims, values, attributes)
+        if place == name and meaning.path:
+            # The dataset appears in its group too, without being copied.
+            variables.link(name, meaning.path)
+    for name, value in content.plain.items():
+        group, _, attribute = content.path(name).rpartition("/")
+        text = "\n".join(value) if isinstance(value, list) else value
+        variables.describe(group, {attribute: text})
+        if isinstance(value, (int, float)) and group:
+            # As a variable too, like the numbers that are arrays elsewhere.
+            attributes = _attributes(content.meanings[name], dimensions, content.head["units"])
+            variables.small(content.path(name), (), np.array(value), attributes)
+    if content.free:
+        named = {name: " ".join(dimensions.of(m)) for name, m in content.meanings.items()}
+        variables.describe("dimensions", named)
+    variables.attach()
 
 
-def _write_head(file: Any, head: Mapping[str, Any]) -> None:
-    file.attrs["Conventions"] = "CF-1.11"
-    file.attrs["kind"] = head["kind"]
-    file.attrs["digest"] = head["digest"]
-    file.attrs["solver_version"] = head["provenance"]["solver_version"]
-    file.attrs["request"] = head["request"]
-    file.attrs["plan"] = orjson.dumps(head["plan"]).decode()
-    file.attrs["created"] = head["provenance"]["created"]
-
-
-def _group(file: Any, name: str) -> Any:
-    if not name:
-        return file
-    return file.groups[name] if name in file.groups else file.create_group(name)
+def _head(head: Mapping[str, Any]) -> dict[str, str]:
+    return {
+        "Conventions": "CF-1.11",
+        "kind": head["kind"],
+        "digest": head["digest"],
+        "solver_version": head["provenance"]["solver_version"],
+        "request": head["request"],
+        "plan": orjson.dumps(head["plan"]).decode(),
+        "created": head["provenance"]["created"],
+    }
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,17 +143,14 @@ def _attributes(
     return attributes
 
 
-def _write_array(file: Any, place: str, dims: tuple[str, ...], values: Array, codes: bool) -> Any:
-    dtype = np.dtype(np.int8) if codes else values.dtype
-    storage = _storage(values.shape, dtype)
+def _fill(target: h5py.Dataset, values: Array, dtype: np.dtype[Any], chunk: int) -> None:
+    """Write a large array, piece by piece."""
     if values.nbytes <= _PIECE:
-        data = values.astype(dtype, copy=False)
-        return file.create_variable(place, dims, dtype, data=data, **storage)
-    variable = file.create_variable(place, dims, dtype, **storage)
-    for rows in _pieces(values.shape, dtype, storage["chunks"][0]):
-        variable[rows] = values[rows].astype(dtype)
+        target[...] = values
+        return
+    for rows in _pieces(values.shape, dtype, chunk):
+        target[rows] = values[rows].astype(dtype, copy=False)
         _release(values)
-    return variable
 
 
 def _pieces(shape: tuple[int, ...], dtype: Any, chunk: int) -> Iterator[slice]:

@@ -234,7 +234,7 @@ def test_a_message_arrives_once_the_job_ended(receiver: Receiver, url: str, tmp_
         assert [each.id for each in held] == ["one"]
         access.write_now(claims.succeed, "me", ["one"], False)
         async with asyncio.timeout(60):
-            while len(receiver.got) < 2:
+            while len(counted) < 2:
                 await asyncio.sleep(0.05)
         sending.cancel()
         await asyncio.gather(sending, return_exceptions=True)

@@ -341,7 +341,7 @@ def test_multipliers_of_what_has_decayed_are_unknown_without_a_warning() -> None
 def test_two_values_that_eigenvectors_leave_coupled(
     size: float, turn: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """``[[1, b], [c, -1]]`` has ``sqrt(1 + b c)``; eigenvectors that rounding spoils leave b, c."""
+    """``[[1, b], [c, -1]]`` has ``sqrt(1 + b c)``; eigenvectors that are rounded leave b, c."""
     couples = size * np.exp(1j * turn)
     matrix = np.array([[1.0, couples], [1.0, -1.0]])
     zeros = np.zeros((1, 2, 2))
@@ -349,8 +349,8 @@ def test_two_values_that_eigenvectors_leave_coupled(
         matrix[np.newaxis, ..., np.newaxis], np.zeros((1, 1)), zeros[..., np.newaxis],
         zeros[..., np.newaxis], zeros, zeros, 0.0,
     )  # fmt: skip
-    spoilt = np.array([1.0, -1.0], dtype=np.complex128), np.eye(2, dtype=np.complex128)
-    monkeypatch.setattr(np.linalg, "eig", lambda _: spoilt)
+    rounded = np.array([1.0, -1.0], dtype=np.complex128), np.eye(2, dtype=np.complex128)
+    monkeypatch.setattr(np.linalg, "eig", lambda _: rounded)
     values, errors = monodromy.eigenvalues(factors)
     exact = np.sqrt(1.0 + couples) * np.array([1.0, -1.0])
     assert sorted(values.real) == [-1.0, 1.0]
