@@ -6,13 +6,15 @@ import io
 import json
 import shutil
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Self, TypeVar
 
 import numpy as np
 
 from vibroimpact.errors import MissingExtra
-from vibroimpact.tables import Array, Table, decoded, is_group
+from vibroimpact.tables import Array, Table, decoded, is_group_of
 
 if TYPE_CHECKING:
     import h5py
@@ -53,11 +55,8 @@ class ResultFile:
 
     def __init__(self, content: bytes | Path) -> None:
         self._content = content
-        self._arrays = _Lazy[Array](self._array)
-        self._tables = _Lazy[Table](self._table)
-        self._shapes: dict[str, tuple[int, ...]] = {}
-        self._long_names: dict[str, str] = {}
-        self._units: dict[str, str] = {}
+        self._arrays = _Lazy[Array](self._array, lambda: self._names[0])
+        self._tables = _Lazy[Table](self._table, lambda: self._names[1])
         with self.open() as file:
             self.kind = str(file.attrs["kind"])
             self.digest = str(file.attrs["digest"])
@@ -66,17 +65,27 @@ class ResultFile:
             self.plan: Mapping[str, Any] = json.loads(str(file.attrs["plan"]))
             self.of = str(file.attrs.get("of", self.kind))
             self.neglected = tuple(str(file.attrs.get("neglected", "")).splitlines())
-            for name, item in file.items():
-                if not is_group(item) and not _is_bare(item):
-                    self._arrays.names.append(name)
-                    self._shapes[name] = item.shape
-                    self._long_names[name] = str(item.attrs.get("long_name", name))
-                    self._units[name] = str(item.attrs.get("units", "1"))
-                elif is_group(item):
-                    self._tables.names.append(name)
-                    columns = ((k, v) for k, v in item.items() if not is_group(v))
-                    for column, values in columns:
-                        self._units[f"{name}/{column}"] = str(values.attrs.get("units", "1"))
+
+    @cached_property
+    def _names(self) -> tuple[list[str], list[str]]:
+        """The names of arrays, and of tables."""
+        with self.open() as file:
+            groups = {name: is_group_of(file, name) for name in file}
+            arrays = [name for name, group in groups.items() if not (group or _is_bare(file, name))]
+        return arrays, [name for name, group in groups.items() if group]
+
+    @cached_property
+    def _about(self) -> Mapping[str, _About]:
+        """What is said of each array, and of the columns of tables by their paths."""
+        arrays, tables = self._names
+        with self.open() as file:
+            columns = [
+                f"{table}/{name}"
+                for table in tables
+                for name in file[table]
+                if not is_group_of(file[table], name)
+            ]
+            return {name: _About.of(file[name]) for name in (*arrays, *columns)}
 
     def open(self) -> h5py.File:
         """Open the file for reading, to read parts of its arrays: ``file["x"][:100]``."""
@@ -92,6 +101,8 @@ class ResultFile:
 
     def __getattr__(self, name: str) -> Any:
         """Return an output, as an array or as a table."""
+        if name.startswith("_"):
+            raise AttributeError(name)
         parts: list[_Lazy[Any]] = [self.__dict__.get(part, {}) for part in ("_arrays", "_tables")]
         for part in parts:
             if name in part:
@@ -158,7 +169,7 @@ class ResultFile:
 
         Columns of tables are named by their path, such as ``"impacts/time"``.
         """
-        return self._units.get(name, "1")
+        return self._about[name].unit if name in self._about else "1"
 
     def in_unit(self, Omega: Any, unit: str) -> Array:
         """Return angular frequencies of the result in another unit.
@@ -254,28 +265,43 @@ def opened(content: bytes | Path) -> h5py.File:
     return h5py.File(io.BytesIO(content) if isinstance(content, bytes) else content, "r")
 
 
+@dataclass(frozen=True, slots=True)
+class _About:
+    """What a file says of an array."""
+
+    shape: tuple[int, ...]
+    long_name: str
+    unit: str
+
+    @classmethod
+    def of(cls, item: h5py.Dataset) -> Self:
+        """Read it."""
+        name = item.name.rpartition("/")[2]
+        long_name = str(item.attrs.get("long_name", name))
+        return cls(item.shape, long_name, str(item.attrs.get("units", "1")))
+
+
 class _Lazy(Mapping[str, Part]):
     """Parts of a file by name, each read when it is first used."""
 
-    def __init__(self, read: Callable[[str], Part]) -> None:
-        self.names: list[str] = []
-        self._read, self._known = read, dict[str, Part]()
+    def __init__(self, read: Callable[[str], Part], names: Callable[[], list[str]]) -> None:
+        self._read, self._names, self._known = read, names, dict[str, Part]()
 
     def __getitem__(self, name: str) -> Part:
         if name not in self._known:
-            if name not in self.names:
+            if name not in self._names():
                 raise KeyError(name)
             self._known[name] = self._read(name)
         return self._known[name]
 
     def __contains__(self, name: object) -> bool:
-        return name in self.names
+        return name in self._names()
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self.names)
+        return iter(self._names())
 
     def __len__(self) -> int:
-        return len(self.names)
+        return len(self._names())
 
 
 def _plain(values: Any) -> Any:
@@ -307,7 +333,11 @@ def _per_turn(unit: str, time: str) -> float:
     return (60.0 if unit == "rpm" else 1.0) / (2.0 * np.pi * _SECONDS[time])
 
 
-def _is_bare(item: h5py.Dataset) -> bool:
+def _is_bare(file: h5py.File, name: str) -> bool:
     """Whether a dataset only stands for a dimension without a coordinate."""
-    name = item.attrs.get("NAME", b"")
-    return bytes(name).startswith(b"This is a netCDF dimension but not a netCDF variable")
+    from h5py import h5a
+
+    if not h5a.exists(file.id, b"NAME", obj_name=name.encode()):
+        return False
+    scale = bytes(file[name].attrs["NAME"])
+    return scale.startswith(b"This is a netCDF dimension but not a netCDF variable")

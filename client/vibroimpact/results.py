@@ -114,14 +114,15 @@ class Result(ResultFile):
 
     def __repr__(self) -> str:
         """Return the kind, the digest and the sizes of the outputs."""
-        sizes = [f"{name} {shape}" for name, shape in self._shapes.items()]
+        sizes = [f"{name} {self._about[name].shape}" for name in self._arrays]
         sizes += [f"{name} ({rows} rows)" for name, rows in self.row_counts().items()]
         more = [*self.neglected, *([] if self.sensitivity is None else [str(self.sensitivity)])]
         said = "".join(f"; {sentence}" for sentence in more)
         return f"<Result {self.kind} {self.digest[:12]}: {', '.join(sizes)}{said}>"
 
     def _repr_html_(self) -> str:
-        rows = [[name, str(s), self._long_names[name]] for name, s in self._shapes.items()]
+        told = [(name, self._about[name]) for name in self._arrays]
+        rows = [[name, str(about.shape), about.long_name] for name, about in told]
         rows += [
             [name, f"{count} rows", ", ".join(self._tables[name])]
             for name, count in self.row_counts().items()

@@ -103,6 +103,11 @@ def is_group(item: Any) -> bool:
     return isinstance(item, Mapping)
 
 
+def is_group_of(group: h5py.Group, name: str) -> bool:
+    """Return whether a part of a group is a group as well, without opening it."""
+    return issubclass(group.get(name, getclass=True), Mapping)
+
+
 def decoded(item: h5py.Dataset) -> Array:
     """Return a dataset's numbers, or what its flags mean."""
     values: Array = item[()]

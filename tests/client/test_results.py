@@ -77,9 +77,11 @@ def test_numbers_as_a_document_and_as_a_data_frame() -> None:
 @pytest.mark.parametrize(
     ("unit", "expected"), [("Hz", 1.0), ("rpm", 60.0), ("Omega", 2e-3 * np.pi)]
 )
-def test_frequencies_in_other_units(unit: str, expected: float) -> None:
+def test_frequencies_in_other_units(
+    unit: str, expected: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     result = vi.Result(content())
-    result._units["Omega"] = "rad/ms"
+    monkeypatch.setattr(result, "unit", {"Omega": "rad/ms"}.get)
     assert result.in_unit([2e-3 * np.pi], unit)[0] == pytest.approx(expected)
     with pytest.raises(ValueError, match="Bq"):
         result.in_unit([1.0], "Bq")

@@ -68,7 +68,7 @@ def test_p_is_called_impulse_parameter_and_its_unit_is_that_of_a_force() -> None
 def _undeclared(result: vi.Result) -> dict[str, Any]:
     """Return what a file has and its class does not declare."""
     known = set(inspect.get_annotations(type(result)))
-    names = {*result._shapes, *result._tables} - known
+    names = {*result._arrays, *result._tables} - known
     columns = {name: set(table) - _declared(table) for name, table in result._tables.items()}
     return {name: more for name, more in {"": names, **columns}.items() if more}
 
