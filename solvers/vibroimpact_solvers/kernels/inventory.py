@@ -18,6 +18,7 @@ SECONDS: Final = {
     "rigid_motion.follow": 50.0,
     "families.solutions": 14.0,
     "taylor.follow": 9.0,
+    "orbit_sums.integrate": 6.0,
     "bands.survey": 5.0,
     "impact_equations.set_equations": 4.9,
     "floquet.zeros": 3.9,

@@ -164,6 +164,19 @@ class Balance:
         each = moved * push
         return np.stack([each @ slow, each @ np.where(slides, 0.0, 1.0)])
 
+    def along(self, forms: Floats) -> Floats:
+        """Return what constant loads add to forms along a free motion, besides the flow.
+
+        Factors of 1, t and t^2/2, shape (3, form); forms have shape (form, 2, pair).
+        """
+        slides, push = self.decay != 0.0, self.push if self.loaded else 0.0 * self.push
+        creep = np.where(slides, push / np.where(slides, self.decay, 1.0), 0.0)
+        first, second = forms[:, 0, self.pairs], forms[:, 1, self.pairs]
+        both = first @ np.where(slides, 0.5 * push, 0.0) + second @ np.where(
+            slides, 0.5 * push, push
+        )
+        return np.stack([second @ creep, both, first @ np.where(slides, 0.0, push)])
+
     def moved_by(self, push: Floats, times: Floats) -> Floats:
         """Return what constant loads add to the pairs after times, shape (…, 2, rigid).
 

@@ -8,13 +8,17 @@ from typing import Any
 import numpy as np
 
 from vibroimpact_solvers.arrays import EPS, Floats, Integers, along
+from vibroimpact_solvers.periodic_motions.along import Along
 from vibroimpact_solvers.periodic_motions.drive import Driven
+from vibroimpact_solvers.periodic_motions.energies import energies
 from vibroimpact_solvers.periodic_motions.existence import verdicts
 from vibroimpact_solvers.periodic_motions.multipliers import error_of_largest, multipliers
-from vibroimpact_solvers.periodic_motions.orbit import Orbit, Outputs
+from vibroimpact_solvers.periodic_motions.outputs import Outputs
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
+from vibroimpact_solvers.periodic_motions.path_errors import along_paths
 from vibroimpact_solvers.periodic_motions.problem import Impact, Problem
 from vibroimpact_solvers.periodic_motions.solutions import Cells, Solutions
+from vibroimpact_solvers.periodic_motions.waveform import waveforms
 from vibroimpact_solvers.results.impact_modes import Reason
 from vibroimpact_solvers.results.periodic_motions import Bifurcation, Result
 from vibroimpact_solvers.stability import neutral
@@ -148,7 +152,6 @@ def _multipliers(problem: Problem, values: Complexes, errors: Floats) -> Columns
 def _along(problem: Problem, driven: Driven, cells: Cells, solved: Solutions) -> Columns:
     """Return the columns of what is evaluated along the period."""
     count, dofs = solved.index.size, problem.output_dofs.size
-    forms = Outputs.of(problem, driven)
     columns: Columns = {}
     if "extremes" in problem.outputs:
         for name in ("x_max", "x_min", "rms"):
@@ -162,26 +165,43 @@ def _along(problem: Problem, driven: Driven, cells: Cells, solved: Solutions) ->
         assert problem.tau is not None
         columns["waveform"] = np.full((count, problem.tau.size, dofs), np.nan)
         columns["error_waveform"] = np.full((count, 1, dofs), np.inf)
-    for row in np.flatnonzero(~cells.unbounded()[solved.index]).tolist():
-        orbit = Orbit(problem, driven, forms, cells, solved, row)
-        error = orbit.error()
-        if "extremes" in problem.outputs:
-            extremes = orbit.extremes()
-            columns["solution_x_max"][row] = extremes.largest
-            columns["solution_x_min"][row] = extremes.smallest
-            columns["solution_rms"][row] = extremes.rms
-            for name in ("x_max", "x_min", "rms"):
-                columns[f"error_{name}"][row] = error
-        if "energy" in problem.outputs:
-            energies = orbit.energies()
-            columns["solution_work"][row] = energies.work
-            columns["solution_energy_lost"][row] = energies.lost
-            columns["error_work"][row] = energies.work_error
-            columns["error_energy_lost"][row] = energies.lost_error
-            columns["solution_energy"][row] = energies.energy
-            columns["error_energy"][row] = energies.energy_error
-        if "waveform" in problem.outputs:
-            assert problem.tau is not None
-            columns["waveform"][row] = orbit.waveform(problem.tau)
-            columns["error_waveform"][row] = error
+    bounded = np.flatnonzero(~cells.unbounded()[solved.index])
+    found: Columns = {}
+    if bounded.size:
+        found = _of_bounded(problem, driven, cells, solved.at(bounded))
+    for name, values in found.items():
+        columns[name][bounded] = values
+    return columns
+
+
+def _of_bounded(problem: Problem, driven: Driven, cells: Cells, solved: Solutions) -> Columns:
+    """Return the columns of what is evaluated along solutions with bounded responses."""
+    outputs, columns = Outputs.of(problem, driven), Columns()
+    if {"extremes", "waveform"} & problem.outputs:
+        error = along_paths(driven, cells, solved, outputs.x)
+        error += 4.0 * EPS * np.abs(outputs.still)
+    if "waveform" in problem.outputs:
+        columns["waveform"] = waveforms(problem, driven, outputs, cells, solved)
+        columns["error_waveform"] = error[:, np.newaxis]
+    if {"extremes", "energy"} & problem.outputs:
+        along = Along.of(problem, driven, outputs, cells, solved)
+    if "extremes" in problem.outputs:
+        highest, lowest = along.peaks[:, 0], -along.peaks[:, 1]
+        if problem.symmetric and solved.phase.shape[1]:
+            highest = np.maximum(highest, -lowest)
+            lowest = -highest
+        rms = np.sqrt(along.squares / solved.length.sum(axis=1)[:, np.newaxis])
+        values = {"x_max": highest, "x_min": lowest, "rms": rms}
+        columns |= {f"solution_{name}": value for name, value in values.items()}
+        columns |= {f"error_{name}": error for name in values}
+    if "energy" in problem.outputs:
+        found = energies(problem, driven, outputs, cells, solved, along)
+        columns |= {
+            "solution_work": found.work,
+            "solution_energy_lost": found.lost,
+            "solution_energy": found.energy,
+            "error_work": found.work_error,
+            "error_energy_lost": found.lost_error,
+            "error_energy": found.energy_error,
+        }
     return columns

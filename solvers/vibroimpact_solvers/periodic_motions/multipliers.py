@@ -20,13 +20,17 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import scipy.spatial
 
 from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers
 from vibroimpact_solvers.kernels.floquet import A_PART, B_PART, Room, refine, zeros
 from vibroimpact_solvers.kernels.floquet import Cells as Cycles
 from vibroimpact_solvers.meter import look
 from vibroimpact_solvers.periodic_motions import monodromy
+from vibroimpact_solvers.periodic_motions.completeness import (
+    complete,
+    nearly_equal,
+    product_of_jumps,
+)
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.pairs import Complexes
 from vibroimpact_solvers.periodic_motions.problem import Problem
@@ -35,10 +39,13 @@ from vibroimpact_solvers.periodic_motions.solutions import Cells, Solutions, tim
 _ROUNDINGS = 2.0 * EPS  # of a propagator, or of a product of complex numbers
 _CLOSE = 1e-6  # relative distance within which approximate multipliers are refined
 _LARGEST = 4  # approximations of the largest multiplier that are refined
-_TOGETHER = 1e-5  # relative distance below which modes' own multipliers are almost one
-_NOTHING = 1e-30  # of the largest multiplier, below which none counts for that
+_GONE = 184.0
+"""Exponent of its decay, beside the slowest one, after which a mode is no part of multipliers.
+
+It is e^-184 = 1e-80 of them then, and takes as much of a multiplier of `_TINY` as rounding does.
+"""
+_TINY = 1e-60  # of the largest multiplier: bound of those of such modes
 _POOR = 1e-7  # error of a multiplier, of the largest one, from which the dense matrix may do better
-_SUM = 1e-6  # to which sums of approximate multipliers are what they should be, relative to terms
 _AT_A_TIME = 64  # solutions between two looks at the meter
 _MEMORY = 2**26  # bytes of the couplings that are there at once
 
@@ -137,20 +144,27 @@ def _coupled(
     width = size if every else min(size, _LARGEST)
     values = np.full((count, width), np.nan, dtype=np.complex128)
     errors = np.full((count, width), np.inf)
-    room, left = _room(coupled.size, 2 * walls.struck.size), np.flatnonzero(clear)
+    left = np.flatnonzero(clear)
+    constraints = driven.structure.system.constraints
+    restitution = np.array([constraints[a].restitution for a in walls.struck.tolist()])
     each_takes = 400 * max(1, coupled.size) * walls.struck.size**2
     block = max(1, min(_AT_A_TIME, _MEMORY // each_takes))
     for start in range(0, left.size, block):
         look()
         at = left[start : start + block]
-        cycles = _cycles(driven, walls, coupled, cells, solved.at(at), jumps[at], late[at])
-        rough, near = np.empty((at.size, size), dtype=np.complex128), np.empty((at.size, width))
-        together = _together(cycles)
+        kept = _lasting(driven, coupled, solved.at(at))
+        room = _room(kept.size, 2 * walls.struck.size)
+        cycles = _cycles(driven, walls, kept, cells, solved.at(at), jumps[at], late[at])
+        size, few = 2 * kept.size, min(width, 2 * kept.size)
+        rough, near = np.empty((at.size, size), dtype=np.complex128), np.empty((at.size, few))
+        together = nearly_equal(cycles)
         if size > monodromy.LARGEST:
             together[:] = False
         zeros(cycles, rough, room)
-        missed = ~_complete(cycles, driven, walls, rough)
-        order = np.argsort(-np.abs(rough), axis=1, kind="stable")[:, :width]
+        every_mode = kept.size == coupled.size
+        product = product_of_jumps(restitution, walls.same, jumps[at], None if every_mode else kept)
+        missed = ~complete(cycles, product, rough)
+        order = np.argsort(-np.abs(rough), axis=1, kind="stable")[:, :few]
         rough = np.take_along_axis(rough, order, axis=1)
         refine(cycles, _CLOSE, rough, near, room)
         near = np.where(near < np.inf, near, np.abs(rough))
@@ -159,61 +173,27 @@ def _coupled(
         for row in np.flatnonzero(together | missed | poor) if size <= monodromy.LARGEST else ():
             look()
             one = at[row : row + 1]
-            factors = _factors(driven, walls, coupled, cells, solved.at(one), jumps[one], late[one])
+            factors = _factors(driven, walls, kept, cells, solved.at(one), jumps[one], late[one])
             each, doubt = monodromy.eigenvalues(factors)
-            if together[row] or missed[row] or doubt[:width].max() < near[row].max():
-                rough[row], near[row] = each[:width], doubt[:width]
-        values[at], errors[at] = rough, near
+            if together[row] or missed[row] or doubt[:few].max() < near[row].max():
+                rough[row], near[row] = each[:few], doubt[:few]
+        values[at, :few], errors[at, :few] = rough, near
+        unknown = np.isnan(rough).any(axis=1)
+        values[at, few:] = np.where(unknown, np.nan, 0.0)[:, np.newaxis]
+        largest = np.abs(rough).max(axis=1, initial=0.0)
+        errors[at, few:] = np.where(unknown, np.inf, _TINY * largest)[:, np.newaxis]
     return values, errors
 
 
-def _together(cycles: Cycles) -> Booleans:
-    """Return where two of the modes' own multipliers are almost one, shape (solution,).
+def _lasting(driven: Driven, coupled: Integers, solved: Solutions) -> Integers:
+    """Return those of the coupled modes of which something is left after each free motion.
 
-    The determinant then loses the digits in which they differ, and with them its zeros.
+    Of the others nothing is left of a deviation between two impacts: they are driven by the rest
+    and drive nothing, and their multipliers vanish.
     """
-    half = 0.5 * cycles.trace
-    root = np.sqrt((half * half - cycles.determinant).astype(np.complex128))
-    poles = np.concatenate([half + root, half - root], axis=1)
-    close = np.zeros(poles.shape[0], dtype=bool)
-    if poles.shape[1] < 2:
-        return close
-    angles = np.sort(np.angle(poles), axis=1)
-    between = np.diff(angles, axis=1, append=angles[:, :1] + 2.0 * np.pi)
-    for row in np.flatnonzero(between.min(axis=1) < _TOGETHER):  # few: others are far apart
-        sizes = np.abs(poles[row])
-        there = sizes > _NOTHING * sizes.max()
-        pole, length = poles[row, there], sizes[there]
-        if pole.size < 2:
-            continue
-        places = np.stack([np.log(length), *(pole / length).view(np.float64).reshape(-1, 2).T])
-        nearest = np.asarray(scipy.spatial.cKDTree(places.T).query(places.T, k=2)[0])[:, 1]
-        close[row] = nearest.min(initial=np.inf) < _TOGETHER
-    return close
-
-
-def _complete(cycles: Cycles, driven: Driven, walls: _Walls, values: Complexes) -> Booleans:
-    """Return whether multipliers are all there are, shape (solution,), by their sum and product.
-
-    The sum is the trace of the product of flows and jumps, the product their determinant: those
-    of the flows, and the square of the restitution at each impact.
-    """
-    terms, n = cycles.terms, cycles.terms.shape[1]
-    later = np.arange(n)[:, np.newaxis] // 2 > np.arange(n) // 2
-    A, B = terms.sum(axis=-1).transpose(3, 0, 1, 2)
-    beyond = np.einsum("nijp,np->nij", terms[:, :, :, A_PART], cycles.trace) + B
-    solved = np.linalg.solve(np.eye(n) - np.where(later, A, 0.0), np.where(later, beyond, A))
-    trace = cycles.trace.sum(axis=1) + np.trace(solved, axis1=1, axis2=2)
-    size = np.abs(values).sum(axis=1)
-    whole = np.abs(values.sum(axis=1) - trace) <= _SUM * (size + np.abs(cycles.trace).sum(axis=1))
-    constraints = driven.structure.system.constraints
-    k = np.array([constraints[a].restitution for a in walls.struck.tolist()])
-    if k.all():
-        with np.errstate(divide="ignore", invalid="ignore"):  # what has decayed tells nothing
-            product = np.log(np.abs(values)).sum(axis=1) - np.log(cycles.determinant).sum(axis=1)
-        product -= 2.0 * np.log(k).sum()
-        whole &= ~(np.abs(product) > _SUM * values.shape[1])
-    return np.asarray(whole)
+    growth = driven.pairs.growth[driven.pairs.moving[coupled]]
+    decay = growth.max(initial=-np.inf) - growth
+    return np.asarray(coupled[decay * solved.length.min() < _GONE])
 
 
 def _factors(

@@ -1,0 +1,202 @@
+"""Integrals along periodic motions by Gauss' quadrature, panel by panel (`kernels.orbits`)."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.kernels.flow import Flow, two_sum
+from vibroimpact_solvers.kernels.jit import inline, inner, kernel, product
+from vibroimpact_solvers.kernels.orbit_peaks import raise_peaks
+from vibroimpact_solvers.kernels.orbits import (
+    TRENDS,
+    Dissipation,
+    Forms,
+    Mesh,
+    Motions,
+    Room,
+    Sums,
+    multiply,
+    set_basis,
+    set_coordinates,
+    set_moving,
+    set_rows,
+)
+
+LEAST: Final = 4.0
+"""Panels of a free motion."""
+TURN: Final = 3.5
+"""Radians by which the fastest vibration turns in a panel of 12 nodes.
+
+Gauss' formula is then off by 2e-18 of its square.
+"""
+PANELS: Final = 8
+"""Panels that are evaluated at once."""
+_WORK = 2e7  # products of numbers after which the kernel returns: about ten milliseconds
+_NODE = 100  # of them that a node takes besides those of the coordinates
+
+
+@product
+def _drag(v: Floats, damping: Floats, out: Floats) -> None:
+    """Fill in ``v @ damping``."""
+    np.dot(v, damping, out)
+
+
+@inline
+def _add(total: Floats, place: int, value: float) -> None:
+    """Add to a sum in place, whose second row is what rounding took from it."""
+    total[0, place], lost = two_sum(total[0, place], value)
+    total[1, place] += lost
+
+
+@inner
+def _add_squares(dofs: int, n: int, squares: Floats, room: Room) -> None:
+    """Add integrals of squares over n nodes."""
+    x, total = room.x[: n * dofs].reshape(n, dofs), room.squares
+    for d in range(dofs):
+        total[d] = 0.0
+    for i in range(n):
+        w = room.weights[i]
+        for d in range(dofs):
+            total[d] += w * x[i, d] * x[i, d]
+    for d in range(dofs):
+        _add(squares, d, total[d])
+
+
+@inner
+def _add_energies(e: Dissipation, m: Motions, k: int, n: int, sums: Sums, room: Room) -> None:
+    """Add work of the load and losses by damping over n nodes."""
+    modes, waves = e.load.shape[1], e.load.shape[0]
+    v = room.v[: n * modes].reshape(n, modes)
+    forces = room.forces[: n * modes].reshape(n, modes)
+    dragged = room.dragged[: n * modes].reshape(n, modes)
+    if waves > 0:
+        rows = room.basis[TRENDS * n : (TRENDS + waves) * n].reshape(waves, n)
+        multiply(rows, e.load, forces)
+    coupled = e.damping.shape[0] > 1
+    if coupled:
+        _drag(v, e.damping, dragged)
+    work, flow, lost = 0.0, 0.0, 0.0
+    for i in range(n):
+        w, power, heat = room.weights[i], 0.0, 0.0
+        for j in range(modes if waves > 0 else 0):
+            power += forces[i, j] * v[i, j]
+        work += w * power
+        flow += w * abs(power)
+        if e.damping.shape[0] == 0:
+            continue
+        for j in range(modes):
+            heat += (dragged[i, j] if coupled else e.damping[0, j] * v[i, j]) * v[i, j]
+            sums.speeds[k, j] += w * abs(v[i, j])
+        lost += w * heat
+    _add(sums.energy[k], 0, work)
+    _add(sums.energy[k], 1, flow)
+    _add(sums.energy[k], 2, lost)
+
+
+@inner
+def _panels(mesh: Mesh, load: float, segment: int, width: float, length: float) -> int:
+    """Return the number of panels of a segment."""
+    if segment < mesh.shared.size:
+        return int(mesh.shared[segment])
+    fastest = max(mesh.speeds[segment], load)
+    panels: int = math.ceil(max(fastest * width / TURN, LEAST * width / length))
+    return panels
+
+
+@inner
+def _set_nodes(
+    mesh: Mesh, first: int, last: int, begin: float, width: float, room: Room, end: float
+) -> int:
+    """Fill in the nodes of some panels; return their number.
+
+    The beginning of the free motion is one, too, and so is its end, where that is not infinite.
+    """
+    n = 0
+    if begin == 0.0 and first == 0:
+        room.times[0], room.weights[0], n = 0.0, 0.0, 1
+    for panel in range(first, last):
+        for q in range(mesh.places.size):
+            room.times[n] = begin + (panel + mesh.places[q]) * width
+            room.weights[n] = width * mesh.weights[q]
+            n += 1
+    if end < math.inf:
+        room.times[n], room.weights[n], n = end, 0.0, n + 1
+    return n
+
+
+@kernel
+def integrate(
+    flow: Flow,
+    x: Forms,
+    v: Forms,
+    e: Dissipation,
+    m: Motions,
+    mesh: Mesh,
+    sums: Sums,
+    room: Room,
+) -> bool:
+    """Integrate along motions, and find their extremes, from where the last call has left off.
+
+    Parameters
+    ----------
+    flow : Flow
+    x, v : Forms
+        Of displacements and of modal velocities; of none that are not asked for.
+    e : Dissipation
+    m : Motions
+    mesh : Mesh
+    sums : Sums
+        Filled in; peaks are infinite before, negative, and all else is zero.
+    room : Room
+        Its `place` is zero before the first call.
+
+    Returns
+    -------
+    bool
+        Whether all of them are done.
+    """
+    place, dofs, modes, load, work = room.place, x.trend.shape[1], v.trend.shape[1], 0.0, 0.0
+    for h in range(m.harmonics.size):
+        load = max(load, m.harmonics[h])
+    while place[0] < m.of.size and work < _WORK:
+        k, leg, segment, first = place[0], place[1], place[2], place[3]
+        length = m.length[k, leg]
+        begin = min(mesh.ends[segment - 1], length) if segment > 0 else 0.0
+        end, panels, node = min(mesh.ends[segment], length), 0, -1
+        if end > begin:
+            panels = _panels(mesh, load * m.Omega[m.of[k]], segment, end - begin, length)
+            if first == 0:
+                set_moving(m, mesh, k, leg, begin, room)
+                set_rows(x, m.of[k], room, room.x_rows)
+                set_rows(v, m.of[k], room, room.v_rows)
+                if segment == 0:
+                    room.last_times[0] = room.last_times[1] = -1.0
+            last = min(first + PANELS, panels)
+            closes = length if last == panels and end >= length else math.inf
+            n = _set_nodes(mesh, first, last, begin, (end - begin) / panels, room, closes)
+            if segment < mesh.shared.size:
+                node = place[4]
+                place[4] += n
+            rows = set_basis(flow, m, k, leg, n, room)
+            impulse = m.impulse[k, leg] if node >= 0 else 0.0
+            set_coordinates(x, impulse, leg, rows, n, node, room, room.x, room.x_rows)
+            set_coordinates(v, impulse, leg, rows, n, node, room, room.v, room.v_rows)
+            _add_squares(dofs, n, sums.squares[k], room)
+            raise_peaks(flow, x, m, mesh, k, leg, n, sums, room)
+            if modes > 0:
+                _add_energies(e, m, k, n, sums, room)
+            sums.nodes[k] += n
+            work += n * (_NODE + rows * (dofs + modes))
+            first = last
+        place[3] = first
+        if first >= panels:
+            place[2], place[3] = segment + 1, 0
+            if end >= length:
+                place[1], place[2], place[4] = leg + 1, 0, 0
+                if place[1] == m.length.shape[1]:
+                    place[0], place[1] = k + 1, 0
+    return bool(place[0] == m.of.size)

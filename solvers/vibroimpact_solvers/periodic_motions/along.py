@@ -1,0 +1,223 @@
+"""Integrals and extremes along all solutions: what their kernel takes (`kernels.orbit_sums`)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from vibroimpact_solvers.arrays import Booleans, Floats, Integers
+from vibroimpact_solvers.kernels.orbit_sums import LEAST, PANELS, TURN, integrate
+from vibroimpact_solvers.kernels.orbits import (
+    DEAD,
+    TRENDS,
+    Dissipation,
+    Forms,
+    Mesh,
+    Motions,
+    Room,
+    Sums,
+)
+from vibroimpact_solvers.meter import look
+from vibroimpact_solvers.periodic_motions.drive import Driven
+from vibroimpact_solvers.periodic_motions.outputs import Outputs
+from vibroimpact_solvers.periodic_motions.problem import Problem
+from vibroimpact_solvers.periodic_motions.solutions import Cells, Solutions
+
+_NODES: Final = 12
+_PLACES: Final = 0.5 * (np.polynomial.legendre.leggauss(_NODES)[0] + 1.0)
+_WEIGHTS: Final = 0.5 * np.polynomial.legendre.leggauss(_NODES)[1]
+_TOGETHER: Final = 1.3
+"""Ratio of times within which vibrations that die at different times do so at the last of them."""
+_TABLE: Final = 2**24
+"""Numbers of a table at most."""
+_PIECE: Final = 2**20
+"""Numbers that are there at once while a table is made."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Along:
+    """What is found along solutions, in the basis' units.
+
+    Parameters
+    ----------
+    squares : array, shape (solution, dof)
+        Integrals of the squares of displacements over a cell.
+    peaks : array, shape (solution, 2, dof)
+        The highest displacements, and minus the lowest ones.
+    work, flow, dissipated : array, shape (solution,)
+        Work of the load in a cell, integral of the modulus of its power, losses by damping.
+    speeds : array, shape (solution, mode)
+        Integrals of the moduli of modal velocities.
+    nodes : array, shape (solution,)
+    """
+
+    squares: Floats
+    peaks: Floats
+    work: Floats
+    flow: Floats
+    dissipated: Floats
+    speeds: Floats
+    nodes: Integers
+
+    @classmethod
+    def of(
+        cls, problem: Problem, driven: Driven, outputs: Outputs, cells: Cells, solved: Solutions
+    ) -> Along:
+        """Integrate along solutions, whose responses are all bounded."""
+        mesh = _mesh(driven, cells, solved, len(outputs.x) + len(outputs.rates))
+        wanted = "extremes" in problem.outputs, "energy" in problem.outputs
+        none = np.zeros((0, *outputs.x.shape[1:]))
+        forms = [
+            form if here else none
+            for form, here in zip((outputs.x, outputs.rates), wanted, strict=True)
+        ]
+        struck = [impact.constraint for impact in problem.impacts][: solved.length.shape[1]]
+        tables = _tables(driven, forms, mesh, struck)
+        x, v = (_forms(driven, cells, *each) for each in zip(forms, tables, strict=True))
+        x.trend[0] += outputs.still[: len(forms[0])]
+        motions = _motions(driven, cells, solved)
+        damping = np.zeros((0, outputs.load.shape[1]))
+        if outputs.damping is not None:
+            diagonal = np.diag(outputs.damping)
+            apart = outputs.damping - np.diag(diagonal)
+            damping = outputs.damping if apart.any() else diagonal[np.newaxis]
+        change = Dissipation(outputs.load.copy(), damping.copy())
+        n, dofs, modes = solved.index.size, x.trend.shape[1], v.trend.shape[1]
+        sums = Sums(
+            np.zeros((n, 2, dofs)), np.full((n, 2, dofs), -np.inf), np.zeros((n, 2, 3)),
+            np.zeros((n, modes)), np.zeros(n, dtype=np.int64),
+        )  # fmt: skip
+        room = _room(driven, dofs, modes)
+        while not integrate(driven.pairs.flow, x, v, change, motions, mesh, sums, room):
+            look()
+        work, flow, dissipated = sums.energy.sum(axis=1).T
+        return cls(
+            sums.squares.sum(axis=1), sums.peaks, work, flow, dissipated, sums.speeds, sums.nodes
+        )
+
+
+def _mesh(driven: Driven, cells: Cells, solved: Solutions, columns: int) -> Mesh:
+    """Return how the free motions of solutions are divided; columns are those of a table."""
+    pairs = driven.pairs
+    dies: Booleans = np.zeros(pairs.alpha.size, dtype=bool)
+    ends, speeds = [math.inf], [0.0]
+    shared: list[int] = []
+    if solved.phase.size:
+        ends, speeds = _segments(*pairs.rates)
+        shortest = float(solved.length.min())
+        load = float(cells.Omega[solved.index].max() * driven.harmonics.max(initial=0.0))
+        begin = 0.0
+        for end, speed in zip(ends, speeds, strict=True):
+            if not end < shortest:
+                break
+            width = end - begin
+            shared.append(math.ceil(max(max(speed, load) * width / TURN, LEAST * width / shortest)))
+            begin = end
+        some = slice(0, pairs.hyperbolas.stop)
+        dies[some] = (-pairs.growth * begin >= DEAD * (1.0 - 1e-9))[some]
+        nodes = (1 + _NODES * sum(shared)) * solved.length.shape[1]
+        if not dies.any() or nodes * columns > _TABLE:
+            dies[:], shared = False, []
+    return Mesh(
+        np.array(ends), np.array(speeds), np.array(shared, dtype=np.int64), pairs.growth, dies,
+        _PLACES, _WEIGHTS,
+    )  # fmt: skip
+
+
+def _segments(decays: Floats, moduli: Floats) -> tuple[list[float], list[float]]:
+    """Return the ends of segments of free motions, and the fastest rates that are left in each."""
+    lasts = np.full(decays.size, np.inf)
+    np.divide(DEAD, decays, out=lasts, where=decays > 0.0)
+    order = np.argsort(lasts)
+    lasts, moduli = lasts[order], moduli[order]
+    fastest = np.maximum.accumulate(moduli[::-1])[::-1]
+    ends, speeds, first = [], [], 0
+    while first < lasts.size and lasts[first] < math.inf:
+        after = int(np.searchsorted(lasts, _TOGETHER * lasts[first], side="right"))
+        ends.append(float(lasts[after - 1]))
+        speeds.append(float(fastest[first]))
+        first = after
+    return [*ends, math.inf], [*speeds, float(moduli[first:].max(initial=0.0))]
+
+
+def _times(mesh: Mesh) -> Floats:
+    """Return the times of the nodes that all free motions share."""
+    parts, begin = [np.zeros(min(1, mesh.shared.size))], 0.0
+    for end, panels in zip(mesh.ends.tolist(), mesh.shared.tolist(), strict=False):
+        width = (end - begin) / panels
+        parts.append((begin + (np.arange(panels)[:, np.newaxis] + _PLACES) * width).ravel())
+        begin = end
+    return np.concatenate(parts)
+
+
+def _tables(
+    driven: Driven, forms: list[Floats], mesh: Mesh, struck: list[int]
+) -> tuple[Floats, ...]:
+    """Return what unit impulses make of forms by the pairs that die, (impact, node, form) each."""
+    pairs, times, dies = driven.pairs, _times(mesh), np.flatnonzero(mesh.dies)
+    flat = np.concatenate(forms)[:, :, dies].reshape(sum(map(len, forms)), 2 * dies.size).T
+    table = np.zeros((len(struck), times.size, flat.shape[1]))
+    step = max(1, _PIECE // (2 * pairs.alpha.size))
+    back = np.where(dies < pairs.rotations.stop, -1.0, 1.0)
+    moved = np.empty((min(step, times.size), 2, dies.size))
+    for first in range(0, times.size, step):
+        look()
+        some = slice(first, min(first + step, times.size))
+        even, odd = pairs.propagators(times[some])[..., dies].swapaxes(0, 1)
+        here = moved[: len(even)]
+        for impact, constraint in enumerate(struck):
+            a, b = driven.kick[constraint][:, dies]
+            here[:, 0] = even * a + odd * b
+            here[:, 1] = even * b + odd * (back * a)
+            table[impact, some] = here.reshape(len(here), 2 * dies.size) @ flat
+    first = len(forms[0])
+    return np.ascontiguousarray(table[..., :first]), np.ascontiguousarray(table[..., first:])
+
+
+def _forms(driven: Driven, cells: Cells, form: Floats, table: Floats) -> Forms:
+    """Return coordinates as sums over what moves."""
+    shape = cells.Omega.size, 2 * driven.harmonics.size, len(form)
+    amplitudes = np.tensordot(cells.steady, form, ((2, 3), (1, 2)))
+    steady = np.stack([amplitudes.real, -amplitudes.imag], axis=2)
+    return Forms(
+        np.ascontiguousarray(form.transpose(2, 1, 0)), driven.balance.along(form),
+        np.ascontiguousarray(steady.reshape(shape)), table,
+    )  # fmt: skip
+
+
+def _motions(driven: Driven, cells: Cells, solved: Solutions) -> Motions:
+    """Return solutions as their kernel takes them."""
+    n, legs = solved.length.shape
+    moves = solved.phase.size > 0
+    none = np.zeros((n, legs))
+    return Motions(
+        solved.index, np.ascontiguousarray(solved.phase) if moves else none,
+        np.ascontiguousarray(solved.length), np.ascontiguousarray(solved.state),
+        np.ascontiguousarray(solved.impulse) if moves else none, cells.Omega, driven.harmonics,
+    )  # fmt: skip
+
+
+def _room(driven: Driven, dofs: int, modes: int) -> Room:
+    """Return room for the kernel's scratch."""
+    pairs, nodes = driven.pairs.alpha.size, PANELS * _NODES + 2
+    rows = TRENDS + 2 * driven.harmonics.size + 2 * pairs
+    return Room(
+        place=np.zeros(5, dtype=np.int64),
+        counts=np.zeros(2, dtype=np.int64),
+        moving=np.zeros(pairs, dtype=np.int64),
+        times=np.empty(nodes),
+        weights=np.empty(nodes),
+        basis=np.empty(rows * nodes),
+        x_rows=np.empty(rows * dofs),
+        v_rows=np.empty(rows * modes),
+        x=np.empty(nodes * dofs),
+        v=np.empty(nodes * modes),
+        forces=np.empty(nodes * modes),
+        dragged=np.empty(nodes * modes),
+        squares=np.empty(dofs),
+        last=np.empty((2, dofs)),
+        last_times=np.empty(2),
+    )
