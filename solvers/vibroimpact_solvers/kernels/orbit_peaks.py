@@ -7,24 +7,45 @@ which Newton's method finds where it may be the highest so far.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from vibroimpact_solvers.kernels.flow import Z1, Z2, Flow
-from vibroimpact_solvers.kernels.jit import fma, inner
-from vibroimpact_solvers.kernels.orbits import DEAD, Forms, Mesh, Motions, Room, Sums
+from vibroimpact_solvers.kernels.jit import fma, inline, inner
+from vibroimpact_solvers.kernels.orbits import (
+    BEND,
+    DEAD,
+    LEVEL,
+    RATE,
+    Forms,
+    Mesh,
+    Motions,
+    Room,
+    Sums,
+)
 from vibroimpact_solvers.kernels.phases import sine_cosine
 
 _STEPS = 5  # of Newton's method for a peak
 _SETTLED = 1e-5  # of an interval: after such a step the parabola tells the peak to rounding
+_BEFORE = 0
+_LATEST = 1  # rows of displacements at the two nodes before
+
+
+class Interval(NamedTuple):
+    """Times between which a peak is sought, and where that begins."""
+
+    low: float
+    near: float
+    high: float
 
 
 @inner
 def _displacement(
-    flow: Flow, forms: Forms, m: Motions, mesh: Mesh, k: int, leg: int, t: float, d: int,
-    room: Room,
-) -> tuple[float, float, float]:  # fmt: skip
+    flow: Flow, forms: Forms, m: Motions, mesh: Mesh, t: float, d: int, room: Room
+) -> tuple[float, float, float]:
     """Return a displacement, its velocity and its acceleration at a time."""
-    x = forms.trend[0, d] + (forms.trend[1, d] + 0.5 * forms.trend[2, d] * t) * t
-    v, a = forms.trend[1, d] + forms.trend[2, d] * t, forms.trend[2, d]
+    level, rate, bend = forms.trend[LEVEL, d], forms.trend[RATE, d], forms.trend[BEND, d]
+    x, v, a = level + (rate + 0.5 * bend * t) * t, rate + bend * t, bend
+    k, leg = room.progress[0].solution, room.progress[0].leg
     f, z = m.of[k], m.state[k, leg]
     for h in range(m.harmonics.size):
         rate = m.harmonics[h] * m.Omega[f]
@@ -34,7 +55,7 @@ def _displacement(
         x += there
         v += rate * (imaginary * cosine - real * sine)
         a -= rate * rate * there
-    for i in range(room.counts[1]):
+    for i in range(room.progress[0].moving):
         j = room.moving[i]
         if mesh.growth[j] * t < -DEAD:
             continue
@@ -65,63 +86,82 @@ def _displacement(
 
 @inner
 def _peak(
-    flow: Flow, forms: Forms, m: Motions, mesh: Mesh, k: int, leg: int, d: int, sign: float,
-    low: float, near: float, high: float, room: Room,
-) -> float:  # fmt: skip
+    flow: Flow,
+    forms: Forms,
+    m: Motions,
+    mesh: Mesh,
+    d: int,
+    sign: float,
+    at: Interval,
+    room: Room,
+) -> float:
     """Return the highest displacement times sign that Newton's method finds in an interval."""
-    best = -math.inf
+    best, near = -math.inf, at.near
     for _ in range(_STEPS):
-        x, v, a = _displacement(flow, forms, m, mesh, k, leg, near, d, room)
+        x, v, a = _displacement(flow, forms, m, mesh, near, d, room)
         x, v, a = sign * x, sign * v, sign * a
         best = max(best, x)
         if not a < 0.0:
             break
-        there = min(max(near - v / a, low), high)
+        there = min(max(near - v / a, at.low), at.high)
         step = there - near
-        if abs(step) <= _SETTLED * (high - low):
+        if abs(step) <= _SETTLED * (at.high - at.low):
             best = max(best, x + (v + 0.5 * a * step) * step)
             break
         near = there
     return best
 
 
+@inline
+def _rise(a: float, b: float, c: float, at: Interval) -> tuple[float, float]:
+    """Return twice what the parabola through three displacements rises to, and its vertex.
+
+    The first two are one where nothing is known before: it may rise from there as it falls after.
+    """
+    if at.low == at.near:
+        return b - c, at.near
+    up, down = (b - a) / (at.near - at.low), (c - b) / (at.high - at.near)
+    whole = at.high - at.low
+    slope = (up * (at.high - at.near) + down * (at.near - at.low)) / whole
+    bend = 2.0 * (up - down) / whole
+    return slope * slope / bend, at.near + slope / bend
+
+
 @inner
 def raise_peaks(
-    flow: Flow, forms: Forms, m: Motions, mesh: Mesh, k: int, leg: int, n: int, sums: Sums,
-    room: Room,
-) -> None:  # fmt: skip
+    flow: Flow, forms: Forms, m: Motions, mesh: Mesh, n: int, sums: Sums, room: Room
+) -> None:
     """Raise the highest displacements by those at n nodes, and by peaks beside them.
 
     A displacement rises from a node to a peak beside it by less than twice what the parabola
-    through the node and its neighbours does. Before the first node and after the last one there
-    are none: times are then those of the node itself.
+    through the node and its neighbours does. The node in the middle of three is looked at; the
+    last one of a free motion by itself.
     """
-    dofs = forms.trend.shape[1]
+    dofs, progress = forms.trend.shape[1], room.progress[0]
     x = room.x[: n * dofs].reshape(n, dofs)
+    length = m.length[progress.solution, progress.leg]
     for i in range(n):
-        # The node in the middle of three is looked at: the last one of a free motion by itself.
-        t0, t1, t2 = room.last_times[0], room.last_times[1], room.times[i]
-        last = t2 == m.length[k, leg]
+        at = Interval(progress.before, progress.latest, room.times[i])
         for turn in range(2):
-            sign, best = 1.0 - 2.0 * turn, sums.peaks[k, turn]
+            sign, best = 1.0 - 2.0 * turn, sums.peaks[progress.solution, turn]
             for d in range(dofs):
-                best[d] = max(best[d], sign * x[i, d])
-            for d in range(dofs if t1 >= 0.0 else 0):
-                a, b, c = sign * room.last[0, d], sign * room.last[1, d], sign * x[i, d]
+                c = sign * x[i, d]
+                best[d] = max(best[d], c)
+                if at.near < 0.0:
+                    continue
+                a, b = sign * room.last[_BEFORE, d], sign * room.last[_LATEST, d]
                 if b >= a and b >= c and (b > a or b > c):
-                    rise, vertex = b - c if t0 == t1 else 0.0, t1
-                    if t0 < t1:
-                        up, down = (b - a) / (t1 - t0), (c - b) / (t2 - t1)
-                        slope = (up * (t2 - t1) + down * (t1 - t0)) / (t2 - t0)
-                        bend = 2.0 * (up - down) / (t2 - t0)
-                        rise, vertex = slope * slope / bend, t1 + slope / bend
+                    rise, vertex = _rise(a, b, c, at)
                     if b + rise >= best[d]:
-                        top = _peak(flow, forms, m, mesh, k, leg, d, sign, t0, vertex, t2, room)
+                        here = Interval(at.low, vertex, at.high)
+                        top = _peak(flow, forms, m, mesh, d, sign, here, room)
                         best[d] = max(best[d], top)
-                if last and c > b and c + (c - b) >= best[d]:
-                    top = _peak(flow, forms, m, mesh, k, leg, d, sign, t1, t2, t2, room)
+                if at.high == length and c > b and c + (c - b) >= best[d]:
+                    here = Interval(at.near, length, length)
+                    top = _peak(flow, forms, m, mesh, d, sign, here, room)
                     best[d] = max(best[d], top)
         for d in range(dofs):
-            room.last[0, d] = room.last[1, d] if t1 >= 0.0 else x[i, d]
-            room.last[1, d] = x[i, d]
-        room.last_times[0], room.last_times[1] = t1 if t1 >= 0.0 else t2, t2
+            room.last[_BEFORE, d] = x[i, d] if at.near < 0.0 else room.last[_LATEST, d]
+            room.last[_LATEST, d] = x[i, d]
+        progress.before = at.high if at.near < 0.0 else at.near
+        progress.latest = at.high

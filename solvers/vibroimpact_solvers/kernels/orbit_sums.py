@@ -36,6 +36,10 @@ Gauss' formula is then off by 2e-18 of its square.
 PANELS: Final = 8
 """Panels that are evaluated at once."""
 _WORK = 2e7  # products of numbers after which the kernel returns: about ten milliseconds
+_SUM = 0
+_LOST = 1  # rows of sums, and what rounding took from them
+_WORK_OF_LOAD, _FLOW, _HEAT = range(3)  # columns of sums of energies
+_DIAGONAL = 0  # row of damping that couples no modes
 _NODE = 100  # of them that a node takes besides those of the coordinates
 
 
@@ -48,8 +52,8 @@ def _drag(v: Floats, damping: Floats, out: Floats) -> None:
 @inline
 def _add(total: Floats, place: int, value: float) -> None:
     """Add to a sum in place, whose second row is what rounding took from it."""
-    total[0, place], lost = two_sum(total[0, place], value)
-    total[1, place] += lost
+    total[_SUM, place], lost = two_sum(total[_SUM, place], value)
+    total[_LOST, place] += lost
 
 
 @inner
@@ -67,9 +71,9 @@ def _add_squares(dofs: int, n: int, squares: Floats, room: Room) -> None:
 
 
 @inner
-def _add_energies(e: Dissipation, m: Motions, k: int, n: int, sums: Sums, room: Room) -> None:
+def _add_energies(e: Dissipation, n: int, sums: Sums, room: Room) -> None:
     """Add work of the load and losses by damping over n nodes."""
-    modes, waves = e.load.shape[1], e.load.shape[0]
+    modes, waves, k = e.load.shape[1], e.load.shape[0], room.progress[0].solution
     v = room.v[: n * modes].reshape(n, modes)
     forces = room.forces[: n * modes].reshape(n, modes)
     dragged = room.dragged[: n * modes].reshape(n, modes)
@@ -89,12 +93,12 @@ def _add_energies(e: Dissipation, m: Motions, k: int, n: int, sums: Sums, room: 
         if e.damping.shape[0] == 0:
             continue
         for j in range(modes):
-            heat += (dragged[i, j] if coupled else e.damping[0, j] * v[i, j]) * v[i, j]
+            heat += (dragged[i, j] if coupled else e.damping[_DIAGONAL, j] * v[i, j]) * v[i, j]
             sums.speeds[k, j] += w * abs(v[i, j])
         lost += w * heat
-    _add(sums.energy[k], 0, work)
-    _add(sums.energy[k], 1, flow)
-    _add(sums.energy[k], 2, lost)
+    _add(sums.energy[k], _WORK_OF_LOAD, work)
+    _add(sums.energy[k], _FLOW, flow)
+    _add(sums.energy[k], _HEAT, lost)
 
 
 @inner
@@ -117,7 +121,8 @@ def _set_nodes(
     """
     n = 0
     if begin == 0.0 and first == 0:
-        room.times[0], room.weights[0], n = 0.0, 0.0, 1
+        room.times[n], room.weights[n] = 0.0, 0.0
+        n += 1
     for panel in range(first, last):
         for q in range(mesh.places.size):
             room.times[n] = begin + (panel + mesh.places[q]) * width
@@ -152,51 +157,52 @@ def integrate(
     sums : Sums
         Filled in; peaks are infinite before, negative, and all else is zero.
     room : Room
-        Its `place` is zero before the first call.
+        Its progress is zero before the first call.
 
     Returns
     -------
     bool
         Whether all of them are done.
     """
-    place, dofs, modes, load, work = room.place, x.trend.shape[1], v.trend.shape[1], 0.0, 0.0
+    dofs, modes, load, work = x.trend.shape[1], v.trend.shape[1], 0.0, 0.0
+    progress = room.progress[0]
     for h in range(m.harmonics.size):
         load = max(load, m.harmonics[h])
-    while place[0] < m.of.size and work < _WORK:
-        k, leg, segment, first = place[0], place[1], place[2], place[3]
+    while progress.solution < m.of.size and work < _WORK:
+        k, leg, segment, first = progress.solution, progress.leg, progress.segment, progress.panel
         length = m.length[k, leg]
         begin = min(mesh.ends[segment - 1], length) if segment > 0 else 0.0
         end, panels, node = min(mesh.ends[segment], length), 0, -1
         if end > begin:
             panels = _panels(mesh, load * m.Omega[m.of[k]], segment, end - begin, length)
             if first == 0:
-                set_moving(m, mesh, k, leg, begin, room)
+                set_moving(m, mesh, begin, room)
                 set_rows(x, m.of[k], room, room.x_rows)
                 set_rows(v, m.of[k], room, room.v_rows)
                 if segment == 0:
-                    room.last_times[0] = room.last_times[1] = -1.0
+                    progress.before, progress.latest = -1.0, -1.0
             last = min(first + PANELS, panels)
             closes = length if last == panels and end >= length else math.inf
             n = _set_nodes(mesh, first, last, begin, (end - begin) / panels, room, closes)
             if segment < mesh.shared.size:
-                node = place[4]
-                place[4] += n
-            rows = set_basis(flow, m, k, leg, n, room)
+                node = progress.node
+                progress.node += n
+            rows = set_basis(flow, m, n, room)
             impulse = m.impulse[k, leg] if node >= 0 else 0.0
             set_coordinates(x, impulse, leg, rows, n, node, room, room.x, room.x_rows)
             set_coordinates(v, impulse, leg, rows, n, node, room, room.v, room.v_rows)
             _add_squares(dofs, n, sums.squares[k], room)
-            raise_peaks(flow, x, m, mesh, k, leg, n, sums, room)
+            raise_peaks(flow, x, m, mesh, n, sums, room)
             if modes > 0:
-                _add_energies(e, m, k, n, sums, room)
+                _add_energies(e, n, sums, room)
             sums.nodes[k] += n
             work += n * (_NODE + rows * (dofs + modes))
             first = last
-        place[3] = first
+        progress.panel = first
         if first >= panels:
-            place[2], place[3] = segment + 1, 0
+            progress.segment, progress.panel = segment + 1, 0
             if end >= length:
-                place[1], place[2], place[4] = leg + 1, 0, 0
-                if place[1] == m.length.shape[1]:
-                    place[0], place[1] = k + 1, 0
-    return bool(place[0] == m.of.size)
+                progress.leg, progress.segment, progress.node = leg + 1, 0, 0
+                if progress.leg == m.length.shape[1]:
+                    progress.solution, progress.leg = k + 1, 0
+    return bool(progress.solution == m.of.size)

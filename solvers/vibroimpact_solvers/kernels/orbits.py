@@ -20,16 +20,29 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vibroimpact_solvers.arrays import Booleans, Floats, Integers
 from vibroimpact_solvers.kernels.flow import Z1, Z2, Flow
-from vibroimpact_solvers.kernels.jit import fma, inline, inner, product
+from vibroimpact_solvers.kernels.jit import fma, inline, inner, product, record
 from vibroimpact_solvers.kernels.phases import sine_cosine
 
 DEAD: Final = 45.0
 """Exponent of its decay after which nothing is left of a vibration."""
+LEVEL: Final = 0
+RATE: Final = 1
+BEND: Final = 2
 TRENDS: Final = 3
-"""Rows of what constant loads do."""
+"""Rows of what constant loads do, factors of 1, t and t^2/2, and their number."""
+
+PROGRESS: Final = record(
+    [
+        ("solution", "i8"), ("leg", "i8"), ("segment", "i8"), ("panel", "i8"), ("node", "i8"),
+        ("lasting", "i8"), ("moving", "i8"), ("before", "f8"), ("latest", "f8"),
+    ]
+)  # fmt: skip
+"""What is evaluated next: the panel of a segment of a free motion, and a node of the table; how
+many pairs move without and with those of the table; times of the two nodes before, -1 for none."""
 
 
 class Forms(NamedTuple):
@@ -85,9 +98,8 @@ class Sums(NamedTuple):
 class Room(NamedTuple):
     """Room for scratch, kept from call to call."""
 
-    place: Integers  # (5,): solution, free motion, segment, panel and node of the table that follow
-    counts: Integers  # (2,): pairs that move, without and with those of the table
-    moving: Integers  # (pair,): their indices
+    progress: NDArray[np.void]  # (1,), of `PROGRESS`
+    moving: Integers  # (pair,): indices of the pairs that move, those of the table last
     times: Floats  # (node,)
     weights: Floats  # (node,)
     basis: Floats  # (row node,)
@@ -99,7 +111,6 @@ class Room(NamedTuple):
     dragged: Floats  # (node mode,)
     squares: Floats  # (dof,)
     last: Floats  # (2, dof): displacements at the two nodes before
-    last_times: Floats  # (2,)
 
 
 @product
@@ -109,16 +120,19 @@ def multiply(rows: Floats, columns: Floats, out: Floats) -> None:
 
 
 @inner
-def set_moving(m: Motions, mesh: Mesh, k: int, leg: int, begin: float, room: Room) -> None:
+def set_moving(m: Motions, mesh: Mesh, begin: float, room: Room) -> None:
     """List the pairs that move at a time, those of the table last."""
-    count, z = 0, m.state[k, leg]
+    progress = room.progress[0]
+    count, z = 0, m.state[progress.solution, progress.leg]
     for later in range(2):
         for j in range(mesh.growth.size):
             alive = mesh.growth[j] * begin > -DEAD and (z[Z1, j] != 0.0 or z[Z2, j] != 0.0)
             if alive and mesh.dies[j] == (later == 1):
                 room.moving[count] = j
                 count += 1
-        room.counts[later] = count
+        if later == 0:
+            progress.lasting = count
+    progress.moving = count
 
 
 @inner
@@ -134,7 +148,7 @@ def set_rows(forms: Forms, f: int, room: Room, flat: Floats) -> None:
         for c in range(coordinates):
             flat[place + c] = forms.steady[f, i, c]
         place += coordinates
-    for i in range(room.counts[0]):
+    for i in range(room.progress[0].lasting):
         for number in range(2):
             for c in range(coordinates):
                 flat[place + c] = forms.pairs[room.moving[i], number, c]
@@ -171,9 +185,10 @@ def _set_pair(
 
 
 @inner
-def set_basis(flow: Flow, m: Motions, k: int, leg: int, n: int, room: Room) -> int:
+def set_basis(flow: Flow, m: Motions, n: int, room: Room) -> int:
     """Fill in what coordinates are sums over at n nodes, (row, n); return the number of rows."""
     times, basis, place = room.times[:n], room.basis, TRENDS * n
+    k, leg = room.progress[0].solution, room.progress[0].leg
     for i in range(n):
         basis[i], basis[n + i], basis[2 * n + i] = 1.0, times[i], 0.5 * times[i] * times[i]
     start, Omega = m.phase[k, leg], m.Omega[m.of[k]]
@@ -183,7 +198,7 @@ def set_basis(flow: Flow, m: Motions, k: int, leg: int, n: int, room: Room) -> i
             basis[place + n + i], basis[place + i] = sine_cosine(turned, 0.0)
         place += 2 * n
     z = m.state[k, leg]
-    for i in range(room.counts[0]):
+    for i in range(room.progress[0].lasting):
         j, end = room.moving[i], place + 2 * n
         _set_pair(
             flow, j, z[Z1, j], z[Z2, j], times, basis[place : place + n], basis[place + n : end]

@@ -12,6 +12,7 @@ from vibroimpact_solvers.arrays import Booleans, Floats, Integers
 from vibroimpact_solvers.kernels.orbit_sums import LEAST, PANELS, TURN, integrate
 from vibroimpact_solvers.kernels.orbits import (
     DEAD,
+    PROGRESS,
     TRENDS,
     Dissipation,
     Forms,
@@ -39,7 +40,7 @@ _PIECE: Final = 2**20
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Along:
-    """What is found along solutions, in the basis' units.
+    """What is evaluated along solutions, in the basis' units.
 
     Parameters
     ----------
@@ -205,8 +206,7 @@ def _room(driven: Driven, dofs: int, modes: int) -> Room:
     pairs, nodes = driven.pairs.alpha.size, PANELS * _NODES + 2
     rows = TRENDS + 2 * driven.harmonics.size + 2 * pairs
     return Room(
-        place=np.zeros(5, dtype=np.int64),
-        counts=np.zeros(2, dtype=np.int64),
+        progress=np.zeros(1, PROGRESS),
         moving=np.zeros(pairs, dtype=np.int64),
         times=np.empty(nodes),
         weights=np.empty(nodes),
@@ -219,5 +219,4 @@ def _room(driven: Driven, dofs: int, modes: int) -> Room:
         dragged=np.empty(nodes * modes),
         squares=np.empty(dofs),
         last=np.empty((2, dofs)),
-        last_times=np.empty(2),
     )

@@ -166,11 +166,10 @@ def _along(problem: Problem, driven: Driven, cells: Cells, solved: Solutions) ->
         columns["waveform"] = np.full((count, problem.tau.size, dofs), np.nan)
         columns["error_waveform"] = np.full((count, 1, dofs), np.inf)
     bounded = np.flatnonzero(~cells.unbounded()[solved.index])
-    found: Columns = {}
     if bounded.size:
-        found = _of_bounded(problem, driven, cells, solved.at(bounded))
-    for name, values in found.items():
-        columns[name][bounded] = values
+        each = _of_bounded(problem, driven, cells, solved.at(bounded))
+        for name, values in each.items():
+            columns[name][bounded] = values
     return columns
 
 
@@ -195,13 +194,13 @@ def _of_bounded(problem: Problem, driven: Driven, cells: Cells, solved: Solution
         columns |= {f"solution_{name}": value for name, value in values.items()}
         columns |= {f"error_{name}": error for name in values}
     if "energy" in problem.outputs:
-        found = energies(problem, driven, outputs, cells, solved, along)
+        balance = energies(problem, driven, outputs, cells, solved, along)
         columns |= {
-            "solution_work": found.work,
-            "solution_energy_lost": found.lost,
-            "solution_energy": found.energy,
-            "error_work": found.work_error,
-            "error_energy_lost": found.lost_error,
-            "error_energy": found.energy_error,
+            "solution_work": balance.work,
+            "solution_energy_lost": balance.lost,
+            "solution_energy": balance.energy,
+            "error_work": balance.work_error,
+            "error_energy_lost": balance.lost_error,
+            "error_energy": balance.energy_error,
         }
     return columns
