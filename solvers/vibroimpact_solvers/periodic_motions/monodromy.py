@@ -150,9 +150,6 @@ def eigenvalues(factors: Factors) -> tuple[Complexes, Floats]:
         both = np.where(sizes * sizes.T == 0.0, 0.0, 2.0 * sizes * sizes.T / apart)
     errors = np.minimum(np.sqrt(sizes * sizes.T), both).sum(axis=1)
     left = inverse.T.astype(np.complex128).reshape(2, modes, size)
-    # What rounding leaves in R.
-    sizes = np.abs(matrix) @ np.abs(vectors) + np.abs(vectors * rough)
-    errors += 2.0 * EPS * np.einsum("ij,ji->i", np.abs(inverse), sizes)
     # Eigenvectors of what has decayed may be almost parallel, and products of their inverse without
     # bound: then nothing is known of these multipliers.
     with np.errstate(over="ignore", invalid="ignore"):

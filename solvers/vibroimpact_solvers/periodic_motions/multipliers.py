@@ -45,6 +45,9 @@ _GONE = 184.0
 It is e^-184 = 1e-80 of them then, and takes as much of a multiplier of `_TINY` as rounding does.
 """
 _TINY = 1e-60  # of the largest multiplier: bound of those of such modes
+_FADED = 60.0
+"""The same exponent for the dense matrix, the eigenvectors of which would be almost parallel."""
+_FAINT = 1e-20  # of the largest multiplier: bound of those of modes that fade
 _POOR = 1e-7  # error of a multiplier, of the largest one, from which the dense matrix may do better
 _AT_A_TIME = 64  # solutions between two looks at the meter
 _MEMORY = 2**26  # bytes of the couplings that are there at once
@@ -152,7 +155,7 @@ def _coupled(
     for start in range(0, left.size, block):
         look()
         at = left[start : start + block]
-        kept = _lasting(driven, coupled, solved.at(at))
+        kept = _lasting(driven, coupled, solved.at(at), _GONE)
         room = _room(kept.size, 2 * walls.struck.size)
         cycles = _cycles(driven, walls, kept, cells, solved.at(at), jumps[at], late[at])
         size, few = 2 * kept.size, min(width, 2 * kept.size)
@@ -173,27 +176,36 @@ def _coupled(
         for row in np.flatnonzero(together | missed | poor) if size <= monodromy.LARGEST else ():
             look()
             one = at[row : row + 1]
-            factors = _factors(driven, walls, kept, cells, solved.at(one), jumps[one], late[one])
-            each, doubt = monodromy.eigenvalues(factors)
-            if together[row] or missed[row] or doubt[:few].max() < near[row].max():
-                rough[row], near[row] = each[:few], doubt[:few]
-        values[at, :few], errors[at, :few] = rough, near
-        unknown = np.isnan(rough).any(axis=1)
-        values[at, few:] = np.where(unknown, np.nan, 0.0)[:, np.newaxis]
-        largest = np.abs(rough).max(axis=1, initial=0.0)
-        errors[at, few:] = np.where(unknown, np.inf, _TINY * largest)[:, np.newaxis]
+            dense = _lasting(driven, kept, solved.at(one), _FADED)
+            factors = _factors(driven, walls, dense, cells, solved.at(one), jumps[one], late[one])
+            each, doubt = _padded(*monodromy.eigenvalues(factors), few, _FAINT)
+            if together[row] or missed[row] or doubt.max() < near[row].max():
+                rough[row], near[row] = each, doubt
+        for place, each, doubt in zip(at.tolist(), rough, near, strict=True):
+            values[place], errors[place] = _padded(each, doubt, width, _TINY)
     return values, errors
 
 
-def _lasting(driven: Driven, coupled: Integers, solved: Solutions) -> Integers:
-    """Return those of the coupled modes of which something is left after each free motion.
+def _lasting(driven: Driven, modes: Integers, solved: Solutions, exponent: float) -> Integers:
+    """Return those of some modes of which something is left after each free motion.
 
     Of the others nothing is left of a deviation between two impacts: they are driven by the rest
     and drive nothing, and their multipliers vanish.
     """
-    growth = driven.pairs.growth[driven.pairs.moving[coupled]]
+    growth = driven.pairs.growth[driven.pairs.moving[modes]]
     decay = growth.max(initial=-np.inf) - growth
-    return np.asarray(coupled[decay * solved.length.min() < _GONE])
+    return np.asarray(modes[decay * solved.length.min() < exponent])
+
+
+def _padded(
+    values: Complexes, errors: Floats, width: int, least: float
+) -> tuple[Complexes, Floats]:
+    """Return so many multipliers and errors, (width,); others are below `least` of the largest."""
+    more = max(0, width - values.size)
+    unknown = np.isnan(values).any()
+    value, error = (np.nan, np.inf) if unknown else (0.0, least * np.abs(values).max(initial=0.0))
+    values = np.concatenate([values[:width], np.full(more, value, dtype=np.complex128)])
+    return values, np.concatenate([errors[:width], np.full(more, error)])
 
 
 def _factors(
