@@ -16,7 +16,7 @@ pytestmark = pytest.mark.needs("compiled kernels")
 
 
 def response(*, symmetric: bool = False, elements: int = 12) -> driven.Result:
-    """Return the driven response of a cantilever; times of the waveform crowd after the impact."""
+    """Return the driven response of a cantilever; the waveform is dense after the impact."""
     system = beams.cantilever(elements)
     Omega = beams.OMEGA * np.array([0.8, 1.1, 2.3])
     load = (driven.Force((2 * elements - 2,), (1.0,), 6.0),)
