@@ -12,7 +12,6 @@ import pickle
 import signal
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any, BinaryIO, Final, TypeVar, cast
@@ -23,7 +22,6 @@ from vibroimpact_service.documents.planning import Planned
 from vibroimpact_service.documents.requests import Request
 from vibroimpact_service.jobs import forkserver
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.store import Store
 from vibroimpact_solvers.kernels import inventory
 
 Process = subprocess.Popen[bytes]
@@ -172,12 +170,9 @@ def _planned(
 ) -> Answer:
     try:
         request = requests.read(_CALLER, kinds.named(kind, "kind"), dict(content))
-        # Systems are stored by servers alone: the store is empty.
-        with (
-            tempfile.TemporaryDirectory(prefix="vibroimpact-") as folder,
-            inventory.announced(),
-        ):
-            return answer(request, planning.plan(Store(folder), request.kind, request.document))
+        with inventory.announced():
+            store = local_process.no_systems()
+            return answer(request, planning.plan(store, request.kind, request.document))
     except Exception as error:
         fault = problems.of(error)
         if fault.type is problems.INTERNAL:

@@ -17,6 +17,7 @@ import time
 import traceback
 from collections.abc import Mapping
 from functools import partial
+from pathlib import Path
 from typing import Any, BinaryIO, Final
 
 from vibroimpact_service import chunks, execute, kinds, problems
@@ -38,14 +39,15 @@ class _Signal(StopSignal):
 
     def __init__(self, answers: BinaryIO) -> None:
         super().__init__(enforce=partial(process_limits.limit_call, CALLER))
-        self._answers, self._next = answers, 0.0
+        self._answers, self._told = answers, False
+        self._next = time.monotonic() + _PROGRESS_SECONDS
 
     def __call__(self, done: int, total: int) -> None:
         """Raise `LimitPassedError` where the computation is to stop."""
         super().__call__(done, total)
         now = time.monotonic()
-        if now >= self._next or done >= total:
-            self._next = now + _PROGRESS_SECONDS
+        if now >= self._next or (self._told and done >= total):
+            self._next, self._told = now + _PROGRESS_SECONDS, True
             write(self._answers, ("progress", done, total))
 
 
@@ -55,12 +57,16 @@ def write(stream: BinaryIO, message: tuple[Any, ...]) -> None:
     stream.flush()
 
 
+def no_systems() -> Store:
+    """Return an empty store, in a folder that is not there: servers alone store systems."""
+    return Store(str(Path(tempfile.gettempdir()) / f"vibroimpact-none-{os.getpid()}"))
+
+
 def _compute(kind: str, content: Mapping[str, Any], answers: BinaryIO) -> bytes:
     """Return the HDF5 file of the result of a request."""
     request = requests.read(CALLER, kinds.named(kind, "kind"), dict(content))
-    # Systems are stored by servers alone: the store is empty.
-    with tempfile.TemporaryDirectory(prefix="vibroimpact-") as folder, inventory.announced():
-        planned = planning.plan(Store(folder), request.kind, request.document)
+    with inventory.announced():
+        planned = planning.plan(no_systems(), request.kind, request.document)
         signal = _Signal(answers)
         most = chunks.longest(request.kind.name, planned.seconds)
         signal.allow(most)
