@@ -14,9 +14,9 @@ from benchmarks.cases import chain, grid, random_structure, solve
 from benchmarks.harness import Work
 from benchmarks.tables import Plot, Table, Trend
 from vibroimpact_schema.requests import TimeHistoryRequest
-from vibroimpact_service import chunks as job_chunks
 from vibroimpact_service.documents import digest, requests
 from vibroimpact_service.store import Store
+from vibroimpact_service.use_case import chunks as job_chunks
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.model import System
 

@@ -18,10 +18,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from vibroimpact_service import warming
 from vibroimpact_service.documents import planning, requests
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.store import Store
+from vibroimpact_service.use_case import warming
 from vibroimpact_solvers.arrays import Described, Field, declared
 
 Arrays = dict[str, NDArray[Any]]

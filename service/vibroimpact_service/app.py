@@ -14,7 +14,7 @@ from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.middleware.cors import CORSMiddleware
 
-from vibroimpact_service import chunks, problems
+from vibroimpact_service import problems
 from vibroimpact_service.access.authenticator import Authenticator
 from vibroimpact_service.access.budget import Budget
 from vibroimpact_service.api import (
@@ -31,13 +31,14 @@ from vibroimpact_service.api import (
 from vibroimpact_service.api.body_memory import BodyMemory
 from vibroimpact_service.api.boundary import Boundary, cross_origin, http_error, parameter_error
 from vibroimpact_service.api.dependencies import Services
-from vibroimpact_service.evaluate import Evaluation
 from vibroimpact_service.jobs.queue import JobQueue
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.metrics import Metrics
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
-from vibroimpact_service.warming import Warming
+from vibroimpact_service.use_case import chunks
+from vibroimpact_service.use_case.evaluation import Evaluation
+from vibroimpact_service.use_case.warming import Warming
 
 _DESCRIPTION: Final = (
     "Indices count from 0. Frequencies are Omega, the fundamental angular frequency "

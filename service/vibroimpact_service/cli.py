@@ -19,7 +19,7 @@ import structlog
 import typer
 import uvicorn
 
-from vibroimpact_service import exits, loading, logs, stopping
+from vibroimpact_service import exits, logs, stopping, use_case
 from vibroimpact_service.connection import connection
 from vibroimpact_service.jobs import forkserver
 from vibroimpact_service.operations import commands
@@ -92,16 +92,16 @@ def serve(
         migration.migrate(settings)
     if settings.scheduler is None:
         # It loads the numerical libraries while this process loads those of HTTP.
-        forkserver.start(loading.NUMERICAL)
+        forkserver.start(use_case.NUMERICAL)
     from vibroimpact_service.app import create_app
-    from vibroimpact_service.warming import Warming
+    from vibroimpact_service.use_case.warming import Warming
 
     logs.to_stderr()
     for name in unknown(os.environ):
         log.warning("there is no such setting", variable=name)
     for old, new in renamed(os.environ).items():
         log.warning("the setting has a new name", variable=old, now=new)
-    loading.load()
+    use_case.load()
     # By default, Python would let threads keep the event loop waiting for 5 ms at a time.
     sys.setswitchinterval(0.001)
     warming = Warming()
@@ -141,9 +141,9 @@ def worker(
     They need the same store as the services: VIBROIMPACT_STORE of the services must be an
     address that these workers can reach too. They survive restarts of the scheduler.
     """
-    from vibroimpact_service import chunks
     from vibroimpact_service.jobs import cluster
-    from vibroimpact_service.warming import Warming
+    from vibroimpact_service.use_case import chunks
+    from vibroimpact_service.use_case.warming import Warming
 
     settings = _cluster_settings(tls, scheduler=address, workers=workers)
     if settings.scheduler is None:
@@ -167,7 +167,7 @@ def warm(
     Services and workers do so by themselves, in the background. This command does it beforehand,
     as when an image is built, and ends at once where all is compiled.
     """
-    from vibroimpact_service.warming import FolderNotWritableError, Warming, missing
+    from vibroimpact_service.use_case.warming import FolderNotWritableError, Warming, missing
     from vibroimpact_solvers.kernels import inventory
 
     if dry_run:

@@ -20,7 +20,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
-from vibroimpact_service import chunks, execute, kinds, problems
+from vibroimpact_service import kinds, problems
 from vibroimpact_service.documents import decode, planning, requests
 from vibroimpact_service.jobs import process_limits
 from vibroimpact_service.jobs.work import LimitPassedError, StopSignal
@@ -28,6 +28,7 @@ from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.results import representations
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
+from vibroimpact_service.use_case import chunks, computation
 from vibroimpact_solvers.kernels import inventory
 
 CALLER: Final = "local"
@@ -71,7 +72,7 @@ def _compute(kind: str, content: Mapping[str, Any], answers: BinaryIO) -> bytes:
         most = chunks.longest(request.kind.name, planned.seconds)
         signal.allow(most)
         try:
-            result = execute.compute(planned, request.digest, request.canonical, signal)
+            result = computation.compute(planned, request.digest, request.canonical, signal)
         except LimitPassedError:
             detail = (
                 f"It took more than {most:.3g} s of processor time; {planned.seconds:.3g} s were "

@@ -16,7 +16,6 @@ import structlog
 from starlette.testclient import TestClient
 
 from tests.service.object_store import Server
-from vibroimpact_service import chunks as job_chunks
 from vibroimpact_service.app import create_app
 from vibroimpact_service.jobs.attempts import Attempt
 from vibroimpact_service.jobs.engine import EngineUnavailableError
@@ -26,6 +25,7 @@ from vibroimpact_service.jobs.records import KeyReusedError, NewJob
 from vibroimpact_service.jobs.tables import JobRow
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
+from vibroimpact_service.use_case import chunks as job_chunks
 
 # Errors as plain text: pictures of all that a traceback holds take seconds each.
 structlog.configure(

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from vibroimpact_schema.requests import ImpactModesRequest
-from vibroimpact_service import chunks as job_chunks
-from vibroimpact_service import execute, warming
 from vibroimpact_service.documents import digest, planning, requests
 from vibroimpact_service.jobs.work import ChunkMissingError, LimitPassedError, StopSignal
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.results import encode
 from vibroimpact_service.store import Store, StoreUnavailableError
+from vibroimpact_service.use_case import chunks as job_chunks
+from vibroimpact_service.use_case import computation, warming
 from vibroimpact_solvers.errors import ConvergenceError
 
 KIND = KINDS["impact-modes"]
@@ -45,8 +45,8 @@ def test_pieces_give_the_numbers_of_the_whole(
         job_chunks.solve(store.url, KIND.name, name, RESULT, [index])
     job_chunks.join(store.url, KIND.name, name, RESULT, names)
     whole = "cd" * 32
-    execute.put(
-        store, execute.compute(planning.plan(store, KIND, request), whole, data), durable=False
+    computation.put(
+        store, computation.compute(planning.plan(store, KIND, request), whole, data), durable=False
     )
     joined, once = (encode.unpack(store.results.get(n) or b"") for n in (RESULT, whole))
     assert set(joined.arrays) == set(once.arrays)
@@ -111,7 +111,9 @@ def test_a_longer_sweep_from_shared_chunks_has_the_numbers_of_one_in_one_go(
     request = ImpactModesRequest.model_validate({**request_body, "frequency": steps(0.6, 2.1)})
     planned = planning.plan(store, KIND, request)
     whole = "cd" * 32
-    execute.put(store, execute.compute(planned, whole, digest.canonical(request)), durable=False)
+    computation.put(
+        store, computation.compute(planned, whole, digest.canonical(request)), durable=False
+    )
     joined, once = (encode.unpack(store.results.get(n) or b"") for n in (RESULT, whole))
     assert set(joined.arrays) == set(once.arrays)
     for field, values in once.arrays.items():
@@ -123,9 +125,9 @@ def test_what_surrounds_the_numbers_is_fixed_when_they_are_stored(
 ) -> None:
     request, _, data = keep_request(store, request_body)
     planned = planning.plan(store, KIND, request)
-    execute.put(store, execute.compute(planned, RESULT, data), durable=False)
+    computation.put(store, computation.compute(planned, RESULT, data), durable=False)
     first = store.results.get(RESULT)
-    execute.put(store, execute.compute(planned, RESULT, data), durable=False)
+    computation.put(store, computation.compute(planned, RESULT, data), durable=False)
     assert store.results.get(RESULT) == first
     head = encode.unpack(first or b"").head
     assert head["request"].encode() == data

@@ -13,11 +13,9 @@ from typing import Any
 import orjson
 import pytest
 
-from vibroimpact_service import evaluate, problems
-from vibroimpact_service.charges import Admission
+from vibroimpact_service import problems
 from vibroimpact_service.documents import parse, requests
 from vibroimpact_service.documents.requests import Request
-from vibroimpact_service.evaluate import Answer, Evaluation, Preference
 from vibroimpact_service.jobs.metrics import JobMetrics
 from vibroimpact_service.jobs.records import NewJob
 from vibroimpact_service.jobs.tables import JobRow
@@ -29,6 +27,8 @@ from vibroimpact_service.results.collection import Results
 from vibroimpact_service.results.representations import HDF5, JSON
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
+from vibroimpact_service.use_case.charges import Admission
+from vibroimpact_service.use_case.evaluation import Answer, Evaluation, Preference
 from vibroimpact_solvers import impact_modes
 from vibroimpact_solvers.errors import ConvergenceError
 
@@ -299,7 +299,7 @@ def test_a_lost_result_whose_kernels_are_missing_is_left_to_the_workers(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     # One job for each ten minutes: none may end while the first answer is waited for.
-    monkeypatch.setattr(evaluate, "_LOST_SECONDS", 1e12)
+    monkeypatch.setattr("vibroimpact_service.use_case.evaluation._LOST_SECONDS", 1e12)
 
     async def main() -> None:
         question = asked(request_body)

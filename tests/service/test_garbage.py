@@ -12,7 +12,7 @@ import pytest
 from vibroimpact_service import garbage
 from vibroimpact_service.documents import parse
 from vibroimpact_service.settings import Settings
-from vibroimpact_service.threads import Threads
+from vibroimpact_service.use_case.threads import Threads
 
 
 def test_nothing_is_collected_while_one_of_several_waits() -> None:

@@ -21,14 +21,15 @@ pytestmark = pytest.mark.needs("processes")
 CHAIN = vi.chain(13, [vi.constraint(5, 0.2)])
 ENDLESS = """
 import itertools
-from vibroimpact_service import chunks, execute, local_process, warming
+from vibroimpact_service import local_process
+from vibroimpact_service.use_case import chunks, computation, warming
 from vibroimpact_service.jobs import process_limits
 chunks._PIECE_SECONDS, chunks._TIMES_PLANNED, chunks._COMPILATION_SECONDS = {piece}, 0.0, 0.0
 process_limits._MARGIN_SECONDS = {margin}
 {compute}
 local_process.main()
 """
-IN_COMPILED_CODE = "execute.compute = lambda *_: sum(itertools.repeat(0))"  # heeds nothing
+IN_COMPILED_CODE = "computation.compute = lambda *_: sum(itertools.repeat(0))"  # heeds nothing
 
 
 @pytest.fixture(autouse=True)

@@ -16,12 +16,12 @@ from hypothesis import strategies as st
 from vibroimpact_schema.plans import Steps
 from vibroimpact_schema.requests import ImpactModesRequest
 from vibroimpact_schema.sweeps import SweepRequest
-from vibroimpact_service import chunks as job_chunks
-from vibroimpact_service import execute
 from vibroimpact_service.documents import decode, digest, planning, requests, sweep_axes
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.results import encode, hdf5
 from vibroimpact_service.store import Store
+from vibroimpact_service.use_case import chunks as job_chunks
+from vibroimpact_service.use_case import computation
 from vibroimpact_solvers import impact_modes, sweep
 
 SWEEP = KINDS["sweep"]
@@ -172,9 +172,9 @@ class TestJobs:
         pieces, _ = run(store, CONTENT, "ab" * 32)
         assert pieces > 1
         request = SweepRequest.model_validate(CONTENT)
-        execute.put(
+        computation.put(
             store,
-            execute.compute(planning.plan(store, SWEEP, request), "cd" * 32, b"{}"),
+            computation.compute(planning.plan(store, SWEEP, request), "cd" * 32, b"{}"),
             durable=False,
         )
         joined, once = arrays(store, "ab" * 32), arrays(store, "cd" * 32)
@@ -208,8 +208,8 @@ class TestJobs:
 def representation(content: dict[str, Any], store: Store) -> encode.Content:
     request = SweepRequest.model_validate(content)
     planned = planning.plan(store, SWEEP, request)
-    execute.put(
-        store, execute.compute(planned, "ee" * 32, digest.canonical(request)), durable=False
+    computation.put(
+        store, computation.compute(planned, "ee" * 32, digest.canonical(request)), durable=False
     )
     return encode.unpack(store.results.get("ee" * 32) or b"")
 

@@ -12,12 +12,12 @@ import pytest
 import xarray
 
 from vibroimpact_schema.sweeps import SweepRequest
-from vibroimpact_service import chunks as job_chunks
-from vibroimpact_service import execute
 from vibroimpact_service.documents import digest, planning
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.results import encode, hdf5
 from vibroimpact_service.store import Store
+from vibroimpact_service.use_case import chunks as job_chunks
+from vibroimpact_service.use_case import computation
 from vibroimpact_solvers import sweep
 from vibroimpact_solvers.arrays import declared
 
@@ -231,8 +231,8 @@ class TestEveryKind:
     def test_both_encodings_open(self, store: Store, case: Case) -> None:
         request = SweepRequest.model_validate(document(case))
         planned = planning.plan(store, KINDS["sweep"], request)
-        execute.put(
-            store, execute.compute(planned, "cd" * 32, digest.canonical(request)), durable=False
+        computation.put(
+            store, computation.compute(planned, "cd" * 32, digest.canonical(request)), durable=False
         )
         content = encode.unpack(store.results.get("cd" * 32) or b"")
         assert KINDS["sweep"].result.model_validate_json(encode.to_json(content))
@@ -246,8 +246,8 @@ def test_impacts_of_all_histories_are_one_table(store: Store) -> None:
     case = next(case for case in CASES if case.kind == "time-history")
     request = SweepRequest.model_validate(document(case))
     planned = planning.plan(store, KINDS["sweep"], request)
-    execute.put(
-        store, execute.compute(planned, "cd" * 32, digest.canonical(request)), durable=False
+    computation.put(
+        store, computation.compute(planned, "cd" * 32, digest.canonical(request)), durable=False
     )
     content = encode.unpack(store.results.get("cd" * 32) or b"")
     found = json.loads(encode.to_json(content))

@@ -20,11 +20,9 @@ from typer.testing import CliRunner
 
 from tests.service.compiling import failing, killed, noted
 from vibroimpact_schema import examples
-from vibroimpact_service import cli, warming
+from vibroimpact_service import cli
 from vibroimpact_service.app import create_app
-from vibroimpact_service.charges import Admission
 from vibroimpact_service.documents import parse, planning, requests
-from vibroimpact_service.evaluate import Answer, Evaluation, Preference
 from vibroimpact_service.jobs.metrics import JobMetrics
 from vibroimpact_service.jobs.tables import JobRow
 from vibroimpact_service.kinds import KINDS
@@ -32,8 +30,11 @@ from vibroimpact_service.metrics import Metrics
 from vibroimpact_service.results.representations import JSON
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
-from vibroimpact_service.warming import STEPS, Warming, is_warm
-from vibroimpact_service.warming_problems import PROBLEMS
+from vibroimpact_service.use_case import warming
+from vibroimpact_service.use_case.charges import Admission
+from vibroimpact_service.use_case.evaluation import Answer, Evaluation, Preference
+from vibroimpact_service.use_case.warming import STEPS, Warming, is_warm
+from vibroimpact_service.use_case.warming_problems import PROBLEMS
 from vibroimpact_solvers.kernels import cache
 
 
@@ -190,7 +191,7 @@ def test_a_kind_is_warm_as_long_as_the_kernels_it_needs_are_there(
 
 REACHED = """
 import os
-from vibroimpact_service import warming
+from vibroimpact_service.use_case import warming
 from vibroimpact_solvers.kernels import inventory
 
 for step in warming.STEPS:
@@ -235,7 +236,7 @@ import os
 from pathlib import Path
 import numba
 from vibroimpact_solvers.kernels import cache
-from vibroimpact_service import warming
+from vibroimpact_service.use_case import warming
 from vibroimpact_service.kinds import KINDS
 
 os.nice = lambda by: 0  # the test waits for it, beside whatever else is computed
@@ -298,7 +299,7 @@ PLANS = """
 import sys, tempfile
 from numba import njit
 from numba.core import event
-from vibroimpact_service import warming
+from vibroimpact_service.use_case import warming
 from vibroimpact_service.documents import planning, requests
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.settings import Settings

@@ -16,13 +16,13 @@ import pytest
 import xarray
 
 from vibroimpact_schema.requests import TimeHistoryRequest
-from vibroimpact_service import chunks as job_chunks
-from vibroimpact_service import execute
 from vibroimpact_service.documents import digest, requests
 from vibroimpact_service.jobs.work import Chunk, ChunkMissingError
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.results import encode, hdf5
 from vibroimpact_service.store import Store
+from vibroimpact_service.use_case import chunks as job_chunks
+from vibroimpact_service.use_case import computation
 from vibroimpact_solvers import time_history
 from vibroimpact_solvers.time_history import planning
 
@@ -59,7 +59,7 @@ def small_windows(monkeypatch: pytest.MonkeyPatch) -> None:
 def one_moment(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let all results be created at the same time, which is one of their attributes."""
     moment = datetime(2026, 1, 1, tzinfo=UTC)
-    monkeypatch.setattr(execute, "datetime", SimpleNamespace(now=lambda _: moment))
+    monkeypatch.setattr(computation, "datetime", SimpleNamespace(now=lambda _: moment))
 
 
 def keep(store: Store, content: dict[str, Any]) -> TimeHistoryRequest:
@@ -95,7 +95,7 @@ def test_a_result_in_files_is_the_one_in_memory(store: Store, content: dict[str,
     data = joined(store, chunks)
     planned = job_chunks._pieces(store.url, KIND.name, REQUEST, job_chunks.CHUNK_SECONDS).planned
     whole = time_history.solve(planned.problem, planned.plan)
-    head = execute.head(planned, RESULT, digest.canonical(request))
+    head = computation.head(planned, RESULT, digest.canonical(request))
     assert data == encode.pack(encode.describe(whole, head))
     with xarray.open_dataset(
         io.BytesIO(hdf5.to_hdf5(encode.unpack(data))), engine="h5netcdf"
@@ -161,8 +161,8 @@ def test_a_short_motion_is_one_chunk(store: Store, content: dict[str, Any]) -> N
 
 MEASURE = """
 import json, resource, sys
-from vibroimpact_service import chunks as job_chunks
-from vibroimpact_service import execute
+from vibroimpact_service.use_case import chunks as job_chunks
+from vibroimpact_service.use_case import computation
 from vibroimpact_service.documents import digest, requests
 from vibroimpact_service.store import Store
 from vibroimpact_schema.requests import TimeHistoryRequest

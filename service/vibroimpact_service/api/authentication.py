@@ -13,8 +13,8 @@ from vibroimpact_service import problems
 from vibroimpact_service.access.caller import LOCAL, Caller, Scope
 from vibroimpact_service.api.dependencies import services
 from vibroimpact_service.api.openapi import failures
-from vibroimpact_service.charges import Admission
 from vibroimpact_service.problems import ProblemError
+from vibroimpact_service.use_case.charges import Admission
 from vibroimpact_solvers.plan import Plan
 
 FAILURES: Final = failures(401, 403, 412, 421, 429)

@@ -11,7 +11,6 @@ from starlette.responses import Response
 
 from vibroimpact_schema import examples, plans
 from vibroimpact_schema.results import BatchAnswers
-from vibroimpact_service import batches
 from vibroimpact_service.api import answers, bodies, openapi, request_headers
 from vibroimpact_service.api.authentication import FAILURES, SUBMIT, admission, owner
 from vibroimpact_service.api.dependencies import services
@@ -23,6 +22,7 @@ from vibroimpact_service.documents import parse, requests
 from vibroimpact_service.jobs.tables import JobRow
 from vibroimpact_service.kinds import KINDS, Kind
 from vibroimpact_service.results import representations
+from vibroimpact_service.use_case import batches
 
 Handler = Callable[[Request], Awaitable[Response]]
 

@@ -10,9 +10,9 @@ from starlette.requests import Request
 from vibroimpact_service.access.authenticator import Authenticator
 from vibroimpact_service.access.budget import Budget
 from vibroimpact_service.api.body_memory import BodyMemory
-from vibroimpact_service.evaluate import Evaluation
 from vibroimpact_service.metrics import Metrics
 from vibroimpact_service.settings import Settings
+from vibroimpact_service.use_case.evaluation import Evaluation
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,9 +9,9 @@ from typing import Final
 from starlette.requests import Request
 
 from vibroimpact_service import problems
-from vibroimpact_service.evaluate import Preference
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.results.representations import CODINGS, SUFFIXES
+from vibroimpact_service.use_case.evaluation import Preference
 
 LONGEST_PREFER_WAIT: Final = 20.0
 """Seconds above which Prefer: wait is cut, below the timeouts of common proxies."""

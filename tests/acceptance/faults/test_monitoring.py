@@ -28,8 +28,8 @@ from users import sweep, tiny
 
 from tests.conftest import PostgreSQL, programs
 from tests.service.jobs.test_webhooks import SECRET, Receiver
-from vibroimpact_service import warming
 from vibroimpact_service.jobs import certificates
+from vibroimpact_service.use_case import warming
 from vibroimpact_solvers.kernels import cache
 
 THRESHOLDS = {

@@ -10,12 +10,13 @@ from typing import Any
 import pytest
 from starlette.testclient import TestClient
 
-from vibroimpact_service import execute, problems
+from vibroimpact_service import problems
 from vibroimpact_service.access import budget
 from vibroimpact_service.access.caller import Caller, Scope
 from vibroimpact_service.app import create_app
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
+from vibroimpact_service.use_case import computation
 from vibroimpact_solvers import cost
 from vibroimpact_solvers.plan import Plan
 
@@ -69,7 +70,7 @@ def test_what_was_used_is_charged_and_not_the_estimate(
     used: float,
 ) -> None:
     """The difference between estimate and use is given back, or taken."""
-    quota, compute = 3.0, execute.compute
+    quota, compute = 3.0, computation.compute
     spent: list[float] = []
 
     def busy(*arguments: Any) -> Any:
@@ -80,7 +81,7 @@ def test_what_was_used_is_charged_and_not_the_estimate(
         spent.append(time.thread_time() - began)
         return content
 
-    monkeypatch.setattr(execute, "compute", busy)
+    monkeypatch.setattr(computation, "compute", busy)
     monkeypatch.setattr(cost, "seconds", lambda _plan: planned)
     key, left = make_key("eve", seconds=quota), []
     for number in range(2):

@@ -10,8 +10,8 @@ import pytest
 from starlette.testclient import TestClient
 
 from vibroimpact_schema.results import BatchAnswers
-from vibroimpact_service import batches, execute
 from vibroimpact_service.settings import Settings
+from vibroimpact_service.use_case import batches, computation
 
 
 def test_answers_are_those_of_single_requests(
@@ -79,14 +79,14 @@ def test_wrong_batches(http: TestClient, batch: Any, status: int, pointer: str) 
 def test_an_unexpected_error_is_told_in_its_place_without_its_words(
     settings: Settings, request_body: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    compute, told = execute.compute, []
+    compute, told = computation.compute, []
 
     def failing(*arguments: Any) -> Any:
         if not told:
             raise RuntimeError("/secret/path")
         return compute(*arguments)
 
-    monkeypatch.setattr(execute, "compute", failing)
+    monkeypatch.setattr(computation, "compute", failing)
     contents = pickle.dumps([request_body, request_body])
     first, second = batches.compute(
         settings, "ann", "impact-modes", contents, 10, lambda *progress: told.append(progress)

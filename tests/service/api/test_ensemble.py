@@ -12,12 +12,12 @@ from starlette.testclient import TestClient
 
 from vibroimpact_schema import examples
 from vibroimpact_schema.requests import EnsembleRequest
-from vibroimpact_service import chunks as job_chunks
-from vibroimpact_service import execute
 from vibroimpact_service.documents import digest, planning, requests
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.results import encode
 from vibroimpact_service.store import Store
+from vibroimpact_service.use_case import chunks as job_chunks
+from vibroimpact_service.use_case import computation
 
 COMPUTE = "/v1/compute/ensemble"
 HDF5 = {"Accept": "application/x-hdf5"}
@@ -123,8 +123,10 @@ def test_a_job_in_pieces_has_the_numbers_of_one_in_one_go(
     assert len(chunks) > 10
     job_chunks.solve(store.url, kind.name, "b" * 64, "c" * 64, range(len(chunks)))
     job_chunks.join(store.url, kind.name, "b" * 64, "c" * 64, chunks)
-    execute.put(
-        store, execute.compute(planning.plan(store, kind, request), "d" * 64, data), durable=False
+    computation.put(
+        store,
+        computation.compute(planning.plan(store, kind, request), "d" * 64, data),
+        durable=False,
     )
     joined, once = (encode.unpack(store.results.get(n * 64) or b"") for n in "cd")
     assert set(joined.arrays) == set(once.arrays)

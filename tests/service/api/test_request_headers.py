@@ -8,8 +8,8 @@ import hashlib
 import pytest
 
 from vibroimpact_service.api import answers, request_headers
-from vibroimpact_service.evaluate import Preference
 from vibroimpact_service.results.representations import HDF5, JSON
+from vibroimpact_service.use_case.evaluation import Preference
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,8 @@ def test_a_call_within_its_limit_is_left_alone() -> None:
 
 JOB = """
 import json, sys
-from vibroimpact_service import chunks, loading
+from vibroimpact_service import use_case
+from vibroimpact_service.use_case import chunks
 from vibroimpact_service.documents import digest, limits, planning, requests
 from vibroimpact_service.jobs import process_limits
 from vibroimpact_service.kinds import KINDS
@@ -47,7 +48,7 @@ from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 
 folder, kind, content = sys.argv[1], sys.argv[2], json.loads(sys.argv[3])
-loading.load()
+use_case.load()
 store, asked = Store(folder), requests.read("ann", KINDS[kind], content)
 open_end = Settings(data=folder)
 plan = planning.plan(store, asked.kind, asked.document, open_end).plan

@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 
 from vibroimpact_schema.requests import ImpactModesRequest
-from vibroimpact_service import execute
 from vibroimpact_service.documents import digest, planning
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.results import representations
@@ -21,6 +20,7 @@ from vibroimpact_service.results.representations import (
     load,
 )
 from vibroimpact_service.store import Store, StoreFullError
+from vibroimpact_service.use_case import computation
 
 NAME = "ab" * 32
 
@@ -29,9 +29,9 @@ NAME = "ab" * 32
 def stored(store: Store, request_body: dict[str, Any]) -> Store:
     kind = KINDS["impact-modes"]
     request = ImpactModesRequest.model_validate(request_body)
-    execute.put(
+    computation.put(
         store,
-        execute.compute(planning.plan(store, kind, request), NAME, digest.canonical(request)),
+        computation.compute(planning.plan(store, kind, request), NAME, digest.canonical(request)),
         durable=False,
     )
     return store

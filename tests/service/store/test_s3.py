@@ -12,12 +12,12 @@ from typing import Any
 import fsspec
 import pytest
 
-from vibroimpact_service import chunks as job_chunks
 from vibroimpact_service.documents import digest, requests
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.results import encode
 from vibroimpact_service.store import Store, StoreUnavailableError
 from vibroimpact_service.store.outage import Outage
+from vibroimpact_service.use_case import chunks as job_chunks
 
 NAME = "ab" * 32
 

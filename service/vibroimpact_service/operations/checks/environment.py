@@ -12,7 +12,7 @@ from pathlib import Path
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.operations.checks.check import Check, failed, ok, warning
 from vibroimpact_service.settings import renamed, unknown
-from vibroimpact_service.warming import is_warm
+from vibroimpact_service.use_case.warming import is_warm
 from vibroimpact_solvers.kernels import cache
 
 _GB = 1e9

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from vibroimpact_service import warming
 from vibroimpact_service.operations.checks import environment
 from vibroimpact_service.operations.checks.check import Check
+from vibroimpact_service.use_case import warming
 from vibroimpact_solvers.kernels import cache
 
 

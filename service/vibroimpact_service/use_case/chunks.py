@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 import orjson
 import structlog
 
-from vibroimpact_service import execute, loading, logs, problems, warming
+from vibroimpact_service import logs, problems, use_case
 from vibroimpact_service.documents import digest, parse, planning
 from vibroimpact_service.documents.planning import Planned
 from vibroimpact_service.jobs.work import (
@@ -31,6 +31,7 @@ from vibroimpact_service.results import encode
 from vibroimpact_service.results.rows import RowFiles
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store, StoreUnavailableError
+from vibroimpact_service.use_case import computation, warming
 
 log = structlog.get_logger("vibroimpact.chunks")
 
@@ -194,8 +195,8 @@ def join(store_url: str, kind: str, request: str, result: str, chunks: Sequence[
         return
     parts = [_get(store, chunk.name, solver.Result) for chunk in chunks]
     whole = solver.join(job.planned.problem, job.planned.plan, parts)
-    head = execute.head(job.planned, result, job.canonical)
-    execute.put(store, encode.describe(whole, head))
+    head = computation.head(job.planned, result, job.canonical)
+    computation.put(store, encode.describe(whole, head))
 
 
 def _join_in_files(store: Store, job: Pieces, result: str, chunks: Sequence[Chunk]) -> None:
@@ -209,7 +210,7 @@ def _join_in_files(store: Store, job: Pieces, result: str, chunks: Sequence[Chun
             for name, values in assembly.labels().items():
                 if values is not None:
                     rows.append(name, values)
-        head = execute.head(job.planned, result, job.canonical)
+        head = computation.head(job.planned, result, job.canonical)
         whole = folder / "whole"
         encode.pack_rows(solver.Result, rows, assembly.plain(), head, whole)
         if not store.results.readable(result):
@@ -253,7 +254,7 @@ def prepare(structures_bytes: int | None = None) -> None:
     Structures of recent requests take up to so many bytes in this process.
     """
     logs.to_stderr()
-    loading.load()
+    use_case.load()
     if structures_bytes is not None:
         from vibroimpact_service.documents import decode
 
@@ -266,7 +267,7 @@ WORK: Final = Work(
     join=join,
     explain=explain,
     prepare=prepare,
-    modules=loading.NUMERICAL,
+    modules=use_case.NUMERICAL,
 )
 
 

@@ -29,12 +29,12 @@ from typing import Any, Final, Literal
 import structlog
 
 from vibroimpact_schema import examples
-from vibroimpact_service import loading, logs
+from vibroimpact_service import logs, use_case
 from vibroimpact_service.documents import planning, requests
 from vibroimpact_service.jobs import forkserver
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.store import Store
-from vibroimpact_service.warming_problems import LIBRARY_ONLY, PROBLEMS
+from vibroimpact_service.use_case.warming_problems import LIBRARY_ONLY, PROBLEMS
 from vibroimpact_solvers.kernels import cache, files, inventory, threads
 
 State = Literal["warming", "warm", "failed"]
@@ -134,7 +134,7 @@ class Warming:
         if not cold:
             return place
         self.states |= dict.fromkeys((STEPS[step] for step in cold), "warming")
-        forkserver.start(loading.NUMERICAL)
+        forkserver.start(use_case.NUMERICAL)
         if left := missing():
             self.notice = inventory.notice(inventory.estimate(left, threads.cores()))
         tracks: SimpleQueue[Sequence[str]] = SimpleQueue()

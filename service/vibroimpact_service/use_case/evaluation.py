@@ -16,12 +16,10 @@ import structlog
 from vibroimpact_schema.branches import BranchesRequest
 from vibroimpact_schema.plans import Plan as PlanDocument
 from vibroimpact_schema.sweeps import SweepRequest
-from vibroimpact_service import execute, problems
-from vibroimpact_service.charges import Admission, Charge
+from vibroimpact_service import problems
 from vibroimpact_service.documents import digest, limits, parse, planning, requests
 from vibroimpact_service.documents.planning import Planned
 from vibroimpact_service.documents.requests import JobOptions, Request
-from vibroimpact_service.execute import Computed
 from vibroimpact_service.jobs.queue import JobQueue
 from vibroimpact_service.jobs.records import KeyReusedError, NewJob
 from vibroimpact_service.jobs.tables import JobRow
@@ -34,8 +32,11 @@ from vibroimpact_service.results.collection import Results
 from vibroimpact_service.results.representations import Representation
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
-from vibroimpact_service.threads import SUBMISSION_SECONDS, Threads
-from vibroimpact_service.warming import Warming
+from vibroimpact_service.use_case import computation
+from vibroimpact_service.use_case.charges import Admission, Charge
+from vibroimpact_service.use_case.computation import Computed
+from vibroimpact_service.use_case.threads import SUBMISSION_SECONDS, Threads
+from vibroimpact_service.use_case.warming import Warming
 from vibroimpact_solvers.plan import Plan
 
 Value = TypeVar("Value")
@@ -383,7 +384,7 @@ class Evaluation:
         self, request: Request, planned: Planned | None, media_type: str | None = None
     ) -> Callable[[StopSignal], Computed | Planned]:
         """Return the call that computes a result in a thread."""
-        return partial(execute.now, self.store, self._settings, request, planned, media_type)
+        return partial(computation.now, self.store, self._settings, request, planned, media_type)
 
     def _computed(self, outcome: Computed | Planned) -> None:
         """Count what was computed, and hold it in memory."""

@@ -11,7 +11,7 @@ import orjson
 import structlog
 
 from vibroimpact_schema.requests import BatchRequest
-from vibroimpact_service import execute, kinds, problems
+from vibroimpact_service import kinds, problems
 from vibroimpact_service.documents import parse, planning, requests
 from vibroimpact_service.jobs.engine import Engine, EngineUnavailableError
 from vibroimpact_service.jobs.work import Tick, WorkerLostError
@@ -20,7 +20,8 @@ from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.results import representations
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
-from vibroimpact_service.threads import Threads
+from vibroimpact_service.use_case import computation
+from vibroimpact_service.use_case.threads import Threads
 from vibroimpact_solvers.plan import Plan
 
 log = structlog.get_logger("vibroimpact.batches")
@@ -104,7 +105,7 @@ def _result(settings: Settings, store: Store, owner: str, kind: Kind, content: A
     if planned.seconds > settings.batch_seconds:
         detail = "This is too much work for a batch; submit it as a job."
         raise ProblemError(problems.TOO_LARGE, detail)
-    computed = execute.compute(planned, request.digest, request.canonical)
+    computed = computation.compute(planned, request.digest, request.canonical)
     return representations.of_content(computed, representations.JSON).data
 
 
