@@ -28,9 +28,8 @@ from vibroimpact_service.api import (
     shared_results,
     systems,
 )
-from vibroimpact_service.api.body_memory import BodyMemory
 from vibroimpact_service.api.boundary import Boundary, cross_origin, http_error, parameter_error
-from vibroimpact_service.api.dependencies import Services
+from vibroimpact_service.api.route import Services
 from vibroimpact_service.jobs.queue import JobQueue
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.metrics import Metrics
@@ -88,7 +87,7 @@ def create_app(
         budget=Budget(chosen),
         metrics=metrics,
         evaluation=Evaluation(chosen, store, jobs_queue, metrics, warming),
-        body_memory=BodyMemory(chosen.max_bodies_bytes),
+        body_bytes_left=chosen.max_bodies_bytes,
     )
 
     @asynccontextmanager

@@ -12,7 +12,7 @@ from starlette.routing import Route
 
 from vibroimpact_service.api import service
 from vibroimpact_service.api.boundary import Boundary, http_error
-from vibroimpact_service.api.dependencies import Services
+from vibroimpact_service.api.route import Services
 from vibroimpact_service.connection import connection
 
 

@@ -14,8 +14,6 @@ from vibroimpact_schema.keys import Act, ActList, ApiKey, KeyList, KeyRequest, M
 from vibroimpact_service import problems
 from vibroimpact_service.access import records
 from vibroimpact_service.api import answers, bodies
-from vibroimpact_service.api.authentication import ADMIN, FAILURES, caller
-from vibroimpact_service.api.dependencies import services
 from vibroimpact_service.api.jobs import Cursor, Limit, utc
 from vibroimpact_service.api.openapi import (
     BODY_FAILURES,
@@ -24,6 +22,7 @@ from vibroimpact_service.api.openapi import (
     failures,
     json_body,
 )
+from vibroimpact_service.api.route import ADMIN, FAILURES, caller, services
 from vibroimpact_service.documents import parse
 from vibroimpact_service.problems import ProblemError
 

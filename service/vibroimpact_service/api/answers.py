@@ -16,7 +16,7 @@ from starlette.responses import Response, StreamingResponse
 
 from vibroimpact_service import problems
 from vibroimpact_service.api import request_headers
-from vibroimpact_service.api.dependencies import services
+from vibroimpact_service.api.route import services
 from vibroimpact_service.documents import digest
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.results.representations import HDF5, JSON, SUFFIXES, Representation

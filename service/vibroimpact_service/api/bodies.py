@@ -1,18 +1,22 @@
-"""Reading request bodies: media type, size, and how slowly they may come."""
+"""What comes after the headers: a body of limited size, not too slowly, and that nobody waits."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
-from typing import Final
+from collections.abc import Awaitable, Sequence
+from typing import Final, TypeVar
 
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 
 from vibroimpact_service import problems
-from vibroimpact_service.api.dependencies import services
+from vibroimpact_service.api.route import services
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.results import representations
 
+Value = TypeVar("Value")
+
+_UNWATCHED_SECONDS: Final = 0.02
+"""Time in which most work is done; until then nobody looks whether the caller is there."""
 _LEAST_RATE: Final = 4096
 """Bytes per second that a body must reach on average."""
 
@@ -52,7 +56,8 @@ async def read_body(request: Request, media_types: Sequence[str]) -> tuple[str, 
 
 
 async def _read(request: Request) -> bytes:
-    settings, memory = services(request).settings, services(request).body_memory
+    parts = services(request)
+    settings = parts.settings
     limit, pause = settings.max_body_bytes, settings.body_seconds
     claimed = request.headers.get("content-length", "0")
     # Superscripts are digits to Python, but no numbers.
@@ -60,27 +65,66 @@ async def _read(request: Request) -> bytes:
         raise _too_long(limit)
     clock = asyncio.get_running_loop().time
     began = clock()
-    parts: list[bytes] = []
+    pieces: list[bytes] = []
     size = 0
     try:
         async with asyncio.timeout_at(began + pause) as timer:
-            async for part in request.stream():
-                if size + len(part) > limit:
+            async for piece in request.stream():
+                if size + len(piece) > limit:
                     raise _too_long(limit)
-                memory.take(len(part))
-                size += len(part)
-                parts.append(part)
+                if len(piece) > parts.body_bytes_left:
+                    detail = "Too many large requests are arriving at once."
+                    headers = {"Retry-After": "2"}
+                    raise ProblemError(problems.UNAVAILABLE, detail, headers=headers)
+                parts.body_bytes_left -= len(piece)
+                size += len(piece)
+                pieces.append(piece)
                 # A body that comes more slowly than this on average only occupies memory.
                 slowest = began + pause + size / _LEAST_RATE
                 timer.reschedule(min(slowest, clock() + pause))
-        return b"".join(parts)
+        return b"".join(pieces)
     except TimeoutError:
         detail = f"The body came too slowly; {size} bytes of it arrived."
         headers = {"Connection": "close"}
         raise ProblemError(problems.TIMEOUT, detail, headers=headers) from None
     finally:
-        memory.left += size
+        parts.body_bytes_left += size
 
 
 def _too_long(limit: int) -> ProblemError:
     return problems.too_large("", "body_too_long", f"The body is longer than {limit} bytes.")
+
+
+async def while_connected(request: Request, work: Awaitable[Value]) -> Value:
+    """Return what an awaitable returns; the body of the request was read before.
+
+    Raises
+    ------
+    ClientDisconnect
+        Where the caller went away first; the awaitable is cancelled then.
+    """
+    task, watching, has_left = asyncio.current_task(), None, False
+    assert task is not None
+
+    async def watch() -> None:
+        nonlocal has_left
+        while (await request.receive())["type"] != "http.disconnect":
+            continue
+        has_left = True
+        task.cancel()
+
+    def begin() -> None:
+        nonlocal watching
+        watching = asyncio.ensure_future(watch())
+
+    timer = asyncio.get_running_loop().call_later(_UNWATCHED_SECONDS, begin)
+    try:
+        return await work
+    except asyncio.CancelledError:
+        if has_left and task.uncancel() == 0:
+            raise ClientDisconnect from None
+        raise
+    finally:
+        timer.cancel()
+        if watching is not None:
+            watching.cancel()

@@ -6,6 +6,7 @@ import asyncio
 import re
 import secrets
 import time
+from collections import deque
 from collections.abc import Callable, Collection, Mapping
 from typing import Any, Final
 
@@ -21,7 +22,6 @@ from vibroimpact_schema.problems import Fault
 from vibroimpact_service import problems, validation
 from vibroimpact_service.access.authenticator import loopback
 from vibroimpact_service.api import request_headers
-from vibroimpact_service.api.pacing import Pacing
 from vibroimpact_service.metrics import Metrics
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
@@ -47,8 +47,57 @@ EXPOSED: Final = (
 _LOCAL_NAMES: Final = ("localhost", "127.0.0.1", "[::1]")
 _CHANGING: Final = frozenset({"POST", "PUT", "DELETE"})
 _METHODS: Final = frozenset({"GET", "HEAD", "POST", "PUT", "DELETE", "OPTIONS"})
+_AT_ONCE: Final = 16
+"""Requests that begin in one turn: each takes up to a millisecond or two of the loop."""
 _PORT = re.compile(r":\d{1,5}$")
 _REQUEST_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
+
+
+class Pacing:
+    """Lets a few requests begin in one turn of the event loop, the others later in their order.
+
+    When hundreds of connections have a request at the same moment, the loop would serve all of
+    them before it looks at its timers and at what else is ready: events, heartbeats, health. With
+    400 connections that ask for stored results, on two busy cores, the loop stands still for 0.9 s;
+    with pacing for 0.13 s.
+
+    Parameters
+    ----------
+    at_once : int
+        Requests that begin in one turn.
+    """
+
+    def __init__(self, at_once: int = _AT_ONCE) -> None:
+        self._at_once = at_once
+        self._left = at_once
+        self._waiting: deque[asyncio.Future[None]] = deque()
+        self._loop: asyncio.AbstractEventLoop | None = None
+
+    async def begin(self) -> None:
+        """Wait for a turn in which another request may begin."""
+        loop = asyncio.get_running_loop()
+        if loop is not self._loop:  # one after the other may run the application, as tests do
+            self._loop, self._left = loop, self._at_once
+            self._waiting.clear()
+        if self._left == self._at_once:
+            loop.call_soon(self._next_turn, loop)
+        if self._left > 0:
+            self._left -= 1
+            return
+        turn = loop.create_future()
+        self._waiting.append(turn)
+        await turn
+
+    def _next_turn(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Let the next requests begin."""
+        self._left = self._at_once
+        while self._waiting and self._left > 0:
+            turn = self._waiting.popleft()
+            if not turn.done():  # its request was not given up
+                turn.set_result(None)
+                self._left -= 1
+        if self._left < self._at_once:
+            loop.call_soon(self._next_turn, loop)
 
 
 class Boundary:

@@ -12,12 +12,10 @@ from starlette.responses import Response
 from vibroimpact_schema import examples, plans
 from vibroimpact_schema.results import BatchAnswers
 from vibroimpact_service.api import answers, bodies, openapi, request_headers
-from vibroimpact_service.api.authentication import FAILURES, SUBMIT, admission, owner
-from vibroimpact_service.api.dependencies import services
+from vibroimpact_service.api.bodies import while_connected
 from vibroimpact_service.api.jobs import described, job_answer
-from vibroimpact_service.api.plain_route import PlainRoute
-from vibroimpact_service.api.presence import while_connected
 from vibroimpact_service.api.results import OF_RESULT, result_answer
+from vibroimpact_service.api.route import FAILURES, SUBMIT, PlainRoute, admission, owner, services
 from vibroimpact_service.documents import parse, requests
 from vibroimpact_service.jobs.tables import JobRow
 from vibroimpact_service.kinds import KINDS, Kind

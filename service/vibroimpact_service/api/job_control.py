@@ -11,9 +11,8 @@ from starlette.responses import Response
 
 from vibroimpact_schema.jobs import Job, Retried, RetryRequest
 from vibroimpact_service.api import answers, bodies, openapi
-from vibroimpact_service.api.authentication import FAILURES, SUBMIT, owner
-from vibroimpact_service.api.dependencies import services
 from vibroimpact_service.api.jobs import with_history
+from vibroimpact_service.api.route import FAILURES, SUBMIT, owner, services
 from vibroimpact_service.api.shared_results import JobId, own_job
 from vibroimpact_service.documents import parse
 from vibroimpact_service.jobs.queue import JobQueue

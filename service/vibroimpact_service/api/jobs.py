@@ -17,8 +17,7 @@ from vibroimpact_schema.jobs import Attempt, Job, JobList, Progress, State
 from vibroimpact_schema.problems import Problem
 from vibroimpact_service import problems
 from vibroimpact_service.api import answers, bodies, request_headers
-from vibroimpact_service.api.authentication import FAILURES, READ, SUBMIT, admission, owner
-from vibroimpact_service.api.dependencies import services
+from vibroimpact_service.api.bodies import while_connected
 from vibroimpact_service.api.openapi import (
     BODY_FAILURES,
     IDEMPOTENCY_KEY,
@@ -32,8 +31,8 @@ from vibroimpact_service.api.openapi import (
     not_modified,
     request_header,
 )
-from vibroimpact_service.api.presence import while_connected
 from vibroimpact_service.api.results import ANY_RESULT, OF_RESULT, result_answer
+from vibroimpact_service.api.route import FAILURES, READ, SUBMIT, admission, owner, services
 from vibroimpact_service.api.shared_results import JobId, own_job, still_visible, visible_job
 from vibroimpact_service.documents import requests
 from vibroimpact_service.jobs.queue import JobQueue

@@ -11,9 +11,7 @@ from starlette.responses import Response
 
 from vibroimpact_service import problems
 from vibroimpact_service.api import answers, openapi, request_headers, shared_results
-from vibroimpact_service.api.authentication import FAILURES, READ
-from vibroimpact_service.api.dependencies import services
-from vibroimpact_service.api.plain_route import PlainRoute
+from vibroimpact_service.api.route import FAILURES, READ, PlainRoute, services
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.results import representations

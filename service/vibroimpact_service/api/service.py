@@ -14,9 +14,8 @@ from starlette.responses import Response
 from vibroimpact_schema.service import Health, ServiceLimits, Version
 from vibroimpact_service import problems
 from vibroimpact_service.api import answers, openapi, request_headers
-from vibroimpact_service.api.authentication import FAILURES, METRICS
-from vibroimpact_service.api.dependencies import services
 from vibroimpact_service.api.jobs import LONGEST_POLL
+from vibroimpact_service.api.route import FAILURES, METRICS, services
 from vibroimpact_service.documents import stored_systems
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.metrics import MEDIA_TYPE, Present

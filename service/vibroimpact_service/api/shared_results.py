@@ -13,8 +13,7 @@ from vibroimpact_schema.jobs import Share, ShareRequest
 from vibroimpact_service import problems
 from vibroimpact_service.access import shared_results
 from vibroimpact_service.api import answers, bodies, openapi
-from vibroimpact_service.api.authentication import FAILURES, READ, SUBMIT, caller, owner
-from vibroimpact_service.api.dependencies import services
+from vibroimpact_service.api.route import FAILURES, READ, SUBMIT, caller, owner, services
 from vibroimpact_service.documents import digest, parse
 from vibroimpact_service.jobs.tables import JobRow
 from vibroimpact_service.problems import ProblemError

@@ -13,8 +13,7 @@ from starlette.responses import Response
 from vibroimpact_schema.service import StoredSystem
 from vibroimpact_service import problems
 from vibroimpact_service.api import answers, bodies, openapi
-from vibroimpact_service.api.authentication import FAILURES, READ, SUBMIT, owner
-from vibroimpact_service.api.dependencies import services
+from vibroimpact_service.api.route import FAILURES, READ, SUBMIT, owner, services
 from vibroimpact_service.documents import digest, stored_systems
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.results import representations

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, Final
 
 from vibroimpact_schema import systems
@@ -120,16 +121,17 @@ def check_plan(
     settings: Settings,
     *,
     joined_in_files: bool = False,
-    long: str = "",
+    long: Callable[[], str] = str,
     large: str = "/outputs",
 ) -> None:
     """Refuse a computation without end, or whose result is larger than the service keeps.
 
     And one that needs more memory than a worker has; `joined_in_files` tells that no worker holds
-    the whole result. `long` and `large` are the pointers to the fields that are blamed.
+    the whole result. `long` returns the pointer to the field that is blamed for the time, `large`
+    is that of the field which is blamed for the size.
     """
     if not math.isfinite(plan.flops):
-        raise too_costly(long, "not_finite", "The estimated number of operations is not finite.")
+        raise too_costly(long(), "not_finite", "The estimated number of operations is not finite.")
     size = result_bytes(plan)
     if size > settings.max_result_bytes:
         message = f"about {size:.3g} bytes of results are more than {settings.max_result_bytes}"

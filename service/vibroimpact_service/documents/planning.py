@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any, Final, NamedTuple
 
 from vibroimpact_schema.branches import BranchesRequest
@@ -141,7 +142,8 @@ def plan(
         raise problems.of(_as_sent(error, kind, sent_system)) from None
     if settings is not None:
         joined = hasattr(solver, "follow")
-        long, large = costly(kind, document), _LARGE.get(type(document), "/outputs")
+        large = _LARGE.get(type(document), "/outputs")
+        long = partial(costly, kind, document)
         limits.check_plan(planned, settings, joined_in_files=joined, long=long, large=large)
     return Planned(kind, problem, planned, cost.seconds(planned))
 

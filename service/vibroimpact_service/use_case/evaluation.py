@@ -28,8 +28,7 @@ from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.metrics import Metrics
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.results import representations
-from vibroimpact_service.results.collection import Results
-from vibroimpact_service.results.representations import Representation
+from vibroimpact_service.results.representations import Representation, Results
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 from vibroimpact_service.use_case import computation

@@ -11,7 +11,7 @@ from starlette.testclient import TestClient
 
 from vibroimpact_service.access import keys
 from vibroimpact_service.access.caller import Scope
-from vibroimpact_service.api.authentication import Authentication
+from vibroimpact_service.api.route import Authentication
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.settings import Settings
 

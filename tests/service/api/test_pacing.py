@@ -8,8 +8,7 @@ from collections.abc import Awaitable, Callable
 from prometheus_client import CollectorRegistry
 from starlette.types import Message, Receive, Scope, Send
 
-from vibroimpact_service.api.boundary import Boundary
-from vibroimpact_service.api.pacing import Pacing
+from vibroimpact_service.api.boundary import Boundary, Pacing
 from vibroimpact_service.metrics import Metrics
 
 

@@ -11,7 +11,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.testclient import TestClient
 
-from vibroimpact_service.api.plain_route import PlainRoute
+from vibroimpact_service.api.route import PlainRoute
 
 Name = Annotated[str, Path(description="Its name.")]
 
