@@ -3,7 +3,7 @@
 To add a kind:
 
 1. Write the solver module, called as the kind; it offers ``plan``, ``solve``, ``split``,
-   ``join`` and the result class ``Result``; and ``content``, where pieces are to be shared
+   ``join`` and the result class ``Result``; and ``content``, where chunks are to be shared
    between requests (see `Kind.axis`).
 2. Declare the fields of its result in `vibroimpact_solvers.results`, and write its request in
    `vibroimpact_schema.requests`. The document of the result follows from the declaration.
@@ -45,11 +45,11 @@ if TYPE_CHECKING:
 class Solver(Protocol):
     """What the module of a computation offers.
 
-    Where each piece of a problem needs the one before, it offers ``follow(piece, plan, before,
+    Where each chunk of a problem needs the one before, it offers ``follow(chunk, plan, before,
     tick)``, which returns a part of class ``Part`` from the part before (None: it is the first),
     and ``Assembly(problem, sink)``, which puts parts together one by one: its ``add(part)``
     hands their rows on to the sink (`rows.RowFiles`), and in the end ``labels()`` and ``plain()``
-    return the arrays and the other fields that are missing. Pieces are then computed in turn,
+    return the arrays and the other fields that are missing. Chunks are then computed in turn,
     and the result is written without ever being in memory.
     """
 
@@ -62,17 +62,17 @@ class Solver(Protocol):
         """Do it; `tick(done, total)` is called often and may raise to stop it."""
 
     def split(self, problem: Any, plan: Plan, seconds: float) -> list[Any]:
-        """Cut a problem into pieces of about that cost."""
+        """Cut a problem into those of chunks of about that cost."""
 
-    def content(self, piece: Any) -> bytes:
-        """Return what tells a piece from all others; called where the kind has an axis.
+    def content(self, problem: Any) -> bytes:
+        """Return what tells a chunk from all others; called where the kind has an axis.
 
-        Pieces with the same content, of requests that are equal apart from their axis, give the
+        Chunks with the same content, of requests that are equal apart from their axis, give the
         same numbers to the last bit where the plans of both took the same methods.
         """
 
     def join(self, problem: Any, plan: Plan, results: Sequence[Any]) -> Any:
-        """Put the results of the pieces together."""
+        """Put the results of the chunks together."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +93,7 @@ class Kind:
         Path of the structure in a request.
     axis : str, optional
         Field of the request along which `split` cuts and which `content` covers: requests that
-        differ in it alone share the pieces that they have in common, which outlive their jobs.
+        differ in it alone share the chunks that they have in common, which outlive their jobs.
     """
 
     name: str

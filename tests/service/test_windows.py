@@ -64,7 +64,7 @@ def one_moment(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def keep(store: Store, content: dict[str, Any]) -> TimeHistoryRequest:
     request = TimeHistoryRequest.model_validate(content)
-    job_chunks._pieces.cache_clear()
+    job_chunks._cut.cache_clear()
     store.requests.put(REQUEST, requests.stored_form("ann", digest.canonical(request)))
     return request
 
@@ -93,7 +93,7 @@ def test_a_result_in_files_is_the_one_in_memory(store: Store, content: dict[str,
     assert all(chunk.chained and not chunk.lasting for chunk in chunks)
     solve(store, range(len(chunks)))
     data = joined(store, chunks)
-    planned = job_chunks._pieces(store.url, KIND.name, REQUEST, job_chunks.CHUNK_SECONDS).planned
+    planned = job_chunks._cut(store.url, KIND.name, REQUEST, job_chunks.CHUNK_SECONDS).planned
     whole = time_history.solve(planned.problem, planned.plan)
     head = computation.head(planned, RESULT, digest.canonical(request))
     assert data == encode.pack(encode.describe(whole, head))
@@ -123,7 +123,7 @@ def test_a_resumed_motion_has_the_numbers_of_one_in_one_go(
     other = Store(str(tmp_path / "other"))
     keep(other, content)
     solve(other, [0, 1, 2])
-    job_chunks._pieces.cache_clear()  # another process goes on
+    job_chunks._cut.cache_clear()  # another process goes on
     computed: list[int] = []
     follow = time_history.follow
 

@@ -22,7 +22,7 @@ _LIBRARIES: Final = 3e8
 _MOST_VALUES: Final = 2**30
 """Of a grid: 8 GiB of doubles."""
 _COPIES: Final = 4.0
-"""How often a worker holds a result while it joins its pieces and packs it."""
+"""How often a worker holds a result while it joins its chunks and packs it."""
 
 
 def dofs(system: systems.AnySystem) -> int:

@@ -20,7 +20,7 @@ import structlog
 from distributed import Client, Future, LocalCluster
 from distributed.scheduler import KilledWorker
 
-from vibroimpact_service.jobs import certificates, death_watch, forkserver, worker_plugin
+from vibroimpact_service.jobs import certificates, deaths, forkserver, worker
 from vibroimpact_service.jobs.deaths import Deaths
 from vibroimpact_service.jobs.metrics import JobMetrics
 from vibroimpact_service.jobs.process_limits import worker_memory
@@ -54,7 +54,7 @@ CONFIG: Final[dict[str, Any]] = {
     "distributed.admin.system-monitor.disk": False,
     "distributed.admin.system-monitor.gil.enabled": False,
     "distributed.diagnostics.nvml": False,
-    # The limit of memory is kept by the operating system: see `worker_plugin`.
+    # The limit of memory is kept by the operating system: see `worker`.
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,
     "distributed.worker.memory.pause": False,
@@ -175,7 +175,7 @@ class Engine:
         if client is None or not self.ready:
             raise EngineUnavailableError
         call = client.submit(
-            worker_plugin.execute,
+            worker.execute,
             function,
             key,
             *args,
@@ -298,9 +298,9 @@ class Engine:
         else:
             tls = certificates.of_settings(settings)
             client = Client(settings.scheduler, security=tls, set_as_default=False, timeout="10s")
-        client.subscribe_topic(death_watch.TOPIC, self._deaths.note)
-        client.register_plugin(death_watch.DeathWatch())
-        client.register_plugin(worker_plugin.ServicePlugin(self._prepare))
+        client.subscribe_topic(deaths.TOPIC, self._deaths.note)
+        client.register_plugin(deaths.DeathWatch())
+        client.register_plugin(worker.ServicePlugin(self._prepare))
         return client
 
     def _own_cluster(self) -> LocalCluster:
@@ -356,7 +356,7 @@ class Engine:
             return
         for key in late:
             del self._cancelled[key]
-        running: dict[str, list[str]] = client.run(worker_plugin.running_calls, on_error="ignore")
+        running: dict[str, list[str]] = client.run(worker.running_calls, on_error="ignore")
         workers = [address for address, keys in running.items() if late.intersection(keys)]
         if workers:
             log.warning("workers restarted: cancelled calls did not stop", workers=workers)
@@ -382,8 +382,8 @@ def _broken(cluster: LocalCluster) -> bool:
 
 async def _remove_workers(workers: list[str], dask_scheduler: Any) -> None:
     """Give up workers, in the scheduler; their calls are repeated elsewhere."""
-    for worker in workers:
-        await dask_scheduler.remove_worker(worker, stimulus_id="vibroimpact-silent")
+    for address in workers:
+        await dask_scheduler.remove_worker(address, stimulus_id="vibroimpact-silent")
 
 
 def _free_port() -> int:

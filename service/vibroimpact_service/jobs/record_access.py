@@ -17,7 +17,7 @@ from sqlalchemy.engine import Connection, Engine
 from vibroimpact_service.jobs.database import RecordsUnavailableError, failing, reader
 from vibroimpact_service.jobs.reserve import Reserve
 from vibroimpact_service.store import StoreFullError
-from vibroimpact_service.store.silence import Silence
+from vibroimpact_service.store.faults import Silence
 
 Value = TypeVar("Value")
 Arguments = TypeVarTuple("Arguments")

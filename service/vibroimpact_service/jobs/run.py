@@ -11,14 +11,14 @@ from typing import Any, Final, TypeVar
 import structlog
 from opentelemetry.trace import Span
 
-from vibroimpact_service.jobs import attempts, claims, records, traces, worker_calls
+from vibroimpact_service.jobs import attempts, claims, records, traces, worker
 from vibroimpact_service.jobs.database import RecordsUnavailableError
 from vibroimpact_service.jobs.engine import BULK, Call, Engine, EngineUnavailableError
 from vibroimpact_service.jobs.fair_share import FairShare
 from vibroimpact_service.jobs.metrics import JobMetrics
 from vibroimpact_service.jobs.record_access import RecordAccess
 from vibroimpact_service.jobs.tables import JobRow
-from vibroimpact_service.jobs.work import Work, WorkerLostError
+from vibroimpact_service.jobs.work import TRANSIENT_ERRORS, Work, WorkerLostError
 from vibroimpact_service.store import Store, StoreFullError
 
 Value = TypeVar("Value")
@@ -128,7 +128,7 @@ class Run:
         except (ClosingError, EngineUnavailableError) as error:
             cause = "stopped" if isinstance(error, ClosingError) else "no_workers"
             self._finally(lambda: self.put_back(self.jobs, cause))
-        except worker_calls.TRANSIENT_ERRORS as error:
+        except TRANSIENT_ERRORS as error:
             note = str(error.strerror or error)
             log.warning("jobs delayed", jobs=list(self.jobs), reason=note)
             self._finally(lambda: self.put_back(self.jobs, "delayed", note))
@@ -151,7 +151,7 @@ class Run:
         if self._reason is not None:
             raise self._reason
 
-    def arguments(self, job: JobRow) -> worker_calls.JobArguments:
+    def arguments(self, job: JobRow) -> worker.JobArguments:
         """Return the arguments of a job for the functions of `Work`."""
         return self.context.store.url, job.kind, job.request, job.result
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from vibroimpact_service.jobs import worker_calls
+from vibroimpact_service.jobs import worker
 from vibroimpact_service.jobs.engine import FAST, EngineUnavailableError
 from vibroimpact_service.jobs.run import SUSPECT_ERRORS, Run, suspect
 from vibroimpact_service.jobs.tables import JobRow
+from vibroimpact_service.jobs.work import TRANSIENT_ERRORS
 
 
 class QuickRun(Run):
@@ -23,13 +24,13 @@ class QuickRun(Run):
             return
         arguments = [self.arguments(job) for job in missing]
         most = self.context.max_chunks_bytes
-        _, error = self.call(FAST, worker_calls.complete, arguments, most)
+        _, error = self.call(FAST, worker.complete, arguments, most)
         alone = len(missing) == 1
         if not isinstance(error, SUSPECT_ERRORS) or (alone and not suspect(error)):
             self._record(missing, error)
             return
         for job in missing:  # only the one that killed the worker fails
-            _, error = self.repeat_alone(worker_calls.complete, [self.arguments(job)], most)
+            _, error = self.repeat_alone(worker.complete, [self.arguments(job)], most)
             self._record([job], error)
 
     def _ensured(self, job: JobRow) -> bool:
@@ -45,10 +46,10 @@ class QuickRun(Run):
         """Record how the jobs of a call ended."""
         failed: dict[int, dict[str, Any]] = {}
         delayed: dict[int, str] = {}
-        if isinstance(error, worker_calls.PartlyDoneError):
+        if isinstance(error, worker.PartlyDoneError):
             failed, delayed = error.failed, error.delayed
         elif error is not None:
-            if isinstance(error, (EngineUnavailableError, *worker_calls.TRANSIENT_ERRORS)):
+            if isinstance(error, (EngineUnavailableError, *TRANSIENT_ERRORS)):
                 raise error
             failed = dict.fromkeys(range(len(jobs)), self.context.work.explain(error))
         succeeded = [j.id for i, j in enumerate(jobs) if i not in failed and i not in delayed]

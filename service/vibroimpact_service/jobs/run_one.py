@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from opentelemetry.trace import Span
 
-from vibroimpact_service.jobs import batch_size, claims, traces, worker_calls
+from vibroimpact_service.jobs import batch_size, claims, traces, worker
 from vibroimpact_service.jobs.engine import BULK, FAST, Call, EngineUnavailableError
 from vibroimpact_service.jobs.run import (
     MAX_DEATH_DELAY,
@@ -56,19 +56,19 @@ class JobRun(Run):
         if not reused:
             self._report(phase="planning")
             self.ensure_request(self.job)
-            for attempt in range(worker_calls.JOINS):
+            for attempt in range(worker.JOINS):
                 # The fast queue: it was planned when it was submitted, which took no long time.
-                chunks, missing = self._call(FAST, worker_calls.split)
+                chunks, missing = self._call(FAST, worker.split)
                 if attempt == 0:
                     self._kept = len(chunks) - len(missing)
                 _ChunkBatches(self, chunks, missing).compute()
                 self._report(phase="joining", done=len(chunks), total=len(chunks))
                 few = len(chunks) <= _FEW_CHUNKS
                 with suppress(ChunkMissingError):
-                    self._call(FAST if few else self.queue_name, worker_calls.join, chunks)
+                    self._call(FAST if few else self.queue_name, worker.join, chunks)
                     break
             else:
-                raise worker_calls.DAMAGED
+                raise worker.DAMAGED
         self.succeed([self.job.id], reused=reused)
 
     def _call(self, queue_name: str, function: Callable[..., Any], *args: Any) -> Any:
@@ -149,7 +149,7 @@ class _ChunkBatches:
             self._share.leave(self._owner, self._run.wake)
         for index in self._suspects:
             arguments = self._run.arguments(self._run.job)
-            _, error = self._run.repeat_alone(worker_calls.compute, arguments, [index])
+            _, error = self._run.repeat_alone(worker.compute, arguments, [index])
             if error is not None:
                 raise self._explained(error)
             self._count([index])
@@ -165,7 +165,7 @@ class _ChunkBatches:
             try:
                 # The first batch of a user precedes the second batch of any other user.
                 call = self._run.submit(
-                    self._run.queue_name, -earlier, worker_calls.compute, arguments, batch
+                    self._run.queue_name, -earlier, worker.compute, arguments, batch
                 )
             except BaseException:
                 self._share.release(self._owner)
@@ -225,7 +225,7 @@ class _ChunkBatches:
         self._done += len(batch)
         self._size += self._size_of(batch)
         most = self._run.context.max_chunks_bytes
-        worker_calls.check_size(self._size, most, self._done, self._total)
+        worker.check_size(self._size, most, self._done, self._total)
 
     def _kept(self) -> str:
         return f"{self._done} of {self._total} pieces are kept."

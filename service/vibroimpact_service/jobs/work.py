@@ -14,7 +14,7 @@ _CANCELLED_SECONDS: Final = 0.05
 
 
 class Chunk(NamedTuple):
-    """One piece of a job, stored by content.
+    """A part of a job that is computed by itself, stored by content.
 
     Parameters
     ----------
@@ -36,6 +36,10 @@ class Chunk(NamedTuple):
 
 Tick = Callable[[int, int], None]
 """Called by a computation with its progress, done and total; raises `StoppedError` to stop it."""
+
+
+TRANSIENT_ERRORS: Final = (OSError,)
+"""Errors that are not the job's fault but of what is around it: it is tried again later."""
 
 
 class StoppedError(Exception):

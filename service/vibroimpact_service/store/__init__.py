@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from vibroimpact_service.store.content import HEAD, ContentStore, Entry, Room
-from vibroimpact_service.store.errors import StoreFullError, StoreUnavailableError
-from vibroimpact_service.store.outage import Outage
+from vibroimpact_service.store.faults import Outage, StoreFullError, StoreUnavailableError
 
 __all__ = [
     "HEAD",

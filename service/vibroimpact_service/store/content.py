@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import os
 import re
@@ -13,17 +12,21 @@ from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from datetime import datetime
-from io import BufferedWriter
 from itertools import chain
 from pathlib import Path
-from typing import IO, Any, NamedTuple, NoReturn
+from typing import IO, Any, NamedTuple
 
 import fsspec
 from fsspec.implementations.local import LocalFileSystem
 
 from vibroimpact_service.store import private
-from vibroimpact_service.store.errors import StoreFullError, StoreUnavailableError
-from vibroimpact_service.store.outage import Outage
+from vibroimpact_service.store.faults import (
+    Outage,
+    StoreFullError,
+    StoreUnavailableError,
+    bucket_needed,
+    fail,
+)
 
 _NAME = re.compile(r"[0-9a-z_]{8,80}(\.[0-9a-z]{1,12})?")
 HEAD = 32
@@ -106,7 +109,7 @@ class ContentStore:
         if self._local:
             self._put_file(path, digest, [data], durable)
             return
-        with _bucket_needed(), self._outage.requests():
+        with bucket_needed(), self._outage.requests():
             self._fs.pipe_file(path, digest + data)
 
     def _put_file(self, target: str, digest: bytes, data: Iterable[bytes], durable: bool) -> None:
@@ -114,7 +117,7 @@ class ContentStore:
         folder, name = os.path.split(target)
         temporary = f"{folder}/.{name}.{uuid.uuid4().hex}"
         try:
-            with _open_new(temporary, folder) as file:
+            with private.open_new(temporary, folder) as file:
                 for piece in chain([digest], data):
                     file.write(piece)
                 if durable:
@@ -122,11 +125,11 @@ class ContentStore:
                     os.fsync(file.fileno())
             os.rename(temporary, target)  # noqa: PTH104 (hot path)
             if durable:
-                _sync_folder(folder)
+                private.sync_folder(folder)
         except OSError as error:
             with suppress(OSError):
                 os.unlink(temporary)  # noqa: PTH108 (hot path)
-            _fail(error)
+            fail(error)
 
     def get(self, name: str) -> bytes | None:
         """Return a block, or None where it is absent or damaged.
@@ -147,7 +150,7 @@ class ContentStore:
         except FileNotFoundError:
             return None
         except OSError as error:
-            _fail(error)
+            fail(error)
         data = content[32:]
         if hashlib.sha256(data).digest() != content[:32]:
             self.remove(name)
@@ -161,7 +164,7 @@ class ContentStore:
         except FileNotFoundError:
             return None
         except OSError as error:
-            _fail(error)
+            fail(error)
 
     def size_of_all(self, names: Sequence[str]) -> int:
         """Return the size in bytes of those of some blocks that are there, in any store."""
@@ -195,7 +198,7 @@ class ContentStore:
         except FileNotFoundError:
             return None
         except OSError as error:
-            _fail(error)
+            fail(error)
         if not sound:
             self.remove(name)
             return None
@@ -216,7 +219,7 @@ class ContentStore:
         if self._local:
             self._put_file(path, digest, data, durable)
             return
-        with _bucket_needed(), self._outage.requests(), self._fs.open(path, "wb") as target:
+        with bucket_needed(), self._outage.requests(), self._fs.open(path, "wb") as target:
             target.write(digest)
             for piece in data:
                 target.write(piece)
@@ -267,7 +270,7 @@ class ContentStore:
         except (FileNotFoundError, StoreFullError, StoreUnavailableError):
             raise
         except OSError as error:
-            _fail(error)
+            fail(error)
 
     def digest(self, name: str) -> bytes | None:
         """Return the SHA-256 of a block, or None where it is absent or damaged; as `readable`."""
@@ -292,7 +295,7 @@ class ContentStore:
             with tempfile.TemporaryDirectory(prefix=".", dir=beside) as folder:
                 yield Path(folder)
         except OSError as error:
-            _fail(error)
+            fail(error)
 
     @property
     def local(self) -> bool:
@@ -340,7 +343,7 @@ class ContentStore:
         except FileNotFoundError:
             return
         except OSError as error:
-            _fail(error)
+            fail(error)
 
     def touch(self, name: str) -> None:
         """Make a block count as new; without effect in an object store."""
@@ -392,39 +395,3 @@ class ContentStore:
         if not _NAME.fullmatch(name):
             raise ValueError(f"{name!r} is not a name of a block")
         return f"{self._root}/{name[:2]}/{name}"
-
-
-def _open_new(path: str, folder: str) -> BufferedWriter:
-    try:
-        return open(path, "xb", opener=private.opener)
-    except FileNotFoundError:
-        private.folder(Path(folder))
-        return open(path, "xb", opener=private.opener)
-
-
-def _sync_folder(folder: str) -> None:
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
-
-
-def _fail(error: OSError) -> NoReturn:
-    """Raise what an error of the file system means for the store."""
-    # Never from itself: Dask follows the causes of an error to their end.
-    if isinstance(error, StoreFullError | StoreUnavailableError):
-        raise error
-    if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        raise StoreFullError(error.errno, "the store is full") from error
-    reason = (error.strerror or type(error).__name__).lower()
-    number = error.errno or errno.EIO
-    raise StoreUnavailableError(number, f"the store does not work: {reason}") from error
-
-
-@contextmanager
-def _bucket_needed() -> Iterator[None]:
-    try:
-        yield
-    except FileNotFoundError as error:
-        raise StoreUnavailableError(errno.ENOENT, "there is no such store") from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+from io import BufferedWriter
 from pathlib import Path
 from typing import IO
 
@@ -37,3 +38,21 @@ def locked(path: Path) -> IO[str]:
         handle.close()
         raise
     return handle
+
+
+def open_new(path: str, parent: str) -> BufferedWriter:
+    """Open a new file to be written, in a folder that is made where it is missing."""
+    try:
+        return open(path, "xb", opener=opener)
+    except FileNotFoundError:
+        folder(Path(parent))
+        return open(path, "xb", opener=opener)
+
+
+def sync_folder(path: str) -> None:
+    """Make the names of the files in a folder durable."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

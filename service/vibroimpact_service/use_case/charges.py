@@ -7,7 +7,12 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
+from vibroimpact_service import problems
+from vibroimpact_service.documents import limits, planning
+from vibroimpact_service.documents.planning import Planned
+from vibroimpact_service.documents.requests import Request
 from vibroimpact_service.jobs.work import StopSignal
+from vibroimpact_service.problems import ProblemError
 from vibroimpact_solvers import meter
 from vibroimpact_solvers.plan import Plan
 
@@ -89,3 +94,20 @@ class Charge:
 
     async def _settled_by(self, used: float) -> None:
         await self._admission.settle(self._held, used)
+
+
+async def admit(request: Request, admission: Admission, planned: Planned) -> None:
+    """Charge a planned computation to the caller.
+
+    Raises
+    ------
+    ProblemError
+        413 with the field that makes it long; 429 as of the admission.
+    """
+    try:
+        await admission.charge(planned.plan, planned.seconds)
+    except ProblemError as error:
+        if error.type is not problems.TOO_COSTLY:
+            raise
+        where = planning.costly(request.kind, request.document)
+        raise limits.too_costly(where, "too_costly", error.detail) from None

@@ -1,4 +1,4 @@
-"""Jobs in pieces: what workers do to cut a computation, compute its chunks and join them."""
+"""Jobs in chunks: what workers do to cut a computation, compute its chunks and join them."""
 
 from __future__ import annotations
 
@@ -37,32 +37,30 @@ log = structlog.get_logger("vibroimpact.chunks")
 
 CHUNK_SECONDS: Final = 0.2
 """Planned work of one chunk; part of the names of chunks, so the same in all processes."""
-
-
-_PIECE_SECONDS: Final = 60.0
+_LEAST_LIMIT: Final = 60.0
 _TIMES_PLANNED: Final = 100.0
-"""A piece that takes longer than so many times its planned time, and the seconds above, ends."""
-_MOST_PIECE_SECONDS: Final = 86_400.0
+"""A chunk that takes longer than so many times its planned time, and the seconds above, ends."""
+_MOST_LIMIT: Final = 86_400.0
 _COMPILATION_SECONDS: Final = 600.0
 """More of them where kernels may have to be compiled first: all take some 70, on a busy machine
 several times as many."""
 
 
-class Pieces(NamedTuple):
-    """A job's request, in its canonical form too, as a process needs it for any of its chunks."""
+class Cut(NamedTuple):
+    """A request that is cut into chunks, as a process needs it to compute any of them."""
 
     planned: Planned
     canonical: bytes
-    pieces: list[Any]
-    """Problems, from `split` of the kind's solver."""
+    problems: list[Any]
+    """Problem of each chunk, from `split` of the kind's solver."""
     names: list[str]
-    """Names of the chunks, one for each piece."""
+    """Names of the chunks."""
     chained: bool
-    """Whether each piece needs the one before."""
+    """Whether each chunk needs the one before."""
 
 
 @lru_cache(maxsize=4)
-def _pieces(store_url: str, kind: str, request: str, seconds_each: float) -> Pieces:
+def _cut(store_url: str, kind: str, request: str, seconds_each: float) -> Cut:
     # Decoded and planned once per process, however many chunks of the job it computes.
     store = Store(store_url)
     data = store.requests.get(request)
@@ -73,16 +71,16 @@ def _pieces(store_url: str, kind: str, request: str, seconds_each: float) -> Pie
     document = parse.document(KINDS[kind].request, orjson.loads(canonical))
     planned = planning.plan(store, KINDS[kind], document)
     solver = planned.kind.solver
-    pieces = solver.split(planned.problem, planned.plan, seconds_each)
-    names = _names(owner, planned, document, pieces)
-    return Pieces(planned, canonical, pieces, names, len(pieces) > 1 and hasattr(solver, "follow"))
+    cut = solver.split(planned.problem, planned.plan, seconds_each)
+    names = _names(owner, planned, document, cut)
+    return Cut(planned, canonical, cut, names, len(cut) > 1 and hasattr(solver, "follow"))
 
 
-def _names(owner: bytes, planned: Planned, request: Any, pieces: list[Any]) -> list[str]:
+def _names(owner: bytes, planned: Planned, request: Any, cut: list[Any]) -> list[str]:
     """Return the names of chunks: by content, so that other requests find what they share.
 
-    Everything that the numbers of a piece depend on goes into its name: the request apart from
-    the axis that is cut, the methods that the plan of the whole chose, and the piece's own
+    Everything that the numbers of a chunk depend on goes into its name: the request apart from
+    the axis that is cut, the methods that the plan of the whole chose, and its own
     points, bit for bit. The owner does too: a hit would reveal somebody else's request.
     """
     kind = planned.kind
@@ -91,15 +89,15 @@ def _names(owner: bytes, planned: Planned, request: Any, pieces: list[Any]) -> l
     common = digest.dumps({"request": rest, "methods": methods})
     name = digest.name(owner.decode(), kind.name, digest.solver_name(), common)
     if kind.axis is None:
-        contents = [f":{CHUNK_SECONDS}:{i}:{len(pieces)}".encode() for i in range(len(pieces))]
+        contents = [f":{CHUNK_SECONDS}:{i}:{len(cut)}".encode() for i in range(len(cut))]
     else:
-        contents = [kind.solver.content(piece) for piece in pieces]
+        contents = [kind.solver.content(problem) for problem in cut]
     return [digest.content(name.encode() + content) for content in contents]
 
 
 def split(store_url: str, kind: str, request: str, result: str) -> Sequence[Chunk]:
     """Return the chunks of a job."""
-    job = _pieces(store_url, kind, request, CHUNK_SECONDS)
+    job = _cut(store_url, kind, request, CHUNK_SECONDS)
     each = job.planned.seconds / max(1, len(job.names))
     lasting = job.planned.kind.axis is not None
     return [Chunk(name, each, lasting, job.chained) for name in job.names]
@@ -114,7 +112,7 @@ def solve(
     tick: Tick | None = None,
 ) -> None:
     """Compute some chunks of a job and store each."""
-    job = _pieces(store_url, kind, request, CHUNK_SECONDS)
+    job = _cut(store_url, kind, request, CHUNK_SECONDS)
     store, solver = Store(store_url), job.planned.kind.solver
     if job.chained:
         _solve_chained(store, job, indices, tick)
@@ -123,13 +121,13 @@ def solve(
         if store.chunks.has(job.names[index]):
             continue  # the call is repeated because its worker died halfway
         with _limited(store, job, tick):
-            # By the plan of the whole: one of the piece alone could take another method for it.
-            part = solver.solve(job.pieces[index], job.planned.plan, tick)
-        _put(store, job.names[index], part)
+            # By the plan of the whole: one of the chunk alone could take another method for it.
+            solved = solver.solve(job.problems[index], job.planned.plan, tick)
+        _put(store, job.names[index], solved)
 
 
-def _solve_chained(store: Store, job: Pieces, indices: Sequence[int], tick: Tick | None) -> None:
-    """Compute some pieces that need one another, and those before that are not there."""
+def _solve_chained(store: Store, job: Cut, indices: Sequence[int], tick: Tick | None) -> None:
+    """Compute some chunks that need one another, and those before that are not there."""
     solver: Any = job.planned.kind.solver
     last, before = -1, None
     for index in indices:
@@ -140,20 +138,20 @@ def _solve_chained(store: Store, job: Pieces, indices: Sequence[int], tick: Tick
             last, before = _latest(store, job, index)
         while last < index:
             with _limited(store, job, tick):
-                before = solver.follow(job.pieces[last + 1], job.planned.plan, before, tick)
+                before = solver.follow(job.problems[last + 1], job.planned.plan, before, tick)
             last += 1
             _put(store, job.names[last], before)
 
 
 def longest(kind: str, planned: float) -> float:
-    """Return the processor time that a piece of so much planned time may take, seconds."""
-    most = min(_PIECE_SECONDS + _TIMES_PLANNED * planned, _MOST_PIECE_SECONDS)
+    """Return the processor time that a chunk of so much planned time may take, seconds."""
+    most = min(_LEAST_LIMIT + _TIMES_PLANNED * planned, _MOST_LIMIT)
     return most if warming.is_compiled(kind) else most + _COMPILATION_SECONDS
 
 
 @contextmanager
-def _limited(store: Store, job: Pieces, tick: Tick | None) -> Iterator[None]:
-    """Bound the processor time of a piece, by its price and beyond all reasonable errors of that.
+def _limited(store: Store, job: Cut, tick: Tick | None) -> Iterator[None]:
+    """Bound the processor time of a chunk, by its price and beyond all reasonable errors of that.
 
     Raises
     ------
@@ -175,8 +173,8 @@ def _limited(store: Store, job: Pieces, tick: Tick | None) -> Iterator[None]:
         raise LimitPassedError(detail) from None
 
 
-def _latest(store: Store, job: Pieces, index: int) -> tuple[int, Any]:
-    """Return the index of the last stored piece before another, and the piece; -1, None if none."""
+def _latest(store: Store, job: Cut, index: int) -> tuple[int, Any]:
+    """Return the index of the last stored chunk before another, and the chunk; -1, None if none."""
     for place in range(index - 1, -1, -1):
         try:
             solver: Any = job.planned.kind.solver
@@ -188,19 +186,19 @@ def _latest(store: Store, job: Pieces, index: int) -> tuple[int, Any]:
 
 def join(store_url: str, kind: str, request: str, result: str, chunks: Sequence[Chunk]) -> None:
     """Join the chunks of a job and store its result."""
-    job = _pieces(store_url, kind, request, CHUNK_SECONDS)
+    job = _cut(store_url, kind, request, CHUNK_SECONDS)
     store, solver = Store(store_url), job.planned.kind.solver
     if job.chained:
         _join_in_files(store, job, result, chunks)
         return
-    parts = [_get(store, chunk.name, solver.Result) for chunk in chunks]
-    whole = solver.join(job.planned.problem, job.planned.plan, parts)
+    solved = [_get(store, chunk.name, solver.Result) for chunk in chunks]
+    whole = solver.join(job.planned.problem, job.planned.plan, solved)
     head = computation.head(job.planned, result, job.canonical)
     computation.put(store, encode.describe(whole, head))
 
 
-def _join_in_files(store: Store, job: Pieces, result: str, chunks: Sequence[Chunk]) -> None:
-    """Join pieces that are parts of one result, without the result in memory, and store it."""
+def _join_in_files(store: Store, job: Cut, result: str, chunks: Sequence[Chunk]) -> None:
+    """Join chunks that hold rows of one result, without the result in memory, and store it."""
     solver: Any = job.planned.kind.solver
     with store.results.workspace() as folder:
         with closing(RowFiles(folder)) as rows:
@@ -217,15 +215,15 @@ def _join_in_files(store: Store, job: Pieces, result: str, chunks: Sequence[Chun
             store.results.put_file(result, whole)
 
 
-def _put(store: Store, name: str, part: Any) -> None:
-    store.chunks.put(name, encode.pack(encode.describe(part, {})), durable=False)
+def _put(store: Store, name: str, solved: Any) -> None:
+    store.chunks.put(name, encode.pack(encode.describe(solved, {})), durable=False)
 
 
-def _get(store: Store, name: str, part: type[Any]) -> Any:
+def _get(store: Store, name: str, result: type[Any]) -> Any:
     data = store.chunks.get(name)
     if data is None:
         raise ChunkMissingError(name)
-    return encode.to_result(encode.unpack(data), part)
+    return encode.to_result(encode.unpack(data), result)
 
 
 def explain(error: BaseException) -> dict[str, Any]:

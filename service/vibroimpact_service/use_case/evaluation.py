@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 import uuid
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -32,9 +32,9 @@ from vibroimpact_service.results.representations import Representation, Results
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 from vibroimpact_service.use_case import computation
-from vibroimpact_service.use_case.charges import Admission, Charge
+from vibroimpact_service.use_case.charges import Admission, Charge, admit
 from vibroimpact_service.use_case.computation import Computed
-from vibroimpact_service.use_case.threads import SUBMISSION_SECONDS, Threads
+from vibroimpact_service.use_case.threads import SUBMISSION_SECONDS, Threads, in_time
 from vibroimpact_service.use_case.warming import Warming
 from vibroimpact_solvers.plan import Plan
 
@@ -80,39 +80,6 @@ class Answer:
     """Value of Cache-Status."""
     seconds: Mapping[str, float] = field(default_factory=dict)
     """Stage (``plan``, ``solve``, ``encode``) -> time that it took."""
-
-
-async def _in_time(until: float | None, awaited: Awaitable[Value]) -> Value:
-    """Return what an awaitable returns.
-
-    Raises
-    ------
-    ProblemError
-        503 where it is not there at that time of the event loop.
-    """
-    try:
-        async with asyncio.timeout_at(until):
-            return await awaited
-    except TimeoutError:
-        detail = "The service did not come to this request in the time for which you wait."
-        raise ProblemError(problems.UNAVAILABLE, detail, headers={"Retry-After": "1"}) from None
-
-
-async def _charge(request: Request, admission: Admission, planned: Planned) -> None:
-    """Charge a planned computation to the caller.
-
-    Raises
-    ------
-    ProblemError
-        413 with the field that makes it long; 429 as of the admission.
-    """
-    try:
-        await admission.charge(planned.plan, planned.seconds)
-    except ProblemError as error:
-        if error.type is not problems.TOO_COSTLY:
-            raise
-        where = planning.costly(request.kind, request.document)
-        raise limits.too_costly(where, "too_costly", error.detail) from None
 
 
 class Evaluation:
@@ -238,7 +205,7 @@ class Evaluation:
         seconds, work, charge = 0.0, None, None
         if not reused:
             if planned is None:
-                planned = await _in_time(until, self._planned(request))
+                planned = await in_time(until, self._planned(request))
             if media_type is not None:
                 representations.check_size(limits.least_bytes(planned.plan), media_type)
             seconds = planned.seconds
@@ -248,18 +215,12 @@ class Evaluation:
                 work = self._work(request, planned)
             else:
                 await self.room_for_jobs(request.owner)
-            await _charge(request, admission, planned)
+            await admit(request, admission, planned)
             if work is not None:
                 charge = Charge(admission, seconds, goes_on=True)
                 work = charge.measured(work)
         self._metrics.result(request.kind.name, "hit" if reused else "job")
-        block = requests.stored_form(request.owner, request.canonical)
-        name = digest.content(block)
-        recorded = len(block) <= _SMALL_REQUEST
-        if not recorded or not (reused or work):
-            # Workers look for it here. Where there is no room, there is none for results either.
-            keep = partial(self._keep_request, name, block, durable=not recorded)
-            await _in_time(until, self.threads.run(keep))
+        name, block = await self._keep_request(request, until, for_workers=not (reused or work))
         new = NewJob(
             id=f"job_{uuid.uuid4().hex}",
             owner=request.owner,
@@ -273,7 +234,7 @@ class Evaluation:
             fingerprint=options.fingerprint(request.digest),
             deadline=options.deadline,
             webhook=options.webhook,
-            block=block if recorded else None,
+            block=block,
         )
         if work is not None:
             shared = await self.threads.on_submission(request.digest, work)
@@ -324,11 +285,11 @@ class Evaluation:
         if not admission.free:
             clock = asyncio.get_running_loop().time
             until = None if seconds is None else clock() + max(seconds, _LEAST_SECONDS)
-            planned = await _in_time(until, self._planned(request))
+            planned = await in_time(until, self._planned(request))
             if planned.seconds > self._settings.inline_seconds:
                 return planned
             if not self.threads.running(name):
-                await _charge(request, admission, planned)
+                await admit(request, admission, planned)
                 charge = Charge(admission, planned.seconds)
         work = self._work(request, planned, media_type)
         if charge is not None:
@@ -410,6 +371,24 @@ class Evaluation:
             raise ProblemError(problems.TOO_MANY_JOBS, detail, headers={"Retry-After": "10"})
         return most - unfinished
 
-    def _keep_request(self, name: str, data: bytes, *, durable: bool) -> None:
-        if not self.store.requests.readable(name):
-            self.store.requests.put(name, data, durable=durable)
+    async def _keep_request(
+        self, request: Request, until: float | None, *, for_workers: bool
+    ) -> tuple[str, bytes | None]:
+        """Store a request where it is large, or workers look for it.
+
+        Returns
+        -------
+        tuple
+            Its name, and its stored form if that is small and stands in the records.
+        """
+        block = requests.stored_form(request.owner, request.canonical)
+        name, recorded = digest.content(block), len(block) <= _SMALL_REQUEST
+
+        def keep() -> None:
+            if not self.store.requests.readable(name):
+                self.store.requests.put(name, block, durable=not recorded)
+
+        if for_workers or not recorded:
+            # Where there is no room for it, there is none for results either.
+            await in_time(until, self.threads.run(keep))
+        return name, block if recorded else None

@@ -6,7 +6,7 @@ import asyncio
 import math
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -16,8 +16,7 @@ from typing import Any, Final, TypeVar
 import structlog
 
 from vibroimpact_service import garbage, problems
-from vibroimpact_service.jobs.work import StoppedError, StopSignal
-from vibroimpact_service.jobs.worker_calls import TRANSIENT_ERRORS
+from vibroimpact_service.jobs.work import TRANSIENT_ERRORS, StoppedError, StopSignal
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
 
@@ -137,6 +136,22 @@ def _uncollected(work: Callable[[], Value]) -> Value:
 def _overloaded(waiting: int) -> ProblemError:
     detail = f"{waiting} requests are waiting already."
     return ProblemError(problems.UNAVAILABLE, detail, headers={"Retry-After": "1"})
+
+
+async def in_time(until: float | None, awaited: Awaitable[Value]) -> Value:
+    """Return what an awaitable returns.
+
+    Raises
+    ------
+    ProblemError
+        503 where it is not there at that time of the event loop.
+    """
+    try:
+        async with asyncio.timeout_at(until):
+            return await awaited
+    except TimeoutError:
+        detail = "The service did not come to this request in the time for which you wait."
+        raise ProblemError(problems.UNAVAILABLE, detail, headers={"Retry-After": "1"}) from None
 
 
 @dataclass(slots=True)

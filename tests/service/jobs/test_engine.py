@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vibroimpact_service.jobs import death_watch, deaths, worker_plugin
+from vibroimpact_service.jobs import deaths, worker
 from vibroimpact_service.jobs.engine import BULK, FAST, Call, Engine, EngineUnavailableError
 from vibroimpact_service.jobs.work import StoppedError, Tick, WorkerLostError, nothing
 from vibroimpact_service.settings import Settings
@@ -188,7 +188,7 @@ def test_a_call_that_needs_too_much_memory_fails_alone(bench: Bench) -> None:
     ],
 )
 def test_causes_of_deaths(exitcode: int | None, out_of_memory: bool, own: bool) -> None:
-    why, blamed = death_watch.cause(exitcode, out_of_memory=out_of_memory)
+    why, blamed = deaths.cause(exitcode, out_of_memory=out_of_memory)
     assert why
     assert blamed is own
 
@@ -231,7 +231,7 @@ def test_silent_machines_are_given_up_unless_this_process_stood_still(
 def test_a_call_is_stopped_where_it_was_taken_away_and_not_before() -> None:
     # A worker that has joined a restarted scheduler executes calls before it has the plugin, which
     # therefore never sees that they are assigned.
-    plugin = worker_plugin.ServicePlugin(nothing)
+    plugin = worker.ServicePlugin(nothing)
     ticks = []
 
     def work(tick: Tick) -> None:
@@ -243,14 +243,14 @@ def test_a_call_is_stopped_where_it_was_taken_away_and_not_before() -> None:
                 plugin.transition("late", "executing", "cancelled")
 
     with pytest.raises(StoppedError):
-        worker_plugin.execute(work, "late")
+        worker.execute(work, "late")
     assert ticks == [0, 1]
-    worker_plugin.execute(work, "other")
+    worker.execute(work, "other")
     assert ticks == [0, 1, 0, 1, 2]
 
 
 def test_a_call_that_is_wanted_again_goes_on() -> None:
-    plugin = worker_plugin.ServicePlugin(nothing)
+    plugin = worker.ServicePlugin(nothing)
 
     def work(tick: Tick) -> str:
         plugin.transition("wanted", "executing", "cancelled")
@@ -259,23 +259,23 @@ def test_a_call_that_is_wanted_again_goes_on() -> None:
         tick(0, 1)
         return "done"
 
-    assert worker_plugin.execute(work, "wanted") == "done"
+    assert worker.execute(work, "wanted") == "done"
 
 
 def test_a_worker_forgets_a_cancelled_call_once_it_ended() -> None:
-    plugin = worker_plugin.ServicePlugin(nothing)
+    plugin = worker.ServicePlugin(nothing)
 
     def work(tick: Tick, *, cancelled: bool) -> None:
         if cancelled:
             plugin.transition("again", "executing", "cancelled")
-        assert worker_plugin.running_calls() == ["again"]
+        assert worker.running_calls() == ["again"]
         time.sleep(0.06)
         tick(0, 1)
 
     with pytest.raises(StoppedError):
-        worker_plugin.execute(partial(work, cancelled=True), "again")
-    assert worker_plugin.running_calls() == []
-    worker_plugin.execute(partial(work, cancelled=False), "again")
+        worker.execute(partial(work, cancelled=True), "again")
+    assert worker.running_calls() == []
+    worker.execute(partial(work, cancelled=False), "again")
 
 
 def test_the_status_pages_of_dask_show_nothing(bench: Bench) -> None:

@@ -45,7 +45,7 @@ def proxy(postgresql: Callable[[], str], monkeypatch: pytest.MonkeyPatch) -> Ite
     """Return a proxy before a database, of whose silence one is sure sooner than usual."""
     monkeypatch.setattr("vibroimpact_service.jobs.time_limits._PING_SECONDS", 1.0)
     monkeypatch.setitem(database._TCP_LIMITS, "connect_timeout", 2)
-    monkeypatch.setattr("vibroimpact_service.store.silence._TRIAL_SECONDS", 1.5)
+    monkeypatch.setattr("vibroimpact_service.store.faults._TRIAL_SECONDS", 1.5)
     proxy = Proxy(postgresql())
     yield proxy
     proxy.close()
@@ -101,7 +101,7 @@ def test_what_waits_for_its_turn_does_not_wait_for_a_silent_database_too(proxy: 
 def test_a_lock_that_takes_too_long_is_an_answer(
     postgresql: Callable[[], str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("vibroimpact_service.store.silence._LONG_SECONDS", 0.1)
+    monkeypatch.setattr("vibroimpact_service.store.faults._LONG_SECONDS", 0.1)
     access = RecordAccess(open_database(postgresql()))
 
     def slow(connection: Connection) -> None:

@@ -16,7 +16,7 @@ from vibroimpact_service.documents import digest, requests
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.results import encode
 from vibroimpact_service.store import Store, StoreUnavailableError
-from vibroimpact_service.store.outage import Outage
+from vibroimpact_service.store.faults import Outage
 from vibroimpact_service.use_case import chunks as job_chunks
 
 NAME = "ab" * 32
@@ -179,8 +179,8 @@ def test_a_long_trial_keeps_others_waiting_for_some_seconds_only(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """It may be the transfer of much from a server that has long been back."""
-    monkeypatch.setattr("vibroimpact_service.store.silence._TRIAL_SECONDS", 0.2)
-    monkeypatch.setattr("vibroimpact_service.store.silence._LONG_SECONDS", 0.0)
+    monkeypatch.setattr("vibroimpact_service.store.faults._TRIAL_SECONDS", 0.2)
+    monkeypatch.setattr("vibroimpact_service.store.faults._LONG_SECONDS", 0.0)
     outage = Outage(patient=False)
 
     def fail() -> None:
@@ -201,7 +201,7 @@ def test_a_long_trial_keeps_others_waiting_for_some_seconds_only(
 def test_a_trial_that_fails_after_another_was_answered_says_nothing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("vibroimpact_service.store.silence._LONG_SECONDS", 0.0)
+    monkeypatch.setattr("vibroimpact_service.store.faults._LONG_SECONDS", 0.0)
     outage = Outage(patient=False)
 
     def fail_late() -> None:
