@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from vibroimpact_schema.branches import BranchesRequest
-from vibroimpact_service.documents import decode, sweep_axes
+from vibroimpact_service.documents import decode, varying
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_solvers import branches, periodic_motions, sweep
 from vibroimpact_solvers.errors import ModelError
@@ -19,7 +19,7 @@ def problem(request: BranchesRequest, system: System) -> branches.Problem:
         With a pointer to the path that is wrong, or into the base.
     """
     kind, base = KINDS["periodic-motions"], request.base
-    number = sweep_axes.number(base, request.path)
+    number = varying.number(base, request.path)
     if number.whole:
         message = f"{request.path} is a whole number, along which there is no branch"
         raise ModelError(("path",), message, code="not_a_number")

@@ -1,4 +1,4 @@
-"""Documents to the solvers' systems and problems; the only module that knows both.
+"""Documents to the solvers' systems and problems.
 
 Each kind has a function of its name, which takes a request and its system and returns the
 problem. The sizes in the documents were compared with the limits before.
@@ -6,8 +6,7 @@ problem. The sizes in the documents were compared with the limits before.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from typing import Any, Final
@@ -15,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from vibroimpact_schema import grids, motions, requests, systems
-from vibroimpact_service.documents import digest
+from vibroimpact_service.documents import digest, loads
 from vibroimpact_service.kinds import Kind
 from vibroimpact_solvers import attractors as settled
 from vibroimpact_solvers import ensemble as ensembles
@@ -336,7 +335,7 @@ def time_history(request: requests.TimeHistoryRequest, of: System) -> histories.
             initial = histories.State(np.array(x), np.array(v))
         case motions.InitialMode(impact_mode=mode):
             initial = histories.ImpactMode(mode.Omega, tuple(mode.active or ()))
-    with _loads_as_sent(request):
+    with loads.as_sent(request):
         return histories.Problem(of, initial, digits=request.digits, **_motion(request, of))
 
 
@@ -345,32 +344,8 @@ def ensemble(
 ) -> ensembles.Problem:
     """Return the problem of an ensemble."""
     x, v = np.array(request.initial.x), np.array(request.initial.v)
-    with _loads_as_sent(request):
+    with loads.as_sent(request):
         return ensembles.Problem(of, x, v, **_motion(request, of), report=meter)
-
-
-@contextmanager
-def _loads_as_sent(request: requests.MotionRequest) -> Iterator[None]:
-    """Let errors of loads point to the field that was sent, whatever became of it."""
-    try:
-        yield
-    except ModelError as error:
-        match error.pointer:
-            case ("load", int(place), str(name)) if request.load is not None:
-                sent = request.load[place].model_fields_set
-                names = (name, *_SENT.get(name, ()))
-                own = next((each for each in names if each in sent), name)
-                raise ModelError(("load", place, own), error.message, code=error.code) from None
-        raise
-
-
-_SENT: Final = {
-    "t": ("interval",),
-    "values": ("force", "acceleration"),
-    "direction": ("base", "dof"),
-    "dof": ("direction",),
-}
-"""Field of a load of the solver -> those of documents that it may be made of."""
 
 
 def _motion(request: requests.MotionRequest, of: System) -> dict[str, Any]:
@@ -385,44 +360,12 @@ def _motion(request: requests.MotionRequest, of: System) -> dict[str, Any]:
         "dofs": _indices(request.dofs),
         "outputs": frozenset(request.outputs),
         "tolerance": request.tolerance,
-        "load": tuple(_load(term, place, of) for place, term in enumerate(request.load or ())),
+        "load": tuple(
+            loads.decoded(term, place, of) for place, term in enumerate(request.load or ())
+        ),
         "limiter": limiter,
         "method": request.method,
     }
-
-
-def _load(term: Any, place: int, of: System) -> histories.Load:
-    """Return a load of a motion; place is its place among them."""
-    match term:
-        case motions.HarmonicLoad():  # the first, as there may be thousands of them
-            return histories.Harmonic(term.dof, term.amplitude, term.frequency, term.phase)
-        case motions.SampledLoad():
-            direction, values = _weights(term, place, of.n), np.array(term.force)
-        case motions.BaseMotion():
-            if len(term.base) != of.n:
-                message = f"{len(term.base)} numbers for {of.n} degrees of freedom"
-                raise ModelError(("load", place, "base"), message, code="wrong_length")
-            direction, values = -(of.M @ np.array(term.base)), np.array(term.acceleration)
-    t = np.array(term.t) if term.interval is None else term.interval * np.arange(values.size)
-    return histories.Sampled(direction, t, values)
-
-
-def _weights(term: motions.SampledLoad, place: int, n: int) -> Floats:
-    """Return the direction of a load, shape (dof,)."""
-    direction = np.zeros(n)
-    given = [] if term.dof is None else [(term.dof, 1.0)]
-    if term.direction is not None:
-        dofs, weights = term.direction.dofs, term.direction.weights
-        if len(dofs) != len(weights):
-            message = f"{len(weights)} weights for {len(dofs)} degrees of freedom"
-            raise ModelError(("load", place, "direction"), message, code="wrong_length")
-        given = list(zip(dofs, weights, strict=True))
-    for dof, weight in given:
-        if not 0 <= dof < n:
-            message = f"{dof} is not below {n}"
-            raise ModelError(("load", place, "dof"), message, code="index_out_of_range")
-        direction[dof] += weight
-    return direction
 
 
 def slow_flow(request: requests.SlowFlowRequest, of: System) -> flows.Problem:

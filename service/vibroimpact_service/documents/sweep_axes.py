@@ -8,22 +8,19 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import lru_cache
-from types import NoneType
 from typing import Any, Final
 
 import numpy as np
-from pydantic import BaseModel, ValidationError
 
 from vibroimpact_schema import grids, sweeps, systems
-from vibroimpact_service import validation
 from vibroimpact_service.documents import decode
+from vibroimpact_service.documents.varying import OTHER_SIZE, Path, Varying, number
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_solvers import sweep
 from vibroimpact_solvers.arrays import Floats, declared
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import Constraint, System
 
-Path = tuple[str | int, ...]
 Index = tuple[int, ...]
 
 _RESERVED: Final = frozenset(
@@ -34,8 +31,6 @@ _VAGUE: Final = frozenset(
     | {"diagonal", "bands", "data", "scalar", "weights"}
 )
 """Names that tell nothing without the one before."""
-_SIZES: Final = frozenset({"n", "num", "shape"})
-_SORTS: Final = {NoneType: "null", bool: "true or false", str: "text", list: "a list"}
 _VALUES_TRIED: Final = 64
 """Values of an axis that are tried before the sweep is accepted: the least, the greatest, and some
 between, as what a field permits is an interval. What is wrong with others is said at their points.
@@ -49,9 +44,6 @@ _NUMBERS_TRIED: Final = 500_000
 """Numbers in the structures of all points that are tried; each takes some 0.1 microseconds."""
 _LIMITER_NUMBERS: Final = 20
 """Numbers in whose time a limiter is checked."""
-_OTHER_SIZE: Final = ModelError(
-    (), "the results would have other sizes than those of the base", code="shapes_differ"
-)
 _LIMITERS_KEPT: Final = 10_000
 _KEPT: Final = 4
 """Structures without their limiters that are held at a time."""
@@ -115,37 +107,6 @@ def _offset(axis: sweeps.AnyAxis) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Varying:
-    """A number of a request that varies."""
-
-    path: Path
-    mirror: Path | None
-    """Leads to the entry of a symmetric matrix that is equal to it."""
-    whole: bool
-    """Whether it is an integer."""
-
-    def put(self, base: Any, value: float) -> Any:
-        """Return the request with another value, without checking it."""
-        number = int(value) if self.whole else value
-        changed = _replaced(base, self.path, number)
-        return changed if self.mirror is None else _replaced(changed, self.mirror, number)
-
-    def fits(self, base: Any, value: float) -> None:
-        """Raise where the field may not have that value."""
-        changed = self.put(base, value)
-        document = _innermost(changed, self.path)
-        content = dict(document)
-        try:
-            type(document).model_validate(content)
-        except ValidationError as error:
-            fault = validation.problem_of(error, content).errors[0]
-            raise ModelError((), fault.message, code=fault.code) from None
-        # Before anything of that size is allocated.
-        if _frequencies(changed) != _frequencies(base):
-            raise _OTHER_SIZE
-
-
-@dataclass(frozen=True, slots=True)
 class _Axis(Varying):
     """A number of a request that varies, and its values."""
 
@@ -161,33 +122,6 @@ class _Axis(Varying):
     def check(self, base: Any, position: int) -> None:
         """Raise where the field may not have the value at a position."""
         self.fits(base, float(self.values[position]))
-
-
-def number(base: Any, text: str) -> Varying:
-    """Return the number at a path of a request.
-
-    Raises
-    ------
-    ModelError
-        Where there is none, with the pointer to the path.
-    """
-    here: Any = base
-    path: Path = ()
-    for part in text.split("."):
-        step = _step(here, part)
-        if step is None:
-            where = ".".join(map(str, path)) or "the base"
-            message = f"there is no {part!r} in {where}"
-            raise ModelError(("path",), message, code="unknown_path")
-        path = (*path, step)
-        here = _get(here, step)
-    if isinstance(here, bool) or not isinstance(here, (int, float)):
-        message = f"{text} is {_SORTS.get(type(here), 'an object')}, not a number"
-        raise ModelError(("path",), message, code="not_a_number")
-    if next(part for part in reversed(path) if isinstance(part, str)) in _SIZES:
-        message = f"{text} is a size: results of differing sizes make no grid"
-        raise ModelError(("path",), message, code="shapes_differ")
-    return Varying(path, _mirror(base, path), isinstance(here, int))
 
 
 def _axis(base: Any, place: int, document: sweeps.AnyAxis, most: int) -> _Axis:
@@ -242,62 +176,6 @@ def _check_different(axes: Sequence[_Axis]) -> None:
         if first != place:
             message = f"axis {first} varies the same number"
             raise ModelError(("axes", place, "path"), message, code="duplicate_path")
-
-
-def _step(here: Any, part: str) -> str | int | None:
-    """Return the name, key or index that a part of a path stands for, None where there is none."""
-    if isinstance(here, BaseModel):
-        return part if part in type(here).model_fields else None
-    if isinstance(here, dict):
-        return part if part in here else None
-    if isinstance(here, list) and part.isdigit() and len(part) < 10 and int(part) < len(here):
-        return int(part)
-    return None
-
-
-def _get(here: Any, step: str | int) -> Any:
-    return getattr(here, str(step)) if isinstance(here, BaseModel) else here[step]
-
-
-def _replaced(here: Any, path: Path, value: Any) -> Any:
-    """Return a document with another value at a path; the rest is shared with the old one."""
-    if not path:
-        return value
-    step, *rest = path
-    inner = _replaced(_get(here, step), tuple(rest), value)
-    if isinstance(here, BaseModel):
-        return here.model_copy(update={str(step): inner})
-    copy = here.copy()
-    copy[step] = inner
-    return copy
-
-
-def _innermost(document: BaseModel, path: Path) -> BaseModel:
-    """Return the innermost document on a path."""
-    here: Any = document
-    for step in path[:-1]:
-        here = _get(here, step)
-        if isinstance(here, BaseModel):
-            document = here
-    return document
-
-
-def _mirror(base: Any, path: Path) -> Path | None:
-    """Return the path of the entry that is equal by symmetry, None where there is no other."""
-    match path:
-        case ("system", "M" | "K" | "C", int(i), int(j)) if i != j:
-            return (*path[:2], j, i)
-        case ("system", "M" | "K" | "C" as name, "data", int(k)):
-            matrix = getattr(base.system, name)
-            places = list(zip(matrix.row, matrix.col, strict=False))
-            i, j = places[k] if k < len(places) else (0, 0)
-            if i != j and (j, i) in places:
-                return (*path[:3], places.index((j, i)))
-    return None
-
-
-def _frequencies(request: Any) -> int:
-    return int(getattr(getattr(request, "frequency", None), "count", 0))
 
 
 def _thinned(base: Any, axes: Sequence[_Axis]) -> Any:
@@ -457,7 +335,7 @@ class _Grid:
             for k in axis.tried:
                 neighbour = self._possible_beside(good, place, k, few)
                 if neighbour is not None and self._size(neighbour) != size:
-                    raise self._wrong(place, k, _OTHER_SIZE)
+                    raise self._wrong(place, k, OTHER_SIZE)
 
     def _size(self, point: Any) -> int:
         return 0 if self._response_count is None else self._response_count(point)
