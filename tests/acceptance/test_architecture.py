@@ -15,6 +15,7 @@ from types import FrameType
 from typing import Any
 
 import grimp
+import pytest
 from httpx2 import Response
 from starlette.testclient import TestClient
 
@@ -35,6 +36,8 @@ FOLDERS = {
 """Abbreviation of a folder in the page -> the folder."""
 UNLISTED = {"service/logs.py", "service/metrics.py", "service/settings.py"}
 STEPS = 14
+LONGEST_MODULE, LONGEST_FUNCTION = 400, 80
+"""Lines of a module and of a function of the service."""
 
 
 def test_there_are_no_import_cycles() -> None:
@@ -151,7 +154,26 @@ def test_a_request_visits_the_files_that_the_page_lists(tmp_path: Path) -> None:
     assert len(steps) <= STEPS
 
 
-def test_the_files_of_a_time_history_are_there() -> None:
-    steps = [file for item in _listed("The path of a time history") for file in item]
-    assert 0 < len(steps) <= 8
-    assert [file for file in steps if not _path(file).is_file()] == []
+@pytest.mark.parametrize(
+    ("of", "most_steps", "most_files"), [("a time history", 8, 8), ("a job", 10, 15)]
+)
+def test_the_files_of_a_path_are_there(of: str, most_steps: int, most_files: int) -> None:
+    items = _listed(f"The path of {of}")
+    files = [file for item in items for file in item]
+    assert 0 < len(items) <= most_steps
+    assert len(set(files)) <= most_files
+    assert [file for file in files if not _path(file).is_file()] == []
+
+
+def test_modules_and_functions_of_the_service_are_short() -> None:
+    long = []
+    for file in sorted((ROOT / FOLDERS["service"]).rglob("*.py")):
+        text = file.read_text(encoding="utf-8")
+        if text.count("\n") > LONGEST_MODULE:
+            long.append(file.name)
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                assert node.end_lineno is not None
+                if node.end_lineno - node.lineno >= LONGEST_FUNCTION:
+                    long.append(f"{file.name}: {node.name}")
+    assert long == []

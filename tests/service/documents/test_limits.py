@@ -248,6 +248,6 @@ def test_a_plan_without_end_is_refused(http: TestClient, request_body: dict[str,
 def test_what_is_blamed_for_a_computation_without_end() -> None:
     endless = Plan("kind", (Step(Stage.SHAPE, "sum", "", flops=math.inf),))
     with pytest.raises(ProblemError, match="not finite") as caught:
-        limits.check_plan(endless, SETTINGS, long="/t_end")
+        limits.check_plan(endless, SETTINGS, long=lambda: "/t_end")
     assert caught.value.type.status == 413
     assert [(each.pointer, each.code) for each in caught.value.errors] == [("/t_end", "not_finite")]
