@@ -1,4 +1,8 @@
-"""HTTP connections with limits on the size of headers and on slow or stalled peers."""
+"""HTTP connections with limits on the size of headers and on slow or stalled peers.
+
+uvicorn has none of them, and a service may be reached without a proxy that has: what is promised
+of such peers (docs/service/promises.md) is kept here.
+"""
 
 from __future__ import annotations
 

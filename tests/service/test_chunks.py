@@ -182,7 +182,7 @@ def test_a_piece_that_takes_far_more_than_planned_ends_and_says_what_is_kept(
             tick(0, 1)
 
     monkeypatch.setattr(impact_modes, "solve", endless)
-    monkeypatch.setattr(job_chunks, "_PIECE_SECONDS", 0.05)
+    monkeypatch.setattr(job_chunks, "_LEAST_LIMIT", 0.05)
     monkeypatch.setattr(warming, "is_compiled", lambda kind: kind == KIND.name)
     with pytest.raises(LimitPassedError, match=f"1 of {total} pieces are kept") as passed:
         job_chunks.solve(*arguments, [1], StopSignal())
@@ -198,7 +198,7 @@ def test_kernels_may_be_compiled_beside_the_limit_of_a_piece(
     """No processor time is left for the piece: what it takes could be that of its kernels."""
     name = keep_for(store, "ann", {**request_body, "frequency": steps(0.6, 1.6)})
     arguments = (store.url, KIND.name, name, RESULT)
-    monkeypatch.setattr(job_chunks, "_PIECE_SECONDS", 0.0)
+    monkeypatch.setattr(job_chunks, "_LEAST_LIMIT", 0.0)
     monkeypatch.setattr(job_chunks, "_TIMES_PLANNED", 0.0)
     monkeypatch.setattr(warming, "is_compiled", lambda _kind: True)
     with pytest.raises(LimitPassedError):

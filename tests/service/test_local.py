@@ -24,7 +24,7 @@ import itertools
 from vibroimpact_service import local_process
 from vibroimpact_service.use_case import chunks, computation, warming
 from vibroimpact_service.jobs import process_limits
-chunks._PIECE_SECONDS, chunks._TIMES_PLANNED, chunks._COMPILATION_SECONDS = {piece}, 0.0, 0.0
+chunks._LEAST_LIMIT, chunks._TIMES_PLANNED, chunks._COMPILATION_SECONDS = {piece}, 0.0, 0.0
 process_limits._MARGIN_SECONDS = {margin}
 {compute}
 local_process.main()

@@ -137,13 +137,12 @@ Handler = Callable[[Request], Coroutine[Any, Any, Response]]
 
 
 class PlainRoute(APIRoute):
-    """FastAPI's route for handlers of the request and the strings of their path alone.
+    """A route for handlers that take the request and the strings of their path alone.
 
-    It is without FastAPI's search for parameters and its conversion of what is returned.
-
-    The search takes FastAPI 30 µs, as long as a cached answer takes altogether. The dependencies
-    of the route are called first, in their order, with the request; then the handler, with the
-    request and the parts of the path. OpenAPI is generated as for any other route.
+    FastAPI's search for parameters and its conversion of what is returned are left out: with them
+    a cached answer takes 0.17 ms of processor time, without 0.13 ms. The dependencies of the route
+    are called first, in their order, with the request; then the handler, with the request and the
+    parts of the path. OpenAPI is generated as for any other route.
     """
 
     def get_route_handler(self) -> Handler:
