@@ -31,9 +31,10 @@ from benchmarks.service.load import Load
 from benchmarks.service.requests import Request, modes
 from benchmarks.service.server import Server, running, seconds, session
 from vibroimpact_schema import examples
-from vibroimpact_service.jobs import batch_size, certificates
+from vibroimpact_service.jobs import certificates
 from vibroimpact_service.jobs.engine import BULK, Call, Engine
 from vibroimpact_service.jobs.fair_share import BATCHES_PER_WORKER
+from vibroimpact_service.jobs.run_one import batch_seconds, batch_size
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.settings import Settings
 
@@ -172,7 +173,7 @@ def simulate(
     free, ahead = [0.0] * count, list[float]()
     scheduler, batches, spent, waiting = 0.0, 0, 0.0, chunks
     while waiting:
-        size = batch_size.size(waiting, each, count)
+        size = batch_size(waiting, each, count)
         waiting -= size
         length = max(0.1 * each * size, random.normal(each * size, 0.5 * each * np.sqrt(size)))
         if len(ahead) >= BATCHES_PER_WORKER * count:
@@ -192,7 +193,7 @@ def workers(count: int) -> None:
         for what, part in parts.items():
             shares = sum(_memory(each)["Pss:"] for each in session(part))
             print(f"{what}: {shares:.0f} MiB, pages of several processes divided among them")
-        length = batch_size.seconds(count)
+        length = batch_seconds(count)
         processes = {**parts, "service": os.getpid()}
         used = {what: seconds([each]) for what, each in processes.items()}
         began = time.perf_counter()

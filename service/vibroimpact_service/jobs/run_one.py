@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future
@@ -10,7 +11,7 @@ from typing import Any, Final
 
 from opentelemetry.trace import Span
 
-from vibroimpact_service.jobs import batch_size, claims, traces, worker
+from vibroimpact_service.jobs import claims, traces, worker
 from vibroimpact_service.jobs.engine import BULK, FAST, Call, EngineUnavailableError
 from vibroimpact_service.jobs.run import (
     MAX_DEATH_DELAY,
@@ -38,6 +39,13 @@ _FIRST_DELAY: Final = 0.05
 """Pause after the death of a worker that is not the job's fault; it grows from one to the next."""
 _UNMEASURED: Final = 8
 """Largest batch while only the plan tells how long a chunk takes."""
+BATCH_SECONDS: Final = 0.2
+"""Duration of a batch with few workers."""
+MAX_BATCH_RATE: Final = 100.0
+"""Batches submitted per second, at most, for all workers together."""
+_MAX_BATCH: Final = 5000
+_LAST_BATCH: Final = 0.25
+"""Lower limit of the last batches of a job, as a fraction of the duration for many workers."""
 
 
 class JobRun(Run):
@@ -128,7 +136,7 @@ class _ChunkBatches:
         self._delay = _FIRST_DELAY
         planned = [chunks[i].seconds for i in missing if chunks[i].seconds > 0]
         # Until the first batch is measured, the plan is all that is known.
-        self._seconds = sum(planned) / len(planned) if planned else batch_size.SECONDS
+        self._seconds = sum(planned) / len(planned) if planned else BATCH_SECONDS
         self._measured_at: float | None = None
 
     def compute(self) -> None:
@@ -177,9 +185,9 @@ class _ChunkBatches:
         """Return how many chunks the next batch has."""
         waiting = len(self._waiting)
         if self._chained:
-            size = min(waiting, batch_size.chunks(batch_size.SECONDS, self._seconds))
+            size = min(waiting, chunks_in(BATCH_SECONDS, self._seconds))
         else:
-            size = batch_size.size(waiting, self._seconds, self._engine.workers)
+            size = batch_size(waiting, self._seconds, self._engine.workers)
         return size if self._measured_at is not None else min(size, _UNMEASURED)
 
     def _receive(self, ended: Sequence[Call]) -> None:
@@ -253,3 +261,39 @@ class _ChunkBatches:
         each = max(spent / len(batch), 1e-5)
         self._seconds = each if self._measured_at is None else 0.5 * (self._seconds + each)
         self._measured_at = now
+
+
+def batch_seconds(workers: int) -> float:
+    """Return the duration of a batch where so many are computed at once."""
+    return max(BATCH_SECONDS, workers / MAX_BATCH_RATE)
+
+
+def chunks_in(duration: float, each: float) -> int:
+    """Return how many chunks of `each` seconds take that long; at least one."""
+    return min(_MAX_BATCH, max(1, int(duration / each)))
+
+
+def batch_size(waiting: int, each: float, workers: int) -> int:
+    """Return how many chunks the next batch of a job has: 0.2 s of them, more for many workers.
+
+    One process submits all batches, and each takes it a few milliseconds. With batches of a fixed
+    duration the rate of submission would grow with the number of workers until they wait for it.
+    The duration therefore grows with the number of workers instead, and the rate stays below
+    `MAX_BATCH_RATE`. A user who waits for a share of many workers does not wait longer for it: as
+    many batches end per second as before.
+
+    Parameters
+    ----------
+    waiting : int
+        Chunks that are left, at least one.
+    each : float
+        Seconds that one takes.
+    workers : int
+        Batches that are computed at once.
+    """
+    most = chunks_in(batch_seconds(workers), each)
+    # The last batches are smaller, so that all workers end at about the same time, but not so
+    # small that submitting them takes longer than what they save.
+    share = math.ceil(waiting / (2 * max(1, workers)))
+    least = chunks_in(_LAST_BATCH * workers / MAX_BATCH_RATE, each)
+    return min(waiting, most, max(share, least))
