@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import mmap
+import uuid
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,7 +29,9 @@ _PIECE: Final = 8 * 2**20
 
 def to_hdf5(content: Content) -> bytes:
     """Return the file of a result."""
-    with h5py.File("result", "w", driver="core", backing_store=False, track_order=True) as file:
+    # HDF5 refuses a name that is open, in memory too, as of another thread.
+    name = uuid.uuid4().hex
+    with h5py.File(name, "w", driver="core", backing_store=False, track_order=True) as file:
         _write(file, content)
         file.flush()
         return bytes(file.id.get_file_image())

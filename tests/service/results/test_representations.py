@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import pytest
 from vibroimpact_schema.requests import ImpactModesRequest
 from vibroimpact_service.documents import digest, planning
 from vibroimpact_service.kinds import KINDS
-from vibroimpact_service.results import representations
+from vibroimpact_service.results import encode, representations
 from vibroimpact_service.results.representations import (
     HDF5,
     JSON,
@@ -68,6 +69,13 @@ def test_a_representation_is_the_same_ever_after(stored: Store, media_type: str)
     assert first.sha256 == hashlib.sha256(first.data).hexdigest()
     stored.results.remove(NAME)  # it is not made again
     assert load(stored, NAME, media_type) == first
+
+
+def test_files_that_are_made_at_the_same_time_are_the_same(stored: Store) -> None:
+    content = encode.unpack(stored.results.get(NAME) or b"")
+    with ThreadPoolExecutor(4) as threads:
+        made = threads.map(lambda _: representations.of_content(content, HDF5).data, range(40))
+    assert len(set(made)) == 1
 
 
 def test_an_unknown_result_has_none(store: Store) -> None:
