@@ -14,9 +14,9 @@ from vibroimpact_solvers.periodic_motions import free_bodies
 from vibroimpact_solvers.periodic_motions.problem import KIND, OUTPUTS, Problem
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 
-_NODES = 300.0  # at which a solution is evaluated, about, while little turns in its period
-_NODES_OF_A_RADIAN = 8.0
-_NODE = 2e3  # operations at a node, whatever the structure is
+_NODES = 60.0  # at which a solution is evaluated, about, while little turns in its period
+_NODES_OF_A_RADIAN = 3.5
+_NODE = 1e3  # operations at a node, whatever the structure is
 _TURN = 20.0  # radians of what turns fastest in a period that count no more
 # Bytes of the columns of a solution, with their errors; those of an extreme are for each dof.
 _SOLUTION, _EXISTENCE, _EXTREMES, _ENERGIES, _STABILITY, _MULTIPLIER = 25, 26, 48, 48, 24, 32
@@ -87,9 +87,8 @@ def _steps(problem: Problem) -> Iterator[Step]:
     if {"extremes", "energy"} & outputs:
         reason = "quadrature over every free motion, exact to rounding"
         nodes = max(_NODES, _NODES_OF_A_RADIAN * turns)
-        flops = rows * nodes * (_NODE + 100.0 * modes)
-        if "extremes" in outputs:
-            flops += rows * nodes * dofs * (500.0 + 12.0 * modes)
+        columns = dofs * ("extremes" in outputs) + modes * ("energy" in outputs)
+        flops = rows * nodes * (_NODE + 4.0 * columns * modes)
         extremes = _EXTREMES * dofs * ("extremes" in outputs)
         size = rows * (extremes + _ENERGIES * ("energy" in outputs))
         yield Step(Stage.ENERGY, "quadrature", reason, flops, size, bounded=False)
