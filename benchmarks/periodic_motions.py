@@ -9,7 +9,9 @@ from functools import partial
 from typing import Any, Final
 
 import numpy as np
+import scipy.linalg
 
+from benchmarks import beams
 from benchmarks.harness import measure, ratio
 from benchmarks.peers.integrators import Solver, heyoka_events
 from benchmarks.peers.scene import Outcome, Scene
@@ -86,6 +88,57 @@ def responses() -> Table:
             "steps, as those of a lightly damped structure lie close to one circle",
         },
     )
+
+
+_BEFORE: Final = {"one mass": 3.4, "beam, N=50": 40.0, "beam, N=100": 240.0}
+"""Seconds of the same by 0.2.0, on this machine, motion by motion."""
+_DEFAULTS = frozenset({"exists", "extremes", "energy", "multipliers"})
+
+
+def _beam(elements: int) -> Problem:
+    """Return a cantilever with stops at its tip, driven there at 50 frequencies.
+
+    Its damping is Rayleigh's, 2 % of the critical one at the first natural frequency.
+    """
+    M, K = beams.matrices(elements)
+    first = math.sqrt(float(scipy.linalg.eigh(K, M, eigvals_only=True, subset_by_index=[0, 0])[0]))
+    b = 1e-3 / first
+    C = SymmetricMatrix.dense(2.0 * first * (0.02 - 0.5 * b * first) * M + b * K)
+    tip = len(M) - 2
+    stop = Constraint((tip,), (1.0,), 0.01, 0.01, 0.8)
+    system = System(SymmetricMatrix.dense(M), SymmetricMatrix.dense(K), (stop,), C=C)
+    load = (Force((tip,), (1.0,), 3.0),)
+    return Problem(system, first * np.linspace(0.5, 2.0, 50), load, outputs=_DEFAULTS)
+
+
+def defaults() -> Table:
+    """Compute driven responses with all that is computed by default, for one mass and for beams."""
+    rows: list[tuple[Any, ...]] = []
+    mass = replace(_response(1, 1000, "exists"), outputs=_DEFAULTS)
+    cases: dict[str, tuple[Problem, float | None]] = {"one mass": (mass, 0.15)}
+    for elements, goal in ((25, None), (50, 0.3), (150, 2.0)):
+        cases[f"beam, N={2 * elements}"] = _beam(elements), goal
+    for name, (problem, goal) in cases.items():
+        motions = _solve(problem).solution_impacts.size
+        existence = replace(problem, outputs=frozenset({"exists"}))
+        parts = [
+            measure(rounds=3, sample=0.0, work=partial(_solve, one))["work"].processor
+            for one in (existence, problem)
+        ]
+        rows.append((name, problem.Omega.size, motions, *parts, goal, _BEFORE.get(name)))
+    return Table(
+        "Driven responses by default",
+        (
+            "structure", "frequencies", "motions", "existence [s]", "default outputs [s]", "goal",
+            "0.2.0 [s]",
+        ),
+        rows,
+        "Existence, extremes and mean squares of all displacements, work, losses and energy, and "
+        "all multipliers, with their errors; time of the processor, natural modes included. Beams "
+        "of Euler-Bernoulli elements with Rayleigh damping, 2 % at the first natural frequency, "
+        "whose frequencies differ by up to 1e6.",
+        Goal("default outputs [s]", "goal"),
+    )  # fmt: skip
 
 
 def following() -> Table:

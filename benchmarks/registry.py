@@ -113,6 +113,7 @@ BENCHMARKS: Final[tuple[Benchmark, ...]] = (
         "responses, multipliers and branches of driven structures; against shooting with heyoka",
         (
             "periodic_motions.responses",
+            "periodic_motions.defaults",
             "periodic_motions.following",
             "periodic_motions.shooting",
         ),

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.kernels.flow import Z1, Z2, Flow
 from vibroimpact_solvers.kernels.jit import fma, inline, inner
 from vibroimpact_solvers.kernels.orbits import (
@@ -128,40 +129,81 @@ def _rise(a: float, b: float, c: float, at: Interval) -> tuple[float, float]:
 
 
 @inner
+def _set_ranges(x: Floats, room: Room) -> None:
+    """Fill in the least and the largest displacements of nodes, and of the two before."""
+    low, high, later = room.least, room.largest, room.progress[0].latest >= 0.0
+    for d in range(x.shape[1]):
+        low[d], high[d] = math.inf, -math.inf
+    for i in range(2 if later else 0):
+        for d in range(x.shape[1]):
+            low[d], high[d] = min(low[d], room.last[i, d]), max(high[d], room.last[i, d])
+    for i in range(x.shape[0]):
+        for d in range(x.shape[1]):
+            here = x[i, d]  # choices, unlike min and max, make a vector loop
+            low[d] = here if here < low[d] else low[d]
+            high[d] = here if here > high[d] else high[d]
+
+
+@inner
+def _highest(
+    flow: Flow, forms: Forms, m: Motions, mesh: Mesh, n: int, d: int, sign: float, best: float,
+    room: Room,
+) -> float:  # fmt: skip
+    """Return the highest of a displacement times sign, at n nodes and beside them, and best.
+
+    It rises from a node to a peak beside it by less than twice what the parabola through the node
+    and its neighbours does. The node in the middle of three is looked at; the last one of a free
+    motion by itself.
+    """
+    dofs, progress = forms.trend.shape[1], room.progress[0]
+    x = room.x[: n * dofs].reshape(n, dofs)
+    length = m.length[progress.solution, progress.leg]
+    before, latest = progress.before, progress.latest
+    a, b = sign * room.last[_BEFORE, d], sign * room.last[_LATEST, d]
+    for i in range(n):
+        c, now = sign * x[i, d], room.times[i]
+        best = max(best, c)
+        if latest < 0.0:
+            a, before = c, now
+        else:
+            if b >= a and b >= c and (b > a or b > c):
+                rise, vertex = _rise(a, b, c, Interval(before, latest, now))
+                if b + rise >= best:
+                    at = Interval(before, vertex, now)
+                    best = max(best, _peak(flow, forms, m, mesh, d, sign, at, room))
+            if now == length and c > b and c + (c - b) >= best:
+                at = Interval(latest, now, now)
+                best = max(best, _peak(flow, forms, m, mesh, d, sign, at, room))
+            a, before = b, latest
+        b, latest = c, now
+    return best
+
+
+@inner
 def raise_peaks(
     flow: Flow, forms: Forms, m: Motions, mesh: Mesh, n: int, sums: Sums, room: Room
 ) -> None:
     """Raise the highest displacements by those at n nodes, and by peaks beside them.
 
-    A displacement rises from a node to a peak beside it by less than twice what the parabola
-    through the node and its neighbours does. The node in the middle of three is looked at; the
-    last one of a free motion by itself.
+    No peak beside nodes is farther above the highest of them than that is above the lowest.
     """
     dofs, progress = forms.trend.shape[1], room.progress[0]
+    if dofs == 0:
+        return
     x = room.x[: n * dofs].reshape(n, dofs)
-    length = m.length[progress.solution, progress.leg]
-    for i in range(n):
-        at = Interval(progress.before, progress.latest, room.times[i])
+    _set_ranges(x, room)
+    peaks = sums.peaks[progress.solution]
+    for d in range(dofs):
+        low, high = room.least[d], room.largest[d]
         for turn in range(2):
-            sign, best = 1.0 - 2.0 * turn, sums.peaks[progress.solution, turn]
-            for d in range(dofs):
-                c = sign * x[i, d]
-                best[d] = max(best[d], c)
-                if at.near < 0.0:
-                    continue
-                a, b = sign * room.last[_BEFORE, d], sign * room.last[_LATEST, d]
-                if b >= a and b >= c and (b > a or b > c):
-                    rise, vertex = _rise(a, b, c, at)
-                    if b + rise >= best[d]:
-                        here = Interval(at.low, vertex, at.high)
-                        top = _peak(flow, forms, m, mesh, d, sign, here, room)
-                        best[d] = max(best[d], top)
-                if at.high == length and c > b and c + (c - b) >= best[d]:
-                    here = Interval(at.near, length, length)
-                    top = _peak(flow, forms, m, mesh, d, sign, here, room)
-                    best[d] = max(best[d], top)
-        for d in range(dofs):
-            room.last[_BEFORE, d] = x[i, d] if at.near < 0.0 else room.last[_LATEST, d]
+            sign, top = (1.0, high) if turn == 0 else (-1.0, -low)
+            if top + (high - low) >= peaks[turn, d]:
+                best = peaks[turn, d]
+                peaks[turn, d] = _highest(flow, forms, m, mesh, n, d, sign, best, room)
+    for i in range(n):
+        begins = progress.latest < 0.0
+        for d in range(dofs if i >= n - 2 or begins else 0):
+            room.last[_BEFORE, d] = x[i, d] if begins else room.last[_LATEST, d]
             room.last[_LATEST, d] = x[i, d]
-        progress.before = at.high if at.near < 0.0 else at.near
-        progress.latest = at.high
+        progress.before = room.times[i] if begins else progress.latest
+        progress.latest = room.times[i]

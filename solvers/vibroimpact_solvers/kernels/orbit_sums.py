@@ -9,7 +9,7 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.kernels.flow import Flow, two_sum
-from vibroimpact_solvers.kernels.jit import inline, inner, kernel, product
+from vibroimpact_solvers.kernels.jit import inline, inner, kernel, product, sums
 from vibroimpact_solvers.kernels.orbit_peaks import raise_peaks
 from vibroimpact_solvers.kernels.orbits import (
     TRENDS,
@@ -70,6 +70,15 @@ def _add_squares(dofs: int, n: int, squares: Floats, room: Room) -> None:
         _add(squares, d, total[d])
 
 
+@sums
+def _scalar_product(a: Floats, b: Floats) -> float:
+    """Return ``a . b``, whose rounding is counted by all of the power (`periodic_motions`)."""
+    total = 0.0
+    for j in range(a.size):
+        total += a[j] * b[j]
+    return total
+
+
 @inner
 def _add_energies(e: Dissipation, n: int, sums: Sums, room: Room) -> None:
     """Add work of the load and losses by damping over n nodes."""
@@ -84,18 +93,21 @@ def _add_energies(e: Dissipation, n: int, sums: Sums, room: Room) -> None:
     if coupled:
         _drag(v, e.damping, dragged)
     work, flow, lost = 0.0, 0.0, 0.0
-    for i in range(n):
-        w, power, heat = room.weights[i], 0.0, 0.0
-        for j in range(modes if waves > 0 else 0):
-            power += forces[i, j] * v[i, j]
-        work += w * power
-        flow += w * abs(power)
-        if e.damping.shape[0] == 0:
-            continue
+    for i in range(n if waves > 0 else 0):
+        power = room.weights[i] * _scalar_product(forces[i], v[i])
+        work += power
+        flow += abs(power)
+    if e.damping.shape[0] > 0:
+        heat, speeds = room.heat, sums.speeds[k]
         for j in range(modes):
-            heat += (dragged[i, j] if coupled else e.damping[_DIAGONAL, j] * v[i, j]) * v[i, j]
-            sums.speeds[k, j] += w * abs(v[i, j])
-        lost += w * heat
+            heat[j] = 0.0
+        for i in range(n):
+            w = room.weights[i]
+            for j in range(modes):
+                heat[j] += w * v[i, j] * (dragged[i, j] if coupled else v[i, j])
+                speeds[j] += w * abs(v[i, j])
+        for j in range(modes):
+            lost += heat[j] if coupled else e.damping[_DIAGONAL, j] * heat[j]
     _add(sums.energy[k], _WORK_OF_LOAD, work)
     _add(sums.energy[k], _FLOW, flow)
     _add(sums.energy[k], _HEAT, lost)

@@ -110,6 +110,9 @@ class Room(NamedTuple):
     forces: Floats  # (node mode,)
     dragged: Floats  # (node mode,)
     squares: Floats  # (dof,)
+    least: Floats  # (dof,): displacements at the nodes that are there, and at the two before
+    largest: Floats  # (dof,)
+    heat: Floats  # (mode,)
     last: Floats  # (2, dof): displacements at the two nodes before
 
 

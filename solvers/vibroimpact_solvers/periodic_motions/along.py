@@ -218,5 +218,8 @@ def _room(driven: Driven, dofs: int, modes: int) -> Room:
         forces=np.empty(nodes * modes),
         dragged=np.empty(nodes * modes),
         squares=np.empty(dofs),
+        least=np.empty(dofs),
+        largest=np.empty(dofs),
+        heat=np.empty(modes),
         last=np.empty((2, dofs)),
     )
