@@ -2,29 +2,21 @@
 
 from __future__ import annotations
 
-import mmap
 import uuid
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import h5py
 import numpy as np
 import orjson
 
 from vibroimpact_service.results import encode
-from vibroimpact_service.results.container import Array
 from vibroimpact_service.results.encode import Content
 from vibroimpact_service.results.netcdf import Variables
 from vibroimpact_service.results.units import unit
 from vibroimpact_solvers.arrays import Quantity
-
-_LARGE: Final = 2**16
-"""Bytes from which an array is compressed; below it the chunk index costs more than it saves."""
-_CHUNK: Final = 2**20
-_PIECE: Final = 8 * 2**20
-"""Bytes from which an array is written piece by piece."""
 
 
 def to_hdf5(content: Content) -> bytes:
@@ -56,16 +48,8 @@ def _write(file: h5py.File, content: Content) -> None:
     for name, values in content.arrays.items():
         meaning, place = content.meanings[name], places[name]
         attributes = _attributes(meaning, dimensions, content.head["units"])
-        dims = dimensions.of(meaning)
-        if meaning.flags:
-            values = values.astype(np.int8, copy=False) if values.nbytes <= _PIECE else values
         dtype = np.dtype(np.int8) if meaning.flags else values.dtype
-        storage = _storage(values.shape, dtype)
-        if storage:
-            target = variables.large(place, dims, values.shape, dtype, attributes, storage)
-            _fill(target, values, dtype, storage["chunks"][0])
-        else:
-            variables.small(place, dims, values, attributes)
+        variables.array(place, dimensions.of(meaning), values, dtype, attributes)
         if place == name and meaning.path:
             # The dataset appears in its group too, without being copied.
             variables.link(name, meaning.path)
@@ -76,7 +60,8 @@ def _write(file: h5py.File, content: Content) -> None:
         if isinstance(value, (int, float)) and group:
             # As a variable too, like the numbers that are arrays elsewhere.
             attributes = _attributes(content.meanings[name], dimensions, content.head["units"])
-            variables.small(content.path(name), (), np.array(value), attributes)
+            number = np.array(value)
+            variables.array(content.path(name), (), number, number.dtype, attributes)
     if content.free:
         named = {name: " ".join(dimensions.of(m)) for name, m in content.meanings.items()}
         variables.describe("dimensions", named)
@@ -144,56 +129,3 @@ def _attributes(
     if along and not meaning.coordinate:
         attributes["coordinates"] = " ".join(along)
     return attributes
-
-
-def _fill(target: h5py.Dataset, values: Array, dtype: np.dtype[Any], chunk: int) -> None:
-    """Write a large array, piece by piece."""
-    if values.nbytes <= _PIECE:
-        target[...] = values
-        return
-    for rows in _pieces(values.shape, dtype, chunk):
-        target[rows] = values[rows].astype(dtype, copy=False)
-        _release(values)
-
-
-def _pieces(shape: tuple[int, ...], dtype: Any, chunk: int) -> Iterator[slice]:
-    """Yield ranges of rows, whole chunks of some mebibytes."""
-    row = dtype.itemsize * int(np.prod(shape[1:], dtype=np.int64))
-    count = chunk * max(1, _PIECE // max(1, row * chunk))
-    for start in range(0, shape[0], count):
-        yield slice(start, min(start + count, shape[0]))
-
-
-def _release(values: Array) -> None:
-    """Release the memory of those pages of a mapped file that were read."""
-    base: Any = values
-    while base is not None and not isinstance(base, mmap.mmap):
-        base = getattr(base, "base", None)
-    if base is not None:
-        base.madvise(mmap.MADV_DONTNEED)
-
-
-def _storage(shape: tuple[int, ...], dtype: Any) -> dict[str, Any]:
-    """Return the layout of an array: small ones contiguous, large ones compressed in chunks."""
-    size = dtype.itemsize * int(np.prod(shape, dtype=np.int64))
-    if size < _LARGE:
-        return {}
-    return {
-        "chunks": _chunks(shape, dtype.itemsize),
-        "compression": "gzip",
-        # Digits of numbers hardly get shorter at higher levels, which take longer.
-        "compression_opts": 4 if size <= _PIECE else 1,
-        "shuffle": True,
-        "fletcher32": True,
-    }
-
-
-def _chunks(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...]:
-    """Return chunks of about a mebibyte that keep the last axes whole."""
-    chunks = list(shape)
-    for axis in range(len(shape)):
-        rest = itemsize * int(np.prod(chunks[axis + 1 :], dtype=np.int64))
-        chunks[axis] = min(chunks[axis], max(1, _CHUNK // rest))
-        if chunks[axis] > 1:
-            break
-    return tuple(chunks)

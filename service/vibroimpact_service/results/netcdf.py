@@ -10,7 +10,8 @@ functions of HDF5 itself, with what they have in common made once.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+import mmap
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any, Final
 
 import h5py
@@ -22,6 +23,11 @@ from vibroimpact_service.results.container import Array
 _TEXT: Final = h5py.string_dtype()
 _BARE: Final = b"This is a netCDF dimension but not a netCDF variable."
 """What the name of a dimension's scale begins with where it has no coordinate."""
+_LARGE: Final = 2**16
+"""Bytes from which an array is compressed; below it the chunk index costs more than it saves."""
+_CHUNK: Final = 2**20
+_PIECE: Final = 8 * 2**20
+"""Bytes from which an array is written piece by piece."""
 _ROWS: Final = 1024
 """Length of the pieces of what has no length yet."""
 _ORDER: Final = h5p.CRT_ORDER_TRACKED | h5p.CRT_ORDER_INDEXED
@@ -73,37 +79,34 @@ class Variables:
                 )
                 self._name_scale(scale, name, _BARE + b"%10d" % size)
 
-    def small(
-        self, place: str, dims: tuple[str, ...], values: Array, attributes: Mapping[str, Any]
-    ) -> None:
-        """Write a variable at a path, in one piece."""
-        group, name = self._place(place)
-        space, creation = self._space(dims, values.shape)
-        kind = h5t.py_create(values.dtype, logical=True)
-        variable = h5d.create(group, name, kind, space, creation, self._link)
-        if values.size:
-            variable.write(h5s.ALL, h5s.ALL, np.ascontiguousarray(values))
-        self._finish(place, dims, variable, attributes)
-
-    def large(
+    def array(
         self,
         place: str,
         dims: tuple[str, ...],
-        shape: tuple[int, ...],
+        values: Array,
         dtype: np.dtype[Any],
         attributes: Mapping[str, Any],
-        storage: Mapping[str, Any],
-    ) -> h5py.Dataset:
-        """Make a variable at a path, to be filled; storage as `h5py.Group.create_dataset` has it.
-
-        Returns
-        -------
-        h5py.Dataset
-        """
-        self._place(place)
-        variable = self._file.create_dataset(place, shape, dtype, track_order=True, **storage)
-        self._finish(place, dims, variable.id, attributes)
-        return variable
+    ) -> None:
+        """Write a variable at a path, of numbers of some type."""
+        group, name = self._place(place)
+        storage = _storage(values.shape, dtype)
+        if storage:
+            target = self._file.create_dataset(
+                place, values.shape, dtype, track_order=True, **storage
+            )
+            _fill(target, values, dtype, storage["chunks"][0])
+            variable = target.id
+        else:
+            space, creation = self._space(dims, values.shape)
+            kind = h5t.py_create(dtype, logical=True)
+            variable = h5d.create(group, name, kind, space, creation, self._link)
+            if values.size:
+                variable.write(h5s.ALL, h5s.ALL, np.ascontiguousarray(values, dtype))
+        if place in self._sizes:
+            self._name_scale(variable, place, place.encode())
+        if dims and dims != (place,):
+            self._made.append((variable, dims))
+        self._set_all(variable, attributes)
 
     def link(self, place: str, other: str) -> None:
         """Let a variable stand at another path as well."""
@@ -145,21 +148,6 @@ class Variables:
         limits = tuple(size or h5s.UNLIMITED for size in shape)
         return h5s.create_simple(shape, limits), creation
 
-    def _finish(
-        self,
-        place: str,
-        dims: tuple[str, ...],
-        variable: h5d.DatasetID,
-        attributes: Mapping[str, Any],
-    ) -> None:
-        if place in self._sizes:
-            self._name_scale(variable, place, place.encode())
-            if dims[1:]:
-                self._made.append((variable, dims))
-        elif dims:
-            self._made.append((variable, dims))
-        self._set_all(variable, attributes)
-
     def _name_scale(self, scale: h5d.DatasetID, dimension: str, name: bytes) -> None:
         number = list(self._sizes).index(dimension)
         self._set(scale, "_Netcdf4Dimid", np.int32(number))
@@ -181,3 +169,56 @@ class Variables:
         kind = h5t.py_create(values.dtype, logical=True)
         space = h5s.create_simple(values.shape) if values.shape else self._scalar
         h5a.create(target, name.encode(), kind, space).write(values)
+
+
+def _fill(target: h5py.Dataset, values: Array, dtype: np.dtype[Any], chunk: int) -> None:
+    """Write a large array, piece by piece."""
+    if values.nbytes <= _PIECE:
+        target[...] = values
+        return
+    for rows in _pieces(values.shape, dtype, chunk):
+        target[rows] = values[rows].astype(dtype, copy=False)
+        _release(values)
+
+
+def _pieces(shape: tuple[int, ...], dtype: Any, chunk: int) -> Iterator[slice]:
+    """Yield ranges of rows, whole chunks of some mebibytes."""
+    row = dtype.itemsize * int(np.prod(shape[1:], dtype=np.int64))
+    count = chunk * max(1, _PIECE // max(1, row * chunk))
+    for start in range(0, shape[0], count):
+        yield slice(start, min(start + count, shape[0]))
+
+
+def _release(values: Array) -> None:
+    """Release the memory of those pages of a mapped file that were read."""
+    base: Any = values
+    while base is not None and not isinstance(base, mmap.mmap):
+        base = getattr(base, "base", None)
+    if base is not None:
+        base.madvise(mmap.MADV_DONTNEED)
+
+
+def _storage(shape: tuple[int, ...], dtype: Any) -> dict[str, Any]:
+    """Return the layout of an array: small ones contiguous, large ones compressed in chunks."""
+    size = dtype.itemsize * int(np.prod(shape, dtype=np.int64))
+    if size < _LARGE:
+        return {}
+    return {
+        "chunks": _chunks(shape, dtype.itemsize),
+        "compression": "gzip",
+        # Digits of numbers hardly get shorter at higher levels, which take longer.
+        "compression_opts": 4 if size <= _PIECE else 1,
+        "shuffle": True,
+        "fletcher32": True,
+    }
+
+
+def _chunks(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...]:
+    """Return chunks of about a mebibyte that keep the last axes whole."""
+    chunks = list(shape)
+    for axis in range(len(shape)):
+        rest = itemsize * int(np.prod(chunks[axis + 1 :], dtype=np.int64))
+        chunks[axis] = min(chunks[axis], max(1, _CHUNK // rest))
+        if chunks[axis] > 1:
+            break
+    return tuple(chunks)
