@@ -166,7 +166,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from vibroimpact.errors import warn_of_neglected
-from vibroimpact.result_file import opened
+from vibroimpact.parts import Parts
+from vibroimpact.result_file import reading
 from vibroimpact.results import Result
 from vibroimpact.tables import Table
 
@@ -188,12 +189,12 @@ KINDS: Final[dict[str, type[Result]]] = {{
 """Name of a kind -> class of its results."""
 
 
-def read(content: bytes | Path) -> Result:
-    """Return a result as what it is: the file of it, or where that lies.
+def read(content: bytes | Path | Parts) -> Result:
+    """Return a result as what it is: the file of it, where that lies, or what it would have.
 
     Warns of what of the structure has no effect on it (`NeglectedWarning`).
     """
-    with opened(content) as file:
+    with reading(content) as file:
         kind = str(file.attrs["kind"])
     result = KINDS.get(kind, Result)(content)
     warn_of_neglected(result.kind, result.neglected)

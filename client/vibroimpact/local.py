@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 from vibroimpact import kinds
 from vibroimpact.computations import Computations
 from vibroimpact.errors import MissingExtra, from_problem
+from vibroimpact.parts import Calls, Parts
 from vibroimpact.plans import Plan
 from vibroimpact.results import Result
 
@@ -44,11 +45,11 @@ class Local(
 
     def _compute(self, kind: str, request: Mapping[str, Any], *, progress: bool = False) -> Result:
         if not progress:
-            return kinds.read(self._answer("compute", kind, request))
+            return _result(self._answer("compute", kind, request))
         from vibroimpact.progress import counter
 
         with counter(kind) as tick:
-            return kinds.read(self._answer("compute", kind, request, tick))
+            return _result(self._answer("compute", kind, request, tick))
 
     def plan(self, kind: documents.Kind, request: documents.Request) -> Plan:
         """Return the steps of a computation and those it skips, with reasons; compute nothing."""
@@ -70,6 +71,10 @@ class Local(
             return getattr(module, function)(*arguments)
         except module.RefusedError as error:
             raise from_problem(error.document) from None
+
+
+def _result(calls: Calls) -> Result:
+    return kinds.read(Parts(calls, _module().hdf5))
 
 
 def _module() -> ModuleType:

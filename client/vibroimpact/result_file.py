@@ -6,6 +6,7 @@ import io
 import json
 import shutil
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final, Self, TypeVar
 import numpy as np
 
 from vibroimpact.errors import MissingExtra
+from vibroimpact.parts import Dataset, Group, Parts
 from vibroimpact.tables import Array, Table, decoded, is_group_of
 
 if TYPE_CHECKING:
@@ -35,8 +37,8 @@ class ResultFile:
 
     Parameters
     ----------
-    content : bytes or path
-        The file, or where it lies.
+    content : bytes or path or Parts
+        The file, or where it lies, or what it would have.
 
     Attributes
     ----------
@@ -53,11 +55,11 @@ class ResultFile:
     PARTS: ClassVar[Mapping[str, type[Table]]] = {}
     """Name of a table -> its class."""
 
-    def __init__(self, content: bytes | Path) -> None:
+    def __init__(self, content: bytes | Path | Parts) -> None:
         self._content = content
-        self._arrays = _Lazy[Array](self._array, lambda: self._names[0])
-        self._tables = _Lazy[Table](self._table, lambda: self._names[1])
-        with self.open() as file:
+        self._arrays = _Lazy[Array](self._array, self._array_names)
+        self._tables = _Lazy[Table](self._table, self._table_names)
+        with reading(content) as file:
             self.kind = str(file.attrs["kind"])
             self.digest = str(file.attrs["digest"])
             self.solver_version = str(file.attrs["solver_version"])
@@ -66,10 +68,16 @@ class ResultFile:
             self.of = str(file.attrs.get("of", self.kind))
             self.neglected = tuple(str(file.attrs.get("neglected", "")).splitlines())
 
+    def _array_names(self) -> list[str]:
+        return self._names[0]
+
+    def _table_names(self) -> list[str]:
+        return self._names[1]
+
     @cached_property
     def _names(self) -> tuple[list[str], list[str]]:
         """The names of arrays, and of tables."""
-        with self.open() as file:
+        with reading(self._content) as file:
             groups = {name: is_group_of(file, name) for name in file}
             arrays = [name for name, group in groups.items() if not (group or _is_bare(file, name))]
         return arrays, [name for name, group in groups.items() if group]
@@ -78,7 +86,7 @@ class ResultFile:
     def _about(self) -> Mapping[str, _About]:
         """What is said of each array, and of the columns of tables by their paths."""
         arrays, tables = self._names
-        with self.open() as file:
+        with reading(self._content) as file:
             columns = [
                 f"{table}/{name}"
                 for table in tables
@@ -89,14 +97,19 @@ class ResultFile:
 
     def open(self) -> h5py.File:
         """Open the file for reading, to read parts of its arrays: ``file["x"][:100]``."""
-        return opened(self._content)
+        return opened(self._file)
+
+    @cached_property
+    def _file(self) -> bytes | Path:
+        """The file, or where it lies."""
+        return self._content.hdf5() if isinstance(self._content, Parts) else self._content
 
     def _array(self, name: str) -> Array:
-        with self.open() as file:
+        with reading(self._content) as file:
             return decoded(file[name])
 
     def _table(self, name: str) -> Table:
-        with self.open() as file:
+        with reading(self._content) as file:
             return self.PARTS.get(name, Table).of(file[name])
 
     def __getattr__(self, name: str) -> Any:
@@ -120,7 +133,7 @@ class ResultFile:
 
     def outputs(self) -> list[str]:
         """Return the names of the arrays that are no axes."""
-        with self.open() as file:
+        with reading(self._content) as file:
             return [name for name in self._arrays if not file[name].is_scale]
 
     def row_counts(self) -> dict[str, int]:
@@ -190,10 +203,10 @@ class ResultFile:
     def to_hdf5(self, path: str | Path) -> Path:
         """Write the file as the service sent it; return its path."""
         target = Path(path)
-        if isinstance(self._content, bytes):
-            target.write_bytes(self._content)
-        elif target.resolve() != self._content.resolve():
-            shutil.copyfile(self._content, target)
+        if isinstance(self._file, bytes):
+            target.write_bytes(self._file)
+        elif target.resolve() != self._file.resolve():
+            shutil.copyfile(self._file, target)
         return target
 
     def to_dict(self) -> dict[str, JSON]:
@@ -250,10 +263,10 @@ class ResultFile:
             raise MissingExtra("datasets", "data", error) from error
         if table is not None and table not in self._tables:
             raise ValueError(f"there is no table {table!r}; there are {', '.join(self._tables)}")
-        if not isinstance(self._content, bytes):
+        if not isinstance(self._file, bytes):
             # Read as it is used.
-            return xarray.open_dataset(self._content, engine="h5netcdf", group=table)
-        file = io.BytesIO(self._content)
+            return xarray.open_dataset(self._file, engine="h5netcdf", group=table)
+        file = io.BytesIO(self._file)
         with xarray.open_dataset(file, engine="h5netcdf", group=table) as data:
             return data.load()
 
@@ -274,11 +287,21 @@ class _About:
     unit: str
 
     @classmethod
-    def of(cls, item: h5py.Dataset) -> Self:
+    def of(cls, item: h5py.Dataset | Dataset) -> Self:
         """Read it."""
         name = item.name.rpartition("/")[2]
         long_name = str(item.attrs.get("long_name", name))
         return cls(item.shape, long_name, str(item.attrs.get("units", "1")))
+
+
+@contextmanager
+def reading(content: bytes | Path | Parts) -> Iterator[Any]:
+    """Open the file of a result, or its parts, which are read in the same way."""
+    if isinstance(content, Parts):
+        yield content.root
+    else:
+        with opened(content) as file:
+            yield file
 
 
 class _Lazy(Mapping[str, Part]):
@@ -333,8 +356,10 @@ def _per_turn(unit: str, time: str) -> float:
     return (60.0 if unit == "rpm" else 1.0) / (2.0 * np.pi * _SECONDS[time])
 
 
-def _is_bare(file: h5py.File, name: str) -> bool:
+def _is_bare(file: h5py.File | Group, name: str) -> bool:
     """Whether a dataset only stands for a dimension without a coordinate."""
+    if isinstance(file, Group):
+        return False
     from h5py import h5a
 
     if not h5a.exists(file.id, b"NAME", obj_name=name.encode()):

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
+from vibroimpact.parts import Dataset, Group
+
 if TYPE_CHECKING:
     import h5py
 
@@ -26,7 +28,7 @@ class Table(Mapping[str, Any]):
         self._columns = columns
 
     @classmethod
-    def of(cls, group: h5py.Group) -> Self:
+    def of(cls, group: h5py.Group | Group) -> Self:
         """Read a group of a file."""
         columns = {
             k: cls.PARTS.get(k, Table).of(v) if is_group(v) else decoded(v)
@@ -103,12 +105,14 @@ def is_group(item: Any) -> bool:
     return isinstance(item, Mapping)
 
 
-def is_group_of(group: h5py.Group, name: str) -> bool:
+def is_group_of(group: h5py.Group | Group, name: str) -> bool:
     """Return whether a part of a group is a group as well, without opening it."""
+    if isinstance(group, Group):
+        return isinstance(group[name], Group)
     return issubclass(group.get(name, getclass=True), Mapping)
 
 
-def decoded(item: h5py.Dataset) -> Array:
+def decoded(item: h5py.Dataset | Dataset) -> Array:
     """Return a dataset's numbers, or what its flags mean."""
     values: Array = item[()]
     if "flag_meanings" not in item.attrs:

@@ -1,7 +1,7 @@
 """Computations without a server, jobs or a store, in a process of the caller's own.
 
 The client imports this module by its name where it is installed; what it returns and raises are
-bytes and documents, as over HTTP.
+arrays and documents, as over HTTP.
 """
 
 from __future__ import annotations
@@ -47,8 +47,10 @@ class FailedError(RuntimeError):
 
 def compute(
     kind: str, content: Mapping[str, Any], tick: Callable[[int, int], None] | None = None
-) -> bytes:
-    """Return the HDF5 file of the result of a request.
+) -> list[tuple[str, tuple[Any, ...]]]:
+    """Return the result of a request: all that its HDF5 file has, of which `hdf5` makes one.
+
+    A small result would take longer to be written to a file and read from it than to be computed.
 
     A process beside this one computes it, with the limits of a worker, and is kept for the next
     request. Whatever ends the wait for it, such as Ctrl-C or an error of `tick`, ends the process.
@@ -78,12 +80,19 @@ def compute(
         raise
     _idle.append(process)
     match answer:
-        case "result", data:
-            return bytes(data)
+        case "result", calls:
+            return list(calls)
         case "refused", document:
             raise RefusedError(document)
         case _:
             raise FailedError(answer[1])
+
+
+def hdf5(calls: list[tuple[str, tuple[Any, ...]]]) -> bytes:
+    """Return the HDF5 file of a result of `compute`, bit for bit that of a service."""
+    from vibroimpact_service.results import hdf5
+
+    return hdf5.recorded_file(calls)
 
 
 def _started() -> Process:

@@ -14,17 +14,31 @@ import orjson
 
 from vibroimpact_service.results import encode
 from vibroimpact_service.results.encode import Content
-from vibroimpact_service.results.netcdf import Variables
+from vibroimpact_service.results.netcdf import Recording, Variables
 from vibroimpact_service.results.units import unit
 from vibroimpact_solvers.arrays import Quantity
 
 
 def to_hdf5(content: Content) -> bytes:
     """Return the file of a result."""
+    return recorded_file(recorded(content))
+
+
+def recorded(content: Content) -> list[tuple[str, tuple[Any, ...]]]:
+    """Return all that is written to the file of a result, as calls of `netcdf.Variables`."""
+    recording = Recording()
+    _write(recording, content)
+    return recording.calls
+
+
+def recorded_file(calls: list[tuple[str, tuple[Any, ...]]]) -> bytes:
+    """Return the file of what `recorded` has returned."""
     # HDF5 refuses a name that is open, in memory too, as of another thread.
     name = uuid.uuid4().hex
     with h5py.File(name, "w", driver="core", backing_store=False, track_order=True) as file:
-        _write(file, content)
+        variables = Variables(file)
+        for method, arguments in calls:
+            getattr(variables, method)(*arguments)
         file.flush()
         return bytes(file.id.get_file_image())
 
@@ -32,11 +46,11 @@ def to_hdf5(content: Content) -> bytes:
 def convert(stored: Path, offset: int, path: Path) -> None:
     """Write the file of a stored result to a path, holding only pieces of its arrays in memory."""
     with h5py.File(path, "w", track_order=True) as file:
-        _write(file, encode.unpack_file(stored, offset))
+        _write(Variables(file), encode.unpack_file(stored, offset))
 
 
-def _write(file: h5py.File, content: Content) -> None:
-    variables, dimensions = Variables(file), axes(content.meanings)
+def _write(variables: Variables | Recording, content: Content) -> None:
+    dimensions = axes(content.meanings)
     variables.describe("", _head(content.head))
     places, sizes = dict[str, str](), dict[str, int]()
     for name, values in content.arrays.items():

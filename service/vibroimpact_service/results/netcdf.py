@@ -33,6 +33,39 @@ _ROWS: Final = 1024
 _ORDER: Final = h5p.CRT_ORDER_TRACKED | h5p.CRT_ORDER_INDEXED
 
 
+class Recording:
+    """Takes what is to be written, in the place of `Variables`, to be written where it is wanted.
+
+    Attributes
+    ----------
+    calls : list
+        Names of methods of `Variables`, and their arguments.
+    """
+
+    def __init__(self) -> None:
+        self.calls: list[tuple[str, tuple[Any, ...]]] = []
+
+    def name_dimensions(self, *given: Any) -> None:
+        """As `Variables.name_dimensions`."""
+        self.calls.append(("name_dimensions", given))
+
+    def array(self, *given: Any) -> None:
+        """As `Variables.array`."""
+        self.calls.append(("array", given))
+
+    def link(self, *given: Any) -> None:
+        """As `Variables.link`."""
+        self.calls.append(("link", given))
+
+    def describe(self, *given: Any) -> None:
+        """As `Variables.describe`."""
+        self.calls.append(("describe", given))
+
+    def attach(self) -> None:
+        """As `Variables.attach`."""
+        self.calls.append(("attach", ()))
+
+
 class Variables:
     """Writes variables to an empty file.
 
