@@ -180,7 +180,8 @@ class Settings(BaseSettings):
         10.0,
         gt=0,
         description="Running time after which a computation that was to be answered "
-        "directly becomes a job; INLINE_SECONDS where others wait for its thread.",
+        "directly becomes a job; INLINE_SECONDS of processor time where others wait for its "
+        "thread.",
     )
     inline_memory_bytes: int = Field(
         2 * 2**30,

@@ -73,15 +73,15 @@ class StopSignal:
     ) -> None:
         self._seconds, self._cancelled, self._enforce = seconds, cancelled, enforce
         self._began: float | None = None
-        self._processor_end = math.inf
+        self._processor_began, self._processor_end = math.inf, math.inf
         self._next_check = time.monotonic() + _CANCELLED_SECONDS
         self.stopped = False
         self.wanted = True
 
     @property
-    def running_seconds(self) -> float:
-        """Time since the first progress."""
-        return 0.0 if self._began is None else time.monotonic() - self._began
+    def used_seconds(self) -> float:
+        """Processor time of this thread, which computes, since the first progress."""
+        return meter.processor_time() - self._processor_began
 
     def stop(self) -> None:
         """Stop the computation at its next progress."""
@@ -105,7 +105,7 @@ class StopSignal:
             raise LimitPassedError
         now = time.monotonic()
         if self._began is None:
-            self._began = now
+            self._began, self._processor_began = now, meter.processor_time()
         if self._cancelled is not None and now >= self._next_check:
             self._next_check = now + _CANCELLED_SECONDS
             self.stopped = self.stopped or self._cancelled()

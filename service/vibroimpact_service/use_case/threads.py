@@ -257,7 +257,8 @@ class Threads:
             Digest of the result.
         work : callable
             Stopped by the signal that it gets, after ``inline_overrun_seconds`` at the latest;
-            after ``inline_seconds``, for which it was planned at most, where others wait.
+            after ``inline_seconds`` of processor time, for which it was planned at most, where
+            others wait.
         seconds : float, optional
             How long to wait; where nobody waits for longer, the computation is stopped then.
 
@@ -298,10 +299,10 @@ class Threads:
     def _must_stop(self, signal: StopSignal) -> bool:
         """Whether a computation is given up.
 
-        The service ends, others wait for its thread longer than planned, or the process grows
-        too large.
+        The service ends, it uses more processor time than planned while others wait for its
+        thread, or the process grows too large.
         """
-        late = signal.running_seconds > self._settings.inline_seconds and self._computing.crowded
+        late = signal.used_seconds > self._settings.inline_seconds and self._computing.crowded
         if self._closed or late or not _STATM.exists():
             return self._closed or late
         pages = int(_STATM.read_text().split()[1])
