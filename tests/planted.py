@@ -71,7 +71,7 @@ FAULTS = {
         ("tests/solvers/slow_flow",),
     ),
     "evaluate": Fault(  # requests that share one computation are charged for it each
-        f"{SERVICE}/evaluate.py",
+        f"{SERVICE}/use_case/evaluation.py",
         "if not self.threads.running(name):",
         "if True:",
         ("tests/service/test_evaluate.py",),

@@ -57,9 +57,8 @@ class Group(Mapping[str, Any]):
         if not path:
             return self
         first, _, rest = path.partition("/")
-        inner = self._parts.setdefault(first, Group(f"{self.name.rstrip('/')}/{first}"))
-        found: Group = inner.group(rest)
-        return found
+        inner: Group = self._parts.setdefault(first, Group(f"{self.name.rstrip('/')}/{first}"))
+        return inner.group(rest)
 
     def place(self, path: str, part: Dataset) -> None:
         """Put an array at a path."""
