@@ -25,7 +25,7 @@ from vibroimpact_solvers.kernels.orbits import (
 )
 from vibroimpact_solvers.kernels.phases import sine_cosine
 
-_STEPS = 5  # of Newton's method for a peak
+_STEPS = 20  # towards a peak; Newton's method mostly takes three
 _SETTLED = 1e-5  # of an interval: after such a step the parabola tells the peak to rounding
 _BEFORE = 0
 _LATEST = 1  # rows of displacements at the two nodes before
@@ -96,18 +96,25 @@ def _peak(
     at: Interval,
     room: Room,
 ) -> float:
-    """Return the highest displacement times sign that Newton's method finds in an interval."""
-    best, near = -math.inf, at.near
+    """Return the highest displacement times sign that is met on the way to a peak in an interval.
+
+    Newton's method seeks it; where that leads away, as beside an inflection soon after an impact,
+    the interval, in which the displacement rises first and falls last, is halved.
+    """
+    best, low, near, high = -math.inf, at.low, at.near, at.high
     for _ in range(_STEPS):
         x, v, a = _displacement(flow, forms, m, mesh, near, d, room)
         x, v, a = sign * x, sign * v, sign * a
         best = max(best, x)
-        if not a < 0.0:
-            break
-        there = min(max(near - v / a, at.low), at.high)
+        low, high = (near, high) if v > 0.0 else (low, near)
+        there = near - v / a if a < 0.0 else math.nan
+        newton = low <= there <= high
+        if not newton:
+            there = 0.5 * (low + high)
         step = there - near
         if abs(step) <= _SETTLED * (at.high - at.low):
-            best = max(best, x + (v + 0.5 * a * step) * step)
+            if newton:
+                best = max(best, x + (v + 0.5 * a * step) * step)
             break
         near = there
     return best

@@ -11,6 +11,8 @@ from flint import acb_mat, arb
 from scipy.optimize import linear_sum_assignment
 
 from tests.reference.periodic import Impact, Motion, Structure
+from tests.truth.periodic_motions import check
+from tests.truth.verdicts import Case, Report
 from vibroimpact_solvers import periodic_motions as driven
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
@@ -378,3 +380,26 @@ def test_what_is_likely_beyond_a_wall_is_no_motion_though_it_is_not_certain() ->
     assert result.error_x_max[beyond, 0] > 0.3
     assert result.solution_reason[beyond] == Reason.PENETRATION
     assert not result.solution_certified[beyond]
+
+
+def test_a_peak_soon_after_an_impact_with_an_inflection_before_it() -> None:
+    """An impact that takes all leaves the stop at rest, 2e-5 beyond which it goes at first."""
+    document = {
+        "M": np.eye(3).tolist(),
+        "K": [
+            [4.3059691198647005, -0.10536945592141328, -0.057539809361902734],
+            [-0.10536945592141328, 3.9222578345358703, -0.22429674416585887],
+            [-0.057539809361902734, -0.22429674416585887, 4.21051676435129],
+        ],
+        "C": np.diag([0.0, 0.48757912225556715, 0.0]).tolist(),
+        "symmetric": False,
+        "constraints": [
+            {"dofs": [0], "weights": [1.0], "lower": None, "upper": 1.0, "restitution": 0.0}
+        ],
+        "force": [0.0] * 3, "loads": [[0, 9.10248312750507, 1, 0.0]], "periods": 1, "side": 1,
+        "Omega": [1.177751868287685, 2.920668791245157],
+    }  # fmt: skip
+    report = Report()
+    check(Case("a peak", document), report)
+    assert report.failures == []
+    assert report.counts["solutions"] > 0
