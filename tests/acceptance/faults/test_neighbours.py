@@ -309,7 +309,12 @@ def test_the_end_of_the_service_during_a_computation(
 ) -> None:
     import threading
 
-    settings = {"inline_seconds": "60", "inline_threads": "1", "max_waiting_seconds": "60"}
+    settings = {
+        "inline_seconds": "60",
+        "inline_overrun_seconds": "120",
+        "inline_threads": "1",
+        "max_waiting_seconds": "60",
+    }
 
     def ask(replica: Replica, number: int) -> Any:
         content = sweep(0.6 + number / 1000, 2_000_000)
