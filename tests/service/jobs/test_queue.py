@@ -278,14 +278,16 @@ def test_a_job_that_waits_for_a_worker_says_so(place: Place) -> None:
         long = await b.submit(n=10, chunk=10, sleep=5.0, seconds=5.0)
         while (await b.queue.get("ann", long.id)).phase != "computing":
             await asyncio.sleep(0.02)
+        assert b.queue.waiting_reason(await b.queue.get("ann", long.id), 0) is None
         short = await b.submit(n=10, sleep=0.0, seconds=5.0, salt=1)
         told = set()
         while not (row := await b.queue.get("ann", short.id)).final:
             told.add(b.queue.waiting_reason(row, 0) if row.state == "running" else None)
-            assert b.queue.waiting_reason(await b.queue.get("ann", long.id), 0) is None
             await asyncio.sleep(0.02)
         assert "the workers are busy: 1 part of other jobs goes first" in told
-        assert (await b.queue.get("ann", long.id)).state == "succeeded"
+        done = await b.queue.wait("ann", long.id, 60)
+        assert (done.state, row.state) == ("succeeded", "succeeded")
+        assert b.queue.waiting_reason(done, 0) is None
 
     run(scenario, place)
 
