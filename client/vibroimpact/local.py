@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 from vibroimpact import kinds
 from vibroimpact.computations import Computations
 from vibroimpact.errors import MissingExtra, from_problem
-from vibroimpact.parts import Calls, Parts
+from vibroimpact.parts import Entries, Parts
 from vibroimpact.plans import Plan
 from vibroimpact.results import Result
 
@@ -73,8 +73,8 @@ class Local(
             raise from_problem(error.document) from None
 
 
-def _result(calls: Calls) -> Result:
-    return kinds.read(Parts(calls, _module().hdf5))
+def _result(entries: Entries) -> Result:
+    return kinds.read(Parts(entries, _module().hdf5))
 
 
 def _module() -> ModuleType:

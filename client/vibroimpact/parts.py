@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 Array = np.ndarray[Any, Any]
-Calls = Sequence[tuple[str, tuple[Any, ...]]]
+Entries = Sequence[tuple[str, tuple[Any, ...]]]
 
 
 class Dataset:
@@ -71,22 +71,22 @@ class Parts:
 
     Parameters
     ----------
-    calls : sequence
-        All that is written to the file, in order: ``("name_dimensions", (sizes, variables))``,
+    entries : sequence
+        All that the file has, in order: ``("name_dimensions", (sizes, variables))``,
         ``("array", (path, dimensions, values, dtype, attributes))``, ``("link", (path, other))``,
-        ``("describe", (path of a group, attributes))``, ``("attach", ())``.
+        ``("describe", (path of a group, attributes))``.
     write : callable
-        Returns the file of such calls.
+        Returns the file of such entries.
 
     Attributes
     ----------
     root : Group
     """
 
-    def __init__(self, calls: Calls, write: Callable[[Calls], bytes]) -> None:
-        self._calls, self._write = calls, write
+    def __init__(self, entries: Entries, write: Callable[[Entries], bytes]) -> None:
+        self._entries, self._write = entries, write
         self.root, sizes = Group("/"), dict[str, int]()
-        for name, given in calls:
+        for name, given in entries:
             match name:
                 case "name_dimensions":
                     sizes = given[0]
@@ -101,4 +101,4 @@ class Parts:
 
     def hdf5(self) -> bytes:
         """Return the file."""
-        return self._write(self._calls)
+        return self._write(self._entries)

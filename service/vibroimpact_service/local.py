@@ -22,6 +22,8 @@ from vibroimpact_service.documents.planning import Planned
 from vibroimpact_service.documents.requests import Request
 from vibroimpact_service.jobs import forkserver
 from vibroimpact_service.problems import ProblemError
+from vibroimpact_service.results import hdf5 as files
+from vibroimpact_service.results.netcdf import Entry
 from vibroimpact_solvers.kernels import inventory
 
 Process = subprocess.Popen[bytes]
@@ -47,7 +49,7 @@ class FailedError(RuntimeError):
 
 def compute(
     kind: str, content: Mapping[str, Any], tick: Callable[[int, int], None] | None = None
-) -> list[tuple[str, tuple[Any, ...]]]:
+) -> list[Entry]:
     """Return the result of a request: all that its HDF5 file has, of which `hdf5` makes one.
 
     A small result would take longer to be written to a file and read from it than to be computed.
@@ -80,19 +82,17 @@ def compute(
         raise
     _idle.append(process)
     match answer:
-        case "result", calls:
-            return list(calls)
+        case "result", entries:
+            return list(entries)
         case "refused", document:
             raise RefusedError(document)
         case _:
             raise FailedError(answer[1])
 
 
-def hdf5(calls: list[tuple[str, tuple[Any, ...]]]) -> bytes:
+def hdf5(entries: list[Entry]) -> bytes:
     """Return the HDF5 file of a result of `compute`, bit for bit that of a service."""
-    from vibroimpact_service.results import hdf5
-
-    return hdf5.recorded_file(calls)
+    return files.file_of(entries)
 
 
 def _started() -> Process:

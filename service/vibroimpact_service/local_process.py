@@ -2,7 +2,7 @@
 
 It reads requests from its standard input and answers on its standard output, both as pickled
 tuples: ``(kind, content)``, and for each any number of ``("progress", done, total)`` before
-``("result", calls)``, of `hdf5.recorded`, ``("refused", document)`` or ``("failed", text)``. It
+``("result", entries)``, of its file, ``("refused", document)`` or ``("failed", text)``. It
 ends with its caller.
 """
 
@@ -27,6 +27,7 @@ from vibroimpact_service.jobs import process_limits
 from vibroimpact_service.jobs.work import LimitPassedError, StopSignal
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.results import hdf5
+from vibroimpact_service.results.netcdf import Entry
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 from vibroimpact_service.use_case import chunks, computation
@@ -64,10 +65,8 @@ def no_systems() -> Store:
     return Store(str(Path(tempfile.gettempdir()) / f"vibroimpact-none-{os.getpid()}"))
 
 
-def _compute(
-    kind: str, content: Mapping[str, Any], answers: BinaryIO
-) -> list[tuple[str, tuple[Any, ...]]]:
-    """Return what is written to the HDF5 file of the result of a request."""
+def _compute(kind: str, content: Mapping[str, Any], answers: BinaryIO) -> list[Entry]:
+    """Return all that the HDF5 file of the result of a request has."""
     request = requests.read(CALLER, kinds.named(kind, "kind"), dict(content))
     with inventory.announced():
         planned = planning.plan(no_systems(), request.kind, request.document)
@@ -82,7 +81,7 @@ def _compute(
                 "planned."
             )
             raise ProblemError(problems.LIMIT_PASSED, detail) from None
-        return hdf5.recorded(result)
+        return list(hdf5.entries(result))
 
 
 def _answer(kind: str, content: Mapping[str, Any], answers: BinaryIO) -> tuple[Any, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,31 +14,22 @@ import orjson
 
 from vibroimpact_service.results import encode
 from vibroimpact_service.results.encode import Content
-from vibroimpact_service.results.netcdf import Recording, Variables
+from vibroimpact_service.results.netcdf import Entry, Variables
 from vibroimpact_service.results.units import unit
 from vibroimpact_solvers.arrays import Quantity
 
 
 def to_hdf5(content: Content) -> bytes:
     """Return the file of a result."""
-    return recorded_file(recorded(content))
+    return file_of(entries(content))
 
 
-def recorded(content: Content) -> list[tuple[str, tuple[Any, ...]]]:
-    """Return all that is written to the file of a result, as calls of `netcdf.Variables`."""
-    recording = Recording()
-    _write(recording, content)
-    return recording.calls
-
-
-def recorded_file(calls: list[tuple[str, tuple[Any, ...]]]) -> bytes:
-    """Return the file of what `recorded` has returned."""
+def file_of(given: Iterable[Entry]) -> bytes:
+    """Return the file of the entries of a result."""
     # HDF5 refuses a name that is open, in memory too, as of another thread.
     name = uuid.uuid4().hex
     with h5py.File(name, "w", driver="core", backing_store=False, track_order=True) as file:
-        variables = Variables(file)
-        for method, arguments in calls:
-            getattr(variables, method)(*arguments)
+        Variables(file).write(given)
         file.flush()
         return bytes(file.id.get_file_image())
 
@@ -46,40 +37,40 @@ def recorded_file(calls: list[tuple[str, tuple[Any, ...]]]) -> bytes:
 def convert(stored: Path, offset: int, path: Path) -> None:
     """Write the file of a stored result to a path, holding only pieces of its arrays in memory."""
     with h5py.File(path, "w", track_order=True) as file:
-        _write(Variables(file), encode.unpack_file(stored, offset))
+        Variables(file).write(entries(encode.unpack_file(stored, offset)))
 
 
-def _write(variables: Variables | Recording, content: Content) -> None:
+def entries(content: Content) -> Iterator[Entry]:
+    """Yield all that the file of a result has."""
     dimensions = axes(content.meanings)
-    variables.describe("", _head(content.head))
+    yield "describe", ("", _head(content.head))
     places, sizes = dict[str, str](), dict[str, int]()
     for name, values in content.arrays.items():
         meaning = content.meanings[name]
         places[name] = name if meaning.coordinate or not meaning.path else meaning.path
         for dim, size in zip(dimensions.of(meaning), values.shape, strict=True):
             sizes.setdefault(dim, size)
-    variables.name_dimensions(sizes, set(places.values()))
+    yield "name_dimensions", (sizes, set(places.values()))
     for name, values in content.arrays.items():
         meaning, place = content.meanings[name], places[name]
         attributes = _attributes(meaning, dimensions, content.head["units"])
         dtype = np.dtype(np.int8) if meaning.flags else values.dtype
-        variables.array(place, dimensions.of(meaning), values, dtype, attributes)
+        yield "array", (place, dimensions.of(meaning), values, dtype, attributes)
         if place == name and meaning.path:
             # The dataset appears in its group too, without being copied.
-            variables.link(name, meaning.path)
+            yield "link", (name, meaning.path)
     for name, value in content.plain.items():
         group, _, attribute = content.path(name).rpartition("/")
         text = "\n".join(value) if isinstance(value, list) else value
-        variables.describe(group, {attribute: text})
+        yield "describe", (group, {attribute: text})
         if isinstance(value, (int, float)) and group:
             # As a variable too, like the numbers that are arrays elsewhere.
             attributes = _attributes(content.meanings[name], dimensions, content.head["units"])
             number = np.array(value)
-            variables.array(content.path(name), (), number, number.dtype, attributes)
+            yield "array", (content.path(name), (), number, number.dtype, attributes)
     if content.free:
         named = {name: " ".join(dimensions.of(m)) for name, m in content.meanings.items()}
-        variables.describe("dimensions", named)
-    variables.attach()
+        yield "describe", ("dimensions", named)
 
 
 def _head(head: Mapping[str, Any]) -> dict[str, str]:

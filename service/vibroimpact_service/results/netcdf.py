@@ -11,14 +11,17 @@ functions of HDF5 itself, with what they have in common made once.
 from __future__ import annotations
 
 import mmap
-from collections.abc import Collection, Iterator, Mapping
-from typing import Any, Final
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from typing import Any, Final, TypeAlias
 
 import h5py
 import numpy as np
 from h5py import h5a, h5d, h5ds, h5g, h5p, h5s, h5t
 
 from vibroimpact_service.results.container import Array
+
+Entry: TypeAlias = tuple[str, tuple[Any, ...]]
+"""Part of a file: a method of `Variables` that writes it, and the arguments."""
 
 _TEXT: Final = h5py.string_dtype()
 _BARE: Final = b"This is a netCDF dimension but not a netCDF variable."
@@ -31,39 +34,6 @@ _PIECE: Final = 8 * 2**20
 _ROWS: Final = 1024
 """Length of the pieces of what has no length yet."""
 _ORDER: Final = h5p.CRT_ORDER_TRACKED | h5p.CRT_ORDER_INDEXED
-
-
-class Recording:
-    """Takes what is to be written, in the place of `Variables`, to be written where it is wanted.
-
-    Attributes
-    ----------
-    calls : list
-        Names of methods of `Variables`, and their arguments.
-    """
-
-    def __init__(self) -> None:
-        self.calls: list[tuple[str, tuple[Any, ...]]] = []
-
-    def name_dimensions(self, *given: Any) -> None:
-        """As `Variables.name_dimensions`."""
-        self.calls.append(("name_dimensions", given))
-
-    def array(self, *given: Any) -> None:
-        """As `Variables.array`."""
-        self.calls.append(("array", given))
-
-    def link(self, *given: Any) -> None:
-        """As `Variables.link`."""
-        self.calls.append(("link", given))
-
-    def describe(self, *given: Any) -> None:
-        """As `Variables.describe`."""
-        self.calls.append(("describe", given))
-
-    def attach(self) -> None:
-        """As `Variables.attach`."""
-        self.calls.append(("attach", ()))
 
 
 class Variables:
@@ -97,6 +67,14 @@ class Variables:
         self._made: list[tuple[h5d.DatasetID, tuple[str, ...]]] = []
         versions = f"version=2,h5py={h5py.__version__},hdf5={h5py.version.hdf5_version}"
         self._set(self._groups[""], "_NCProperties", np.bytes_(versions))
+
+    def write(self, entries: Iterable[Entry]) -> None:
+        """Write all entries of a file, in order."""
+        for method, arguments in entries:
+            getattr(self, method)(*arguments)
+        for variable, dims in self._made:  # to scales that nothing takes the place of any more
+            for axis, dim in enumerate(dims):
+                h5ds.attach_scale(variable, self._scales[dim], axis)
 
     def name_dimensions(self, sizes: Mapping[str, int], variables: Collection[str]) -> None:
         """Tell all dimensions with their sizes, and which variables there will be.
@@ -150,12 +128,6 @@ class Variables:
         """Write attributes of a group; those of the file for an empty path."""
         target, _ = self._place(f"{group}/" if group else "")
         self._set_all(target, attributes)
-
-    def attach(self) -> None:
-        """Attach all variables to the scales of their dimensions, which stand for no others."""
-        for variable, dims in self._made:
-            for axis, dim in enumerate(dims):
-                h5ds.attach_scale(variable, self._scales[dim], axis)
 
     def _place(self, path: str) -> tuple[h5g.GroupID, bytes]:
         """Return the group of a path, which is made where it is missing, and the name in it."""

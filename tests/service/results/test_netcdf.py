@@ -9,25 +9,24 @@ import h5netcdf
 import h5py
 import numpy as np
 
-from vibroimpact_service.results.netcdf import Variables
+from vibroimpact_service.results.netcdf import Entry, Variables
 
 
 def written() -> bytes:
+    real, codes = np.dtype(np.float64), np.dtype(np.int8)
+    flags = {"units": "m", "flag_values": np.int8([0, 1])}
+    entries: list[Entry] = [
+        ("describe", ("", {"kind": "täst", "count": 3})),
+        ("name_dimensions", ({"t": 3, "row": 0, "dof": 2, "many": 10**5}, {"t", "x"})),
+        ("array", ("t", ("t",), np.array([1.0, 2.0, 4.0]), real, {"units": "s"})),
+        ("array", ("x", ("t", "dof"), np.arange(6.0).reshape(3, 2), real, flags)),
+        ("array", ("impacts/time", ("row",), np.empty(0), real, {})),
+        ("array", ("error/drift", (), np.array(2.5), real, {"units": "1"})),
+        ("array", ("deep/er/y", ("many",), np.arange(10**5) % 7, codes, {})),
+        ("link", ("t", "axes/t")),
+    ]
     with h5py.File("x", "w", driver="core", backing_store=False, track_order=True) as file:
-        variables = Variables(file)
-        variables.describe("", {"kind": "täst", "count": 3})
-        variables.name_dimensions({"t": 3, "row": 0, "dof": 2, "many": 10**5}, {"t", "x"})
-        x = np.arange(6.0).reshape(3, 2)
-        real = np.dtype(np.float64)
-        variables.array("t", ("t",), np.array([1.0, 2.0, 4.0]), real, {"units": "s"})
-        flags = {"units": "m", "flag_values": np.int8([0, 1])}
-        variables.array("x", ("t", "dof"), x, real, flags)
-        variables.array("impacts/time", ("row",), np.empty(0), real, {})
-        variables.array("error/drift", (), np.array(2.5), real, {"units": "1"})
-        codes = np.dtype(np.int8)
-        variables.array("deep/er/y", ("many",), np.arange(10**5) % 7, codes, {})
-        variables.link("t", "axes/t")
-        variables.attach()
+        Variables(file).write(entries)
         file.flush()
         return bytes(file.id.get_file_image())
 
