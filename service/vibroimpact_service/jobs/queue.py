@@ -30,6 +30,7 @@ from vibroimpact_service.jobs.observation import Observation, Observer
 from vibroimpact_service.jobs.probes import Probes
 from vibroimpact_service.jobs.record_access import RecordAccess
 from vibroimpact_service.jobs.records import NewJob
+from vibroimpact_service.jobs.reserve import Reserve
 from vibroimpact_service.jobs.retention import Retention
 from vibroimpact_service.jobs.run import RunContext
 from vibroimpact_service.jobs.runner import Runner
@@ -88,7 +89,7 @@ class JobQueue:
         except BaseException:
             await asyncio.to_thread(self.engine.close)
             raise
-        self._records = RecordAccess(database, self.metrics.transaction)
+        self._records = RecordAccess(database, self.metrics.transaction, Reserve(database))
         if self._lock is not None:
             await self._records.write(claims.release_all)
         self._watch = Watch(self._records)

@@ -69,15 +69,19 @@ class RecordAccess:
     database : Engine
     measured : callable
         ``("read" or "write", seconds) -> None``: called after each transaction.
+    reserve : Reserve, optional
+        What `end` may use of a disk that is full.
     """
 
     def __init__(
-        self, database: Engine, measured: Callable[[str, float], None] = _unmeasured
+        self,
+        database: Engine,
+        measured: Callable[[str, float], None] = _unmeasured,
+        reserve: Reserve | None = None,
     ) -> None:
         self.database, self._measured = database, measured
         self._reader = reader(database)
-        self._silence, self._reserve = _silence_of(str(database.url)), Reserve(database)
-        self._reserve.keep()
+        self._silence, self._reserve = _silence_of(str(database.url)), reserve
         self._threads = ThreadPoolExecutor(_READERS, "records")
         self._waiting: queue.SimpleQueue[_Write | None]
         self._waiting = queue.SimpleQueue()
@@ -224,7 +228,8 @@ class RecordAccess:
                 values = [item.operation(connection) for item in group]
         except (RecordsUnavailableError, StoreFullError) as error:
             ends = [item._replace(reserved=False) for item in group if item.reserved]
-            if ends and isinstance(error, StoreFullError) and self._reserve.spend():
+            full = isinstance(error, StoreFullError)
+            if ends and full and self._reserve is not None and self._reserve.spend():
                 self._commit(ends)
                 group = [item for item in group if not item.reserved]
             # No single operation is to blame, so repeating each alone would only take longer.
@@ -240,4 +245,5 @@ class RecordAccess:
             return
         for item, value in zip(group, values, strict=True):
             item.future.set_result(value)
-        self._reserve.keep()
+        if self._reserve is not None:
+            self._reserve.keep()

@@ -8,6 +8,8 @@ from typing import Final
 
 from sqlalchemy.engine import Engine
 
+from vibroimpact_service.store import private
+
 BYTES: Final = 2**18
 """What some hundred transactions that end jobs take in the database's log."""
 
@@ -24,22 +26,18 @@ class Reserve:
         name = database.url.database if database.dialect.name == "sqlite" else None
         self._file = Path(f"{name}-reserve") if name else None
         self._kept = False
+        self.keep()
 
     def keep(self) -> None:
         """Write the file where it is missing and there is room; a disk that is full has none."""
         if self._file is None or self._kept:
             return
         try:
-            descriptor = os.open(self._file, os.O_WRONLY | os.O_CREAT, 0o600)
-        except OSError:
-            return
-        try:
-            os.posix_fallocate(descriptor, 0, BYTES)
+            with open(self._file, "wb", opener=private.opener) as file:
+                file.write(os.urandom(BYTES))  # zeros might take no room
             self._kept = True
         except OSError:
             self._file.unlink(missing_ok=True)
-        finally:
-            os.close(descriptor)
 
     def spend(self) -> bool:
         """Remove the file; return whether there was one."""
