@@ -17,6 +17,7 @@ SOLVER_VERSION: Final = version("vibroimpact")
 _TAG: Final = 16
 _SOURCES: Final = (
     "vibroimpact_solvers",
+    "vibroimpact_service.documents.branch_paths",
     "vibroimpact_service.documents.decode",
     "vibroimpact_service.documents.loads",
     "vibroimpact_service.documents.sweep_axes",

@@ -364,6 +364,7 @@ class Engine:
 
     def _disconnect(self) -> None:
         self.workers = 0
+        self._open.clear()
         client, self._client = self._client, None
         cluster, self._cluster = self._cluster, None
         with contextlib.suppress(Exception):
