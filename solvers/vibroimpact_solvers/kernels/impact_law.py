@@ -218,14 +218,25 @@ def _rounding_of_place(structure: Structure, motion: Motion, scratch: Scratch, i
     return float(max(scratch.rounding[i], ROUNDING * terms))
 
 
+@inline
+def _widen_all(structure: Structure, motion: Motion, impulses: Floats) -> None:
+    """Let impulses on all coordinates be unknown."""
+    for i in range(impulses.size):
+        if impulses[i] > 0.0:
+            _widen(structure, motion, i, impulses[i])
+
+
 @once
 def _widen_unknown_order(structure: Structure, motion: Motion, scratch: Scratch) -> None:
     """Account for coordinates that may strike before or after the one at its wall.
 
     What the impulse of one takes from the velocity of the other changes the impulse of that one.
+    These impulses are unknown before the impact, and after it too: with little restitution it
+    leaves nothing of what was unknown along its own coordinate.
     """
     now, watched, walls = motion.progress[0], structure.watched, structure.walls
-    a = now.coordinate
+    a, unknown = now.coordinate, scratch.unknown
+    unknown[:] = 0.0
     speed = (1.0 if now.side > 0 else -1.0) * product(watched.velocity[a], motion.z)
     late = scratch.margin[a] / max(speed, 1e-300)
     for b in range(walls.size):
@@ -247,8 +258,9 @@ def _widen_unknown_order(structure: Structure, motion: Motion, scratch: Scratch)
             taken = coupling * walls[a].factor * max(speed, 0.0)
             if max(other, other - taken) > 0.0:
                 both = abs(coupling) * walls[a].factor * walls[b].factor
-                _widen(structure, motion, b, both * max(speed, 0.0))
-                _widen(structure, motion, a, both * max(other, 0.0))
+                unknown[b] += both * max(speed, 0.0)
+                unknown[a] += both * max(other, 0.0)
+    _widen_all(structure, motion, unknown)
 
 
 @kernel
@@ -573,7 +585,8 @@ def strike(structure: Structure, motion: Motion, scratch: Scratch) -> int:
     """
     progress, errors = motion.progress[0], structure.errors
     first, row = progress.rows, random_row(progress.impacts, errors.signs.shape[0])
-    if structure.walls.size > 1 and motion.deviations.shape[0] > 0:
+    orders = structure.walls.size > 1 and motion.deviations.shape[0] > 0
+    if orders:
         _widen_unknown_order(structure, motion, scratch)
     count = _find_struck(structure, motion, scratch)
     if _opens(structure, motion, scratch, count):
@@ -583,6 +596,8 @@ def strike(structure: Structure, motion: Motion, scratch: Scratch) -> int:
         rests = _strike_one(structure, motion, scratch, row)
     else:
         rests = _strike_several(structure, motion, scratch, count, row)
+    if orders:
+        _widen_all(structure, motion, scratch.unknown)
     slow = progress.rows == first or structure.walls[progress.coordinate].restitution == 0.0
     if not rests and slow:
         # It leaves with a speed that is rounding: the search, which found it at its wall by other

@@ -216,7 +216,7 @@ class Scratch(NamedTuple):
     rounding: Floats  # (watched,): of the coordinates
     margin: Floats  # (watched,): their errors, and how fast these grow
     margin_rate: Floats  # (watched,)
-    room: Floats  # (watched,): distances to the nearest walls, at an impact
+    unknown: Floats  # (watched,): impulses that an unknown order of impacts gives or does not
     right: Floats  # (watched,): right-hand side of `equations`, and their solution
     solution: Floats  # (watched,)
     in_reach: Integers  # (watched,)
@@ -237,7 +237,7 @@ _COORDINATE, _VELOCITY, _KICK, _KICK_RATE, _FORMS = range(5)
 _SIZE, _HIGH, _LOW_BOUND, _SIZES = range(4)
 """Rows of what `handed_over` returns, and how many there are."""
 _Z, _REST_OF_Z, _RATE, _ROUNDED, _PROPAGATOR, _LENGTHS, _STATES = range(7)
-_ROUNDING, _MARGIN, _MARGIN_RATE, _ROOM, _RIGHT, _SOLUTION, _NUMBERS = range(7)
+_ROUNDING, _MARGIN, _MARGIN_RATE, _UNKNOWN, _RIGHT, _SOLUTION, _NUMBERS = range(7)
 _IN_REACH, _GRAZING, _BASIC, _MARKS = range(4)
 _DERIVATIVES, _LOW, _SEARCH = -2, -1, DEPTH + 7
 
@@ -318,7 +318,7 @@ def scratch_of(given: tuple[Any, ...], pairs: int, modes: int) -> Scratch:
     return Scratch(
         states[_Z], states[_REST_OF_Z], states[_RATE], states[_ROUNDED], states[_PROPAGATOR],
         states[_LENGTHS, Z1], states[_LENGTHS, Z2], numbers[_ROUNDING], numbers[_MARGIN],
-        numbers[_MARGIN_RATE], numbers[_ROOM], numbers[_RIGHT], numbers[_SOLUTION],
+        numbers[_MARGIN_RATE], numbers[_UNKNOWN], numbers[_RIGHT], numbers[_SOLUTION],
         marks[_IN_REACH], marks[_GRAZING], marks[_BASIC], search[_DERIVATIVES, :ORDER],
         search[_LOW, :LOW], search[:_DERIVATIVES], struck, equations, block, room[last:], piece,
     )  # fmt: skip

@@ -20,7 +20,6 @@ than ``(2 a dy)^(1/2)``:
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -189,7 +188,6 @@ class ContactErrors:
         return errors
 
 
-def masked(times: Sequence[float], errors: Sequence[float], until: float) -> Floats:
-    """Return errors of what is at some times: infinite from a horizon on."""
-    known = np.asarray(times) < until if until < math.inf else np.ones(len(times), dtype=bool)
-    return np.where(known, np.asarray(errors, dtype=np.float64), np.inf)
+def masked(times: Floats, errors: Floats, until: float) -> Floats:
+    """Return errors of what is at some times: infinite from a horizon on, and of unknown times."""
+    return np.where(times < until, errors, np.inf)

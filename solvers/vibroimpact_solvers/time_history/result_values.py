@@ -111,10 +111,14 @@ def result_of(
             contact_impulse=np.array([r.impulse for r in intervals]) / scale,
         )
         if problem.estimate:
-            for name in ("start", "rest", "stop", "impulse"):
-                when = values["contact_stop" if name == "impulse" else f"contact_{name}"]
-                of_each = [getattr(r, f"{name}_error") for r in intervals]
-                values[f"error_contact_{name}"] = masked(when, of_each, known_until)
+            of = {
+                name: np.array([getattr(r, f"{name}_error") for r in intervals])
+                for name in ("start", "rest", "stop", "impulse")
+            }
+            latest = values["contact_stop"] + of["stop"]
+            ends = {"start": values["contact_start"], "rest": values["contact_rest"]}
+            for name, each in of.items():
+                values[f"error_contact_{name}"] = masked(ends.get(name, latest), each, known_until)
     values["count_impacts"] = impacts.size
     values["count_grazings"], values["count_expansions"] = grazings, expansions
     if not penetration < structure.narrowest_gap:

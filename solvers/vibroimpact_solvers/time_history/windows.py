@@ -313,8 +313,8 @@ class _WindowRun(Run):
             late_row=np.array([places[id(rest)] for rest in late], dtype=np.int64),
             late_stop=np.array([rest.stop for rest in late], dtype=np.float64) / scale,
             late_impulse=np.array([rest.impulse for rest in late], dtype=np.float64) / scale,
-            late_stop_error=self._of_known(late, [rest.stop_error for rest in late]),
-            late_impulse_error=self._of_known(late, [rest.impulse_error for rest in late]),
+            late_stop_error=self._of_known(late, "stop_error"),
+            late_impulse_error=self._of_known(late, "impulse_error"),
             seed_state=self.Z,
             seed_progress=np.array(self.progress_row.tolist(), dtype=np.float64),
             seed_open=np.array(
@@ -327,9 +327,10 @@ class _WindowRun(Run):
             **{name: getattr(result, name) for name in _SCALARS},
         )
 
-    def _of_known(self, late: Sequence[ContactInterval], errors: Sequence[float]) -> Floats:
+    def _of_known(self, late: Sequence[ContactInterval], name: str) -> Floats:
         until = float(self.progress_row["known_until"])
-        return masked([rest.stop / self.scale for rest in late], errors, until)
+        latest = np.array([rest.stop / self.scale + rest.stop_error for rest in late])
+        return masked(latest, np.array([getattr(rest, name) for rest in late]), until)
 
 
 _SCALARS: Final = tuple(

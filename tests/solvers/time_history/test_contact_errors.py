@@ -275,3 +275,34 @@ def test_roundings_of_different_contacts_have_signs_of_their_own() -> None:
         run.Z = np.ones((1 + COLUMNS, 2, run.configuration.basis.pairs))
         seen.add(np.sign([dx for dx, _ in run._roundings()]).tobytes())
     assert len(seen) == len(every)
+
+
+def _column(M: list[float], lower: list[float], k: list[float], v: list[float]) -> dict[str, Any]:
+    """Return bodies one above the other, above a floor, under their weights."""
+    n = len(M)
+    constraints = [
+        {"dofs": [i - 1, i] if i else [0], "weights": [-1.0, 1.0] if i else [1.0],
+         "lower": lower[i], "upper": None, "restitution": k[i]}
+        for i in range(n)
+    ]  # fmt: skip
+    return {"M": np.diag(M).tolist(), "K": np.zeros((n, n)).tolist(), "constraints": constraints,
+            "force": [-9.81 * m for m in M], "x": [0.0] * n, "v": v}  # fmt: skip
+
+
+@pytest.mark.parametrize("k", [0.9, 1.0])
+def test_what_a_contact_of_unknown_end_gives_is_unknown(k: float) -> None:
+    """Bodies that touch and fall together: rounding tells when they part, and who is struck."""
+    document = _column([5.66, 5.28, 4.5, 0.17], [0.5, 1e-9, 0.0, 0.0], [k] * 4, [0.5] * 4)
+    document |= {"t": [0.2, 0.3, 0.6], "t_end": 1.0}
+    report = histories.checked(document)
+    assert report.counts["contact impulse: no error stated"] == 1
+
+
+def test_a_blow_at_the_end_of_a_contact_belongs_to_it_or_not() -> None:
+    """The contact ends at the horizon, within its error: what was given then is not known."""
+    document = _column([0.19, 4.96, 5.67], [0.0] * 3, [0.9, 0.0, 1.0], [0.5, 0.0, 0.5])
+    lid = {"dofs": [2], "weights": [1.0], "lower": None, "upper": 0.5, "restitution": 0.5}
+    document["constraints"].append(lid)
+    document |= {"K": np.diag([0.0, 1.0, 1.0]).tolist(), "t": [0.5, 1.0, 1.7], "t_end": 2.0}
+    report = histories.checked(document)
+    assert report.counts["contact impulse: no error stated"] == 1

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.reference.rigid import History
+from tests.truth import histories
 from tests.truth.histories import problem_of, truth
 from tests.truth.sets import SETS
 from tests.truth.structures import Document
@@ -355,3 +356,29 @@ def test_impacts_of_rounding_that_follow_one_another_faster_than_time_is_known()
     else:
         assert result.v is not None
         assert np.abs(result.v).max() < 1e-9
+
+
+def _row(M: list[float], K: list[float], k: list[float], gaps: list[float]) -> Document:
+    """Return bodies in a row, of which the first one strikes, and the last one too."""
+    n = len(M)
+    constraints = [
+        {"dofs": [i, i + 1], "weights": [-1.0, 1.0], "lower": gap, "upper": None, "restitution": r}
+        for i, (gap, r) in enumerate(zip(gaps, k, strict=True))
+    ]
+    return {"M": np.diag(M).tolist(), "K": np.diag(K).tolist(), "x": [0.0] * n,
+            "constraints": constraints}  # fmt: skip
+
+
+@pytest.mark.parametrize(("k", "gap", "speed"), [(1.0, 1e-9, -0.3), (0.5, 0.0, -1.0)])
+def test_what_stays_beside_a_wall_by_less_than_rounding_makes_an_impact_uncertain(
+    k: float, gap: float, speed: float
+) -> None:
+    """Two bodies that stick by k = 0 are 1e-27 apart when a third one strikes: no contact."""
+    M = [1.25, 0.25, 7.31]
+    document = _row(M, [4.0 * m for m in M], [0.0, k], [1e-9, gap])
+    document |= {"v": [1.0, 0.0, speed], "t": [0.2, 0.8], "t_end": 1.0}
+    histories.checked(document)
+    result = solve(document)
+    assert result.error_predictable_until < 1e-8
+    assert result.impact_time is not None
+    assert result.impact_time[0] < result.error_predictable_until
