@@ -67,7 +67,12 @@ def summary(outcome: Outcome, most: int) -> str:
                      f"{'median':>9} {'90 %':>9} {'most':>9}")  # fmt: skip
     for what, values in sorted(outcome.ratios.items()):
         r = np.array(values)
-        least, median, high, top = r.min(), np.median(r), np.quantile(r, 0.9), r.max()
+        least, median, high, top = (
+            r.min(),
+            np.median(r),
+            np.quantile(r, 0.9, method="higher"),
+            r.max(),
+        )
         lines.append(f"  {what:42} {r.size:7} {least:9.3g} {median:9.3g} {high:9.3g} {top:9.3g}")
     for kind, n in sorted(outcome.failed.items()):
         lines.append(f"  FAILED {n:6} {kind}")

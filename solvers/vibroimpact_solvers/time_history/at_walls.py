@@ -81,8 +81,7 @@ class AtWalls:
         given, fixed = self.forces(contacts), {index for index, _ in contacts}
         for contact in self._at_their_walls():
             index, side = contact
-            pushed = sum(s * float(self._mobility[index, i]) * f for (i, s), f in given.items())
-            push = side * (float(self._accelerations[index]) - pushed)
+            push = self._towards(contact, given)
             slow = -side * self._velocities[index] <= ROUNDING * np.abs(self._velocities).max()
             if index not in fixed and slow and abs(push) <= self._slight[index]:
                 return contact
@@ -100,14 +99,34 @@ class AtWalls:
         while candidates:
             stays = self.forces([*contacts, *candidates])
             allowed = CHATTER * (1.0 if len(candidates) == 1 else _BESIDE)
-            times = {c: self._lasts(c, given, allowed) for c in candidates}
+            times = {
+                c: self._lasts(c, self._push(c, given, candidates), allowed) for c in candidates
+            }
             last = max(sorted(candidates), key=lambda c: (c not in stays, times[c]))
             if last in stays and times[last] < math.inf:
                 return times
             candidates.remove(last)
         return {}
 
-    def _lasts(self, contact: Contact, given: dict[Contact, float], allowed: float) -> float:
+    def _push(
+        self, contact: Contact, given: dict[Contact, float], beside: Collection[Contact]
+    ) -> float:
+        """Return the acceleration of a coordinate towards its wall.
+
+        given are the forces of the contacts. Bodies that fall together are pressed to one another
+        as soon as those beside rest; before, it is rounding.
+        """
+        push = self._towards(contact, given)
+        if abs(push) <= self._slight[contact[0]]:
+            push = self._towards(contact, self.forces([*given, *(set(beside) - {contact})]))
+        return push
+
+    def _towards(self, contact: Contact, given: dict[Contact, float]) -> float:
+        index, side = contact
+        pushed = sum(s * float(self._mobility[index, i]) * f for (i, s), f in given.items())
+        return side * (float(self._accelerations[index]) - pushed)
+
+    def _lasts(self, contact: Contact, push: float, allowed: float) -> float:
         """Return how long the bounces of a coordinate last; infinite where that is not allowed.
 
         It is where they are no higher than the rounding of the place, which gives them energy.
@@ -116,8 +135,6 @@ class AtWalls:
         u, k = max(0.0, -side * float(self._velocities[index])), float(self._restitution[index])
         if u == 0.0:
             return 0.0
-        pushed = sum(s * float(self._mobility[index, i]) * f for (i, s), f in given.items())
-        push = side * (float(self._accelerations[index]) - pushed)
         if push <= 0.0 or k == 1.0:
             return math.inf
         duration = 2.0 * u / (push * (1.0 - k))
