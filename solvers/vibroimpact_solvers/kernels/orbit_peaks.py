@@ -1,7 +1,8 @@
 """Extremes of displacements between the nodes of their quadrature (`kernels.orbits`).
 
 A displacement that is at a node no smaller than at both of its neighbours has a peak beside it,
-which Newton's method finds where it may be the highest so far.
+which Newton's method finds where it may be the highest so far. So has one that falls from node to
+node and rises at one of them.
 """
 
 from __future__ import annotations
@@ -121,18 +122,17 @@ def _peak(
 
 
 @inline
-def _rise(a: float, b: float, c: float, at: Interval) -> tuple[float, float]:
-    """Return twice what the parabola through three displacements rises to, and its vertex.
+def _vertex(a: float, b: float, c: float, at: Interval) -> float:
+    """Return where the parabola through three displacements is highest.
 
-    The first two are one where nothing is known before: it may rise from there as it falls after.
+    The first two are one where nothing is known before.
     """
     if at.low == at.near:
-        return b - c, at.near
+        return at.near
     up, down = (b - a) / (at.near - at.low), (c - b) / (at.high - at.near)
     whole = at.high - at.low
     slope = (up * (at.high - at.near) + down * (at.near - at.low)) / whole
-    bend = 2.0 * (up - down) / whole
-    return slope * slope / bend, at.near + slope / bend
+    return at.near + 0.5 * slope * whole / (up - down)
 
 
 @inner
@@ -156,11 +156,10 @@ def _highest(
     flow: Flow, forms: Forms, m: Motions, mesh: Mesh, n: int, d: int, sign: float, best: float,
     room: Room,
 ) -> float:  # fmt: skip
-    """Return the highest of a displacement times sign, at n nodes and beside them, and best.
+    """Return the highest of a displacement times sign beside n nodes, and of best, that at them.
 
-    It rises from a node to a peak beside it by less than twice what the parabola through the node
-    and its neighbours does. The node in the middle of three is looked at; the last one of a free
-    motion by itself.
+    It rises from a node to a peak beside it by less than from a neighbour to the node. The node in
+    the middle of three is looked at; the last one of a free motion by itself.
     """
     dofs, progress = forms.trend.shape[1], room.progress[0]
     x = room.x[: n * dofs].reshape(n, dofs)
@@ -169,14 +168,21 @@ def _highest(
     a, b = sign * room.last[_BEFORE, d], sign * room.last[_LATEST, d]
     for i in range(n):
         c, now = sign * x[i, d], room.times[i]
-        best = max(best, c)
         if latest < 0.0:
             a, before = c, now
         else:
             if b >= a and b >= c and (b > a or b > c):
-                rise, vertex = _rise(a, b, c, Interval(before, latest, now))
-                if b + rise >= best:
-                    at = Interval(before, vertex, now)
+                if 2.0 * b - min(a, c) >= best:
+                    at = Interval(before, _vertex(a, b, c, Interval(before, latest, now)), now)
+                    best = max(best, _peak(flow, forms, m, mesh, d, sign, at, room))
+            elif b + abs(a - 2.0 * b + c) >= best and a != b:
+                # Between nodes that fall it rises where its velocity does: two peaks are near.
+                _, v, _ = _displacement(flow, forms, m, mesh, latest, d, room)
+                if sign * v > 0.0 and c < b:
+                    at = Interval(latest, 0.5 * (latest + now), now)
+                    best = max(best, _peak(flow, forms, m, mesh, d, sign, at, room))
+                elif sign * v < 0.0 and a < b:
+                    at = Interval(before, 0.5 * (before + latest), latest)
                     best = max(best, _peak(flow, forms, m, mesh, d, sign, at, room))
             if now == length and c > b and c + (c - b) >= best:
                 at = Interval(latest, now, now)
@@ -205,7 +211,7 @@ def raise_peaks(
         for turn in range(2):
             sign, top = (1.0, high) if turn == 0 else (-1.0, -low)
             if top + (high - low) >= peaks[turn, d]:
-                best = peaks[turn, d]
+                best = max(peaks[turn, d], top)
                 peaks[turn, d] = _highest(flow, forms, m, mesh, n, d, sign, best, room)
     for i in range(n):
         begins = progress.latest < 0.0

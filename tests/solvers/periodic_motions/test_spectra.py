@@ -403,3 +403,20 @@ def test_a_peak_soon_after_an_impact_with_an_inflection_before_it() -> None:
     check(Case("a peak", document), report)
     assert report.failures == []
     assert report.counts["solutions"] > 0
+
+
+def test_the_higher_one_of_two_peaks_that_no_parabola_tells() -> None:
+    """They are 3e-10 apart, and the nodes beside the second one rise too little to show it."""
+    document = {
+        "M": np.eye(2).tolist(), "K": [[1.25, -0.25], [-0.25, 1.25]],
+        "C": [[0.0036189626488561293, 0.0], [0.0, 0.0]], "symmetric": False,
+        "constraints": [
+            {"dofs": [1], "weights": [1.0], "lower": None, "upper": 1.0, "restitution": 1.0}
+        ],
+        "force": [0.0, 0.0], "loads": [[1, 1.4734447822026784, 1, 0.0]], "periods": 1, "side": 1,
+        "Omega": [0.969535994267321, 4.406007740563203],
+    }  # fmt: skip
+    report = Report()
+    check(Case("two peaks", document), report)
+    assert report.failures == []
+    assert report.counts["solutions"] > 0
