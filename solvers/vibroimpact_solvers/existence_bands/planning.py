@@ -84,7 +84,10 @@ def _steps(problem: Problem, *, grows: bool) -> Iterator[Step]:
             "one limiter with equal gaps: the sign of the impulse between neighbouring poles, "
             "then bounds over boxes of frequency and time; no band can be missed"
         )
-        flops = poles * (3e3 + 1e2 * phase) * system.n * limits
+        # Natural frequencies are half of the largest one, on average.
+        inside = system.n * (1.0 + 0.25 * phase * (1.0 - problem.start / problem.stop))
+        boxes = 800.0 + 27.0 * system.n  # for one pole, as measured of chains and beams
+        flops = inside * boxes * (210.0 + 8.5 * system.n) * limits
         yield Step(Stage.BANDS, Method.CERTIFIED, reason, flops, 64.0 * poles, bounded=False)
     else:
         reason = f"{obstacle}: impact modes between all poles, edges by bisection"

@@ -16,7 +16,9 @@ A range of q, the cell, is decided by boxes of q and tau. Over a box ``q0 +- hal
     |P - P0| <= half |P_q| + width |P_tau| + half^2/2 B_qq + half width B_qtau + width^2/2 B_tautau
 
 with bounds B of its second derivatives over the box. A mode near its pole is bounded by its
-bracket and its denominator apart, since the bracket, not the quotient, is smooth there.
+bracket and its denominator apart, since the bracket, not the quotient, is smooth there. Modes that
+turn within the box, ``Omega_j q width > 1``, are not expanded: the least that they can give at any
+tau is enough where it is small beside the others, and if it is not, narrower boxes are.
 
 All bounds are outward. Each phase ``r q``, with a root r known to within d, and its sine and cosine
 are wrong by at most
@@ -49,7 +51,11 @@ _EPS = 2.220446049250313e-16
 _UP = 1.0 + 1e-10  # more than the roundings of a bound
 _NEAR = 0.3  # below this cosine a mode is bounded by its bracket
 _FIRST_CELL = 0.25  # its phase in the fastest mode
-_FIRST_BOX = 0.7
+_FIRST_BOX = 0.7  # its phase in the fastest mode
+_FIRST_BOXES = 32  # at most: of more, most can be decided by a few modes
+_NONE = 0  # the place of sums over no modes
+_SLOW = 1.0  # phase in a box up to which a mode is expanded about its centre
+_PATIENCE = 16  # boxes whose centre needs a narrower cell, until no others are looked at
 _BOXES = 2**17  # boxes that may wait
 _CELLS = 256  # cells that may wait
 _STACK = 128  # parts of a box that may wait
@@ -59,7 +65,7 @@ _SEGMENTS = 2**16  # segments of one sign band
 class Margin(NamedTuple):
     """The function P of every limit, see the module."""
 
-    root: Floats  # natural frequencies Omega_j of the modes that take part, positive, (mode,)
+    root: Floats  # natural frequencies Omega_j of the modes that take part, ascending, (mode,)
     root_error: Floats  # their absolute errors, (mode,)
     # Each (limit, mode); doubt is the error of ``|alpha| + |beta|``
     alpha: Floats
@@ -108,7 +114,7 @@ class _Far(NamedTuple):
 
 
 class _Sums(NamedTuple):
-    """Sums over the modes of a cell, each (limit,)."""
+    """Sums over the slowest modes of a cell, of none to all of them, each (limit, mode + 1)."""
 
     # What does not depend on tau in P and in its slope by q, of modes far from their poles
     value: Floats
@@ -120,6 +126,7 @@ class _Sums(NamedTuple):
     # Uncertainty of the value, and of the slopes: by q, and by tau over q
     rounding: Floats
     tilt: Floats
+    floor: Floats  # of the other, faster modes: the least that they give at any tau
 
 
 class _Cell(NamedTuple):
@@ -215,12 +222,17 @@ def sign_change(margin: Margin, left: float, right: float) -> tuple[float, float
 def _prepare(margin: Margin, modes: _Modes, far: _Far, sums: _Sums, q: float, half: float) -> int:
     """Fill in terms common to all boxes of a cell ``q +- half``; return how many modes are near."""
     count, last, n = 0, q + half, margin.root.size
-    for a in range(sums.value.size):
+    limits = margin.alpha.shape[0]
+    for a in range(limits):
         alpha, beta = margin.rigid_alpha[a], margin.rigid_beta[a]
-        sums.value[a], sums.drift[a] = alpha * q, alpha
-        sums.bend_q[a], sums.bend_mixed[a], sums.bend_tau[a] = 0.0, abs(beta), 0.0
-        sums.tilt[a] = n * _EPS * (abs(alpha) + abs(beta)) + margin.rigid_doubt[a]
-        sums.rounding[a] = sums.tilt[a] * last + margin.silent[a] / (q - half)
+        sums.value[a, _NONE], sums.drift[a, _NONE] = alpha * q, alpha
+        sums.bend_q[a, _NONE], sums.bend_mixed[a, _NONE], sums.bend_tau[a, _NONE] = (
+            0.0,
+            abs(beta),
+            0.0,
+        )
+        sums.tilt[a, _NONE] = n * _EPS * (abs(alpha) + abs(beta)) + margin.rigid_doubt[a]
+        sums.rounding[a, _NONE] = sums.tilt[a, _NONE] * last + margin.silent[a] / (q - half)
     for j in range(n):
         r = margin.root[j]
         phase, off = r * q, margin.root_error[j] * last
@@ -238,26 +250,59 @@ def _prepare(margin: Margin, modes: _Modes, far: _Far, sums: _Sums, q: float, ha
             count += 1
         # Brackets of slow modes, and so their roundings, are as small as their phases.
         slow = min(1.0, 2.0 * phase)
-        for a in range(sums.value.size):
+        for a in range(limits):
             alpha, beta, doubt = margin.alpha[a, j], margin.beta[a, j], margin.doubt[a, j]
             b, size = abs(beta), abs(alpha) + abs(beta)
             far.value[a, j], far.slope[a, j], far.drift[a, j] = 0.0, 0.0, 0.0
+            value, drift, rounding, tilt = 0.0, 0.0, 0.0, 0.0
+            bend_q, bend_mixed, bend_tau = 0.0, 0.0, 0.0
             if away:
                 bound = 1.0 / smallest
-                sums.bend_mixed[a] += b * bound * (1.0 + r * last * (1.0 + bound))
-                sums.bend_tau[a] += b * r * last * last * bound
+                bend_mixed = b * bound * (1.0 + r * last * (1.0 + bound))
+                bend_tau = b * r * last * last * bound
             if is_far:
                 secant = 1.0 / cosine
                 far.value[a, j], far.slope[a, j] = beta * secant / r, beta * secant
                 far.drift[a, j] = beta * sine * secant * secant
-                sums.value[a] += alpha * sine * secant / r
-                sums.drift[a] += alpha * secant * secant
+                value, drift = alpha * sine * secant / r, alpha * secant * secant
                 spread = size * (blur * (1.0 + 2.0 * bound) + n * _EPS)
-                sums.tilt[a] += bound * bound * (doubt + spread)
-                sums.bend_q[a] += r * bound * (b + 2.0 * bound * (b + bound * size))
+                tilt = bound * bound * (doubt + spread)
+                bend_q = r * bound * (b + 2.0 * bound * (b + bound * size))
                 wrong = off * (1.0 + bound) + slow * (rough * (1.0 + bound) + n * _EPS)
-                sums.rounding[a] += (slow * doubt + size * wrong) * bound / r
+                rounding = (slow * doubt + size * wrong) * bound / r
+            sums.value[a, j + 1] = sums.value[a, j] + value
+            sums.drift[a, j + 1] = sums.drift[a, j] + drift
+            sums.bend_q[a, j + 1] = sums.bend_q[a, j] + bend_q
+            sums.bend_mixed[a, j + 1] = sums.bend_mixed[a, j] + bend_mixed
+            sums.bend_tau[a, j + 1] = sums.bend_tau[a, j] + bend_tau
+            sums.tilt[a, j + 1] = sums.tilt[a, j] + tilt
+            sums.rounding[a, j + 1] = sums.rounding[a, j] + rounding
+    for a in range(limits):
+        sums.floor[a, n] = 0.0
+        for j in range(n - 1, -1, -1):
+            sums.floor[a, j] = sums.floor[a, j + 1] + _least(margin, modes, a, j, half) * _UP
     return count
+
+
+@inline
+def _least(margin: Margin, modes: _Modes, a: int, j: int, half: float) -> float:
+    """Return a lower bound of the term of a mode over a cell, at all tau.
+
+    Where the tangent is positive, so is the bracket, or it is no less than minus the squared
+    cosine, as ``1 - |sin| <= cos^2``: such a mode takes little away, however near its pole is.
+    """
+    r, sine = margin.root[j], abs(modes.sine[j])
+    alpha, b, doubt = margin.alpha[a, j], abs(margin.beta[a, j]), margin.doubt[a, j]
+    reach = r * half + modes.blur[j]
+    rises = modes.sine[j] * modes.cosine[j] > modes.blur[j] and sine > reach
+    least, smallest = -np.inf, r * modes.smallest[j]
+    if rises and (a == margin.struck or alpha - doubt >= b):
+        least = -(b + doubt) * modes.largest[j] / r
+    elif rises and smallest > 0.0:
+        least = min(alpha * (sine - reach) - b - doubt, 0.0) / smallest
+    elif smallest > 0.0:
+        least = -(alpha * min(sine + reach, 1.0) + b + doubt) / smallest
+    return float(least)
 
 
 @inner
@@ -328,26 +373,47 @@ def _near_pole(cell: _Cell, a: int, j: int, tau: float, width: float) -> _Bounds
 
 
 @inline
-def _box(cell: _Cell, a: int, tau: float, width: float) -> _Bounds:
-    """Return bounds of P of one limit over a box of the cell and ``tau +- width``."""
+def _resolved(cell: _Cell, width: float) -> int:
+    """Return how many of the slowest modes change so little over ``+- width`` in tau."""
+    root, low, high = cell.margin.root, 0, cell.margin.root.size
+    while low < high:
+        middle = (low + high) // 2
+        if root[middle] * (cell.q + cell.half) * width <= _SLOW:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@inline
+def _box(cell: _Cell, a: int, tau: float, width: float, many: int) -> tuple[_Bounds, float]:
+    """Return bounds of P of one limit over a box of the cell and ``tau +- width``, and a slope.
+
+    Of the slowest ``many`` modes they are those of their sum, at its centre that of all others by
+    their least values; the slope by tau is that of the sum.
+    """
     root, modes, sums, q, half = cell.margin.root, cell.modes, cell.sums, cell.q, cell.half
-    for j in range(root.size):
+    for j in range(many):
         modes.at_sine[j], modes.at_cosine[j] = sine_cosine(root[j] * q * tau, 0.0)
     in_value, in_slope, in_drift = cell.far.value[a], cell.far.slope[a], cell.far.drift[a]
     value, slope, drift = 0.0, cell.margin.rigid_beta[a], 0.0
-    for j in range(root.size):
+    for j in range(many):
         S, C = modes.at_sine[j], modes.at_cosine[j]
         value += in_value[j] * S
         slope += in_slope[j] * C
         drift += in_drift[j] * S
-    value = sums.value[a] - value - cell.margin.rigid_beta[a] * tau * q
-    slope_q, slope_tau = sums.drift[a] - drift - tau * slope, -q * slope
-    rounding = sums.rounding[a] + (cell.near + 4) * _EPS * abs(value)
-    spread = (half * (abs(slope_q) + sums.tilt[a] + 0.5 * half * sums.bend_q[a]) + rounding) * _UP
+    value = sums.value[a, many] - value - cell.margin.rigid_beta[a] * tau * q
+    slope_q, slope_tau = sums.drift[a, many] - drift - tau * slope, -q * slope
+    rounding = sums.rounding[a, many] + (cell.near + 4) * _EPS * abs(value)
+    tilt = sums.tilt[a, many]
+    spread = half * (abs(slope_q) + tilt + 0.5 * half * sums.bend_q[a, many]) + rounding
+    spread *= _UP
     low, high, least = value - spread, value + spread, value - spread
-    each, tilt = (cell.near + 4) * _EPS, sums.tilt[a]
+    each = (cell.near + 4) * _EPS
     for k in range(cell.near):
         j = modes.near[k]
+        if j >= many:
+            break
         term = _near_pole(cell, a, j, tau, width)
         value, rounding = value + term.value, rounding + term.rounding
         low += term.low - each * abs(term.low)
@@ -358,9 +424,11 @@ def _box(cell: _Cell, a: int, tau: float, width: float) -> _Bounds:
             slope_tau -= beta * q * modes.at_cosine[j] / modes.cosine[j]
             wrong = abs(beta) * (modes.blur[j] * (1.0 + bound) + each) + cell.margin.doubt[a, j]
             tilt += wrong * bound
-    bend = half * sums.bend_mixed[a] + 0.5 * width * sums.bend_tau[a]
+    bend = half * sums.bend_mixed[a, many] + 0.5 * width * sums.bend_tau[a, many]
     steep = (abs(slope_tau) + (q + half) * tilt + bend) * _UP
-    return _Bounds(value, low, high, least - width * steep, rounding)
+    least += sums.floor[a, many]
+    least -= each * abs(least)
+    return _Bounds(value, low, high, least - width * steep, rounding), slope_tau
 
 
 @inner
@@ -372,7 +440,8 @@ def _decide(
     The hint is where P was smallest in the cell before, and of which limit.
     """
     clear = 1.0 - _clear(cell)
-    examined, end, smallest, settled = 0, top, np.inf, False
+    n = cell.margin.root.size
+    examined, end, smallest, settled, patience = 0, top, np.inf, False, _PATIENCE
     best, whose_best = hint, hinted
     # First the hint, as a box without width.
     for k in range(bottom - 1, top):
@@ -388,28 +457,37 @@ def _decide(
             depth -= 1
             low_tau, high_tau = stack.low[depth], stack.high[depth]
             tau, width = 0.5 * (low_tau + high_tau), 0.5 * (high_tau - low_tau)
-            bounds = _box(cell, a, tau, width)
-            value, low = bounds.value, bounds.low
+            many = _resolved(cell, width)
+            bounds, slope = _box(cell, a, tau, width, many)
             examined += 1
-            if bounds.high < 0.0:
-                return _Verdict(PHANTOM, tau, a, top, examined, False)
-            if bounds.least > 0.0 or k < bottom:
+            if bounds.least > 0.0:
                 continue
+            centre = bounds
+            if many < n:  # what its centre tells, by all modes
+                centre, slope = _box(cell, a, tau, 0.0, n)
+                examined += 1
+            value, low = centre.value, centre.low
+            if centre.high < 0.0:
+                return _Verdict(PHANTOM, tau, a, top, examined, False)
             if value < smallest:
                 smallest, best, whose_best = value, tau, a
-            # Divided along tau as long as its width in tau is what keeps the box undecided; where
-            # P is negative, only a narrower cell can decide it.
-            wide = value > 0.0 and low - bounds.least > 0.25 * (value - low) and width > 1e-9
-            if wide and depth < _STACK - 2:
-                stack.low[depth], stack.high[depth] = tau, high_tau
-                stack.low[depth + 1], stack.high[depth + 1] = low_tau, tau
+            # Divided along tau as long as its width in tau is what keeps the box undecided; once
+            # a narrower cell is needed, only to look for what is negative all over this one.
+            patience -= patience < _PATIENCE or low <= 0.0
+            if k < bottom:
+                continue
+            loss = bounds.least if many == n else -np.inf
+            wide = value > 0.0 and low - loss > 0.25 * (value - low) and width > 1e-9
+            if wide and patience > 0 and depth < _STACK - 2:
+                # P falls towards the half that is looked at first.
+                first, second = (0, 1) if slope > 0.0 else (1, 0)
+                stack.low[depth + second], stack.high[depth + second] = low_tau, tau
+                stack.low[depth + first], stack.high[depth + first] = tau, high_tau
                 depth += 2
                 continue
-            if value - low <= 4.0 * bounds.rounding and abs(value) <= 8.0 * bounds.rounding:
+            if value - low <= 4.0 * centre.rounding and abs(value) <= 8.0 * centre.rounding:
                 settled = True
-            if end > top and waiting.limit[end - 1] == a and waiting.high[end - 1] == low_tau:
-                waiting.high[end - 1] = high_tau
-            elif end < _BOXES:
+            if end < _BOXES:
                 waiting.low[end], waiting.high[end], waiting.limit[end] = low_tau, high_tau, a
                 end += 1
             else:
@@ -420,15 +498,13 @@ def _decide(
 
 
 @inner
-def _divide(waiting: _Boxes, limits: int, fastest: float, right: float) -> int:
-    """Put the first boxes of a cell that ends at `right` in place; return their number."""
-    boxes = max(4, math.ceil(2.0 * fastest * right / _FIRST_BOX))
-    # Where they would be too many, wider ones: those that matter are divided later.
-    boxes, kept = min(boxes, _BOXES // (2 * limits)), 0
+def _divide(waiting: _Boxes, limits: int, phase: float) -> int:
+    """Put the first boxes of a cell in place, by the largest phase in it; return their number."""
+    boxes, kept = min(math.ceil(2.0 * phase / _FIRST_BOX), _FIRST_BOXES), 0
     for a in range(limits):
         for k in range(boxes):
-            waiting.low[kept] = -1.0 + 2.0 * k / boxes
-            waiting.high[kept] = -1.0 + 2.0 * (k + 1) / boxes
+            waiting.low[kept] = 1.0 - 2.0 * (k + 1) / boxes
+            waiting.high[kept] = 1.0 - 2.0 * k / boxes
             waiting.limit[kept] = a
             kept += 1
     return kept
@@ -449,15 +525,15 @@ def survey(margin: Margin, start: float, stop: float, resolution: float, budget:
         Boxes that may be evaluated before the rest is left undecided.
     """
     limits, n = margin.alpha.shape
-    many = limits, n
+    many, sizes = (limits, n), (limits, n + 1)
     modes = _Modes(
         np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n),
         np.empty(n, np.int64),
     )  # fmt: skip
     far = _Far(np.empty(many), np.empty(many), np.empty(many))
     sums = _Sums(
-        np.empty(limits), np.empty(limits), np.empty(limits), np.empty(limits), np.empty(limits),
-        np.empty(limits), np.empty(limits),
+        np.empty(sizes), np.empty(sizes), np.empty(sizes), np.empty(sizes), np.empty(sizes),
+        np.empty(sizes), np.empty(sizes), np.empty(sizes),
     )  # fmt: skip
     waiting = _Boxes(np.empty(_BOXES), np.empty(_BOXES), np.empty(_BOXES, np.int64))
     stack = _Boxes(np.empty(_STACK), np.empty(_STACK), np.empty(0, np.int64))
@@ -475,7 +551,7 @@ def survey(margin: Margin, start: float, stop: float, resolution: float, budget:
         if part + 1 == parts:
             right = stop
         lefts[depth], rights[depth] = start + (stop - start) * part / parts, right
-        bottoms[depth], tops[depth] = 0, _divide(waiting, limits, fastest, right)
+        bottoms[depth], tops[depth] = 0, _divide(waiting, limits, fastest * right)
         depth += 1
         while depth > 0:
             depth -= 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.solvers.beams import OMEGA, cantilever
 from tests.solvers.structures import chain, random_system
 from vibroimpact_solvers import existence_bands as bands
 from vibroimpact_solvers import impact_modes as modes
@@ -330,3 +331,16 @@ def test_ranges_of_stability_agree_with_what_impact_modes_say() -> None:
         family = modes.solve(problem, modes.plan(problem))
         assert family.neutral is not None
         assert (family.neutral == stable).all()
+
+
+@pytest.mark.parametrize(("elements", "stop"), [(6, 1.1), (12, 1.02)])
+def test_bands_of_beams_are_where_impact_modes_exist(elements: int, stop: float) -> None:
+    """Fast modes are bounded here and resolved there, at frequencies at random."""
+    beam = cantilever(elements, damped=False)
+    result = solved(beam, OMEGA, stop * OMEGA)
+    assert result.band_start is not None
+    assert result.band_start.size > 40
+    Omega = np.random.default_rng(0).uniform(OMEGA, stop * OMEGA, 2000)
+    Omega = Omega[clear_of_edges(result, Omega, 1e-9)]
+    np.testing.assert_array_equal(inside(result, Omega), exists(beam, Omega))
+    assert 0.05 < inside(result, Omega).mean() < 0.95

@@ -50,16 +50,21 @@ def test_bounds_hold_inside_the_box(seed: int) -> None:
             continue  # a pole lies inside: no cell of a sign band
         tried += 1
         modes = bands._Modes(*np.empty((7, n)), np.empty(n, np.int64))
-        far, sums = bands._Far(*np.empty((3, 1, n))), bands._Sums(*np.empty((7, 1)))
+        far, sums = bands._Far(*np.empty((3, 1, n))), bands._Sums(*np.empty((8, 1, n + 1)))
         P = margins(root, alpha, beta)
         count = prepare(P, modes, far, sums, q, half)
         cell = bands._Cell(P, modes, far, sums, q, half, count)
-        value, low, high, least, rounding = box(cell, 0, tau, width)
+        (value, low, high, least, rounding), _ = box(cell, 0, tau, width, n)
+        # Of the fastest modes, which may turn many times in a wider box, the least will do.
+        wide = 10.0 ** rng.uniform(-3, 0)
+        (*_, lowest, _), _ = box(cell, 0, tau, wide, int(rng.integers(n)))
         for s in np.linspace(-1, 1, 7):
             exact = margin(root, alpha, beta, q + s * half, tau)
             assert low <= exact <= high
             for t in np.linspace(-1, 1, 7):
                 assert least <= margin(root, alpha, beta, q + s * half, tau + t * width)
+                inside = min(max(tau + t * wide, -1.0), 1.0)
+                assert lowest <= margin(root, alpha, beta, q + s * half, inside)
         assert value == pytest.approx(margin(root, alpha, beta, q, tau), abs=8 * rounding, rel=1e-9)
 
 
