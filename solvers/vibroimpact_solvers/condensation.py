@@ -28,7 +28,6 @@ array([[ 0.66666667, -0.66666667],
 from __future__ import annotations
 
 import math
-import weakref
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final
@@ -42,7 +41,7 @@ from vibroimpact_solvers.arrays import EPS, Floats, Integers
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.factors import Solve
 from vibroimpact_solvers.matrices import SymmetricMatrix
-from vibroimpact_solvers.model import System
+from vibroimpact_solvers.model import System, once_per_body
 
 Balls = Any
 """A matrix of balls, `flint.arb_mat`."""
@@ -56,7 +55,7 @@ _PRECISE: Final = 2.0**-100  # error of an entry over the largest of its terms
 class Condensation:
     """The condensed structure of a system, in double precision.
 
-    It does not hold the system, beside which it is kept for as long as that is used.
+    It does not hold the body, beside which it is kept for as long as that is used.
     """
 
     massless: Integers  # degrees of freedom without mass, ascending
@@ -85,17 +84,6 @@ class Condensation:
         return self.whole(self.solve_M(np.ascontiguousarray(carried)))
 
 
-_CONDENSED: weakref.WeakKeyDictionary[System, Condensation] = weakref.WeakKeyDictionary()
-
-
-def of(system: System) -> Condensation:
-    """Return the condensed structure of a system, which has degrees of freedom without mass."""
-    known = _CONDENSED.get(system)
-    if known is None:
-        known = _CONDENSED[system] = _condensed(system)
-    return known
-
-
 def solve_mass(system: System) -> Solve:
     """Return the function that solves with M, where what has no mass follows the others."""
     return of(system).solve_mass if system.massless.size else system.solve_M
@@ -122,7 +110,9 @@ def flops(system: System) -> float:
     return float(s**3 + 2.0 * s * s * m + 2.0 * s * m * m)
 
 
-def _condensed(system: System) -> Condensation:
+@once_per_body
+def of(system: System) -> Condensation:
+    """Return the condensed structure of a system, which has degrees of freedom without mass."""
     massless, others = system.massless, massive(system)
     K, coupling = system.K, system.K.block(system.massless, others)
     solve = K.part(massless).factorize(definite=True)

@@ -16,10 +16,11 @@ array([[0., 1.]])
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import weakref
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Final
+from functools import cached_property, wraps
+from typing import Final, TypeVar
 
 import numpy as np
 
@@ -36,14 +37,22 @@ _HELD: Final = 1e-14
 _ROUNDED: Final = 4.0 * EPS
 """The same for every degree of freedom without mass, where there are many."""
 
+Coordinate = tuple[tuple[int, float], ...]
+"""Pairs of a degree of freedom and its weight."""
+Coordinates = tuple[Coordinate, ...]
+
 __all__ = [
     "RANGE",
+    "Body",
     "ChainShape",
     "Constraint",
+    "Coordinate",
+    "Coordinates",
     "SymmetricMatrix",
     "System",
     "Units",
     "listed",
+    "once_per_body",
     "within_range",
 ]
 
@@ -80,7 +89,7 @@ class Constraint:
     lower: float | None
     upper: float | None
     restitution: float = 1.0
-    coordinate: tuple[tuple[int, float], ...] = field(init=False, repr=False, compare=False)
+    coordinate: Coordinate = field(init=False, repr=False, compare=False)
     """Pairs of a degree of freedom and its nonzero weight, ascending."""
 
     def __post_init__(self) -> None:
@@ -123,7 +132,7 @@ class Constraint:
         return self.lower is not None and self.lower == self.upper
 
     @property
-    def line(self) -> tuple[tuple[int, float], ...]:
+    def line(self) -> Coordinate:
         """The coordinate up to a factor: the same for all limiters along one direction."""
         pairs = self.coordinate
         if len(pairs) == 1:
@@ -150,6 +159,45 @@ class ChainShape:
 
 
 @dataclass(frozen=True, eq=False)
+class Body:
+    """A structure without its limiters, the same object for all systems that `limited` returns.
+
+    What is computed from the matrices alone is kept beside it (`once_per_body`).
+    """
+
+    M: SymmetricMatrix
+
+    @cached_property
+    def solve_M(self) -> Solve:
+        """The function that solves with M."""
+        return self.M.factorize(definite=True)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return what is copied to other processes: without factors, which are quickly made."""
+        return {"M": self.M}
+
+
+Value = TypeVar("Value")
+
+
+def once_per_body(compute: Callable[[System], Value]) -> Callable[[System], Value]:
+    """Return a function of the matrices of a system that is computed once for each body.
+
+    Its values must not hold the system.
+    """
+    kept: weakref.WeakKeyDictionary[Body, Value] = weakref.WeakKeyDictionary()
+
+    @wraps(compute)
+    def value(system: System) -> Value:
+        try:
+            return kept[system.body]
+        except KeyError:
+            return kept.setdefault(system.body, compute(system))
+
+    return value
+
+
+@dataclass(frozen=True, eq=False)
 class System:
     """A structure with limiters.
 
@@ -173,6 +221,8 @@ class System:
     ----------
     massless : array of int
         Degrees of freedom without mass, ascending.
+    body : Body
+        What it shares with systems that differ from it in their limiters only.
 
     Raises
     ------
@@ -188,9 +238,11 @@ class System:
     units: Units | None = None
     chain: ChainShape | None = None
     massless: Integers = field(init=False, repr=False)
+    body: Body = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "constraints", tuple(self.constraints))
+        object.__setattr__(self, "body", Body(self.M))
         for name, matrix in (("K", self.K), ("C", self.C)):
             if matrix is not None and matrix.n != self.n:
                 message = f"{name} has {matrix.n} rows, M has {self.n}"
@@ -293,7 +345,7 @@ class System:
         return system
 
     def _check_constraints(self) -> None:
-        seen: dict[tuple[tuple[int, float], ...], int] = {}
+        seen: dict[Coordinate, int] = {}
         n = self.n
         for index, constraint in enumerate(self.constraints):
             for dof in constraint.dofs:
@@ -308,14 +360,15 @@ class System:
                 pointer = ("constraints", index)
                 raise ModelError(pointer, message, code="duplicate_constraint")
 
-    @cached_property
+    @property
+    def coordinates(self) -> Coordinates:
+        """The coordinates of all constraints, which do not depend on where walls are."""
+        return tuple(constraint.coordinate for constraint in self.constraints)
+
+    @property
     def solve_M(self) -> Solve:
         """The function that solves with M; without `massless`, see `condensation.solve_mass`."""
-        return self.M.factorize(definite=True)
-
-    def __getstate__(self) -> dict[str, object]:
-        """Return what is copied to other processes: without factors, which are quickly made."""
-        return {name: value for name, value in vars(self).items() if name != "solve_M"}
+        return self.body.solve_M
 
     @property
     def n(self) -> int:

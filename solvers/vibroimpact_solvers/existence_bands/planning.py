@@ -11,6 +11,7 @@ from vibroimpact_solvers import impact_modes as modes
 from vibroimpact_solvers import receptance, spectrum, stability
 from vibroimpact_solvers.errors import ModelError, PlanError
 from vibroimpact_solvers.existence_bands.problem import KIND, OUTPUTS, Problem
+from vibroimpact_solvers.model import System, once_per_body
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 
 _BANDS = 0.7  # power of the number of poles with which that of bands grows, about
@@ -46,10 +47,16 @@ def _why_not_provable(problem: Problem) -> str | None:
         return "the gaps are unequal"
     if system.loaded:
         return "a static load acts"
-    shift = _SOFT * spectrum.largest_frequency(system) ** 2
-    if system.chain is None and not system.K.plus(shift, system.M).is_positive_definite():
+    if system.chain is None and _is_unstable(system):
         return "the structure without limiters is unstable"
     return None
+
+
+@once_per_body
+def _is_unstable(system: System) -> bool:
+    """Whether a structure that nothing limits has growing motions."""
+    shift = _SOFT * spectrum.largest_frequency(system) ** 2
+    return not system.K.plus(shift, system.M).is_positive_definite()
 
 
 def _steps(problem: Problem, *, grows: bool) -> Iterator[Step]:

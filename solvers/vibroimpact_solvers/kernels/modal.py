@@ -64,6 +64,11 @@ def handed_over(modal: Modal) -> tuple[Any, ...]:
     return sizes, matrices, modal.base, own, pairs, limits
 
 
+def between(given: tuple[Any, ...], limits: Floats) -> tuple[Any, ...]:
+    """Return the same as `handed_over` of modes with other limits, (2, constraint)."""
+    return *given[:-1], limits
+
+
 @once
 def modal_of(given: tuple[Any, ...]) -> Modal:
     """Give names to what `handed_over` returns."""

@@ -259,6 +259,12 @@ def handed_over(structure: Structure) -> tuple[Any, ...]:
     return table, kinds, sizes, errors.loads, flow.drives, walls, mobility
 
 
+def between(given: tuple[Any, ...], walls: Rows) -> tuple[Any, ...]:
+    """Return the same as `handed_over` of a structure with other walls."""
+    *others, _, mobility = given
+    return *others, walls, mobility
+
+
 @once
 def structure_of(given: tuple[Any, ...]) -> Structure:
     """Give names to what `handed_over` returns."""

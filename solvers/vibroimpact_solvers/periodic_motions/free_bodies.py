@@ -16,7 +16,7 @@ import scipy.linalg
 from vibroimpact_solvers import condensation, spectrum
 from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.errors import ModelError
-from vibroimpact_solvers.model import System
+from vibroimpact_solvers.model import System, once_per_body
 from vibroimpact_solvers.periodic_motions.balance import one_way
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.problem import Problem
@@ -80,12 +80,14 @@ def sentence(problem: Problem, driven: Driven) -> str:
     return ""
 
 
+@once_per_body
 def _may_be_free(system: System) -> bool:
     """Whether a structure may have rigid-body modes."""
     soft = _SOFT * spectrum.largest_frequency(system) ** 2
     return not system.K.plus(-soft, system.M).is_positive_definite()
 
 
+@once_per_body
 def _rigid_modes(system: System) -> Floats:
     """Return the modes with no more stiffness than roundings, shape (dof, mode)."""
     if system.massless.size:

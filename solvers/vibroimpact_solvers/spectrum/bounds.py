@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import weakref
 
 import numpy as np
 import scipy.linalg
@@ -14,7 +13,7 @@ from vibroimpact_solvers.condensation import Condensation
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.factors import Solve
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix
-from vibroimpact_solvers.model import System
+from vibroimpact_solvers.model import System, once_per_body
 
 _STEPS = 24  # of the Lanczos iteration; fewer already come within a few percent
 
@@ -29,15 +28,10 @@ def largest_frequency(system: System) -> float:
     if system.chain is not None:
         # Eq. 10.63 with j = N + 1.
         return 2.0 * math.sqrt(system.chain.stiffness / system.chain.mass)
-    bound = _BOUNDS.get(system)
-    if bound is None:
-        bound = _BOUNDS[system] = math.sqrt(_square(system))
-    return bound
+    return math.sqrt(_square(system))
 
 
-_BOUNDS: weakref.WeakKeyDictionary[System, float] = weakref.WeakKeyDictionary()
-
-
+@once_per_body
 def _square(system: System) -> float:
     if not system.massless.size:
         return _bound(system, system.K)

@@ -19,7 +19,7 @@ from vibroimpact_solvers.arrays import EPS, Floats, Integers
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.kernels import doubled
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix, frozen
-from vibroimpact_solvers.model import ChainShape, System
+from vibroimpact_solvers.model import Body, ChainShape, System
 from vibroimpact_solvers.plan import Stage, Step
 from vibroimpact_solvers.spectrum import inertia, refinement, rounded_modes, static_rows
 from vibroimpact_solvers.spectrum.cache import CACHE
@@ -118,7 +118,7 @@ def step(system: System, method: Method) -> Step:
 
 def _key(system: System, method: Method) -> bytes:
     """Return the key of a system's spectrum: a hash of all that it depends on."""
-    keys = _KEYS.setdefault(system, {})
+    keys = _KEYS.setdefault(system.body, {})
     if method not in keys:
         text = hashlib.blake2b(method.encode())
         text.update(system.M.digest())
@@ -127,7 +127,7 @@ def _key(system: System, method: Method) -> bytes:
     return keys[method]
 
 
-_KEYS: weakref.WeakKeyDictionary[System, dict[Method, bytes]] = weakref.WeakKeyDictionary()
+_KEYS: weakref.WeakKeyDictionary[Body, dict[Method, bytes]] = weakref.WeakKeyDictionary()
 
 
 def spectrum(system: System, method: Method | None = None) -> Spectrum:

@@ -12,10 +12,10 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from vibroimpact_solvers import condensation, impact_modes, spectrum
-from vibroimpact_solvers.arrays import EPS
+from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.errors import ModelError, PlanError
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix
-from vibroimpact_solvers.model import System
+from vibroimpact_solvers.model import Body, Coordinates, System
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 from vibroimpact_solvers.time_history.loads import Sampled, largest_frequency, samples
 from vibroimpact_solvers.time_history.problem import (
@@ -221,7 +221,7 @@ def _in_motion(problem: Problem) -> float:
     one is Rayleigh's quotient of the deflection under a force at a limiter.
     """
     fastest = spectrum.largest_frequency(problem.system)
-    slowest = _reaches(problem.system).slowest or fastest
+    slowest = _reach(problem.system).slowest or fastest
     return max(math.sqrt(fastest * slowest), largest_frequency(problem.load))
 
 
@@ -288,40 +288,51 @@ def _far(problem: Problem) -> list[int]:
     loaded = problem.load or (system.force is not None and system.force.any())
     if not isinstance(state, State) or loaded or problem.limiter is not None:
         return []
-    reaches, lightest, _ = _reaches(system)
+    reach = _reach(system)
+    if not reach.compliances.size:
+        return []
+    walls = [
+        min(np.inf if wall is None else wall for wall in (c.lower, c.upper))
+        for c in system.constraints
+    ]
+    # Signs of walls beyond the equilibrium do not count: such walls are within reach.
+    energies = np.square(np.maximum(walls, 0.0)) / (2.0 * reach.compliances) * (1.0 - 1e-12)
+    least: list[float] = energies.tolist()
     # Motions that are fast enough for all walls need no more than their speed.
-    if not reaches or 0.5 * lightest * float(state.v @ state.v) >= max(reaches):
+    if 0.5 * reach.lightest * float(state.v @ state.v) >= max(least):
         return []
     energy = 0.5 * float(state.v @ (system.M @ state.v) + state.x @ (system.K @ state.x))
-    return [i for i, least in enumerate(reaches) if energy < least]
+    return [i for i, enough in enumerate(least) if energy < enough]
 
 
 class _Reach(NamedTuple):
-    """What static deflections at the limiters tell.
+    """What static deflections at the limiters tell, wherever their walls are.
 
     Parameters
     ----------
-    energies : tuple of float
-        Below which the constraints do not reach their walls; none: unknown.
+    compliances : array, shape (constraint,)
+        Deflections of the constrained coordinates under unit forces; empty: unknown.
     lightest : float
         A lower bound of the mass that moves with any degree of freedom.
     slowest : float
         The lowest frequency at the limiters, about; 0: unknown, as of bodies that nothing holds.
     """
 
-    energies: tuple[float, ...] = ()
+    compliances: Floats = np.zeros(0)
     lightest: float = 0.0
     slowest: float = 0.0
 
 
-_REACHES: weakref.WeakKeyDictionary[System, _Reach] = weakref.WeakKeyDictionary()
+_REACHES: weakref.WeakKeyDictionary[Body, dict[Coordinates, _Reach]] = weakref.WeakKeyDictionary()
 
 
-def _reaches(system: System) -> _Reach:
-    """Return what is known of a system, or look."""
-    known = _REACHES.get(system)
+def _reach(system: System) -> _Reach:
+    """Return what is known of the limiters of a structure, or look."""
+    kept, coordinates = _REACHES.setdefault(system.body, {}), system.coordinates
+    known = kept.get(coordinates)
     if known is None:
-        known = _REACHES[system] = _looked_up(system)
+        kept.clear()  # of one choice of limiters at a time
+        known = kept[coordinates] = _looked_up(system)
     return known
 
 
@@ -344,16 +355,10 @@ def _looked_up(system: System) -> _Reach:
     deflections = less.factorize(definite=True)(np.ascontiguousarray(W.T))
     compliance = np.einsum("ij,ji->i", W, deflections)
     moving = np.einsum("ji,ji->i", deflections, system.M @ deflections)
-    walls = [
-        min(np.inf if wall is None else wall for wall in (c.lower, c.upper))
-        for c in system.constraints
-    ]
-    # Signs of walls beyond the equilibrium do not count: such walls are within reach.
-    least = np.square(np.maximum(walls, 0.0)) / (2.0 * compliance) * (1.0 - 1e-12)
     with np.errstate(all="ignore"):  # of numbers near the ends of double precision
         square = float((compliance / moving).min())
     slowest = math.sqrt(square) if math.isfinite(square) else 0.0
-    return _Reach(tuple(least.tolist()), lightest * (1.0 - 1e-12), slowest)
+    return _Reach(compliance, lightest * (1.0 - 1e-12), slowest)
 
 
 def _skips(problem: Problem, far: list[int]) -> tuple[Skip, ...]:

@@ -20,7 +20,7 @@ from vibroimpact_solvers.kernels.rigid_state import Rows
 from vibroimpact_solvers.meter import hold
 from vibroimpact_solvers.results.time_history import Result
 from vibroimpact_solvers.time_history import accurate_start, result_values
-from vibroimpact_solvers.time_history.basis import COLUMNS
+from vibroimpact_solvers.time_history.basis import COLUMNS, Basis
 from vibroimpact_solvers.time_history.history import History, new_history, some_of
 from vibroimpact_solvers.time_history.problem import ImpactMode, Problem, State
 from vibroimpact_solvers.time_history.run import Arrays, Run, Tick, new_progress
@@ -29,7 +29,7 @@ from vibroimpact_solvers.time_history.stated_errors import StatedErrors
 from vibroimpact_solvers.time_history.structure import Structure
 
 _END, _TABLE, _PAUSE, _REFUSED = map(int, (Stop.END, Stop.TABLE, Stop.PAUSE, Stop.REFUSED))
-_FREE: weakref.WeakKeyDictionary[Structure, dict[tuple[int, int], list[Arrays]]] = (
+_FREE: weakref.WeakKeyDictionary[Basis, dict[tuple[int, int], list[Arrays]]] = (
     weakref.WeakKeyDictionary()
 )
 """Work arrays not in use, by the numbers of deviations and of output dofs; threads share them."""
@@ -72,7 +72,7 @@ class RigidMotions:
         self._begin_bytes = self._begin.view(np.uint8)
         self._times = problem.history_times * structure.scale
         self._size = COLUMNS if problem.estimate else 0, problem.output_dofs.size
-        self._free = _FREE.setdefault(structure, {}).setdefault(self._size, [])
+        self._free = _FREE.setdefault(configuration.basis, {}).setdefault(self._size, [])
         self._every = StatedErrors(problem, structure)
         self._errors = self._every.of((configuration,))
         self._bare = result_values.values_of_exact_motion(problem)

@@ -18,6 +18,7 @@ from vibroimpact_solvers.kernels.rigid_state import IMPACT, PROGRESS, Rows, work
 from vibroimpact_solvers.meter import hold
 from vibroimpact_solvers.time_history.answered_impact import AnsweredImpact, Moved
 from vibroimpact_solvers.time_history.at_walls import CHATTER, AtWalls
+from vibroimpact_solvers.time_history.basis import Basis
 from vibroimpact_solvers.time_history.contact_errors import ContactErrors
 from vibroimpact_solvers.time_history.contact_impulses import Struck
 from vibroimpact_solvers.time_history.contact_impulses import impulses as impulses_at_rest
@@ -44,10 +45,10 @@ _MOST_AFTERWARDS = 2_000  # those in contact where the motion is not predictable
 
 def new_progress(structure: Structure, problem: Problem, t_end: float) -> Rows:
     """Return the progress of a motion that begins, of `rigid_state.PROGRESS`."""
-    known = _BEGINNINGS.get(structure)
+    basis = structure.configuration().basis
+    known = _BEGINNINGS.get(basis)
     if known is None:
-        basis = structure.configuration().basis
-        known = _BEGINNINGS[structure] = np.zeros(1, PROGRESS)
+        known = _BEGINNINGS[basis] = np.zeros(1, PROGRESS)
         known["longest"], known["chatter"], known["budget"] = basis.longest, CHATTER, WORK
         known["growth"], known["known_until"], known["released"] = 1.0, math.inf, -1
         known["unresolved"] = basis.modes.neglected / EPS
@@ -57,7 +58,7 @@ def new_progress(structure: Structure, problem: Problem, t_end: float) -> Rows:
     return progress
 
 
-_BEGINNINGS: weakref.WeakKeyDictionary[Structure, Rows] = weakref.WeakKeyDictionary()
+_BEGINNINGS: weakref.WeakKeyDictionary[Basis, Rows] = weakref.WeakKeyDictionary()
 
 
 class Arrays:

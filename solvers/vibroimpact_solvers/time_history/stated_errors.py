@@ -37,6 +37,9 @@ OF_IMPACTS: Final = tuple(f"error_impact_{name}" for name in ("time", "velocity"
 class Reach:
     """What a unit error of the state makes of the outputs, in one contact configuration.
 
+    It does not depend on where walls are, and does not hold the structure: configurations that
+    differ in their walls share it.
+
     Parameters
     ----------
     structure : Structure
@@ -46,8 +49,10 @@ class Reach:
     """
 
     def __init__(self, structure: Structure, configuration: Configuration, dofs: Integers) -> None:
-        self._structure, self._basis, self._dofs = structure, configuration.basis, dofs
+        self._basis, self._dofs = configuration.basis, dofs
         self._rows = structure.W @ configuration.basis.modes.shapes
+        self._scale, self._ramps = structure.scale, structure.ramps
+        self._level = structure.level_energy(configuration)
 
     @cached_property
     def history(self) -> Floats:
@@ -66,30 +71,26 @@ class Reach:
     def coordinates(self) -> Floats:
         """Of the constrained coordinates, their velocities and accelerations, (3, constraint)."""
         by_rate = self._basis.rates_of(self._basis.velocity(self._rows))
-        bend = self._structure.scale**2 * lengths(self._basis, by_rate)
+        bend = self._scale**2 * lengths(self._basis, by_rate)
         return np.concatenate([self._of(self._rows), bend[np.newaxis]])
 
     @cached_property
     def fastest(self) -> float:
         """How fast accelerations change, relative to their bounds."""
-        basis, times = self._basis, self._structure.ramps.times
-        rate = self._structure.scale * float(np.hypot(basis.alpha, basis.nu).max(initial=0.0))
+        basis, times = self._basis, self._ramps.times
+        rate = self._scale * float(np.hypot(basis.alpha, basis.nu).max(initial=0.0))
         # A load changes from one bound to the other between two samples.
         return max(rate, 2.0 / float(np.diff(times).min())) if times.size else rate
 
     @cached_property
     def impacts(self) -> Floats:
-        """What errors of impacts are made of, shape (6, constraint): see `impact_errors`."""
-        structure = self._structure
-        walls = EPS * structure.configuration().kernel.walls["size"]
-        restitution = np.array([c.restitution for c in structure.system.constraints])
-        mass = (1.0 + restitution) / np.diagonal(structure.mobility)
-        return np.stack([*self.coordinates, self._push, walls, mass])
+        """Of the constrained coordinates and loads on them, shape (4, constraint)."""
+        return np.stack([*self.coordinates, self._push])
 
     @property
     def _push(self) -> Floats:
         """Largest accelerations of the constrained coordinates by loads, shape (constraint,)."""
-        modes, ramps, rows = self._basis.modes, self._structure.ramps, self._rows
+        modes, ramps, rows = self._basis.modes, self._ramps, self._rows
         push = np.abs(rows @ modes.load)
         push += np.hypot(rows @ modes.cosine, rows @ modes.sine).sum(axis=1)
         highest = np.abs(ramps.values).max(axis=0, initial=0.0)
@@ -98,8 +99,7 @@ class Reach:
     @cached_property
     def energy(self) -> Floats:
         """Of the energy: a bound of its square form, of its linear one, and its level."""
-        basis, structure = self._basis, self._structure
-        modes, base, scale = basis.modes, basis.modes.base, structure.scale
+        basis, modes, scale = self._basis, self._basis.modes, self._scale
         stiff = np.sqrt(np.abs(modes.roots * np.abs(modes.roots))) / scale
         one = basis.place >= 0
         # Of a mode that is a pair: the rate is z2 - delta q, and z1 its coordinate times stretch.
@@ -117,14 +117,13 @@ class Reach:
             # The square of the spectral norm is below that of the largest sums.
             largest = max(largest, float(sizes.sum(axis=0).max() * sizes.sum(axis=1).max()))
         linear = lengths(basis, basis.displacement(modes.load[np.newaxis]))
-        level = base @ (0.5 * (structure.system.K @ base) - structure.force)
-        return np.array([scale**2 * largest, linear[0], abs(level)])
+        return np.array([scale**2 * largest, linear[0], abs(self._level)])
 
     def _of(self, rows: Floats) -> Floats:
         """Return the reaches of ``rows . q`` and of its velocity, shape (2, row)."""
         basis = self._basis
         place, rate = basis.displacement(rows), basis.velocity(rows)
-        speed = self._structure.scale * lengths(basis, rate)
+        speed = self._scale * lengths(basis, rate)
         return np.maximum([lengths(basis, place), speed], LEAST)
 
 
@@ -209,11 +208,20 @@ class StatedErrors:
         motions = (*ends, np.ascontiguousarray(gaps))
         times, velocities, impulses = np.empty((len(OF_IMPACTS), rows.size))
         fastest = max(reach.fastest for reach in self._reaches)
+        reaches = np.concatenate([self._largest("impacts"), self._walls])
         impact_errors(
-            rows, counts, motions, tolerance_of(self._problem), self._largest("impacts"), fastest,
+            rows, counts, motions, tolerance_of(self._problem), reaches, fastest,
             (times, velocities, impulses),
         )  # fmt: skip
         return dict(zip(OF_IMPACTS, (times, velocities, impulses), strict=True))
+
+    @cached_property
+    def _walls(self) -> Floats:
+        """Roundings of walls, and the masses that bounce there, shape (2, constraint)."""
+        structure = self._structure
+        walls = structure.configuration().kernel.walls
+        mass = (1.0 + walls["restitution"]) / np.diagonal(structure.mobility)
+        return np.stack([EPS * walls["size"], mass])
 
     def _largest(self, name: str) -> Floats:
         """Return the largest numbers of some name of all configurations."""

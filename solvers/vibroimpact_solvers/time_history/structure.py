@@ -2,52 +2,57 @@
 
 from __future__ import annotations
 
+import copy
 import itertools
 import math
 import weakref
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
-import scipy.linalg
-import scipy.sparse
+from numpy.typing import NDArray
 
 from vibroimpact_solvers import condensation, spectrum
 from vibroimpact_solvers.arrays import Booleans, Floats, Integers
 from vibroimpact_solvers.errors import ConvergenceError
+from vibroimpact_solvers.kernels import modal as modal_kernels
 from vibroimpact_solvers.kernels import rigid_state
-from vibroimpact_solvers.kernels.deviations import SAFETY
 from vibroimpact_solvers.kernels.flow import Watched
-from vibroimpact_solvers.kernels.modal import Modal, handed_over
-from vibroimpact_solvers.matrices import Form, SymmetricMatrix
-from vibroimpact_solvers.model import System
+from vibroimpact_solvers.matrices import SymmetricMatrix
+from vibroimpact_solvers.model import Body, Constraint, Coordinates, System
 from vibroimpact_solvers.spectrum import Spectrum
-from vibroimpact_solvers.time_history import modal_damping
 from vibroimpact_solvers.time_history.basis import Basis, Modes, exponent_of
-from vibroimpact_solvers.time_history.loads import (
-    SLOW_TURN,
-    Harmonic,
-    HarmonicLoads,
-    Load,
-    Ramps,
-    constant,
-    turns_slowly,
+from vibroimpact_solvers.time_history.loads import Harmonic, Load, turns_slowly
+from vibroimpact_solvers.time_history.modal_equations import (
+    Forces,
+    placed,
+    with_contacts,
+    without_contacts,
 )
-from vibroimpact_solvers.time_history.modal_damping import ModalDamping
 
 _EPS: Final = float(np.finfo(np.float64).eps)
-_TERMS: Final = 100_000  # that are in memory at once
 _UNCOUPLED: Final = 64.0 * _EPS  # of its terms, where a mobility or a force is rounding
 _DEPENDENT: Final = 1e12  # condition of mobilities, in units of their roots
 _REFINED: Final = 8  # passes, each of which gains four digits or more
+_ALTERNATING: Final = 2  # structures of one system that are kept: they are large
 Contact = tuple[int, int]
 """A constraint at rest at a wall: its index, and 1 for the upper or -1 for the lower wall."""
 
 
 _Key = tuple[spectrum.Method, tuple[Load, ...], frozenset[Load], float]
+_SHARED: weakref.WeakKeyDictionary[Body, dict[tuple[_Key, Coordinates], Shared]] = (
+    weakref.WeakKeyDictionary()
+)
 _PREPARED: weakref.WeakKeyDictionary[System, dict[_Key, Structure]] = weakref.WeakKeyDictionary()
+
+
+def _make_room(kept: dict[Any, Any]) -> None:
+    """Forget all where there are as many as alternate: with the loads of a motion, and without."""
+    if len(kept) >= _ALTERNATING:
+        kept.clear()
 
 
 def prepared(system: System) -> tuple[Structure, ...]:
@@ -71,8 +76,14 @@ class Configuration:
     free : tuple of int
         The other constraints, in the order in which they are watched; contact forces are
         watched after them.
+    level : array, shape (free constraint,)
+        The free coordinates at the zero of the state.
+    changes : array of long double, shape (free constraint,)
+        Changes of their velocities by unit impulses.
     kernel : rigid_state.Structure
         What the compiled loop takes.
+    arguments : tuple
+        The same as `kernels.rigid_motion.follow` takes it.
     reaches : dict
         What is known of errors of the outputs at some degrees of freedom (`stated_errors.Reach`).
     """
@@ -82,7 +93,10 @@ class Configuration:
     answers: Floats
     idle: frozenset[Contact]
     free: tuple[int, ...]
+    level: Floats
+    changes: NDArray[np.longdouble]
     kernel: rigid_state.Structure
+    arguments: tuple[Any, ...]
     reaches: dict[bytes, Any] = field(default_factory=dict)
 
     @property
@@ -91,10 +105,64 @@ class Configuration:
         first, kernel = len(self.free), self.kernel
         return kernel.watched.coordinate[first:], kernel.walls["lower"][first:]
 
-    @cached_property
-    def arguments(self) -> tuple[Any, ...]:
-        """The same as `kernels.rigid_motion.follow` takes it."""
-        return rigid_state.handed_over(self.kernel)
+    def between(self, constraints: Sequence[Constraint]) -> Configuration:
+        """Return the configuration with the free coordinates between the walls of constraints."""
+        limits, count = [constraints[i] for i in self.free], len(self.free)
+        lower, upper = places = _places(limits)
+        walls = self.kernel.walls.copy()
+        of_free = walls[:count]
+        of_free["lower"], of_free["upper"] = lower + self.level, upper - self.level
+        largest = np.where(np.isfinite(places), np.abs(places), 0.0).max(axis=0, initial=0.0)
+        of_free["size"] = largest + np.abs(self.level)
+        of_free["restitution"] = [c.restitution for c in limits]
+        of_free["factor"], of_free["factor_rest"] = _quotients(self.changes, of_free["restitution"])
+        arguments = rigid_state.between(self.arguments, walls)
+        return replace(self, kernel=self.kernel._replace(walls=walls), arguments=arguments)
+
+
+@dataclass(eq=False, slots=True)
+class Shared:
+    """What structures share whose limiters differ in the places of walls and in restitution only.
+
+    It is kept beside their body, and does not hold it.
+    """
+
+    natural: Spectrum
+    forces: Forces
+    W: Floats  # (constraint, dof)
+    exponent: int  # of the unit of time
+    modes: Modes  # without contacts
+    mobility: Floats  # (constraint, constraint)
+    # The configuration without contacts and the same of `kernels.modal`, their walls not placed
+    free: Configuration | None = None
+    modal: tuple[Any, ...] | None = None
+    # Modes with constraints in contact, and ``M^-1 W^T`` of these
+    held: dict[tuple[int, ...], tuple[Modes, Floats]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, system: System, key: _Key, t_end: float) -> Shared:
+        """Return what is kept beside the body of a system, or prepare it."""
+        kept = _SHARED.setdefault(system.body, {})
+        whole_key = key, system.coordinates
+        shared = kept.get(whole_key)
+        if shared is None:
+            method, load, *_ = key
+            shared = cls._prepared(system, method, Forces.of(system, load, t_end), t_end)
+            _make_room(kept)
+            kept[whole_key] = shared
+        return shared
+
+    @classmethod
+    def _prepared(
+        cls, system: System, method: spectrum.Method, forces: Forces, t_end: float
+    ) -> Shared:
+        natural = spectrum.spectrum(system, method)
+        W = system.directions(range(len(system.constraints)))
+        turning = forces.harmonic.frequencies[~forces.slow]
+        exponent = exponent_of(np.concatenate([natural.roots, turning]), t_end)
+        modes = without_contacts(system, forces, natural)
+        rows = W @ modes.shapes
+        return cls(natural, forces, W, exponent, modes, np.asarray(rows @ rows.T))
 
 
 class Structure:
@@ -103,62 +171,49 @@ class Structure:
     Parameters
     ----------
     system : System
-    method : Method
-        How its natural modes are computed.
-    t_end : float
-        Length of the motion; sets the unit of time where nothing vibrates.
-    load : tuple of Load
+    shared : Shared
+        Of a system with the same body, and limiters of the same coordinates.
     """
 
-    def __init__(
-        self, system: System, method: spectrum.Method, t_end: float, load: tuple[Load, ...] = ()
-    ) -> None:
-        self.system = system
-        self.harmonic_loads = HarmonicLoads.of(load, system.n)
-        self._slow = self.harmonic_loads.frequencies * t_end < SLOW_TURN
-        self.ramps = Ramps.of(load, system.n)
-        self.natural: Spectrum = spectrum.spectrum(system, method)
-        n, count = system.n, len(system.constraints)
-        self.W = system.directions(range(count))
-        self.limits = (
-            np.array(
-                [
-                    [np.inf if w is None else w for w in (c.lower, c.upper)]
-                    for c in system.constraints
-                ]
-            )
-            .reshape(count, 2)
-            .T.copy()
-        )
-        self.force = constant(load, n)
-        if system.force is not None:
-            self.force = self.force + system.force
-        turning = self.harmonic_loads.frequencies[~self._slow]
-        self.exponent = exponent_of(np.concatenate([self.natural.roots, turning]), t_end)
+    def __init__(self, system: System, shared: Shared) -> None:
+        self.system, self._shared = system, shared
+        self.natural, self.W, self.mobility = shared.natural, shared.W, shared.mobility
+        forces = shared.forces
+        self.force, self.harmonic_loads, self.ramps = forces.constant, forces.harmonic, forces.ramps
+        self.exponent = shared.exponent
         self.scale = math.ldexp(1.0, self.exponent)
+        self.limits = _places(system.constraints)
         self._configurations: dict[frozenset[Contact], Configuration] = {}
         self._modal: dict[tuple[Contact, ...], tuple[Any, ...]] = {}
-        self._modes = self._without_contacts()
-        rows = self.W @ self._modes.shapes
-        self.mobility = np.asarray(rows @ rows.T)
 
     @classmethod
     def of(
         cls, system: System, method: spectrum.Method, t_end: float, load: tuple[Load, ...] = ()
     ) -> Structure:
-        """Return the structure prepared before for the same system object, or prepare it."""
-        known = _PREPARED.setdefault(system, {})
+        """Return the structure of a system, with what was prepared for it or with others' walls.
+
+        Parameters
+        ----------
+        system : System
+        method : Method
+            How its natural modes are computed.
+        t_end : float
+            Length of the motion; sets the unit of time where nothing vibrates.
+        load : tuple of Load
+        """
         slow = frozenset(term for term in load if turns_slowly(term, t_end))
         turning = any(
             isinstance(term, Harmonic) and term.frequency > 0.0 for term in {*load} - slow
         )
         unit = 0.0 if turning or system.K.data.any() else t_end  # that alone gives the unit of time
         key = (method, load, slow, unit)
-        structure = known.get(key)
+        structures = _PREPARED.setdefault(system, {})
+        structure = structures.get(key)
         if structure is None:
-            structure = cls(system, method, t_end, load)
-            known.clear()  # they are large; loads seldom alternate
-            known[key] = structure
+            # A copy: a structure that held its own key would never be forgotten.
+            structure = cls(copy.copy(system), Shared.of(system, key, t_end))
+            _make_room(structures)
+            structures[key] = structure
         return structure  # another thread may have cleared it by now
 
     def configuration(self, contacts: frozenset[Contact] = frozenset()) -> Configuration:
@@ -166,11 +221,29 @@ class Structure:
         configuration = self._configurations.get(contacts)
         if configuration is None:
             fixed = tuple(sorted(contacts))
-            self._require_independent(fixed)
-            modes = self._with_contacts(fixed) if fixed else self._modes
-            configuration = self._watched(Basis(modes, self.exponent), fixed)
+            unplaced = self._held(fixed) if fixed else self._free()
+            configuration = unplaced.between(self.system.constraints)
             self._configurations[contacts] = configuration
         return configuration
+
+    def _free(self) -> Configuration:
+        """Return the configuration without contacts, its walls not placed."""
+        shared = self._shared
+        if shared.free is None:
+            shared.free = self._watched(Basis(shared.modes, self.exponent), ())
+        return shared.free
+
+    def _held(self, contacts: tuple[Contact, ...]) -> Configuration:
+        """Return a configuration with contacts, the walls of the others not placed."""
+        self._require_independent(contacts)
+        held, system = tuple(index for index, _ in contacts), self.system
+        W, kept = self.W[[*held]], self._shared.held
+        if held not in kept:
+            solved = self.mass_solve(np.ascontiguousarray(W.T))
+            kept[held] = with_contacts(system, self._shared.forces, W), solved
+        modes, solved = kept[held]
+        modes = placed(modes, system, self._shared.forces, self._placed(contacts, W, solved))
+        return self._watched(Basis(modes, self.exponent), contacts)
 
     def _require_independent(self, contacts: tuple[Contact, ...]) -> None:
         """Refuse contacts of which one is a combination of the others: forces are not unique."""
@@ -217,7 +290,7 @@ class Structure:
     @property
     def shapes(self) -> Floats:
         """The modes without contacts as columns, shape (dof, mode)."""
-        return self._modes.shapes
+        return self._shared.modes.shapes
 
     @cached_property
     def narrowest_gap(self) -> float:
@@ -228,108 +301,38 @@ class Structure:
         """Return how kernels convert states and displacements of some dofs (`kernels.modal`)."""
         known = self._modal.get(configuration.contacts)
         if known is None:
-            known = self._modal[configuration.contacts] = handed_over(self._modes_of(configuration))
+            known = None if configuration.contacts else self._shared.modal
+            if known is None:
+                known = modal_kernels.handed_over(self._modes_of(configuration))
+            if not configuration.contacts:
+                self._shared.modal = known
+            known = self._modal[configuration.contacts] = modal_kernels.between(known, self.limits)
         if dofs.size == self.system.n and bool((dofs[1:] > dofs[:-1]).all()):
             return known
         sizes, (weighted, shapes, *matrices), base, *rest = known
         return sizes, (weighted, shapes[dofs], *matrices), base[dofs], *rest
 
-    def _modes_of(self, configuration: Configuration) -> Modal:
+    def level_energy(self, configuration: Configuration) -> float:
+        """Return the energy where all modal coordinates are zero."""
+        base = configuration.basis.modes.base
+        if not base.any():
+            return 0.0
+        return float(base @ (0.5 * (self.system.K @ base) - self.force))
+
+    def _modes_of(self, configuration: Configuration) -> modal_kernels.Modal:
         basis, (lower, upper) = configuration.basis, self.limits
-        modes, base = basis.modes, basis.modes.base
-        level = base @ (0.5 * (self.system.K @ base) - self.force)
+        modes = basis.modes
         roots = modes.roots * (1.0 + modes.rests)
-        return Modal(
-            self.scale, float(level), modes.weighted, modes.shapes, base, basis.still,
-            basis.stretch, basis.delta, roots * np.abs(roots), modes.load, basis.place,
-            basis.others, basis.made_by_others(), basis.start_of_others(), self.W, lower, upper,
+        return modal_kernels.Modal(
+            self.scale, self.level_energy(configuration), modes.weighted, modes.shapes, modes.base,
+            basis.still, basis.stretch, basis.delta, roots * np.abs(roots), modes.load,
+            basis.place, basis.others, basis.made_by_others(), basis.start_of_others(), self.W,
+            lower, upper,
         )  # fmt: skip
 
     def mass_solve(self, b: Floats) -> Floats:
         """Return ``M^-1 b``; what has no mass follows."""
         return np.asarray(condensation.solve_mass(self.system)(b))
-
-    def _without_contacts(self) -> Modes:
-        natural, system = self.natural, self.system
-        shapes = natural.modes
-        weighted = system.M @ shapes
-        rests = np.zeros(natural.roots.size) if natural.rounding is None else natural.rounding
-        still = np.zeros(system.n)
-        rounded = natural.norms + (_EPS if natural.rounding is None else 0.0)
-        errors = natural.uncertainty if natural.errors is None else natural.errors
-        errors = errors + rounded * np.abs(natural.eigenvalues)
-        shape_error = natural.norms
-        if natural.angles is not None:
-            shape_error += float(natural.angles.max(initial=0.0))
-        rigid = natural.roots == 0.0
-        errors[rigid] = _left_by_rounding(system.K, shapes[:, rigid])
-        return self._equations(
-            natural.roots, rests, shapes, still, weighted, errors, shape_error, exact=natural.proved
-        )
-
-    def _equations(
-        self,
-        roots: Floats,
-        rests: Floats,
-        shapes: Floats,
-        base: Floats,
-        weighted: Floats,
-        errors: Floats,
-        shape_error: float,
-        *,
-        exact: bool = False,
-    ) -> Modes:
-        """Return the modal equations of some modes, exact ones erring by their entries alone."""
-        system = self.system
-        damped = ModalDamping(None, np.zeros(roots.size), np.zeros((0, 0)))
-        if system.C is not None:
-            shapes = _with_separate_rigid_modes(system.C, roots, shapes)
-            rigid = roots == 0.0
-            errors[rigid] = errors[rigid].sum()  # each of them may be any of those before
-            weighted = system.M @ shapes
-            damped = modal_damping.of_modes(system, shapes, roots, exact=exact)
-        force = self.force - (system.K @ base if base.any() else 0.0)
-        # A load that is only rounding must not drive a rigid-body mode away.
-        load = force @ shapes
-        load[np.abs(load) <= 1e-13 * (np.abs(force) @ np.abs(shapes))] = 0.0
-        harmonic_loads = self.harmonic_loads
-        cosine, sine = shapes.T @ harmonic_loads.cosine, shapes.T @ harmonic_loads.sine
-        ramps, begin = self.ramps, self.ramps.segment(0.0) if self.ramps.count else 0
-        return Modes(
-            roots, rests, damped.matrix, load, harmonic_loads.frequencies, self._slow, cosine, sine,
-            shapes.T @ ramps.directions, ramps.state(begin, 0.0), shapes, base, weighted, errors,
-            damped.errors, shape_error + damped.neglected, damped.neglected,
-        )  # fmt: skip
-
-    def _with_contacts(self, contacts: tuple[Contact, ...]) -> Modes:
-        """Return the modes of the structure with the constrained coordinates held fixed."""
-        system = self.system
-        W = self.W[[index for index, _ in contacts]]
-        M, K = system.M.to_dense(), system.K.to_dense()
-        Z: Floats
-        solved: Floats
-        if system.massless.size:
-            condensed = condensation.of(system)
-            Z = condensed.whole(scipy.linalg.null_space(W[:, condensed.massive]))
-        else:
-            Z = scipy.linalg.null_space(W)
-        solved = self.mass_solve(np.ascontiguousarray(W.T))
-        # The base is orthogonal to the rest in M, and so has no part in the inertia.
-        base = self._placed(contacts, W, solved)
-        eigenvalues, vectors = scipy.linalg.eigh(Z.T @ K @ Z, Z.T @ M @ Z)
-        shapes = Z @ vectors
-        # Terms may be larger than their sums: of a rigid body that nothing else is left of, and of
-        # what has no mass.
-        magnitudes = np.abs(shapes)
-        terms = (magnitudes * (np.abs(K) @ magnitudes)).sum(axis=0)
-        scale = float(np.maximum(np.abs(eigenvalues), terms).max(initial=0.0))
-        rounding = max(16.0, math.sqrt(system.n)) * _EPS * scale
-        eigenvalues[np.abs(eigenvalues) <= rounding] = 0.0
-        roots = np.sign(eigenvalues) * np.sqrt(np.abs(eigenvalues))
-        errors = np.full(roots.size, rounding / SAFETY)
-        return self._equations(
-            roots, np.zeros(roots.size), shapes, base, system.M @ shapes, errors, _EPS
-        )
 
     def _placed(self, contacts: tuple[Contact, ...], W: Floats, solved: Floats) -> Floats:
         """Return the combination of the columns ``M^-1 W^T`` that is at the walls, shape (dof,).
@@ -361,60 +364,43 @@ class Structure:
         return side * wall
 
     def _watched(self, basis: Basis, contacts: tuple[Contact, ...]) -> Configuration:
-        system, modes = self.system, basis.modes
-        fixed = {index for index, _ in contacts}
-        free = tuple(i for i in range(len(system.constraints)) if i not in fixed)
-        W = self.W[list(free)]
+        """Return a configuration whose walls are not placed."""
+        modes, fixed = basis.modes, {index for index, _ in contacts}
+        free = tuple(i for i in range(len(self.W)) if i not in fixed)
+        W, count = self.W[list(free)], len(free)
         rows = W @ modes.shapes
-        level = basis.level(rows) + W @ modes.base
+        level = np.asarray(basis.level(rows) + W @ modes.base)
         forms, slopes, kicks = basis.displacement(rows), basis.velocity(rows), basis.kick(rows)
-        limits = [system.constraints[i] for i in free]
-        lower = np.array([np.inf if c.lower is None else c.lower for c in limits]) + level
-        upper = np.array([np.inf if c.upper is None else c.upper for c in limits]) - level
-        sizes = np.array(
-            [max(abs(w) for w in (c.lower, c.upper) if w is not None) for c in limits]
-        ) + np.abs(level)
-        restitution = np.array([c.restitution for c in limits])
+        walls = np.zeros(count + len(contacts), rigid_state.WALL)
         idle = np.zeros(0, dtype=np.bool_)
         if contacts:
             press, press_level, idle = self._contact_force_forms(basis, contacts)
             forms = np.concatenate([forms, press])
             slopes = np.concatenate([slopes, basis.rates_of(press)])
             kicks = np.concatenate([kicks, np.zeros_like(press)])
-            lower = np.concatenate([lower, press_level])
-            upper = np.concatenate([upper, np.full(len(contacts), np.inf)])
-            sizes = np.concatenate([sizes, np.abs(press_level)])
-            restitution = np.concatenate([restitution, np.full(len(contacts), -1.0)])
-        mobility = np.zeros((restitution.size, restitution.size))
-        mobility[: len(free), : len(free)] = rows @ rows.T
-        factor, rest = _quotients(slopes[: len(free)], kicks[: len(free)], restitution)
-        fill = np.zeros(len(contacts))
-        factor, rest = (np.concatenate([part, fill]) for part in (factor, rest))
-        jumps = (slopes * basis.drift(kicks)).sum(axis=(1, 2))
+            of_forces = walls[count:]
+            of_forces["lower"], of_forces["upper"] = press_level, np.inf
+            of_forces["size"], of_forces["restitution"] = np.abs(press_level), -1.0
+        mobility = np.zeros((walls.size, walls.size))
+        mobility[:count, :count] = rows @ rows.T
         answers = self._answers(free, contacts)
-        opens = _opening(forms[len(free) :], kicks[: len(free)], answers)
+        opens = _opening(forms[count:], kicks[:count], answers)
         if contacts and basis.longest < np.inf:  # sums of growing kicks would lose their digits
             opens[:] = rigid_state.MAYBE
         opens[:, (answers[idle] != 0.0).any(axis=0)] = rigid_state.MAYBE  # they are struck, too
-        walls = np.empty(restitution.size, rigid_state.WALL)
-        walls["lower"], walls["upper"], walls["restitution"] = lower, upper, restitution
-        walls["size"], walls["factor"], walls["factor_rest"] = sizes, factor, rest
-        walls["acceleration"] = jumps
-        walls["opens_lower"] = walls["opens_upper"] = 0
-        walls["opens_lower"][: len(free)], walls["opens_upper"][: len(free)] = opens
+        walls["opens_lower"][:count], walls["opens_upper"][:count] = opens
+        drifting = basis.drift(kicks)
+        walls["acceleration"] = (slopes * drifting).sum(axis=(1, 2))
         high, size, low = (np.ascontiguousarray(part) for part in basis.weight(forms))
-        watched = Watched(forms, slopes, kicks, basis.drift(kicks), size, high, low)
-        form_errors, slope_errors, kick_errors = basis.form_errors(forms, slopes, kicks)
-        drift = float(np.abs(basis.drifts).max(initial=0.0))
-        doubts, still = basis.doubts
-        own = kick_errors, form_errors, slope_errors, basis.own, basis.measure, doubts
-        carried = basis.carried, basis.load_places, still
-        errors = basis.signs, basis.drifts, *own, *carried, drift
+        watched = Watched(forms, slopes, kicks, drifting, size, high, low)
         kernel = rigid_state.Structure(
-            basis.flow, watched, walls, mobility, rigid_state.Errors(*errors)
+            basis.flow, watched, walls, mobility, _errors(basis, watched)
         )
         without_force = frozenset(itertools.compress(contacts, idle))
-        return Configuration(basis, contacts, answers, without_force, free, kernel)
+        return Configuration(
+            basis, contacts, answers, without_force, free, level,
+            _changes(slopes[:count], kicks[:count]), kernel, rigid_state.handed_over(kernel),
+        )  # fmt: skip
 
     def _answers(self, free: tuple[int, ...], contacts: tuple[Contact, ...]) -> Floats:
         """Return the impulses by which contacts keep closed, shape (contact, free constraint)."""
@@ -467,35 +453,15 @@ class Structure:
         return forms, level, idle
 
 
+def _places(constraints: Sequence[Constraint]) -> Floats:
+    """Return distances to lower and upper walls, infinite where there is none, (2, constraint)."""
+    each = [[math.inf if w is None else w for w in (c.lower, c.upper)] for c in constraints]
+    return np.array(each).reshape(len(each), 2).T.copy()
+
+
 def _magnitudes(A: SymmetricMatrix) -> SymmetricMatrix:
     """Return the matrix of the magnitudes of all entries."""
     return SymmetricMatrix(np.abs(A.data), A.form, A.pattern)
-
-
-def _with_separate_rigid_modes(C: SymmetricMatrix, roots: Floats, shapes: Floats) -> Floats:
-    """Return the modes, those of rigid bodies chosen such that damping does not couple them."""
-    rigid = np.flatnonzero(roots == 0.0)
-    if rigid.size < 2:
-        return shapes
-    some = shapes[:, rigid]
-    _, turned = np.linalg.eigh(some.T @ (C @ some))
-    shapes = shapes.copy()
-    shapes[:, rigid] = some @ turned
-    return shapes
-
-
-def _left_by_rounding(K: SymmetricMatrix, rigid: Floats) -> Floats:
-    """Return the eigenvalues of rigid-body modes, shape (mode,): K is singular up to rounding."""
-    if rigid.shape[1] == 0:
-        return np.zeros(0)
-    matrix = K.to_dense() if K.form is Form.DENSE else K.to_sparse()
-    wide, left = rigid.astype(np.longdouble), np.zeros(rigid.shape[1], np.longdouble)
-    rows = max(1, _TERMS * K.n // max(1, matrix.size))
-    for begin in range(0, K.n, rows):
-        part = scipy.sparse.coo_array(matrix[begin : begin + rows])
-        terms = part.data[:, np.newaxis] * wide[begin + part.row] * wide[part.col]
-        left += terms.sum(axis=0)
-    return np.asarray(np.abs(left), dtype=np.float64)
 
 
 def _opening(forces: Floats, kicks: Floats, answers: Floats) -> Integers:
@@ -515,16 +481,31 @@ def _opening(forces: Floats, kicks: Floats, answers: Floats) -> Integers:
     )
 
 
-def _quotients(slopes: Floats, kicks: Floats, restitution: Floats) -> tuple[Floats, Floats]:
+def _errors(basis: Basis, watched: Watched) -> rigid_state.Errors:
+    """Return the sizes of the errors that deviations stand for."""
+    forms, slopes, kicks = watched.coordinate, watched.velocity, watched.kick
+    form_errors, slope_errors, kick_errors = basis.form_errors(forms, slopes, kicks)
+    drift = float(np.abs(basis.drifts).max(initial=0.0))
+    doubts, still = basis.doubts
+    return rigid_state.Errors(
+        basis.signs, basis.drifts, kick_errors, form_errors, slope_errors, basis.own,
+        basis.measure, doubts, basis.carried, basis.load_places, still, drift,
+    )  # fmt: skip
+
+
+def _changes(slopes: Floats, kicks: Floats) -> NDArray[np.longdouble]:
+    """Return the changes of velocity by unit impulses, shape (free,)."""
+    each = zip(slopes.astype(np.longdouble), kicks, strict=True)
+    return np.array([(slope * kick).sum() for slope, kick in each], dtype=np.longdouble)
+
+
+def _quotients(changes: NDArray[np.longdouble], restitution: Floats) -> tuple[Floats, Floats]:
     """Return (1 + restitution) over the change of velocity by a unit impulse, as two doubles each.
 
     What is rounded in the quotient, or in the forms and not in the quotient, would change the
     energy by the same part of itself at every impact. Of a coordinate that contacts hold it is 0.
     """
-    factor, rest = np.empty((2, len(slopes)))
-    for i, (slope, kick) in enumerate(zip(slopes.astype(np.longdouble), kicks, strict=True)):
-        change = (slope * kick).sum()
-        exact = (1 + np.longdouble(restitution[i])) / change if change > 0 else np.longdouble(0)
-        factor[i] = exact
-        rest[i] = exact - np.longdouble(factor[i])
-    return factor, rest
+    exact = np.zeros_like(changes)
+    np.divide(1 + restitution.astype(np.longdouble), changes, out=exact, where=changes > 0)
+    factor = exact.astype(np.float64)
+    return factor, (exact - factor).astype(np.float64)

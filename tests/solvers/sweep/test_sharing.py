@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from collections import Counter
 from typing import Any
 
 import numpy as np
 import pytest
 
-from vibroimpact_solvers import impact_modes, spectrum, sweep
+from vibroimpact_solvers import (
+    attractors,
+    impact_modes,
+    periodic_motions,
+    spectrum,
+    sweep,
+    time_history,
+)
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.impact_modes import modal
 from vibroimpact_solvers.kernels import families, response
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.plan import Plan, Stage
 from vibroimpact_solvers.spectrum import methods
+from vibroimpact_solvers.time_history import structure
 
 MOVED = ("Omega", "omega")
 
@@ -161,3 +171,140 @@ def test_the_plan_says_what_is_shared() -> None:
     skips = {skip.what: skip.why for skip in sweep.plan(problem).skips}
     assert skips["spectrum at 1990 of 2000 points"] == "gap, w: invalidates later stages only"
     assert skips["response at 1600 of 2000 points"] == "gap: invalidates later stages only"
+
+
+class Driven:
+    """Two masses with drag between two stops, pushed by a constant and a varying load."""
+
+    def __init__(self, kind: str, points: int = 15) -> None:
+        K = SymmetricMatrix.dense([[2.0, -1.0], [-1.0, 1.5]])
+        M = SymmetricMatrix.dense([[1.0, 0.1], [0.1, 1.2]])
+        C = SymmetricMatrix.dense([[0.1, 0.0], [0.0, 0.05]])
+        # Periodic motions have no constant load.
+        force = np.array([0.0, 0.8]) if kind == "time-history" else None
+        self.kind, self.whole = kind, System(M, K, self._limiters(0.3, 0.3), C=C, force=force)
+        self.gaps, self.restitutions = np.linspace(0.2, 0.5, points // 3), np.array([0.1, 0.5, 0.9])
+
+    def _limiters(self, gap: float, restitution: float) -> tuple[Constraint, ...]:
+        upper = Constraint((1,), (1.0,), None, gap, restitution)
+        return Constraint.at(0, 2.0 * gap, restitution), upper
+
+    def at(self, index: tuple[int, ...]) -> Any:
+        gap, restitution = float(self.gaps[index[0]]), float(self.restitutions[index[1]])
+        system = self.whole.limited(self._limiters(gap, restitution))
+        if self.kind == "periodic-motions":
+            drive = (periodic_motions.Force((0,), (1.0,), 1.0),)
+            return periodic_motions.Problem(system, np.array([0.9, 1.7]), drive, constraint=1)
+        start = np.array([[0.0, 0.0]]), np.array([[1.0, -0.5]])
+        if self.kind == "attractors":
+            drive = (attractors.Force((0,), (1.0,), 1.0),)
+            return attractors.Problem(system, np.array([0.9]), *start, drive, settle=40, observe=40)
+        state = time_history.State(start[0][0], start[1][0])
+        load = (time_history.Harmonic(0, 0.5, 0.9),)
+        outputs = frozenset({"impacts", "contacts", "x"})
+        return time_history.Problem(
+            system, state, 40.0, np.array([7.0, 40.0]), outputs=outputs, load=load
+        )
+
+    def problem(self) -> sweep.Problem:
+        path = ("system", "constraints", 0)
+        axes = [("gap", self.gaps), ("restitution", self.restitutions)]
+        return sweep.Problem(
+            self.kind,
+            tuple(
+                sweep.Axis(name, name, values, stage=sweep.rule(self.kind, (*path, name)).stage)
+                for name, values in axes
+            ),
+            self.at,
+            self.whole,
+        )
+
+
+@pytest.fixture
+def factorised(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
+    """Count spectra, factorisations, and modes with coordinates held fixed."""
+    counts: Counter[str] = Counter()
+
+    def count(owner: Any, name: str) -> None:
+        counted = getattr(owner, name)
+
+        def call(*args: Any, **options: Any) -> Any:
+            counts[name] += 1
+            return counted(*args, **options)
+
+        monkeypatch.setattr(owner, name, call)
+
+    monkeypatch.setattr(methods, "CACHE", spectrum.Cache(2**30))
+    count(methods, "_compute")
+    for name in ("factorize", "is_positive_definite"):
+        count(SymmetricMatrix, name)
+    for name in ("with_contacts", "without_contacts"):
+        count(structure, name)
+    return counts
+
+
+KINDS_OF_MOTION = ("time-history", "periodic-motions", "attractors")
+
+
+@pytest.mark.needs("compiled kernels")
+@pytest.mark.parametrize("kind", KINDS_OF_MOTION)
+def test_walls_and_restitution_factorise_nothing(kind: str, factorised: Counter[str]) -> None:
+    """As often for all points as for one, in which both masses rest."""
+    driven = Driven(kind)
+    problem = driven.problem()
+    factorised.clear()
+    result = sweep.solve(problem, sweep.plan(problem))
+    of_all = Counter(factorised)
+    assert (result.arrays["status"] == 0).all()
+    assert of_all["_compute"] == 1
+    # Attractors are verified as periodic motions, whose load is no part of the structure.
+    assert of_all["without_contacts"] == (2 if kind == "attractors" else 1)
+    # Either mass rests, or both.
+    assert of_all["with_contacts"] <= 3
+    assert of_all["factorize"] <= 3
+    if kind == "time-history":
+        assert of_all["with_contacts"] > 0
+        assert result.arrays["contact_count"].any()
+    sweep.solve(problem, sweep.plan(problem))
+    again = Counter(factorised)
+    assert again == of_all, again  # all of it is kept for as long as the structure is
+
+
+@pytest.mark.needs("compiled kernels")
+@pytest.mark.parametrize("kind", KINDS_OF_MOTION)
+def test_motions_between_other_walls_have_the_numbers_that_they_have_alone(kind: str) -> None:
+    problem = Driven(kind).problem()
+    result = sweep.solve(problem, sweep.plan(problem))
+    offsets = {name: values for name, values in result.arrays.items() if name.endswith("_offset")}
+    solver = problem.swept_kind.solver
+    for index in np.ndindex(problem.shape):
+        point = Driven(kind).problem().at(index)  # whose structure nothing was prepared for
+        alone = solver.solve(point, solver.plan(point))
+        for name, meaning in result.meanings.items():
+            values = getattr(alone, name, None)
+            if not isinstance(values, np.ndarray) or meaning.coordinate:
+                continue
+            rows = meaning.dims[0]
+            if f"{rows}_offset" in offsets:
+                start = int(offsets[f"{rows}_offset"][index])
+                of_point = result.arrays[name][start : start + len(values)]
+            else:
+                of_point = result.arrays[name][index]
+            np.testing.assert_array_equal(of_point, values, err_msg=name)
+
+
+@pytest.mark.needs("compiled kernels")
+def test_what_was_prepared_is_forgotten_with_its_structure() -> None:
+    driven = Driven("time-history")
+    problem = driven.at((0, 0))
+    time_history.solve(problem, time_history.plan(problem))
+    system, body = weakref.ref(problem.system), weakref.ref(problem.system.body)
+    assert time_history.prepared(problem.system)
+    gc.disable()  # nor does it wait for that
+    try:
+        del problem
+        assert system() is None
+        del driven
+        assert body() is None
+    finally:
+        gc.enable()
