@@ -17,7 +17,7 @@ import threading
 import time
 import traceback
 from collections.abc import Mapping
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
@@ -60,6 +60,7 @@ def write(stream: BinaryIO, message: tuple[Any, ...]) -> None:
     stream.flush()
 
 
+@cache
 def no_systems() -> Store:
     """Return an empty store, in a folder that is not there: servers alone store systems."""
     return Store(str(Path(tempfile.gettempdir()) / f"vibroimpact-none-{os.getpid()}"))

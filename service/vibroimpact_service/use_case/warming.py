@@ -257,9 +257,19 @@ def _place() -> Path | None:
 
 
 def is_compiled(kind: str) -> bool:
-    """Whether the kernels of a kind are known to be there for this process."""
+    """Whether the kernels of a kind are known to be there for this process.
+
+    Once they are, no folder is looked at again: that takes as long as a small plan.
+    """
     place = _place()
-    return place is not None and is_warm(place, kind)
+    if place is None:
+        return False
+    if (place, kind) not in _compiled and is_warm(place, kind):
+        _compiled.add((place, kind))
+    return (place, kind) in _compiled
+
+
+_compiled: Final[set[tuple[Path, str]]] = set()
 
 
 def compile_step(place: Path, step: str, solve: Callable[[str], None]) -> None:
