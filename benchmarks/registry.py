@@ -84,6 +84,7 @@ BENCHMARKS: Final[tuple[Benchmark, ...]] = (
             "error_against_time.stated_errors.stated_errors",
             "error_against_time.impact_modes.impulses",
             "error_against_time.existence_bands.bands_by_scans",
+            "error_against_time.existence_bands.bands_of_beams",
             "error_against_time.slow_flows.slow_flow_variants",
         ),
     ),
