@@ -127,6 +127,7 @@ BENCHMARKS: Final[tuple[Benchmark, ...]] = (
             "service.answers.answers",
             "service.answers.clients",
             "service.jobs.small_jobs",
+            "service.jobs.sweeps",
             "service.answers.starts",
         ),
     ),

@@ -1,4 +1,4 @@
-"""Small jobs through the queue: one by one, of many clients, in batches, and beside a large one.
+"""Jobs through the queue: small ones alone, of many, in batches, beside a large one; and sweeps.
 
 Service, workers and clients share the cores of one machine.
 """
@@ -6,18 +6,27 @@ Service, workers and clients share the cores of one machine.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Final
+from typing import Any, Final
+
+import numpy as np
 
 from benchmarks.service import load
 from benchmarks.service.answers import SHARED
 from benchmarks.service.load import Load, Outcome
 from benchmarks.service.requests import Request, modes
-from benchmarks.service.server import Server, running
+from benchmarks.service.server import Server, running, seconds
 from benchmarks.tables import Figure, Table, figures
+from vibroimpact_solvers import sweep, time_history
+from vibroimpact_solvers.model import Constraint
+from vibroimpact_solvers.presets import chain
 
 _WORKERS: Final = 2
 _MANY: Final = 32
+_GAPS: Final = np.linspace(0.1, 0.3, 500)
+_RESTITUTIONS: Final = np.linspace(0.8, 1.0, 20)
+_END: Final = 62.0  # of histories of 21 impacts each, on average
 
 
 def small_jobs() -> Table:
@@ -65,3 +74,59 @@ def _behind_a_large_one(server: Server) -> Outcome:
     outcome = _tiny(server, 3_000_000)
     server.ask("DELETE", f"/v1/jobs/{job}")
     return outcome
+
+
+def sweeps() -> Table:
+    """Follow 10,000 histories of some 20 impacts, gap by restitution, as a job and in a loop."""
+    with running(_WORKERS) as server:
+        _swept(server, _GAPS[:20])  # workers load their kernels
+        job, began = _spent(lambda: seconds(server.processes())), time.perf_counter()
+        _swept(server, _GAPS)
+        wall, by_job = time.perf_counter() - began, job()
+    alone = _spent(time.process_time)
+    _in_process()
+    by_loop = alone()
+    numbers = [
+        Figure("as a job, on two cores [s]", wall, 6.0),
+        Figure("as a job, processor time of all [s]", by_job),
+        Figure("the same in a loop in a process, processor time [s]", by_loop),
+        Figure("the queue takes more, part", by_job / by_loop - 1.0, 0.2),
+    ]
+    return figures("Ten thousand histories, gap by restitution", numbers, "", {"": SHARED})
+
+
+def _spent(clock: Callable[[], float]) -> Callable[[], float]:
+    """Return a function that tells how much a clock has gone on from now."""
+    began = clock()
+    return lambda: clock() - began
+
+
+def _swept(server: Server, gaps: Any) -> None:
+    """Compute a sweep as a job."""
+    v = [1.0, *[0.0] * 12]
+    constraint = {"dof": 5, "gap": 0.2, "restitution": 0.9}
+    base = {
+        "system": {"preset": "chain", "n": 13, "constraints": [constraint]},
+        "initial": {"x": [0.0] * 13, "v": v},
+        "t_end": _END,
+    }
+    axes = [
+        {"path": "system.constraints.0.gap", "values": gaps.tolist()},
+        {"path": "system.constraints.0.restitution", "values": _RESTITUTIONS.tolist()},
+    ]
+    request = {"kind": time_history.KIND, "base": base, "axes": axes}
+    job = {"kind": sweep.KIND, "request": request}
+    server.done(str(server.answered("POST", "/v1/jobs", job, 201).json()["id"]))
+
+
+def _in_process() -> None:
+    """Follow the same motions one after the other, all results kept."""
+    v = np.zeros(13)
+    v[0] = 1.0
+    start, whole = time_history.State(np.zeros(13), v), chain(13, [])
+    results = []
+    for gap in _GAPS.tolist():
+        for restitution in _RESTITUTIONS.tolist():
+            system = whole.limited((Constraint.at(5, gap, restitution),))
+            problem = time_history.Problem(system, start, _END)
+            results.append(time_history.solve(problem, time_history.plan(problem)))

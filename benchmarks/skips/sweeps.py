@@ -31,6 +31,13 @@ def scenes() -> Iterator[Scene]:
         ("spectrum at 49 of 50 points", "response at 49 of 50 points"),
     )
     yield Scene(
+        "twenty gaps of a time history, N=40",
+        sweep,
+        _histories,
+        partial(_alone, _histories, 20),
+        ("spectrum at 19 of 20 points",),
+    )
+    yield Scene(
         "twenty restitutions of impact modes",
         sweep,
         partial(_lossless, "impact-modes"),
@@ -71,6 +78,21 @@ def _gaps() -> sweep.Problem:
     return sweep.Problem("impact-modes", (axis,), at, whole)
 
 
+def _histories() -> sweep.Problem:
+    whole = _structure([Constraint.at(7, GAP, 0.8)])
+    v = np.zeros(whole.n)
+    v[0] = 1.0
+    start = time_history.State(np.zeros(whole.n), v)
+
+    def at(index: tuple[int, ...]) -> time_history.Problem:
+        system = whole.limited((Constraint.at(7, float(_GAPS[index[0]]), 0.8),))
+        return time_history.Problem(system, start, 30.0)
+
+    rule = sweep.rule(time_history.KIND, ("system", "constraints", 0, "gap"))
+    axis = Axis("system.constraints.0.gap", "gap", _GAPS[:20], stage=rule.stage)
+    return sweep.Problem(time_history.KIND, (axis,), at, whole)
+
+
 def _impulses(system: System) -> impact_modes.Problem:
     return impact_modes.Problem(system, _GRID * 2.0 / np.pi, outputs=IMPULSE, Omega=_GRID)
 
@@ -91,8 +113,8 @@ def _lossless(kind: str) -> sweep.Problem:
 
 def _alone(points_of: Callable[[], sweep.Problem], points: int = 50) -> None:
     """Solve every point of a parameter grid as if nothing were known of the others."""
-    problem = points_of()
     for index in range(points):
+        problem = points_of()
         forget_modes()
         solve(problem.swept_kind.solver, problem.at((index,)))
 

@@ -21,8 +21,7 @@ from vibroimpact_solvers.matrices import SymmetricMatrix
 from vibroimpact_solvers.receptance import TriangleWaveResponse
 from vibroimpact_solvers.slow_flow import MODELS
 from vibroimpact_solvers.spectrum import Spectrum, methods
-from vibroimpact_solvers.time_history import rigid_motions, soft
-from vibroimpact_solvers.time_history.structure import Structure
+from vibroimpact_solvers.time_history import rigid_motions, soft, structure
 
 Tally = Iterator[tuple[str, int]]
 """What one call computes: names and numbers."""
@@ -113,7 +112,7 @@ _COUNTED: tuple[tuple[Any, str, Callable[..., Tally]], ...] = (
     (SymmetricMatrix, "__matmul__", _products),
     (stability, "PeriodMap", _maps),
     (bands, "survey", _survey),
-    (Structure, "__init__", _structures),
+    (structure, "without_contacts", _structures),
     (rigid_motions, "follow", _history),
     (soft, "follow", _steps),
     *((model, "motion", _motions) for model in MODELS.values()),

@@ -116,6 +116,7 @@ SAVED: Mapping[str, Mapping[str, tuple[int, int]]] = {
         MODES: (40, 50 * 40),
         RESPONSES: (400 * 40, 50 * 400 * 40),
     },
+    "twenty gaps of a time history, N=40": {MODES: (40, 20 * 40), STRUCTURES: (1, 20)},
     "twenty restitutions of impact modes": {
         MODES: (40, 20 * 40),
         RESPONSES: (400 * 40, 20 * 400 * 40),
