@@ -55,7 +55,7 @@ _FIRST_BOX = 0.7  # its phase in the fastest mode
 _FIRST_BOXES = 32  # at most: of more, most can be decided by a few modes
 _NONE = 0  # the place of sums over no modes
 _SLOW = 1.0  # phase in a box up to which a mode is expanded about its centre
-_PATIENCE = 16  # boxes whose centre needs a narrower cell, until no others are looked at
+_PATIENCE = 32  # boxes whose centre needs a narrower cell, until no others are looked at
 _BOXES = 2**17  # boxes that may wait
 _CELLS = 256  # cells that may wait
 _STACK = 128  # parts of a box that may wait
@@ -226,11 +226,8 @@ def _prepare(margin: Margin, modes: _Modes, far: _Far, sums: _Sums, q: float, ha
     for a in range(limits):
         alpha, beta = margin.rigid_alpha[a], margin.rigid_beta[a]
         sums.value[a, _NONE], sums.drift[a, _NONE] = alpha * q, alpha
-        sums.bend_q[a, _NONE], sums.bend_mixed[a, _NONE], sums.bend_tau[a, _NONE] = (
-            0.0,
-            abs(beta),
-            0.0,
-        )
+        sums.bend_q[a, _NONE], sums.bend_tau[a, _NONE] = 0.0, 0.0
+        sums.bend_mixed[a, _NONE] = abs(beta)
         sums.tilt[a, _NONE] = n * _EPS * (abs(alpha) + abs(beta)) + margin.rigid_doubt[a]
         sums.rounding[a, _NONE] = sums.tilt[a, _NONE] * last + margin.silent[a] / (q - half)
     for j in range(n):
@@ -278,9 +275,10 @@ def _prepare(margin: Margin, modes: _Modes, far: _Far, sums: _Sums, q: float, ha
             sums.tilt[a, j + 1] = sums.tilt[a, j] + tilt
             sums.rounding[a, j + 1] = sums.rounding[a, j] + rounding
     for a in range(limits):
-        sums.floor[a, n] = 0.0
+        sums.floor[a, n], least = 0.0, 0.0
         for j in range(n - 1, -1, -1):
-            sums.floor[a, j] = sums.floor[a, j + 1] + _least(margin, modes, a, j, half) * _UP
+            least += _least(margin, modes, a, j, half)
+            sums.floor[a, j] = least * _UP
     return count
 
 
@@ -375,14 +373,11 @@ def _near_pole(cell: _Cell, a: int, j: int, tau: float, width: float) -> _Bounds
 @inline
 def _resolved(cell: _Cell, width: float) -> int:
     """Return how many of the slowest modes change so little over ``+- width`` in tau."""
-    root, low, high = cell.margin.root, 0, cell.margin.root.size
-    while low < high:
-        middle = (low + high) // 2
-        if root[middle] * (cell.q + cell.half) * width <= _SLOW:
-            low = middle + 1
-        else:
-            high = middle
-    return low
+    root, many = cell.margin.root, cell.margin.root.size
+    reach = (cell.q + cell.half) * width
+    while many > 0 and root[many - 1] * reach > _SLOW:
+        many -= 1
+    return many
 
 
 @inline
@@ -487,7 +482,12 @@ def _decide(
                 continue
             if value - low <= 4.0 * centre.rounding and abs(value) <= 8.0 * centre.rounding:
                 settled = True
-            if end < _BOXES:
+            beside = end > top and waiting.limit[end - 1] == a
+            if beside and waiting.low[end - 1] == high_tau:
+                waiting.low[end - 1] = low_tau
+            elif beside and waiting.high[end - 1] == low_tau:
+                waiting.high[end - 1] = high_tau
+            elif end < _BOXES:
                 waiting.low[end], waiting.high[end], waiting.limit[end] = low_tau, high_tau, a
                 end += 1
             else:
