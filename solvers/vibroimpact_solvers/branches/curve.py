@@ -36,6 +36,7 @@ _BEND = 0.97  # least cosine between neighbouring tangents
 _FIRST = 0.1  # first step, as a part of the longest
 _SHORTEST = 1e-7  # and the shortest one
 _KEPT = 4  # evaluations of the equations
+_SLANTED = 1e-3  # least part of the parameter in a step that tells the derivatives by it
 _HUGE = 1e6  # impulses of seeds, relative to the first, beyond which they are at a resonance
 _REST = 1e-12  # impulses, relative to those of the point before, of rest
 _BESIDE = 1e-3  # of the last step: how far from rest a branch ends
@@ -202,15 +203,19 @@ class Curve:
     def onto(self, x: Floats, across: Floats, change: Floats | None = None) -> Floats | None:
         """Return the point of the curve near x for which ``across . (point - x)`` is zero.
 
-        None where Newton's method does not reach one. Its matrix may have the derivatives by the
-        parameter (`change`) of a point nearby.
+        None where Newton's method does not reach one. Its matrix may begin with the derivatives by
+        the parameter (`change`) of a point nearby; each step tells them more exactly.
         """
         first, before = x, np.inf
+        last: tuple[Equations, Floats] | None = None
         try:
             for count in range(_ITERATIONS):
-                residual, jacobian, terms, search = self.equations(x)
+                here = self.equations(x)
+                residual, jacobian, terms, search = here
                 if change is None:
                     change = terms * self.slopes(x)[: 2 * self.m, -1]
+                elif last is not None:
+                    change = _change_along(*last, here, change)
                 size = float(np.abs(residual).max())
                 if not np.isfinite(size) or (count > 2 and size > 2.0 * before):
                     return x if before < _CLOSE else None
@@ -225,7 +230,8 @@ class Curve:
                 if search.autonomous:
                     rows.append(np.eye(1, x.size))
                     values.append(x[:1] - first[:1])
-                x = x - _solved(np.concatenate(rows), np.concatenate(values))
+                step = -_solved(np.concatenate(rows), np.concatenate(values))
+                x, last = x + step, (here, step)
         except (SolverError, np.linalg.LinAlgError):
             return None
         return x if before < _CLOSE else None
@@ -403,6 +409,20 @@ class Curve:
         value = float(self.problem.start + x * self.span)
         search, none = self.search(value), np.empty((0, self.m))
         return self.motions(value), search.driven, search.cells, search.collected(none, none)
+
+
+def _change_along(before: Equations, step: Floats, after: Equations, change: Floats) -> Floats:
+    """Return the derivatives by the parameter in the middle of a step, (2 m,).
+
+    They are what all others leave of the difference of the equations, by the trapezoidal rule;
+    `change` where the step hardly moves the parameter, and they hardly matter.
+    """
+    if not abs(step[-1]) > _SLANTED * np.linalg.norm(step):
+        return change
+    ends = [e.size[:, np.newaxis] * e.jacobian for e in (before, after)]
+    others = 0.5 * (ends[0] + ends[1]) @ step[:-1]
+    whole = after.size * after.residual - before.size * before.residual
+    return np.asarray((whole - others) / step[-1])
 
 
 def _solved(rows: Floats, values: Floats) -> Floats:

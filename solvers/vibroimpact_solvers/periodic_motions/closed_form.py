@@ -81,7 +81,10 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> tuple[Solutions, 
     else:
         Y = np.einsum("sj,fhsj->fh", form, cells.steady)
         Y_error = cells.seen_error(
-            form[np.newaxis], driven.doubts[0, a : a + 1], 2.0 * driven.shape_error + driven.summed
+            driven,
+            form[np.newaxis],
+            driven.doubts[0, a : a + 1],
+            2.0 * driven.shape_error + driven.summed,
         )[..., 0]
         turning = cells.Omega[:, np.newaxis] * driven.harmonics
         with np.errstate(invalid="ignore"):

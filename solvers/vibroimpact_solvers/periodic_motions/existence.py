@@ -114,7 +114,7 @@ def _legs(
     count, legs = solved.length.shape
     pairs, constraints = solved.state.shape[-1], driven.level.size
     Y = np.einsum("csj,fhsj->fch", driven.position, cells.steady)
-    Y_error = cells.seen_error(driven.position, driven.doubts[0], 2.0 * driven.shape_error)
+    Y_error = cells.seen_error(driven, driven.position, driven.doubts[0], 2.0 * driven.shape_error)
     starts = solved.phase if impacts else np.zeros((count, 1))
     turned = np.exp(1j * starts[..., np.newaxis] * driven.harmonics)
     amplitude = Y[solved.index, np.newaxis] * turned[:, :, np.newaxis]

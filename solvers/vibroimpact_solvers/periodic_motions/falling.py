@@ -70,7 +70,9 @@ def solutions(driven: Driven, cells: Cells, impact: Impact) -> tuple[Solutions, 
     h = driven.harmonics
     if h.size:
         Y = np.einsum("sj,fhsj->fh", form, cells.steady)
-        Y_error = cells.seen_error(form[np.newaxis], driven.doubts[0, a : a + 1], more)[..., 0]
+        Y_error = cells.seen_error(driven, form[np.newaxis], driven.doubts[0, a : a + 1], more)[
+            ..., 0
+        ]
         turning = cells.Omega[:, np.newaxis] * h
         V = 1j * turning * Y
         finite &= np.isfinite(V).all(axis=1)

@@ -386,7 +386,7 @@ def _jumps(driven: Driven, walls: _Walls, cells: Cells, solved: Solutions) -> tu
     if driven.harmonics.size:
         Y = np.einsum("isj,fhsj->fih", place, cells.steady)
         more = 2.0 * driven.shape_error + driven.summed + _ROUNDINGS
-        Y_error = cells.seen_error(place, driven.doubts[0, struck], more).swapaxes(1, 2)
+        Y_error = cells.seen_error(driven, place, driven.doubts[0, struck], more).swapaxes(1, 2)
         turning = (cells.Omega[:, np.newaxis] * driven.harmonics)[:, np.newaxis]
         rates, rates_error = turning**2 * Y, turning**2 * Y_error
         turned = np.exp(1j * solved.phase[..., np.newaxis] * driven.harmonics)

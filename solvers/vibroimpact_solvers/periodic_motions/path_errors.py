@@ -41,7 +41,7 @@ def steady_errors(driven: Driven, cells: Cells, forms: Floats) -> Floats:
     error = _flat(moduli * inexact[:, :, np.newaxis]) @ _flat(sizes).T
     if driven.mixing:
         error += moduli.sum(axis=2) @ driven.mixing.of_forms(forms).T
-        error += cells.steady_floor @ sizes.sum(axis=1).T
+        error += cells.steady_floor(driven) @ sizes.sum(axis=1).T
     return np.asarray(error)
 
 

@@ -346,7 +346,7 @@ class Search:
         struck = [impact.constraint for impact in self.problem.impacts]
         laws, doubts = self.laws.impacts, driven.doubts[:, struck]
         if not self.autonomous:
-            Y = cells.seen_error(laws.position, doubts[0], 2.0 * driven.shape_error)
+            Y = cells.seen_error(driven, laws.position, doubts[0], 2.0 * driven.shape_error)
             doubt[:, :m] += Y.sum(axis=1)
             doubt[:, m:] += np.einsum("fhi,fh->fi", Y, self.Omega * driven.harmonics)
         if not driven.mixing:

@@ -33,8 +33,6 @@ class Cells:
         Amplitudes of the response to the load without impacts.
     steady_error : array, shape (frequency, harmonic, pair)
         Their relative errors.
-    steady_floor : array, shape (frequency, harmonic, pair)
-        Absolute errors of both numbers besides; empty where modes are not mixed (`mixing`).
     """
 
     Omega: Floats
@@ -43,7 +41,6 @@ class Cells:
     sign: float
     steady: Complexes
     steady_error: Floats
-    steady_floor: Floats
 
     @classmethod
     def of(cls, driven: Driven, problem: Problem) -> Cells:
@@ -54,19 +51,16 @@ class Cells:
         Omega = problem.Omega / driven.scale
         rates = Omega[:, np.newaxis] * driven.harmonics
         steady, error = driven.pairs.steady_response(rates, driven.load)
-        floor, mixing = np.zeros((*rates.shape, 0)), driven.mixing
-        if mixing:
-            floor = mixing.of_steady(rates, driven.load, steady)
         return cls(
             Omega, length, (wide - length).astype(np.float64), -1.0 if problem.symmetric else 1.0,
-            steady, error, floor,
+            steady, error,
         )  # fmt: skip
 
     def at(self, chosen: Integers) -> Cells:
         """Return some of the cells."""
         return Cells(
             self.Omega[chosen], self.length[chosen], self.rest[chosen], self.sign,
-            self.steady[chosen], self.steady_error[chosen], self.steady_floor[chosen],
+            self.steady[chosen], self.steady_error[chosen],
         )  # fmt: skip
 
     def doubled(self) -> Cells:
@@ -77,7 +71,15 @@ class Cells:
         """Return where the load drives a mode without damping at its own frequency, (cell,)."""
         return np.asarray(~np.isfinite(self.steady).all(axis=(1, 2, 3)))
 
-    def seen_error(self, forms: Floats, doubts: Floats, more: float) -> Floats:
+    def steady_floor(self, driven: Driven) -> Floats:
+        """Return what mixed modes add to the errors of both numbers, (cell, harmonic, pair).
+
+        Most searches do not ask for it, and it takes longer than the response itself.
+        """
+        rates = self.Omega[:, np.newaxis] * driven.harmonics
+        return driven.mixing.of_steady(rates, driven.load, self.steady)
+
+    def seen_error(self, driven: Driven, forms: Floats, doubts: Floats, more: float) -> Floats:
         """Return errors of forms of the steady responses, shape (cell, harmonic, form).
 
         forms have shape (form, 2, pair), `doubts`, their absolute errors by mixed modes,
@@ -85,10 +87,10 @@ class Cells:
         """
         moduli, relative = np.abs(self.steady), self.steady_error + more
         error = np.einsum("isj,fhsj,fhj->fhi", np.abs(forms), moduli, relative)
-        if self.steady_floor.size:
+        if driven.mixing:
             lengths = np.linalg.norm(moduli, axis=2)
             error += np.where(np.isfinite(lengths), lengths, 0.0) @ doubts.T
-            error += self.steady_floor @ np.linalg.norm(forms, axis=1).T
+            error += self.steady_floor(driven) @ np.linalg.norm(forms, axis=1).T
         return np.asarray(error)
 
     def load_state(self, driven: Driven, phases: Floats) -> Floats:
