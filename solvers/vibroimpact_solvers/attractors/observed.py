@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from vibroimpact_solvers import time_history
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.attractors.problem import Problem
+from vibroimpact_solvers.attractors.recurrence import recurrence, states_of
 from vibroimpact_solvers.errors import SolverError, attempt
 from vibroimpact_solvers.plan import Plan
 
@@ -48,7 +50,8 @@ class Observed:
     row : int
         Of its initial state.
     x, v : array, shape (section, dof)
-        At the drive's phase 0, from the end of `settle` on.
+        At the drive's phase 0, from the end of `settle` on; fewer than those of the problem where
+        it rests and returns to its states but for their rounding (`_returns`).
     impacts : Impacts
     rests : bool
         Whether it rests at a wall for a while.
@@ -60,8 +63,15 @@ class Observed:
     impacts: Impacts
     rests: bool
 
+    @property
+    def periods(self) -> int:
+        """For how many periods of the drive it is observed."""
+        return len(self.x) - 1
+
 
 Outcome = Observed | SolverError
+_TURNS: Final = 3  # of the longest period that is looked for: how long states have to return
+_ROUNDED: Final = 16.0  # of the rounding of their times, within which they do
 
 
 def observe(
@@ -80,7 +90,8 @@ def observe(
     x, v = problem.x[start:stop], problem.v[start:stop]
     first = float(problem.sections[0])
     outcomes: dict[int, Outcome] = {}
-    for piece in time_history.solve_states(pattern, plan, x, v, report):
+    enough = partial(_returns, problem)
+    for piece in time_history.solve_states(pattern, plan, x, v, report, enough):
         counts = piece.arrays.get("impact_count", ())
         begin = 0
         for place, row in enumerate(piece.places.tolist()):
@@ -97,18 +108,47 @@ def observe(
             outcomes[row] = (
                 outcome
                 if isinstance(outcome, SolverError)
-                else _of_result(start + row, outcome, first)
+                else _of_result(problem, start + row, outcome)
             )
     yield from ((start + row, outcomes[row]) for row in range(stop - start))
 
 
-def _of_result(row: int, result: time_history.Result, first: float) -> Observed:
+def _of_result(problem: Problem, row: int, result: time_history.Result) -> Observed:
     assert result.x is not None
     assert result.v is not None
-    assert result.contact_stop is not None
-    rests = bool((result.contact_stop > first).any())
     table = {name: getattr(result, name) for name in _COLUMNS}
-    return Observed(row, result.x, result.v, _impacts(table, first), rests)
+    first, last = float(problem.sections[0]), len(result.x) - 1
+    impacts = _impacts(table, first)
+    if last < problem.observe:  # its window ends after its last state
+        impacts = impacts.between(first, float(problem.sections[last]))
+    return Observed(row, result.x, result.v, impacts, _rests(result, first))
+
+
+def _rests(result: time_history.Result, since: float) -> bool:
+    """Whether a motion rests at a wall after a time; contacts that go on have no end."""
+    assert result.contact_stop is not None
+    return bool((~(result.contact_stop <= since)).any())
+
+
+def _returns(problem: Problem, result: time_history.Result) -> bool:
+    """Whether a motion rests, and has returned to its states but for their rounding.
+
+    It then does so for ever, as far as rounding tells: what follows would be the same. As it has
+    returned for so long, nothing is left of a transient but one that a longer look would hardly
+    show. Motions that do not rest are observed to the end, from which their exponents follow.
+    """
+    assert result.x is not None
+    assert result.v is not None
+    last = result.x.shape[0] - 1
+    if last < _TURNS * problem.longest:
+        return False
+    since = float(problem.sections[last - problem.longest])
+    if not _rests(result, since):
+        return False
+    late, close = slice(last - _TURNS * problem.longest, None), _ROUNDED * problem.rounding
+    states, scale = states_of(problem, result.x[late], result.v[late])
+    period, _ = recurrence(states / scale, problem.longest, close)
+    return bool(period and np.abs(states[period:] - states[:-period]).max() <= close * scale)
 
 
 _COLUMNS: Final = tuple(

@@ -22,6 +22,10 @@ _MOTION, _ATTRACTOR, _IMPACT = 48.0, 168.0, 88.0  # bytes of the rows of tables
 _ROW = 150.0  # bytes of an impact until it is looked at
 _NEWTON = 5e7  # operations of the search for an attractor with impacts, of any structure
 _MOST_SOLVED = 150  # degrees of freedom
+_MANY = (
+    "motions in parallel, without errors of their own; one in windows that rests and returns to "
+    "its states but for their rounding ends with its window"
+)
 _EVENT = 3e3  # operations of one motion in a loop over arrays of many
 
 
@@ -76,7 +80,7 @@ def _steps(problem: Problem, of_one: Plan) -> Iterator[Step]:
             yield replace(step, reason=f"{step.reason}; one for all motions")
         elif step.stage is Stage.FREE_MOTION:
             yield replace(
-                step, reason=f"{step.reason}; motions in parallel, without errors of their own",
+                step, reason=f"{step.reason}; {_MANY}",
                 flops=step.flops * count, bytes=0.0, count=problem.size, bounded=False,
                 settings=Batches(of_one, _batch(problem)),
             )  # fmt: skip

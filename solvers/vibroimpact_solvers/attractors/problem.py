@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from vibroimpact_solvers import periodic_motions, time_history
-from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.arrays import EPS, Floats, Integers
 from vibroimpact_solvers.checks import check_indices, check_outputs
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import System
@@ -104,6 +104,11 @@ class Problem:
     def close(self) -> float:
         """Distance of equal states, relative to the amplitude."""
         return TOLERANCE if self.tolerance is None else self.tolerance
+
+    @property
+    def rounding(self) -> float:
+        """Error of states by the rounding of their times, and phases, relative to the amplitude."""
+        return 4.0 * EPS * float(self.Omega[0]) * float(self.sections[-1])
 
     @property
     def length(self) -> float:

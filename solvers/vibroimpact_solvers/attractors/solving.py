@@ -161,16 +161,17 @@ def _rate(problem: Problem, one: Verdict, proof: Confirmed) -> tuple[float, floa
     the error is that of one impact at an end of the observation and of the mean of parts, three
     standard errors. Where bodies rest, impacts before that are as many as rounding lets be told.
     """
-    observed = one.motion.impacts.time.size / problem.observe
+    periods = one.motion.periods
+    observed = one.motion.impacts.time.size / periods
     if one.period and not one.motion.rests:
         rate = proof.phase.size / one.period
         exact = proof.verification is Verification.CONFIRMED
         return rate, 0.0 if exact else abs(rate - observed)
-    begin, T, count = float(problem.sections[0]), problem.period, min(_PARTS, problem.observe)
-    ends = begin + T * np.linspace(0.0, problem.observe, count + 1)
-    numbers = np.histogram(one.motion.impacts.time, ends)[0] * (count / problem.observe)
+    begin, T, count = float(problem.sections[0]), problem.period, min(_PARTS, periods)
+    ends = begin + T * np.linspace(0.0, periods, count + 1)
+    numbers = np.histogram(one.motion.impacts.time, ends)[0] * (count / periods)
     spread = 0.0 if one.period or count < 2 else float(numbers.std(ddof=1)) / math.sqrt(count)
-    return observed, 1.0 / problem.observe + 3.0 * spread
+    return observed, 1.0 / periods + 3.0 * spread
 
 
 def _exponent(group: Group) -> tuple[float, float]:
@@ -211,7 +212,7 @@ def _impacts(
 
     errors = [column([p.errors[k] for p in proofs], np.float64) for k in range(3)]
     both = zip(groups, proofs, strict=True)
-    times = [_times(problem, group.shown.period, proof) for group, proof in both]
+    times = [_times(problem, group.shown, proof) for group, proof in both]
     time = column(times, np.float64)
     return {
         "impact_attractor": np.repeat(np.arange(len(proofs)), [p.phase.size for p in proofs]),
@@ -228,10 +229,10 @@ def _impacts(
     }
 
 
-def _times(problem: Problem, period: int, proof: Confirmed) -> Floats:
-    """Return the times of impacts in a period of so many of the drive, from the last state on."""
+def _times(problem: Problem, one: Verdict, proof: Confirmed) -> Floats:
+    """Return the times of impacts in a period of a motion, from its last state on."""
     Omega, turn = float(problem.Omega[0]), 2.0 * math.pi
-    end = problem.settle + problem.observe
+    end, period = problem.settle + one.motion.periods, one.period
     turns = np.round((Omega * proof.impacts.time - proof.phase) / turn) - end
     return np.asarray((proof.phase + turn * np.mod(turns, max(1, period))) / Omega)
 

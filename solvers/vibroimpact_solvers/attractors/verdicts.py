@@ -21,13 +21,13 @@ from typing import Final
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import EPS, Floats
+from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.attractors.exponents import Growth, contraction
 from vibroimpact_solvers.attractors.observed import Impacts, Observed
 from vibroimpact_solvers.attractors.problem import Problem
+from vibroimpact_solvers.attractors.recurrence import SMALL, recurrence, states_of
 from vibroimpact_solvers.results.attractors import Nature
 
-_SMALL: Final = 1e-3  # of the structure's length: least scale of distances
 _FLAT: Final = 1e-3  # error per period of the drive of an exponent that is told to be zero
 _ZERO: Final = 1e-4  # per period of the drive: no exponent is told from zero that is smaller
 _SLOWEST: Final = 1e-3  # contraction per period that a transient is taken to have at least
@@ -71,8 +71,7 @@ class Verdict:
 def verdict(problem: Problem, motion: Observed, growth: Growth, place: int) -> Verdict:
     """Return what a motion settles on whose exponent has a place in these."""
     exponent, error = float(growth.mean[place]), float(growth.error[place])
-    states = np.concatenate([motion.x, motion.v / float(problem.Omega[0])], axis=1)
-    scale = max(float(np.abs(states).max()), _SMALL * problem.length) or 1.0  # or all is still
+    states, scale = states_of(problem, motion.x, motion.v)
     period, apart = recurrence(states / scale, problem.longest, problem.close)
     nature, T, hint = Nature.UNDECIDED, problem.period, ""
     if not motion.impacts.time.size and not motion.rests and not exponent < -error:
@@ -85,9 +84,7 @@ def verdict(problem: Problem, motion: Observed, growth: Growth, place: int) -> V
     elif not period and _zero(growth, place, T) and _steady(states):
         nature = Nature.QUASI_PERIODIC
     left = 1.0 - contraction(exponent, period * T) if math.isfinite(exponent) else 1.0
-    # Times of sections, and with them phases of the drive, are rounded.
-    rounding = 4.0 * EPS * float(problem.Omega[0]) * float(problem.sections[-1])
-    distance = apart / max(left, _SLOWEST) + rounding
+    distance = apart / max(left, _SLOWEST) + problem.rounding
     periodic = nature is Nature.PERIODIC
     return Verdict(
         motion, nature, period if periodic else 0, exponent, error,
@@ -114,7 +111,7 @@ def _hint(problem: Problem, states: Floats, scale: float) -> str:
         if _EVENLY * whole < half < (1.0 - _EVENLY) * whole:
             # A motion that fades altogether is compared with ever less, down to the least scale.
             fades = math.log(sizes[2] / sizes[0]) < 0.5 * whole
-            least = min(scale, _SMALL * problem.length) if fades else scale
+            least = min(scale, SMALL * problem.length) if fades else scale
             factor = math.exp(whole / (2.0 * ((states.shape[0] - n) // 3)))
             wanted = problem.close * least / (left[2] * scale)
             more = math.ceil(math.log(min(wanted, 1.0)) / math.log(factor)) + longest
@@ -136,18 +133,6 @@ def _thirds(states: Floats) -> tuple[float, float, float]:
     return first, second, last
 
 
-def recurrence(states: Floats, longest: int, close: float) -> tuple[int, float]:
-    """Return the smallest period of the last states, or 0, and how far they are from returning."""
-    last = states.shape[0] - 1
-    for n in range(1, longest + 1):
-        now = np.arange(last - longest + 1, last + 1)
-        apart = float(np.abs(states[now] - states[now - n]).max())
-        if apart <= close:
-            before = states[last - 2 * n + 1 : last - n + 1]
-            return n, float(np.abs(states[last - n + 1 :] - before).max())
-    return 0, math.inf
-
-
 def _zero(growth: Growth, place: int, period: float) -> bool:
     """Whether an exponent is zero, as far as that can be told."""
     size, error = abs(float(growth.smooth[place])), float(growth.smooth_error[place])
@@ -164,7 +149,7 @@ def _steady(states: Floats) -> bool:
 
 def sequence(problem: Problem, settled: Verdict) -> Impacts:
     """Return the impacts of the last period of a periodic motion, from between two impacts on."""
-    impacts, end = settled.motion.impacts, float(problem.sections[-1])
+    impacts, end = settled.motion.impacts, float(problem.sections[settled.motion.periods])
     length = settled.period * problem.period
     before = impacts.between(end - 2.0 * length, end)
     early = before.time[before.time < end - length]

@@ -37,7 +37,7 @@ from vibroimpact_solvers.time_history.problem import (
 from vibroimpact_solvers.time_history.rigid_motions import Piece
 from vibroimpact_solvers.time_history.run import Tick
 from vibroimpact_solvers.time_history.solving import prepare
-from vibroimpact_solvers.time_history.windows import solve
+from vibroimpact_solvers.time_history.windows import solve, solve_until
 
 Outcome = Result | SolverError
 """A motion, or why there is none."""
@@ -219,7 +219,12 @@ def solve_many(
 
 
 def solve_states(
-    problem: Problem, plan: Plan, x: Floats, v: Floats, report: Callable[[], None] | None = None
+    problem: Problem,
+    plan: Plan,
+    x: Floats,
+    v: Floats,
+    report: Callable[[], None] | None = None,
+    enough: Callable[[Result], bool] | None = None,
 ) -> Iterator[Piece]:
     """Compute the motion of a problem from many initial states.
 
@@ -232,12 +237,14 @@ def solve_states(
     x, v : array, shape (member, dof)
     report : callable, optional
         As of `solve_many`.
+    enough : callable, optional
+        Which long motions may end before their time, see `windows.solve_until`.
 
     Yields
     ------
     Piece
         The motions from some of the states, in their order, each equal to the last bit to that
-        of `solve` alone.
+        of `solve` alone, until its end.
     """
     prepared = prepare(problem, plan)
     long = windows(plan) > 1
@@ -247,7 +254,7 @@ def solve_states(
     def one(place: int, tick: Tick) -> Result:
         initial = State(x[place], v[place])
         if long:
-            return solve(replace(problem, initial=initial), plan, tick)
+            return solve_until(replace(problem, initial=initial), plan, enough, tick)
         return prepared.solve(initial, tick)
 
     def some(start: int, stop: int, tick: Tick) -> Piece:
@@ -256,13 +263,19 @@ def solve_states(
         others = {place: attempt(one, place, tick) for place in range(start, stop)}
         return Piece(np.zeros(0, np.int64), {}, others)
 
-    return _in_threads(some, x.shape[0], report)
+    return _in_threads(some, x.shape[0], report, 1 if long else _FEWEST)
 
 
 def _in_threads(
-    some: Callable[[int, int, Tick], _T], count: int, report: Callable[[], None] | None
+    some: Callable[[int, int, Tick], _T],
+    count: int,
+    report: Callable[[], None] | None,
+    fewest: int = _FEWEST,
 ) -> Iterator[_T]:
-    """Yield ``some(0, 1, tick)``, ``some(1, …, tick)``, … to the count; ticks raise `Cancelled`."""
+    """Yield ``some(0, 1, tick)``, ``some(1, …, tick)``, … to the count; ticks raise `Cancelled`.
+
+    A thread takes `fewest` motions at a time, or more.
+    """
     stopped = Event()
 
     def check(done: int, total: int) -> None:
@@ -278,8 +291,8 @@ def _in_threads(
         return
     # The first one alone: it prepares everything that the others share.
     yield some(0, 1, lambda done, total: None if report is None else report())
-    threads = max(1, min(cores(), count // _FEWEST))
-    size = max(_FEWEST, min(_MOST, count // (8 * threads)))
+    threads = max(1, min(cores(), count // fewest))
+    size = max(fewest, min(_MOST, count // (8 * threads)))
     starts, helpers = iter(range(1, count, size)), Helpers(check)
     pieces: deque[Future[_T]] = deque()
     try:

@@ -413,8 +413,9 @@ class Run:
         x, v = self._displacements()
         contact = self.configuration.free[watched], side
         self._event_error = self._error_of_impact(contact)
-        self._begin_contacts(self._at_walls(x, v), contact, {contact: duration})
-        self._resolve_contacts(x, v)
+        at_walls = self._at_walls(x, v)
+        self._begin_contacts(at_walls, contact, {contact: duration})
+        self._resolve_contacts(at_walls, x, v)
 
     def _error_of_impact(self, contact: Contact) -> float:
         """Return the error of the time of the last impact, where it was that of a contact now."""
@@ -451,9 +452,9 @@ class Run:
         if now["largest"] > 0.0:
             now["unresolved"] = max(now["unresolved"], unknown / (EPS * now["largest"]))
 
-    def _resolve_contacts(self, x: Floats, v: Floats) -> None:
+    def _resolve_contacts(self, at_walls: AtWalls, x: Floats, v: Floats) -> None:
         """Continue with the present contacts except those whose force would have to be tensile."""
-        stays = self._at_walls(x, v).forces(self.contacts)
+        stays = at_walls.forces(self.contacts)
         for contact in sorted(set(self.contacts) - set(stays)):
             self._tear_off(contact)
             self._mark_released(contact[0])
@@ -523,8 +524,9 @@ class Run:
                 rest.impulse_error += error * share + self._answer_rounding(contact, other) * given
             if leaving[place] > 1e-14 * abs(impact.speed):
                 self._tear_off(other)
-        self._begin_contacts(self._at_walls(x, impact.after), contact, {})
-        self._resolve_contacts(x, impact.after)
+        at_walls = self._at_walls(x, impact.after)
+        self._begin_contacts(at_walls, contact, {})
+        self._resolve_contacts(at_walls, x, impact.after)
         if contact not in self.contacts and impact.leaves_slowly:
             self._mark_released(contact[0])
         if not impact.impulses[0] > 0.0:

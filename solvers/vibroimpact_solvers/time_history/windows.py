@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Final, Protocol
 
@@ -172,10 +172,32 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     """
     if problem.digits is not None:
         return _with_digits(problem, problem.digits, plan, tick)
-    count = windows(plan)
-    if count == 1:
+    if windows(plan) == 1:
         return solving.solve(problem, plan, tick)
-    kept = _Lists()
+    return solve_until(problem, plan, None, tick)
+
+
+def solve_until(
+    problem: Problem,
+    plan: Plan,
+    enough: Callable[[Result], bool] | None,
+    tick: Tick | None = None,
+) -> Result:
+    """Compute an exact motion window by window, until so much of it is enough.
+
+    Parameters
+    ----------
+    problem : Problem
+        With displacements and velocities.
+    plan : Plan
+        Its plan.
+    enough : callable, optional
+        Called with the result until the end of each window, at the output times until then;
+        contacts that go on have no end yet, nan. Where it returns true, that is the result.
+    tick : callable, optional
+        As of `solve`.
+    """
+    count, kept = windows(plan), _Lists()
     assembly = Assembly(problem, kept)
     part: Part | None = None
     for index in range(count):
@@ -184,8 +206,14 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
             if tick is not None:
                 tick(1000 * index // count + done // count, 1000)
 
-        part = follow(Window(problem, index, count), plan, part, report)
+        window = Window(problem, index, count)
+        part = follow(window, plan, part, report)
         assembly.add(part)
+        if enough is not None:
+            times = problem.times[: window.times.stop]
+            so_far = replace(assembly.result(kept.joined()), t=times)
+            if enough(so_far):
+                return so_far
     if tick is not None:
         tick(1000, 1000)
     return assembly.result(kept.joined())
