@@ -16,7 +16,7 @@ from benchmarks.harness import measure, ratio
 from benchmarks.peers.integrators import Solver, heyoka_events
 from benchmarks.peers.scene import Outcome, Scene
 from benchmarks.tables import Goal, Table
-from vibroimpact_solvers import branches, periodic_motions, spectrum
+from vibroimpact_solvers import attractors, branches, periodic_motions, spectrum
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.periodic_motions import Force, Problem, closed_form
@@ -143,6 +143,80 @@ def defaults() -> Table:
             "measured beside other work"
         },
     )  # fmt: skip
+
+
+_BRANCHES_BEFORE: Final = {"beam, N=50": 6.2}
+"""Seconds of processor time by the sources 5e4a12f, which needed nine evaluations for a point."""
+
+
+def default_branches() -> Table:
+    """Follow branches of motions with one impact over the frequency, with all default outputs."""
+    rows: list[tuple[Any, ...]] = []
+    for elements, goal in ((5, None), (25, 3.0)):
+        driven, name = _beam(elements), f"beam, N={2 * elements}"
+        first = float(driven.Omega[0]) / 0.5
+
+        def at(Omega: float, driven: Problem = driven) -> Problem:
+            return driven.at(np.array([Omega]))
+
+        problem = branches.Problem(at, 0.7 * first, 1.3 * first, driven.system, frequency=True)
+        plan = branches.plan(problem)
+        points = int((branches.solve(problem, plan).solution_impacts > 0).sum())
+        work = partial(branches.solve, problem, plan)
+        seconds = measure(rounds=1, sample=0.0, work=work)["work"].processor
+        rows.append(
+            (name, points, seconds, seconds / points * 1e3, goal, _BRANCHES_BEFORE.get(name))
+        )
+    return Table(
+        "Branches by default",
+        ("structure", "points", "time [s]", "time [ms/point]", "goal", "before [s]"),
+        rows,
+        "Branches over the frequencies 0.7 to 1.3 times the first natural one, with existence, "
+        "extremes and mean squares of all displacements, work, losses and energy, and all "
+        "multipliers of each point; time of the processor. Beams as above.",
+        Goal("time [s]", "goal"),
+        reasons={
+            "": "most are integrals and extremes, at 6,000 nodes of each motion; measured beside "
+            "other work"
+        },
+    )
+
+
+_ATTRACTORS_BEFORE: Final = {"beam, N=50": 19.9}
+"""Seconds of processor time by the same sources, which followed each motion for 600 periods."""
+
+
+def default_attractors() -> Table:
+    """Observe what four motions settle on, with default settings and outputs."""
+    rows: list[tuple[Any, ...]] = []
+    for elements, goal in ((5, None), (25, 3.0)):
+        driven, name = _beam(elements), f"beam, N={2 * elements}"
+        stop = Constraint(driven.load[0].dofs, (1.0,), None, 0.01, 0.7)
+        system = replace(driven.system, constraints=(stop,))
+        Omega = driven.Omega[:1] * 2.2  # 1.1 times the first natural frequency
+        v = 0.1 * np.random.default_rng(0).standard_normal((4, system.n))
+        problem = attractors.Problem(system, Omega, np.zeros(v.shape), v, driven.load)
+        plan = attractors.plan(problem)
+        result = attractors.solve(problem, plan)
+        work = partial(attractors.solve, problem, plan)
+        seconds = measure(rounds=1, sample=0.0, work=work)["work"].processor
+        rests = bool(result.attractor_rests.all())
+        impacts = float(result.attractor_impact_rate[0])
+        rows.append((name, rests, impacts, seconds, goal, _ATTRACTORS_BEFORE.get(name)))
+    return Table(
+        "Attractors by default",
+        ("structure", "rests", "impacts a period", "time [s]", "goal", "before [s]"),
+        rows,
+        "Four random initial states, 200 periods of the drive that are left out and at most 400 "
+        "that are looked at; time of the processor in all threads. Beams as above, with one stop "
+        "and k = 0.7, driven at 1.1 times the first natural frequency.",
+        Goal("time [s]", "goal"),
+        reasons={
+            "": "the beam rests at its stop three times a period, which is worked out in Python "
+            "between calls of the compiled loop, in 1 ms each; the loop needs 200 expansions of 50 "
+            "modes for each of these times; measured beside other work"
+        },
+    )
 
 
 def following() -> Table:

@@ -115,6 +115,8 @@ BENCHMARKS: Final[tuple[Benchmark, ...]] = (
         (
             "periodic_motions.responses",
             "periodic_motions.defaults",
+            "periodic_motions.default_branches",
+            "periodic_motions.default_attractors",
             "periodic_motions.following",
             "periodic_motions.shooting",
         ),
