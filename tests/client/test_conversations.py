@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import httpx2
@@ -74,8 +75,9 @@ def pauses(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     async def sleep(seconds: float) -> None:
         pauses.append(seconds)
 
-    monkeypatch.setattr("vibroimpact.transport.time.sleep", pauses.append)
-    monkeypatch.setattr("vibroimpact.transport.asyncio.sleep", sleep)
+    # Those of the transport alone: other threads of this process sleep as well.
+    monkeypatch.setattr("vibroimpact.transport.time", SimpleNamespace(sleep=pauses.append))
+    monkeypatch.setattr("vibroimpact.transport.asyncio", SimpleNamespace(sleep=sleep))
     return pauses
 
 
