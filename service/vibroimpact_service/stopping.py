@@ -36,6 +36,8 @@ def begin(seconds: float = _SECONDS, last: float = _LAST_SECONDS) -> None:
 
 
 def _end() -> None:
+    # Each file that is read gives way to the other threads, for 5 ms: too long for hundreds.
+    sys.setswitchinterval(1e-6)
     log.warning("something hangs: the process ends without it")
     for process in _descendants(os.getpid()):
         with suppress(OSError):

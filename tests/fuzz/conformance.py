@@ -145,6 +145,7 @@ def main() -> None:
         process.terminate()
         stopped = process.wait(60)
         errors = failures(data / "stderr.txt")
+    print(f"schemathesis ended with {codes}, the service with {stopped}")
     print(*(line[:5000] for line in errors[:20]), sep="\n")
     sys.exit(1 if any(codes) or stopped or errors or sum(counts) < given.cases else 0)
 
