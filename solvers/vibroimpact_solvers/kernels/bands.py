@@ -500,7 +500,7 @@ def _decide(
 @inner
 def _divide(waiting: _Boxes, limits: int, phase: float) -> int:
     """Put the first boxes of a cell in place, by the largest phase in it; return their number."""
-    boxes, kept = min(math.ceil(2.0 * phase / _FIRST_BOX), _FIRST_BOXES), 0
+    boxes, kept = min(max(4, math.ceil(2.0 * phase / _FIRST_BOX)), _FIRST_BOXES), 0
     for a in range(limits):
         for k in range(boxes):
             waiting.low[kept] = 1.0 - 2.0 * (k + 1) / boxes

@@ -114,3 +114,15 @@ def test_what_the_budget_does_not_reach_is_undecided() -> None:
     zero, _ = bands.sign_change(margins(root, weight2, weight2), poles[12], poles[13])
     result = bands.survey(margins(root, weight2, weight2), zero, poles[13], 1e-12, 1)
     assert bands.UNDECIDED in result.status
+
+
+def test_a_limit_that_rigid_body_modes_alone_pass_is_looked_at() -> None:
+    """P = (alpha - beta tau) q of the other limit is negative before the impact; no mode turns."""
+    none = np.empty(0)
+    table = np.empty((2, 0))
+    alpha, beta = np.array([1.0, 1.0]), np.array([1.0, 2.0])
+    margin = bands.Margin(none, none, table, table, table, alpha, beta, *np.zeros((2, 2)), 0)
+    _, status, witness, limit, _ = bands.survey(margin, 1.0, 2.0, 1e-12, 10**6)
+    assert status.tolist() == [bands.PHANTOM]
+    assert limit.tolist() == [1]
+    assert witness[0] > 0.5
