@@ -262,7 +262,7 @@ def truth(document: Document, until: float = math.inf) -> History:
 
 _LATE = 1e-5  # of the time, by which impacts may be early or late
 _MANY = 5_000  # impacts, of at least two steps each: the reference gives up after 10,000 steps
-REFUSALS = ("many more than planned", "depend on one another")
+REFUSALS = ("many more than planned",)
 """Part of the message of refusals that the documentation names."""
 
 

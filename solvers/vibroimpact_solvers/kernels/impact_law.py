@@ -585,8 +585,8 @@ def strike(structure: Structure, motion: Motion, scratch: Scratch) -> int:
     """
     progress, errors = motion.progress[0], structure.errors
     first, row = progress.rows, random_row(progress.impacts, errors.signs.shape[0])
-    orders = structure.walls.size > 1 and motion.deviations.shape[0] > 0
-    if orders:
+    order_matters = structure.walls.size > 1 and motion.deviations.shape[0] > 0
+    if order_matters:
         _widen_unknown_order(structure, motion, scratch)
     count = _find_struck(structure, motion, scratch)
     if _opens(structure, motion, scratch, count):
@@ -596,7 +596,7 @@ def strike(structure: Structure, motion: Motion, scratch: Scratch) -> int:
         rests = _strike_one(structure, motion, scratch, row)
     else:
         rests = _strike_several(structure, motion, scratch, count, row)
-    if orders:
+    if order_matters:
         _widen_all(structure, motion, scratch.unknown)
     slow = progress.rows == first or structure.walls[progress.coordinate].restitution == 0.0
     if not rests and slow:

@@ -97,7 +97,7 @@ def test_one_oscillator_has_solutions_below_its_first_pole_only() -> None:
 
 
 def test_a_fast_mode_takes_no_part_of_the_period_out_of_the_proof() -> None:
-    """Its many boxes in tau are more than there is room for; the limit is passed late in tau."""
+    """Few boxes in tau are laid out, each of which it turns in; the limit is passed late in tau."""
     root, seen = np.array([1.0, 5e4]), np.array([1.0, 0.0])
     start = np.pi + 0.5
     _, status, witness, _, _ = bands.survey(
