@@ -76,7 +76,8 @@ def create_app(
     """
     chosen = settings or Settings()
     store = Store(chosen.store_url, patient=False)
-    jobs_queue = queue or JobQueue(chosen, store, chunks.work(chosen))
+    budget = Budget(chosen)
+    jobs_queue = queue or JobQueue(chosen, store, chunks.work(chosen), budget.settle)
 
     authenticator = Authenticator(chosen)
     jobs_queue.metrics.expect(KINDS, [problem.code for problem in problems.OF_THE_SERVICE])
@@ -84,7 +85,7 @@ def create_app(
     parts = Services(
         settings=chosen,
         authenticator=authenticator,
-        budget=Budget(chosen),
+        budget=budget,
         metrics=metrics,
         evaluation=Evaluation(chosen, store, jobs_queue, metrics, warming),
         body_bytes_left=chosen.max_bodies_bytes,

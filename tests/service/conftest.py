@@ -44,7 +44,7 @@ class Engine:
     failure = None
     workers = 2
 
-    async def run(self, function: Any, *args: Any) -> Any:
+    async def run(self, function: Any, *args: Any, used: Any = None) -> Any:
         raise EngineUnavailableError
 
 

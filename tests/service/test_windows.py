@@ -64,7 +64,7 @@ def one_moment(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def keep(store: Store, content: dict[str, Any]) -> TimeHistoryRequest:
     request = TimeHistoryRequest.model_validate(content)
-    job_chunks._cut.cache_clear()
+    job_chunks.KNOWN.clear()
     store.requests.put(REQUEST, requests.stored_form("ann", digest.canonical(request)))
     return request
 
@@ -123,7 +123,7 @@ def test_a_resumed_motion_has_the_numbers_of_one_in_one_go(
     other = Store(str(tmp_path / "other"))
     keep(other, content)
     solve(other, [0, 1, 2])
-    job_chunks._cut.cache_clear()  # another process goes on
+    job_chunks.KNOWN.clear()  # another process goes on
     computed: list[int] = []
     follow = time_history.follow
 

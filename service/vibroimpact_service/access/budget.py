@@ -24,6 +24,9 @@ from vibroimpact_solvers.plan import Plan
 _MILLI: Final = 1000
 _UNLIMITED: Final = 2**53
 """A limit that no difference passes: what was used is charged whether or not it is left."""
+_COMPUTING: Final = RateLimitItemPerHour(1, 1, "compute")
+"""What the milliseconds of a caller are counted as, whatever limit the caller has."""
+_HOUR: Final = float(_COMPUTING.get_expiry())
 _FAILED_KEYS: Final = RateLimitItemPerMinute(60, 1, "failures")
 
 
@@ -58,7 +61,7 @@ class Budget:
             return {}
         window = RateLimitItemPerMinute(most, 1, "requests")
         admitted = await self._windows.hit(window, caller.name)
-        headers, wait = await self._headers("requests", "requests", window, caller.name, 1)
+        headers, wait, _ = await self._headers("requests", "requests", window, most, caller.name, 1)
         if admitted:
             return headers
         headers["Retry-After"] = str(wait)
@@ -89,34 +92,45 @@ class Budget:
         if seconds > most:
             detail = f"{cost}; this key has {most:g} s per hour."
             raise ProblemError(problems.TOO_COSTLY, detail)
-        window, milliseconds = _compute_window(most), _milliseconds(seconds)
-        admitted = await self._windows.hit(window, caller.name, cost=milliseconds)
-        headers, wait = await self._headers("compute", "ms", window, caller.name, milliseconds)
+        limit, milliseconds = max(1, round(_MILLI * most)), _milliseconds(seconds)
+        admitted = await self._add(caller.name, milliseconds, limit)
+        headers, wait, left = await self._headers(
+            "compute", "ms", _COMPUTING, limit, caller.name, milliseconds
+        )
         if admitted:
             return headers
         headers["Retry-After"] = str(wait)
-        stats = await self._windows.get_window_stats(window, caller.name)
-        left = stats.remaining / _MILLI
-        detail = f"{cost}; {left:g} s are left of {most:g} s per hour. Ask again in {wait} s."
+        detail = (
+            f"{cost}; {left / _MILLI:g} s are left of {most:g} s per hour. Ask again in {wait} s."
+        )
         raise ProblemError(problems.QUOTA_SPENT, detail, headers=headers)
 
-    async def settle(self, caller: Caller, held: float, used: float) -> None:
+    async def settle(self, account: str, held: float, used: float, age: float = 0.0) -> None:
         """Charge what a computation took in place of what `spend` held for it.
 
         Parameters
         ----------
-        caller : Caller
+        account : str
+            Of the caller; see `account`.
         held, used : float
-            Planned time, and processor time of the computation, seconds.
+            Planned time, and processor time of the computation, seconds; either may be 0.
+        age : float
+            Seconds since it was held: at least so much of it counts as remains of the hour, and no
+            more than that is given back.
         """
-        _, most = self._limits(caller)
-        difference = _milliseconds(used) - _milliseconds(held)
-        if most is None or difference == 0:
-            return
-        window = _compute_window(most)
-        await self._storage.acquire_sliding_window_entry(
-            window.key_for(caller.name), _UNLIMITED, window.get_expiry(), difference
-        )
+        counted = max(0.0, 1.0 - age / _HOUR)
+        difference = _milliseconds(used) - int(_milliseconds(held) * counted)
+        if difference:
+            await self._add(account, difference, _UNLIMITED)
+
+    async def _add(self, account: str, milliseconds: int, limit: int) -> bool:
+        """Count computing; whether it fits the limit, without which it is not counted."""
+        key, length = _COMPUTING.key_for(account), _COMPUTING.get_expiry()
+        return await self._storage.acquire_sliding_window_entry(key, limit, length, milliseconds)
+
+    def account(self, caller: Caller) -> str | None:
+        """Return what computing is charged to, None where a caller has no quota."""
+        return None if self._limits(caller)[1] is None else caller.name
 
     def free(self, caller: Caller, seconds: float) -> bool:
         """Whether `spend` does nothing for computations of up to that price."""
@@ -146,10 +160,10 @@ class Budget:
         )
 
     async def _headers(
-        self, name: str, unit: str, window: RateLimitItem, caller: str, cost: int
-    ) -> tuple[dict[str, str], int]:
-        """Return RateLimit and RateLimit-Policy, and the seconds until that cost fits."""
-        most, length = window.amount, window.get_expiry()
+        self, name: str, unit: str, window: RateLimitItem, most: int, caller: str, cost: int
+    ) -> tuple[dict[str, str], int, int]:
+        """Return the headers RateLimit, the seconds until a cost fits, and what is left."""
+        length = window.get_expiry()
         counts = await self._storage.get_sliding_window(window.key_for(caller), length)
         before, before_left, here, here_left = counts
         left = max(0, most - math.floor(before * before_left / length + here))
@@ -158,15 +172,11 @@ class Budget:
             "RateLimit": f'"{name}";r={left};t={wait}',
             "RateLimit-Policy": f'"{name}";q={most};w={length};qu="{unit}"',
         }
-        return headers, wait
-
-
-def _compute_window(seconds: float) -> RateLimitItemPerHour:
-    return RateLimitItemPerHour(max(1, round(_MILLI * seconds)), 1, "compute")
+        return headers, wait, left
 
 
 def _milliseconds(seconds: float) -> int:
-    return max(1, math.ceil(_MILLI * seconds))
+    return math.ceil(_MILLI * seconds)
 
 
 def _wait(

@@ -152,11 +152,11 @@ async def batch(request: Request) -> Response:
     """Answer many tiny requests."""
     body = await bodies.read_json(request)
     evaluation, settings = services(request).evaluation, services(request).settings
-    charge, engine = admission(request).charge, evaluation.queue.engine
+    engine = evaluation.queue.engine
     content = await batches.answer(
         owner(request),
         body,
-        charge,
+        admission(request),
         settings,
         evaluation.threads,
         engine,

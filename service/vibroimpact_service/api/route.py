@@ -127,10 +127,12 @@ def admission(request: Request) -> Admission:
             more[name] = f"{more[name]}, {value}" if name in more else value
 
     async def settle(held: float, used: float) -> None:
-        await parts.budget.settle(caller(request), held, used)
+        if account is not None:
+            await parts.budget.settle(account, held, used)
 
+    account = parts.budget.account(caller(request))
     free = parts.budget.free(caller(request), parts.settings.inline_seconds)
-    return Admission(charge, free, settle)
+    return Admission(charge, free, settle, account)
 
 
 Handler = Callable[[Request], Coroutine[Any, Any, Response]]

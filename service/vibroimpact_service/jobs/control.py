@@ -79,6 +79,7 @@ def _retried(connection: Connection, where: sa.ColumnElement[bool]) -> sa.Update
         "error": sa.null(),
         "finished": None,
         "retry_at": None,
+        "held": 0.0,  # it was given back when the job failed
         # As long from now as it was from its submission.
         "deadline": now(connection) + (jobs.c.deadline - jobs.c.created),
     }

@@ -171,10 +171,10 @@ class Deaths:
             if "why" in message:
                 self._counted(message["cause"])
                 self._alive.pop(message["worker"], None)
-                _keep(self._deaths, message["worker"], (message["why"], message["own"]))
+                keep(self._deaths, message["worker"], (message["why"], message["own"]))
                 self._changed.notify_all()
             elif "slow" in message:
-                _keep(self._slow, message["worker"], message["slow"])
+                keep(self._slow, message["worker"], message["slow"])
             else:
                 self._alive[message["worker"]] = time.monotonic()
 
@@ -205,7 +205,7 @@ class Deaths:
         return silent
 
 
-def _keep(known: dict[str, _Value], worker: str, value: _Value) -> None:
+def keep(known: dict[str, _Value], worker: str, value: _Value) -> None:
     """Note something of a worker; what was noted first goes where there is too much."""
     known[worker] = value
     if len(known) > _MOST:

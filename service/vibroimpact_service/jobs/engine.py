@@ -21,7 +21,7 @@ from distributed import Client, Future, LocalCluster
 from distributed.scheduler import KilledWorker
 
 from vibroimpact_service.jobs import certificates, deaths, forkserver, worker
-from vibroimpact_service.jobs.deaths import Deaths
+from vibroimpact_service.jobs.deaths import Deaths, keep
 from vibroimpact_service.jobs.metrics import JobMetrics
 from vibroimpact_service.jobs.process_limits import worker_memory
 from vibroimpact_service.jobs.work import nothing
@@ -126,6 +126,7 @@ class Engine:
         self._closing = threading.Event()
         self._thread: threading.Thread | None = None
         self._cancelled: dict[str, float] = {}
+        self._counted: dict[str, Callable[[Sequence[float]], None]] = {}
         self._open: dict[str, str] = {}  # the key of each call that has not ended -> its queue
         self._deaths = Deaths((metrics or JobMetrics()).worker_died)
         self.workers = 0
@@ -150,6 +151,7 @@ class Engine:
         ended: Callable[[Call], None],
         function: Callable[..., Any],
         *args: Any,
+        used: Callable[[Sequence[float]], None] | None = None,
     ) -> Call:
         """Send a call to the workers; the function gets a `Tick` as its last argument.
 
@@ -165,6 +167,9 @@ class Engine:
         function : callable
             Module-level.
         *args : object
+        used : callable, optional
+            Called in a thread with the processor times of the jobs of the call, seconds, soon
+            after it has ended; not where its worker is killed.
 
         Raises
         ------
@@ -178,16 +183,25 @@ class Engine:
             worker.execute,
             function,
             key,
+            used is not None,
             *args,
             key=key,
             resources={queue: 1},
             priority=priority,
             pure=False,
         )
+        if used is not None:
+            keep(self._counted, key, used)
         self._open[key] = queue
         call.add_done_callback(lambda _: self._open.pop(key, None))
         call.add_done_callback(ended)
         return call
+
+    def _note_use(self, event: tuple[float, dict[str, Any]]) -> None:
+        """Take note of what a call of this or another service has used."""
+        used = self._counted.pop(event[1]["call"], None)
+        if used is not None:
+            used(event[1]["used"])
 
     def ahead(self, job: str) -> int:
         """Return how many calls were sent before all those of a run that have not ended.
@@ -203,8 +217,13 @@ class Engine:
                 return sum(other == queue for _, other in calls[:place])
         return 0
 
-    async def run(self, function: Callable[..., Any], *args: Any) -> Any:
-        """Return the value of a quick call.
+    async def run(
+        self,
+        function: Callable[..., Any],
+        *args: Any,
+        used: Callable[[Sequence[float]], None] | None = None,
+    ) -> Any:
+        """Return the value of a quick call; `used` as of `submit`.
 
         Raises
         ------
@@ -217,7 +236,7 @@ class Engine:
         def end(_: Call) -> None:
             loop.call_soon_threadsafe(ended.set)
 
-        call = self.submit(key, FAST, 1, end, function, *args)
+        call = self.submit(key, FAST, 1, end, function, *args, used=used)
         try:
             await ended.wait()
         except BaseException:
@@ -299,6 +318,7 @@ class Engine:
             tls = certificates.of_settings(settings)
             client = Client(settings.scheduler, security=tls, set_as_default=False, timeout="10s")
         client.subscribe_topic(deaths.TOPIC, self._deaths.note)
+        client.subscribe_topic(worker.USE, self._note_use)
         client.register_plugin(deaths.DeathWatch())
         client.register_plugin(worker.ServicePlugin(self._prepare))
         return client

@@ -21,6 +21,7 @@ from vibroimpact_service.jobs import (
     sealing,
     traces,
 )
+from vibroimpact_service.jobs.accounts import Accounts, Settle, nobody
 from vibroimpact_service.jobs.attempts import Attempt
 from vibroimpact_service.jobs.database import open_database
 from vibroimpact_service.jobs.engine import Engine
@@ -58,14 +59,19 @@ class JobQueue:
     store : Store
     work : Work
         How the jobs are computed.
+    settle : callable, optional
+        Charges what jobs used to those who submitted them; absent: nobody is charged.
 
     Attributes
     ----------
     metrics : JobMetrics
     """
 
-    def __init__(self, settings: Settings, store: Store, work: Work) -> None:
+    def __init__(
+        self, settings: Settings, store: Store, work: Work, settle: Settle = nobody
+    ) -> None:
         self._settings, self._store, self._work = settings, store, work
+        self._settle = settle
         self.metrics = JobMetrics()
         self.engine = Engine(settings, work.prepare, work.modules, self.metrics)
         self._ended: OrderedDict[str, tuple[float, JobRow]] = OrderedDict()
@@ -96,6 +102,7 @@ class JobQueue:
         self._sealing = await asyncio.to_thread(sealing.of_settings, self._settings)
         name = f"{socket.gethostname()}-{os.getpid()}-{uuid.uuid4().hex[:8]}"[-64:]
         self._probes = Probes(self._records, self._store, name)
+        self._accounts = Accounts(self._settle)
         self._observer = Observer(self._settings, self._records, self._store)
         context = RunContext(
             claim_owner=name,
@@ -107,6 +114,7 @@ class JobQueue:
             notify=self._watch.notify,
             max_chunks_bytes=_CHUNKS_OF_RESULT * self._settings.max_result_bytes,
             metrics=self.metrics,
+            accounts=self._accounts,
         )
         self._runner = Runner(context, self._settings.running_jobs, self._probes.store.state)
         settings, metrics = self._settings, self.metrics
@@ -233,6 +241,7 @@ class JobQueue:
         row, ended = await self._records.end(claims.cancel, owner, job)
         if row is not None and ended:
             self.metrics.finished([row])
+            self._accounts.ended([row])
         if row is not None and row.final:
             self._runner.claims_lost({job})
             self._watch.notify([job])

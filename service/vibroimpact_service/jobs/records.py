@@ -64,6 +64,8 @@ class NewJob:
         Whether the result was computed for this job already, before it is recorded.
     trace : str, optional
         Context of the span of the request.
+    account : str, optional
+        What its processor time is charged to, and the planned one until it ends; absent: nobody.
     fingerprint : str
         What the idempotency key stands for; empty: the result.
     """
@@ -82,6 +84,7 @@ class NewJob:
     block: bytes | None = None
     computed: bool = False
     trace: str | None = None
+    account: str | None = None
     fingerprint: str = ""
 
     @property
@@ -154,6 +157,8 @@ def _values(new: NewJob) -> dict[str, Any]:
         "reused": new.reused,
         "version": 1,
         "trace": new.trace,
+        "account": None if new.done else new.account,
+        "held": 0.0 if new.done or new.account is None else new.seconds,
     }
 
 

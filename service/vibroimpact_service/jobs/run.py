@@ -6,12 +6,14 @@ import queue
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final, TypeVar
 
 import structlog
 from opentelemetry.trace import Span
 
 from vibroimpact_service.jobs import attempts, claims, records, traces, worker
+from vibroimpact_service.jobs.accounts import Accounts
 from vibroimpact_service.jobs.database import RecordsUnavailableError
 from vibroimpact_service.jobs.engine import BULK, Call, Engine, EngineUnavailableError
 from vibroimpact_service.jobs.fair_share import FairShare
@@ -68,6 +70,7 @@ class RunContext:
     max_chunks_bytes : int
         Total size of the chunks of a job above which it is given up.
     metrics : JobMetrics
+    accounts : Accounts
     """
 
     claim_owner: str
@@ -79,6 +82,7 @@ class RunContext:
     notify: Callable[[Collection[str]], None]
     max_chunks_bytes: int
     metrics: JobMetrics
+    accounts: Accounts
 
 
 class Run:
@@ -89,6 +93,8 @@ class Run:
 
     def __init__(self, claimed: Sequence[JobRow], context: RunContext) -> None:
         self.jobs = {job.id: job for job in claimed}
+        self.called = claimed
+        """The jobs of the next call, in the order in which it takes them."""
         self.context = context
         self._held = set(self.jobs)
         self._reason: ClaimLostError | ClosingError | None = None
@@ -116,8 +122,12 @@ class Run:
 
     def run(self) -> None:
         """Bring the jobs to their end, or put them back into the queue."""
-        with traces.attempts(self.jobs.values()) as self.spans:
-            self._run_to_end()
+        self.context.accounts.begin(self.jobs.values())
+        try:
+            with traces.attempts(self.jobs.values()) as self.spans:
+                self._run_to_end()
+        finally:
+            self.context.accounts.left(self.jobs.values())
 
     def _run_to_end(self) -> None:
         try:
@@ -151,6 +161,12 @@ class Run:
         if self._reason is not None:
             raise self._reason
 
+    def _used(self) -> Callable[[Sequence[float]], None] | None:
+        """Return what is told the use of the next call, None where nobody is charged for it."""
+        if all(job.account is None for job in self.called):
+            return None
+        return partial(self.context.accounts.used, self.called)
+
     def arguments(self, job: JobRow) -> worker.JobArguments:
         """Return the arguments of a job for the functions of `Work`."""
         return self.context.store.url, job.kind, job.request, job.result
@@ -176,7 +192,8 @@ class Run:
         # cancelled for this one.
         key = f"{first.id}-{first.attempts}-{self._calls}"
         engine, work = self.context.engine, self.context.work
-        return engine.submit(key, queue_name, priority, self._ended.put, function, work, *args)
+        ended, used = self._ended.put, self._used()
+        return engine.submit(key, queue_name, priority, ended, function, work, *args, used=used)
 
     def ended_calls(self) -> list[Call]:
         """Wait for a call to end, for a short time, and return those that have."""
@@ -319,6 +336,7 @@ class Run:
         if lost:
             log.info("claim lost", jobs=lost)
         self.context.metrics.finished(ended.values())
+        self.context.accounts.ended(ended.values())
         self.context.metrics.attempts_ended(cause, len(jobs) - len(lost))
         self.context.metrics.attempts_ended("claim_lost", len(lost))
 

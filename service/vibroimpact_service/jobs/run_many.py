@@ -22,6 +22,7 @@ class QuickRun(Run):
         missing = [job for job in self.jobs.values() if job not in stored and self._ensured(job)]
         if not missing:
             return
+        self.called = missing
         arguments = [self.arguments(job) for job in missing]
         most = self.context.max_chunks_bytes
         _, error = self.call(FAST, worker.complete, arguments, most)
@@ -30,6 +31,7 @@ class QuickRun(Run):
             self._record(missing, error)
             return
         for job in missing:  # only the one that killed the worker fails
+            self.called = [job]
             _, error = self.repeat_alone(worker.complete, [self.arguments(job)], most)
             self._record([job], error)
 

@@ -168,4 +168,5 @@ class Runner:
             problem = self._context.work.explain(error)
             ended = await self._records.write(claims.fail_overdue, problem)
             self._context.metrics.finished(ended.values())
+            self._context.accounts.ended(ended.values())
             self._context.notify(ended)

@@ -40,6 +40,8 @@ jobs = sa.Table(
     sa.Column("retry_at", sa.Float),
     sa.Column("note", sa.String(200), key="waiting_note"),
     sa.Column("trace", sa.String(64)),
+    sa.Column("account", sa.String(80)),
+    sa.Column("held", sa.Float),
 )
 
 idempotency = sa.Table(
@@ -127,6 +129,10 @@ class JobRow:
         Why the job waits, where other jobs are not the reason.
     trace : str, optional
         Context of the span of the request that submitted it.
+    account : str, optional
+        What its processor time is charged to; absent: nobody.
+    held : float
+        What is charged to the account until it ends, seconds.
     taken_over : bool
         Whether it was claimed because the claim of another process had expired; no column.
     """
@@ -158,6 +164,8 @@ class JobRow:
     retry_at: float | None = None
     waiting_note: str | None = None
     trace: str | None = None
+    account: str | None = None
+    held: float = 0.0
     taken_over: bool = False
 
     @property

@@ -77,11 +77,17 @@ class StopSignal:
         self._next_check = time.monotonic() + _CANCELLED_SECONDS
         self.stopped = False
         self.wanted = True
+        self.shares: list[float] = []
+        """Processor times at which parts of the call ended; see `end_share`."""
 
     @property
     def used_seconds(self) -> float:
         """Processor time of this thread, which computes, since the first progress."""
         return meter.processor_time() - self._processor_began
+
+    def end_share(self) -> None:
+        """Take note that one of several jobs has ended: what follows is used for the next."""
+        self.shares.append(meter.processor_time())
 
     def stop(self) -> None:
         """Stop the computation at its next progress."""

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from itertools import pairwise
 from typing import Any, Final
 
 from distributed import WorkerPlugin
@@ -24,6 +25,7 @@ from vibroimpact_service.jobs.work import (
     Work,
 )
 from vibroimpact_service.store import Store, StoreUnavailableError
+from vibroimpact_solvers import meter
 
 JobArguments = tuple[str, str, str, str]
 """Store URL, kind, request and result: the first arguments of all functions of `Work`."""
@@ -31,10 +33,12 @@ JobArguments = tuple[str, str, str, str]
 JOINS: Final = 3
 """How often the chunks that cannot be read are computed again before the job has to wait."""
 DAMAGED: Final = StoreUnavailableError(errno.EIO, "the store damages chunks of the job")
-_running: Final[set[str]] = set()
-"""Keys of the calls that threads of this process execute."""
-_tell: Final[list[Callable[[str], None]]] = []
-"""How the services learn which call a worker is ended for."""
+USE: Final = "vibroimpact-use"
+"""Topic of the events ``{"call": key, "used": [processor time of each job of the call]}``."""
+_running: Final[dict[str, float]] = {}
+"""Keys of the calls that threads of this process execute, and the time that each may take."""
+_tell: Final[list[Callable[[str, dict[str, Any]], None]]] = []
+"""How the services learn what a call used, and which call a worker is ended for."""
 _cancelled: Final[set[str]] = set()
 """Keys of those among them that the scheduler does not want any more."""
 
@@ -58,9 +62,8 @@ class ServicePlugin(WorkerPlugin):  # type: ignore[misc]
         """Limit the memory of the worker, and begin to prepare it."""
         limit_memory(worker.memory_manager.memory_limit)
 
-        def tell(key: str) -> None:
-            event = {"worker": worker.address, "slow": key}
-            worker.loop.add_callback(worker.log_event, TOPIC, event)
+        def tell(topic: str, event: dict[str, Any]) -> None:
+            worker.loop.add_callback(worker.log_event, topic, {"worker": worker.address} | event)
 
         _tell[:] = [tell]
         threading.Thread(target=self._prepare, name="prepare", daemon=True).start()
@@ -75,20 +78,39 @@ class ServicePlugin(WorkerPlugin):  # type: ignore[misc]
             _cancelled.add(key)
 
 
-def execute(function: Callable[..., Any], key: str, *args: Any) -> Any:
-    """Call a function in a worker, with a `StopSignal` for a cancelled call as last argument."""
-    _running.add(key)
+def execute(function: Callable[..., Any], key: str, counted: bool, *args: Any) -> Any:
+    """Call a function in a worker, with a `StopSignal` for a cancelled call as last argument.
+
+    Where it is counted, the services are told what it used, however it ends.
+    """
+    _running[key], began = 0.0, meter.processor_time()
 
     def limit(seconds: float) -> None:
-        limit_call(key, seconds, _tell[0] if _tell else None)
+        _running[key] = seconds
+        limit_call(key, seconds, _end)
 
     try:
         signal = StopSignal(cancelled=lambda: key in _cancelled, enforce=limit)
         return function(*args, signal)
     finally:
         call_ended()
-        _running.discard(key)
+        _running.pop(key, None)
         _cancelled.discard(key)
+        if counted:
+            ends = [*signal.shares, meter.processor_time()]
+            used = [end - start for start, end in pairwise([began, *ends])]
+            _told(USE, {"call": key, "used": used})
+
+
+def _end(key: str) -> None:
+    """Tell the services that this worker is ended for a call, which has used what it may."""
+    _told(TOPIC, {"slow": key})
+    _told(USE, {"call": key, "used": [_running.get(key, 0.0)]})
+
+
+def _told(topic: str, event: dict[str, Any]) -> None:
+    for tell in _tell:
+        tell(topic, event)
 
 
 def running_calls() -> list[str]:
@@ -186,5 +208,7 @@ def complete(work: Work, jobs: Sequence[JobArguments], max_chunks_bytes: int, ti
             delayed[position] = str(error.strerror or error)
         except Exception as error:
             failed[position] = work.explain(error)
+        if isinstance(tick, StopSignal):
+            tick.end_share()
     if failed or delayed:
         raise PartlyDoneError(failed, delayed)

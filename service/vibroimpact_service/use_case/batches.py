@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import pickle
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import orjson
@@ -14,13 +14,14 @@ from vibroimpact_schema.requests import BatchRequest
 from vibroimpact_service import kinds, problems
 from vibroimpact_service.documents import parse, planning, requests
 from vibroimpact_service.jobs.engine import Engine, EngineUnavailableError
-from vibroimpact_service.jobs.work import Tick, WorkerLostError
+from vibroimpact_service.jobs.work import StopSignal, Tick, WorkerLostError
 from vibroimpact_service.kinds import Kind
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.results import representations
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 from vibroimpact_service.use_case import computation
+from vibroimpact_service.use_case.charges import Admission, Charge
 from vibroimpact_service.use_case.threads import Threads
 from vibroimpact_solvers.plan import Plan
 
@@ -30,7 +31,7 @@ log = structlog.get_logger("vibroimpact.batches")
 async def answer(
     owner: str,
     body: bytes,
-    charge: Callable[[Plan, float], Awaitable[None]],
+    admission: Admission,
     settings: Settings,
     threads: Threads,
     engine: Engine,
@@ -55,22 +56,32 @@ async def answer(
         return kinds.named(batch.kind, "kind").name, batch.requests
 
     kind, contents = await threads.run(read)
-    # Charged at what they may cost at most: they are planned where they are computed.
-    await charge(Plan(kind, ()), settings.batch_seconds * len(contents))
+    # What they may cost at most is held: they are planned where they are computed.
+    held, loop = settings.batch_seconds * len(contents), asyncio.get_running_loop()
+    await admission.charge(Plan(kind, ()), held)
+
+    def used(seconds: Sequence[float]) -> None:
+        if not loop.is_closed():
+            asyncio.run_coroutine_threadsafe(admission.settle(0.0, sum(seconds)), loop)
 
     async def part(first: int, contents: bytes) -> list[bytes]:
         arguments = (settings, owner, kind, contents, first)
+        counted = None if admission.account is None else used
         try:
-            return list(await engine.run(compute, *arguments))
+            return list(await engine.run(compute, *arguments, used=counted))
         except (EngineUnavailableError, WorkerLostError):
             if not is_warm(kind):
                 detail = "The kernels are being compiled."
                 headers = {"Retry-After": "1"}
                 raise ProblemError(problems.UNAVAILABLE, detail, headers=headers) from None
-            return await threads.compute(lambda: compute(*arguments, None))
+            here = Charge(admission, 0.0).measured(lambda _: compute(*arguments, None))
+            return await threads.compute(lambda: here(StopSignal()))
 
     parts = _parts(contents, 2 * max(1, engine.workers))
-    answers = await asyncio.gather(*(part(first, some) for first, some in parts))
+    try:
+        answers = await asyncio.gather(*(part(first, some) for first, some in parts))
+    finally:
+        await admission.settle(held, 0.0)
     return b'{"answers":[' + b",".join(each for some in answers for each in some) + b"]}"
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Coroutine
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -37,11 +37,14 @@ class Admission:
     settle : callable
         ``await settle(held, used)`` charges the processor time that a computation took in place
         of the time that `charge` held for it, seconds.
+    account : str, optional
+        Where jobs are charged what they used; absent: nowhere.
     """
 
     charge: Callable[[Plan, float], Awaitable[None]]
     free: bool = False
-    settle: Callable[[float, float], Awaitable[None]] = _nothing
+    settle: Callable[[float, float], Coroutine[None, None, None]] = _nothing
+    account: str | None = None
 
 
 class Charge:
@@ -53,8 +56,7 @@ class Charge:
     held : float
         What was charged for it, seconds.
     goes_on : bool
-        Whether a worker computes what does not succeed here: for that the whole estimate stays
-        charged.
+        Whether a worker computes what does not succeed here: for that the estimate stays held.
     """
 
     def __init__(self, admission: Admission, held: float, *, goes_on: bool = False) -> None:
@@ -67,13 +69,13 @@ class Charge:
         """Return the same work, whose processor time is charged when it ends, however it does."""
 
         def measured(signal: StopSignal) -> Value:
-            self._begun, began, least = True, meter.processor_time(), self._held * self._goes_on
+            self._begun, began, held = True, meter.processor_time(), self._held * self._goes_on
             try:
                 value = work(signal)
-                least = 0.0
+                held = 0.0
                 return value
             finally:
-                used = max(meter.processor_time() - began, least)
+                used = meter.processor_time() - began + held
                 if not self._loop.is_closed():
                     self._loop.call_soon_threadsafe(self._settle, used)
 

@@ -6,7 +6,7 @@ import errno
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any, Final, NamedTuple
 
 import orjson
@@ -32,6 +32,7 @@ from vibroimpact_service.results.rows import RowFiles
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store, StoreUnavailableError
 from vibroimpact_service.use_case import computation, warming
+from vibroimpact_solvers.spectrum import Cache, held_bytes
 
 log = structlog.get_logger("vibroimpact.chunks")
 
@@ -57,11 +58,21 @@ class Cut(NamedTuple):
     """Names of the chunks."""
     chained: bool
     """Whether each chunk needs the one before."""
+    nbytes: int
+    """Memory of all that."""
 
 
-@lru_cache(maxsize=4)
+KNOWN: Final = Cache(2**28, most=4)
+"""Requests of recent jobs: each is decoded and planned once in a process, however many of its
+chunks are computed there."""
+
+
 def _cut(store_url: str, kind: str, request: str, seconds_each: float) -> Cut:
-    # Decoded and planned once per process, however many chunks of the job it computes.
+    key = "\n".join((store_url, kind, request, repr(seconds_each)))
+    return KNOWN.get(key.encode(), lambda: _planned_cut(store_url, kind, request, seconds_each))
+
+
+def _planned_cut(store_url: str, kind: str, request: str, seconds_each: float) -> Cut:
     store = Store(store_url)
     data = store.requests.get(request)
     if data is None:
@@ -73,7 +84,9 @@ def _cut(store_url: str, kind: str, request: str, seconds_each: float) -> Cut:
     solver = planned.kind.solver
     cut = solver.split(planned.problem, planned.plan, seconds_each)
     names = _names(owner, planned, document, cut)
-    return Cut(planned, canonical, cut, names, len(cut) > 1 and hasattr(solver, "follow"))
+    chained = len(cut) > 1 and hasattr(solver, "follow")
+    size = len(canonical) + 100 * len(names) + held_bytes(planned.problem, cut)
+    return Cut(planned, canonical, cut, names, chained, size)
 
 
 def _names(owner: bytes, planned: Planned, request: Any, cut: list[Any]) -> list[str]:

@@ -235,6 +235,7 @@ class Evaluation:
             deadline=options.deadline,
             webhook=options.webhook,
             block=block,
+            account=admission.account,
         )
         if work is not None:
             shared = await self.threads.on_submission(request.digest, work)
@@ -242,10 +243,15 @@ class Evaluation:
                 charge.give_back()
             if shared is not None and self.store.results.has(request.digest):
                 new = replace(new, computed=not shared, reused=shared)
+        job: JobRow | None = None
         try:
-            return await self.queue.submit(new)
+            job = await self.queue.submit(new)
         except KeyReusedError:
             raise ProblemError(problems.KEY_REUSED, _KEY_REUSED) from None
+        finally:
+            if (job is None or job.id != new.id) and not new.done:
+                await admission.settle(seconds, 0.0)
+        return job
 
     async def result_of(self, job: JobRow, media_type: str) -> Representation | None:
         """Return the result of a job that succeeded, or None where its request is gone too.

@@ -104,8 +104,8 @@ def test_computing_that_is_planned_beyond_the_quota_is_refused(
 ) -> None:
     used = budget.Budget.settle
 
-    async def as_planned(self: budget.Budget, caller: Caller, held: float, _used: float) -> None:
-        await used(self, caller, held, held)
+    async def as_planned(self: budget.Budget, account: str, held: float, _used: float) -> None:
+        await used(self, account, held, held)
 
     monkeypatch.setattr(budget.Budget, "settle", as_planned)
     plan = closed.post("/v1/plan/impact-modes", json=request_body, headers=make_key("ann")).json()
@@ -204,10 +204,39 @@ def test_a_computation_costs_as_many_milliseconds_as_planned() -> None:
         assert caught.value.type is problems.QUOTA_SPENT
         assert "r=0" in (await spent.spend(caller, plan, 0.2))["RateLimit"]
 
-        await spent.settle(caller, 0.4, 0.1)  # what was not used is given back
+        await spent.settle("key", 0.4, 0.1)  # what was not used is given back
         assert "r=200" in (await spent.spend(caller, plan, 0.1))["RateLimit"]
-        await spent.settle(caller, 0.1, 2.0)  # and what was used beyond the quota is taken
+        await spent.settle("key", 0.1, 2.0)  # and what was used beyond the quota is taken
         with pytest.raises(ProblemError):
             await spent.spend(caller, plan, 0.001)
+
+    asyncio.run(scenario())
+
+
+@pytest.mark.usefixtures("noon")
+@pytest.mark.parametrize(("age", "left"), [(0.0, 1000), (900.0, 850), (3600.0, 400), (9e9, 400)])
+def test_no_more_is_given_back_than_is_left_of_what_was_held(age: float, left: int) -> None:
+    """What is counted fades within the hour: a job of two hours must not earn a quota."""
+    caller = Caller("ann", "key", frozenset(Scope), seconds_per_hour=1.0)
+
+    async def scenario() -> None:
+        spent = budget.Budget(Settings(data=Path("unused")))
+        await spent.spend(caller, Plan("impact-modes", ()), 0.6)
+        await spent.settle("key", 0.6, 0.0, age)
+        answer = await spent.spend(caller, Plan("impact-modes", ()), 0.0)
+        assert f"r={left};" in answer["RateLimit"]
+
+    asyncio.run(scenario())
+
+
+def test_a_changed_quota_counts_what_was_used_before_the_change() -> None:
+    before = Caller("ann", "key", frozenset(Scope), seconds_per_hour=10.0)
+    after = Caller("ann", "key", frozenset(Scope), seconds_per_hour=5.0)
+
+    async def scenario() -> None:
+        spent, plan = budget.Budget(Settings(data=Path("unused"))), Plan("impact-modes", ())
+        await spent.spend(before, plan, 4.0)
+        with pytest.raises(ProblemError, match="1 s are left of 5 s"):
+            await spent.spend(after, plan, 2.0)
 
     asyncio.run(scenario())

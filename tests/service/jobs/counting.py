@@ -1,8 +1,8 @@
 """A small honest work for the queue: sums of squares of consecutive integers, by chunks.
 
-A request is the canonical JSON of {"n", "chunk", "sleep", "poison", "signal", "hungry", "pad",
-"fail", "chained"}; chained chunks refuse to be computed before the one in front of them is there, a
-hungry one needs more memory than there is, and each has so many digits as its pad says.
+A request is the canonical JSON of {"n", "chunk", "sleep", "burn", "poison", "signal", "hungry",
+"pad", "fail", "chained"}; chained chunks refuse to be computed before the one in front of them is
+there, a hungry one needs more memory than there is, and each has so many digits as its pad says.
 """
 
 from __future__ import annotations
@@ -47,6 +47,10 @@ def solve(
             with Path(asked["log"]).open("a") as log:
                 log.write(f"{index}\n")
         time.sleep(asked.get("sleep", 0.0))
+        began = time.thread_time()
+        while time.thread_time() < began + asked.get("burn", 0.0):
+            if tick is not None:
+                tick(0, 1)
         if asked.get("chained") and index and not Store(url).chunks.has(chunks[index - 1].name):
             raise WrongRequestError(f"chunk {index} before chunk {index - 1}")
         if asked.get("poison") == index:

@@ -243,9 +243,9 @@ def test_a_call_is_stopped_where_it_was_taken_away_and_not_before() -> None:
                 plugin.transition("late", "executing", "cancelled")
 
     with pytest.raises(StoppedError):
-        worker.execute(work, "late")
+        worker.execute(work, "late", False)
     assert ticks == [0, 1]
-    worker.execute(work, "other")
+    worker.execute(work, "other", False)
     assert ticks == [0, 1, 0, 1, 2]
 
 
@@ -259,7 +259,7 @@ def test_a_call_that_is_wanted_again_goes_on() -> None:
         tick(0, 1)
         return "done"
 
-    assert worker.execute(work, "wanted") == "done"
+    assert worker.execute(work, "wanted", False) == "done"
 
 
 def test_a_worker_forgets_a_cancelled_call_once_it_ended() -> None:
@@ -273,9 +273,9 @@ def test_a_worker_forgets_a_cancelled_call_once_it_ended() -> None:
         tick(0, 1)
 
     with pytest.raises(StoppedError):
-        worker.execute(partial(work, cancelled=True), "again")
+        worker.execute(partial(work, cancelled=True), "again", False)
     assert worker.running_calls() == []
-    worker.execute(partial(work, cancelled=False), "again")
+    worker.execute(partial(work, cancelled=False), "again", False)
 
 
 def test_the_status_pages_of_dask_show_nothing(bench: Bench) -> None:

@@ -79,7 +79,7 @@ class Replaced:
     def ready(self) -> bool:
         return time.monotonic() >= self._at
 
-    def submit(self, *_: object) -> str:
+    def submit(self, *_: object, **__: object) -> str:
         if not self.ready:
             raise EngineUnavailableError
         return "call"
@@ -87,7 +87,7 @@ class Replaced:
 
 def waiting(engine: Replaced) -> Run:
     context: Any = SimpleNamespace(engine=engine, work=None)
-    job: Any = SimpleNamespace(id="job", attempts=1)
+    job: Any = SimpleNamespace(id="job", attempts=1, account=None)
     return Run([job], context)
 
 
