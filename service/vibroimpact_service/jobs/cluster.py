@@ -14,7 +14,8 @@ from distributed import Nanny, Scheduler
 
 from vibroimpact_service import stopping
 from vibroimpact_service.jobs import certificates, forkserver
-from vibroimpact_service.jobs.engine import CONFIG, QUEUES
+from vibroimpact_service.jobs.dask_settings import CONFIG
+from vibroimpact_service.jobs.engine import QUEUES
 from vibroimpact_service.jobs.process_limits import worker_memory
 from vibroimpact_service.settings import Settings
 

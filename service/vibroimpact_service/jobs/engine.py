@@ -20,7 +20,7 @@ import structlog
 from distributed import Client, Future, LocalCluster
 from distributed.scheduler import KilledWorker
 
-from vibroimpact_service.jobs import certificates, deaths, forkserver, worker
+from vibroimpact_service.jobs import certificates, dask_settings, deaths, forkserver, worker
 from vibroimpact_service.jobs.deaths import Deaths, keep
 from vibroimpact_service.jobs.metrics import JobMetrics
 from vibroimpact_service.jobs.process_limits import worker_memory
@@ -32,44 +32,6 @@ BULK: Final = "bulk"
 QUEUES: Final = (FAST, BULK)
 """Every worker has one thread for each queue, so that quick calls never wait for slow ones."""
 
-CONFIG: Final[dict[str, Any]] = {
-    # A silent worker is given up late: it may run code that holds the GIL. The death of a worker
-    # is noticed at once, by its connection.
-    "distributed.scheduler.worker-ttl": "5 minutes",
-    # Each death is judged by its cause: see `WorkerLostError`.
-    "distributed.scheduler.allowed-failures": 0,
-    "distributed.comm.timeouts.tcp": "15s",
-    "distributed.comm.timeouts.connect": "15s",
-    "distributed.admin.tick.limit": "30s",
-    # A local cluster gives up for good a worker that is being restarted when an earlier death of
-    # it is this long ago: with the default of 15 s, two deaths can cost the worker.
-    "distributed.deploy.lost-worker-timeout": "3650 days",
-    # The default of `multiprocessing`, which `forkserver` sets. Named here, Dask would first import
-    # many packages into that process that no worker uses, pandas among them.
-    "distributed.worker.multiprocessing-method": None,
-    # Measurements that Dask makes of itself all the time, in every process.
-    "distributed.worker.profile.enabled": False,
-    "distributed.admin.tick.interval": "1s",
-    "distributed.admin.system-monitor.interval": "5s",
-    "distributed.admin.system-monitor.disk": False,
-    "distributed.admin.system-monitor.gil.enabled": False,
-    "distributed.diagnostics.nvml": False,
-    # The limit of memory is kept by the operating system: see `worker`.
-    "distributed.worker.memory.target": False,
-    "distributed.worker.memory.spill": False,
-    "distributed.worker.memory.pause": False,
-    "distributed.worker.memory.terminate": False,
-    "distributed.client.scheduler-info-interval": "5 minutes",
-    # Source lines from which calls are submitted.
-    "distributed.diagnostics.computations.nframes": 0,
-    # There are never many calls to be moved: each user has a few per worker at a time.
-    "distributed.scheduler.work-stealing-interval": "1s",
-    # A result has one copy, and is removed as soon as it has been fetched.
-    "distributed.scheduler.active-memory-manager.start": False,
-    # The status pages of Dask have no authentication.
-    "distributed.scheduler.http.routes": [],
-    "distributed.worker.http.routes": [],
-}
 _RETRY_SECONDS: Final = 0.5
 _POLL_SECONDS: Final = 1.0
 _STARTING_SECONDS: Final = 0.2
@@ -298,7 +260,7 @@ class Engine:
 
     def _run(self) -> None:
         logging.getLogger("distributed").setLevel(logging.ERROR)
-        dask.config.set(CONFIG)
+        dask.config.set(dask_settings.CONFIG)
         while not self._closing.is_set():
             try:
                 self._client = self._connect()

@@ -19,8 +19,8 @@ from vibroimpact_solvers.plan import Plan
 Value = TypeVar("Value")
 
 
-async def _nothing(_held: float, _used: float) -> None:
-    """Settle nothing."""
+async def _nothing(*_: object) -> None:
+    """Charge nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class Admission:
         Where jobs are charged what they used; absent: nowhere.
     """
 
-    charge: Callable[[Plan, float], Awaitable[None]]
+    charge: Callable[[Plan, float], Awaitable[None]] = _nothing
     free: bool = False
     settle: Callable[[float, float], Coroutine[None, None, None]] = _nothing
     account: str | None = None

@@ -36,7 +36,6 @@ from vibroimpact_service.use_case.charges import Admission, Charge, admit
 from vibroimpact_service.use_case.computation import Computed
 from vibroimpact_service.use_case.threads import SUBMISSION_SECONDS, Threads, in_time
 from vibroimpact_service.use_case.warming import Warming
-from vibroimpact_solvers.plan import Plan
 
 Value = TypeVar("Value")
 
@@ -55,11 +54,7 @@ _LOST_SECONDS: Final = 600.0
 _CACHE_STATUS: Final = {"hit": "hit", "miss": "fwd=miss", "collapsed": "fwd=miss; collapsed"}
 
 
-async def _nothing(_plan: Plan, _seconds: float) -> None:
-    """Charge nothing."""
-
-
-_PAID: Final = Admission(_nothing, free=True)
+_PAID: Final = Admission(free=True)
 """For what was charged before."""
 
 
@@ -209,16 +204,15 @@ class Evaluation:
             if media_type is not None:
                 representations.check_size(limits.least_bytes(planned.plan), media_type)
             seconds = planned.seconds
-            at_once = self._is_warm(request) and self.threads.accepts(seconds)
-            at_once &= until is None or clock() + SUBMISSION_SECONDS < until
-            if at_once and not self.queue.computes(request.digest):
-                work = self._work(request, planned)
-            else:
+            soon = until is None or clock() + SUBMISSION_SECONDS < until
+            at_once = soon and self._is_warm(request) and self.threads.accepts(seconds)
+            at_once = at_once and not self.queue.computes(request.digest)
+            if not at_once:
                 await self.room_for_jobs(request.owner)
             await admit(request, admission, planned)
-            if work is not None:
+            if at_once:
                 charge = Charge(admission, seconds, goes_on=True)
-                work = charge.measured(work)
+                work = charge.measured(self._work(request, planned))
         self._metrics.result(request.kind.name, "hit" if reused else "job")
         name, block = await self._keep_request(request, until, for_workers=not (reused or work))
         new = NewJob(
@@ -243,14 +237,18 @@ class Evaluation:
                 charge.give_back()
             if shared is not None and self.store.results.has(request.digest):
                 new = replace(new, computed=not shared, reused=shared)
+        return await self._record(new, admission)
+
+    async def _record(self, new: NewJob, admission: Admission) -> JobRow:
+        """Record a job; what was held is given back where it is not, or its key has another."""
         job: JobRow | None = None
         try:
             job = await self.queue.submit(new)
         except KeyReusedError:
             raise ProblemError(problems.KEY_REUSED, _KEY_REUSED) from None
         finally:
-            if (job is None or job.id != new.id) and not new.done:
-                await admission.settle(seconds, 0.0)
+            if not new.done and (job is None or job.id != new.id):
+                await admission.settle(new.seconds, 0.0)
         return job
 
     async def result_of(self, job: JobRow, media_type: str) -> Representation | None:

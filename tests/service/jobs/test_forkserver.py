@@ -11,7 +11,7 @@ def test_workers_start_without_libraries_that_nobody_uses() -> None:
     script = """
 import sys
 from vibroimpact_service.jobs import forkserver
-from vibroimpact_service.jobs.engine import CONFIG
+from vibroimpact_service.jobs.dask_settings import CONFIG
 
 if __name__ == "__main__":
     import dask
