@@ -85,6 +85,16 @@ def _bands(random: Random) -> tuple[str, Document]:
     return f"{one.name}, {stop / start:.2g} times", document
 
 
+def _natural(random: Random) -> tuple[str, Document]:
+    one = draw(random, largest=True)
+    count = _count(random, 1, 50)
+    outputs = ["Omega", "shape", "participation"]
+    if random.random() < 0.5:
+        outputs.append("residual_flexibility")
+    document = {"system": one.document, "count": count, "outputs": outputs}
+    return f"{one.name}, {count} modes", document
+
+
 def _resonances(random: Random) -> tuple[str, Document]:
     one = draw(random, largest=True)
     odd_max = 2 * _count(random, 1, 50) - 1
@@ -269,6 +279,7 @@ DRAWN: Final[Mapping[str, tuple[str, Callable[[Random], tuple[str, Document]]]]]
     "impact-modes": ("impact-modes", _modes),
     "impact-modes with stability": ("impact-modes", _modes_with_stability),
     "existence-bands": ("existence-bands", _bands),
+    "natural-frequencies": ("natural-frequencies", _natural),
     "resonances": ("resonances", _resonances),
     "periodic-motions": ("periodic-motions", _periodic),
     "branches": ("branches", _branches),

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 class AsyncClient(
     Computations[
+        "Later[kinds.NaturalFrequencies]",
         "Later[kinds.ImpactModes]",
         "Later[kinds.ExistenceBands]",
         "Later[kinds.Resonances]",

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 class Client(
     Computations[
+        kinds.NaturalFrequencies,
         kinds.ImpactModes,
         kinds.ExistenceBands,
         kinds.Resonances,

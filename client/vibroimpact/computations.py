@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     Values = ArrayLike | Mapping[str, object]
     """An array, (start, stop, num), or a document with start, stop and num or step."""
     Swept = Literal[
+        "natural-frequencies",
         "impact-modes",
         "existence-bands",
         "resonances",
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     Initial = documents.InitialState | documents.InitialMode | float | tuple[ArrayLike, ArrayLike]
     Limiter = documents.PowerLimiter | documents.RigidLimiter
 
+Natural = TypeVar("Natural")
 Modes = TypeVar("Modes")
 Bands = TypeVar("Bands")
 Resonant = TypeVar("Resonant")
@@ -44,12 +46,22 @@ Grid = TypeVar("Grid")
 
 
 class Computations(
-    ABC, Generic[Modes, Bands, Resonant, Motions, Curves, Settled, History, Many, Slow, Grid]
+    ABC,
+    Generic[Natural, Modes, Bands, Resonant, Motions, Curves, Settled, History, Many, Slow, Grid],
 ):
     """One method for each kind of computation: it makes the request document and computes it.
 
     An answer is a result, an awaitable one, or the request itself; each kind has its own type.
     """
+
+    @overload
+    def compute(
+        self,
+        kind: Literal["natural-frequencies"],
+        request: documents.NaturalFrequenciesRequest,
+        *,
+        progress: bool = False,
+    ) -> Natural: ...
 
     @overload
     def compute(
@@ -163,6 +175,60 @@ class Computations(
     @abstractmethod
     def _compute(self, kind: str, request: Mapping[str, Any], *, progress: bool = False) -> Any:
         """Return the answer to a request."""
+
+    def natural_frequencies(
+        self,
+        system: documents.System,
+        count: int | None = None,
+        *,
+        stop: float | None = None,
+        unit: str = "Omega",
+        fixed: Sequence[int] = (),
+        directions: ArrayLike | None = None,
+        outputs: Sequence[str] | None = None,
+        tolerance: float | None = None,
+    ) -> Natural:
+        """Compute the natural frequencies and mode shapes of a structure, without damping.
+
+        ``result.in_unit(result.Omega, "Hz")`` returns the frequencies in Hz; printed, the result
+        is a table of them.
+
+        Parameters
+        ----------
+        system : dict
+            The structure, from `system`, `chain` or another function of `vibroimpact.systems`.
+        count : int, optional
+            Number of modes, from the lowest; default: 10, or all up to `stop`.
+        stop : float, optional
+            Instead of `count`: the frequency up to which all modes are returned.
+        unit : str
+            Unit of `stop`: Omega (angular), Hz or rpm.
+        fixed : sequence of int
+            Indices of the constraints whose coordinates are held at zero.
+        directions : array, shape (direction, dof), optional
+            Displacements of all degrees of freedom by unit motions of the base, for effective
+            masses.
+        outputs : sequence of str, optional
+            Quantities to compute: Omega, shape, participation, effective_mass,
+            residual_flexibility; default: the first three, and effective masses where
+            `directions` are given.
+        tolerance : float, optional
+            Relative error of the frequencies; the result tells which meet it.
+        """
+        if outputs is None and directions is not None:
+            outputs = ("Omega", "shape", "participation", "effective_mass")
+        options = _present(
+            count=None if count is None else int(count),
+            stop=_number(stop),
+            unit=None if unit == "Omega" else unit,
+            fixed=_indices(fixed) or None,
+            directions=None if directions is None else _rows("directions", directions),
+            outputs=None if outputs is None else names(outputs),
+            tolerance=_number(tolerance),
+        )
+        request: Document = {"system": dict(system)}
+        answer: Natural = self._compute("natural-frequencies", request | options)
+        return answer
 
     def impact_modes(
         self,
@@ -428,10 +494,7 @@ class Computations(
             "frequency": dict(frequency)
             if isinstance(frequency, Mapping)
             else {"values": [float(frequency)]},
-            "initial": {
-                name: np.atleast_2d(np.asarray(real(name, given), dtype=np.float64)).tolist()
-                for name, given in (("x", x), ("v", v))
-            },
+            "initial": {name: _rows(name, given) for name, given in (("x", x), ("v", v))},
         }
         options = _present(
             settle=None if settle is None else int(settle),
@@ -542,10 +605,7 @@ class Computations(
         t, outputs, dofs, load, limiter, method, tolerance
             As for `time_history`; they hold for all members.
         """
-        states: Any = {
-            name: np.atleast_2d(np.asarray(real(name, given), dtype=np.float64)).tolist()
-            for name, given in (("x", x), ("v", v))
-        }
+        states: Any = {name: _rows(name, given) for name, given in (("x", x), ("v", v))}
         request = REQUESTS.time_history(
             system,
             states,
@@ -642,6 +702,7 @@ class Computations(
 
 class _Requests(
     Computations[
+        "documents.NaturalFrequenciesRequest",
         "documents.ImpactModesRequest",
         "documents.ExistenceBandsRequest",
         "documents.ResonancesRequest",
@@ -669,6 +730,14 @@ def _present(**fields: Any) -> Document:
 
 def _indices(given: Iterable[int] | None) -> list[int] | None:
     return None if given is None else [int(index) for index in given]
+
+
+def _rows(name: str, given: ArrayLike) -> list[list[float]]:
+    """Return rows of numbers; one row may be given alone."""
+    rows: list[list[float]] = np.atleast_2d(
+        np.asarray(real(name, given), dtype=np.float64)
+    ).tolist()
+    return rows
 
 
 def _number(given: float | None) -> float | None:

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Literal, NotRequired, TypedDict
 
 Kind = Literal[
+    "natural-frequencies",
     "impact-modes",
     "existence-bands",
     "resonances",
@@ -21,6 +22,47 @@ Kind = Literal[
     "sweep",
 ]
 """Kinds of computation."""
+
+
+class NaturalFrequenciesRequest(TypedDict):
+    """Natural frequencies and mode shapes of the structure between its stops, without damping.
+
+    The lowest ones, by their number or up to a frequency; that none is missing is proved.
+    """
+
+    system: System
+    tolerance: NotRequired[float | None]
+    """Relative error allowed; absent: what double precision gives. The error of the result
+    says what keeps it.
+    """
+    count: NotRequired[int | None]
+    """Number of modes, from the lowest; of a structure with fewer, all. Absent: 10, or all up
+    to stop.
+    """
+    stop: NotRequired[float | None]
+    """Instead of count: the frequency up to which all modes are returned."""
+    unit: NotRequired[Literal["Omega", "omega", "Hz", "rpm"]]
+    """Meaning of stop: Omega, a natural angular frequency; Hz and rpm, the same divided by 2
+    pi, as in grids of frequencies; omega, times 2/pi.
+    """
+    fixed: NotRequired[Sequence[int]]
+    """Indices of the constraints whose coordinates are held at zero."""
+    directions: NotRequired[Sequence[Sequence[float]] | None]
+    """Displacements of all degrees of freedom by unit motions of the base, a list for each
+    direction [direction, dof]; required for effective_mass.
+    """
+    outputs: NotRequired[
+        Sequence[
+            Literal["Omega", "shape", "participation", "effective_mass", "residual_flexibility"]
+        ]
+    ]
+    """Outputs; only these are computed, Omega always. Omega: natural angular frequencies
+    [mode] (1/time); shape: mode shapes of unit modal mass [mode, dof] (1/√mass); participation:
+    the constrained coordinates of the shapes [mode, constraint] (1/√mass); effective_mass:
+    effective modal masses of motions of the base [mode, direction] (mass);
+    residual_flexibility: static flexibility of all modes that are left out, of a free structure
+    that of its elastic modes [constraint, constraint] (time² / mass).
+    """
 
 
 class ImpactModesRequest(TypedDict):
@@ -334,6 +376,23 @@ class SlowFlowRequest(TypedDict):
     p/omega (mass length / time) [time]; error: differences from the exact motion, and its
     impacts.
     """
+
+
+class NaturalFrequenciesSweep(TypedDict):
+    """Natural frequencies over a parameter grid: the same number of modes at every point."""
+
+    kind: Literal["natural-frequencies"]
+    base: NaturalFrequenciesRequest
+    """The request whose fields vary."""
+    axes: Sequence[AxisValues | AxisPoints | AxisSteps]
+    """Each is a dimension of the outputs; in this order, they come first."""
+    outputs: NotRequired[
+        Sequence[
+            Literal["Omega", "shape", "participation", "effective_mass", "residual_flexibility"]
+        ]
+        | None
+    ]
+    """What to compute; absent: the outputs of the base."""
 
 
 class ImpactModesSweep(TypedDict):
@@ -1149,7 +1208,8 @@ System = (
 """A structure."""
 
 SweepRequest = (
-    ImpactModesSweep
+    NaturalFrequenciesSweep
+    | ImpactModesSweep
     | ExistenceBandsSweep
     | ResonancesSweep
     | PeriodicMotionsSweep
@@ -1160,7 +1220,8 @@ SweepRequest = (
 """A computation over a parameter grid."""
 
 Request = (
-    ImpactModesRequest
+    NaturalFrequenciesRequest
+    | ImpactModesRequest
     | ExistenceBandsRequest
     | ResonancesRequest
     | PeriodicMotionsRequest
@@ -1174,7 +1235,8 @@ Request = (
 """A request of any kind."""
 
 BaseRequest = (
-    ImpactModesRequest
+    NaturalFrequenciesRequest
+    | ImpactModesRequest
     | ExistenceBandsRequest
     | ResonancesRequest
     | PeriodicMotionsRequest

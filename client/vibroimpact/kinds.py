@@ -27,6 +27,33 @@ if TYPE_CHECKING:
     Words = NDArray[np.str_]
 
 
+class NaturalFrequenciesError(Table):
+    """Absolute errors of the outputs."""
+
+    statement: str
+    """How the errors were obtained."""
+    Omega: Floats
+    """Absolute error of Omega, shape (mode), 1/time."""
+    shape: Floats
+    """Absolute error of the mode shape, shape (mode, dof), 1/√mass; nan: the mode cannot be
+    told from its neighbours.
+    """
+    participation: Floats
+    """Absolute error of the participation, shape (mode, constraint), 1/√mass; nan: the mode
+    cannot be told from its neighbours.
+    """
+    effective_mass: Floats
+    """Absolute error of the effective modal mass, shape (mode, direction), mass; nan: the mode
+    cannot be told from its neighbours.
+    """
+    residual_flexibility: Floats
+    """Absolute error of the residual flexibility, shape (constraint, other), time² / mass;
+    nan: the mode cannot be told from its neighbours.
+    """
+    within_tolerance: Words
+    """Whether the relative error of Omega is within the requested tolerance, shape (mode)."""
+
+
 class ImpactModesFrequency(Table):
     """The frequencies, as Omega and as omega."""
 
@@ -927,6 +954,31 @@ class SlowFlowError(Table):
     """Differences of this variant from the exact motion."""
 
 
+class NaturalFrequencies(Result):
+    """Natural frequencies and mode shapes, ascending; shapes have unit modal mass."""
+
+    PARTS: ClassVar[dict[str, type[Table]]] = {"error": NaturalFrequenciesError}
+    request: documents.NaturalFrequenciesRequest
+    mode: Integers
+    """Index of the mode, ascending, shape (mode)."""
+    Omega: Floats
+    """Natural angular frequency, shape (mode), 1/time; 0 of a rigid-body mode, minus the rate
+    of growth of an unstable one.
+    """
+    shape: Floats
+    """Mode shape, shape (mode, dof), 1/√mass; of unit modal mass, its largest entry positive."""
+    participation: Floats
+    """Constrained coordinate of the mode shape, shape (mode, constraint), 1/√mass."""
+    effective_mass: Floats
+    """Effective modal mass of a motion of the base, shape (mode, direction), mass."""
+    residual_flexibility: Floats
+    """Static flexibility of all modes that are left out, shape (constraint, other), time² /
+    mass; of a free structure, of its elastic modes.
+    """
+    error: NaturalFrequenciesError
+    """Absolute errors of the outputs."""
+
+
 class ImpactModes(Result):
     """Solutions of a family of impact modes; outputs that were not requested are absent.
 
@@ -1281,6 +1333,7 @@ class Sweep(Result):
 
 
 KINDS: Final[dict[str, type[Result]]] = {
+    "natural-frequencies": NaturalFrequencies,
     "impact-modes": ImpactModes,
     "existence-bands": ExistenceBands,
     "resonances": Resonances,

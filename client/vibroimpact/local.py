@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 class Local(
     Computations[
+        kinds.NaturalFrequencies,
         kinds.ImpactModes,
         kinds.ExistenceBands,
         kinds.Resonances,

@@ -5,6 +5,8 @@ Each takes what the method of the same name of `Client` takes, and returns what 
 
 from vibroimpact.computations import REQUESTS
 
+natural_frequencies_request = REQUESTS.natural_frequencies
+"""Return the request document that `Client.natural_frequencies` sends."""
 impact_modes_request = REQUESTS.impact_modes
 """Return the request document that `Client.impact_modes` sends."""
 existence_bands_request = REQUESTS.existence_bands

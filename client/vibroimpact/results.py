@@ -6,7 +6,7 @@ import html
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from vibroimpact import notebook, plots, sweep_plots
+from vibroimpact import natural_modes, notebook, plots, sweep_plots
 from vibroimpact.result_file import ResultFile
 from vibroimpact.tables import Array, Table, html_table
 
@@ -47,6 +47,7 @@ class Result(ResultFile):
     ) -> Axes:
         """Plot the result; what is drawn depends on its kind.
 
+        Natural frequencies: the lowest mode shapes, or the frequencies with ``output="Omega"``.
         Impact modes: the momentum of the impacts over frequency, or the mode shape where there is
         one frequency only, or else what was computed; ``output="energy"`` gives the
         frequency-energy plot. Periodic motions: the
@@ -61,7 +62,8 @@ class Result(ResultFile):
         ax : Axes, optional
             Axes to draw in; default: those of a new figure.
         output : str, optional
-            Output of impact modes or of a sweep; default: the most telling one, or the first.
+            Output of impact modes, of natural frequencies or of a sweep; default: the most telling
+            one, or the first.
         at : mapping, optional
             For a sweep: dimension -> value at which it is held fixed.
 
@@ -76,6 +78,8 @@ class Result(ResultFile):
             return sweep_plots.draw(self, output, at, ax)
         if self.kind == "impact-modes":
             return plots.mode_plot(output or self._most_telling())(self, ax=ax)
+        if self.kind == "natural-frequencies":
+            return natural_modes.plot_of(output)(self, ax=ax)
         if output is not None:
             raise ValueError(f"{self.kind} has one plot only, so that output cannot be chosen")
         drawing: dict[str, Callable[..., Axes]] = {
@@ -113,12 +117,15 @@ class Result(ResultFile):
         return notebook.show(self)
 
     def __repr__(self) -> str:
-        """Return the kind, the digest and the sizes of the outputs."""
+        """Return the kind, the digest and the sizes of the outputs; natural frequencies follow."""
         sizes = [f"{name} {self._about[name].shape}" for name in self._arrays]
         sizes += [f"{name} ({rows} rows)" for name, rows in self.row_counts().items()]
         more = [*self.neglected, *([] if self.sensitivity is None else [str(self.sensitivity)])]
         said = "".join(f"; {sentence}" for sentence in more)
-        return f"<Result {self.kind} {self.digest[:12]}: {', '.join(sizes)}{said}>"
+        text = f"<Result {self.kind} {self.digest[:12]}: {', '.join(sizes)}{said}>"
+        if self.kind == "natural-frequencies":
+            return f"{text}\n{natural_modes.table(self)}"
+        return text
 
     def _repr_html_(self) -> str:
         told = [(name, self._about[name]) for name in self._arrays]
@@ -136,4 +143,6 @@ class Result(ResultFile):
             f"<p style='{_AMBER}'>{html.escape(each[:1].upper() + each[1:])}.</p>"
             for each in self.neglected
         )
+        if self.kind == "natural-frequencies":
+            head += html_table(*natural_modes.rows(self))
         return f"{head}{html_table(['name', 'size', 'meaning'], rows)}{note}"

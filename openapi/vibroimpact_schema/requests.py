@@ -6,7 +6,13 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field
 
-from vibroimpact_schema.grids import FrequencyGrid, FrequencyInterval, TimeGrid, Times
+from vibroimpact_schema.grids import (
+    FrequencyGrid,
+    FrequencyInterval,
+    FrequencyUnit,
+    TimeGrid,
+    Times,
+)
 from vibroimpact_schema.motions import (
     DriveTerm,
     Initial,
@@ -18,7 +24,7 @@ from vibroimpact_schema.motions import (
     SequenceStart,
 )
 from vibroimpact_schema.systems import AnySystem, System
-from vibroimpact_schema.values import Document, Index, Indices, Number, Positive
+from vibroimpact_schema.values import Count, Document, Index, Indices, Number, Numbers, Positive
 
 Priority = Annotated[int, Field(strict=True, ge=-10, le=10)]
 
@@ -36,6 +42,57 @@ class ComputationRequest(Document):
     def with_system(self, system: AnySystem) -> Self:
         """Return the same request about another structure."""
         return self.model_copy(update={"system": system})
+
+
+NaturalFrequenciesOutput = Literal[
+    "Omega", "shape", "participation", "effective_mass", "residual_flexibility"
+]
+
+
+class NaturalFrequenciesRequest(ComputationRequest):
+    """Natural frequencies and mode shapes of the structure between its stops, without damping.
+
+    The lowest ones, by their number or up to a frequency; that none is missing is proved.
+    """
+
+    count: Count | None = Field(
+        None,
+        description="Number of modes, from the lowest; of a structure with fewer, all. Absent: 10, "
+        "or all up to stop.",
+    )
+    stop: Positive | None = Field(
+        None, description="Instead of count: the frequency up to which all modes are returned."
+    )
+    unit: FrequencyUnit = Field(
+        "Omega",
+        description="Meaning of stop: Omega, a natural angular frequency; Hz and rpm, the same "
+        "divided by 2 pi, as in grids of frequencies; omega, times 2/pi.",
+        json_schema_extra={
+            "x-enum-varnames": ["FUNDAMENTAL", "TRIANGLE_WAVE", "HERTZ", "REVOLUTIONS_PER_MINUTE"]
+        },
+    )
+    fixed: Indices = Field(
+        default_factory=list,
+        description="Indices of the constraints whose coordinates are held at zero.",
+    )
+    directions: (
+        Annotated[list[Numbers], Field(min_length=1, max_length=1000, fail_fast=True)] | None
+    ) = Field(
+        None,
+        description="Displacements of all degrees of freedom by unit motions of the base, a list "
+        "for each direction [direction, dof]; required for effective_mass.",
+        examples=[[[1.0, 0.0, 1.0, 0.0]]],
+    )
+    outputs: Annotated[list[NaturalFrequenciesOutput], Field(min_length=1, fail_fast=True)] = Field(
+        ["Omega", "shape", "participation"],
+        description="Outputs; only these are computed, Omega always. "
+        "Omega: natural angular frequencies [mode] (1/time); "
+        "shape: mode shapes of unit modal mass [mode, dof] (1/√mass); "
+        "participation: the constrained coordinates of the shapes [mode, constraint] (1/√mass); "
+        "effective_mass: effective modal masses of motions of the base [mode, direction] (mass); "
+        "residual_flexibility: static flexibility of all modes that are left out, of a free "
+        "structure that of its elastic modes [constraint, constraint] (time² / mass).",
+    )
 
 
 ImpactModesOutput = Literal[

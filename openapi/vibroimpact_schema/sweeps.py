@@ -13,6 +13,7 @@ from pydantic import (
     Tag,
     field_validator,
 )
+from pydantic_core import PydanticCustomError
 
 from vibroimpact_schema import grids, requests
 from vibroimpact_schema.requests import ComputationRequest
@@ -103,6 +104,27 @@ class SweepOf(Document, Generic[Base, Output]):
     )
 
 
+class NaturalFrequenciesSweep(
+    SweepOf[requests.NaturalFrequenciesRequest, requests.NaturalFrequenciesOutput]
+):
+    """Natural frequencies over a parameter grid: the same number of modes at every point."""
+
+    kind: Literal["natural-frequencies"]
+
+    @field_validator("base")
+    @classmethod
+    def _counted(
+        cls, base: requests.NaturalFrequenciesRequest
+    ) -> requests.NaturalFrequenciesRequest:
+        if base.stop is not None:
+            raise PydanticCustomError(
+                "count_or_stop",
+                "a sweep takes count instead of stop: the number of modes below a frequency "
+                "differs from point to point",
+            )
+        return base
+
+
 class ImpactModesSweep(SweepOf[requests.ImpactModesRequest, requests.ImpactModesOutput]):
     """Impact modes over a parameter grid."""
 
@@ -148,7 +170,8 @@ class SlowFlowSweep(SweepOf[requests.SlowFlowRequest, requests.SlowFlowOutput]):
 
 
 AnySweep = Annotated[
-    ImpactModesSweep
+    NaturalFrequenciesSweep
+    | ImpactModesSweep
     | ExistenceBandsSweep
     | ResonancesSweep
     | PeriodicMotionsSweep

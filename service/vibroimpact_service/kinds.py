@@ -32,6 +32,7 @@ from vibroimpact_solvers.results import (
     ensemble,
     existence_bands,
     impact_modes,
+    natural_frequencies,
     periodic_motions,
     resonances,
     slow_flow,
@@ -122,6 +123,13 @@ class Kind:
 KINDS: Final[Mapping[str, Kind]] = {
     kind.name: kind
     for kind in (
+        Kind(
+            "natural-frequencies",
+            "Natural frequencies",
+            requests.NaturalFrequenciesRequest,
+            document("natural-frequencies", natural_frequencies.Result),
+            extent="count",
+        ),
         Kind(
             "impact-modes",
             "Impact modes",

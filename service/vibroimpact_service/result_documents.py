@@ -117,7 +117,10 @@ def formula(unit: str) -> str:
     above: list[str] = []
     below: list[str] = []
     for factor in unit.split():
-        (below if "-" in factor else above).append(factor.translate(_POWERS))
+        root = "√" if factor.endswith("0.5") else ""
+        (below if "-" in factor else above).append(
+            root + factor.removesuffix("0.5").translate(_POWERS)
+        )
     if not below:
         return " ".join(above)
     return f"{' '.join(above) or '1'}{' / ' if above else '/'}{' '.join(below)}"

@@ -28,7 +28,7 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.csgraph
 
-from vibroimpact_solvers import condensation, spectrum
+from vibroimpact_solvers import condensation, holding, spectrum
 from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.checks import check_outputs, check_tolerance
 from vibroimpact_solvers.errors import ModelError, PlanError
@@ -241,17 +241,8 @@ def _parts(problem: Problem) -> Iterator[_Part]:
     coordinate = system.constraints[problem.constraint].coordinate
     if system.n == 1:
         return
+    Z, _ = holding.basis(system.n, [coordinate])
     fixed, weight = max(coordinate, key=lambda pair: abs(pair[1]))
-    free = np.delete(np.arange(system.n), fixed)
-    place = np.empty(system.n, dtype=np.int64)
-    place[free] = np.arange(free.size)
-    # x = Z (free dofs) + u y with the coordinate y: the fixed dof follows from the others.
-    others = [(place[dof], -w / weight) for dof, w in coordinate if dof != fixed]
-    entries = [np.ones(free.size), np.array([w for _, w in others])]
-    rows = [free, np.full(len(others), fixed)]
-    columns = [np.arange(free.size), np.array([p for p, _ in others], dtype=np.int64)]
-    index = (np.concatenate(rows).astype(np.int64), np.concatenate(columns))
-    Z = scipy.sparse.csr_array((np.concatenate(entries), index), shape=(system.n, free.size))
     K, M = system.K.to_sparse(), system.M.to_sparse()
     moved = np.zeros(system.n)
     moved[fixed] = 1.0 / weight

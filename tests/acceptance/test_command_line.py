@@ -54,6 +54,16 @@ def printed(done: subprocess.CompletedProcess[str]) -> Any:
     return json.loads(done.stdout)
 
 
+def test_kinds_may_be_spelled_as_in_python(shell: Shell) -> None:
+    shell.file.write_text(json.dumps({"system": REQUEST["system"], "count": 3}))
+    for kind in ("natural-frequencies", "natural_frequencies"):
+        assert len(printed(shell("compute", kind, "request.json", "--json"))["Omega"]) == 3
+    table = shell("compute", "natural_frequencies", "request.json", url=None).stdout
+    assert table.splitlines()[1].split() == ["mode", "Omega", "error"]
+    assert shell("plan", "natural_frequencies", "request.json").returncode == 0
+    assert shell("compute", "natural_modes", "request.json", "--json").returncode != 0
+
+
 def test_what_has_no_effect_is_said_on_standard_error(shell: Shell) -> None:
     stop = {"dof": 0, "gap": 1.0, "restitution": 0.7}
     system = {"M": [[1.0]], "K": [[1.0]], "C": [[0.1]], "constraints": [stop]}

@@ -25,7 +25,7 @@ STATES = np.zeros((2, 3)), np.ones((2, 3))
 START = {"gamma": 0.2}
 
 
-class Recorder(Computations[Any, Any, Any, Any, Any, Any, Any, Any, Any, Any]):
+class Recorder(Computations[Any, Any, Any, Any, Any, Any, Any, Any, Any, Any, Any]):
     """Returns the kind and the request instead of a result."""
 
     def _compute(self, kind: str, request: Mapping[str, Any], *, progress: bool = False) -> Any:
@@ -42,6 +42,12 @@ class Recorder(Computations[Any, Any, Any, Any, Any, Any, Any, Any, Any, Any]):
             {"active": [0], "tau": 0.5},
         ),
         ("existence_bands", vi.existence_bands_request, (CHAIN, 1, 2), {"tolerance": 1e-9}),
+        (
+            "natural_frequencies",
+            vi.natural_frequencies_request,
+            (CHAIN, 3),
+            {"fixed": [0], "directions": np.ones(13)},
+        ),
         ("resonances", vi.resonances_request, (CHAIN, 0), {"odd_max": 5}),
         (
             "periodic_motions",

@@ -95,6 +95,8 @@ def whole(kind: str, request: dict[str, Any]) -> dict[str, Any]:
     outputs = list(get_args(get_args(annotation)[0]))
     if "limiter" in request:
         outputs = [name for name in outputs if name not in {"impacts", "contacts"}]
+    if kind == "natural-frequencies" and "directions" not in request:
+        outputs.remove("effective_mass")
     timed = {"tau": [0.0, 0.25, 0.5]} if kind in {"impact-modes", "periodic-motions"} else {}
     return {**timed, **request, "outputs": outputs}
 

@@ -33,6 +33,15 @@ class Case(NamedTuple):
 
 CASES = [
     Case(
+        "natural-frequencies",
+        {
+            "system": CHAIN,
+            "count": 3,
+            "outputs": ["Omega", "shape", "participation", "residual_flexibility"],
+        },
+        {"system.stiffness": [1.0, 1.4], "system.constraints.0.gap": [0.1, 0.2]},
+    ),
+    Case(
         "impact-modes",
         {
             "system": CHAIN,

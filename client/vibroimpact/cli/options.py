@@ -24,7 +24,9 @@ else:  # any word: a service can be newer than this program
     Kind = Annotated[
         str,
         typer.Argument(
-            help=f"Kind of computation: {', '.join(KINDS)}.", autocompletion=lambda: list(KINDS)
+            help=f"Kind of computation: {', '.join(KINDS)}.",
+            autocompletion=lambda: list(KINDS),
+            callback=lambda kind: kind.replace("_", "-"),  # as methods of the client are called
         ),
     ]
 RequestFile = Annotated[

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vibroimpact.errors import MissingExtra
+from vibroimpact.local import Local
 from vibroimpact.systems import constraint, real, system
 from vibroimpact.tables import Array
 
@@ -159,6 +160,36 @@ class Model:
             None if part is None else part[rows][:, rows] for part in (self.M, self.K, self.C)
         )
         return replace(self, M=M, K=K, C=C, labels=tuple(self.labels[row] for row in rows))
+
+    def natural(
+        self,
+        count: int | None = None,
+        *,
+        unit: str = "Omega",
+        stop: float | None = None,
+    ) -> Array:
+        """Return the lowest natural frequencies, without damping, shape (mode,).
+
+        Shapes and more come from ``Local().natural_frequencies(model.system([]))``.
+
+        Parameters
+        ----------
+        count : int, optional
+            Number of modes; default: 10, or all up to `stop`.
+        unit : str
+            ``"Omega"`` (angular), ``"Hz"`` or ``"rpm"``, of the result and of `stop`.
+        stop : float, optional
+            Instead of `count`: the frequency up to which all are returned.
+
+        Raises
+        ------
+        MissingExtra
+            If the solvers are not installed.
+        """
+        result = Local().natural_frequencies(
+            self.system([]), count, stop=stop, unit=unit, outputs=["Omega"]
+        )
+        return result.in_unit(result.Omega, unit)
 
     # -- on the geometry -------------------------------------------------------------------
 

@@ -8,18 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from decimal import Decimal
 from typing import Any, Final
 
 import numpy as np
 
-from vibroimpact_schema import grids, motions, requests, systems
+from vibroimpact_schema import motions, requests, systems
 from vibroimpact_service.documents import digest, loads
+from vibroimpact_service.documents.grid_values import frequencies, grid_values, to_fundamental
 from vibroimpact_service.kinds import Kind
 from vibroimpact_solvers import attractors as settled
 from vibroimpact_solvers import ensemble as ensembles
 from vibroimpact_solvers import existence_bands as bands
 from vibroimpact_solvers import impact_modes as modes
+from vibroimpact_solvers import natural_frequencies as natural
 from vibroimpact_solvers import periodic_motions as driven
 from vibroimpact_solvers import presets
 from vibroimpact_solvers import resonances as held
@@ -156,78 +157,21 @@ def problem(kind: Kind, request: Any, of: System, meter: Callable[[], None] | No
 _OF_MANY_STATES: Final = (requests.AttractorsRequest, requests.EnsembleRequest)
 
 
-def grid_values(grid: Any, end: float = 0.0) -> Floats:
-    """Return the values of a grid, shape (position,); one of a number of times goes to `end`."""
-    if isinstance(grid, list):
-        return np.array(grid, dtype=np.float64)
-    if isinstance(grid, grids.EqualTimes):
-        return np.linspace(0.0, end, grid.num)
-    if hasattr(grid, "values"):
-        return np.array(grid.values, dtype=np.float64)
-    if hasattr(grid, "num"):
-        return np.linspace(grid.start, grid.stop, grid.num)
-    exact = decimal_steps(grid.start, grid.step, grid.count)
-    steps = np.arange(grid.count, dtype=np.float64)
-    values = grid.start + grid.step * steps if exact is None else exact
-    # The last step may pass the end by rounding.
-    values[-1] = min(values[-1], grid.stop)
-    return values
-
-
-def decimal_steps(start: float, step: float, count: int) -> Floats | None:
-    """Return start, start + step, …, shape (count,), None where that takes too many digits.
-
-    Each is the double nearest to the decimal number that is meant, 0.6 + 0.1 being 0.7, so
-    that grids of the same steps that overlap have the same numbers there, to the last bit.
-    """
-    first, each = Decimal(repr(start)), Decimal(repr(step))
-    places = max(0, -min(int(d.normalize().as_tuple().exponent) for d in (first, each)))
-    if places > 22:  # beyond it the denominator would be rounded
-        return None
-    begin, by = int(first.scaleb(places)), int(each.scaleb(places))
-    if max(abs(begin), by, abs(begin + by * (count - 1))) >= 2**53:
-        return None
-    values: Floats = (begin + by * np.arange(count)).astype(np.float64) / 10.0**places
-    return values
-
-
-_SECONDS: Final = {
-    "ns": 1e-9,
-    "us": 1e-6,
-    "µs": 1e-6,
-    "ms": 1e-3,
-    "s": 1.0,
-    "min": 60.0,
-    "h": 3.6e3,
-}
-"""Seconds in a unit of time."""
-_PER_SECOND: Final = {"Hz": 1.0, "rpm": 1.0 / 60.0}
-
-
-def to_fundamental(unit: str, units: Units | None) -> float:
-    """Return the fundamental angular frequency Omega that 1 in a unit of frequencies stands for.
-
-    Raises
-    ------
-    ModelError
-        Where the unit needs a unit of time that the structure's is not.
-    """
-    if unit not in _PER_SECOND:
-        return 1.0 if unit == "Omega" else 0.5 * np.pi
-    time = "s" if units is None else units.time
-    if time not in _SECONDS:
-        message = f"{unit} needs a unit of time that is one of {', '.join(_SECONDS)}, not {time}"
-        raise ModelError(("frequency", "unit"), message, code="unknown_unit")
-    return 2.0 * np.pi * _PER_SECOND[unit] * _SECONDS[time]
-
-
-def frequencies(grid: Any, units: Units | None = None) -> tuple[Floats, Floats]:
-    """Return (Omega, omega) of a grid, each shape (frequency,); the one given, to the bit."""
-    given = grid_values(grid)
-    if grid.unit == "omega":
-        return given * (np.pi / 2.0), given
-    Omega = given * to_fundamental(grid.unit, units)
-    return Omega, Omega * (2.0 / np.pi)
+def natural_frequencies(request: requests.NaturalFrequenciesRequest, of: System) -> natural.Problem:
+    """Return the problem of natural frequencies."""
+    stop = request.stop
+    if stop is not None:
+        stop *= to_fundamental(request.unit, of.units, ("unit",))
+    directions = request.directions
+    return natural.Problem(
+        of,
+        request.count,
+        stop,
+        tuple(request.fixed),
+        None if directions is None else _rows(directions, ("directions",)),
+        frozenset(request.outputs),
+        request.tolerance,
+    )
 
 
 def impact_modes(request: requests.ImpactModesRequest, of: System) -> modes.Problem:

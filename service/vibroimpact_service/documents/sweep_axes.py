@@ -14,6 +14,7 @@ import numpy as np
 
 from vibroimpact_schema import grids, sweeps, systems
 from vibroimpact_service.documents import decode
+from vibroimpact_service.documents.grid_values import decimal_steps, grid_values
 from vibroimpact_service.documents.varying import OTHER_SIZE, Path, Varying, number
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_solvers import sweep
@@ -88,8 +89,8 @@ def problem(
 
 def _values(axis: sweeps.AnyAxis) -> Floats:
     if not isinstance(axis, sweeps.AxisSteps):
-        return decode.grid_values(axis)
-    values = decode.decimal_steps(axis.start, axis.step, axis.count)
+        return grid_values(axis)
+    values = decimal_steps(axis.start, axis.step, axis.count)
     if values is not None:
         return values
     start, step = Decimal(repr(axis.start)), Decimal(repr(axis.step))

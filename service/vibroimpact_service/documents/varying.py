@@ -13,7 +13,7 @@ from vibroimpact_solvers.errors import ModelError
 
 Path = tuple[str | int, ...]
 
-_SIZES: Final = frozenset({"n", "num", "shape"})
+_SIZES: Final = frozenset({"n", "num", "shape", "count"})
 _SORTS: Final = {NoneType: "null", bool: "true or false", str: "text", list: "a list"}
 OTHER_SIZE: Final = ModelError(
     (), "the results would have other sizes than those of the base", code="shapes_differ"

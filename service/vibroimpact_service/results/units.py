@@ -12,7 +12,12 @@ _SI: Final = {
     "time": {"s": 0, "ms": -3, "us": -6, "µs": -6, "ns": -9},
 }
 """Powers of ten of the units that occur, in kg, m and s."""
-_NAMED: Final = {(1, 1, -2): "N", (1, 2, -2): "J", (1, 0, -2): "N/m", (1, 2, -3): "W"}
+_NAMED: Final[Mapping[tuple[float, ...], str]] = {
+    (1, 1, -2): "N",
+    (1, 2, -2): "J",
+    (1, 0, -2): "N/m",
+    (1, 2, -3): "W",
+}
 """Powers of mass, length and time that have a name."""
 _PREFIXES: Final = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
@@ -26,31 +31,33 @@ def unit(dimension: str, units: Mapping[str, str] | None) -> str:
         return "1"
     if dimension == "time-1":
         return f"rad/{units['time']}"
-    powers, others = dict.fromkeys(_BASE, 0), []
+    powers, others = dict.fromkeys(_BASE, 0.0), []
     for factor in dimension.split():
-        base = factor.rstrip("-0123456789")
+        base = factor.rstrip("-.0123456789")
         if base in powers:
-            powers[base] += int(factor[len(base) :] or 1)
+            powers[base] += float(factor[len(base) :] or 1)
         else:
             others.append(factor)
     named = _named(powers, units) if not others else None
     return named or _quotient([(units[base], powers[base]) for base in _BASE], others)
 
 
-def _named(powers: Mapping[str, int], units: Mapping[str, str]) -> str | None:
+def _named(powers: Mapping[str, float], units: Mapping[str, str]) -> str | None:
     """Return a named unit with its prefix, None where there is none."""
-    name = _NAMED.get((powers["mass"], powers["length"], powers["time"]))
+    name = _NAMED.get(tuple(powers[base] for base in _BASE))
     if name is None or any(units[base] not in _SI[base] for base in _BASE):
         return None
     ten = sum(_SI[base][units[base]] * power for base, power in powers.items())
-    return _PREFIXES[ten] + name if ten in _PREFIXES else None
+    return _PREFIXES[int(ten)] + name if ten in _PREFIXES else None
 
 
-def _quotient(factors: list[tuple[str, int]], others: list[str]) -> str:
+def _quotient(factors: list[tuple[str, float]], others: list[str]) -> str:
     above = [_power(symbol, power) for symbol, power in factors if power > 0] + others
     below = [_power(symbol, -power) for symbol, power in factors if power < 0]
     return "/".join([" ".join(above) or "1", *below])
 
 
-def _power(symbol: str, power: int) -> str:
-    return symbol if power == 1 else f"{symbol}{power}"
+def _power(symbol: str, power: float) -> str:
+    if power % 1.0:
+        return f"{symbol}^{power:g}"
+    return symbol if power == 1 else f"{symbol}{power:g}"

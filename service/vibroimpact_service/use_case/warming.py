@@ -54,7 +54,7 @@ would keep one core busy when all others have finished.
 """
 _SHARED: Final = (
     ("time-history", "ensemble", "attractors"),
-    ("impact-modes", "existence-bands", "resonances", "sweep"),
+    ("impact-modes", "existence-bands", "resonances", "natural-frequencies", "sweep"),
     ("periodic-motions", "branches"),
     (_SOFT,),
 )

@@ -14,6 +14,12 @@ array([1., 3.])
 from vibroimpact_solvers.spectrum.bounds import largest_frequency
 from vibroimpact_solvers.spectrum.cache import CACHE, Cache, held_bytes
 from vibroimpact_solvers.spectrum.inertia import EigenvalueCount, EigenvalueCounter
+from vibroimpact_solvers.spectrum.lowest import (
+    LowestModes,
+    count_below,
+    lowest_modes,
+    moving_part,
+)
 from vibroimpact_solvers.spectrum.methods import (
     MEMORY,
     Method,
@@ -33,14 +39,18 @@ __all__ = [
     "Cache",
     "EigenvalueCount",
     "EigenvalueCounter",
+    "LowestModes",
     "Method",
     "Spectrum",
     "SpectrumSlice",
     "choose",
+    "count_below",
     "flops",
     "held_bytes",
     "largest_frequency",
+    "lowest_modes",
     "modes_between",
+    "moving_part",
     "nbytes",
     "sensitivity",
     "spectrum",

@@ -17,6 +17,7 @@ import scipy.sparse.linalg
 from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.factors import Solve
+from vibroimpact_solvers.meter import look
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.spectrum.inertia import EigenvalueCount
 
@@ -86,6 +87,7 @@ def _search(
     mass_known = system.M @ known
 
     def apply(b: Floats) -> Floats:
+        look()
         x = solve(np.ravel(b))
         return np.asarray(x - known @ (mass_known.T @ x)) if known.size else x
 

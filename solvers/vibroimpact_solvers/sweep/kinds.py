@@ -23,6 +23,7 @@ from vibroimpact_solvers import (
     attractors,
     existence_bands,
     impact_modes,
+    natural_frequencies,
     periodic_motions,
     resonances,
     slow_flow,
@@ -94,6 +95,7 @@ class SweptKind:
 
 _LOSSLESS: Final = "impact modes are motions without energy loss"
 _FIXED: Final = "the coordinate is fixed, wherever its walls are"
+_UNDAMPED: Final = "natural frequencies are those of the undamped structure between its stops"
 _STABILITY: Final = {"stability": Stage.STABILITY}
 _STRUCTURE: Final = (
     Rule("system.constraints.*.restitution", None, _LOSSLESS, unless=_STABILITY),
@@ -107,6 +109,18 @@ _STRUCTURE: Final = (
 _EVERYTHING: Final = Rule("**", Stage.SPECTRUM)
 
 KINDS: Final[Mapping[str, SweptKind]] = {
+    "natural-frequencies": SweptKind(
+        natural_frequencies,
+        (
+            Rule("system.constraints.*.restitution", None, _UNDAMPED),
+            Rule("system.constraints.*.gap.**", None, _UNDAMPED),
+            Rule("system.force.*", None, _UNDAMPED),
+            Rule("system.g", None, _UNDAMPED),
+            Rule("system.C.**", None, _UNDAMPED),
+            Rule("system.zeta", None, _UNDAMPED),
+        ),
+        response_count=natural_frequencies.mode_count,
+    ),
     "impact-modes": SweptKind(
         impact_modes,
         (

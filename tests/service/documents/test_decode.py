@@ -14,7 +14,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from vibroimpact_schema import grids, requests, systems
-from vibroimpact_service.documents import decode
+from vibroimpact_service.documents import decode, grid_values
 from vibroimpact_solvers import presets, spectrum, time_history
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import Constraint, System
@@ -158,20 +158,26 @@ def test_equal_documents_share_one_system() -> None:
 
 def test_given_frequencies_are_kept_to_the_bit() -> None:
     values = [0.1, math.pi / 3, 1.0954804955123456]
-    Omega, omega = decode.frequencies(GRID.validate_python({"values": values}))
+    Omega, omega = grid_values.frequencies(GRID.validate_python({"values": values}))
     assert Omega.tolist() == values
     np.testing.assert_allclose(omega, Omega * 2 / np.pi, rtol=1e-15)
-    Omega, omega = decode.frequencies(GRID.validate_python({"values": values, "unit": "omega"}))
+    Omega, omega = grid_values.frequencies(
+        GRID.validate_python({"values": values, "unit": "omega"})
+    )
     assert omega.tolist() == values
     np.testing.assert_allclose(Omega, omega * np.pi / 2, rtol=1e-15)
 
 
 def test_grids_meet_their_ends() -> None:
-    Omega, _ = decode.frequencies(GRID.validate_python({"start": 0.6, "stop": 2.4, "num": 7}))
+    Omega, _ = grid_values.frequencies(GRID.validate_python({"start": 0.6, "stop": 2.4, "num": 7}))
     assert (Omega[0], Omega[-1], Omega.size) == (0.6, 2.4, 7)
-    Omega, _ = decode.frequencies(GRID.validate_python({"start": 1.0, "stop": 2.0, "step": 0.1}))
+    Omega, _ = grid_values.frequencies(
+        GRID.validate_python({"start": 1.0, "stop": 2.0, "step": 0.1})
+    )
     assert (Omega[0], Omega[-1], Omega.size) == (1.0, 2.0, 11)
-    Omega, _ = decode.frequencies(GRID.validate_python({"start": 1.0, "stop": 1.95, "step": 0.1}))
+    Omega, _ = grid_values.frequencies(
+        GRID.validate_python({"start": 1.0, "stop": 1.95, "step": 0.1})
+    )
     assert Omega.size == 10
     assert Omega[-1] == 1.9
 
@@ -184,13 +190,13 @@ def test_steps_are_the_decimals_that_are_meant(start: str, step: str, count: int
     exact = [float(Decimal(start) + i * Decimal(step)) for i in range(count)]
     stop = float(Decimal(start) + (count - 1) * Decimal(step))
     grid = {"start": float(start), "stop": stop, "step": float(step)}
-    Omega, _ = decode.frequencies(GRID.validate_python(grid))
+    Omega, _ = grid_values.frequencies(GRID.validate_python(grid))
     assert Omega.tolist() == exact
 
 
 def test_steps_of_many_digits_are_taken_as_they_are() -> None:
     grid = {"start": 1 / 3, "stop": 1.0, "step": 1 / 7}
-    Omega, _ = decode.frequencies(GRID.validate_python(grid))
+    Omega, _ = grid_values.frequencies(GRID.validate_python(grid))
     np.testing.assert_allclose(Omega, 1 / 3 + np.arange(5) / 7, rtol=1e-15)
 
 
@@ -228,7 +234,7 @@ def test_frequencies_in_hertz_and_revolutions(
     units = {} if time is None else {"units": {"length": "mm", "mass": "kg", "time": time}}
     of = system(M={"diagonal": [1.0]}, K={"diagonal": [1.0]}, **units)
     grid = GRID.validate_python({"values": [given], "unit": unit})
-    computed, omega = decode.frequencies(grid, of.units)
+    computed, omega = grid_values.frequencies(grid, of.units)
     assert computed[0] == pytest.approx(Omega, rel=1e-15)
     assert omega[0] == pytest.approx(2.0 / np.pi * Omega, rel=1e-15)
 
@@ -240,7 +246,7 @@ def test_hertz_needs_a_unit_of_time() -> None:
         units={"length": "m", "mass": "kg", "time": "fortnight"},
     )
     with pytest.raises(ModelError, match="fortnight"):
-        decode.frequencies(GRID.validate_python({"values": [1.0], "unit": "Hz"}), of.units)
+        grid_values.frequencies(GRID.validate_python({"values": [1.0], "unit": "Hz"}), of.units)
 
 
 @pytest.mark.parametrize(

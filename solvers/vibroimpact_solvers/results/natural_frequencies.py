@@ -1,0 +1,135 @@
+"""Natural frequencies and mode shapes, and what follows from them for constraints and bases."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Final
+
+from vibroimpact_solvers.arrays import Booleans, Floats, Group, Integers, Quantity
+from vibroimpact_solvers.results.shared import WITHIN, Neglected, Statement
+
+_MODE: Final = ("mode",)
+_SHAPE: Final = ("mode", "dof")
+_AT: Final = ("mode", "constraint")
+_DIRECTION: Final = ("mode", "direction")
+_FLEXIBILITY: Final = ("constraint", "other")
+_OF_MODES: Final = "mass-0.5"
+_UNKNOWN: Final = "the mode cannot be told from its neighbours"
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """Natural frequencies and mode shapes, ascending; shapes have unit modal mass."""
+
+    GROUPS: ClassVar[Mapping[str, Group]] = {
+        "error": Group(
+            "NaturalFrequenciesError", "Absolute errors of the outputs.", together=False
+        ),
+    }
+
+    mode: Annotated[Integers, Quantity(_MODE, "1", "index of the mode, ascending", True)]
+    Omega: Annotated[
+        Floats,
+        Quantity(
+            _MODE,
+            "time-1",
+            "natural angular frequency",
+            error="error/Omega",
+            note="0 of a rigid-body mode, minus the rate of growth of an unstable one",
+        ),
+    ]
+    shape: Annotated[
+        Floats | None,
+        Quantity(
+            _SHAPE,
+            _OF_MODES,
+            "mode shape",
+            error="error/shape",
+            note="of unit modal mass, its largest entry positive",
+        ),
+    ]
+    participation: Annotated[
+        Floats | None,
+        Quantity(
+            _AT,
+            _OF_MODES,
+            "constrained coordinate of the mode shape",
+            error="error/participation",
+        ),
+    ]
+    effective_mass: Annotated[
+        Floats | None,
+        Quantity(
+            _DIRECTION,
+            "mass",
+            "effective modal mass of a motion of the base",
+            error="error/effective_mass",
+        ),
+    ]
+    residual_flexibility: Annotated[
+        Floats | None,
+        Quantity(
+            _FLEXIBILITY,
+            "mass-1 time2",
+            "static flexibility of all modes that are left out",
+            error="error/residual_flexibility",
+            note="of a free structure, of its elastic modes",
+        ),
+    ]
+    error_statement: Statement
+    neglected: Neglected
+    error_Omega: Annotated[
+        Floats,
+        Quantity(_MODE, "time-1", "absolute error of Omega", path="error/Omega"),
+    ]
+    error_shape: Annotated[
+        Floats | None,
+        Quantity(
+            _SHAPE,
+            _OF_MODES,
+            "absolute error of the mode shape",
+            path="error/shape",
+            missing=_UNKNOWN,
+        ),
+    ]
+    error_participation: Annotated[
+        Floats | None,
+        Quantity(
+            _AT,
+            _OF_MODES,
+            "absolute error of the participation",
+            path="error/participation",
+            missing=_UNKNOWN,
+        ),
+    ]
+    error_effective_mass: Annotated[
+        Floats | None,
+        Quantity(
+            _DIRECTION,
+            "mass",
+            "absolute error of the effective modal mass",
+            path="error/effective_mass",
+            missing=_UNKNOWN,
+        ),
+    ]
+    error_residual_flexibility: Annotated[
+        Floats | None,
+        Quantity(
+            _FLEXIBILITY,
+            "mass-1 time2",
+            "absolute error of the residual flexibility",
+            path="error/residual_flexibility",
+            missing=_UNKNOWN,
+        ),
+    ]
+    within_tolerance: Annotated[
+        Booleans | None,
+        Quantity(
+            _MODE,
+            "1",
+            "whether the relative error of Omega is within the requested tolerance",
+            flags=WITHIN,
+            path="error/within_tolerance",
+        ),
+    ]
