@@ -72,7 +72,7 @@ def serve(
     All other settings are environment variables VIBROIMPACT_….
     """
     # Worker processes import this module too.
-    from vibroimpact_service.access.authenticator import ExposedError, keys_needed
+    from vibroimpact_service.access.authenticator import ExposedError, any_keys, keys_needed
     from vibroimpact_service.jobs import data_folder
     from vibroimpact_service.operations import migration
 
@@ -83,20 +83,23 @@ def serve(
             check_certificates(settings)
         private.folder(settings.data)
         try:
-            keys_needed(settings)
+            keys_required = keys_needed(settings)
         except ExposedError as error:
             exits.end(f"{_NO_START}{error}", exits.INVALID)
         # The application does both too; what fails there has a traceback in the log.
         if settings.database is None:
             data_folder.lock(settings.data).close()
         migration.migrate(settings)
+        logs.to_stderr()
+        _say("the service starts; its address is shown when it answers")
+        if keys_required and settings.oidc_issuer is None and not any_keys(settings):
+            _say(f"there are no keys yet: vibroimpact keys create NAME --data {settings.data}")
     if settings.scheduler is None:
         # It loads the numerical libraries while this process loads those of HTTP.
         forkserver.start(use_case.NUMERICAL)
     from vibroimpact_service.app import create_app
     from vibroimpact_service.use_case.warming import Warming
 
-    logs.to_stderr()
     for name in unknown(os.environ):
         log.warning("there is no such setting", variable=name)
     for old, new in renamed(os.environ).items():
@@ -252,6 +255,14 @@ def contract_text() -> str:
     return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
 
 
+def _say(text: str) -> None:
+    """Tell whoever starts the service: plainly in a terminal, else by a line of the log."""
+    if sys.stderr.isatty():
+        typer.echo(text, err=True)
+    else:
+        log.info(text)
+
+
 def _end_threads() -> None:
     """End the process if a computation does not stop in time.
 
@@ -342,6 +353,7 @@ class Server(uvicorn.Server):
             stopping.begin()
         # Event streams and long polls end themselves; uvicorn would wait for them.
         self._application.state.services.drain.set()
+        self._application.state.services.evaluation.queue.engine.end()
         # uvicorn would raise the signal again at the end; a service that stopped because it
         # was asked to has succeeded.
         self.force_exit = self.should_exit and sig == signal.SIGINT

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 import os
 import signal
 import subprocess
@@ -9,6 +11,7 @@ import sys
 import time
 from pathlib import Path
 
+import httpx2
 import pytest
 
 HANGING = """
@@ -101,3 +104,38 @@ def test_the_service_ends_while_the_forkserver_stands_still(tmp_path: Path) -> N
         log.close()
         if forkserver is not None and Path(f"/proc/{forkserver}").exists():
             os.kill(forkserver, signal.SIGKILL)
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM], ids=["Ctrl-C", "SIGTERM"])
+def test_the_service_ends_in_silence_where_all_its_processes_are_told_to(
+    tmp_path: Path, how: signal.Signals
+) -> None:
+    """A terminal sends Ctrl-C to all of them, and systemd SIGTERM."""
+    command = [sys.executable, "-m", "vibroimpact_service", "--port", "0", "--data", str(tmp_path)]
+    errors = tmp_path / "stderr.txt"
+    with errors.open("w") as log:
+        service = subprocess.Popen(
+            command,
+            stdout=subprocess.PIPE,
+            stderr=log,
+            env={**os.environ, "VIBROIMPACT_WORKERS": "2"},
+            text=True,
+            start_new_session=True,
+        )
+        assert service.stdout is not None
+        try:
+            url = service.stdout.readline().strip()
+            end = time.monotonic() + 120
+            while httpx2.get(f"{url}/v1/health/ready").status_code != 200:
+                assert time.monotonic() < end
+                time.sleep(0.2)
+            os.killpg(service.pid, how)
+            assert service.wait(60) == 0
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(service.pid, signal.SIGKILL)
+            service.wait()
+            service.stdout.close()
+    said = [json.loads(line) for line in errors.read_text().splitlines()]
+    assert said
+    assert [each for each in said if each["level"] not in ("info", "debug")] == []

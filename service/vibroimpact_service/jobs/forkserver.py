@@ -13,7 +13,11 @@ from contextlib import contextmanager
 from multiprocessing import forkserver
 from typing import Final
 
-_PRELOADED: Final = ("distributed", "distributed.nanny")
+_PRELOADED: Final = (
+    "vibroimpact_service.jobs.without_interrupts",
+    "distributed",
+    "distributed.nanny",
+)
 """Modules that every worker needs, whatever it computes."""
 
 ENVIRONMENT: Final[Mapping[str, str]] = {
