@@ -209,9 +209,10 @@ def slow_flow(place: str, name: str, model: str, variant: str) -> Watched:
 
 
 def _stability(name: str) -> Watched:
-    from vibroimpact_solvers import stability
+    from vibroimpact_solvers.stability import period_map
 
-    return recorded(vars(stability)["saltation"], name, _modes("stability", 4), calls=4)
+    # Of two constraints: those of one need no map.
+    return recorded(vars(period_map)["saltation"], name, _modes("stability", 4, 2), calls=4)
 
 
 def _of_modes(place: str, name: str, output: str, num: int, constraints: int = 1) -> Watched:
@@ -229,6 +230,7 @@ HOT: Final[Mapping[str, Callable[[], Watched]]] = {
     "existence bands": survey,
     "stability, free motion": partial(_stability, "advance"),
     "stability, impacts": partial(_stability, "strike"),
+    "stability, zeros": partial(_of_modes, "secular", "find", "stability", 4),
     "time history, N=1": partial(_launch, 1, 2000.0),
     "time history, N=13": partial(_launch, 13, 100.0),
     "time history, N=100": partial(_launch, 100, 10.0),

@@ -32,9 +32,9 @@ class Method(StrEnum):
 
 def plan(problem: Problem) -> Plan:
     """Choose how the bands are computed and what is left out."""
-    grows = "stability" in problem.outputs and _has_growth(problem)
-    steps = tuple(_steps(problem, grows=grows))
-    return Plan(KIND, steps, tuple(_skips(problem, steps, grows=grows)))
+    growth = _growth(problem) if "stability" in problem.outputs else None
+    steps = tuple(_steps(problem, growth))
+    return Plan(KIND, steps, tuple(_skips(problem, steps, grows=growth is not None)))
 
 
 def _why_not_provable(problem: Problem) -> str | None:
@@ -59,7 +59,7 @@ def _is_unstable(system: System) -> bool:
     return not system.K.plus(shift, system.M).is_positive_definite()
 
 
-def _steps(problem: Problem, *, grows: bool) -> Iterator[Step]:
+def _steps(problem: Problem, growth: Step | None) -> Iterator[Step]:
     system = problem.system
     phase = spectrum.largest_frequency(system) / problem.start
     _check_poles(0.5 * phase)
@@ -67,8 +67,8 @@ def _steps(problem: Problem, *, grows: bool) -> Iterator[Step]:
         yield spectrum.step(system, spectrum.choose(system))
         reason = "without stiffness and load each solution is admissible at all frequencies or none"
         yield Step(Stage.BANDS, Method.ONE_SOLUTION, reason, 1e4 * system.n, 64.0)
-        if grows:
-            yield _stability_step(system.n, 2.0)
+        if growth is not None:
+            yield _stability_step(growth, 2.0)
         return
     partial = _partial_step(problem)
     if partial is not None:
@@ -100,16 +100,16 @@ def _steps(problem: Problem, *, grows: bool) -> Iterator[Step]:
         reason = f"{obstacle}: impact modes between all poles, edges by bisection"
         flops = poles * _POLE * limits
         yield Step(Stage.BANDS, Method.SEARCH, reason, flops, 64.0 * poles, bounded=False)
-    if grows:
-        yield _stability_step(system.n, poles)
+    if growth is not None:
+        yield _stability_step(growth, poles)
 
 
-def _stability_step(n: int, poles: float) -> Step:
-    reason = "multipliers of the half-period map at frequencies of every band"
-    # Of many poles few are ends of bands; a map takes time however small it is.
-    size = 2.0 * n
-    flops = 0.5 * poles**_BANDS * _SAMPLES * (2e5 + 400.0 * size**2 + 2.0 * size**3)
-    return Step(Stage.STABILITY, "half-period map", reason, flops, 64.0 * poles, bounded=False)
+def _stability_step(one: Step, poles: float) -> Step:
+    """Return the step for the stability of bands, of that for one motion."""
+    # Of many poles few are ends of bands.
+    flops = 0.5 * poles**_BANDS * _SAMPLES * one.flops
+    reason = f"at frequencies of every band: {one.reason}"
+    return Step(Stage.STABILITY, one.method, reason, flops, 64.0 * poles, bounded=False)
 
 
 def _check_poles(count: float) -> None:
@@ -153,10 +153,10 @@ def _partial_step(problem: Problem) -> Step | None:
     return Step(Stage.SPECTRUM, receptance.METHOD, reason, flops, size, count, expansion)
 
 
-def _has_growth(problem: Problem) -> bool:
-    """Whether stability does not depend on the order of simultaneous impacts."""
+def _growth(problem: Problem) -> Step | None:
+    """Return the step for the stability of one motion, None if the order of impacts matters."""
     one = problem.impact_modes_at(np.array([problem.start]), frozenset({"stability"}))
-    return modes.plan(one).step(Stage.STABILITY) is not None
+    return modes.plan(one).step(Stage.STABILITY)
 
 
 def _skips(problem: Problem, steps: tuple[Step, ...], *, grows: bool) -> Iterator[Skip]:

@@ -56,6 +56,12 @@ class Family:
     lower: tuple[int, ...]
     count: int  # number of active constraints
 
+    @property
+    def impacts(self) -> int:
+        """Number of impacts in half a period, or in a period whose halves do not mirror."""
+        lower = 0 if self.kind is Kind.ANTISYMMETRIC else len(self.lower)
+        return len(self.upper) + lower
+
     @classmethod
     def of(cls, problem: Problem) -> Family:
         """Return the family of a problem."""

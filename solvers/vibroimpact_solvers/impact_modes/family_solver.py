@@ -38,7 +38,7 @@ _ESTIMATED = (
 _SERIES = "; estimates of displacements above the spectrum, which are summed by a power series"
 _RADII = (
     "; of stability: bounds of the effect of rounding and of errors of natural frequencies and "
-    "motion on the half-period map, to first order in its multipliers"
+    "participations or motion, to first order, on the multipliers"
 )
 _DIRECT = (
     "estimate: effect of rounding in the natural frequencies, to first order, and the bound of "
@@ -247,7 +247,7 @@ class FamilySolver:
         if "reason" in outputs:
             values["reason"] = reason
         if "stability" in outputs:
-            radii, errors = self._growth(exists, motion, impulses)
+            radii, errors = self._growth(problem, exists, motion, impulses)
             values.update(stability=radii, stability_error=errors * radii)
             values["neutral"] = stability.neutral(radii, errors * radii)
         return values
@@ -298,7 +298,9 @@ class FamilySolver:
         decided = np.where(reason == Reason.NEGATIVE_IMPULSE, pulls, decided)
         return np.asarray((impulses.error < _CERTAIN) & decided)
 
-    def _growth(self, exists: Booleans, motion: Any, impulses: Impulses) -> tuple[Floats, Floats]:
+    def _growth(
+        self, problem: Problem, exists: Booleans, motion: Any, impulses: Impulses
+    ) -> tuple[Floats, Floats]:
         """Return spectral radii of the half-period maps and errors, nan without a motion."""
         radii, errors = np.full((2, exists.size), np.nan)
         error = np.minimum(impulses.error, 1.0)
@@ -306,7 +308,11 @@ class FamilySolver:
             # Every plan with stability has all natural modes.
             assert isinstance(self.evaluator, ModalFamily)
             orbits = self.evaluator.orbits(
-                motion.at(exists), impulses.plus[exists], impulses.minus[exists], error[exists]
+                motion.at(exists),
+                problem.frequencies[exists],
+                impulses.plus[exists],
+                impulses.minus[exists],
+                error[exists],
             )
             radii[exists], errors[exists] = stability.growth(orbits)
         return radii, errors

@@ -139,27 +139,31 @@ class ModalFamily:
         """Return the total energies, shape (frequency,)."""
         return motions.energies(self._motions(motion))
 
-    def orbits(self, motion: Amplitudes, plus: Floats, minus: Floats, error: Floats) -> Orbits:
+    def orbits(
+        self, motion: Amplitudes, at: Frequencies, plus: Floats, minus: Floats, error: Floats
+    ) -> Orbits:
         """Return what the stability of the motion depends on.
 
-        `plus` and `minus` are its impulses, (frequency, constraint), and `error` is their relative
-        error, shape (frequency,).
+        `at` are its frequencies, `plus` and `minus` its impulses, (frequency, constraint), and
+        `error` is their relative error, shape (frequency,).
         """
         omega, amplitudes = motion.omega, self._motions(motion)
         largest = np.maximum(plus, minus).max(axis=1)
 
         def side(tau: float, struck: tuple[int, ...], p: Floats) -> Side:
             place, _ = motions.states(amplitudes, tau)
-            rows = self.rows[list(struck)]
+            rows, row_errors = self.rows[list(struck)], self.row_errors[list(struck)]
             # Sums of the two components would cancel where impacts are slow.
             velocity = (p[:, list(struck)] @ rows) / omega[:, np.newaxis]
             size = np.outer(largest / omega, np.abs(rows).sum(axis=0))
-            return Side(rows, place, velocity, size)
+            return Side(rows, row_errors, place, velocity, size)
 
         return Orbits(
             self.roots,
+            self.rounding,
             self.load,
             omega,
+            at.rounding,
             upper=side(1.0, self.family.upper, plus),
             lower=side(-1.0, self.family.lower, minus),
             mirrored=self.family.kind is Kind.ANTISYMMETRIC,
@@ -181,7 +185,8 @@ class ModalFamily:
         errors[self.roots == 0.0] = 0.0
         with np.errstate(divide="ignore", invalid="ignore"):
             slope = np.where(errors > 0.0, 0.5 * errors / np.abs(self.roots), 0.0)
-        return np.asarray(np.minimum(slope, np.sqrt(errors)))
+        slope = np.minimum(slope, np.sqrt(errors))
+        return np.asarray(slope if self.spectrum.rounding is not None else slope + EPS * self.roots)
 
     def check_path(
         self, motion: Amplitudes, error: Floats, problem: Problem

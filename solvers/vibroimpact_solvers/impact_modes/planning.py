@@ -150,11 +150,10 @@ def _modal_steps(problem: Problem, family: Family) -> Iterator[Step]:
         reason = "the energy of each mode is constant"
         yield Step(Stage.ENERGY, "modal sum", reason, 40.0 * points * system.n, 8.0 * points)
     if "stability" in problem.outputs and _impacts_commute(problem):
-        reason = "multipliers of the map over half a period, from saltation matrices"
-        rows = 2.0 * system.n  # of the map, which takes time however small it is
-        flops = points * (2e5 + 400.0 * rows**2 + 2.0 * rows**3)
-        size = 16.0 * points
-        yield Step(Stage.STABILITY, "half-period map", reason, flops, size, bounded=False)
+        how = stability.choose(family.impacts)
+        flops = points * stability.flops(system.n, how)
+        why, size = stability.reason(how), 16.0 * points
+        yield Step(Stage.STABILITY, how, why, flops, size, bounded=False)
 
 
 def _sums_without_cancelling(problem: Problem) -> bool:

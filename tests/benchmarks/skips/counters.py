@@ -70,8 +70,8 @@ def _products(_: Any, matrix: Any, other: Any) -> Tally:
     yield "products of a matrix", 1 if other.ndim == 1 else other.shape[1]
 
 
-def _maps(*_: Any) -> Tally:
-    yield "maps of half periods", 1
+def _maps(_: Any, orbits: Any) -> Tally:
+    yield "maps of half periods", orbits.omega.size
 
 
 def _survey(result: Any, *_: Any) -> Tally:
@@ -110,7 +110,7 @@ _COUNTED: tuple[tuple[Any, str, Callable[..., Tally]], ...] = (
     (TriangleWaveResponse, "displacements", _direct),
     (SymmetricMatrix, "factorize", _factors),
     (SymmetricMatrix, "__matmul__", _products),
-    (stability, "PeriodMap", _maps),
+    (stability, "growth", _maps),
     (bands, "survey", _survey),
     (structure, "without_contacts", _structures),
     (rigid_motions, "follow", _history),

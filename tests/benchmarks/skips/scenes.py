@@ -163,9 +163,11 @@ def _all_maps(system: System) -> None:
     at = problem(system, "stability", Omega)
     family = modal(at)
     impulses, motion = family.solutions(at.frequencies, with_motion=True)
-    orbits = family.orbits(motion, impulses.plus, impulses.minus, np.zeros(Omega.size))
-    for f in range(Omega.size):
-        stability.PeriodMap(orbits, f, np.maximum(np.abs(orbits.roots), orbits.omega[f]))
+    orbits = family.orbits(
+        motion, at.frequencies, impulses.plus, impulses.minus, np.zeros(Omega.size)
+    )
+    with mock.patch.object(stability, "commutes", return_value=True):
+        stability.growth(orbits)
 
 
 def _of_bands() -> Iterator[Scene]:
@@ -243,9 +245,10 @@ def _all_maps_in_bands() -> object:
         family = FamilySolver(solutions, impact_modes.plan(solutions)).evaluator
         assert isinstance(family, ModalFamily)
         impulses, motion = family.solutions(solutions.frequencies, with_motion=True)
-        orbits = family.orbits(motion, impulses.plus, impulses.minus, np.zeros(Omega.size))
-        for f in range(Omega.size):
-            stability.PeriodMap(orbits, f, np.maximum(np.abs(orbits.roots), orbits.omega[f]))
+        errors = np.zeros(Omega.size)
+        orbits = family.orbits(motion, solutions.frequencies, impulses.plus, impulses.minus, errors)
+        with mock.patch.object(stability, "commutes", return_value=True):
+            stability.growth(orbits)
     return result
 
 
