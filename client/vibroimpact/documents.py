@@ -508,6 +508,10 @@ class Webhook(TypedDict):
 class MatrixSystem(TypedDict):
     """M x″ + C x′ + K x = force, with constraints."""
 
+    damping: NotRequired[RatioDamping | RayleighDamping | StructuralDamping | None]
+    """Damping by ratios, Rayleigh's or structural; absent: none, or C."""
+    dashpots: NotRequired[Sequence[Dashpot] | None]
+    """Dampers besides, which add to C."""
     M: Sequence[Sequence[float]] | DiagonalMatrix | BandedMatrix | CoordinateMatrix | ScalarMatrix
     """Mass matrix, symmetric, shape [n, n]. Positive definite, apart from rows and columns of
     zeros: such degrees of freedom have no mass and follow the others statically. They need
@@ -535,6 +539,10 @@ class MatrixSystem(TypedDict):
 class Chain(TypedDict):
     """Equal masses joined by equal springs between fixed ends (eq. 10.60)."""
 
+    damping: NotRequired[RatioDamping | RayleighDamping | StructuralDamping | None]
+    """Damping by ratios, Rayleigh's or structural; absent: none, or C."""
+    dashpots: NotRequired[Sequence[Dashpot] | None]
+    """Dampers besides, which add to C."""
     constraints: Sequence[Constraint]
     """Limiters; results refer to them by position."""
     units: NotRequired[Units | None]
@@ -551,6 +559,10 @@ class Chain(TypedDict):
 class Oscillator(TypedDict):
     """One mass on a spring: M = 1, K = Omega0², C = 2 zeta Omega0."""
 
+    damping: NotRequired[RatioDamping | RayleighDamping | StructuralDamping | None]
+    """Damping by ratios, Rayleigh's or structural; absent: none, or C."""
+    dashpots: NotRequired[Sequence[Dashpot] | None]
+    """Dampers besides, which add to C."""
     constraints: Sequence[Constraint]
     """Limiters; results refer to them by position."""
     units: NotRequired[Units | None]
@@ -565,6 +577,10 @@ class Oscillator(TypedDict):
 class TwoMass(TypedDict):
     """Two coupled oscillators: K = Omega0² [[1 + c, -c], [-c, 1 + c]] (eq. 10.22, 10.42)."""
 
+    damping: NotRequired[RatioDamping | RayleighDamping | StructuralDamping | None]
+    """Damping by ratios, Rayleigh's or structural; absent: none, or C."""
+    dashpots: NotRequired[Sequence[Dashpot] | None]
+    """Dampers besides, which add to C."""
     constraints: Sequence[Constraint]
     """Limiters; results refer to them by position."""
     units: NotRequired[Units | None]
@@ -581,6 +597,10 @@ class TwoMass(TypedDict):
 class DoublePendulum(TypedDict):
     """Linearised double pendulum: M = [[mu², 1], [1, 1]], K = diag(mu², 1) (eq. 10.30)."""
 
+    damping: NotRequired[RatioDamping | RayleighDamping | StructuralDamping | None]
+    """Damping by ratios, Rayleigh's or structural; absent: none, or C."""
+    dashpots: NotRequired[Sequence[Dashpot] | None]
+    """Dampers besides, which add to C."""
     constraints: Sequence[Constraint]
     """Limiters; results refer to them by position."""
     units: NotRequired[Units | None]
@@ -593,6 +613,10 @@ class DoublePendulum(TypedDict):
 class BouncingBall(TypedDict):
     """A ball over a floor: M = 1, K = 0, force -g."""
 
+    damping: NotRequired[RatioDamping | RayleighDamping | StructuralDamping | None]
+    """Damping by ratios, Rayleigh's or structural; absent: none, or C."""
+    dashpots: NotRequired[Sequence[Dashpot] | None]
+    """Dampers besides, which add to C."""
     constraints: Sequence[Constraint]
     """Limiters; results refer to them by position."""
     units: NotRequired[Units | None]
@@ -906,6 +930,44 @@ class AxisSteps(TypedDict):
     """Distance between neighbours."""
 
 
+class RatioDamping(TypedDict):
+    """Damping by parts of the critical damping of the natural modes."""
+
+    ratio: float | Sequence[float]
+    """Damping ratio zeta of all modes, or a list of one for each, from the lowest; of at most
+    512 degrees of freedom with mass: C is full. Rigid-body modes have none.
+    """
+
+
+class RayleighDamping(TypedDict):
+    """Damping proportional to the masses and to the springs."""
+
+    rayleigh: Sequence[float] | RayleighRatios
+    """Its two coefficients, or the ratios that they make."""
+
+
+class StructuralDamping(TypedDict):
+    """Viscous damping that is equivalent to a loss factor at one frequency: C = (eta/Omega) K."""
+
+    structural: float
+    """Loss factor eta."""
+    at: float
+    """The frequency at which they lose the same."""
+    unit: NotRequired[Literal["Omega", "omega", "Hz", "rpm"]]
+    """Meaning of the frequency, as in grids of them."""
+
+
+class Dashpot(TypedDict):
+    """A viscous damper of the coordinate Σ weight · x[dof]."""
+
+    dofs: Sequence[int]
+    """Degrees of freedom, each once."""
+    weights: Sequence[float]
+    """Weight of each of them."""
+    c: float
+    """Force by unit velocity (mass / time)."""
+
+
 class DiagonalMatrix(TypedDict):
     """A diagonal matrix."""
 
@@ -981,6 +1043,17 @@ class Member(TypedDict):
     """Its fundamental angular frequency."""
     active: NotRequired[Sequence[int] | None]
     """Indices of the constraints at which it has impacts; absent: all."""
+
+
+class RayleighRatios(TypedDict):
+    """Damping ratios at two frequencies."""
+
+    ratios: Sequence[float]
+    """Damping ratios zeta."""
+    at: Sequence[float]
+    """The frequencies, which differ."""
+    unit: NotRequired[Literal["Omega", "omega", "Hz", "rpm"]]
+    """Meaning of the frequencies, as in grids of them."""
 
 
 class Limits(TypedDict):

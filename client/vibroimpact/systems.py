@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     Dense = Sequence[Sequence[float]]
     Sparse = documents.DiagonalMatrix | documents.CoordinateMatrix
     Constraints = Iterable[documents.Constraint] | documents.Constraint
+    Damping = (
+        documents.RatioDamping | documents.RayleighDamping | documents.StructuralDamping | ArrayLike
+    )
+    Dashpots = Iterable[documents.Dashpot] | documents.Dashpot
 
 Document = dict[str, Any]
 
@@ -56,48 +60,107 @@ def constraint(
     return document
 
 
+def dashpot(
+    dof: int | None = None, c: float = 0.0, *, direction: Mapping[int, float] | None = None
+) -> documents.Dashpot:
+    """Return the document of a viscous damper, of a degree of freedom or between several.
+
+    Parameters
+    ----------
+    dof : int
+        Index of the degree of freedom, from 0.
+    c : float
+        Its force by unit velocity.
+    direction : mapping of int to float
+        Alternative to `dof`: weight of each degree of freedom, such as ``{3: 1.0, 4: -1.0}``
+        between two.
+    """
+    weights = direction if dof is None else {dof: 1.0}
+    if weights is None or (dof is not None and direction is not None):
+        raise ValueError("a dashpot needs either a dof or a direction")
+    coordinate = _direction(weights)
+    return {"dofs": coordinate["dofs"], "weights": coordinate["weights"], "c": float(c)}
+
+
 def chain(
-    n: int, constraints: Constraints, mass: float = 1.0, stiffness: float = 1.0
+    n: int,
+    constraints: Constraints,
+    mass: float = 1.0,
+    stiffness: float = 1.0,
+    *,
+    damping: Damping | None = None,
+    dashpots: Dashpots = (),
 ) -> documents.Chain:
-    """Return a chain of n equal masses and equal springs between fixed ends (eq. 10.60)."""
-    return {
+    """Return a chain of n equal masses and equal springs between fixed ends (eq. 10.60).
+
+    `damping` and `dashpots` are as of `system`, here and in the other structures.
+    """
+    document: documents.Chain = {
         "preset": "chain",
         "n": n,
         "mass": float(mass),
         "stiffness": float(stiffness),
         "constraints": _several(constraints),
     }
+    _damp(document, damping, dashpots)
+    return document
 
 
 def oscillator(
-    constraints: Constraints, Omega0: float = 1.0, zeta: float = 0.0
+    constraints: Constraints,
+    Omega0: float = 1.0,
+    zeta: float = 0.0,
+    *,
+    damping: Damping | None = None,
+    dashpots: Dashpots = (),
 ) -> documents.Oscillator:
     """Return an oscillator with one degree of freedom."""
-    return {
+    document: documents.Oscillator = {
         "preset": "oscillator",
         "Omega0": float(Omega0),
         "zeta": float(zeta),
         "constraints": _several(constraints),
     }
+    _damp(document, damping, dashpots)
+    return document
 
 
 def two_mass(
-    constraints: Constraints, Omega0: float = 1.0, coupling: float = 1.0, zeta: float = 0.0
+    constraints: Constraints,
+    Omega0: float = 1.0,
+    coupling: float = 1.0,
+    zeta: float = 0.0,
+    *,
+    damping: Damping | None = None,
+    dashpots: Dashpots = (),
 ) -> documents.TwoMass:
     """Return two coupled oscillators (eq. 10.22, 10.42)."""
-    return {
+    document: documents.TwoMass = {
         "preset": "two_mass",
         "Omega0": float(Omega0),
         "coupling": float(coupling),
         "zeta": float(zeta),
         "constraints": _several(constraints),
     }
+    _damp(document, damping, dashpots)
+    return document
 
 
-def double_pendulum(constraints: Constraints, mu: float) -> documents.DoublePendulum:
+def double_pendulum(
+    constraints: Constraints,
+    mu: float,
+    *,
+    damping: Damping | None = None,
+    dashpots: Dashpots = (),
+) -> documents.DoublePendulum:
     """Return the linearised double pendulum (eq. 10.33)."""
-    limiters = _several(constraints)
-    return {"preset": "double_pendulum", "mu": float(mu), "constraints": limiters}
+    document: documents.DoublePendulum = {
+        "preset": "double_pendulum",
+        "mu": float(mu),
+        "constraints": _several(constraints),
+    }
+    _damp(document, damping, dashpots)
+    return document
 
 
 def bouncing_ball(constraints: Constraints, g: float = 9.81) -> documents.BouncingBall:
@@ -113,6 +176,9 @@ def system(
     C: ArrayLike | SparseMatrix | None = None,
     force: Sequence[float] | None = None,
     units: documents.Units | Mapping[str, str] | None = None,
+    *,
+    damping: Damping | None = None,
+    dashpots: Dashpots = (),
 ) -> documents.MatrixSystem:
     """Return a structure given by its matrices.
 
@@ -126,6 +192,12 @@ def system(
         Static load.
     units : mapping, optional
         ``{"length": "m", "mass": "kg", "time": "s"}``.
+    damping : float, sequence of float or mapping, optional
+        Instead of C: a damping ratio of all modes, such as 0.02, or one of each; or a document:
+        ``{"rayleigh": [alpha, beta]}``, ``{"rayleigh": {"ratios": [0.02, 0.03], "at": [10.0,
+        50.0], "unit": "Hz"}}``, or ``{"structural": eta, "at": Omega}``.
+    dashpots : iterable of dict
+        Dampers from `dashpot`, which add to C or `damping`.
 
     Raises
     ------
@@ -144,7 +216,20 @@ def system(
     if units is not None:
         names: Any = dict(units)
         document["units"] = names
+    _damp(document, damping, dashpots)
     return document
+
+
+def _damp(document: Any, damping: Damping | None, dashpots: Dashpots) -> None:
+    """Add the damping of a structure to its document."""
+    if isinstance(damping, Mapping):
+        document["damping"] = dict(damping)
+    elif damping is not None:
+        ratios = numbers(damping, "the damping ratios")
+        document["damping"] = {"ratio": ratios[0] if np.ndim(damping) == 0 else ratios}
+    given = [dashpots] if isinstance(dashpots, Mapping) else list(dashpots)
+    if given:
+        document["dashpots"] = [dict(each) for each in given]
 
 
 def matrix(given: Any, name: str = "the matrix") -> Dense | Sparse:

@@ -22,6 +22,18 @@ _ROUNDING = 4.0 * 2.0**-52
 FrequencyUnit = Literal["Omega", "omega", "Hz", "rpm"]
 
 
+def frequency_unit(description: str) -> Any:
+    """Return the field of the unit of frequencies."""
+    return Field(
+        "Omega",
+        description=description,
+        # Generators of clients that name values in capitals would give two of them the same name.
+        json_schema_extra={
+            "x-enum-varnames": ["FUNDAMENTAL", "TRIANGLE_WAVE", "HERTZ", "REVOLUTIONS_PER_MINUTE"]
+        },
+    )
+
+
 def forwards(stop: float, info: ValidationInfo) -> float:
     """Validate that the end of a range does not lie below its start."""
     if stop < info.data.get("start", stop):
@@ -63,16 +75,11 @@ def grid_form(value: Any) -> str | None:
 class Frequencies(Grid):
     """Fields of all frequency grids."""
 
-    unit: FrequencyUnit = Field(
-        "Omega",
-        description="Meaning of the numbers: Omega, the fundamental angular frequency of the "
+    unit: FrequencyUnit = frequency_unit(
+        "Meaning of the numbers: Omega, the fundamental angular frequency of the "
         "motion, or omega = (2/pi) Omega, that of the triangle wave; rad per unit of time. Hz and "
         "rpm: Omega / (2 pi) per second and per minute, of a system whose unit of time is ns, us, "
-        "ms, s, min or h, or none, which stands for s.",
-        # Generators of clients that name values in capitals would give both the same name.
-        json_schema_extra={
-            "x-enum-varnames": ["FUNDAMENTAL", "TRIANGLE_WAVE", "HERTZ", "REVOLUTIONS_PER_MINUTE"]
-        },
+        "ms, s, min or h, or none, which stands for s."
     )
 
 

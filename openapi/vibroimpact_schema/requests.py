@@ -12,6 +12,7 @@ from vibroimpact_schema.grids import (
     FrequencyUnit,
     TimeGrid,
     Times,
+    frequency_unit,
 )
 from vibroimpact_schema.motions import (
     DriveTerm,
@@ -63,13 +64,9 @@ class NaturalFrequenciesRequest(ComputationRequest):
     stop: Positive | None = Field(
         None, description="Instead of count: the frequency up to which all modes are returned."
     )
-    unit: FrequencyUnit = Field(
-        "Omega",
-        description="Meaning of stop: Omega, a natural angular frequency; Hz and rpm, the same "
-        "divided by 2 pi, as in grids of frequencies; omega, times 2/pi.",
-        json_schema_extra={
-            "x-enum-varnames": ["FUNDAMENTAL", "TRIANGLE_WAVE", "HERTZ", "REVOLUTIONS_PER_MINUTE"]
-        },
+    unit: FrequencyUnit = frequency_unit(
+        "Meaning of stop: Omega, a natural angular frequency; Hz and rpm, the same divided by "
+        "2 pi, as in grids of frequencies; omega, times 2/pi."
     )
     fixed: Indices = Field(
         default_factory=list,

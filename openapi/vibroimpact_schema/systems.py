@@ -7,6 +7,7 @@ from typing import Annotated, Final, Literal, Self
 from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
+from vibroimpact_schema.grids import FrequencyUnit, frequency_unit
 from vibroimpact_schema.values import (
     Count,
     Document,
@@ -140,7 +141,120 @@ class Units(Document):
     time: Annotated[str, Field(pattern="^[A-Za-zµ°]{1,16}$")] = Field(examples=["s"])
 
 
-class MatrixSystem(Document):
+Ratios = Annotated[
+    Annotated[NonNegative, Tag("@one")]
+    | Annotated[list[NonNegative], Field(min_length=1, fail_fast=True), Tag("@each")],
+    Discriminator(lambda value: "@each" if isinstance(value, list) else "@one"),
+]
+
+
+class RatioDamping(Document):
+    """Damping by parts of the critical damping of the natural modes."""
+
+    ratio: Ratios = Field(
+        description="Damping ratio zeta of all modes, or a list of one for each, from the lowest; "
+        "of at most 512 degrees of freedom with mass: C is full. Rigid-body modes have none.",
+        examples=[0.02],
+    )
+
+
+class RayleighRatios(Document):
+    """Damping ratios at two frequencies."""
+
+    ratios: Annotated[list[NonNegative], Field(min_length=2, max_length=2)] = Field(
+        description="Damping ratios zeta.", examples=[[0.02, 0.03]]
+    )
+    at: Annotated[list[Positive], Field(min_length=2, max_length=2)] = Field(
+        description="The frequencies, which differ.", examples=[[10.0, 50.0]]
+    )
+    unit: FrequencyUnit = frequency_unit("Meaning of the frequencies, as in grids of them.")
+
+
+RayleighCoefficients = Annotated[
+    list[NonNegative],
+    Field(
+        min_length=2,
+        max_length=2,
+        fail_fast=True,
+        description="[alpha, beta] of C = alpha M + beta K (1/time, time).",
+        title="RayleighCoefficients",
+    ),
+]
+
+
+class RayleighDamping(Document):
+    """Damping proportional to the masses and to the springs."""
+
+    rayleigh: Annotated[
+        Annotated[RayleighCoefficients, Tag("@coefficients")]
+        | Annotated[RayleighRatios, Tag("@ratios")],
+        Discriminator(
+            lambda value: (
+                "@coefficients" if isinstance(value, list) else form(value, {}, "@ratios")
+            ),
+            custom_error_type="rayleigh_form",
+            custom_error_message="Rayleigh damping is [alpha, beta], or an object with ratios "
+            "and at",
+        ),
+    ] = Field(description="Its two coefficients, or the ratios that they make.")
+
+
+class StructuralDamping(Document):
+    """Viscous damping that is equivalent to a loss factor at one frequency: C = (eta/Omega) K."""
+
+    structural: NonNegative = Field(description="Loss factor eta.", examples=[0.01])
+    at: Positive = Field(description="The frequency at which they lose the same.")
+    unit: FrequencyUnit = frequency_unit("Meaning of the frequency, as in grids of them.")
+
+
+Damping = Annotated[
+    Annotated[RatioDamping, Tag("@ratio")]
+    | Annotated[RayleighDamping, Tag("@rayleigh")]
+    | Annotated[StructuralDamping, Tag("@structural")],
+    Discriminator(
+        lambda value: form(
+            value, {"ratio": "@ratio", "rayleigh": "@rayleigh", "structural": "@structural"}
+        ),
+        custom_error_type="damping_form",
+        custom_error_message="damping is an object with ratio, with rayleigh, or with structural "
+        "and at",
+    ),
+]
+
+
+class Dashpot(Document):
+    """A viscous damper of the coordinate Σ weight · x[dof]."""
+
+    dofs: Indices = Field(
+        description="Degrees of freedom, each once.", min_length=1, max_length=100
+    )
+    weights: Numbers = Field(description="Weight of each of them.", min_length=1, max_length=100)
+    c: NonNegative = Field(description="Force by unit velocity (mass / time).")
+
+
+Dashpots = Annotated[list[Dashpot], Field(max_length=1000, fail_fast=True)]
+
+
+class Damped(Document):
+    """Fields of all structures with damping."""
+
+    damping: Damping | None = Field(
+        None, description="Damping by ratios, Rayleigh's or structural; absent: none, or C."
+    )
+    dashpots: Dashpots | None = Field(None, description="Dampers besides, which add to C.")
+
+    def check_one_damping(self, other: str) -> Self:
+        """Refuse damping beside another field that gives it."""
+        if self.damping is not None:
+            raise PydanticCustomError(
+                "two_dampings",
+                "give {other} or damping, not both; dashpots add to either",
+                {"other": other},
+            )
+        return self
+
+
+class MatrixSystem(Damped):
     """M x″ + C x′ + K x = force, with constraints."""
 
     M: Matrix = Field(
@@ -156,6 +270,10 @@ class MatrixSystem(Document):
     constraints: Constraints = Field(description="Limiters; results refer to them by position.")
     units: Units | None = Field(None, description="Absent: dimensionless.")
 
+    @model_validator(mode="after")
+    def _one_damping(self) -> Self:
+        return self if self.C is None else self.check_one_damping("C")
+
 
 class SystemReference(Document):
     """A system stored by POST /v1/systems."""
@@ -168,7 +286,7 @@ class SystemReference(Document):
     )
 
 
-class Preset(Document):
+class Preset(Damped):
     """Fields of all presets."""
 
     constraints: Constraints = Field(description="Limiters; results refer to them by position.")
@@ -191,6 +309,10 @@ class Oscillator(Preset):
     Omega0: Positive = Field(description="Natural angular frequency.")
     zeta: NonNegative = Field(0.0, description="Damping ratio.")
 
+    @model_validator(mode="after")
+    def _one_damping(self) -> Self:
+        return self.check_one_damping("zeta") if self.zeta else self
+
 
 class TwoMass(Preset):
     """Two coupled oscillators: K = Omega0² [[1 + c, -c], [-c, 1 + c]] (eq. 10.22, 10.42)."""
@@ -199,6 +321,10 @@ class TwoMass(Preset):
     Omega0: Positive = Field(description="Natural angular frequency of each alone.")
     coupling: Number = Field(1.0, description="c above.")
     zeta: NonNegative = Field(0.0, description="Damping ratio of the first mass.")
+
+    @model_validator(mode="after")
+    def _one_damping(self) -> Self:
+        return self.check_one_damping("zeta") if self.zeta else self
 
 
 class DoublePendulum(Preset):

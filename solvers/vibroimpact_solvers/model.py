@@ -344,6 +344,17 @@ class System:
         system._check_massless()
         return system
 
+    def damped(self, C: SymmetricMatrix) -> System:
+        """Return the structure with another damping matrix; M and K are not checked again."""
+        if C.n != self.n:
+            raise ModelError(("C",), f"C has {C.n} rows, M has {self.n}", code="wrong_size")
+        system = object.__new__(System)
+        # What is kept beside a body may depend on its damping.
+        vars(system).update(vars(self), C=C, body=Body(self.M))
+        system._check_magnitudes()
+        system._check_massless()
+        return system
+
     def _check_constraints(self) -> None:
         seen: dict[Coordinate, int] = {}
         n = self.n

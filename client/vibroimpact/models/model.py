@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from vibroimpact import documents
-    from vibroimpact.systems import Constraints
+    from vibroimpact.systems import Constraints, Damping, Dashpots
 
 try:
     import scipy.sparse as sparse
@@ -132,16 +132,27 @@ class Model:
         return constraint(None, gap, restitution, direction=weights)
 
     def system(
-        self, constraints: Constraints, force: Mapping[Label, float] | None = None
+        self,
+        constraints: Constraints,
+        force: Mapping[Label, float] | None = None,
+        *,
+        damping: Damping | None = None,
+        dashpots: Dashpots = (),
     ) -> documents.MatrixSystem:
-        """Return the structure's document; `force` maps labels to static loads."""
+        """Return the structure's document; `force` maps labels to static loads.
+
+        `damping` and `dashpots` are as of `vibroimpact.system`, damping instead of the model's C.
+        """
         load = None
         if force is not None:
             load = np.zeros(self.n)
             for (node, direction), value in force.items():
                 load[self.dof(node, direction)] = value
         given = None if load is None else load.tolist()
-        return system(self.M, self.K, constraints, self.C, given, self.units)
+        C = self.C if damping is None else None
+        return system(
+            self.M, self.K, constraints, C, given, self.units, damping=damping, dashpots=dashpots
+        )
 
     def fixed(self, nodes: Iterable[int], directions: Iterable[str] | None = None) -> Model:
         """Return the model with nodes held fixed, in all directions or in some."""

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from vibroimpact_schema import motions, requests, systems
-from vibroimpact_service.documents import digest, loads
+from vibroimpact_service.documents import damped, digest, loads
 from vibroimpact_service.documents.grid_values import frequencies, grid_values, to_fundamental
 from vibroimpact_service.kinds import Kind
 from vibroimpact_solvers import attractors as settled
@@ -42,7 +42,7 @@ def system(document: systems.AnySystem) -> System:
     """
     name = digest.content(digest.canonical(document)).encode()
     try:
-        return KNOWN.get(name, lambda: _Known(_decoded(document))).system
+        return KNOWN.get(name, lambda: _Known(damped.damped(document, _decoded(document)))).system
     except OverflowError:
         message = "its numbers are too large for double precision"
         raise ModelError((), message, code="overflow") from None
@@ -87,7 +87,9 @@ def _decoded(document: systems.AnySystem) -> System:
             force=None if document.force is None else np.array(document.force),
             units=units,
         )
-    parameters = document.model_dump(exclude={"preset", "constraints", "units"})
+    parameters = document.model_dump(
+        exclude={"preset", "constraints", "units", "damping", "dashpots"}
+    )
     preset: Callable[..., System] = getattr(presets, document.preset)
     return preset(constraints=limiters, units=units, **parameters)
 

@@ -18,7 +18,9 @@ _TAG: Final = 16
 _SOURCES: Final = (
     "vibroimpact_solvers",
     "vibroimpact_service.documents.branch_paths",
+    "vibroimpact_service.documents.damped",
     "vibroimpact_service.documents.decode",
+    "vibroimpact_service.documents.grid_values",
     "vibroimpact_service.documents.loads",
     "vibroimpact_service.documents.sweep_axes",
     "vibroimpact_service.documents.varying",

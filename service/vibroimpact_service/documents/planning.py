@@ -20,7 +20,7 @@ from vibroimpact_service.kinds import Kind
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 from vibroimpact_solvers.errors import ModelError, PlanError, SolverError
-from vibroimpact_solvers.plan import Plan
+from vibroimpact_solvers.plan import Plan, Skip
 
 
 class Planned(NamedTuple):
@@ -107,7 +107,7 @@ def plan(
     sent = kind.extent in getattr(document, "root", document).model_fields_set
     meter = _Meter(settings, tick, (kind.extent,) if sent else kind.structure)
     # The numerical libraries load at the first request.
-    from vibroimpact_service.documents import branch_paths, decode, sweep_axes
+    from vibroimpact_service.documents import branch_paths, damped, decode, sweep_axes
     from vibroimpact_solvers import cost
 
     sent_system = document.system
@@ -140,6 +140,8 @@ def plan(
             meter()
     except SolverError as error:
         raise problems.of(_as_sent(error, kind, sent_system)) from None
+    if (remark := damped.remark(document.system)) is not None:
+        planned = replace(planned, skips=(*planned.skips, Skip(*remark)))
     if settings is not None:
         joined = hasattr(solver, "follow")
         large = _LARGE.get(type(document), "/outputs")
