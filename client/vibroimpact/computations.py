@@ -279,6 +279,7 @@ class Computations(
         outputs: Sequence[str] = ("bands", "rejected"),
         active: Sequence[int] | None = None,
         tolerance: float | None = None,
+        resolution: float | None = None,
     ) -> Bands:
         """Find the frequency bands in which impact modes are admissible.
 
@@ -294,13 +295,19 @@ class Computations(
             Indices of the constraints that are struck; default: all.
         tolerance : float, optional
             Relative width to which band edges are located.
+        resolution : float, optional
+            Width, relative to that of the range, from which on all bands and gaps are found:
+            narrower ones only by chance, and ``result.error.complete`` is false. Finite-element
+            models have so many narrow bands that all of them take long.
         """
         request = {
             "system": dict(system),
             "frequency": {"start": float(start), "stop": float(stop), "unit": unit},
             "outputs": names(outputs),
         }
-        options = _present(active=_indices(active), tolerance=_number(tolerance))
+        options = _present(
+            active=_indices(active), tolerance=_number(tolerance), resolution=_number(resolution)
+        )
         answer: Bands = self._compute("existence-bands", request | options)
         return answer
 

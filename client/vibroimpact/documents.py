@@ -121,6 +121,11 @@ class ExistenceBandsRequest(TypedDict):
     frequency: FrequencyInterval
     active: NotRequired[Sequence[int] | None]
     """Indices of the constraints with impacts; absent: all."""
+    resolution: NotRequired[float | None]
+    """Width, relative to that of the range, from which on all bands and gaps are found;
+    narrower ones only by chance, and `error.complete` is false. Absent: all of them, which
+    takes as long as there are poles.
+    """
     outputs: NotRequired[Sequence[Literal["bands", "rejected", "stability"]]]
     """Outputs; only these are computed. bands: where solutions are admissible; rejected: where
     all impulses are positive but the solutions are phantoms; stability: where in the bands

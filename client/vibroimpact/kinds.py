@@ -215,6 +215,10 @@ class ExistenceBandsError(Table):
     }
     resolution: float
     """Relative width below which a band or a gap between bands could be missed."""
+    complete: bool
+    """Whether all bands wider than that are proved to be listed."""
+    unresolved: float
+    """Fraction of the range that was not examined or could not be decided."""
     statement: str
     """How the errors were obtained."""
     bands: ExistenceBandsErrorBands

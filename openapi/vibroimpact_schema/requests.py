@@ -150,6 +150,12 @@ class ExistenceBandsRequest(ComputationRequest):
     tolerance: Annotated[Number, Field(ge=1e-15, lt=0.1)] | None = Field(
         None, description="Relative accuracy of the edges; absent: 1e-12."
     )
+    resolution: Annotated[Number, Field(ge=1e-6, le=0.1)] | None = Field(
+        None,
+        description="Width, relative to that of the range, from which on all bands and gaps are "
+        "found; narrower ones only by chance, and `error.complete` is false. Absent: all of them, "
+        "which takes as long as there are poles.",
+    )
     outputs: Annotated[list[ExistenceBandsOutput], Field(min_length=1, fail_fast=True)] = Field(
         ["bands", "rejected"],
         description="Outputs; only these are computed. "

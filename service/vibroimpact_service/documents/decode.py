@@ -203,6 +203,7 @@ def existence_bands(request: requests.ExistenceBandsRequest, of: System) -> band
         tuple(request.active or ()),
         frozenset(request.outputs),
         request.tolerance,
+        request.resolution,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Final
 
@@ -27,6 +28,12 @@ ESTIMATED: Final = (
     "errors are estimates"
 )
 
+AT_RESOLUTION: Final = (
+    "; at a resolution: narrower bands and gaps are found by chance, between the poles about the "
+    "frequencies of a grid"
+)
+
+_NUMBERS = 2**20  # of phases that are there at once
 _BUDGET = 20_000_000  # boxes for one sign band
 _BATCH = 64  # sign bands between two reports of progress
 _WIDE = 8.0  # times the resolution: undecided ranges of this width are reported
@@ -46,9 +53,18 @@ class CertifiedBands:
 
     def find(self, tick: Tick | None) -> FrequencyRanges:
         """Return all bands; `tick(done, total)` counts sign bands."""
-        ranges = FrequencyRanges(resolution=self.problem.resolution)
+        ranges = FrequencyRanges(resolution=self.problem.edge_width)
         ranges.statement = PROVED if self.proved else ESTIMATED
-        left, right, error = self._intervals()
+        if self.problem.resolution is None:
+            left, right, error = self._intervals()
+            ranges.complete = self.proved
+        else:
+            left, right, error = self._intervals_on_grid()
+            ranges.resolution = self.problem.resolution * (
+                1.0 - self.problem.start / self.problem.stop
+            )
+            ranges.statement += AT_RESOLUTION
+            ranges.decided = self._fraction(left, right)
         for first, last in batches(left.size, _BATCH, tick):
             some = slice(first, last)
             for sign_band in self._surveyed(left[some], right[some], error[some]):
@@ -72,9 +88,36 @@ class CertifiedBands:
         q, error = q[order], error[order]
         left, right = np.concatenate([[0.0], q[:-1]]), q
         # Between coinciding poles nothing can be resolved.
-        apart = right - left > 0.25 * self.problem.resolution * right
+        apart = right - left > 0.25 * self.problem.edge_width * right
         inside = apart & (right > self.q_start) & (left < self.q_stop)
         return left[inside], right[inside], error[inside]
+
+    def _intervals_on_grid(self) -> tuple[Floats, Floats, Floats]:
+        """Return pairs of neighbouring poles about frequencies of a grid, and errors as above."""
+        q, roots = 0.5 * np.pi / self.problem.grid[::-1], self.margin.root
+        if not roots.size:
+            return np.zeros(1), np.full(1, np.inf), np.zeros(1)
+        relative = self.margin.root_error / roots + 4.0 * EPS
+        lefts, rights, errors = [], [], []
+        for some in np.array_split(q, math.ceil(q.size * roots.size / _NUMBERS)):
+            turns = np.floor(np.outer(some, roots) / np.pi + 0.5)
+            quarter = 0.5 * np.pi / roots
+            lefts.append(np.maximum(((2.0 * turns - 1.0) * quarter).max(axis=1), 0.0))
+            right = (2.0 * turns + 1.0) * quarter
+            which = right.argmin(axis=1)
+            rights.append(right[np.arange(some.size), which])
+            errors.append(rights[-1] * relative[which])
+        left, right, error = map(np.concatenate, (lefts, rights, errors))
+        new = np.concatenate([[True], np.diff(right) > 0.0])
+        apart = right - left > 0.25 * self.problem.edge_width * right
+        return left[new & apart], right[new & apart], error[new & apart]
+
+    def _fraction(self, left: Floats, right: Floats) -> float:
+        """Return the fraction of the range, in Omega, that lies between pairs of poles."""
+        low = np.maximum(0.5 * np.pi / right, self.problem.start)
+        high = 0.5 * np.pi / np.maximum(left, self.q_start)
+        covered = np.maximum(np.minimum(high, self.problem.stop) - low, 0.0)
+        return min(1.0, float(covered.sum()) / (self.problem.stop - self.problem.start))
 
     def _surveyed(self, left: Floats, right: Floats, error: Floats) -> list[SignBand]:
         """Return the sign bands between poles, in segments."""
@@ -99,7 +142,7 @@ class CertifiedBands:
             # All terms of the velocity have the sign of the impulse: it does not turn back.
             return replace(band, segments=[Segment(start, stop, bands.ADMISSIBLE, 0.0, 0)])
         bounds, *parts_of, _ = bands.survey(
-            self.margin, start, stop, self.problem.resolution, _BUDGET
+            self.margin, start, stop, self.problem.edge_width, _BUDGET
         )
         parts = zip(bounds[:-1], bounds[1:], *parts_of, strict=True)
         segments = [
@@ -110,7 +153,7 @@ class CertifiedBands:
 
     def _record(self, ranges: FrequencyRanges, band: SignBand) -> None:
         for segment in band.segments:
-            wide = segment.right - segment.left > _WIDE * self.problem.resolution * segment.right
+            wide = segment.right - segment.left > _WIDE * self.problem.edge_width * segment.right
             if segment.status == bands.UNDECIDED and wide:
                 ranges.unresolved.append((_Omega(segment.right), _Omega(segment.left)))
         for segment in closed(band):

@@ -36,7 +36,7 @@ def margin_of(problem: Problem, natural: Spectrum) -> tuple[bands.Margin, bool]:
     stiff = (np.abs(values) + wrong) * longest
     # Farther from its poles than the resolution, a silent mode adds no more than this over q.
     heard = (own + loose) * (np.abs(rows) + row_errors + ratio * (own + loose))
-    heard *= 2.0 / np.maximum(np.abs(values) * problem.resolution, 1.0 / longest)
+    heard *= 2.0 / np.maximum(np.abs(values) * problem.edge_width, 1.0 / longest)
     shift = np.sqrt(values + wrong, where=swings, out=np.zeros(roots.size))
     shift -= np.sqrt(np.maximum(values - wrong, 0.0))
     margin = bands.Margin(

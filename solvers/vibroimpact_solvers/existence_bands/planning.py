@@ -62,7 +62,7 @@ def _is_unstable(system: System) -> bool:
 def _steps(problem: Problem, growth: Step | None) -> Iterator[Step]:
     system = problem.system
     phase = spectrum.largest_frequency(system) / problem.start
-    _check_poles(0.5 * phase)
+    _check_poles(problem, 0.5 * phase)
     if not (system.K.data.any() or system.loaded):
         yield spectrum.step(system, spectrum.choose(system))
         reason = "without stiffness and load each solution is admissible at all frequencies or none"
@@ -70,31 +70,42 @@ def _steps(problem: Problem, growth: Step | None) -> Iterator[Step]:
         if growth is not None:
             yield _stability_step(growth, 2.0)
         return
-    partial = _partial_step(problem)
+    obstacle, method = _why_not_provable(problem), spectrum.choose(system)
+    fits = spectrum.nbytes(system, method) <= spectrum.MEMORY
+    proves = problem.resolution is not None and obstacle is None and fits
+    partial = None if proves else _partial_step(problem)
     if partial is not None:
         yield partial
         reason = "impact modes between all poles by partial modes, edges by bisection"
         flops = 5e6 * _POINTS
         yield Step(Stage.BANDS, Method.SEARCH, reason, flops, 64.0 * _POINTS, bounded=False)
         return
-    method = spectrum.choose(system)
-    if spectrum.nbytes(system, method) > spectrum.MEMORY:
+    if not fits:
         message = f"bands need all natural modes, too many with {system.n} degrees of freedom"
         raise PlanError(message, ("system",))
     yield spectrum.step(system, method)
     poles = system.n * (1.0 + 0.5 * phase)
-    _check_poles(poles)
+    _check_poles(problem, poles)
+    if problem.resolution is not None:
+        poles = min(poles, problem.grid.size)
     limits = float(len(system.constraints))
-    obstacle = _why_not_provable(problem)
     if obstacle is None:
         reason = (
             "one limiter with equal gaps: the sign of the impulse between neighbouring poles, "
-            "then bounds over boxes of frequency and time; no band can be missed"
+            "then bounds over boxes of frequency and time"
         )
         # Natural frequencies are half of the largest one, on average.
         inside = system.n * (1.0 + 0.25 * phase * (1.0 - problem.start / problem.stop))
-        boxes = 800.0 + 27.0 * system.n  # for one pole, as measured of chains and beams
-        flops = inside * boxes * (210.0 + 8.5 * system.n) * limits
+        if problem.resolution is None:
+            reason += "; no band can be missed"
+        else:
+            inside = min(inside, float(problem.grid.size))
+            reason += (
+                f", about {problem.grid.size} frequencies: no band as wide as the resolution can "
+                "be missed"
+            )
+        # For one pole, as measured of chains and beams: of the fastest modes few boxes are narrow.
+        flops = inside * (4e5 + 1.3e4 * system.n) * limits
         yield Step(Stage.BANDS, Method.CERTIFIED, reason, flops, 64.0 * poles, bounded=False)
     else:
         reason = f"{obstacle}: impact modes between all poles, edges by bisection"
@@ -112,16 +123,17 @@ def _stability_step(one: Step, poles: float) -> Step:
     return Step(Stage.STABILITY, one.method, reason, flops, 64.0 * poles, bounded=False)
 
 
-def _check_poles(count: float) -> None:
+def _check_poles(problem: Problem, count: float) -> None:
     """Refuse ranges that begin so far below the spectrum that their poles cannot be listed.
 
     Harmonics of every order coincide with natural frequencies: there are about N / 2 times the
     ratio of the largest natural frequency to the lower end of the range.
     """
-    if count > _MOST:
+    if problem.resolution is None and count > _MOST:
         message = (
             f"the range begins so far below the largest natural frequency that the impulse has "
-            f"{count:.0e} poles above it; at most {_MOST:.0e} are possible"
+            f"{count:.0e} poles above it, of which at most {_MOST:.0e} can be listed: ask for a "
+            "`resolution`, such as 1e-3"
         )
         raise ModelError(("frequency", "start"), message, code="out_of_range")
 

@@ -21,6 +21,10 @@ FINEST: Final = 1e-15
 """Smallest relative tolerance of edges that double precision allows."""
 USUAL: Final = 1e-12
 """Default relative tolerance of edges."""
+SHARPEST: Final = 1e-6
+"""Smallest resolution: a million of frequencies are looked at."""
+COARSEST: Final = 0.1
+"""Largest resolution."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +42,9 @@ class Problem:
         The requested ones of `OUTPUTS`.
     tolerance : float, optional
         Relative width to which edges are enclosed.
+    resolution : float, optional
+        Width, relative to that of the range, from which on all bands and gaps are found; absent:
+        all of them, however narrow.
     """
 
     system: System
@@ -46,6 +53,7 @@ class Problem:
     active: tuple[int, ...] = ()
     outputs: frozenset[str] = frozenset({"bands", "rejected"})
     tolerance: float | None = None
+    resolution: float | None = None
 
     def __post_init__(self) -> None:
         count = len(self.system.constraints)
@@ -63,6 +71,9 @@ class Problem:
         if self.tolerance is not None and not FINEST <= self.tolerance < 0.1:
             message = f"the tolerance of edges is {self.tolerance!r}, not in [{FINEST:g}, 0.1)"
             raise ModelError(("tolerance",), message, code="out_of_range")
+        if self.resolution is not None and not COARSEST >= self.resolution >= SHARPEST:
+            message = f"the resolution is {self.resolution!r}, not in [{SHARPEST:g}, {COARSEST:g}]"
+            raise ModelError(("resolution",), message, code="out_of_range")
         # Constraints are checked as for impact modes.
         self.impact_modes_at(np.array([self.start]), frozenset({"exists"}))
 
@@ -72,9 +83,15 @@ class Problem:
         return self.system.losses(self.active)
 
     @property
-    def resolution(self) -> float:
+    def edge_width(self) -> float:
         """Relative width to which edges are enclosed."""
         return USUAL if self.tolerance is None else self.tolerance
+
+    @property
+    def grid(self) -> Floats:
+        """Frequencies Omega so dense that all that is as wide as the resolution contains one."""
+        assert self.resolution is not None
+        return np.linspace(self.start, self.stop, math.ceil(1.0 / self.resolution) + 1)
 
     def impact_modes_at(self, Omega: Floats, outputs: frozenset[str]) -> modes.Problem:
         """Return the problem of the impact modes at some frequencies."""

@@ -47,3 +47,5 @@ class FrequencyRanges:
     unresolved: list[tuple[float, float]] = field(default_factory=list)
     resolution: float = 0.0  # relative width below which a band or a gap could hide
     statement: str = ""  # how they were computed
+    complete: bool = False  # whether all bands wider than that are proved to be listed
+    decided: float = 1.0  # fraction of the range that is examined, beside unresolved ranges

@@ -100,7 +100,7 @@ def by_one_solution(problem: Problem) -> FrequencyRanges:
     assert result.certified is not None
     assert result.witness is not None
     reason, certified = Reason(result.reason[0]), bool(result.certified[0])
-    ranges = FrequencyRanges(statement=STRAIGHT if certified else STATEMENT)
+    ranges = FrequencyRanges(statement=STRAIGHT if certified else STATEMENT, complete=certified)
     if reason is Reason.OK:
         ends = problem.start, problem.stop, Edge.RANGE, Edge.RANGE
         ranges.bands.append(Band(*ends, 0.0, certified))
@@ -170,6 +170,8 @@ class SearchedBands:
     def _grid(self) -> Floats:
         """Return the frequencies that are evaluated: denser where poles are dense."""
         start, stop = self.problem.start, self.problem.stop
+        if self.problem.resolution is not None:
+            return self.problem.grid
         marks = np.unique(np.concatenate([[start, stop], self.poles]))
         between = max(2, min(_BETWEEN, _MOST // marks.size))
         # Denser towards the poles, where reasons change.
@@ -199,7 +201,7 @@ class SearchedBands:
             witness = np.insert(witness, places, at)
         changes = np.flatnonzero(codes[1:] != codes[:-1])
         starts, stops = np.append(0, changes + 1), np.append(changes, grid.size - 1)
-        narrow = grid[stops] - grid[starts] <= _THIN * self.problem.resolution * grid[stops]
+        narrow = grid[stops] - grid[starts] <= _THIN * self.problem.edge_width * grid[stops]
         kept = ~np.repeat(narrow, stops - starts + 1) | np.isin(grid, coarse)
         return grid[kept], codes[kept], witness[kept]
 
@@ -244,7 +246,7 @@ class SearchedBands:
         low, high = grid[changes].copy(), grid[changes + 1].copy()
         while low.size:
             middle = 0.5 * (low + high)
-            wide = (high - low > self.problem.resolution * high) & (low < middle) & (middle < high)
+            wide = (high - low > self.problem.edge_width * high) & (low < middle) & (middle < high)
             if not wide.any():
                 break
             below = np.zeros(low.size, dtype=np.bool_)

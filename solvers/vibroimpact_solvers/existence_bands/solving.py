@@ -44,7 +44,9 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     ranges.unresolved.sort()
     columns: dict[str, Any] = nothing(Result)
     columns.update(
+        error_complete=ranges.complete and not ranges.unresolved,
         error_resolution=ranges.resolution,
+        error_unresolved=_unresolved(problem, ranges),
         error_statement=ranges.statement,
         neglected=problem.neglected or None,
         unresolved_start=np.array([start for start, _ in ranges.unresolved]),
@@ -60,19 +62,29 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
     return Result(**columns)
 
 
+def _unresolved(problem: Problem, ranges: FrequencyRanges) -> float:
+    """Return the fraction of the range of which nothing is known."""
+    undecided = sum(stop - start for start, stop in ranges.unresolved)
+    whole = problem.stop - problem.start
+    return float(min(1.0, max(0.0, 1.0 - ranges.decided + undecided / whole)))
+
+
 def _ranges(problem: Problem, plan: Plan, tick: Tick | None) -> FrequencyRanges:
     natural, bands = plan.step(Stage.SPECTRUM), plan.step(Stage.BANDS)
     assert natural is not None
     assert bands is not None
     if isinstance(natural.settings, ExpansionSize):
-        poles = poles_near_harmonics(problem, natural.settings, tick)
+        poles = np.empty(0)
+        if problem.resolution is None:
+            poles = poles_near_harmonics(problem, natural.settings, tick)
         return SearchedBands(problem, poles, impact_modes.partial_modes_plan).find(tick)
     modes = spectrum.spectrum(problem.system, spectrum.Method(natural.method))
     if bands.method == Method.ONE_SOLUTION:
         return by_one_solution(problem)
     if bands.method == Method.CERTIFIED:
         return CertifiedBands(problem, modes).find(tick)
-    return SearchedBands(problem, poles_of(problem, modes)).find(tick)
+    poles = np.empty(0) if problem.resolution is not None else poles_of(problem, modes)
+    return SearchedBands(problem, poles).find(tick)
 
 
 def _columns(rows: Sequence[object], table: str) -> dict[str, Any]:

@@ -195,5 +195,24 @@ class Result:
             path="error/resolution",
         ),
     ]
+    error_complete: Annotated[
+        bool,
+        Quantity(
+            (),
+            "1",
+            "whether all bands wider than that are proved to be listed",
+            flags=NO_YES,
+            path="error/complete",
+        ),
+    ]
+    error_unresolved: Annotated[
+        float,
+        Quantity(
+            (),
+            "1",
+            "fraction of the range that was not examined or could not be decided",
+            path="error/unresolved",
+        ),
+    ]
     error_statement: Statement
     neglected: Neglected

@@ -229,7 +229,7 @@ def _proved_above() -> object:
     """Prove by boxes that solutions above the spectrum are admissible."""
     of = existence_bands.Problem(chain(13), 2.0, 3.0)
     certified = CertifiedBands(of, spectrum.spectrum(of.system))
-    bands.survey(certified.margin, certified.q_start, certified.q_stop, of.resolution, 1_000_000)
+    bands.survey(certified.margin, certified.q_start, certified.q_stop, of.edge_width, 1_000_000)
     return solve(existence_bands, of)
 
 
