@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, Generic, Literal, TypeVar, overloa
 
 import numpy as np
 
-from vibroimpact.systems import axis, frequencies, names, numbers, real, times
+from vibroimpact.systems import axis, frequencies, has_stiff_stops, names, numbers, real, times
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -545,14 +545,15 @@ class Computations(
         t : int, array, (start, stop, num) or dict, optional
             Output times, or the number of equally spaced ones from 0 to `t_end`.
         outputs : sequence of str, optional
-            Quantities to compute: x, v, impacts, energy, contacts; default: impacts and contacts
-            and, where `t` is given, x, v and energy.
+            Quantities to compute: x, v, impacts, energy, contacts, force; default: contacts and
+            impacts and, where `t` is given, x, v and energy; of stops with a stiffness, whose
+            contacts are no impacts, contacts and their force.
         dofs : sequence of int, optional
             Degrees of freedom of x and v; default: all.
         load : sequence of dict, optional
             Loads, from `harmonic`, `sampled` and `base_motion`.
         limiter : dict, optional
-            The force law of soft limiters, from `soft`; default: rigid limiters.
+            The force law of soft limiters, from `soft`; default: the laws of the constraints.
         method : str
             "exact", or an integrator of scipy for comparison: RK45, DOP853, Radau, LSODA, …
         tolerance : float, optional
@@ -562,8 +563,11 @@ class Computations(
             Decimal digits to compute with where double precision cannot meet the tolerance.
         """
         if outputs is None:
-            at_times = () if t is None else ("x", "v", "energy")
-            outputs = (*at_times, "impacts", "contacts")
+            outputs = () if t is None else ("x", "v", "energy")
+            if has_stiff_stops(system):
+                outputs = (*outputs, "contacts", *(() if t is None else ("force",)))
+            else:
+                outputs = (*outputs, "impacts", "contacts")
         request = {
             "system": dict(system),
             "initial": _initial(initial),

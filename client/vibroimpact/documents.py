@@ -288,10 +288,12 @@ class TimeHistoryRequest(TypedDict):
     """Force law of the limiters; absent: rigid."""
     method: NotRequired[Literal["exact", "RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA"]]
     """exact, or an integrator of scipy for comparison, which can miss impacts."""
-    outputs: NotRequired[Sequence[Literal["x", "v", "impacts", "energy", "contacts"]]]
+    outputs: NotRequired[Sequence[Literal["x", "v", "impacts", "energy", "contacts", "force"]]]
     """Outputs; only these are computed. x, v: displacement and velocity [time, dof]; impacts:
     a table of all impacts; energy: kinetic and elastic energy and that of the constant load
-    [time]; contacts: a table of the times at which coordinates rest at their walls.
+    [time]; contacts: a table of the times at which coordinates rest at rigid walls, or at which
+    stops of finite stiffness push, with impulse, largest force, indentation and loss; force:
+    the forces of stops of finite stiffness [time, constraint].
     """
     initial: InitialState | InitialMode
     digits: NotRequired[int | None]
@@ -326,7 +328,7 @@ class EnsembleRequest(TypedDict):
     """Force law of the limiters; absent: rigid."""
     method: NotRequired[Literal["exact", "RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA"]]
     """exact, or an integrator of scipy for comparison, which can miss impacts."""
-    outputs: NotRequired[Sequence[Literal["x", "v", "impacts", "energy", "contacts"]]]
+    outputs: NotRequired[Sequence[Literal["x", "v", "impacts", "energy", "contacts", "force"]]]
     """Outputs; only these are computed. x, v: displacement and velocity [member, time, dof];
     impacts, contacts: tables of all members, concatenated; energy: kinetic and elastic energy
     and that of the constant load [member, time].
@@ -485,7 +487,9 @@ class TimeHistorySweep(TypedDict):
     """The request whose fields vary."""
     axes: Sequence[AxisValues | AxisPoints | AxisSteps]
     """Each is a dimension of the outputs; in this order, they come first."""
-    outputs: NotRequired[Sequence[Literal["x", "v", "impacts", "energy", "contacts"]] | None]
+    outputs: NotRequired[
+        Sequence[Literal["x", "v", "impacts", "energy", "contacts", "force"]] | None
+    ]
     """What to compute; absent: the outputs of the base."""
 
 
@@ -1012,7 +1016,7 @@ class ScalarMatrix(TypedDict):
 
 
 class Constraint(TypedDict):
-    """A rigid amplitude limiter: a coordinate, its gap and the coefficient of restitution."""
+    """A stop: a coordinate, its gap, and what happens beyond it."""
 
     dof: NotRequired[int | None]
     """The constrained degree of freedom, from 0."""
@@ -1021,7 +1025,11 @@ class Constraint(TypedDict):
     gap: float | Limits
     """Distance to the walls from the coordinate's zero (length)."""
     restitution: NotRequired[float]
-    """Newton's coefficient of restitution; 1 is elastic."""
+    """Newton's coefficient of restitution of a rigid stop; 1 is elastic."""
+    law: NotRequired[RigidLaw | LinearLaw | None]
+    """What the stop does beyond its wall; absent: it is rigid. A stop with a law has no
+    restitution beside it.
+    """
 
 
 class Units(TypedDict):
@@ -1068,6 +1076,30 @@ class Limits(TypedDict):
     """Distance to the lower wall; null: no wall."""
     upper: NotRequired[float | None]
     """Distance to the upper wall; null: no wall."""
+
+
+class RigidLaw(TypedDict):
+    """A rigid stop: Newton's impact law."""
+
+    type: Literal["rigid"]
+    restitution: NotRequired[float]
+    """Newton's coefficient of restitution; 1 is elastic."""
+
+
+class LinearLaw(TypedDict):
+    """A spring and a dashpot that only push: the force is max(0, k d + c d′).
+
+    d is the indentation. Give either the damping, or the restitution of a free mass that is as
+    large as the effective mass of the coordinate.
+    """
+
+    type: Literal["linear"]
+    stiffness: float
+    """k, force by length."""
+    damping: NotRequired[float | None]
+    """c, force by velocity; absent: none."""
+    restitution: NotRequired[float | None]
+    """Ratio of the speeds after and before a contact, instead of the damping."""
 
 
 class Job(TypedDict):

@@ -692,16 +692,21 @@ class TimeHistoryImpacts(Table):
 
 
 class TimeHistoryContacts(Table):
-    """Times at which constrained coordinates rest at their walls, one column each."""
+    """Times at which coordinates rest at rigid walls, or stops push: one column each."""
 
     start: Floats
-    """Time of the last impact listed before it, shape (contact), time; the infinitely many
-    impacts from it to the rest are summed.
+    """Time at which the contact begins, shape (contact), time; of a rigid stop the last impact
+    listed before it: the infinitely many impacts from it to the rest are summed; of another one
+    the time at which it begins to push.
     """
     rest: Floats
-    """Time at which the coordinate comes to rest, shape (contact), time."""
+    """Time at which the coordinate comes to rest, shape (contact), time; of a stop of finite
+    stiffness the start.
+    """
     stop: Floats
-    """Time of release, or the end of the motion, shape (contact), time."""
+    """Time of release, or the end of the motion, shape (contact), time; of a stop of finite
+    stiffness the time at which its force is zero.
+    """
     constraint: Integers
     """Index of the constraint, shape (contact)."""
     side: Integers
@@ -709,6 +714,16 @@ class TimeHistoryContacts(Table):
     impulse: Floats
     """Impulse of the wall on the structure, rest to stop, shape (contact), mass length / time;
     the integral of the contact force.
+    """
+    peak_force: Floats
+    """Largest force, shape (contact), mass length / time²; of stops of finite stiffness."""
+    indentation: Floats
+    """Largest distance of the coordinate beyond its wall, shape (contact), length; of stops of
+    finite stiffness.
+    """
+    energy_lost: Floats
+    """Energy lost in the stop, shape (contact), mass length² / time²; in its dashpot, and by
+    what its spring still holds when the force is zero.
     """
 
 
@@ -759,6 +774,18 @@ class TimeHistoryErrorContacts(Table):
     """Error of the impulse, shape (contact), mass length / time; nan: not estimated, or beyond
     the horizon, or the impact may be missing.
     """
+    peak_force: Floats
+    """Error of the force, shape (contact), mass length / time²; nan: not estimated, or beyond
+    the horizon, or the impact may be missing.
+    """
+    indentation: Floats
+    """Error of the indentation, shape (contact), length; nan: not estimated, or beyond the
+    horizon, or the impact may be missing.
+    """
+    energy_lost: Floats
+    """Error of the energy, shape (contact), mass length² / time²; nan: not estimated, or
+    beyond the horizon, or the impact may be missing.
+    """
 
 
 class TimeHistoryError(Table):
@@ -779,6 +806,10 @@ class TimeHistoryError(Table):
     energy: Floats
     """Error of the energy, shape (t), mass length² / time²; nan: not estimated, or beyond the
     horizon.
+    """
+    force: Floats
+    """Error of the force, shape (t, constraint), mass length / time²; nan: not estimated, or
+    beyond the horizon.
     """
     condition: float
     """Largest relative error of the state, in units of the rounding 2^-52."""
@@ -838,6 +869,10 @@ class EnsembleError(Table):
     energy: Floats
     """Error of the energy, shape (member, t), mass length² / time²; nan: the member has no
     motion, beyond its horizon, or not estimated.
+    """
+    force: Floats
+    """Error of the force, shape (member, t, constraint), mass length / time²; nan: the member
+    has no motion, beyond its horizon, or not estimated.
     """
     condition: Floats
     """Largest relative error of the state, in units of the rounding 2^-52, shape (member);
@@ -1215,11 +1250,17 @@ class TimeHistory(Result):
     v: Floats
     """Velocity, shape (t, dof), length / time."""
     energy: Floats
-    """Mechanical energy, that of the constant load included, shape (t), mass length² / time²."""
+    """Mechanical energy, that of the constant load and of compressed stops included, shape
+    (t), mass length² / time².
+    """
+    force: Floats
+    """Force between a stop and the structure, shape (t, constraint), mass length / time²; of
+    stops of finite stiffness; it only pushes.
+    """
     impacts: TimeHistoryImpacts
     """All impacts in order, one column each."""
     contacts: TimeHistoryContacts
-    """Times at which constrained coordinates rest at their walls, one column each."""
+    """Times at which coordinates rest at rigid walls, or stops push: one column each."""
     count: TimeHistoryCount
     """Numbers of events."""
     error: TimeHistoryError
@@ -1254,8 +1295,12 @@ class Ensemble(Result):
     v: Floats
     """Velocity, shape (member, t, dof), length / time; nan: the member has no motion."""
     energy: Floats
-    """Mechanical energy, that of the constant load included, shape (member, t), mass length² /
-    time²; nan: the member has no motion.
+    """Mechanical energy, that of the constant load and of compressed stops included, shape
+    (member, t), mass length² / time²; nan: the member has no motion.
+    """
+    force: Floats
+    """Force between a stop and the structure, shape (member, t, constraint), mass length /
+    time²; of stops of finite stiffness; it only pushes; nan: the member has no motion.
     """
     impact_count: Integers
     """Rows of impacts of each member, shape (member)."""
@@ -1268,7 +1313,7 @@ class Ensemble(Result):
     impacts: TimeHistoryImpacts
     """All impacts in order, one column each."""
     contacts: TimeHistoryContacts
-    """Times at which constrained coordinates rest at their walls, one column each."""
+    """Times at which coordinates rest at rigid walls, or stops push: one column each."""
     count: EnsembleCount
     """Numbers of events of each member."""
     error: EnsembleError

@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 def history(result: ResultFile, dof: int | None = None, ax: Axes | None = None) -> Axes:
     """Plot a displacement over time, with the walls and impacts of its constraint.
 
-    If only impacts were computed, plot their impulses over time.
+    Stops of finite stiffness: with their force, on an axis at the right, or with the times at which
+    they push. If only impacts or contacts were computed, plot their impulses over time.
     """
     ax = ax or new_axes()
     if not hasattr(result, "x"):
@@ -37,6 +38,7 @@ def history(result: ResultFile, dof: int | None = None, ax: Axes | None = None) 
     dof, column = column_of(result, dof)
     ax.plot(result.t, result.x[:, column], color=ADMISSIBLE, linewidth=1.2)
     _impacts(result, dof, ax)
+    _forces(result, dof, ax)
     until = result.error.predictable_until
     if until < result.t[-1]:
         ax.axvspan(until, result.t[-1], color=PHANTOM, alpha=0.25, linewidth=0.0)
@@ -111,17 +113,39 @@ def _cells(x: Array, y: Array, values: Array, ax: Axes) -> Any:
 
 
 def _impulses(result: ResultFile, ax: Axes) -> Axes:
-    for index in np.unique(result.impacts.constraint):
-        mine, color = result.impacts.constraint == index, SERIES[int(index) % len(SERIES)][0]
+    struck = hasattr(result, "impacts")
+    table, name = (result.impacts, "impacts") if struck else (result.contacts, "contacts")
+    times, time = (table.time, "time") if struck else (table.start, "start")
+    for index in np.unique(table.constraint):
+        mine, color = table.constraint == index, SERIES[int(index) % len(SERIES)][0]
         ax.plot(
-            result.impacts.time[mine], result.impacts.impulse[mine], "os^Dv"[int(index) % 5],
+            times[mine], table.impulse[mine], "os^Dv"[int(index) % 5],
             color=color, markersize=2.5, label=f"constraint {index}",
         )  # fmt: skip
-    ax.set_xlabel(label("time", result, "impacts/time"))
-    ax.set_ylabel(label("momentum of the impact", result, "impacts/impulse"))
-    ax.set_ylim(0.0, 1.15 * float(result.impacts.impulse.max(initial=0.0)) or 1.0)
+    ax.set_xlabel(label("time", result, f"{name}/{time}"))
+    ax.set_ylabel(label(f"momentum of the {name[:-1]}", result, f"{name}/impulse"))
+    ax.set_ylim(0.0, 1.15 * float(table.impulse.max(initial=0.0)) or 1.0)
     legend(ax)
     return ax
+
+
+def _forces(result: ResultFile, dof: int, ax: Axes) -> None:
+    """Draw the force of the stop at a degree of freedom, or the times at which it pushes."""
+    mine = [i for i, c in enumerate(constraints_of(result)) if c.get("dof") == dof]
+    if not mine:
+        return
+    if hasattr(result, "force"):
+        right, force = ax.twinx(), result.force[:, mine[0]]
+        right.fill_between(result.t, force, color=OTHER, alpha=0.35, linewidth=0.0)
+        right.set_ylim(0.0, 3.0 * float(force.max(initial=0.0)) or 1.0)
+        sizes = ax.yaxis.label.get_fontsize(), ax.yaxis.get_ticklabels()[0].get_fontsize()
+        right.set_ylabel(label("force of the stop", result, "force"), fontsize=sizes[0])
+        right.tick_params(labelsize=sizes[1])
+    elif hasattr(result, "contacts") and hasattr(result.contacts, "peak_force"):
+        pushing = result.contacts.constraint == mine[0]
+        spans = zip(result.contacts.start[pushing], result.contacts.stop[pushing], strict=True)
+        for start, stop in spans:
+            ax.axvspan(start, stop, color=OTHER, alpha=0.25, linewidth=0.0)
 
 
 @noted

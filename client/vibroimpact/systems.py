@@ -34,11 +34,13 @@ class SparseMatrix(Protocol):
 def constraint(
     dof: int | None = None,
     gap: float | documents.Limits | Mapping[str, float | None] = 0.0,
-    restitution: float = 1.0,
+    restitution: float | None = None,
     *,
     direction: Mapping[int, float] | None = None,
+    stiffness: float | None = None,
+    damping: float | None = None,
 ) -> documents.Constraint:
-    """Return the document of a rigid amplitude limiter.
+    """Return the document of a stop: rigid, or with a stiffness.
 
     Parameters
     ----------
@@ -46,13 +48,30 @@ def constraint(
         Index of the constrained degree of freedom, from 0.
     gap : float or mapping
         Distance to both walls, or ``{"lower": l, "upper": u}``; None stands for no wall.
-    restitution : float
-        Newton's coefficient of restitution; 1 is elastic.
+    restitution : float, optional
+        Newton's coefficient of restitution of a rigid stop, 1 (elastic) where absent; of a stop
+        with a stiffness, instead of its damping, that of a free mass.
     direction : mapping of int to float
         Alternative to `dof`: weight of each degree of freedom in the constrained coordinate.
+    stiffness : float, optional
+        Force by length beyond the wall; absent: the stop is rigid.
+    damping : float, optional
+        Force by velocity there; the force of the stop never pulls.
+
+    Examples
+    --------
+    >>> from vibroimpact import constraint
+    >>> constraint(0, gap=0.1, stiffness=1e4, damping=2.0)["law"]
+    {'type': 'linear', 'stiffness': 10000.0, 'damping': 2.0}
     """
     limits: Any = dict(gap) if isinstance(gap, Mapping) else float(gap)
-    document: documents.Constraint = {"gap": limits, "restitution": float(restitution)}
+    document: documents.Constraint = {"gap": limits}
+    if stiffness is not None:
+        document["law"] = _linear(stiffness, damping, restitution)
+    elif damping is not None:
+        raise ValueError("a stop with a damping needs a stiffness, which may be 0")
+    else:
+        document["restitution"] = 1.0 if restitution is None else float(restitution)
     if direction is None:
         document["dof"] = dof
     else:
@@ -80,6 +99,24 @@ def dashpot(
         raise ValueError("a dashpot needs either a dof or a direction")
     coordinate = _direction(weights)
     return {"dofs": coordinate["dofs"], "weights": coordinate["weights"], "c": float(c)}
+
+
+def _linear(
+    stiffness: float, damping: float | None, restitution: float | None
+) -> documents.LinearLaw:
+    """Return the document of the law of a stop with a stiffness."""
+    law: documents.LinearLaw = {"type": "linear", "stiffness": float(stiffness)}
+    if damping is not None:
+        law["damping"] = float(damping)
+    if restitution is not None:
+        law["restitution"] = float(restitution)
+    return law
+
+
+def has_stiff_stops(system: Mapping[str, Any]) -> bool:
+    """Return whether a constraint of a structure's document has a stiffness."""
+    given = system.get("constraints") or ()
+    return any((each.get("law") or {}).get("type", "rigid") != "rigid" for each in given)
 
 
 def chain(

@@ -183,7 +183,7 @@ class ResonancesRequest(ComputationRequest):
     )
 
 
-TimeHistoryOutput = Literal["x", "v", "impacts", "energy", "contacts"]
+TimeHistoryOutput = Literal["x", "v", "impacts", "energy", "contacts", "force"]
 
 
 TimeHistoryMethod = Literal["exact", "RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA"]
@@ -233,7 +233,9 @@ class TimeHistoryRequest(MotionRequest):
         "x, v: displacement and velocity [time, dof]; "
         "impacts: a table of all impacts; "
         "energy: kinetic and elastic energy and that of the constant load [time]; "
-        "contacts: a table of the times at which coordinates rest at their walls.",
+        "contacts: a table of the times at which coordinates rest at rigid walls, or at which "
+        "stops of finite stiffness push, with impulse, largest force, indentation and loss; "
+        "force: the forces of stops of finite stiffness [time, constraint].",
     )
 
 

@@ -8,6 +8,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
 from vibroimpact_schema.grids import FrequencyUnit, frequency_unit
+from vibroimpact_schema.laws import Law
 from vibroimpact_schema.values import (
     Count,
     Document,
@@ -110,7 +111,7 @@ Gap = Annotated[
 
 
 class Constraint(Document):
-    """A rigid amplitude limiter: a coordinate, its gap and the coefficient of restitution."""
+    """A stop: a coordinate, its gap, and what happens beyond it."""
 
     dof: Index | None = Field(None, description="The constrained degree of freedom, from 0.")
     direction: Direction | None = Field(
@@ -118,7 +119,12 @@ class Constraint(Document):
     )
     gap: Gap = Field(description="Distance to the walls from the coordinate's zero (length).")
     restitution: Annotated[Number, Field(ge=0, le=1)] = Field(
-        1.0, description="Newton's coefficient of restitution; 1 is elastic."
+        1.0, description="Newton's coefficient of restitution of a rigid stop; 1 is elastic."
+    )
+    law: Law | None = Field(
+        None,
+        description="What the stop does beyond its wall; absent: it is rigid. A stop with a law "
+        "has no restitution beside it.",
     )
 
     @model_validator(mode="after")
@@ -126,6 +132,11 @@ class Constraint(Document):
         if (self.dof is None) == (self.direction is None):
             raise PydanticCustomError(
                 "dof_or_direction", "a constraint names either a dof or a direction"
+            )
+        if self.law is not None and self.restitution != 1.0:
+            raise PydanticCustomError(
+                "two_restitutions",
+                "the restitution of a stop with a law stands in the law, not beside it",
             )
         return self
 

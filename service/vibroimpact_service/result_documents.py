@@ -46,7 +46,8 @@ def _entries(
             entries[name] = _group(group, within, f"{inside}{name}/", tuple(those))
         else:
             (field,) = those
-            entries[name] = _entry(field, field.optional and not whole)
+            absent = not whole or field.quantity.sometimes
+            entries[name] = _entry(field, field.optional and absent)
     return entries
 
 

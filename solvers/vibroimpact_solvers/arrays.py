@@ -51,6 +51,7 @@ class Quantity:
     error: str = ""  # path of its error
     # The integers that occur, empty for any; None: those from 0
     integers: tuple[int, ...] | None = None
+    sometimes: bool = False  # whether it may be absent where others of its group are there
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""The mechanical model: M x'' + C x' + K x = f with rigid limiters.
+"""The mechanical model: M x'' + C x' + K x = f with stops.
 
 Degrees of freedom whose rows of M are zero have no mass: they follow the others statically, see
 `condensation`.
@@ -27,6 +27,7 @@ import numpy as np
 from vibroimpact_solvers.arrays import EPS, Floats, Integers
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.factors import Solve
+from vibroimpact_solvers.laws import ELASTIC, Law, Rigid
 from vibroimpact_solvers.matrices import SymmetricMatrix
 
 RANGE: Final = (1e-100, 1e100)
@@ -70,7 +71,7 @@ def listed(dofs: Integers) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Constraint:
-    """A rigid limiter of the coordinate ``y = sum(weight * x[dof])``, ``-lower <= y <= upper``.
+    """A stop of the coordinate ``y = sum(weight * x[dof])``, with walls at -lower and upper.
 
     Parameters
     ----------
@@ -81,7 +82,9 @@ class Constraint:
     lower, upper : float or None
         Distances to the walls (length); None if there is no wall.
     restitution : float
-        Newton's coefficient, 0 to 1.
+        Newton's coefficient of a rigid stop, 0 to 1.
+    law : Law, optional
+        What the stop does beyond its wall; where it is not rigid, restitution has no meaning.
     """
 
     dofs: tuple[int, ...]
@@ -89,6 +92,7 @@ class Constraint:
     lower: float | None
     upper: float | None
     restitution: float = 1.0
+    law: Law = ELASTIC
     coordinate: Coordinate = field(init=False, repr=False, compare=False)
     """Pairs of a degree of freedom and its nonzero weight, ascending."""
 
@@ -115,11 +119,19 @@ class Constraint:
         if len(walls) == 2 and sum(walls) <= 0:
             message = f"the walls leave no room: lower + upper is {sum(walls)!r}, not positive"
             raise ModelError(("gap",), message, code="gap_not_positive")
-        if not 0.0 <= self.restitution <= 1.0:
-            message = f"the coefficient of restitution is {self.restitution!r}, not in [0, 1]"
-            raise ModelError(("restitution",), message, code="restitution_out_of_range")
+        self._set_law()
         pairs = sorted((d, w) for d, w in zip(self.dofs, self.weights, strict=True) if w)
         object.__setattr__(self, "coordinate", tuple(pairs))
+
+    def _set_law(self) -> None:
+        """Let law and restitution agree."""
+        if self.law == ELASTIC:
+            object.__setattr__(self, "law", Rigid(self.restitution))
+        elif self.restitution != 1.0:
+            message = "the restitution of a stop with a law stands in the law, not beside it"
+            raise ModelError(("restitution",), message, code="two_restitutions")
+        elif isinstance(self.law, Rigid):
+            object.__setattr__(self, "restitution", self.law.restitution)
 
     @classmethod
     def at(cls, dof: int, gap: float, restitution: float = 1.0) -> Constraint:

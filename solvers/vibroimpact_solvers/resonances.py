@@ -32,6 +32,7 @@ from vibroimpact_solvers import condensation, holding, spectrum
 from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.checks import check_outputs, check_tolerance
 from vibroimpact_solvers.errors import ModelError, PlanError
+from vibroimpact_solvers.laws import require
 from vibroimpact_solvers.matrices import SymmetricMatrix
 from vibroimpact_solvers.meter import metered
 from vibroimpact_solvers.model import ChainShape, System
@@ -92,6 +93,7 @@ class Problem:
             message = "the highest harmonic is below 1"
             raise ModelError(("odd_max",), message, code="out_of_range")
         check_outputs(self.outputs, OUTPUTS)
+        require(KIND, self.system.constraints)
         check_tolerance(self.tolerance)
 
     @property

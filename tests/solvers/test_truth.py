@@ -33,6 +33,15 @@ def median(report: Report, what: str) -> float:
     return values[len(values) // 2]
 
 
+@pytest.mark.needs("compiled kernels")
+def test_motions_with_stops_of_finite_stiffness() -> None:
+    report = outcome("elastic", 25, lambda case: case.name != "sampled")
+    assert not report.failures
+    assert len(report.ratios["x"]) > 15
+    assert len(report.ratios["contact impulse"]) > 12
+    assert median(report, "x") < 500.0
+
+
 def kind(case: Case) -> str:
     return case.name.split(",")[0]
 

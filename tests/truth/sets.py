@@ -12,6 +12,7 @@ from tests.truth import (
     bands,
     blows,
     digits,
+    elastic,
     falling,
     histories,
     impact_modes,
@@ -49,5 +50,6 @@ SETS: Final = {
     "touching": Set(9, touching.case, touching.check, 20_000),
     "blows": Set(10, blows.case, blows.check, 10_000),
     "falling": Set(11, falling.case, falling.check, 1_000),
+    "elastic": Set(12, elastic.case, elastic.check, 5_000),
     "settling": Set(7, settling.case, settling.check, 2_000),
 }

@@ -106,11 +106,13 @@ class Model:
         node: int,
         direction: str | Mapping[str, float] = "x",
         gap: float | Mapping[str, float | None] = 0.0,
-        restitution: float = 1.0,
+        restitution: float | None = None,
         *,
         against: int | None = None,
+        stiffness: float | None = None,
+        damping: float | None = None,
     ) -> documents.Constraint:
-        """Return the document of a limiter at a node.
+        """Return the document of a stop at a node.
 
         Parameters
         ----------
@@ -118,18 +120,24 @@ class Model:
             Label of the node.
         direction : str or mapping
             Such as ``"z"``, or weights of several: ``{"x": 0.6, "y": 0.8}``.
-        gap, restitution
+        gap, restitution, stiffness, damping
             As of `vibroimpact.constraint`.
         against : int, optional
-            Another node: the limiter is between both.
+            Another node: the stop is between both.
         """
         parts = {direction: 1.0} if isinstance(direction, str) else dict(direction)
         weights = {self.dof(node, each): float(w) for each, w in parts.items()}
         if against is not None:
             weights |= {self.dof(against, each): -float(w) for each, w in parts.items()}
-        if len(weights) == 1 and 1.0 in weights.values():
-            return constraint(next(iter(weights)), gap, restitution)
-        return constraint(None, gap, restitution, direction=weights)
+        one = len(weights) == 1 and 1.0 in weights.values()
+        return constraint(
+            next(iter(weights)) if one else None,
+            gap,
+            restitution,
+            direction=None if one else weights,
+            stiffness=stiffness,
+            damping=damping,
+        )
 
     def system(
         self,

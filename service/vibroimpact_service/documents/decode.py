@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from vibroimpact_schema import motions, requests, systems
+from vibroimpact_schema import laws, motions, requests, systems
 from vibroimpact_service.documents import damped, digest, loads
 from vibroimpact_service.documents.grid_values import frequencies, grid_values, to_fundamental
 from vibroimpact_service.kinds import Kind
@@ -28,6 +28,7 @@ from vibroimpact_solvers import slow_flow as flows
 from vibroimpact_solvers import time_history as histories
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.laws import Law, Linear, Rigid
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System, Units
 from vibroimpact_solvers.spectrum import Cache, held_bytes
 
@@ -131,9 +132,22 @@ def constraint(index: int, document: systems.Constraint) -> Constraint:
     else:
         dofs, weights = direction.dofs, direction.weights
     try:
-        return Constraint(tuple(dofs), tuple(weights), lower, upper, document.restitution)
+        law = Rigid() if document.law is None else _law(document.law)
+        return Constraint(tuple(dofs), tuple(weights), lower, upper, document.restitution, law)
     except ModelError as error:
         raise error.under("constraints", index) from None
+
+
+def _law(document: laws.RigidLaw | laws.LinearLaw) -> Law:
+    """Return the law of a stop."""
+    try:
+        match document:
+            case laws.RigidLaw():
+                return Rigid(document.restitution)
+            case laws.LinearLaw():
+                return Linear(document.stiffness, document.damping, document.restitution)
+    except ModelError as error:
+        raise error.under("law") from None
 
 
 def problem(kind: Kind, request: Any, of: System, meter: Callable[[], None] | None = None) -> Any:

@@ -80,6 +80,18 @@ PROBLEMS: Final[Mapping[str, Sequence[Mapping[str, Any]]]] = {
             "t_end": 40,
             "outputs": ["impacts", "contacts"],
         },
+        {
+            "system": {
+                **_OSCILLATOR,
+                "constraints": [
+                    {"dof": 0, "gap": 0.5, "law": {"type": "linear", "stiffness": 9, "damping": 1}}
+                ],
+            },
+            "initial": {"x": [0], "v": [1]},
+            "t_end": 4,
+            "t": {"num": 3},
+            "outputs": ["x", "contacts"],
+        },
     ),
     "slow-flow": (
         {

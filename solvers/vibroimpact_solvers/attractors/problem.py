@@ -14,6 +14,7 @@ from vibroimpact_solvers import periodic_motions, time_history
 from vibroimpact_solvers.arrays import EPS, Floats, Integers
 from vibroimpact_solvers.checks import check_indices, check_outputs
 from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.laws import require
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.periodic_motions import Force
 
@@ -80,6 +81,7 @@ class Problem:
         object.__setattr__(self, "output_dofs", dofs.astype(np.int64))
         object.__setattr__(self, "outputs", frozenset(self.outputs))
         check_outputs(self.outputs, OUTPUTS)
+        require(KIND, self.system.constraints)
         check_indices("dofs", self.output_dofs, self.system.n)
         self._check_structure()
         time_history.check_states(self.system, self.x, self.v)

@@ -11,6 +11,7 @@ import numpy as np
 
 from vibroimpact_solvers import time_history
 from vibroimpact_solvers.arrays import Floats, Integers
+from vibroimpact_solvers.laws import require
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.time_history import Load, Power, State
 
@@ -57,11 +58,18 @@ class Problem:
     """The first member that can move; None where numbers of all are out of range."""
 
     def __post_init__(self, report: Callable[[], None] | None) -> None:
+        require(KIND, self.system.constraints)
         time_history.check_states(self.system, self.x, self.v)
-        rigid = self.system.constraints if self.limiter is None else ()
+        stops = self.system.constraints
+        rigid = stops if self.limiter is None and all(c.law.rigid for c in stops) else ()
         start = time_history.first_start(rigid, self.x, self.v, report)
         object.__setattr__(self, "start", start)
         self.pattern  # noqa: B018 (checks the fields common to all members)
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the stops have a finite stiffness."""
+        return any(not c.law.rigid for c in self.system.constraints)
 
     @property
     def size(self) -> int:

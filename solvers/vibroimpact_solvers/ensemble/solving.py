@@ -121,7 +121,11 @@ def _without_motions(problem: Problem) -> dict[str, Any]:
     }
     for dim in _TABLES:
         if f"{dim}s" in problem.outputs:
-            values |= {name: np.zeros(0, _FIELDS[name].scalar) for name in along(Result, dim)}
+            values |= {
+                name: np.zeros(0, _FIELDS[name].scalar)
+                for name in along(Result, dim)
+                if not _FIELDS[name].quantity.sometimes or problem.stopped
+            }
             for name in (f"{dim}_count", f"{dim}_offset"):
                 values[name] = np.zeros(problem.size, dtype=np.int64)
     return values

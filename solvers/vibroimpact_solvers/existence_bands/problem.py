@@ -12,6 +12,7 @@ from vibroimpact_solvers import impact_modes as modes
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.checks import check_outputs
 from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.laws import require
 from vibroimpact_solvers.model import System
 
 KIND: Final = "existence-bands"
@@ -68,6 +69,7 @@ class Problem:
             message = "the range is empty: stop must be above start"
             raise ModelError(("frequency", "stop"), message, code="empty_grid")
         check_outputs(self.outputs, OUTPUTS)
+        require(KIND, self.system.constraints)
         if self.tolerance is not None and not FINEST <= self.tolerance < 0.1:
             message = f"the tolerance of edges is {self.tolerance!r}, not in [{FINEST:g}, 0.1)"
             raise ModelError(("tolerance",), message, code="out_of_range")

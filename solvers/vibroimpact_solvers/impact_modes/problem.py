@@ -12,6 +12,7 @@ import numpy as np
 from vibroimpact_solvers.arrays import Booleans, Floats, Integers
 from vibroimpact_solvers.checks import check_indices, check_outputs, check_tolerance
 from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.laws import require
 from vibroimpact_solvers.model import RANGE, Constraint, System, within_range
 
 KIND: Final = "impact-modes"
@@ -158,6 +159,7 @@ class Problem:
 
     def _check_outputs(self) -> None:
         check_outputs(self.outputs, OUTPUTS)
+        require(KIND, self.system.constraints)
         if "waveform" in self.outputs and self.times.size == 0:
             message = "the waveform needs the triangle-wave times tau"
             raise ModelError(("tau",), message, code="missing_tau")

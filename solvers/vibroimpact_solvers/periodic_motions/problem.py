@@ -11,6 +11,7 @@ import numpy as np
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.checks import check_indices, check_outputs, check_tolerance
 from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.laws import require
 from vibroimpact_solvers.model import System, within_range
 
 KIND: Final = "periodic-motions"
@@ -99,6 +100,7 @@ class Problem:
         object.__setattr__(self, "outputs", frozenset(self.outputs))
         object.__setattr__(self, "Omega", np.ascontiguousarray(self.Omega, dtype=np.float64))
         check_outputs(self.outputs, OUTPUTS)
+        require(KIND, self.system.constraints)
         check_tolerance(self.tolerance)
         check_indices("dofs", self.output_dofs, self.system.n)
         self._check_frequencies()

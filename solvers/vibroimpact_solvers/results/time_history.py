@@ -22,8 +22,12 @@ def _number(unit: str, long_name: str, path: str) -> Quantity:
     return Quantity((), unit, long_name, path=path)
 
 
-def _error(of: str, dims: tuple[str, ...], unit: str, what: str, missing: str) -> Quantity:
-    return Quantity(dims, unit, f"error of the {what}", path=f"error/{of}", missing=missing)
+def _error(
+    of: str, dims: tuple[str, ...], unit: str, what: str, missing: str, *, sometimes: bool = False
+) -> Quantity:
+    return Quantity(
+        dims, unit, f"error of the {what}", path=f"error/{of}", missing=missing, sometimes=sometimes
+    )
 
 
 _BEYOND = "not estimated, or beyond the horizon"
@@ -31,6 +35,8 @@ _UNSURE = f"{_BEYOND}, or the impact may be missing"
 _ROUNDING = "in units of the rounding 2^-52"
 LAWS: Final = ("newton", "poisson", "moreau")
 """Laws of impact, in the order of `kernels.impact_law`."""
+OF_STOPS: Final = ("peak_force", "indentation", "energy_lost")
+"""Columns of contacts that stops of finite stiffness have, and rigid ones have not."""
 _SIDE = "wall: 1 the upper, -1 the lower one"
 
 
@@ -42,7 +48,7 @@ class Result:
         "impacts": Group("Impacts", "All impacts in order, one column each."),
         "contacts": Group(
             "Contacts",
-            "Times at which constrained coordinates rest at their walls, one column each.",
+            "Times at which coordinates rest at rigid walls, or stops push: one column each.",
         ),
         "count": Group("Count", "Numbers of events."),
         "error": Group("MotionError", "Errors of the motion."),
@@ -59,8 +65,18 @@ class Result:
         Quantity(
             ("time",),
             "mass length2 time-2",
-            "mechanical energy, that of the constant load included",
+            "mechanical energy, that of the constant load and of compressed stops included",
             error="error/energy",
+        ),
+    ]
+    force: Annotated[
+        Floats | None,
+        Quantity(
+            ("time", "constraint"),
+            "mass length time-2",
+            "force between a stop and the structure",
+            note="of stops of finite stiffness; it only pushes",
+            error="error/force",
         ),
     ]
     impact_time: Annotated[
@@ -112,9 +128,10 @@ class Result:
         Floats | None,
         _contact(
             "time",
-            "time of the last impact listed before it",
+            "time at which the contact begins",
             "start",
-            note="the infinitely many impacts from it to the rest are summed",
+            note="of a rigid stop the last impact listed before it: the infinitely many impacts "
+            "from it to the rest are summed; of another one the time at which it begins to push",
             error="error/contacts/start",
         ),
     ]
@@ -124,6 +141,7 @@ class Result:
             "time",
             "time at which the coordinate comes to rest",
             "rest",
+            note="of a stop of finite stiffness the start",
             error="error/contacts/rest",
         ),
     ]
@@ -133,6 +151,7 @@ class Result:
             "time",
             "time of release, or the end of the motion",
             "stop",
+            note="of a stop of finite stiffness the time at which its force is zero",
             error="error/contacts/stop",
         ),
     ]
@@ -148,6 +167,39 @@ class Result:
             "impulse",
             note="the integral of the contact force",
             error="error/contacts/impulse",
+        ),
+    ]
+    contact_peak_force: Annotated[
+        Floats | None,
+        _contact(
+            "mass length time-2",
+            "largest force",
+            "peak_force",
+            note="of stops of finite stiffness",
+            error="error/contacts/peak_force",
+            sometimes=True,
+        ),
+    ]
+    contact_indentation: Annotated[
+        Floats | None,
+        _contact(
+            "length",
+            "largest distance of the coordinate beyond its wall",
+            "indentation",
+            note="of stops of finite stiffness",
+            error="error/contacts/indentation",
+            sometimes=True,
+        ),
+    ]
+    contact_energy_lost: Annotated[
+        Floats | None,
+        _contact(
+            "mass length2 time-2",
+            "energy lost in the stop",
+            "energy_lost",
+            note="in its dashpot, and by what its spring still holds when the force is zero",
+            error="error/contacts/energy_lost",
+            sometimes=True,
         ),
     ]
     count_impacts: Annotated[
@@ -168,6 +220,10 @@ class Result:
     ]
     error_energy: Annotated[
         Floats | None, _error("energy", ("time",), "mass length2 time-2", "energy", _BEYOND)
+    ]
+    error_force: Annotated[
+        Floats | None,
+        _error("force", ("time", "constraint"), "mass length time-2", "force", _BEYOND),
     ]
     error_impact_time: Annotated[
         Floats | None, _error("impacts/time", ("impact",), "time", "time of the impact", _UNSURE)
@@ -192,6 +248,34 @@ class Result:
     error_contact_impulse: Annotated[
         Floats | None,
         _error("contacts/impulse", ("contact",), "mass length time-1", "impulse", _UNSURE),
+    ]
+    error_contact_peak_force: Annotated[
+        Floats | None,
+        _error(
+            "contacts/peak_force",
+            ("contact",),
+            "mass length time-2",
+            "force",
+            _UNSURE,
+            sometimes=True,
+        ),
+    ]
+    error_contact_indentation: Annotated[
+        Floats | None,
+        _error(
+            "contacts/indentation", ("contact",), "length", "indentation", _UNSURE, sometimes=True
+        ),
+    ]
+    error_contact_energy_lost: Annotated[
+        Floats | None,
+        _error(
+            "contacts/energy_lost",
+            ("contact",),
+            "mass length2 time-2",
+            "energy",
+            _UNSURE,
+            sometimes=True,
+        ),
     ]
     error_condition: Annotated[
         float, _number("1", f"largest relative error of the state, {_ROUNDING}", "error/condition")

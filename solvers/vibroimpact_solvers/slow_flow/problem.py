@@ -14,6 +14,7 @@ import numpy as np
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.checks import check_outputs, check_tolerance
 from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.laws import require
 from vibroimpact_solvers.model import RANGE, System, within_range
 from vibroimpact_solvers.slow_flow.bouncing_ball import BouncingBall
 from vibroimpact_solvers.slow_flow.damped import Damped
@@ -78,6 +79,7 @@ class Problem:
             message = "a time is negative or not finite"
             raise ModelError(("t",), message, code="negative_time")
         check_outputs(self.outputs, OUTPUTS)
+        require(KIND, self.system.constraints)
         check_tolerance(self.tolerance)
         if self.model not in MODELS:
             message = f"models are {', '.join(MODELS)}"

@@ -32,6 +32,7 @@ from vibroimpact_solvers.spectrum.methods import (
 )
 from vibroimpact_solvers.spectrum.modes import Spectrum
 from vibroimpact_solvers.spectrum.slicing import SpectrumSlice, modes_between
+from vibroimpact_solvers.spectrum.stiffened import Stiffened, stiffened
 
 __all__ = [
     "CACHE",
@@ -43,6 +44,7 @@ __all__ = [
     "Method",
     "Spectrum",
     "SpectrumSlice",
+    "Stiffened",
     "choose",
     "count_below",
     "flops",
@@ -55,4 +57,5 @@ __all__ = [
     "sensitivity",
     "spectrum",
     "step",
+    "stiffened",
 ]

@@ -44,7 +44,7 @@ def requested(problem: Problem, history: History) -> dict[str, Any]:
     if "energy" in outputs:
         values["energy"] = energy
         if conserves(problem):
-            values["error_energy_drift"] = _drift(energy)
+            values["error_energy_drift"] = relative_drift(energy)
     return values
 
 
@@ -66,7 +66,7 @@ def requested_of_one(
     return {name: value[0] for name, value in values.items()}
 
 
-def _drift(energies: Floats) -> Floats:
+def relative_drift(energies: Floats) -> Floats:
     """Return the largest change of each motion's energy, relative to its largest."""
     size = np.abs(energies).max(axis=1, initial=0.0)
     change = np.abs(energies - energies[:, :1]).max(axis=1, initial=0.0)
@@ -78,5 +78,5 @@ def conserves(problem: Problem) -> bool:
     system = problem.system
     lossless = system.C is None and not problem.load
     if problem.limiter is None:
-        lossless &= all(c.restitution == 1.0 for c in system.constraints)
+        lossless &= not any(c.law.lossy for c in system.constraints)
     return lossless

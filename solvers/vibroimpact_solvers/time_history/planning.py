@@ -22,6 +22,7 @@ from vibroimpact_solvers.time_history.problem import (
     EXACT,
     KIND,
     OUTPUTS,
+    SAMPLED,
     ImpactMode,
     Problem,
     State,
@@ -52,6 +53,7 @@ class Method(StrEnum):
     MODAL = "exact between impacts"
     TAYLOR = "Taylor series"
     INTEGRATED = "integrator of scipy"
+    SWITCHED = "exact between switchings of stops"
     EXTENDED = "exact between impacts, in extended precision where needed"
 
 
@@ -108,6 +110,7 @@ def _least_impacts(problem: Problem) -> float:
     """
     system, state = problem.system, problem.initial
     alone = system.n == 1 and system.C is None and not problem.load and problem.limiter is None
+    alone &= not problem.stopped
     lossless = alone and all(c.restitution == 1.0 for c in system.constraints)
     if not lossless or not isinstance(state, State) or problem.method != EXACT:
         return 0.0
@@ -141,7 +144,7 @@ def _steps(problem: Problem, far: list[int]) -> Iterator[Step]:
     if isinstance(problem.initial, ImpactMode):
         start = impact_modes.plan(impact_mode_problem(system, problem.initial))
         yield from (step for step in start.steps if step.stage is not Stage.SPECTRUM)
-    if problem.outputs & {"x", "v", "energy"}:
+    if problem.outputs & SAMPLED:
         times, dofs = problem.times.size, problem.output_dofs.size
         reason = f"{dofs} of {system.n} degrees of freedom at {times} times"
         flops = times * system.n * (40.0 + 4.0 * dofs)
@@ -185,6 +188,8 @@ def _motion_step(problem: Problem, count: int, history: Step | None) -> Step:
         flops = (20.0 + turns + _crossings(problem)) * each + 5e3 * float(system.n) ** 3
         size = 72.0 * turns
         return Step(Stage.FREE_MOTION, Method.EXTENDED, reason, flops, size, bounded=False)
+    if problem.stopped:
+        return _switched_step(problem, count)
     # How long an expansion lasts goes by the frequencies that are in the motion of the limited
     # coordinates, see `_in_motion`; an impact takes two at least. Without walls within reach the
     # whole motion is one.
@@ -211,6 +216,22 @@ def _motion_step(problem: Problem, count: int, history: Step | None) -> Step:
     flops, size = _price(system, expansions, count)
     flops += breaks * _SAMPLE
     return Step(Stage.FREE_MOTION, Method.MODAL, reason, flops, size, parts, bounded=not count)
+
+
+def _switched_step(problem: Problem, count: int) -> Step:
+    """Return the step of a motion with stops of finite stiffness."""
+    system = problem.system
+    turns, n = problem.t_end * _in_motion(problem), float(system.n)
+    expansions = 10.0 + 2.0 * (turns + _crossings(problem)) + samples(problem.load, problem.t_end)
+    reason = (
+        "the structure is linear while no stop switches: wall reached, force lost or regained, "
+        "wall left, each found by certified expansions; the number of contacts is estimated: the "
+        "price is no upper bound"
+    )
+    coupled = any(c.law.lossy for c in system.constraints) or system.C is not None
+    modes = 2.0**count * n**3 * (400.0 if coupled else 40.0)
+    flops = 2e6 + modes + expansions * (2e4 + n * (40.0 + 15.0 * count) + 0.5 * n * n)
+    return Step(Stage.FREE_MOTION, Method.SWITCHED, reason, flops, 200.0 * turns, bounded=False)
 
 
 def _in_motion(problem: Problem) -> float:
@@ -286,7 +307,7 @@ def _far(problem: Problem) -> list[int]:
     """
     system, state = problem.system, problem.initial
     loaded = problem.load or (system.force is not None and system.force.any())
-    if not isinstance(state, State) or loaded or problem.limiter is not None:
+    if not isinstance(state, State) or loaded or problem.limiter is not None or problem.stopped:
         return []
     reach = _reach(system)
     if not reach.compliances.size:

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from vibroimpact_solvers import condensation
+from vibroimpact_solvers import condensation, laws
 from vibroimpact_solvers.arrays import Floats, Integers
 from vibroimpact_solvers.checks import check_indices, check_outputs
 from vibroimpact_solvers.errors import ModelError
@@ -30,6 +30,9 @@ TOLERANCE: Final = 1e-6
 _FOLLOWS: Final = 1e-9
 """Part of the largest entry by which a state may miss the static relation."""
 OUTPUTS: Final = ("x", "v", "impacts", "energy", "contacts")
+"""Outputs of all motions; those of stops of finite stiffness have the force, too."""
+SAMPLED: Final = frozenset({"x", "v", "energy", "force"})
+"""Outputs at the output times."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -75,7 +78,7 @@ class Problem:
     dofs : array of int, optional
         Degrees of freedom of the history; None for all.
     outputs : frozenset of str
-        Names of outputs, out of `OUTPUTS`.
+        Names of outputs, out of `OUTPUTS` and ``"force"``.
     tolerance : float, optional
         Required accuracy, relative to the size of the motion; None: 1e-6.
     load : tuple of Harmonic or Sampled
@@ -116,6 +119,7 @@ class Problem:
             check_indices("dofs", self.output_dofs, self.system.n)
         self._check_load()
         self._check_limiter()
+        self._check_laws()
         self._check_digits()
         self.check(self.initial)
         if isinstance(self.initial, State) and self.system.massless.size:
@@ -146,8 +150,8 @@ class Problem:
             raise ModelError(("t",), message, code="out_of_range")
 
     def _check_outputs(self) -> None:
-        check_outputs(self.outputs, OUTPUTS)
-        if self.outputs & {"x", "v", "energy"} and self.times.size == 0:
+        check_outputs(self.outputs, (*OUTPUTS, "force"))
+        if self.outputs & SAMPLED and self.times.size == 0:
             raise ModelError(("t",), "a history needs the times t", code="missing_t")
         if self.tolerance is not None and not 1e-15 <= self.tolerance < 1.0:
             message = f"the tolerance is {self.tolerance!r}; double precision gives 1e-15 at best"
@@ -224,6 +228,36 @@ class Problem:
             message = "impact modes are motions between rigid limiters"
             raise ModelError(("initial",), message, code="not_rigid")
 
+    @property
+    def stopped(self) -> bool:
+        """Whether the stops have a finite stiffness."""
+        return any(not c.law.rigid for c in self.system.constraints)
+
+    def _check_laws(self) -> None:
+        """Refuse stops whose motions are not computed, and forces of rigid ones."""
+        constraints = self.system.constraints
+        laws.require(KIND, constraints)
+        if not self.stopped:
+            if "force" in self.outputs and constraints:
+                message = "forces are those of stops of finite stiffness: the stops are rigid"
+                raise ModelError(("outputs",), message, code="not_possible")
+            return
+        rigid = next((i for i, c in enumerate(constraints) if c.law.rigid), None)
+        if rigid is not None:
+            message = "rigid stops beside stops of finite stiffness are not computed yet"
+            raise ModelError(("system", "constraints", rigid), message, code="not_possible")
+        for field, given, reason in (
+            ("limiter", self.limiter is not None, "the laws of the stops and a limiter exclude one "
+             "another"),
+            ("method", self.method != EXACT, "integrators follow rigid and power limiters only"),
+            ("initial", isinstance(self.initial, ImpactMode), "impact modes are motions between "
+             "rigid stops"),
+            ("digits", self.digits is not None, "stops of finite stiffness are followed in double "
+             "precision only"),
+        ):  # fmt: skip
+            if given:
+                raise ModelError((field,), reason, code="not_possible")
+
     def _check_digits(self) -> None:
         if self.digits is None:
             return
@@ -256,7 +290,7 @@ class Problem:
                 raise ModelError(("initial", name), message, code="not_finite")
             _check_magnitude(("initial", name), largest)
         check_followed(self.system, state)
-        rigid = self.system.constraints if self.limiter is None else ()
+        rigid = self.system.constraints if self.limiter is None and not self.stopped else ()
         x = state.x.tolist()  # of thousands of limiters, numbers of Python are quicker
         for index, constraint in enumerate(rigid):
             if not within(constraint, x):
@@ -295,7 +329,7 @@ class Problem:
     @property
     def history_times(self) -> Floats:
         """Times at which the state is needed, shape (time,)."""
-        return self.times if self.outputs & {"x", "v", "energy"} else self.times[:0]
+        return self.times if self.outputs & SAMPLED else self.times[:0]
 
     @property
     def output_dofs(self) -> Integers:

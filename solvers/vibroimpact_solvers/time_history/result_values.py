@@ -12,10 +12,10 @@ import numpy as np
 from vibroimpact_solvers.arrays import along, declared, nothing
 from vibroimpact_solvers.errors import Status
 from vibroimpact_solvers.kernels.rigid_state import PROGRESS, Rows
-from vibroimpact_solvers.results.time_history import Result
+from vibroimpact_solvers.results.time_history import OF_STOPS, Result
 from vibroimpact_solvers.time_history.contact_errors import masked
 from vibroimpact_solvers.time_history.history import History, requested
-from vibroimpact_solvers.time_history.problem import Problem, tolerance_of
+from vibroimpact_solvers.time_history.problem import SAMPLED, Problem, tolerance_of
 from vibroimpact_solvers.time_history.run import ContactInterval, indistinguishable_walls
 from vibroimpact_solvers.time_history.stated_errors import OF_IMPACTS, StatedErrors
 from vibroimpact_solvers.time_history.structure import Structure
@@ -36,7 +36,7 @@ UNKNOWN: Final = "none: no estimate was asked for"
 def default_values(problem: Problem) -> dict[str, Any]:
     """Return empty tables, and all values that do not depend on the motion."""
     values, outputs = _NOTHING.copy(), problem.outputs
-    if outputs & {"x", "v", "energy"}:
+    if outputs & SAMPLED:
         values["t"] = problem.times
     if outputs & {"x", "v"}:
         values["dof"] = problem.output_dofs
@@ -179,9 +179,14 @@ def checked_penetration(problem: Problem, penetration: float) -> None:
 
 _NOTHING: Final = nothing(Result)
 _TABLES: Final = {
-    f"{dim}s": {name: np.zeros(0, declared(Result)[name].scalar) for name in along(Result, dim)}
+    f"{dim}s": {
+        name: np.zeros(0, declared(Result)[name].scalar)
+        for name in along(Result, dim)
+        if not name.endswith(OF_STOPS)
+    }
     for dim in ("impact", "contact")
 }
+"""Empty tables of motions with rigid stops."""
 _COLUMNS: Final = {
     "impact_time": "time",
     "impact_constraint": "constraint",

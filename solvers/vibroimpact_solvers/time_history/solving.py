@@ -26,6 +26,7 @@ from vibroimpact_solvers.time_history.run import Tick
 from vibroimpact_solvers.time_history.soft import SoftHistory, SoftMotion
 from vibroimpact_solvers.time_history.start import initial_state
 from vibroimpact_solvers.time_history.stated_errors import OF_IMPACTS, unknown_errors
+from vibroimpact_solvers.time_history.stops import StoppedMotions
 from vibroimpact_solvers.time_history.structure import Structure
 
 _TWICE = (
@@ -62,8 +63,11 @@ class Prepared:
         self.output_times = problem.history_times
         self.soft, self._light = None, "energy" not in problem.outputs
         self.rigid: RigidMotions | None = None
+        self.stopped: StoppedMotions | None = None
         if self._solver is _exact:
             self.rigid = RigidMotions(self.structure, problem)
+        elif self._solver is _switched:
+            self.stopped = StoppedMotions(self.structure, problem)
         elif self._solver is _soft:
             assert problem.limiter is not None
             self.soft = SoftMotion(
@@ -133,6 +137,13 @@ def _exact(prepared: Prepared, initial: State | ImpactMode, tick: Tick | None) -
     return prepared.rigid.solve(initial, tick)
 
 
+def _switched(prepared: Prepared, initial: State | ImpactMode, tick: Tick | None) -> Result:
+    """Compute a motion with stops of finite stiffness from switching to switching."""
+    assert prepared.stopped is not None
+    assert isinstance(initial, State)
+    return prepared.stopped.solve(initial, tick)
+
+
 def _soft(prepared: Prepared, initial: State | ImpactMode, tick: Tick | None) -> Result:
     """Compute a motion with soft limiters by Taylor series."""
     problem, structure = prepared.problem, prepared.structure
@@ -198,4 +209,8 @@ def _integrated(prepared: Prepared, initial: State | ImpactMode, tick: Tick | No
     return Result(**values)
 
 
-_METHODS: Final = {Method.MODAL: _exact, Method.TAYLOR: _soft}
+_METHODS: Final = {
+    Method.MODAL: _exact,
+    Method.SWITCHED: _switched,
+    Method.TAYLOR: _soft,
+}

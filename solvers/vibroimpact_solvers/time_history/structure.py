@@ -394,7 +394,7 @@ class Structure:
         high, size, low = (np.ascontiguousarray(part) for part in basis.weight(forms))
         watched = Watched(forms, slopes, kicks, drifting, size, high, low)
         kernel = rigid_state.Structure(
-            basis.flow, watched, walls, mobility, _errors(basis, watched)
+            basis.flow, watched, walls, mobility, errors_of(basis, watched)
         )
         without_force = frozenset(itertools.compress(contacts, idle))
         return Configuration(
@@ -481,7 +481,7 @@ def _opening(forces: Floats, kicks: Floats, answers: Floats) -> Integers:
     )
 
 
-def _errors(basis: Basis, watched: Watched) -> rigid_state.Errors:
+def errors_of(basis: Basis, watched: Watched) -> rigid_state.Errors:
     """Return the sizes of the errors that deviations stand for."""
     forms, slopes, kicks = watched.coordinate, watched.velocity, watched.kick
     form_errors, slope_errors, kick_errors = basis.form_errors(forms, slopes, kicks)

@@ -145,7 +145,11 @@ class Part:
     error_statement: str
 
 
-_ROWS: Final = tuple(n for n in along(Result, "time", "impact", "contact") if n != "t")
+_ROWS: Final = tuple(
+    name
+    for name in along(Result, "time", "impact", "contact")
+    if name in {part.name for part in fields(Part)}
+)
 """Arrays of the result whose rows the windows contribute."""
 
 

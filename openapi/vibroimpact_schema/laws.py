@@ -1,0 +1,58 @@
+"""Documents of the laws of stops: what a stop gives to the coordinate that it limits."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic_core import PydanticCustomError
+
+from vibroimpact_schema.values import Document, NonNegative, Number
+
+
+class RigidLaw(Document):
+    """A rigid stop: Newton's impact law."""
+
+    type: Literal["rigid"]
+    restitution: Annotated[Number, Field(ge=0, le=1)] = Field(
+        1.0, description="Newton's coefficient of restitution; 1 is elastic."
+    )
+
+
+class LinearLaw(Document):
+    """A spring and a dashpot that only push: the force is max(0, k d + c d′).
+
+    d is the indentation. Give either the damping, or the restitution of a free mass that is as
+    large as the effective mass of the coordinate.
+    """
+
+    type: Literal["linear"]
+    stiffness: NonNegative = Field(description="k, force by length.")
+    damping: NonNegative | None = Field(None, description="c, force by velocity; absent: none.")
+    restitution: Annotated[Number, Field(gt=0, le=1)] | None = Field(
+        None, description="Ratio of the speeds after and before a contact, instead of the damping."
+    )
+
+    @model_validator(mode="after")
+    def _one_damping(self) -> Self:
+        if self.damping is not None and self.restitution is not None:
+            raise PydanticCustomError(
+                "two_dampings", "a linear stop has either a damping or a restitution, not both"
+            )
+        return self
+
+
+def _tag(value: Any) -> str | None:
+    """Return the tag of a law, raw or validated."""
+    given = value.get("type") if isinstance(value, dict) else getattr(value, "type", None)
+    return f"@{given}" if given in {"rigid", "linear"} else None
+
+
+Law = Annotated[
+    Annotated[RigidLaw, Tag("@rigid")] | Annotated[LinearLaw, Tag("@linear")],
+    Discriminator(
+        _tag,
+        custom_error_type="law_type",
+        custom_error_message='a law is an object with the type "rigid" or "linear"',
+    ),
+]

@@ -1,0 +1,97 @@
+"""Results of motions with stops of finite stiffness from different initial states."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import numpy as np
+
+from vibroimpact_solvers.results.time_history import Result
+from vibroimpact_solvers.time_history.contact_errors import masked
+from vibroimpact_solvers.time_history.history import conserves, relative_drift
+from vibroimpact_solvers.time_history.problem import Problem, State
+from vibroimpact_solvers.time_history.result_values import UNKNOWN, default_values
+from vibroimpact_solvers.time_history.run import Tick
+from vibroimpact_solvers.time_history.stops.configurations import StoppedStructure
+from vibroimpact_solvers.time_history.stops.motion import StoppedMotion
+from vibroimpact_solvers.time_history.stops.samples import Samples
+from vibroimpact_solvers.time_history.structure import Structure
+
+_STATEMENT: Final = (
+    "estimate: roundings of the initial state, the motion, the modes with and without loaded stops "
+    "and of the passage from one to the other, carried along by the linearised motion, six times "
+    "the largest of five samples of each pair of modes, absolute and infinite from "
+    "predictable_until on in each output; while no stop switches the motion is exact, and no "
+    "contact is missed; impulses are integrals in closed form, largest forces, indentations and "
+    "losses those of polynomials whose remainder is bounded"
+)
+_COLUMNS: Final = ("start", "stop", "impulse", "peak_force", "indentation", "energy_lost")
+
+
+class StoppedMotions:
+    """Solver for the motions of one structure with stops of finite stiffness.
+
+    Parameters
+    ----------
+    structure : Structure
+    problem : Problem
+    """
+
+    def __init__(self, structure: Structure, problem: Problem) -> None:
+        self._structure, self._problem = StoppedStructure(structure), problem
+
+    def solve(self, initial: State, tick: Tick | None = None) -> Result:
+        """Compute a motion.
+
+        Raises
+        ------
+        ModelError
+            Where the initial state is not finite.
+        ConvergenceError
+            Where stops keep switching.
+        """
+        problem = self._problem
+        if initial is not problem.initial:
+            problem.check(initial)
+        samples = Samples(self._structure, problem)
+        motion = StoppedMotion(self._structure, problem, samples)
+        motion.follow(initial, tick)
+        values = default_values(problem) | samples.values
+        values["error_statement"] = _STATEMENT if problem.estimate else UNKNOWN
+        now = motion.progress[0]
+        values["count_expansions"] = int(now["expansions"])
+        known = float(now["known_until"]) if problem.estimate else math.nan
+        if problem.estimate:
+            values["error_condition"] = float(now["growth"])
+            values["error_predictable_until"] = min(known, problem.t_end)
+            late = np.flatnonzero(problem.history_times > known)
+            for name in samples.values:
+                if name.startswith("error_"):
+                    values[name][late] = math.inf
+        else:
+            values["error_condition"] = values["error_predictable_until"] = math.nan
+        if "contacts" in problem.outputs:
+            values |= self._table(motion, known)
+        if "energy" in problem.outputs and conserves(problem):
+            values["error_energy_drift"] = float(relative_drift(values["energy"][np.newaxis])[0])
+        return Result(**values)
+
+    def _table(self, motion: StoppedMotion, known: float) -> dict[str, Any]:
+        """Return the table of contacts, and its errors."""
+        rows = motion.contacts.rows
+        table: dict[str, Any] = {
+            f"contact_{name}": np.array([getattr(row, name) for row in rows], dtype=np.float64)
+            for name in _COLUMNS
+        }
+        table["contact_rest"] = table["contact_start"].copy()
+        for name in ("constraint", "side"):
+            table[f"contact_{name}"] = np.array([getattr(r, name) for r in rows], dtype=np.int64)
+        if self._problem.estimate:
+            ends = table["contact_stop"]
+            for name in _COLUMNS:
+                each = np.array([getattr(r, f"error_{name}") for r in rows], dtype=np.float64)
+                at = table["contact_start"] if name == "start" else ends
+                table[f"error_contact_{name}"] = masked(at, each, known)
+            table["error_contact_rest"] = table["error_contact_start"].copy()
+        return table
