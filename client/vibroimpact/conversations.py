@@ -28,6 +28,7 @@ from vibroimpact.errors import (
     from_problem,
     warn_of_neglected,
 )
+from vibroimpact.plain import plain
 from vibroimpact.systems import Document
 
 if TYPE_CHECKING:
@@ -173,6 +174,7 @@ def ask(
 
     With a cache, a result that is in it is not sent again, and serves where no service answers.
     """
+    content = plain(content)
     known = None if cache is None else cache.known(kind, content)
     kept = None if cache is None or known is None else cache.result(known.digest)
     headers = dict(_HDF5)
@@ -180,7 +182,7 @@ def ask(
         headers["If-None-Match"] = known.etag
     try:
         path = f"/v1/compute/{kind}"
-        answer = yield from request("POST", path, json=dict(content), headers=headers)
+        answer = yield from request("POST", path, json=content, headers=headers)
     except ConnectionFailed:
         if kept is None:
             raise
@@ -198,7 +200,7 @@ def ask(
 
 def plan(kind: str, content: Mapping[str, Any]) -> Conversation[documents.Plan]:
     """Return the plan of a request."""
-    return read("POST", f"/v1/plan/{kind}", json=dict(content))
+    return read("POST", f"/v1/plan/{kind}", json=plain(content))
 
 
 def result(
@@ -222,7 +224,7 @@ def _file(address: str, to: Path | None, cache: Cache | None) -> Conversation[by
 
 def store(system: Mapping[str, Any]) -> Conversation[documents.SystemReference]:
     """Store a system; return the document that stands for it."""
-    answer = yield from request("POST", "/v1/systems", json=dict(system))
+    answer = yield from request("POST", "/v1/systems", json=plain(system))
     return {"id": answer.json()["id"]}
 
 
@@ -230,7 +232,7 @@ def batch(
     kind: str, contents: Sequence[Mapping[str, Any]]
 ) -> Conversation[list[Mapping[str, Any] | ServerError]]:
     """Return the result document of each request, or its error."""
-    body = {"kind": kind, "requests": [dict(content) for content in contents]}
+    body = {"kind": kind, "requests": [plain(content) for content in contents]}
     answer = yield from request("POST", "/v1/batch", json=body)
     answers = [
         one["result"] if one.get("problem") is None else from_problem(one["problem"])
@@ -270,7 +272,7 @@ class Terms:
 
 def submit(kind: str, content: Mapping[str, Any], terms: Terms) -> Conversation[documents.Job]:
     """Queue a computation and return its job."""
-    body = {"kind": kind, "request": dict(content), **terms.document()}
+    body = {"kind": kind, "request": plain(content), **terms.document()}
     return read("POST", "/v1/jobs", json=body)
 
 

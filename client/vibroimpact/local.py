@@ -11,6 +11,7 @@ from vibroimpact import kinds
 from vibroimpact.computations import Computations
 from vibroimpact.errors import MissingExtra, from_problem
 from vibroimpact.parts import Entries, Parts
+from vibroimpact.plain import plain
 from vibroimpact.plans import Plan
 from vibroimpact.results import Result
 
@@ -69,7 +70,7 @@ class Local(
     def _answer(self, function: str, *arguments: Any) -> Any:
         module = _module()
         try:
-            return getattr(module, function)(*arguments)
+            return getattr(module, function)(*map(plain, arguments))
         except module.RefusedError as error:
             raise from_problem(error.document) from None
 

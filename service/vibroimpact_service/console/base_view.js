@@ -162,6 +162,12 @@ export class BaseView {
     this.former.textContent = former ? `What is shown is the answer to the former input: ${FORMER[why]}` : "";
   }
 
+  /** @param {Request} request @param {AbortSignal} signal @returns {Promise<boolean>} whether the plan of a computation is quick, or its result known */
+  async isQuick({ kind, request }, signal) {
+    const { seconds, cached } = await ask("POST", `/v1/plan/${kind}`, request, signal);
+    return cached || seconds <= PATIENCE;
+  }
+
   /**
    * Compute what may take long: at once where the plan says that it is quick, else by a button.
    * @param {Request} request

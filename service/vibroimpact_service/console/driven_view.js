@@ -9,10 +9,10 @@ import { button, make } from "./dom.js";
 import { choiceField, numberField } from "./fields.js";
 import { loadFields } from "./loads.js";
 import { MotionCard, spread } from "./motion_card.js";
-import { LARGEST, naturalFrequencies } from "./natural_frequencies.js";
+import { amplitude, natural, rangeOfDrive } from "./natural.js";
 import { linspace, shown } from "./numbers.js";
 import { setFields, setStructure, show, state } from "./state.js";
-import { FORMS, denseMatrices, geometryOf, neededDofs, size, systemDocument } from "./structures.js";
+import { FORMS, geometryOf, neededDofs, size, systemDocument } from "./structures.js";
 import { reasonInWords, stopName } from "./words.js";
 
 /** @typedef {import("./branch_curves.js").Motion} Motion */
@@ -44,12 +44,14 @@ const IN_WORDS = {
 function fields() {
   const { structure } = state;
   const n = size(structure);
-  const [from, to] = { chain: [0.05, 1], beam: [1, 30], oscillator: [0.2, 3], two_mass: [0.4, 2.5], absorber: [0.7, 1.3] }[structure.form] || FORMS[structure.form].range;
+  const [from, to] = rangeOfDrive();
   const first = structure.stops[0];
+  const dof = first ? first.dof : 0;
+  const entered = structure.form !== "stored" && structure.form !== "matrices";
   const symmetric = first && first.lower === first.upper && !structure.loads.length;
   return {
-    from, to, points: 600, load: [{ dof: structure.form === "beam" ? n - 2 : 0, amplitude: 0.05 }], sequence: symmetric ? "symmetric" : "upper",
-    stop: 0, periods: 1, switch: 1, coordinate: first ? first.dof : 0, Omega: null, ...state.fields,
+    from, to, points: 600, load: [{ dof: structure.form === "beam" ? n - 2 : entered ? 0 : dof, amplitude: amplitude() }], sequence: symmetric ? "symmetric" : "upper",
+    stop: 0, periods: 1, switch: 1, coordinate: dof, Omega: null, ...state.fields,
   };
 }
 
@@ -103,7 +105,7 @@ export class DrivenView extends BaseView {
     return [
       numberField("Ω from", now.from, this.set("from"), { pointer: "/frequency/start", min: 0, name: "from" }),
       numberField("to", now.to, this.set("to"), { pointer: "/frequency/stop", min: 0, name: "to" }),
-      numberField("points", now.points, this.set("points"), { pointer: "/frequency/num", min: 2, whole: true, name: "points" }),
+      numberField("points", now.points, this.set("points"), { pointer: "/frequency/num", min: 2, max: 20_000, whole: true, name: "points" }),
       choiceField("Impacts per period", [["upper", "one, upper side"], ["lower", "one, lower side"], ["symmetric", "both sides, symmetric"], ["list", "a sequence …"]],
         now.sequence, (value) => this.reshape({ sequence: value }), { pointer: "/sequence", name: "sequence" }),
       ...(now.sequence === "list" ? [this.#sequenceField(now.list || "0+ 0-")] : stops.length > 1 ? [choiceField("of", stops, String(now.stop), (value) => this.change({ stop: Number(value) }), { name: "stop" })] : []),
@@ -204,8 +206,7 @@ export class DrivenView extends BaseView {
       ],
     });
     const { curve } = this;
-    const natural = size(state.structure) <= LARGEST ? naturalFrequencies(...denseMatrices(state.structure)) : [];
-    curve.lines = natural.map((at) => ({ at, colour: "natural", dash: [3, 4] }));
+    curve.lines = (natural()?.Omega || []).map((at) => ({ at, colour: "natural", dash: [3, 4] }));
     curve.levels = state.structure.stops.filter((stop) => stop.dof === coordinate && stop.relativeTo === null && stop.lower === stop.upper && stop.upper !== null).map((stop) => ({ at: /** @type {number} */ (stop.upper), colour: "stop", width: 1, dash: [6, 3] }));
     const Omega = result.frequency.Omega;
     curve.extent = [Omega[0], Omega[Omega.length - 1]];

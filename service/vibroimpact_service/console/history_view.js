@@ -9,6 +9,7 @@ import { button, make } from "./dom.js";
 import { choiceField, numberField, switchField } from "./fields.js";
 import { atTimes, loadFields } from "./loads.js";
 import { spread } from "./motion_card.js";
+import { rangeOfModes, time, velocity } from "./natural.js";
 import { interpolated, shown } from "./numbers.js";
 import { Player, calm } from "./player.js";
 import { Shape } from "./shape.js";
@@ -20,10 +21,9 @@ import { onTheme, shapeColours } from "./theme.js";
 function fields() {
   const { stops } = state.structure;
   const first = stops[0];
-  const gap = first ? Math.abs(first.upper || first.lower || 1) : 1;
   const start = state.fields.state ? "state" : state.fields.mode ? "mode" : "coordinate";
   return {
-    start, mode: null, periods: 12, duration: null, dof: first ? first.dof : 0, x: 0, v: 3 * gap, soft: false, exponent: 17, stiffness: 10, scale: 0.97,
+    start, mode: null, periods: 12, duration: null, dof: first ? first.dof : 0, x: 0, v: velocity(1.5), soft: false, exponent: 17, stiffness: 10, scale: 0.97,
     load: [], coordinate: first ? first.dof : 0, ...state.fields,
   };
 }
@@ -32,7 +32,7 @@ function fields() {
 function duration() {
   const now = fields();
   if (now.duration) return now.duration;
-  return now.start === "mode" && now.mode ? (now.periods * 2 * Math.PI) / now.mode : 40;
+  return now.start === "mode" && now.mode ? (now.periods * 2 * Math.PI) / now.mode : time(12.6);
 }
 
 export class HistoryView extends BaseView {
@@ -78,7 +78,7 @@ export class HistoryView extends BaseView {
     const now = fields();
     const starts = /** @type {[string, string][]} */ ([["mode", "an impact mode"], ["coordinate", "one coordinate moved"], ...(now.state ? [["state", "the state seen before"]] : [])]);
     return [
-      choiceField("Start from", starts, now.start, (value) => this.reshape({ start: value, ...(value === "mode" && !now.mode ? { mode: 2.05 } : {}) }), { pointer: "/initial", name: "start" }),
+      choiceField("Start from", starts, now.start, (value) => this.reshape({ start: value, ...(value === "mode" && !now.mode ? { mode: Number(((rangeOfModes()[0] + 2 * rangeOfModes()[1]) / 3).toPrecision(3)) } : {}) }), { pointer: "/initial", name: "start" }),
       ...(now.start === "mode" ? [
         numberField("Ω of the mode", now.mode, this.set("mode"), { pointer: "/initial/impact_mode/Omega", min: 0, name: "mode" }),
         numberField("periods", now.periods, (value) => this.change({ duration: undefined, periods: value }), { min: 0, name: "periods" })]

@@ -9,6 +9,7 @@ import { HistoryView } from "./history_view.js";
 import { JobsView } from "./jobs_view.js";
 import { MapView } from "./map_view.js";
 import { ModesView } from "./modes_view.js";
+import { learn } from "./natural.js";
 import { requestPanel } from "./request_panel.js";
 import { onChange, readAddress, show, state } from "./state.js";
 import { loaded, structurePanel } from "./structure_panel.js";
@@ -63,6 +64,8 @@ async function refresh() {
       state.structure = await loaded(structure);
       panel.rebuild();
     }
+    await learn();
+    panel.listModes();
     if (current) await current.update();
     requests.update();
   } catch (error) {
@@ -129,6 +132,7 @@ async function watchHealth() {
 addEventListener("structure-filled", () => panel.rebuild());
 addEventListener("input-checked", () => { if (current && current.checked) current.checked(); });
 addEventListener("service-away", watchHealth);
+addEventListener("natural-known", refresh);
 document.addEventListener("visibilitychange", () => { if (!document.hidden) watchHealth(); });
 open();
 watchHealth();

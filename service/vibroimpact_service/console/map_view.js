@@ -3,6 +3,7 @@
 import { BaseView } from "./base_view.js";
 import { choiceField, numberField } from "./fields.js";
 import { Heatmap } from "./heatmap.js";
+import { rangeOfModes } from "./natural.js";
 import { nearest, shown } from "./numbers.js";
 import { show, state } from "./state.js";
 import { FORMS, leftOut, systemDocument } from "./structures.js";
@@ -43,7 +44,7 @@ function fields() {
   const choice = list.find((each) => each.path === path);
   const value = choice ? Math.abs(choice.value) || 1 : 1;
   const low = path === "system.mu" ? 1.05 * value : 0.25 * value;
-  const [from, to] = FORMS[state.structure.form].range;
+  const [from, to] = rangeOfModes();
   return { low, high: 2 * value, rows: 80, from, to, points: 240, quantity: "momentum", ...state.fields, path, choice };
 }
 

@@ -7,10 +7,10 @@ import { button, make, settled } from "./dom.js";
 import { choiceField, numberField, showError } from "./fields.js";
 import { energyCurve, shading, stabilityIn } from "./mode_family.js";
 import { MotionCard, spread } from "./motion_card.js";
-import { LARGEST, naturalFrequencies } from "./natural_frequencies.js";
+import { lowest, natural, rangeOfModes } from "./natural.js";
 import { linspace, shown } from "./numbers.js";
 import { setFields, show, state } from "./state.js";
-import { FORMS, denseMatrices, geometryOf, leftOut, neededDofs, size, systemDocument } from "./structures.js";
+import { geometryOf, leftOut, neededDofs, size, systemDocument } from "./structures.js";
 import { reasonInWords, stabilityInWords, stopName, whyPhantom } from "./words.js";
 
 /** Degrees of freedom up to which the growth of deviations is computed while one looks. */
@@ -20,7 +20,7 @@ const DASHES = [[], [8, 4], [2, 3], [10, 3, 2, 3]];
 
 /** What the address may say of this view. */
 function fields() {
-  const [from, to] = FORMS[state.structure.form].range;
+  const [from, to] = rangeOfModes();
   const given = state.fields;
   const filled = { from, to, points: 1500, quantity: "momentum", ...given };
   return { ...filled, Omega: given.Omega === undefined ? null : Number(given.Omega) };
@@ -32,13 +32,25 @@ function active() {
   return struck.length ? struck : state.structure.stops.map((_, i) => i);
 }
 
+/** @returns {number[]} natural frequencies, as far as they are known */
+function frequencies() {
+  const known = natural();
+  return known ? [...known.Omega] : [];
+}
+
+/** @returns {string[]} that the whole range lies where there are hardly impact modes, if it does */
+function tooLow() {
+  const first = lowest();
+  if (first === null || fields().to > 0.9 * first) return [];
+  return [`all of these frequencies lie below the first natural frequency, Ω₁ = ${shown(first, 4)}, where the stop is hardly reached without resonances of high harmonics`];
+}
+
 export class ModesView extends BaseView {
   /** @param {HTMLElement} root */
   constructor(root) {
     super(root, { name: "modes", title: "Impact modes", pause: 150 });
     /** @type {any} */ this.bands = null;
     /** @type {any} */ this.mode = null;
-    /** @type {number[]} */ this.natural = [];
     /** @type {Curve | null} */ this.curve = null;
     /** @type {Curve | null} */ this.energy = null;
     this.slider = make("input", { type: "range", class: "cursor-slider", step: "any", "aria-label": "Frequency Ω of the cursor" });
@@ -48,8 +60,9 @@ export class ModesView extends BaseView {
     this.stability = make("dd");
     this.energyFigure = make("div");
     this.figure.after(make("div", { class: "slider-row" }, this.slider));
+    this.stabilityNote = make("p", { class: "hint" });
     // What the bands are to say stands below the curve.
-    this.section.append(this.note, legend());
+    this.section.append(this.note, this.stabilityNote, legend());
     const moving = make("section", { class: "card", "aria-label": "The mode at the cursor" });
     root.append(moving);
     this.card = new MotionCard(moving, { title: "The mode at the cursor", axis: "t/T" });
@@ -76,7 +89,7 @@ export class ModesView extends BaseView {
     return [
       numberField("Ω from", from, this.set("from"), { pointer: "/frequency/start", min: 0, name: "from" }),
       numberField("to", to, this.set("to"), { pointer: "/frequency/stop", min: 0, name: "to" }),
-      numberField("points", points, this.set("points"), { pointer: "/frequency/num", min: 2, whole: true, name: "points" }),
+      numberField("points", points, this.set("points"), { pointer: "/frequency/num", min: 2, max: 20_000, whole: true, name: "points" }),
       choiceField("Show", [["momentum", "momentum per impact, 2p/ω"], ["impulse", "impulse parameter p"]], quantity, (value) => {
         setFields({ quantity: value }, { silent: true });
         this.draw();
@@ -106,24 +119,30 @@ export class ModesView extends BaseView {
   /** @param {AbortSignal} signal @param {import("./base_view.js").OnJob} onJob */
   async work(signal, onJob) {
     const [curve, bands] = this.requests();
-    this.accept(await compute(curve.kind, curve.request, { signal, onJob }), leftOut(state.structure));
+    this.accept(await compute(curve.kind, curve.request, { signal, onJob }), [...leftOut(state.structure), ...tooLow()]);
     this.bands = null;
-    const n = size(state.structure);
-    this.natural = n && n <= LARGEST ? naturalFrequencies(...denseMatrices(state.structure)) : [];
     this.draw();
-    const { Omega } = fields();
-    this.#move(Omega === null ? this.#telling() : Omega);
+    const { Omega, from, to } = fields();
+    this.#move(Omega === null || Omega < from || Omega > to ? this.#telling() : Omega);
+    const use = (/** @type {any} */ result) => {
+      this.bands = result;
+      if (this.curve) {
+        this.curve.bands = shading(this.result, this.bands);
+        this.curve.redraw();
+      }
+      this.#drawEnergy();
+    };
+    this.stabilityNote.replaceChildren();
+    // Of many bands the stability takes far longer than their proof.
+    const quick = await this.isQuick(bands, signal);
+    const alone = { ...bands, request: { ...bands.request, outputs: ["bands", "rejected"] } };
+    await this.offered(quick ? bands : alone, {
+      place: this.note, act: "Search them", use,
+      text: (time) => `Certified bands take about ${time}; the bands shown are those of the computed frequencies.`,
+    }, signal, onJob);
+    if (quick) return;
     await this.offered(bands, {
-      place: this.note, act: "Search them",
-      text: (time) => `Certified bands and their stability take about ${time}; the bands shown are those of the computed frequencies.`,
-      use: (result) => {
-        this.bands = result;
-        if (this.curve) {
-          this.curve.bands = shading(this.result, this.bands);
-          this.curve.redraw();
-        }
-        this.#drawEnergy();
-      },
+      place: this.stabilityNote, act: "Compute it", use, text: (time) => `The stability of the bands takes about ${time}.`,
     }, signal, onJob);
   }
 
@@ -167,7 +186,7 @@ export class ModesView extends BaseView {
     this.curve.extent = [Omega[0], Omega[Omega.length - 1]];
     this.curve.bands = shading(grid, this.bands);
     this.curve.levels = [{ at: 0, colour: "soft", width: 1 }];
-    this.curve.lines = this.natural.map((at, i) => ({ at, colour: "natural", dash: [3, 4], label: `Ω${subscript(i + 1)}` }));
+    this.curve.lines = frequencies().map((at, i) => ({ at, colour: "natural", dash: [3, 4], label: `Ω${subscript(i + 1)}` }));
     this.curve.onPick = (x) => this.#move(x);
     this.curve.onHover = (index) => this.#hover(index);
     const data = columns.flatMap((/** @type {number[]} */ values) => {
@@ -231,7 +250,7 @@ export class ModesView extends BaseView {
 
   /** Points of a waveform: ten for each oscillation of the highest mode, as far as that is quick. @param {number} Omega @param {number} count */
   #times(Omega, count) {
-    const highest = this.natural.length ? this.natural[this.natural.length - 1] : Omega;
+    const highest = frequencies().pop() || Omega;
     const wanted = 2 * Math.ceil((5 * highest) / Omega) + 1;
     return Math.max(33, Math.min(385, wanted, 2 * Math.floor(6500 / count) + 1));
   }

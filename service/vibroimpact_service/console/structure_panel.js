@@ -5,9 +5,11 @@ import { button, make, settled } from "./dom.js";
 import { choiceField, clearFaults, numberField, showError, switchField } from "./fields.js";
 import { ENDINGS, structureOf } from "./files.js";
 import { matrixEditor } from "./matrix_editor.js";
+import { natural } from "./natural.js";
+import { shown } from "./numbers.js";
 import { Shape } from "./shape.js";
 import { setStructure, state } from "./state.js";
-import { FORMS, geometryOf, preset, size, stop } from "./structures.js";
+import { FORMS, geometryOf, leading, preset, size, stop } from "./structures.js";
 import { onTheme, shapeColours } from "./theme.js";
 
 /** @typedef {import("./structures.js").Structure} Structure */
@@ -20,7 +22,8 @@ const changed = settled(200, () => {
 /** @param {HTMLElement} root */
 export function structurePanel(root) {
   const canvas = make("canvas", { class: "still", role: "img" });
-  const hint = make("p", { class: "hint" }, "Click a coordinate to place a stop there, or to remove it.");
+  const hint = make("p", { class: "hint" }, "Click a coordinate to place a stop there, or to remove it. Coordinates count from 0.");
+  const modes = make("details", { class: "natural" });
   /** @type {Shape | null} */
   let shape = null;
 
@@ -58,16 +61,37 @@ export function structurePanel(root) {
       choiceField("Structure", Object.entries(FORMS).filter(([form]) => form !== "stored" || state.structure.form === "stored").map(([form, { label }]) => [form, label]),
         state.structure.form, (form) => { clearFaults(); setStructure(preset(form), {}); }, { name: "form" }),
       upload(),
-      canvas, hint,
+      canvas, hint, modes,
       parameters(), stops(toggleStop, rebuild), loads(rebuild),
     );
     drawStill();
+    listModes();
+  }
+
+  /** List the natural frequencies, as far as they are known. */
+  function listModes() {
+    const known = natural();
+    modes.hidden = !known;
+    if (!known) return;
+    const { Omega, all } = known;
+    const last = Omega[Omega.length - 1];
+    const cycles = inSeconds() ? "Hz" : "Ω/2π";
+    modes.replaceChildren(
+      make("summary", {}, "Natural frequencies ", make("span", { class: "hint" }, Omega.length === 1 ? `Ω₁ = ${shown(Omega[0], 4)}` : `${shown(Omega[0], 4)} to ${shown(last, 4)}${all ? "" : " …"}`)),
+      make("table", {}, make("thead", {}, make("tr", {}, ...["", "Ω", cycles].map((text) => make("th", { scope: "col" }, text)))),
+        make("tbody", {}, ...Omega.map((each, j) => make("tr", {}, make("th", { scope: "row" }, String(j + 1)), make("td", {}, shown(each, 5)), make("td", {}, shown(each / (2 * Math.PI), 5)))))));
   }
 
   new ResizeObserver(drawStill).observe(canvas);
   onTheme(drawStill);
   rebuild();
-  return { rebuild, drawStill };
+  return { rebuild, drawStill, listModes };
+}
+
+/** @returns {boolean} whether the structure counts time in seconds */
+function inSeconds() {
+  const { matrices } = state.structure;
+  return Boolean(matrices && matrices.units && matrices.units.time === "s");
 }
 
 function parameters() {
@@ -81,11 +105,11 @@ function parameters() {
     return box;
   }
   if (structure.form === "matrices") box.append(matrixEditor(structure, changed));
-  for (const { label, name, whole, min } of about.parameters) {
+  for (const { label, name, whole, min, max } of about.parameters) {
     box.append(numberField(label, structure.parameters[name], (value) => {
       structure.parameters[name] = /** @type {number} */ (value);
       changed();
-    }, { pointer: `/system/${name}`, whole, min, name }));
+    }, { pointer: `/system/${name}`, whole, min, max, name }));
   }
   if (about.damped) {
     box.append(numberField("Damping ratio ζ", structure.damping, (value) => {
@@ -170,8 +194,23 @@ async function take(files) {
   const { content, geometry } = await structureOf(files);
   const { id } = await (await send("POST", "/v1/systems", content)).json();
   const structure = await loaded({ ...preset("stored"), id, name: files.map(({ name }) => name).join(", "), geometry });
-  structure.stops = [stop(geometry ? geometryOf(structure).drawn[0] || 0 : 0, 1, 1)];
+  structure.stops = await firstStop(structure);
   setStructure(structure, {});
+}
+
+/**
+ * Return a stop where the first mode moves most: with a hundredth of the size of the geometry as its
+ * gap, where there is one.
+ * @param {Structure} structure
+ */
+async function firstStop(structure) {
+  const { drawn, nodes } = geometryOf(structure);
+  const sizes = nodes ? [0, 1, 2].map((axis) => Math.max(...nodes.map((node) => node[axis])) - Math.min(...nodes.map((node) => node[axis]))) : [];
+  const extent = Math.max(0, ...sizes);
+  const gap = extent > 0 ? Number((0.01 * extent).toPrecision(1)) : 1;
+  const request = { system: { id: structure.id, constraints: [] }, count: 1, outputs: ["Omega", "shape"] };
+  const mode = await ask("POST", "/v1/compute/natural-frequencies", request).catch(() => ({}));
+  return [stop(mode.shape ? leading(structure, mode.shape[0], drawn) : drawn[0] || 0, gap, gap)];
 }
 
 /**

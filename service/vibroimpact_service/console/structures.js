@@ -18,7 +18,7 @@
  *
  * A geometry with the length of an element is that of a beam: each rotation follows its displacement.
  *
- * @typedef {{label: string, name: string, value: number, whole?: boolean, min?: number}} Parameter
+ * @typedef {{label: string, name: string, value: number, whole?: boolean, min?: number, max?: number}} Parameter
  */
 
 /** @param {number} dof @param {number | null} lower @param {number | null} upper @returns {Stop} */
@@ -26,49 +26,54 @@ export function stop(dof, lower, upper, restitution = 1, /** @type {number | nul
   return { dof, relativeTo, lower, upper, restitution, active: true };
 }
 
+/** Where modes of structures with a wide spectrum, such as beams, are shown first. @type {[number, number]} */
+const WIDE = [0.98, 1.3];
+
 /**
- * The forms a structure can have: what one enters for it, and its first stops and frequencies.
+ * The forms a structure can have: what one enters for it, and its first stops. Ranges of frequency
+ * are multiples of natural frequencies: of the last one where modes are shown, or of the first in a
+ * wide spectrum; of the first where it is driven.
  * @type {Record<string, {label: string, parameters: Parameter[], stops: Stop[], damped: boolean,
- *   range: [number, number]}>}
+ *   modes: [number, number], wide: [number, number], driven: [number, number]}>}
  */
 export const FORMS = {
   chain: {
-    label: "Chain of masses between walls", damped: true, range: [0.55, 2.6], stops: [stop(5, 0.2, 0.2)],
+    label: "Chain of masses between walls", damped: true, modes: [0.2767, 1.31], wide: [0.98, 12], driven: [0.2233, 4.466], stops: [stop(5, 0.2, 0.2)],
     parameters: [
-      { label: "Masses", name: "n", value: 13, whole: true, min: 1 },
+      { label: "Masses", name: "n", value: 13, whole: true, min: 1, max: 5000 },
       { label: "Mass", name: "mass", value: 1 }, { label: "Stiffness", name: "stiffness", value: 1 },
     ],
   },
   beam: {
-    label: "Cantilever beam", damped: true, range: [3, 40], stops: [stop(6, 0.05, 0.05)],
+    label: "Cantilever beam", damped: true, modes: [0.277, 1.31], wide: [0.853, 11.376], driven: [0.2844, 8.532], stops: [stop(6, 0.05, 0.05)],
     parameters: [
-      { label: "Elements", name: "elements", value: 4, whole: true, min: 1 },
+      { label: "Elements", name: "elements", value: 4, whole: true, min: 1, max: 1000 },
       { label: "Length", name: "length", value: 1 }, { label: "Bending stiffness EI", name: "EI", value: 1 },
       { label: "Mass per length ρA", name: "rhoA", value: 1 },
     ],
   },
   oscillator: {
-    label: "Oscillator", damped: true, range: [0.5, 3], stops: [stop(0, 1, 1)],
+    label: "Oscillator", damped: true, modes: [0.5, 3], wide: WIDE, driven: [0.2, 3], stops: [stop(0, 1, 1)],
     parameters: [{ label: "Frequency Ω₀", name: "Omega0", value: 1 }],
   },
   two_mass: {
-    label: "Two coupled masses", damped: true, range: [0.4, 3.5], stops: [stop(0, 1, 1)],
+    label: "Two coupled masses", damped: true, modes: [0.231, 2.02], wide: WIDE, driven: [0.4, 2.5], stops: [stop(0, 1, 1)],
     parameters: [
       { label: "Frequency Ω₀", name: "Omega0", value: 1 }, { label: "Coupling c", name: "coupling", value: 1 },
     ],
   },
   double_pendulum: {
-    label: "Double pendulum", damped: false, range: [0.3, 4], stops: [stop(0, 0.1, 0.1)],
+    label: "Double pendulum", damped: false, modes: [0.212, 2.83], wide: WIDE, driven: [0.3674, 4.899], stops: [stop(0, 0.1, 0.1)],
     parameters: [{ label: "Mass ratio μ", name: "mu", value: 2, min: 1 }],
   },
   absorber: {
-    label: "Mass with impact absorber", damped: true, range: [0.5, 2], stops: [stop(1, 0.5, 0.5, 0.7, 0)],
+    label: "Mass with impact absorber", damped: true, modes: [0.4472, 1.789], wide: WIDE, driven: [0.7826, 1.4535], stops: [stop(1, 0.5, 0.5, 0.7, 0)],
     parameters: [
       { label: "Frequency Ω₀", name: "Omega0", value: 1 }, { label: "Mass ratio", name: "ratio", value: 0.05 },
     ],
   },
-  matrices: { label: "Matrices M, K", damped: false, range: [0.3, 3], stops: [stop(0, 1, 1)], parameters: [] },
-  stored: { label: "Uploaded structure", damped: false, range: [0.3, 3], stops: [stop(0, 1, 1)], parameters: [] },
+  matrices: { label: "Matrices M, K", damped: false, modes: [0.277, 1.31], wide: WIDE, driven: [0.3, 2.5], stops: [stop(0, 1, 1)], parameters: [] },
+  stored: { label: "Uploaded structure", damped: false, modes: [0.277, 1.31], wide: WIDE, driven: [0.3, 2.5], stops: [stop(0, 1, 1)], parameters: [] },
 };
 
 /** @param {string} form @returns {Structure} */
@@ -220,19 +225,17 @@ function beam(p) {
   return { M: assembled(mass, m), K: assembled(stiffness, k) };
 }
 
-/** @param {Structure} structure @returns {[Float64Array[], Float64Array[]]} M and K with all entries */
-export function denseMatrices(structure) {
-  const n = size(structure);
-  const { M, K } = sparseMatrices(structure);
-  return [dense(M, n), dense(K, n)];
-}
-
-/** @param {any} matrix @param {number} n @returns {Float64Array[]} */
-function dense(matrix, n) {
-  if (Array.isArray(matrix)) return matrix.map((row) => Float64Array.from(row));
-  const full = Array.from({ length: n }, () => new Float64Array(n));
-  for (const [i, j, value] of entries(matrix, n)) full[i][j] += value;
-  return full;
+/**
+ * Return the coordinate that takes most of a motion's kinetic energy: rotations of a beam, in units
+ * of their own, take little of it.
+ * @param {Structure} structure
+ * @param {number[]} shape of the motion
+ * @param {number[]} among
+ */
+export function leading(structure, shape, among) {
+  const share = new Float64Array(shape.length);
+  for (const [i, j, value] of entries(sparseMatrices(structure).M, shape.length)) share[i] += shape[i] * value * shape[j];
+  return among.reduce((best, dof) => (share[dof] > share[best] ? dof : best), among[0] || 0);
 }
 
 /** @param {any} matrix @param {number} n @returns {Generator<[number, number, number]>} row, column, value */

@@ -40,6 +40,8 @@ MOST_IMPACTS: Final = 10**11
 """Motions that are known to have more of them, which take days, are refused."""
 _FLOPS_PER_SECOND, _BYTES_PER_SECOND = 1e9, 5e8  # by which windows are cut, whatever they take
 _SAMPLE = 1.5e5  # work at a sample of a load
+_ROW = 72.0  # bytes of an impact
+_IN_A_RADIAN = 16.0  # impacts for each radian of the slow modes: fast motions of beams have 5 to 25
 _MOST_RADIANS = 2.0**52  # phase of a load at the end from which on a rounding of t_end is a turn
 SECONDS: Final = 0.5
 """Planned work of a window of a long motion."""
@@ -204,8 +206,8 @@ def _motion_step(problem: Problem, count: int, history: Step | None) -> Step:
         reason += "; the number of impacts is estimated: the price is no upper bound"
     if breaks:
         reason += "; loads are straight lines between their samples"
-    whole, written = _price(system, expansions, len(system.constraints))
-    whole += breaks * _SAMPLE
+    whole = _price(system, expansions, len(system.constraints)) + breaks * _SAMPLE
+    size = written = _ROW * min(_impacts(problem), expansions) if count else 0.0
     if history is not None:
         whole, written = whole + history.flops, written + history.bytes
     seconds = whole / _FLOPS_PER_SECOND + written / _BYTES_PER_SECOND
@@ -213,8 +215,7 @@ def _motion_step(problem: Problem, count: int, history: Step | None) -> Step:
     if parts > 1:
         cut = f"in {parts} windows of time, each from the state at the end of the one before"
         reason = f"{reason}; {cut}"
-    flops, size = _price(system, expansions, count)
-    flops += breaks * _SAMPLE
+    flops = _price(system, expansions, count) + breaks * _SAMPLE
     return Step(Stage.FREE_MOTION, Method.MODAL, reason, flops, size, parts, bounded=not count)
 
 
@@ -246,10 +247,19 @@ def _in_motion(problem: Problem) -> float:
     return max(math.sqrt(fastest * slowest), largest_frequency(problem.load))
 
 
-def _price(system: System, expansions: float, count: int) -> tuple[float, float]:
-    """Return the operations of an exact motion with `count` constraints, and what it writes."""
-    flops = 1e6 + expansions * (150.0 + system.n * (15.0 + 15.0 * count))
-    return flops, 72.0 * expansions if count else 0.0
+def _impacts(problem: Problem) -> float:
+    """Return about how many impacts there are, at the first speed or in periods of slow modes.
+
+    These bring the structure to its walls, unless the load does.
+    """
+    slowest = _reach(problem.system).slowest or spectrum.largest_frequency(problem.system)
+    slow = max(slowest, largest_frequency(problem.load))
+    return 10.0 + _crossings(problem) + _IN_A_RADIAN * problem.t_end * slow
+
+
+def _price(system: System, expansions: float, count: int) -> float:
+    """Return the operations of an exact motion with `count` constraints."""
+    return 1e6 + expansions * (150.0 + system.n * (15.0 + 15.0 * count))
 
 
 def _crossings(problem: Problem) -> float:
