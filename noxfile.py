@@ -171,6 +171,13 @@ def truth(session: nox.Session) -> None:
     session.run("python", "-m", "tests.truth", *session.posargs)
 
 
+@nox.session(tags=["nightly"])
+def generated(session: nox.Session) -> None:
+    """Generate clients in Python and TypeScript from the contract, as others do, and use them."""
+    session.install("openapi-python-client")
+    session.run("python", "-m", "tests.generated.check", session.create_tmp())
+
+
 @nox.session
 def browser(session: nox.Session) -> None:
     """Look at the pages of the service in a real Chromium (Debian: apt install chromium).

@@ -43,7 +43,7 @@ class NaturalFrequenciesRequest(TypedDict):
     """Instead of count: the frequency up to which all modes are returned."""
     unit: NotRequired[Literal["Omega", "omega", "Hz", "rpm"]]
     """Meaning of stop: Omega, a natural angular frequency; Hz and rpm, the same divided by 2
-    pi, as in grids of frequencies; omega, times 2/pi.
+    pi, as in grids of frequencies; omega, times 2/pi. Default: "Omega".
     """
     fixed: NotRequired[Sequence[int]]
     """Indices of the constraints whose coordinates are held at zero."""
@@ -61,7 +61,8 @@ class NaturalFrequenciesRequest(TypedDict):
     the constrained coordinates of the shapes [mode, constraint] (1/√mass); effective_mass:
     effective modal masses of motions of the base [mode, direction] (mass);
     residual_flexibility: static flexibility of all modes that are left out, of a free structure
-    that of its elastic modes [constraint, constraint] (time² / mass).
+    that of its elastic modes [constraint, constraint] (time² / mass). Default: ["Omega",
+    "shape", "participation"].
     """
 
 
@@ -104,7 +105,7 @@ class ImpactModesRequest(TypedDict):
     tau, dof] (length); energy [frequency] (mass length² / time²); stability: spectral radius of
     the half-period map, the growth of the fastest deviation per half period, and whether it is
     1 within its error, so that none is known to grow [frequency]; harmonics: Fourier amplitudes
-    [frequency, harmonic, dof] (length).
+    [frequency, harmonic, dof] (length). Default: ["impulse", "exists", "reason"].
     """
 
 
@@ -129,7 +130,7 @@ class ExistenceBandsRequest(TypedDict):
     outputs: NotRequired[Sequence[Literal["bands", "rejected", "stability"]]]
     """Outputs; only these are computed. bands: where solutions are admissible; rejected: where
     all impulses are positive but the solutions are phantoms; stability: where in the bands
-    deviations from solutions grow.
+    deviations from solutions grow. Default: ["bands", "rejected"].
     """
 
 
@@ -145,11 +146,11 @@ class ResonancesRequest(TypedDict):
     says what keeps it.
     """
     constraint: NotRequired[int]
-    """Index of the constraint with impacts."""
+    """Index of the constraint with impacts. Default: 0."""
     odd_max: NotRequired[int]
-    """Highest odd harmonic."""
+    """Highest odd harmonic. Default: 9."""
     outputs: NotRequired[Sequence[Literal["Omega", "harmonic", "part"]]]
-    """Outputs, each [resonance]."""
+    """Outputs, each [resonance]. Default: ["Omega", "harmonic", "part"]."""
 
 
 class PeriodicMotionsRequest(TypedDict):
@@ -172,14 +173,14 @@ class PeriodicMotionsRequest(TypedDict):
     frequency: FrequencyValues | FrequencyPoints | FrequencySteps
     """Frequencies of the drive."""
     periods: NotRequired[int]
-    """Periods of the drive in one period of the motion."""
+    """Periods of the drive in one period of the motion. Default: 1."""
     sequence: NotRequired[Sequence[SequenceImpact] | Literal["symmetric"]]
     """Impacts of one period in their order; or symmetric: one at each wall of a constraint
     with equal gaps, the second half of the period mirroring the first. Absent: one impact at
-    the upper wall of constraint 0.
+    the upper wall of constraint 0. Default: [{"constraint": 0, "side": "upper"}].
     """
     constraint: NotRequired[int]
-    """Constraint struck by a symmetric motion."""
+    """Constraint struck by a symmetric motion. Default: 0."""
     start: NotRequired[SequenceStart | None]
     """Where the search for several impacts per period begins; absent: at phases drawn at
     random, the same for every request.
@@ -216,15 +217,15 @@ class BranchesRequest(TypedDict):
     """The other end."""
     switch: NotRequired[int]
     """Branches to follow that begin at flips and losses of symmetry of admissible motions, in
-    their order.
+    their order. Default: 0.
     """
     stop_at: NotRequired[Sequence[Literal["fold", "flip", "torus", "symmetry", "grazing", "end"]]]
-    """Special points at which a branch ends; absent: none."""
+    """Special points at which a branch ends; absent: none. Default: []."""
     points: NotRequired[int]
-    """Most points of a branch."""
+    """Most points of a branch. Default: 2000."""
     step: NotRequired[float]
     """Longest step: part of the range, change of a phase (rad) or of an impulse relative to
-    the usual one of the range.
+    the usual one of the range. Default: 0.02.
     """
 
 
@@ -244,21 +245,23 @@ class AttractorsRequest(TypedDict):
     """Frequency of the drive: one value."""
     initial: InitialStates
     settle: NotRequired[int]
-    """Periods of the drive that are left out."""
+    """Periods of the drive that are left out. Default: 200."""
     observe: NotRequired[int]
-    """Periods of the drive that are looked at after them; at least twice longest."""
+    """Periods of the drive that are looked at after them; at least twice longest. Default:
+    400.
+    """
     longest: NotRequired[int]
-    """Largest period, in periods of the drive, that is recognised."""
+    """Largest period, in periods of the drive, that is recognised. Default: 16."""
     section: NotRequired[Literal["phase", "impacts"]]
-    """Points of the section: states at the drive's phase 0, or impacts."""
+    """Points of the section: states at the drive's phase 0, or impacts. Default: "phase"."""
     points: NotRequired[int]
-    """Most points of the section of each attractor."""
+    """Most points of the section of each attractor. Default: 200."""
     dofs: NotRequired[Sequence[int] | None]
     """Degrees of freedom of states and sections; absent: all."""
     outputs: NotRequired[Sequence[Literal["section", "stability"]]]
     """What is computed beside the attractors, their impacts and what each motion settles on.
     section: points of a Poincaré section of each attractor; stability: periodic attractors
-    confirmed by Newton's method, with their multipliers.
+    confirmed by Newton's method, with their multipliers. Default: ["section", "stability"].
     """
 
 
@@ -287,13 +290,15 @@ class TimeHistoryRequest(TypedDict):
     limiter: NotRequired[RigidLimiter | PowerLimiter | None]
     """Force law of the limiters; absent: rigid."""
     method: NotRequired[Literal["exact", "RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA"]]
-    """exact, or an integrator of scipy for comparison, which can miss impacts."""
+    """exact, or an integrator of scipy for comparison, which can miss impacts. Default:
+    "exact".
+    """
     outputs: NotRequired[Sequence[Literal["x", "v", "impacts", "energy", "contacts", "force"]]]
     """Outputs; only these are computed. x, v: displacement and velocity [time, dof]; impacts:
     a table of all impacts; energy: kinetic and elastic energy and that of the constant load
     [time]; contacts: a table of the times at which coordinates rest at rigid walls, or at which
     stops of finite stiffness push, with impulse, largest force, indentation and loss; force:
-    the forces of stops of finite stiffness [time, constraint].
+    the forces of stops of finite stiffness [time, constraint]. Default: ["impacts"].
     """
     initial: InitialState | InitialMode
     digits: NotRequired[int | None]
@@ -327,11 +332,13 @@ class EnsembleRequest(TypedDict):
     limiter: NotRequired[RigidLimiter | PowerLimiter | None]
     """Force law of the limiters; absent: rigid."""
     method: NotRequired[Literal["exact", "RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA"]]
-    """exact, or an integrator of scipy for comparison, which can miss impacts."""
+    """exact, or an integrator of scipy for comparison, which can miss impacts. Default:
+    "exact".
+    """
     outputs: NotRequired[Sequence[Literal["x", "v", "impacts", "energy", "contacts", "force"]]]
     """Outputs; only these are computed. x, v: displacement and velocity [member, time, dof];
     impacts, contacts: tables of all members, concatenated; energy: kinetic and elastic energy
-    and that of the constant load [member, time].
+    and that of the constant load [member, time]. Default: ["impacts"].
     """
     initial: InitialStates
 
@@ -381,7 +388,7 @@ class SlowFlowRequest(TypedDict):
     them [time]; x, v: displacement and velocity [time, dof] (length, length / time); impulse:
     the impulse parameter p (mass length / time²) and the momentum exchanged at an impact, 2
     p/omega (mass length / time) [time]; error: differences from the exact motion, and its
-    impacts.
+    impacts. Default: ["state", "x", "v", "error"].
     """
 
 
@@ -560,9 +567,9 @@ class Chain(TypedDict):
     n: int
     """Number of masses."""
     mass: NotRequired[float]
-    """Each mass."""
+    """Each mass. Default: 1.0."""
     stiffness: NotRequired[float]
-    """Each spring."""
+    """Each spring. Default: 1.0."""
 
 
 class Oscillator(TypedDict):
@@ -580,7 +587,7 @@ class Oscillator(TypedDict):
     Omega0: float
     """Natural angular frequency."""
     zeta: NotRequired[float]
-    """Damping ratio."""
+    """Damping ratio. Default: 0.0."""
 
 
 class TwoMass(TypedDict):
@@ -598,9 +605,9 @@ class TwoMass(TypedDict):
     Omega0: float
     """Natural angular frequency of each alone."""
     coupling: NotRequired[float]
-    """c above."""
+    """c above. Default: 1.0."""
     zeta: NotRequired[float]
-    """Damping ratio of the first mass."""
+    """Damping ratio of the first mass. Default: 0.0."""
 
 
 class DoublePendulum(TypedDict):
@@ -632,7 +639,7 @@ class BouncingBall(TypedDict):
     """Absent: dimensionless."""
     preset: Literal["bouncing_ball"]
     g: NotRequired[float]
-    """Acceleration of gravity."""
+    """Acceleration of gravity. Default: 9.81."""
 
 
 class SystemReference(TypedDict):
@@ -651,7 +658,7 @@ class FrequencyValues(TypedDict):
     """Meaning of the numbers: Omega, the fundamental angular frequency of the motion, or omega
     = (2/pi) Omega, that of the triangle wave; rad per unit of time. Hz and rpm: Omega / (2 pi)
     per second and per minute, of a system whose unit of time is ns, us, ms, s, min or h, or
-    none, which stands for s.
+    none, which stands for s. Default: "Omega".
     """
     values: Sequence[float]
     """The frequencies."""
@@ -664,7 +671,7 @@ class FrequencyPoints(TypedDict):
     """Meaning of the numbers: Omega, the fundamental angular frequency of the motion, or omega
     = (2/pi) Omega, that of the triangle wave; rad per unit of time. Hz and rpm: Omega / (2 pi)
     per second and per minute, of a system whose unit of time is ns, us, ms, s, min or h, or
-    none, which stands for s.
+    none, which stands for s. Default: "Omega".
     """
     start: float
     """First frequency."""
@@ -681,7 +688,7 @@ class FrequencySteps(TypedDict):
     """Meaning of the numbers: Omega, the fundamental angular frequency of the motion, or omega
     = (2/pi) Omega, that of the triangle wave; rad per unit of time. Hz and rpm: Omega / (2 pi)
     per second and per minute, of a system whose unit of time is ns, us, ms, s, min or h, or
-    none, which stands for s.
+    none, which stands for s. Default: "Omega".
     """
     start: float
     """First frequency."""
@@ -698,7 +705,7 @@ class FrequencyInterval(TypedDict):
     """Meaning of the numbers: Omega, the fundamental angular frequency of the motion, or omega
     = (2/pi) Omega, that of the triangle wave; rad per unit of time. Hz and rpm: Omega / (2 pi)
     per second and per minute, of a system whose unit of time is ns, us, ms, s, min or h, or
-    none, which stands for s.
+    none, which stands for s. Default: "Omega".
     """
     start: float
     """First frequency."""
@@ -716,9 +723,9 @@ class DriveTerm(TypedDict):
     amplitude: float
     """Its amplitude, mass length / time²."""
     harmonic: NotRequired[int]
-    """Multiple of the drive's frequency."""
+    """Multiple of the drive's frequency. Default: 1."""
     phase: NotRequired[float]
-    """Its phase at t = 0."""
+    """Its phase at t = 0. Default: 0.0."""
 
 
 class SequenceImpact(TypedDict):
@@ -727,7 +734,7 @@ class SequenceImpact(TypedDict):
     constraint: int
     """Index of the constraint."""
     side: NotRequired[Literal["upper", "lower"]]
-    """The wall that is struck."""
+    """The wall that is struck. Default: "upper"."""
 
 
 class SequenceStart(TypedDict):
@@ -764,7 +771,7 @@ class TimePoints(TypedDict):
     """A number of equally spaced times, both ends included."""
 
     start: NotRequired[float]
-    """First time."""
+    """First time. Default: 0.0."""
     stop: float
     """Last time; after start."""
     num: int
@@ -775,7 +782,7 @@ class TimeSteps(TypedDict):
     """Times start, start + step, … up to stop, which is included if a step reaches it."""
 
     start: NotRequired[float]
-    """First time."""
+    """First time. Default: 0.0."""
     stop: float
     """Last time; after start."""
     step: float
@@ -792,7 +799,7 @@ class HarmonicLoad(TypedDict):
     frequency: float
     """Its angular frequency."""
     phase: NotRequired[float]
-    """Its phase at t = 0."""
+    """Its phase at t = 0. Default: 0.0."""
 
 
 class SampledLoad(TypedDict):
@@ -836,11 +843,11 @@ class PowerLimiter(TypedDict):
 
     law: Literal["power"]
     exponent: NotRequired[float]
-    """At least 1."""
+    """At least 1. Default: 17.0."""
     stiffness: NotRequired[float]
-    """Force at scale times the gap."""
+    """Force at scale times the gap. Default: 1.0."""
     scale: NotRequired[float]
-    """Factor of the gaps."""
+    """Factor of the gaps. Default: 1.0."""
 
 
 class InitialState(TypedDict):
@@ -963,7 +970,7 @@ class StructuralDamping(TypedDict):
     at: float
     """The frequency at which they lose the same."""
     unit: NotRequired[Literal["Omega", "omega", "Hz", "rpm"]]
-    """Meaning of the frequency, as in grids of them."""
+    """Meaning of the frequency, as in grids of them. Default: "Omega"."""
 
 
 class Dashpot(TypedDict):
@@ -1025,7 +1032,7 @@ class Constraint(TypedDict):
     gap: float | Limits
     """Distance to the walls from the coordinate's zero (length)."""
     restitution: NotRequired[float]
-    """Newton's coefficient of restitution of a rigid stop; 1 is elastic."""
+    """Newton's coefficient of restitution of a rigid stop; 1 is elastic. Default: 1.0."""
     law: NotRequired[RigidLaw | LinearLaw | None]
     """What the stop does beyond its wall; absent: it is rigid. A stop with a law has no
     restitution beside it.
@@ -1066,7 +1073,7 @@ class RayleighRatios(TypedDict):
     at: Sequence[float]
     """The frequencies, which differ."""
     unit: NotRequired[Literal["Omega", "omega", "Hz", "rpm"]]
-    """Meaning of the frequencies, as in grids of them."""
+    """Meaning of the frequencies, as in grids of them. Default: "Omega"."""
 
 
 class Limits(TypedDict):
@@ -1083,7 +1090,7 @@ class RigidLaw(TypedDict):
 
     type: Literal["rigid"]
     restitution: NotRequired[float]
-    """Newton's coefficient of restitution; 1 is elastic."""
+    """Newton's coefficient of restitution; 1 is elastic. Default: 1.0."""
 
 
 class LinearLaw(TypedDict):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any, Final, Literal
 
 from pydantic import BaseModel, Field, create_model
@@ -19,11 +18,16 @@ def document(kind: str, result: type[Any]) -> type[Result]:
     It follows from the solver's class, whose fields are declared (`vibroimpact_solvers.arrays`).
     """
     fields = (field for field in declared(result).values() if field.path not in Result.model_fields)
-    entries = _entries(tuple(result.GROUPS.items()), tuple(fields), "")
-    title = "".join(word.capitalize() for word in kind.split("-")) + "Result"
+    title = "".join(word.capitalize() for word in kind.split("-"))
+    entries = _entries(tuple(result.GROUPS.items()), tuple(fields), "", title)
     head: dict[str, Any] = {"kind": (Literal[kind], ...)}
     return create_model(
-        title, __base__=Result, __doc__=result.__doc__, __module__=__name__, **head, **entries
+        f"{title}Result",
+        __base__=Result,
+        __doc__=result.__doc__,
+        __module__=__name__,
+        **head,
+        **entries,
     )
 
 
@@ -32,9 +36,9 @@ Groups = tuple[tuple[str, Group], ...]
 
 
 def _entries(
-    groups: Groups, fields: tuple[Declared, ...], inside: str, *, whole: bool = False
+    groups: Groups, fields: tuple[Declared, ...], inside: str, kind: str, *, whole: bool = False
 ) -> dict[str, Any]:
-    """Return types and defaults of what a document holds whose path is `inside`."""
+    """Return types and defaults of what a document of a kind holds whose path is `inside`."""
     parts: dict[str, list[Declared]] = {}
     for field in fields:
         parts.setdefault(field.path[len(inside) :].partition("/")[0], []).append(field)
@@ -43,7 +47,7 @@ def _entries(
         group = known.get(inside + name)
         if group is not None and those[0].path != inside + name:
             within = tuple(pair for pair in groups if pair[0].startswith(f"{inside}{name}/"))
-            entries[name] = _group(group, within, f"{inside}{name}/", tuple(those))
+            entries[name] = _group(group, within, f"{inside}{name}/", tuple(those), kind)
         else:
             (field,) = those
             absent = not whole or field.quantity.sometimes
@@ -52,30 +56,34 @@ def _entries(
 
 
 def _group(
-    group: Group, groups: Groups, inside: str, fields: tuple[Declared, ...]
+    group: Group, groups: Groups, inside: str, fields: tuple[Declared, ...], kind: str
 ) -> tuple[Any, Any]:
     """Return type and default of a group: a document, or a list of documents.
 
     Where none of its fields is always there, it is absent as a whole.
     """
     optional = all(field.optional for field in fields)
-    inner: Any = _group_document(group, groups, inside, fields, optional and group.together)
+    whole = optional and group.together
+    # Kinds that have the same group share its document, and their name; it has no other.
+    key = group, groups, inside, fields, whole
+    if key not in _documents:
+        taken = {made.__name__ for made in _documents.values()}
+        name = f"{kind}{group.name}" if group.name in taken else group.name
+        _documents[key] = create_model(
+            name,
+            __base__=Document,
+            __doc__=group.about,
+            __module__=__name__,
+            **_entries(groups, fields, inside, kind, whole=whole),
+        )
+    inner: Any = _documents[key]
     if fields[0].quantity.record:
         inner = list[inner]
     return (inner | None, None) if optional else (inner, ...)
 
 
-@cache  # kinds that have the same group share its document
-def _group_document(
-    group: Group, groups: Groups, inside: str, fields: tuple[Declared, ...], whole: bool
-) -> type[BaseModel]:
-    return create_model(
-        group.name,
-        __base__=Document,
-        __doc__=group.about,
-        __module__=__name__,
-        **_entries(groups, fields, inside, whole=whole),
-    )
+_documents: Final[dict[tuple[Any, ...], type[BaseModel]]] = {}
+"""Documents of groups, by all that they depend on."""
 
 
 def _entry(field: Declared, optional: bool) -> tuple[Any, Any]:

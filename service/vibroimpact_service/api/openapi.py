@@ -5,6 +5,7 @@ Each route declares its own parameters, answers and examples at its decorator.
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping
 from typing import Any, Final
@@ -124,8 +125,8 @@ def json_body(
     It has a schema of `_request_schemas`, examples by name ({"summary", "value"}), and perhaps
     further media types.
     """
-    json = {"schema": {"$ref": _REF.format(model=model)}, "examples": dict(shown)}
-    return {"required": True, "content": {representations.JSON: json, **(others or {})}}
+    content = {"schema": {"$ref": _REF.format(model=model)}, "examples": dict(shown)}
+    return {"required": True, "content": {representations.JSON: content, **(others or {})}}
 
 
 def document(app: FastAPI) -> dict[str, Any]:
@@ -180,4 +181,19 @@ def _request_schemas() -> dict[str, Any]:
     schemas["BatchRequest"]["properties"]["requests"]["items"] = {"anyOf": choices}
     for envelope in ("JobRequest", "BatchRequest"):
         schemas[envelope]["properties"]["kind"] |= {"enum": list(KINDS)}
+    for schema in schemas.values():
+        for field in schema.get("properties", {}).values():
+            _tell_default(field)
     return schemas
+
+
+def _tell_default(field: dict[str, Any]) -> None:
+    """Say in words what an optional field of a request is by default.
+
+    Generators of clients take fields with a ``default`` for fields that are always there, and would
+    ask for them in requests.
+    """
+    default = field.pop("default", None)
+    if default is not None:
+        said = f"Default: {json.dumps(default)}."
+        field["description"] = f"{field['description']} {said}" if "description" in field else said
