@@ -17,7 +17,10 @@ from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.laws import Linear
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 
-MAKERS = ("plain", "damped", "coupled", "loaded", "pressed", "sampled", "free", "large")
+MAKERS = (
+    "plain", "damped", "coupled", "loaded", "pressed", "grazing", "small_gaps", "sampled", "free",
+    "large",
+)  # fmt: skip
 _COLUMNS = ("start", "stop", "impulse", "peak_force", "indentation", "energy_lost")
 _SHORT = 1e-7  # of the longest phase, below which phases are grazings that rounding may decide
 _LATE = 1e-6  # of the time, by which phases may be early or late

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroimpact_solvers.arrays import EPS, Floats
+from vibroimpact_solvers.meter import look
 
 _WIDE: Any = np.longdouble
 _EQUAL: Final = 4.0  # roundings within which two eigenvalues are one
@@ -135,6 +136,7 @@ def _roots(
         widths[:-1] *= 0.5
     low, high = widths * _WIDE(_TINY), widths.copy()
     for step in range(_ROUNDS):
+        look()
         if step < _GEOMETRIC:
             trial = np.sqrt(low) * np.sqrt(high)
         else:

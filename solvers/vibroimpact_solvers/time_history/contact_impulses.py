@@ -58,7 +58,7 @@ def impulses(configuration: Configuration, z: Floats, struck: Struck, span: floa
         In units of force and of the basis' time, in the order of the configuration's contacts.
     """
     first, basis, kernel = len(configuration.free), configuration.basis, configuration.kernel
-    integral = integral_of(basis, z, span)
+    integral = _integral(configuration, z, span)
     count = int(np.searchsorted(struck.times, span, "right"))
     for begin in range(0, count, _ROWS):
         some = slice(begin, min(begin + _ROWS, count))
@@ -73,11 +73,12 @@ def impulses(configuration: Configuration, z: Floats, struck: Struck, span: floa
     return np.asarray((forms * integral).sum(axis=(1, 2)) + levels * span + answered)
 
 
-def integral_of(basis: Basis, z: Floats, span: float) -> Floats:
+def _integral(configuration: Configuration, z: Floats, span: float) -> Floats:
     """Return the integral of a state over the free motion that follows it, shape (2, pair).
 
     Written with ``(exp(x) - 1)/x``, so that nothing cancels in short contacts.
     """
+    basis = configuration.basis
     turning, apart = basis.flow.rotations, basis.flow.hyperbolas_end
     alpha, nu, a, b = basis.alpha, basis.nu, z[0], z[1]
     integral = _free_integral(basis, z, span)

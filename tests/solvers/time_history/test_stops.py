@@ -164,6 +164,20 @@ def test_a_dashpot_alone() -> None:
     assert result.contact_start == pytest.approx([1.0])
 
 
+def test_a_stop_between_free_bodies_holds_neither() -> None:
+    """Their centre moves as the loads push it, through contacts and rest."""
+    M, force = np.diag([1.3, 1.3, 1.3]), np.array([-0.6, 0.3, 1.1])
+    K = np.array([[1.0, -1.0, 0.0], [-1.0, 1.1, -0.1], [0.0, -0.1, 0.1]])
+    stop = Constraint((0, 1), (1.0, -1.0), 0.2, 0.3, law=Linear(386.5, 0.0))
+    system = System(*(SymmetricMatrix.dense(A) for A in (M, K)), (stop,), force=force)
+    result = motion(system, np.zeros(3), [1.0, -1.0, 0.5], 6.0)
+    assert result.contact_start is not None
+    assert result.contact_start.size > 2
+    t, centre = np.asarray(result.t), np.asarray(result.x).mean(axis=1)
+    true = 0.5 / 3.0 * t + 0.5 * force.sum() / 3.9 * t**2
+    assert np.abs(centre - true).max() <= np.max(result.error_x) < 1e-11
+
+
 def test_loads_between_stops_against_an_integrator() -> None:
     """Harmonic and sampled loads, two sides, damping that couples modes."""
     M, K = np.diag([1.0, 0.6]), np.array([[4.0, -1.5], [-1.5, 3.0]])

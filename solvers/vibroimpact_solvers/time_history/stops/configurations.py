@@ -17,8 +17,9 @@ import numpy as np
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.kernels import rigid_state
-from vibroimpact_solvers.kernels.flow import Watched
+from vibroimpact_solvers.kernels.flow import Z2, Watched
 from vibroimpact_solvers.laws import Linear
+from vibroimpact_solvers.meter import look
 from vibroimpact_solvers.time_history.basis import Basis, Modes, exponent_of
 from vibroimpact_solvers.time_history.structure import Structure, errors_of
 
@@ -110,6 +111,8 @@ class Scene:
     kernel : rigid_state.Structure
     arguments : tuple
         The same as kernels take it.
+    rises : array, shape (watched,)
+        What constant loads on free bodies add to the rates of the watched forms.
     """
 
     states: States
@@ -117,6 +120,7 @@ class Scene:
     forces: tuple[int, ...]
     kernel: rigid_state.Structure
     arguments: tuple[Any, ...]
+    rises: Floats
 
     def workspace(self) -> tuple[Any, ...]:
         """Return new work arrays of kernels."""
@@ -176,6 +180,9 @@ class StoppedStructure:
         open_modes = structure.configuration().basis.modes
         self.shapes = open_modes.shapes
         self.rows: Floats = structure.W @ self.shapes
+        # What rounding makes of a zero would be a spring, however soft, on a body that has none.
+        terms = np.abs(structure.W) @ np.abs(self.shapes)
+        self.rows[np.abs(self.rows) <= _ROUNDED * EPS * terms] = 0.0
         self.mobility: Floats = (self.rows**2).sum(axis=1)
         laws = [c.law for c in self.system.constraints if isinstance(c.law, Linear)]
         assert len(laws) == len(self.rows)
@@ -372,7 +379,8 @@ class StoppedStructure:
             basis.flow, watched, walls, np.zeros((walls.size, walls.size)),
             errors_of(basis, watched),
         )  # fmt: skip
-        return Scene(states, placed, forces, kernel, rigid_state.handed_over(kernel))
+        rises = forms[:, Z2] @ basis.push
+        return Scene(states, placed, forces, kernel, rigid_state.handed_over(kernel), rises)
 
     def _set_walls(self, wall: rigid_state.Rows, a: int, code: int, level: float) -> None:
         """Set what a coordinate must not pass in a state of its stop."""
@@ -423,7 +431,10 @@ class StoppedStructure:
         size = 2 * one.pairs
         offset = carried(np.zeros((2, one.pairs)))
         units = np.eye(size).reshape(size, 2, one.pairs)
-        columns = np.array([carried(unit) - offset for unit in units])
+        columns = np.empty((size, 2 * other.pairs))
+        for row, unit in zip(columns, units, strict=True):
+            look()
+            row[:] = carried(unit) - offset
         terms = np.abs(turn) @ before.terms + after.terms
         terms += np.abs(after.vectors).T @ (np.abs(before.origin) + np.abs(after.origin))
         return Passage(np.ascontiguousarray(columns.T), offset, after.sizes_of(terms))

@@ -1,11 +1,10 @@
 """Contact phases: how long a stop pushes, how much, how deep, and what that costs.
 
-A phase lasts from the instant at which a stop begins to push until its force is zero. Impulses are
-integrals of the force in closed form; the deepest indentation, the largest force and the loss in
-the dashpot, ``c`` times the integral of the squared rate, come from the certified expansions of
-`kernels.switchings`. What the spring still holds when the force is lost is given back to nobody:
-the stop comes back without the structure, and that is part of the loss, until it is left or loaded
-again.
+A phase lasts from the instant at which a stop begins to push until its force is zero. Impulse,
+deepest indentation, largest force and the loss in the dashpot, ``c`` times the integral of the
+squared rate, come from the certified expansions of `kernels.switchings`. What the spring still
+holds when the force is lost is given back to nobody: the stop comes back without the structure, and
+that is part of the loss, until it is left or loaded again.
 """
 
 from __future__ import annotations
@@ -19,17 +18,18 @@ import numpy as np
 from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.kernels.switchings import (
     DEEPEST,
+    IMPULSE,
     LEFT_OUT,
     SQUARE,
     STRONGEST,
     contact_sums,
 )
-from vibroimpact_solvers.meter import hold
-from vibroimpact_solvers.time_history.contact_impulses import integral_of
+from vibroimpact_solvers.meter import hold, look
 from vibroimpact_solvers.time_history.stops.configurations import Scene, StoppedStructure
 
 SAMPLED: Final = 6.0
 """Errors of forms over what the largest of five samples of each pair makes of them."""
+_LARGEST: Final = 1e150  # deviation that counts, beyond the horizon
 _LONGEST: Final = 1e300
 _BYTES: Final = 400  # of a contact phase
 _ROUNDED: Final = 8.0  # roundings of sums over a contact
@@ -52,7 +52,7 @@ class Contact:
     error_indentation: float = 0.0
     error_energy_lost: float = 0.0
     speed: float = 0.0  # at its start
-    sums: Floats = field(default_factory=lambda: np.zeros(5))
+    sums: Floats = field(default_factory=lambda: np.zeros(6))
 
     @property
     def peak_force(self) -> float:
@@ -82,12 +82,15 @@ class Contacts:
         self._last = dict[int, Contact]()
         self._released = dict[int, Contact]()
 
-    def start(self, a: int, side: int, time: float, error: float, speed: float) -> None:
-        """Begin a phase at a time of the basis, known to an error, at some speed."""
+    def start(
+        self, a: int, side: int, time: float, error: float, speed: float, speed_error: float
+    ) -> None:
+        """Begin a phase at a time of the basis, at some speed, both known to an error."""
         if self.wanted:
             scale = self._structure.scale
             self._loaded[a] = contact = Contact(a, side, time / scale, error_start=error / scale)
             contact.speed = abs(speed) * scale
+            contact.error_peak_force = float(self._structure.damping[a]) * speed_error * scale
             self.rows.append(contact)
             hold(_BYTES)
 
@@ -120,23 +123,23 @@ class Contacts:
         """
         if not self._loaded or span <= 0.0:
             return
-        z, size = states[0], np.maximum(*map(np.abs, states))
-        motion = z, integral_of(scene.basis, z, span), size
+        motion = states[0], np.maximum(*map(np.abs, states))
+        spread = np.maximum(*spreads)
         for contact in self._loaded.values():
-            self._add_to(contact, (scene, work), motion, span, np.maximum(*spreads))
+            self._add_to(contact, (scene, work), motion, span, spread)
 
     def _add_to(
         self,
         contact: Contact,
         at: tuple[Scene, tuple[Any, ...]],
-        motion: tuple[Floats, Floats, Floats],
+        motion: tuple[Floats, Floats],
         span: float,
         spread: Floats,
     ) -> None:
         structure, scale = self._structure, self._structure.scale
         (scene, work), a = at, contact.constraint
-        z, whole, largest = motion
-        form, level = scene.force_form(a)
+        z, largest = motion
+        form, _ = scene.force_form(a)
         moves = scene.kernel.watched.coordinate[a]
         slides = scene.kernel.watched.velocity[a]
         k, c = float(structure.stiffness[a]), float(structure.damping[a])
@@ -144,13 +147,15 @@ class Contacts:
         size = float((np.abs(moves) * largest).sum()) + abs(above)
         before = contact.sums.copy()
         contact.sums[LEFT_OUT:] = 0.0
-        if size > 0.0:
-            given = a, contact.side, above, span, min(scene.basis.longest, _LONGEST), size
-            contact_sums(
-                scene.arguments, work, scene.basis.modes.roots.size, z,
-                np.array([k, c * scale]), given, contact.sums,
+        done = 0.0 if size > 0.0 else span
+        longest, law = min(scene.basis.longest, _LONGEST), np.array([k, c * scale])
+        while done < span:
+            done = contact_sums(
+                scene.arguments, work, scene.basis.modes.roots.size, z, law,
+                (a, contact.side, above, done, span, longest, size), contact.sums,
             )  # fmt: skip
-        contact.impulse += float((form * whole).sum() + level * span) / scale
+            look()
+        contact.impulse = float(contact.sums[IMPULSE]) / scale
         square = float(contact.sums[SQUARE] - before[SQUARE])
         contact.energy_lost += c * scale * square
         off, fast, force = (
@@ -159,8 +164,9 @@ class Contacts:
         )
         still = float(np.abs(scene.placed.rows[a]) @ scene.placed.terms)
         off, force = off + _ROUNDED * EPS * still, force + _ROUNDED * EPS * k * still
-        contact.error_impulse += force * span / scale + _ROUNDED * EPS * abs(contact.impulse)
-        less, slower = contact.sums[LEFT_OUT:]
+        less, slower = contact.sums[LEFT_OUT:].tolist()
+        contact.error_impulse += (force + k * less) * span / scale + 2.0 * c * less
+        contact.error_impulse += _ROUNDED * EPS * abs(contact.impulse)
         fast += slower
         contact.error_indentation = max(contact.error_indentation, off + less)
         contact.error_peak_force = max(
@@ -208,6 +214,7 @@ def spread_of(deviations: Floats, rotations: int) -> Floats:
 
     Of a pair that turns, both numbers are as large as their length.
     """
+    deviations = np.clip(deviations, -_LARGEST, _LARGEST)
     spread = np.abs(deviations).max(axis=0, initial=0.0)
     turning = deviations[..., :rotations]
     if turning.size:

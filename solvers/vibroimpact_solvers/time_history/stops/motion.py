@@ -119,7 +119,8 @@ class StoppedMotion:
         self._buffer()
         for a, code in enumerate(scene.states):
             if abs(code) == LOADED:
-                self.contacts.start(a, _side(code), 0.0, 0.0, float(rate[a]) / structure.scale)
+                speed = float(rate[a]) / structure.scale
+                self.contacts.start(a, _side(code), 0.0, 0.0, speed, 0.0)
         if self._columns:
             # Deviations start in a motion that does not get on; then those of its state are added.
             self.progress[0]["end"] = 0.0
@@ -219,18 +220,28 @@ class StoppedMotion:
         scene, count = self._scene, len(self._scene.states)
         forced = who >= count
         a = scene.forces[who - count] if forced else who
-        code, time, error = scene.states[a], self._now, self._time_error(who)
+        code, error = scene.states[a], self._time_error(who)
         new = self._next(a, code, forced)
         if abs(code) == RELEASED:
             self.contacts.end_release(a, *self._indentation(a, code))
         if abs(code) == LOADED:
-            self.contacts.stop(a, time, error)
+            self.contacts.stop(a, self._now, error)
         if abs(new) == RELEASED:
             self.contacts.release(a, *self._indentation(a, new))
         if abs(new) == LOADED:
-            speed = float((scene.kernel.watched.velocity[a] * self._Z[0]).sum())
-            self.contacts.start(a, _side(new), time, error, speed)
+            self._start(a, _side(new), error)
         self._change((*scene.states[:a], new, *scene.states[a + 1 :]), a)
+
+    def _start(self, a: int, side: int, error: float) -> None:
+        """Begin a contact phase at a time that is known to an error."""
+        scene, z = self._scene, self._Z[0]
+        slides = scene.kernel.watched.velocity[a]
+        speed, bends = float((slides * z).sum()), 0.0
+        if self._structure.damping[a] > 0.0:
+            # As far as the time is unknown, the speed is, and the first force with it.
+            rate = scene.basis.rates_of(slides[np.newaxis])[0]
+            bends = float((rate * z).sum() + slides[1] @ scene.basis.push)
+        self.contacts.start(a, side, self._now, error, speed, abs(bends) * error)
 
     def _next(self, a: int, code: int, forced: bool) -> int:
         """Return the state of a stop after one of its forms became zero."""
@@ -259,7 +270,8 @@ class StoppedMotion:
     def _time_error(self, who: int) -> float:
         """Return the error of the time at which a watched form became zero, just now."""
         watched = self._scene.kernel.watched
-        form, slope = watched.coordinate[who], float((watched.velocity[who] * self._Z[0]).sum())
+        form = watched.coordinate[who]
+        slope = float((watched.velocity[who] * self._Z[0]).sum() + self._scene.rises[who])
         terms = float(np.abs(form * self._Z[0]).sum() + self._scene.kernel.walls["size"][who])
         error = error_of(form, self._spread()) + (_FOUND + self._room) * EPS * terms
         return error / max(abs(slope), _SLOWEST)
@@ -290,7 +302,8 @@ class StoppedMotion:
         """
         kernel = self._scene.kernel
         terms = kernel.watched.velocity[place] * self._Z[0]
-        slope = float(terms.sum())
+        rises = float(self._scene.rises[place])
+        slope = float(terms.sum()) + rises
         if math.isfinite(kernel.walls["lower"][place]) and math.isfinite(
             kernel.walls["upper"][place]
         ):
@@ -298,7 +311,7 @@ class StoppedMotion:
             slope = slope if abs(y - walls[1]) > abs(y + walls[0]) else -slope
         elif math.isfinite(kernel.walls["upper"][place]):
             slope = -slope
-        return slope > _CLEAR * EPS * float(np.abs(terms).sum())
+        return slope > _CLEAR * EPS * (float(np.abs(terms).sum()) + abs(rises))
 
     def _add_errors(
         self, after: Scene, flat: Floats, moved: Floats, passage: Passage, a: int
@@ -322,11 +335,10 @@ class StoppedMotion:
         if after.placed.mixing is not None:
             missed = after.placed.mixed(moved[0].reshape(2, -1))
             fixed = fixed + np.broadcast_to(missed, (2, after.basis.pairs)).ravel() / EPS
-        for column in range(1, len(moved)):
-            row = (self._switches + 7 * column) % len(signs)
-            moved[column] += size * signs[row].ravel()
-            # Errors of the modes themselves are the same at every switching.
-            moved[column] += np.copysign(fixed, moved[0]) * signs[column % len(signs)].ravel()
+        rows, columns = signs.reshape(len(signs), -1), np.arange(1, len(moved))
+        moved[1:] += size * rows[(self._switches + 7 * columns) % len(rows)]
+        # Errors of the modes themselves are the same at every switching.
+        moved[1:] += np.copysign(fixed, moved[0]) * rows[columns % len(rows)]
         # Those of loads stay what they are: an error of a response is not one of a phase.
         old, new = before.basis.load_places, after.basis.load_places
         shared = min(old.size, new.size)

@@ -23,8 +23,8 @@ _STATEMENT: Final = (
     "and of the passage from one to the other, carried along by the linearised motion, six times "
     "the largest of five samples of each pair of modes, absolute and infinite from "
     "predictable_until on in each output; while no stop switches the motion is exact, and no "
-    "contact is missed; impulses are integrals in closed form, largest forces, indentations and "
-    "losses those of polynomials whose remainder is bounded"
+    "contact is missed; impulses, largest forces, indentations and losses are those of "
+    "polynomials whose remainder is bounded"
 )
 _COLUMNS: Final = ("start", "stop", "impulse", "peak_force", "indentation", "energy_lost")
 

@@ -16,7 +16,8 @@ from vibroimpact_solvers.time_history.stops.configurations import (
 )
 from vibroimpact_solvers.time_history.stops.contacts import SAMPLED
 
-_ROUNDED = 4.0  # roundings of an output
+_ROUNDED = 8.0  # roundings of an output
+_LARGEST = 1e150  # of deviations
 LEAST = 5e-324
 """No error is zero where anything moved."""
 
@@ -66,7 +67,8 @@ class Samples:
         basis, modes = scene.basis, scene.basis.modes
         off = None
         if self._problem.estimate:
-            off = SAMPLED * EPS * spreads + scene.placed.mixed(states)
+            # Beyond the horizon deviations grow without bound.
+            off = SAMPLED * EPS * np.fmin(spreads, _LARGEST) + scene.placed.mixed(states)
         if outputs & {"x", "v"}:
             q, rate = basis.coordinates(states)
             shapes = modes.shapes[self._dofs]
