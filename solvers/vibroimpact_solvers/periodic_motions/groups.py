@@ -91,7 +91,7 @@ def turned(structure: Structure, modes: Modes) -> Turned:
     changed = replace(
         modes, roots=roots, rests=rests, damping=damped.matrix, damping_errors=damped.errors,
         load=load, cosine=none, sine=none, ramps=none, shapes=shapes, weighted=system.M @ shapes,
-        errors=errors, neglected=damped.neglected,
+        errors=errors, neglected=damped.neglected, left_out=damped.left_out,
         shape_error=modes.shape_error - modes.neglected + damped.neglected + 4.0 * EPS,
     )  # fmt: skip
     return Turned(changed, silent, groups, np.array(spread))

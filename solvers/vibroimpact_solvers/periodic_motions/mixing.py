@@ -16,7 +16,6 @@ import numpy as np
 from vibroimpact_solvers.arrays import EPS, Floats
 from vibroimpact_solvers.periodic_motions.groups import Turned
 from vibroimpact_solvers.periodic_motions.pairs import Complexes, Pairs
-from vibroimpact_solvers.time_history import modal_damping
 from vibroimpact_solvers.time_history.basis import Basis
 from vibroimpact_solvers.time_history.complex_modes import NEAR
 from vibroimpact_solvers.time_history.structure import Structure
@@ -54,9 +53,7 @@ class Mixing:
             return cls(_NONE, _NONE, rates)
         far, near = basis.mixing
         if system.C is not None:
-            exact = structure.natural.proved
-            damped = modal_damping.of_modes(system, modes.shapes, modes.roots, exact=exact)
-            left = damped.left_out / structure.scale
+            left = modes.left_out / structure.scale
         if left.any() or equal.spread.any():
             each = np.eye(modes.roots.size)
             driven = np.linalg.norm(basis.kick(each), axis=1)

@@ -9,7 +9,6 @@ import numpy as np
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.periodic_motions.drive import Driven
 from vibroimpact_solvers.periodic_motions.problem import Problem
-from vibroimpact_solvers.time_history import modal_damping
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -53,9 +52,7 @@ class Outputs:
         roots = modes.roots * (1.0 + modes.rests)
         error, system = np.zeros((0, 0)), problem.system
         if system.C is not None and "energy" in problem.outputs:
-            exact = driven.structure.natural.proved
-            damped = modal_damping.of_modes(system, modes.shapes, modes.roots, exact=exact)
-            error = damped.left_out + np.diag(damped.errors)
+            error = modes.left_out + np.diag(modes.damping_errors)
         return cls(
             basis.displacement(shapes), level, basis.displacement(each), basis.velocity(each),
             roots * np.abs(roots), modes.errors, modes.damping, error,

@@ -9,8 +9,8 @@ structure is a linear form on the pairs: displacements, velocities, contact forc
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Final
 
@@ -69,6 +69,10 @@ class Modes:
         Relative error of the shapes.
     neglected : float
         Largest part of a mode's motion that couplings by damping which are left out take to others.
+    left_out : array, shape (mode, mode)
+        Bounds of these couplings; (0, 0) without damping.
+    kept : dict
+        Complex modes that were computed of these equations or of the same with other loads.
     """
 
     roots: Floats
@@ -88,6 +92,8 @@ class Modes:
     damping_errors: Floats
     shape_error: float
     neglected: float
+    left_out: Floats
+    kept: dict[tuple[int, bool], tuple[tuple[Any, ...], ComplexModes]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -173,6 +179,15 @@ class Basis:
             float(self.alpha[:turning].max(initial=0.0)),
         )
 
+    def _kept(self, compute: Callable[[], ComplexModes]) -> ComplexModes:
+        """Return complex modes that were computed of the same equations, whatever the load was."""
+        modes, key = self.modes, (self.exponent, self._chained)
+        of = modes.roots, modes.damping, modes.errors, modes.damping_errors
+        known = modes.kept.get(key)
+        if known is None or any(a is not b for a, b in zip(known[0], of, strict=True)):
+            known = modes.kept[key] = of, compute()
+        return known[1]
+
     def without_chains(self) -> Basis:
         """Return the basis in which every complex mode moves by itself."""
         return Basis(self.modes, self.exponent, chains=False) if self._chains else self
@@ -223,7 +238,7 @@ class Basis:
         doubt[n:, :n] = np.diag(_EPS * self._eigenvalue_errors[some])
         of_damping = math.ldexp(1.0, -self.exponent) * self.modes.damping_errors[some]
         doubt[n:, n:] = np.sqrt(np.outer(of_damping, of_damping))
-        modes = complex_modes(A, np.sqrt(norm), doubt, chained=self._chained)
+        modes = self._kept(lambda: complex_modes(A, np.sqrt(norm), doubt, chained=self._chained))
         sigma, vectors, upper, real = modes.rates, modes.vectors, modes.oscillating, modes.real
         self.condition, self.vector_error = modes.condition, modes.vector_error
         self._mixing = _of_both(modes)

@@ -7,6 +7,7 @@ computed once for all systems that differ in their walls.
 from __future__ import annotations
 
 import math
+import weakref
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -18,7 +19,7 @@ from vibroimpact_solvers import condensation
 from vibroimpact_solvers.arrays import Booleans, Floats
 from vibroimpact_solvers.kernels.deviations import SAFETY
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix
-from vibroimpact_solvers.model import System
+from vibroimpact_solvers.model import Body, System
 from vibroimpact_solvers.spectrum import Spectrum
 from vibroimpact_solvers.time_history import modal_damping
 from vibroimpact_solvers.time_history.basis import Modes
@@ -32,6 +33,9 @@ from vibroimpact_solvers.time_history.loads import (
 from vibroimpact_solvers.time_history.modal_damping import ModalDamping
 
 _EPS: Final = float(np.finfo(np.float64).eps)
+_UNLOADED: Final[weakref.WeakKeyDictionary[Body, tuple[Spectrum, Modes]]] = (
+    weakref.WeakKeyDictionary()
+)
 _TERMS: Final = 100_000  # that are in memory at once
 
 
@@ -67,7 +71,18 @@ class Forces:
 
 
 def without_contacts(system: System, forces: Forces, natural: Spectrum) -> Modes:
-    """Return the modal equations of the structure that no limiter touches."""
+    """Return the modal equations of the structure that no limiter touches.
+
+    What does not depend on the loads is computed once for all of them.
+    """
+    known = _UNLOADED.get(system.body)
+    if known is None or known[0] is not natural:
+        known = _UNLOADED[system.body] = natural, _free(system, natural)
+    return _loaded(known[1], forces)
+
+
+def _free(system: System, natural: Spectrum) -> Modes:
+    """Return the modal equations of the structure that no limiter touches, without loads."""
     shapes = natural.modes
     weighted = system.M @ shapes
     rests = np.zeros(natural.roots.size) if natural.rounding is None else natural.rounding
@@ -80,7 +95,7 @@ def without_contacts(system: System, forces: Forces, natural: Spectrum) -> Modes
     rigid = natural.roots == 0.0
     errors[rigid] = _left_by_rounding(system.K, shapes[:, rigid])
     return _equations(
-        system, forces, natural.roots, rests, shapes, weighted, errors, shape_error,
+        system, natural.roots, rests, shapes, weighted, errors, shape_error,
         exact=natural.proved,
     )  # fmt: skip
 
@@ -106,7 +121,8 @@ def with_contacts(system: System, forces: Forces, W: Floats) -> Modes:
     roots = np.sign(eigenvalues) * np.sqrt(np.abs(eigenvalues))
     errors = np.full(roots.size, rounding / SAFETY)
     weighted = system.M @ shapes
-    return _equations(system, forces, roots, np.zeros(roots.size), shapes, weighted, errors, _EPS)
+    rests = np.zeros(roots.size)
+    return _loaded(_equations(system, roots, rests, shapes, weighted, errors, _EPS), forces)
 
 
 def placed(modes: Modes, system: System, forces: Forces, base: Floats) -> Modes:
@@ -120,7 +136,6 @@ def placed(modes: Modes, system: System, forces: Forces, base: Floats) -> Modes:
 
 def _equations(
     system: System,
-    forces: Forces,
     roots: Floats,
     rests: Floats,
     shapes: Floats,
@@ -130,7 +145,7 @@ def _equations(
     *,
     exact: bool = False,
 ) -> Modes:
-    """Return the modal equations of some modes, exact ones erring by their entries alone."""
+    """Return modal equations without loads, of exact modes erring by their entries alone."""
     damped = ModalDamping(None, np.zeros(roots.size), np.zeros((0, 0)))
     if system.C is not None:
         shapes = _with_separate_rigid_modes(system.C, roots, shapes)
@@ -138,15 +153,28 @@ def _equations(
         errors[rigid] = errors[rigid].sum()  # each of them may be any of those before
         weighted = system.M @ shapes
         damped = modal_damping.of_modes(system, shapes, roots, exact=exact)
-    harmonic, ramps = forces.harmonic, forces.ramps
-    cosine, sine = shapes.T @ harmonic.cosine, shapes.T @ harmonic.sine
-    begin = ramps.segment(0.0) if ramps.count else 0
+    none, without = np.zeros(0), np.zeros((roots.size, 0))
     return Modes(
-        roots, rests, damped.matrix, _load(forces.constant, shapes), harmonic.frequencies,
-        forces.slow, cosine, sine, shapes.T @ ramps.directions, ramps.state(begin, 0.0), shapes,
-        np.zeros(system.n), weighted, errors, damped.errors, shape_error + damped.neglected,
-        damped.neglected,
+        roots, rests, damped.matrix, np.zeros(roots.size), none, np.zeros(0, dtype=np.bool_),
+        without, without, without, none, shapes, np.zeros(system.n), weighted, errors,
+        damped.errors, shape_error + damped.neglected, damped.neglected, damped.left_out,
     )  # fmt: skip
+
+
+def _loaded(modes: Modes, forces: Forces) -> Modes:
+    """Return modal equations with loads; what was prepared without them is shared."""
+    harmonic, ramps, to_modes = forces.harmonic, forces.ramps, modes.shapes.T
+    begin = ramps.segment(0.0) if ramps.count else 0
+    return replace(
+        modes,
+        load=_load(forces.constant, modes.shapes),
+        frequencies=harmonic.frequencies,
+        slow=forces.slow,
+        cosine=to_modes @ harmonic.cosine,
+        sine=to_modes @ harmonic.sine,
+        ramps=to_modes @ ramps.directions,
+        ramp_start=ramps.state(begin, 0.0),
+    )
 
 
 def _load(force: Floats, shapes: Floats) -> Floats:

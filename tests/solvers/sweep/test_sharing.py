@@ -24,7 +24,7 @@ from vibroimpact_solvers.kernels import families, response
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.plan import Plan, Stage
 from vibroimpact_solvers.spectrum import methods
-from vibroimpact_solvers.time_history import structure
+from vibroimpact_solvers.time_history import basis, modal_damping, structure
 
 MOVED = ("Omega", "omega")
 
@@ -268,6 +268,67 @@ def test_walls_and_restitution_factorise_nothing(kind: str, factorised: Counter[
     sweep.solve(problem, sweep.plan(problem))
     again = Counter(factorised)
     assert again == of_all, again  # all of it is kept for as long as the structure is
+
+
+class Loaded(Driven):
+    """The same, whose load varies in size and phase; damping couples its modes."""
+
+    amplitudes, phases = np.linspace(0.5, 1.1, 5), np.array([0.0, 0.4, 0.9])
+
+    def at(self, index: tuple[int, ...]) -> Any:
+        amplitude, phase = float(self.amplitudes[index[0]]), float(self.phases[index[1]])
+        system = self.whole.limited(self._limiters(0.3, 0.5))
+        if self.kind == "periodic-motions":
+            drive = (periodic_motions.Force((0,), (1.0,), amplitude, phase=phase),)
+            return periodic_motions.Problem(system, np.array([0.9, 1.7]), drive, constraint=1)
+        start = np.array([[0.0, 0.0]]), np.array([[1.0, -0.5]])
+        if self.kind == "attractors":
+            drive = (attractors.Force((0,), (1.0,), amplitude, phase=phase),)
+            return attractors.Problem(system, np.array([0.9]), *start, drive, settle=40, observe=40)
+        load = (time_history.Harmonic(0, amplitude, 0.9, phase),)
+        state, t = time_history.State(start[0][0], start[1][0]), np.array([7.0, 20.0])
+        return time_history.Problem(system, state, 20.0, t, load=load)
+
+    def problem(self) -> sweep.Problem:
+        axes = [("amplitude", self.amplitudes), ("phase", self.phases)]
+        return sweep.Problem(
+            self.kind,
+            tuple(
+                sweep.Axis(name, name, values, stage=sweep.rule(self.kind, ("load", 0, name)).stage)
+                for name, values in axes
+            ),
+            self.at,
+            self.whole,
+        )
+
+
+@pytest.mark.needs("compiled kernels")
+@pytest.mark.parametrize("kind", KINDS_OF_MOTION)
+def test_loads_factorise_nothing(
+    kind: str, factorised: Counter[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Modes, their damping and complex modes are those of the structure, whatever drives it."""
+
+    def count(owner: Any, name: str) -> None:
+        counted = getattr(owner, name)
+
+        def call(*args: Any, **options: Any) -> Any:
+            factorised[name] += 1
+            return counted(*args, **options)
+
+        monkeypatch.setattr(owner, name, call)
+
+    count(modal_damping, "of_modes")
+    count(basis, "complex_modes")
+    problem = Loaded(kind).problem()
+    factorised.clear()
+    result = sweep.solve(problem, sweep.plan(problem))
+    assert (result.arrays["status"] == 0).all()
+    assert factorised["_compute"] == 1
+    assert factorised["of_modes"] == 1 + factorised["with_contacts"]
+    # With and without chains of modes; attractors in the unit of time of their motions, too.
+    assert factorised["complex_modes"] <= (1 if kind == "time-history" else 3)
+    assert factorised["factorize"] <= 3
 
 
 @pytest.mark.needs("compiled kernels")
