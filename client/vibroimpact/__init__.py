@@ -54,6 +54,7 @@ from vibroimpact.requests import (
 from vibroimpact.results import Result
 from vibroimpact.systems import (
     base_motion,
+    base_vibration,
     bouncing_ball,
     chain,
     constraint,
@@ -121,6 +122,7 @@ __all__ = [
     "VibroimpactError",
     "attractors_request",
     "base_motion",
+    "base_vibration",
     "bouncing_ball",
     "branches_request",
     "chain",

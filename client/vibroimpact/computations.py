@@ -28,7 +28,12 @@ if TYPE_CHECKING:
         "time-history",
         "slow-flow",
     ]
-    Load = documents.HarmonicLoad | documents.SampledLoad | documents.BaseMotion
+    Load = (
+        documents.HarmonicLoad
+        | documents.SampledLoad
+        | documents.BaseMotion
+        | documents.HarmonicBase
+    )
     Initial = documents.InitialState | documents.InitialMode | float | tuple[ArrayLike, ArrayLike]
     Limiter = documents.PowerLimiter | documents.RigidLimiter
 
@@ -551,7 +556,7 @@ class Computations(
         dofs : sequence of int, optional
             Degrees of freedom of x and v; default: all.
         load : sequence of dict, optional
-            Loads, from `harmonic`, `sampled` and `base_motion`.
+            Loads, from `harmonic`, `sampled`, `base_motion` and `base_vibration`.
         limiter : dict, optional
             The force law of soft limiters, from `soft`; default: the laws of the constraints.
         method : str

@@ -49,7 +49,7 @@ class NaturalFrequenciesRequest(TypedDict):
     """Indices of the constraints whose coordinates are held at zero."""
     directions: NotRequired[Sequence[Sequence[float]] | None]
     """Displacements of all degrees of freedom by unit motions of the base, a list for each
-    direction [direction, dof]; required for effective_mass.
+    direction [direction, dof], for effective_mass; absent: the influence of the system.
     """
     outputs: NotRequired[
         Sequence[
@@ -283,7 +283,7 @@ class TimeHistoryRequest(TypedDict):
     """Output times, ascending; required for x, v and energy."""
     dofs: NotRequired[Sequence[int] | None]
     """Degrees of freedom of x and v; absent: all."""
-    load: NotRequired[Sequence[HarmonicLoad | SampledLoad | BaseMotion] | None]
+    load: NotRequired[Sequence[HarmonicLoad | SampledLoad | BaseMotion | HarmonicBase] | None]
     """Loads in addition to the constant one of the system: harmonic, sampled, or by a moving
     base.
     """
@@ -325,7 +325,7 @@ class EnsembleRequest(TypedDict):
     """Output times, ascending; required for x, v and energy."""
     dofs: NotRequired[Sequence[int] | None]
     """Degrees of freedom of x and v; absent: all."""
-    load: NotRequired[Sequence[HarmonicLoad | SampledLoad | BaseMotion] | None]
+    load: NotRequired[Sequence[HarmonicLoad | SampledLoad | BaseMotion | HarmonicBase] | None]
     """Loads in addition to the constant one of the system: harmonic, sampled, or by a moving
     base.
     """
@@ -528,6 +528,10 @@ class MatrixSystem(TypedDict):
     """Damping by ratios, Rayleigh's or structural; absent: none, or C."""
     dashpots: NotRequired[Sequence[Dashpot] | None]
     """Dampers besides, which add to C."""
+    influence: NotRequired[Sequence[float] | None]
+    """Displacements of the structure by a unit displacement of its base, such as 1 for those
+    in its direction, shape [n]; for loads by the base and effective masses.
+    """
     M: Sequence[Sequence[float]] | DiagonalMatrix | BandedMatrix | CoordinateMatrix | ScalarMatrix
     """Mass matrix, symmetric, shape [n, n]. Positive definite, apart from rows and columns of
     zeros: such degrees of freedom have no mass and follow the others statically. They need
@@ -559,6 +563,10 @@ class Chain(TypedDict):
     """Damping by ratios, Rayleigh's or structural; absent: none, or C."""
     dashpots: NotRequired[Sequence[Dashpot] | None]
     """Dampers besides, which add to C."""
+    influence: NotRequired[Sequence[float] | None]
+    """Displacements of the structure by a unit displacement of its base, such as 1 for those
+    in its direction, shape [n]; for loads by the base and effective masses.
+    """
     constraints: Sequence[Constraint]
     """Limiters; results refer to them by position."""
     units: NotRequired[Units | None]
@@ -579,6 +587,10 @@ class Oscillator(TypedDict):
     """Damping by ratios, Rayleigh's or structural; absent: none, or C."""
     dashpots: NotRequired[Sequence[Dashpot] | None]
     """Dampers besides, which add to C."""
+    influence: NotRequired[Sequence[float] | None]
+    """Displacements of the structure by a unit displacement of its base, such as 1 for those
+    in its direction, shape [n]; for loads by the base and effective masses.
+    """
     constraints: Sequence[Constraint]
     """Limiters; results refer to them by position."""
     units: NotRequired[Units | None]
@@ -597,6 +609,10 @@ class TwoMass(TypedDict):
     """Damping by ratios, Rayleigh's or structural; absent: none, or C."""
     dashpots: NotRequired[Sequence[Dashpot] | None]
     """Dampers besides, which add to C."""
+    influence: NotRequired[Sequence[float] | None]
+    """Displacements of the structure by a unit displacement of its base, such as 1 for those
+    in its direction, shape [n]; for loads by the base and effective masses.
+    """
     constraints: Sequence[Constraint]
     """Limiters; results refer to them by position."""
     units: NotRequired[Units | None]
@@ -617,6 +633,10 @@ class DoublePendulum(TypedDict):
     """Damping by ratios, Rayleigh's or structural; absent: none, or C."""
     dashpots: NotRequired[Sequence[Dashpot] | None]
     """Dampers besides, which add to C."""
+    influence: NotRequired[Sequence[float] | None]
+    """Displacements of the structure by a unit displacement of its base, such as 1 for those
+    in its direction, shape [n]; for loads by the base and effective masses.
+    """
     constraints: Sequence[Constraint]
     """Limiters; results refer to them by position."""
     units: NotRequired[Units | None]
@@ -633,6 +653,10 @@ class BouncingBall(TypedDict):
     """Damping by ratios, Rayleigh's or structural; absent: none, or C."""
     dashpots: NotRequired[Sequence[Dashpot] | None]
     """Dampers besides, which add to C."""
+    influence: NotRequired[Sequence[float] | None]
+    """Displacements of the structure by a unit displacement of its base, such as 1 for those
+    in its direction, shape [n]; for loads by the base and effective masses.
+    """
     constraints: Sequence[Constraint]
     """Limiters; results refer to them by position."""
     units: NotRequired[Units | None]
@@ -714,14 +738,25 @@ class FrequencyInterval(TypedDict):
 
 
 class DriveTerm(TypedDict):
-    """A load ``amplitude cos(harmonic Omega t + phase)``, Omega being the drive's frequency."""
+    """A load ``amplitude cos(harmonic Omega t + phase)``, Omega being the drive's frequency.
+
+    Or a base that moves so, to which all else is then relative.
+    """
 
     dof: NotRequired[int | None]
     """Degree of freedom on which it acts."""
     direction: NotRequired[Direction | None]
     """In place of dof: it acts on several of them, by these weights."""
+    base: NotRequired[Literal["acceleration", "velocity", "displacement"] | None]
+    """In place of dof: the base moves, by the influence of the system, and amplitude is that
+    of its acceleration, velocity or displacement.
+    """
     amplitude: float
-    """Its amplitude, mass length / time²."""
+    """Its amplitude, mass length / time²; of a base, length / time² or so."""
+    scale: NotRequired[Literal["Omega2"] | None]
+    """Omega2: the amplitude is multiplied by the square of the drive's frequency, as that of
+    an unbalance, whose amplitude is then mass times eccentricity.
+    """
     harmonic: NotRequired[int]
     """Multiple of the drive's frequency. Default: 1."""
     phase: NotRequired[float]
@@ -824,12 +859,28 @@ class BaseMotion(TypedDict):
     """Ascending times of the samples, from 0 or before to t_end or after."""
     interval: NotRequired[float | None]
     """In place of t: time between two samples, the first one at t = 0."""
-    base: Sequence[float]
+    base: Sequence[float] | Literal["acceleration"]
     """Displacements of the structure that a unit displacement of the base gives [dof]: 1 for
-    those in its direction.
+    those in its direction; or acceleration: those are the influence of the system.
     """
     acceleration: Sequence[float]
     """Acceleration of the base, a straight line from each sample to the next [sample]."""
+
+
+class HarmonicBase(TypedDict):
+    """A base that moves by ``amplitude cos(frequency t + phase)``; all else is relative to it.
+
+    The system has its influence.
+    """
+
+    base: Literal["acceleration", "velocity", "displacement"]
+    """What of the base the amplitude is."""
+    amplitude: float
+    """Its amplitude: length, with velocity / time, …."""
+    frequency: float
+    """Its angular frequency."""
+    phase: NotRequired[float]
+    """Its phase at t = 0. Default: 0.0."""
 
 
 class RigidLimiter(TypedDict):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     Dense = Sequence[Sequence[float]]
     Sparse = documents.DiagonalMatrix | documents.CoordinateMatrix
     Constraints = Iterable[documents.Constraint] | documents.Constraint
+    BaseQuantity = Literal["acceleration", "velocity", "displacement"]
     Damping = (
         documents.RatioDamping | documents.RayleighDamping | documents.StructuralDamping | ArrayLike
     )
@@ -127,10 +128,11 @@ def chain(
     *,
     damping: Damping | None = None,
     dashpots: Dashpots = (),
+    influence: ArrayLike | None = None,
 ) -> documents.Chain:
     """Return a chain of n equal masses and equal springs between fixed ends (eq. 10.60).
 
-    `damping` and `dashpots` are as of `system`, here and in the other structures.
+    `damping`, `dashpots` and `influence` are as of `system`, here and in the other structures.
     """
     document: documents.Chain = {
         "preset": "chain",
@@ -139,7 +141,7 @@ def chain(
         "stiffness": float(stiffness),
         "constraints": _several(constraints),
     }
-    _damp(document, damping, dashpots)
+    _complete(document, damping, dashpots, influence)
     return document
 
 
@@ -150,6 +152,7 @@ def oscillator(
     *,
     damping: Damping | None = None,
     dashpots: Dashpots = (),
+    influence: ArrayLike | None = None,
 ) -> documents.Oscillator:
     """Return an oscillator with one degree of freedom."""
     document: documents.Oscillator = {
@@ -158,7 +161,7 @@ def oscillator(
         "zeta": float(zeta),
         "constraints": _several(constraints),
     }
-    _damp(document, damping, dashpots)
+    _complete(document, damping, dashpots, influence)
     return document
 
 
@@ -170,6 +173,7 @@ def two_mass(
     *,
     damping: Damping | None = None,
     dashpots: Dashpots = (),
+    influence: ArrayLike | None = None,
 ) -> documents.TwoMass:
     """Return two coupled oscillators (eq. 10.22, 10.42)."""
     document: documents.TwoMass = {
@@ -179,7 +183,7 @@ def two_mass(
         "zeta": float(zeta),
         "constraints": _several(constraints),
     }
-    _damp(document, damping, dashpots)
+    _complete(document, damping, dashpots, influence)
     return document
 
 
@@ -189,6 +193,7 @@ def double_pendulum(
     *,
     damping: Damping | None = None,
     dashpots: Dashpots = (),
+    influence: ArrayLike | None = None,
 ) -> documents.DoublePendulum:
     """Return the linearised double pendulum (eq. 10.33)."""
     document: documents.DoublePendulum = {
@@ -196,7 +201,7 @@ def double_pendulum(
         "mu": float(mu),
         "constraints": _several(constraints),
     }
-    _damp(document, damping, dashpots)
+    _complete(document, damping, dashpots, influence)
     return document
 
 
@@ -216,6 +221,7 @@ def system(
     *,
     damping: Damping | None = None,
     dashpots: Dashpots = (),
+    influence: ArrayLike | None = None,
 ) -> documents.MatrixSystem:
     """Return a structure given by its matrices.
 
@@ -235,6 +241,9 @@ def system(
         50.0], "unit": "Hz"}}``, or ``{"structural": eta, "at": Omega}``.
     dashpots : iterable of dict
         Dampers from `dashpot`, which add to C or `damping`.
+    influence : array, shape (n,), optional
+        Displacements by a unit displacement of the base, such as 1 in its direction: for loads by
+        the motion of the base, and for effective masses.
 
     Raises
     ------
@@ -253,12 +262,14 @@ def system(
     if units is not None:
         names: Any = dict(units)
         document["units"] = names
-    _damp(document, damping, dashpots)
+    _complete(document, damping, dashpots, influence)
     return document
 
 
-def _damp(document: Any, damping: Damping | None, dashpots: Dashpots) -> None:
-    """Add the damping of a structure to its document."""
+def _complete(
+    document: Any, damping: Damping | None, dashpots: Dashpots, influence: ArrayLike | None
+) -> None:
+    """Add the damping of a structure and its base to its document."""
     if isinstance(damping, Mapping):
         document["damping"] = dict(damping)
     elif damping is not None:
@@ -267,6 +278,8 @@ def _damp(document: Any, damping: Damping | None, dashpots: Dashpots) -> None:
     given = [dashpots] if isinstance(dashpots, Mapping) else list(dashpots)
     if given:
         document["dashpots"] = [dict(each) for each in given]
+    if influence is not None:
+        document["influence"] = numbers(influence, "influence")
 
 
 def matrix(given: Any, name: str = "the matrix") -> Dense | Sparse:
@@ -412,7 +425,7 @@ def sampled(
 
 
 def base_motion(
-    base: ArrayLike,
+    base: ArrayLike | str,
     acceleration: ArrayLike,
     t: ArrayLike | None = None,
     *,
@@ -424,16 +437,42 @@ def base_motion(
     ----------
     base : array
         Displacements of the structure by a unit displacement of the base: 1 for every degree of
-        freedom in its direction.
+        freedom in its direction; or "acceleration": they are the `influence` of the system.
     acceleration : array
         That of the base, a straight line from each sample to the next.
     t, interval : optional
         As for `sampled`.
     """
-    parts = {"base": numbers(base, "base"), "acceleration": numbers(acceleration, "acceleration")}
+    moved = base if isinstance(base, str) else numbers(base, "base")
+    parts: Document = {"base": moved, "acceleration": numbers(acceleration, "acceleration")}
     load: Any = parts | _sample_times(t, interval)
     document: documents.BaseMotion = load
     return document
+
+
+def base_vibration(
+    quantity: BaseQuantity,
+    amplitude: float,
+    frequency: float,
+    phase: float = 0.0,
+) -> documents.HarmonicBase:
+    """Return a base that moves by ``amplitude cos(frequency t + phase)``, as a load of histories.
+
+    Displacements and velocities are relative to it. The system has its `influence`.
+
+    Parameters
+    ----------
+    quantity : str
+        What of the base the amplitude is: "acceleration", "velocity" or "displacement".
+    amplitude, frequency, phase : float
+        The frequency is angular.
+    """
+    return {
+        "base": quantity,
+        "amplitude": float(amplitude),
+        "frequency": float(frequency),
+        "phase": float(phase),
+    }
 
 
 def _sample_times(t: Any, interval: float | None) -> Document:
@@ -441,7 +480,9 @@ def _sample_times(t: Any, interval: float | None) -> Document:
     return given if interval is None else given | {"interval": float(interval)}
 
 
-def _place(dof: int | Mapping[int, float]) -> Document:
+def _place(dof: int | Mapping[int, float] | None) -> Document:
+    if dof is None:
+        return {}
     if not isinstance(dof, Mapping):
         return {"dof": int(dof)}
     return {"direction": _direction(dof)}
@@ -452,17 +493,34 @@ def _direction(weights: Mapping[int, float]) -> documents.Direction:
 
 
 def drive(
-    dof: int | Mapping[int, float],
-    amplitude: float,
+    dof: int | Mapping[int, float] | None = None,
+    amplitude: float = 1.0,
     harmonic: int = 1,
     phase: float = 0.0,
+    *,
+    base: str | None = None,
+    scale: str | None = None,
 ) -> documents.DriveTerm:
     """Return a load ``amplitude cos(harmonic Omega t + phase)`` of periodic motions.
 
-    It acts on one degree of freedom, or on several given as {dof: weight}.
+    Parameters
+    ----------
+    dof : int or mapping
+        The degree of freedom on which it acts, or several given as {dof: weight}.
+    amplitude, harmonic, phase
+        As above.
+    base : str, optional
+        Instead of `dof`: "acceleration", "velocity" or "displacement" of the base, by the
+        `influence` of the system; displacements are then relative to it.
+    scale : str, optional
+        "Omega2" multiplies the amplitude by the square of Omega, as of an unbalance.
     """
     terms = {"amplitude": float(amplitude), "harmonic": int(harmonic), "phase": float(phase)}
     load: Any = _place(dof) | terms
+    if base is not None:
+        load["base"] = base
+    if scale is not None:
+        load["scale"] = scale
     document: documents.DriveTerm = load
     return document
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 from pydantic_core import PydanticCustomError
@@ -86,6 +86,21 @@ class HarmonicLoad(Document):
     phase: Number = Field(0.0, description="Its phase at t = 0.")
 
 
+BaseQuantity = Literal["acceleration", "velocity", "displacement"]
+
+
+class HarmonicBase(Document):
+    """A base that moves by ``amplitude cos(frequency t + phase)``; all else is relative to it.
+
+    The system has its influence.
+    """
+
+    base: BaseQuantity = Field(description="What of the base the amplitude is.")
+    amplitude: Number = Field(description="Its amplitude: length, with velocity / time, ….")
+    frequency: Positive = Field(description="Its angular frequency.")
+    phase: Number = Field(0.0, description="Its phase at t = 0.")
+
+
 class Samples(Document):
     """Times of samples, between which a load is a straight line."""
 
@@ -125,10 +140,14 @@ class SampledLoad(Samples):
 class BaseMotion(Samples):
     """A base that moves; displacements and velocities are relative to it."""
 
-    base: Numbers = Field(
+    base: Annotated[
+        Annotated[list[Number], Field(min_length=1, fail_fast=True), Tag("@influence")]
+        | Annotated[Literal["acceleration"], Tag("@word")],
+        Discriminator(lambda value: "@word" if isinstance(value, str) else "@influence"),
+    ] = Field(
         description="Displacements of the structure that a unit displacement of the base gives "
-        "[dof]: 1 for those in its direction.",
-        min_length=1,
+        "[dof]: 1 for those in its direction; or acceleration: those are the influence of the "
+        "system.",
     )
     acceleration: Sampled = Field(
         description="Acceleration of the base, a straight line from each sample to the next "
@@ -136,29 +155,54 @@ class BaseMotion(Samples):
     )
 
 
+def _load_form(value: Any) -> str | None:
+    """Return the tag of the form of a load of motions."""
+    tag = form(value, {"force": "@sampled", "acceleration": "@base", "base": "@base"}, "@harmonic")
+    if tag == "@base":
+        moves = isinstance(value, HarmonicBase)
+        if isinstance(value, dict):
+            moves = isinstance(value.get("base"), str) and "acceleration" not in value
+        return "@harmonic_base" if moves else tag
+    return tag
+
+
 MotionLoad = Annotated[
     Annotated[HarmonicLoad, Tag("@harmonic")]
     | Annotated[SampledLoad, Tag("@sampled")]
-    | Annotated[BaseMotion, Tag("@base")],
+    | Annotated[BaseMotion, Tag("@base")]
+    | Annotated[HarmonicBase, Tag("@harmonic_base")],
     Discriminator(
-        lambda value: form(
-            value, {"force": "@sampled", "base": "@base", "acceleration": "@base"}, "@harmonic"
-        ),
+        _load_form,
         custom_error_type="load_form",
-        custom_error_message="a load is an object with amplitude and frequency, with force, or "
-        "with base and acceleration",
+        custom_error_message="a load is an object with amplitude and frequency, with force, with "
+        "base and acceleration, or with base, amplitude and frequency",
     ),
 ]
 
 
 class DriveTerm(Document):
-    """A load ``amplitude cos(harmonic Omega t + phase)``, Omega being the drive's frequency."""
+    """A load ``amplitude cos(harmonic Omega t + phase)``, Omega being the drive's frequency.
+
+    Or a base that moves so, to which all else is then relative.
+    """
 
     dof: Index | None = Field(None, description="Degree of freedom on which it acts.")
     direction: Direction | None = Field(
         None, description="In place of dof: it acts on several of them, by these weights."
     )
-    amplitude: Number = Field(description="Its amplitude, mass length / time².")
+    base: BaseQuantity | None = Field(
+        None,
+        description="In place of dof: the base moves, by the influence of the system, and "
+        "amplitude is that of its acceleration, velocity or displacement.",
+    )
+    amplitude: Number = Field(
+        description="Its amplitude, mass length / time²; of a base, length / time² or so."
+    )
+    scale: Literal["Omega2"] | None = Field(
+        None,
+        description="Omega2: the amplitude is multiplied by the square of the drive's frequency, "
+        "as that of an unbalance, whose amplitude is then mass times eccentricity.",
+    )
     harmonic: Annotated[int, Field(strict=True, ge=1, le=1000)] = Field(
         1, description="Multiple of the drive's frequency."
     )
@@ -166,8 +210,12 @@ class DriveTerm(Document):
 
     @model_validator(mode="after")
     def _placed(self) -> Self:
-        if (self.dof is None) == (self.direction is None):
-            raise PydanticCustomError("dof_or_direction", "give either dof or direction")
+        given = [each for each in (self.dof, self.direction, self.base) if each is not None]
+        if len(given) != 1:
+            raise PydanticCustomError("dof_or_direction", "give one of dof, direction and base")
+        if self.base is not None and self.scale is not None:
+            message = "the motion of a base has no scale: give its displacement instead"
+            raise PydanticCustomError("base_or_scale", message)
         return self
 
 

@@ -77,7 +77,8 @@ class NaturalFrequenciesRequest(ComputationRequest):
     ) = Field(
         None,
         description="Displacements of all degrees of freedom by unit motions of the base, a list "
-        "for each direction [direction, dof]; required for effective_mass.",
+        "for each direction [direction, dof], for effective_mass; absent: the influence of the "
+        "system.",
         examples=[[[1.0, 0.0, 1.0, 0.0]]],
     )
     outputs: Annotated[list[NaturalFrequenciesOutput], Field(min_length=1, fail_fast=True)] = Field(

@@ -246,13 +246,19 @@ class Dashpot(Document):
 Dashpots = Annotated[list[Dashpot], Field(max_length=1000, fail_fast=True)]
 
 
-class Damped(Document):
-    """Fields of all structures with damping."""
+class Structure(Document):
+    """Fields of all structures."""
 
     damping: Damping | None = Field(
         None, description="Damping by ratios, Rayleigh's or structural; absent: none, or C."
     )
     dashpots: Dashpots | None = Field(None, description="Dampers besides, which add to C.")
+
+    influence: Numbers | None = Field(
+        None,
+        description="Displacements of the structure by a unit displacement of its base, such as 1 "
+        "for those in its direction, shape [n]; for loads by the base and effective masses.",
+    )
 
     def check_one_damping(self, other: str) -> Self:
         """Refuse damping beside another field that gives it."""
@@ -265,7 +271,7 @@ class Damped(Document):
         return self
 
 
-class MatrixSystem(Damped):
+class MatrixSystem(Structure):
     """M x″ + C x′ + K x = force, with constraints."""
 
     M: Matrix = Field(
@@ -297,7 +303,7 @@ class SystemReference(Document):
     )
 
 
-class Preset(Damped):
+class Preset(Structure):
     """Fields of all presets."""
 
     constraints: Constraints = Field(description="Limiters; results refer to them by position.")

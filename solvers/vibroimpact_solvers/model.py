@@ -228,6 +228,8 @@ class System:
         Units of the numbers; None: dimensionless.
     chain : ChainShape, optional
         Set by `presets.chain`: the natural modes are known in closed form.
+    influence : array, shape (n,), optional
+        Displacements by a unit displacement of the base.
 
     Attributes
     ----------
@@ -249,6 +251,7 @@ class System:
     force: Floats | None = None
     units: Units | None = None
     chain: ChainShape | None = None
+    influence: Floats | None = None
     massless: Integers = field(init=False, repr=False)
     body: Body = field(init=False, repr=False)
 
@@ -266,6 +269,8 @@ class System:
                 raise ModelError(("force",), message, code="wrong_size")
             force.setflags(write=False)
             object.__setattr__(self, "force", force)
+        if self.influence is not None:
+            object.__setattr__(self, "influence", self._checked_influence(self.influence))
         self._check_constraints()
         self._check_magnitudes()
         object.__setattr__(self, "massless", self._without_mass())
@@ -354,6 +359,20 @@ class System:
         vars(system).update(vars(self), constraints=tuple(constraints))
         system._check_constraints()
         system._check_massless()
+        return system
+
+    def _checked_influence(self, given: Floats) -> Floats:
+        influence = np.array(given, dtype=np.float64)
+        if influence.shape != (self.n,) or not np.isfinite(influence).all():
+            message = f"the influence of the base needs {self.n} finite numbers"
+            raise ModelError(("influence",), message, code="wrong_size")
+        influence.setflags(write=False)
+        return influence
+
+    def on_base(self, influence: Floats) -> System:
+        """Return the structure on a base, whose unit displacement moves it so, shape (dof,)."""
+        system = object.__new__(System)
+        vars(system).update(vars(self), influence=self._checked_influence(influence))
         return system
 
     def damped(self, C: SymmetricMatrix) -> System:

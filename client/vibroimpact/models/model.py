@@ -146,10 +146,12 @@ class Model:
         *,
         damping: Damping | None = None,
         dashpots: Dashpots = (),
+        base: str | None = None,
     ) -> documents.MatrixSystem:
         """Return the structure's document; `force` maps labels to static loads.
 
-        `damping` and `dashpots` are as of `vibroimpact.system`, damping instead of the model's C.
+        `damping` and `dashpots` are as of `vibroimpact.system`, damping instead of the model's C;
+        `base` is the direction in which the base moves, such as ``"z"``, see `influence`.
         """
         load = None
         if force is not None:
@@ -158,9 +160,27 @@ class Model:
                 load[self.dof(node, direction)] = value
         given = None if load is None else load.tolist()
         C = self.C if damping is None else None
+        influence = None if base is None else self.influence(base)
         return system(
-            self.M, self.K, constraints, C, given, self.units, damping=damping, dashpots=dashpots
-        )
+            self.M, self.K, constraints, C, given, self.units,
+            damping=damping, dashpots=dashpots, influence=influence,
+        )  # fmt: skip
+
+    def influence(self, direction: str) -> Array:
+        """Return the displacements by a unit displacement of the base in a direction, (dof,).
+
+        1 for the degrees of freedom in that direction, 0 for others.
+
+        Raises
+        ------
+        ValueError
+            If there is none in that direction.
+        """
+        moved = np.array([1.0 if each == direction else 0.0 for _, each in self.labels])
+        if not moved.any():
+            known = ", ".join(dict.fromkeys(each for _, each in self.labels))
+            raise ValueError(f"no degree of freedom in direction {direction!r}: there are {known}")
+        return moved
 
     def fixed(self, nodes: Iterable[int], directions: Iterable[str] | None = None) -> Model:
         """Return the model with nodes held fixed, in all directions or in some."""

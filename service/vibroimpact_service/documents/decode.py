@@ -43,7 +43,7 @@ def system(document: systems.AnySystem) -> System:
     """
     name = digest.content(digest.canonical(document)).encode()
     try:
-        return KNOWN.get(name, lambda: _Known(damped.damped(document, _decoded(document)))).system
+        return KNOWN.get(name, lambda: _Known(_whole(document))).system
     except OverflowError:
         message = "its numbers are too large for double precision"
         raise ModelError((), message, code="overflow") from None
@@ -74,6 +74,12 @@ KNOWN: Final = Cache(2**28, most=8)
 """Systems of recent requests, the checks of which and what was prepared for them are paid once."""
 
 
+def _whole(document: systems.AnySystem) -> System:
+    """Return the system of a document with its damping and its base."""
+    of = damped.damped(document, _decoded(document))
+    return of if document.influence is None else of.on_base(np.array(document.influence))
+
+
 def _decoded(document: systems.AnySystem) -> System:
     limiters = constraints(document)
     units = None
@@ -89,7 +95,7 @@ def _decoded(document: systems.AnySystem) -> System:
             units=units,
         )
     parameters = document.model_dump(
-        exclude={"preset", "constraints", "units", "damping", "dashpots"}
+        exclude={"preset", "constraints", "units", "damping", "dashpots", "influence"}
     )
     preset: Callable[..., System] = getattr(presets, document.preset)
     return preset(constraints=limiters, units=units, **parameters)
@@ -235,7 +241,7 @@ def periodic_motions(request: requests.PeriodicMotionsRequest, of: System) -> dr
     return driven.Problem(
         of,
         Omega,
-        tuple(_force(term) for term in request.load),
+        tuple(loads.force(term, place, of) for place, term in enumerate(request.load)),
         request.periods,
         sequence
         if isinstance(sequence, str)
@@ -259,7 +265,7 @@ def attractors(
         Omega,
         np.array(request.initial.x),
         np.array(request.initial.v),
-        tuple(_force(term) for term in request.load),
+        tuple(loads.force(term, place, of) for place, term in enumerate(request.load)),
         request.settle,
         request.observe,
         request.longest,
@@ -270,15 +276,6 @@ def attractors(
         request.tolerance,
         meter,
     )
-
-
-def _force(term: motions.DriveTerm) -> driven.Force:
-    if term.direction is None:
-        assert term.dof is not None
-        dofs, weights = [term.dof], [1.0]
-    else:
-        dofs, weights = term.direction.dofs, term.direction.weights
-    return driven.Force(tuple(dofs), tuple(weights), term.amplitude, term.harmonic, term.phase)
 
 
 def _rows(rows: Sequence[Sequence[float]], where: tuple[str, ...]) -> Floats:
@@ -296,7 +293,7 @@ def time_history(request: requests.TimeHistoryRequest, of: System) -> histories.
             initial = histories.State(np.array(x), np.array(v))
         case motions.InitialMode(impact_mode=mode):
             initial = histories.ImpactMode(mode.Omega, tuple(mode.active or ()))
-    with loads.as_sent(request):
+    with loads.as_sent(request, of):
         return histories.Problem(of, initial, digits=request.digits, **_motion(request, of))
 
 
@@ -305,7 +302,7 @@ def ensemble(
 ) -> ensembles.Problem:
     """Return the problem of an ensemble."""
     x, v = np.array(request.initial.x), np.array(request.initial.v)
-    with loads.as_sent(request):
+    with loads.as_sent(request, of):
         return ensembles.Problem(of, x, v, **_motion(request, of), report=meter)
 
 
@@ -322,7 +319,9 @@ def _motion(request: requests.MotionRequest, of: System) -> dict[str, Any]:
         "outputs": frozenset(request.outputs),
         "tolerance": request.tolerance,
         "load": tuple(
-            loads.decoded(term, place, of) for place, term in enumerate(request.load or ())
+            load
+            for place, term in enumerate(request.load or ())
+            for load in loads.decoded(term, place, of)
         ),
         "limiter": limiter,
         "method": request.method,

@@ -2,33 +2,78 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Final
 
 import numpy as np
 
 from vibroimpact_schema import motions, requests
+from vibroimpact_solvers import periodic_motions as driven
 from vibroimpact_solvers import time_history as histories
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.model import System
 
 
-def decoded(term: Any, place: int, of: System) -> histories.Load:
-    """Return a load of a motion; place is its place among them."""
+def decoded(term: Any, place: int, of: System) -> Sequence[histories.Load]:
+    """Return what a load of a motion is made of; place is its place among them."""
     match term:
         case motions.HarmonicLoad():  # the first, as there may be thousands of them
-            return histories.Harmonic(term.dof, term.amplitude, term.frequency, term.phase)
+            return (histories.Harmonic(term.dof, term.amplitude, term.frequency, term.phase),)
+        case motions.HarmonicBase():
+            base = force(
+                motions.DriveTerm(base=term.base, amplitude=term.amplitude, phase=term.phase),
+                place,
+                of,
+            ).at(term.frequency)
+            return [
+                histories.Harmonic(dof, base.amplitude * weight, term.frequency, base.phase)
+                for dof, weight in zip(base.dofs, base.weights, strict=True)
+            ]
         case motions.SampledLoad():
             direction, values = _weights(term, place, of.n), np.array(term.force)
         case motions.BaseMotion():
-            if len(term.base) != of.n:
-                message = f"{len(term.base)} numbers for {of.n} degrees of freedom"
+            given = term.base
+            influence = _influence(of, place) if isinstance(given, str) else np.array(given)
+            if influence.size != of.n:
+                message = f"{influence.size} numbers for {of.n} degrees of freedom"
                 raise ModelError(("load", place, "base"), message, code="wrong_length")
-            direction, values = -(of.M @ np.array(term.base)), np.array(term.acceleration)
+            direction, values = -(of.M @ influence), np.array(term.acceleration)
     t = np.array(term.t) if term.interval is None else term.interval * np.arange(values.size)
-    return histories.Sampled(direction, t, values)
+    return (histories.Sampled(direction, t, values),)
+
+
+def force(term: motions.DriveTerm, place: int, of: System) -> driven.Force:
+    """Return a load of periodic motions; place is its place among them.
+
+    A base whose acceleration is a(t) is the load ``-M r a`` on the displacements relative to it;
+    a velocity ``A cos(s)``, s = h Omega t + phase, is the acceleration ``h Omega A cos(s + pi/2)``,
+    a displacement ``-(h Omega)^2 A cos(s)``.
+    """
+    amplitude, phase, power = term.amplitude, term.phase, 2 if term.scale else 0
+    if term.base is not None:
+        push = -(of.M @ _influence(of, place))
+        if term.base == "velocity":
+            amplitude, phase, power = term.harmonic * amplitude, phase + 0.5 * math.pi, 1
+        elif term.base == "displacement":
+            push, amplitude, power = -push, term.harmonic**2 * amplitude, 2
+        moved = np.flatnonzero(push)
+        dofs, weights = moved.tolist(), push[moved].tolist()
+    elif term.direction is None:
+        assert term.dof is not None
+        dofs, weights = [term.dof], [1.0]
+    else:
+        dofs, weights = term.direction.dofs, term.direction.weights
+    return driven.Force(tuple(dofs), tuple(weights), amplitude, term.harmonic, phase, power)
+
+
+def _influence(of: System, place: int) -> Floats:
+    if of.influence is None:
+        message = "the system needs its influence, the displacements by those of its base"
+        raise ModelError(("load", place, "base"), message, code="missing_influence")
+    return of.influence
 
 
 def _weights(term: motions.SampledLoad, place: int, n: int) -> Floats:
@@ -50,13 +95,16 @@ def _weights(term: motions.SampledLoad, place: int, n: int) -> Floats:
 
 
 @contextmanager
-def as_sent(request: requests.MotionRequest) -> Iterator[None]:
+def as_sent(request: requests.MotionRequest, of: System) -> Iterator[None]:
     """Let errors of loads point to the field that was sent, whatever became of it."""
     try:
         yield
     except ModelError as error:
         match error.pointer:
-            case ("load", int(place), str(name)) if request.load is not None:
+            case ("load", int(made), str(name)) if request.load is not None:
+                counts = [len(decoded(term, 0, of)) for term in request.load]
+                place = int(np.searchsorted(np.cumsum(counts), made, side="right"))
+                place = min(place, len(counts) - 1)
                 sent = request.load[place].model_fields_set
                 names = (name, *_SENT.get(name, ()))
                 own = next((each for each in names if each in sent), name)
@@ -68,6 +116,6 @@ _SENT: Final = {
     "t": ("interval",),
     "values": ("force", "acceleration"),
     "direction": ("base", "dof"),
-    "dof": ("direction",),
+    "dof": ("direction", "base"),
 }
 """Field of a load of the solver -> those of documents that it may be made of."""

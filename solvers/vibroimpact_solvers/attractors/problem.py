@@ -77,6 +77,9 @@ class Problem:
     """The first motion that is possible."""
 
     def __post_init__(self, report: Callable[[], None] | None) -> None:
+        if np.size(self.Omega) == 1:
+            load = tuple(force.at(float(np.ravel(self.Omega)[0])) for force in self.load)
+            object.__setattr__(self, "load", load)
         dofs = np.arange(self.system.n) if self.dofs is None else np.asarray(self.dofs)
         object.__setattr__(self, "output_dofs", dofs.astype(np.int64))
         object.__setattr__(self, "outputs", frozenset(self.outputs))

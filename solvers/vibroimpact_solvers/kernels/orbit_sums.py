@@ -80,14 +80,17 @@ def _scalar_product(a: Floats, b: Floats) -> float:
 
 
 @inner
-def _add_energies(e: Dissipation, n: int, sums: Sums, room: Room) -> None:
-    """Add work of the load and losses by damping over n nodes."""
+def _add_energies(e: Dissipation, frequency: int, n: int, sums: Sums, room: Room) -> None:
+    """Add work of the load and losses by damping over n nodes, whose basis is used up."""
     modes, waves, k = e.load.shape[1], e.load.shape[0], room.progress[0].solution
     v = room.v[: n * modes].reshape(n, modes)
     forces = room.forces[: n * modes].reshape(n, modes)
     dragged = room.dragged[: n * modes].reshape(n, modes)
     if waves > 0:
         rows = room.basis[TRENDS * n : (TRENDS + waves) * n].reshape(waves, n)
+        for w in range(waves):
+            for i in range(n):
+                rows[w, i] *= e.factors[frequency, w]
         multiply(rows, e.load, forces)
     coupled = e.damping.shape[0] > 1
     if coupled:
@@ -206,7 +209,7 @@ def integrate(
             _add_squares(dofs, n, sums.squares[k], room)
             raise_peaks(flow, x, m, mesh, n, sums, room)
             if modes > 0:
-                _add_energies(e, n, sums, room)
+                _add_energies(e, m.of[k], n, sums, room)
             sums.nodes[k] += n
             work += n * (_NODE + rows * (dofs + modes))
             first = last

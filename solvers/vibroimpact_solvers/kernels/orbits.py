@@ -59,6 +59,7 @@ class Dissipation(NamedTuple):
 
     load: Floats  # (2 harmonic, mode): modal forces, factors of cosines and sines in turn
     damping: Floats  # (mode, mode), or one row of its diagonal; no rows where there is none
+    factors: Floats  # (frequency, 2 harmonic): of the modal forces
 
 
 class Motions(NamedTuple):

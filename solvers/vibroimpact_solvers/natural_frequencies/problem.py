@@ -38,7 +38,7 @@ class Problem:
         Indices of the constraints whose coordinates are held at zero.
     directions : array, shape (direction, dof), optional
         Displacements r of all degrees of freedom by unit motions of the base, for
-        ``effective_mass``.
+        ``effective_mass``. Default: the influence of the system's base.
     outputs : frozenset of str
         The requested ones of `OUTPUTS`.
     tolerance : float, optional
@@ -85,9 +85,14 @@ class Problem:
     """The structure without its held coordinates; None: none is held. Set by the checks."""
 
     def _check_directions(self) -> None:
+        if self.directions is None and self.system.influence is not None:
+            object.__setattr__(self, "directions", self.system.influence[np.newaxis])
         if self.directions is None:
             if "effective_mass" in self.outputs:
-                message = "effective masses need the directions in which the base moves"
+                message = (
+                    "effective masses need the directions in which the base moves, or a system "
+                    "with an influence"
+                )
                 raise ModelError(("directions",), message, code="missing_directions")
             return
         directions = np.array(self.directions, dtype=np.float64, ndmin=2)

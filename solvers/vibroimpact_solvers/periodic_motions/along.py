@@ -85,7 +85,9 @@ class Along:
             diagonal = np.diag(outputs.damping)
             apart = outputs.damping - np.diag(diagonal)
             damping = outputs.damping if apart.any() else diagonal[np.newaxis]
-        change = Dissipation(outputs.load.copy(), damping.copy())
+        change = Dissipation(
+            outputs.load.copy(), damping.copy(), np.repeat(cells.amplification, 2, axis=1)
+        )
         n, dofs, modes = solved.index.size, x.trend.shape[1], v.trend.shape[1]
         sums = Sums(
             np.zeros((n, 2, dofs)), np.full((n, 2, dofs), -np.inf), np.zeros((n, 2, 3)),

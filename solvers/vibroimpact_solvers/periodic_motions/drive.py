@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vibroimpact_solvers import spectrum
-from vibroimpact_solvers.arrays import EPS, Booleans, Floats
+from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers
 from vibroimpact_solvers.kernels.limit_check import Coordinates
 from vibroimpact_solvers.kernels.periodic import Response
 from vibroimpact_solvers.periodic_motions.balance import Balance, unloaded
@@ -41,8 +41,10 @@ class Driven:
         ``W M^-1 W^T``.
     harmonics : array of float, shape (harmonic,)
         Multiples of the drive's frequency, ascending.
+    powers : array of int, shape (harmonic,)
+        Those of the drive's frequency that multiply its amplitudes.
     forces : array, shape (harmonic, dof), complex
-        Amplitudes of the load.
+        Amplitudes of the load at the frequency 1.
     load : array, shape (harmonic, 2, pair), complex
         Change of state per unit of time by the amplitude of each harmonic.
     shape_error : float
@@ -69,6 +71,7 @@ class Driven:
     level_error: Floats
     mobility: Floats
     harmonics: Floats
+    powers: Integers
     forces: Complexes
     load: Complexes
     shape_error: float
@@ -107,8 +110,10 @@ class Driven:
         rows[equal.silent] = 0.0
         harmonics = np.unique([force.harmonic for force in problem.load]).astype(np.float64)
         forces = np.zeros((harmonics.size, system.n), dtype=np.complex128)
+        powers = np.zeros(harmonics.size, dtype=np.int64)
         for force in problem.load:
             k = int(np.searchsorted(harmonics, force.harmonic))
+            powers[k] = force.power
             amplitude = force.amplitude * complex(math.cos(force.phase), math.sin(force.phase))
             for dof, weight in zip(force.dofs, force.weights, strict=True):
                 forces[k, dof] += amplitude * weight
@@ -152,6 +157,7 @@ class Driven:
             np.abs(structure.W @ modes.shapes) @ (np.abs(basis.still) * loose),
             structure.mobility,
             harmonics[keep],
+            powers[keep],
             forces[keep],
             load[keep],
             shape_error,

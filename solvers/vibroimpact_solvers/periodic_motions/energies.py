@@ -126,6 +126,7 @@ def _work_of_parts(motion: _Motion) -> tuple[Floats, Floats]:
     rates = cells.Omega[:, np.newaxis] * driven.harmonics
     form, shape = driven.position[struck], 2.0 * driven.shape_error + 4.0 * EPS
     back, inexact = driven.pairs.steady_response(rates, driven.load.conj())
+    back *= cells.amplification[:, :, np.newaxis, np.newaxis]
     y = np.einsum("fhsj,isj->fih", back, form).conj()
     moduli = np.abs(back) * (inexact + shape)[:, :, np.newaxis]
     y_error = np.einsum("fhsj,isj->fih", moduli, np.abs(form))[index]

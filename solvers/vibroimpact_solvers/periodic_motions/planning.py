@@ -116,7 +116,8 @@ def _order(problem: Problem) -> float:
     of the velocities is taken which the forces cause by inertia.
     """
     orders = np.array([force.harmonic for force in problem.load], dtype=np.float64)
-    sizes = np.array([force.amplitude for force in problem.load])
+    middle = float(np.median(problem.Omega))
+    sizes = np.array([force.at(middle).amplitude for force in problem.load])
     if not sizes.any():
         return 1.0
     sizes = sizes / np.abs(sizes).max()

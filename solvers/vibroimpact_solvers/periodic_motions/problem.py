@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -23,7 +23,7 @@ SYMMETRIC: Final = "symmetric"
 
 @dataclass(frozen=True, slots=True)
 class Force:
-    """A load ``amplitude cos(harmonic Omega t + phase)`` along a direction.
+    """A load ``amplitude Omega^power cos(harmonic Omega t + phase)`` along a direction.
 
     Parameters
     ----------
@@ -33,6 +33,9 @@ class Force:
     harmonic : int
         Multiple of the drive's frequency, at least 1.
     phase : float
+    power : int
+        Power of the drive's frequency with which the amplitude grows: 2 of an unbalance. All
+        loads of one harmonic have the same.
     """
 
     dofs: tuple[int, ...]
@@ -40,6 +43,13 @@ class Force:
     amplitude: float
     harmonic: int = 1
     phase: float = 0.0
+    power: int = 0
+
+    def at(self, Omega: float) -> Force:
+        """Return the load at one frequency of the drive, with its amplitude there."""
+        if not self.power:
+            return self
+        return replace(self, amplitude=self.amplitude * Omega**self.power, power=0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +163,13 @@ class Problem:
             raise ModelError(("periods",), "there is at least one period", code="out_of_range")
 
     def _check_load(self) -> None:
+        powers = dict[int, int]()
         for index, force in enumerate(self.load):
+            if powers.setdefault(force.harmonic, force.power) != force.power:
+                message = (
+                    "another term of this harmonic depends on the drive's frequency in another way"
+                )
+                raise ModelError(("load", index), message, code="mixed_scales")
             for dof in force.dofs:
                 if not 0 <= dof < self.system.n:
                     message = f"dof {dof} is not below the number of degrees of freedom"

@@ -33,6 +33,8 @@ class Cells:
         Amplitudes of the response to the load without impacts.
     steady_error : array, shape (frequency, harmonic, pair)
         Their relative errors.
+    amplification : array, shape (frequency, harmonic)
+        Factors of the load that depend on the frequency.
     """
 
     Omega: Floats
@@ -41,6 +43,7 @@ class Cells:
     sign: float
     steady: Complexes
     steady_error: Floats
+    amplification: Floats
 
     @classmethod
     def of(cls, driven: Driven, problem: Problem) -> Cells:
@@ -51,16 +54,20 @@ class Cells:
         Omega = problem.Omega / driven.scale
         rates = Omega[:, np.newaxis] * driven.harmonics
         steady, error = driven.pairs.steady_response(rates, driven.load)
+        amplification = problem.Omega[:, np.newaxis] ** driven.powers
+        if driven.powers.any():
+            steady *= amplification[:, :, np.newaxis, np.newaxis]
+            error += 4.0 * EPS
         return cls(
             Omega, length, (wide - length).astype(np.float64), -1.0 if problem.symmetric else 1.0,
-            steady, error,
+            steady, error, amplification,
         )  # fmt: skip
 
     def at(self, chosen: Integers) -> Cells:
         """Return some of the cells."""
         return Cells(
             self.Omega[chosen], self.length[chosen], self.rest[chosen], self.sign,
-            self.steady[chosen], self.steady_error[chosen],
+            self.steady[chosen], self.steady_error[chosen], self.amplification[chosen],
         )  # fmt: skip
 
     def doubled(self) -> Cells:
@@ -77,7 +84,9 @@ class Cells:
         Most searches do not ask for it, and it takes longer than the response itself.
         """
         rates = self.Omega[:, np.newaxis] * driven.harmonics
-        return driven.mixing.of_steady(rates, driven.load, self.steady)
+        factors = self.amplification[:, :, np.newaxis]
+        unit = self.steady / factors[..., np.newaxis]
+        return driven.mixing.of_steady(rates, driven.load, unit) * factors
 
     def seen_error(self, driven: Driven, forms: Floats, doubts: Floats, more: float) -> Floats:
         """Return errors of forms of the steady responses, shape (cell, harmonic, form).

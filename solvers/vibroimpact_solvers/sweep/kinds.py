@@ -106,6 +106,7 @@ _STRUCTURE: Final = (
     Rule("system.zeta", None, _LOSSLESS, unless=_STABILITY),
     Rule("system.damping.**", None, _LOSSLESS, unless=_STABILITY),
     Rule("system.dashpots.**", None, _LOSSLESS, unless=_STABILITY),
+    Rule("system.influence.*", None, "impact modes have no drive"),
 )
 """Rules that impact modes and existence bands share."""
 _EVERYTHING: Final = Rule("**", Stage.SPECTRUM)
@@ -242,6 +243,7 @@ _FIELDS: Final = (
     ("system.damping.at", "1", "frequency of the loss factor"),
     ("system.dashpots.*.c", "mass time-1", "coefficient of the dashpot"),
     ("system.dashpots.*.weights.*", "1", "weight in the coordinate of the dashpot"),
+    ("system.influence.*", "1", "displacement by a unit displacement of the base"),
     ("system.force.*", _FORCE, "static load"),
     ("system.mass", _MASS, "mass"),
     ("system.stiffness", _STIFFNESS, "stiffness"),
