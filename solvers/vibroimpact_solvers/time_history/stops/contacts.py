@@ -123,8 +123,8 @@ class Contacts:
         """
         if not self._loaded or span <= 0.0:
             return
-        motion = states[0], np.maximum(*map(np.abs, states))
-        spread = np.maximum(*spreads)
+        motion = states[0], np.maximum(*map(np.abs, states)).ravel()
+        spread = np.maximum(*spreads).ravel()
         for contact in self._loaded.values():
             self._add_to(contact, (scene, work), motion, span, spread)
 
@@ -139,13 +139,12 @@ class Contacts:
         structure, scale = self._structure, self._structure.scale
         (scene, work), a = at, contact.constraint
         z, largest = motion
-        form, _ = scene.force_form(a)
-        moves = scene.kernel.watched.coordinate[a]
-        slides = scene.kernel.watched.velocity[a]
+        forms, slopes = scene.sizes
+        moves, slides, pushes = forms[a], slopes[a], forms[scene.force_place(a)]
         k, c = float(structure.stiffness[a]), float(structure.damping[a])
         above = float(scene.placed.indentations[a])
-        size = float((np.abs(moves) * largest).sum()) + abs(above)
-        before = contact.sums.copy()
+        size = float(moves @ largest) + abs(above)
+        before = float(contact.sums[SQUARE])
         contact.sums[LEFT_OUT:] = 0.0
         done = 0.0 if size > 0.0 else span
         longest, law = min(scene.basis.longest, _LONGEST), np.array([k, c * scale])
@@ -156,12 +155,10 @@ class Contacts:
             )  # fmt: skip
             look()
         contact.impulse = float(contact.sums[IMPULSE]) / scale
-        square = float(contact.sums[SQUARE] - before[SQUARE])
+        square = float(contact.sums[SQUARE]) - before
         contact.energy_lost += c * scale * square
-        off, fast, force = (
-            error_of(f, spread) + _ROUNDED * EPS * float((np.abs(f) * largest).sum())
-            for f in (moves, slides, form)
-        )
+        missed = SAMPLED * EPS * spread + _ROUNDED * EPS * largest
+        off, fast, force = float(moves @ missed), float(slides @ missed), float(pushes @ missed)
         still = float(np.abs(scene.placed.rows[a]) @ scene.placed.terms)
         off, force = off + _ROUNDED * EPS * still, force + _ROUNDED * EPS * k * still
         less, slower = contact.sums[LEFT_OUT:].tolist()
@@ -214,14 +211,14 @@ def spread_of(deviations: Floats, rotations: int) -> Floats:
 
     Of a pair that turns, both numbers are as large as their length.
     """
-    deviations = np.clip(deviations, -_LARGEST, _LARGEST)
-    spread = np.abs(deviations).max(axis=0, initial=0.0)
+    spread = np.fmin(np.abs(deviations).max(axis=0, initial=0.0), _LARGEST)
     turning = deviations[..., :rotations]
     if turning.size:
-        spread[:, :rotations] = np.sqrt((turning**2).sum(axis=1).max(axis=0))
+        lengths = np.sqrt(np.einsum("ckj,ckj->cj", turning, turning).max(axis=0))
+        spread[:, :rotations] = np.fmin(lengths, _LARGEST)
     return np.asarray(spread)
 
 
 def error_of(form: Floats, spread: Floats) -> float:
     """Return the error of a linear form whose state has deviations of these sizes."""
-    return SAMPLED * EPS * float((np.abs(form) * spread).sum())
+    return SAMPLED * EPS * float(np.abs(form).ravel() @ spread.ravel())

@@ -30,7 +30,7 @@ from vibroimpact_solvers.time_history.stops.configurations import (
     States,
     StoppedStructure,
 )
-from vibroimpact_solvers.time_history.stops.contacts import Contacts, error_of, spread_of
+from vibroimpact_solvers.time_history.stops.contacts import SAMPLED, Contacts, error_of, spread_of
 from vibroimpact_solvers.time_history.stops.samples import Samples
 
 _ROWS: Final = 64  # samples that are taken at once
@@ -39,6 +39,8 @@ _MOST: Final = 2_000_000  # switchings of a motion
 _CONVERTED: Final = 2.0  # roundings of a state that goes on as another one
 _FOUND: Final = 4.0  # roundings within which a form is zero
 _CLEAR: Final = 64.0  # roundings of a slope that has a sign
+_APART: Final = 7  # rows of signs between those of two deviations
+_EACH: Final = np.arange(1, 1 + COLUMNS)
 _SLOWEST: Final = 1e-300
 _NONE: Final = np.empty(0, IMPACT)
 
@@ -220,8 +222,14 @@ class StoppedMotion:
         scene, count = self._scene, len(self._scene.states)
         forced = who >= count
         a = scene.forces[who - count] if forced else who
-        code, error = scene.states[a], self._time_error(who)
+        code = scene.states[a]
         new = self._next(a, code, forced)
+        if self.contacts.wanted:
+            self._account(a, code, new, self._time_error(who))
+        self._change((*scene.states[:a], new, *scene.states[a + 1 :]), a)
+
+    def _account(self, a: int, code: int, new: int, error: float) -> None:
+        """Enter a switching at a time that is known to an error into the table of contacts."""
         if abs(code) == RELEASED:
             self.contacts.end_release(a, *self._indentation(a, code))
         if abs(code) == LOADED:
@@ -230,7 +238,6 @@ class StoppedMotion:
             self.contacts.release(a, *self._indentation(a, new))
         if abs(new) == LOADED:
             self._start(a, _side(new), error)
-        self._change((*scene.states[:a], new, *scene.states[a + 1 :]), a)
 
     def _start(self, a: int, side: int, error: float) -> None:
         """Begin a contact phase at a time that is known to an error."""
@@ -246,6 +253,8 @@ class StoppedMotion:
     def _next(self, a: int, code: int, forced: bool) -> int:
         """Return the state of a stop after one of its forms became zero."""
         if code == OPEN:
+            if (only := self._structure.only_side[a]) != 0:
+                return only * LOADED
             lower, upper = self._structure.walls[:, a].tolist()
             y = self._coordinate(a)
             return LOADED if abs(y - upper) <= abs(y + lower) else -LOADED
@@ -269,11 +278,12 @@ class StoppedMotion:
 
     def _time_error(self, who: int) -> float:
         """Return the error of the time at which a watched form became zero, just now."""
-        watched = self._scene.kernel.watched
-        form = watched.coordinate[who]
-        slope = float((watched.velocity[who] * self._Z[0]).sum() + self._scene.rises[who])
-        terms = float(np.abs(form * self._Z[0]).sum() + self._scene.kernel.walls["size"][who])
-        error = error_of(form, self._spread()) + (_FOUND + self._room) * EPS * terms
+        scene, z = self._scene, self._Z[0].ravel()
+        slope = float(scene.kernel.watched.velocity[who].ravel() @ z + scene.rises[who])
+        sizes = scene.sizes[0, who]
+        terms = float(sizes @ np.abs(z)) + float(scene.kernel.walls[who]["size"])
+        error = SAMPLED * EPS * float(sizes @ self._spread().ravel())
+        error += (_FOUND + self._room) * EPS * terms
         return error / max(abs(slope), _SLOWEST)
 
     def _change(self, states: States, a: int) -> None:
@@ -301,17 +311,18 @@ class StoppedMotion:
         Otherwise it is given some room, so that the motion gets on (`next_impact`).
         """
         kernel = self._scene.kernel
-        terms = kernel.watched.velocity[place] * self._Z[0]
-        rises = float(self._scene.rises[place])
-        slope = float(terms.sum()) + rises
-        if math.isfinite(kernel.walls["lower"][place]) and math.isfinite(
-            kernel.walls["upper"][place]
-        ):
-            y, walls = self._coordinate(place), self._structure.walls[:, place]
-            slope = slope if abs(y - walls[1]) > abs(y + walls[0]) else -slope
-        elif math.isfinite(kernel.walls["upper"][place]):
+        form, z, rises = kernel.watched.velocity[place].ravel(), self._Z[0].ravel(), 0.0
+        if self._scene.pushed:
+            rises = float(self._scene.rises[place])
+        slope = float(form @ z) + rises
+        walls = kernel.walls[place]
+        lower, upper = float(walls["lower"]), float(walls["upper"])
+        if math.isfinite(lower) and math.isfinite(upper):
+            y = float(kernel.watched.coordinate[place].ravel() @ z)
+            slope = slope if abs(y - upper) > abs(y + lower) else -slope
+        elif math.isfinite(upper):
             slope = -slope
-        return slope > _CLEAR * EPS * (float(np.abs(terms).sum()) + abs(rises))
+        return slope > _CLEAR * EPS * (float(np.abs(form) @ np.abs(z)) + abs(rises))
 
     def _add_errors(
         self, after: Scene, flat: Floats, moved: Floats, passage: Passage, a: int
@@ -328,19 +339,21 @@ class StoppedMotion:
             off = flat[1:] @ form + place * signs[: len(moved) - 1, 0, 0]
             moved[1:] -= np.outer(c * off, after.kernel.watched.kick[a].ravel())
         size, state = _CONVERTED * passage.rounding(flat[0]), flat[0].reshape(2, -1)
-        missed = before.placed.mixed(state)
         fixed = _CONVERTED * np.abs(moved[0])
         if before.placed.mixing is not None:
+            missed = before.placed.mixed(state)
             fixed = fixed + passage.sizes @ np.broadcast_to(missed, state.shape).ravel() / EPS
         if after.placed.mixing is not None:
             missed = after.placed.mixed(moved[0].reshape(2, -1))
             fixed = fixed + np.broadcast_to(missed, (2, after.basis.pairs)).ravel() / EPS
-        rows, columns = signs.reshape(len(signs), -1), np.arange(1, len(moved))
-        moved[1:] += size * rows[(self._switches + 7 * columns) % len(rows)]
+        rows = signs.reshape(len(signs), -1)
+        moved[1:] += size * rows[(self._switches + _APART * _EACH) % len(rows)]
         # Errors of the modes themselves are the same at every switching.
-        moved[1:] += np.copysign(fixed, moved[0]) * rows[columns % len(rows)]
+        moved[1:] += np.copysign(fixed, moved[0]) * rows[1 : 1 + self._columns]
         # Those of loads stay what they are: an error of a response is not one of a phase.
         old, new = before.basis.load_places, after.basis.load_places
+        if not old.size and not new.size:
+            return
         shared = min(old.size, new.size)
         whole = moved.reshape(len(moved), 2, -1)
         whole[1:, :, new] = 0.0
