@@ -33,6 +33,7 @@ from vibroimpact_solvers.time_history.planning import plan
 from vibroimpact_solvers.time_history.problem import (
     EXACT,
     KIND,
+    MOST_STOPPED,
     OUTPUTS,
     TOLERANCE,
     ImpactMode,
@@ -56,6 +57,7 @@ from vibroimpact_solvers.time_history.windows import (
 __all__ = [
     "EXACT",
     "KIND",
+    "MOST_STOPPED",
     "OUTPUTS",
     "TOLERANCE",
     "Assembly",

@@ -25,6 +25,8 @@ DIGITS: Final = (17, 1000)
 """Smallest and largest number of digits."""
 MOST_DOFS: Final = 200
 """Degrees of freedom up to which extended precision is available."""
+MOST_STOPPED: Final = 1000
+"""Degrees of freedom up to which motions with stops of finite stiffness are computed."""
 TOLERANCE: Final = 1e-6
 """Tolerance where the problem names none."""
 _FOLLOWS: Final = 1e-9
@@ -242,6 +244,12 @@ class Problem:
                 message = "forces are those of stops of finite stiffness: the stops are rigid"
                 raise ModelError(("outputs",), message, code="not_possible")
             return
+        if self.system.n > MOST_STOPPED:
+            message = (
+                f"{self.system.n} degrees of freedom are more than the {MOST_STOPPED} up to which "
+                "motions with stops of finite stiffness are computed: reduce the model"
+            )
+            raise ModelError(("system", "constraints", 0, "law"), message, code="too_large")
         rigid = next((i for i, c in enumerate(constraints) if c.law.rigid), None)
         if rigid is not None:
             message = "rigid stops beside stops of finite stiffness are not computed yet"

@@ -185,6 +185,8 @@ class Structure:
         self.limits = _places(system.constraints)
         self._configurations: dict[frozenset[Contact], Configuration] = {}
         self._modal: dict[tuple[Contact, ...], tuple[Any, ...]] = {}
+        self.beside: dict[type, Any] = {}
+        """What other classes prepare for the structure, by these."""
 
     @classmethod
     def of(

@@ -65,6 +65,24 @@ def test_a_free_mass_at_a_spring() -> None:
     assert result.error_energy_drift < 1e-14
 
 
+def test_an_elastic_stop_without_clearance() -> None:
+    """By hand: half a period of one spring, half a period of both, and so on."""
+    m, K, k, v0 = 2.0, 50.0, 350.0, 0.7
+    result = motion(one_mass(Linear(k), K=K), [0.0], [-v0], 40.0)
+    alone, both = math.pi / math.sqrt(K / m), math.pi / math.sqrt((K + k) / m)
+    count = int((40.0 - alone) / (alone + both)) + 1
+    starts = alone + (alone + both) * np.arange(count)
+    assert result.contact_start is not None
+    assert result.contact_stop is not None
+    assert result.contact_peak_force is not None
+    assert result.contact_start.size == count
+    assert (np.abs(result.contact_start - starts) <= result.error_contact_start).all()
+    assert (np.abs(result.contact_stop - starts - both) <= result.error_contact_stop)[:-1].all()
+    peak = k * v0 / math.sqrt((K + k) / m)
+    assert result.contact_peak_force == pytest.approx(np.full(count, peak), rel=1e-12)
+    assert np.max(result.error_contact_start) < 1e-11
+
+
 @pytest.mark.parametrize("ratio", [0.01, 0.3, 0.9, 1.0 - 1e-8, 1.0, 1.3, 8.0])
 def test_restitution_of_a_free_mass(ratio: float) -> None:
     """The closed form against an integration until the force is zero."""
@@ -277,6 +295,15 @@ def test_what_stops_with_a_stiffness_exclude(given: Any, pointer: Any) -> None:
     with pytest.raises(ModelError) as refused:
         motion(STOPPED, [0.0], [1.0], 1.0, **given)
     assert refused.value.pointer == pointer
+
+
+def test_large_structures_are_refused() -> None:
+    n = time_history.MOST_STOPPED + 1
+    eye = SymmetricMatrix.diagonal(np.ones(n))
+    stop = Constraint((0,), (1.0,), 1.0, 1.0, law=Linear(1.0))
+    with pytest.raises(ModelError, match="reduce the model") as refused:
+        motion(System(eye, eye, (stop,)), np.zeros(n), np.ones(n), 1.0)
+    assert refused.value.pointer == ("system", "constraints", 0, "law")
 
 
 def test_other_refusals() -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 
@@ -23,6 +23,8 @@ from vibroimpact_solvers.time_history.structure import Structure, errors_of
 OPEN: Final = 0
 LOADED: Final = 1
 RELEASED: Final = 2
+_ROOM: Final = 2**28  # bytes of the passages that are kept
+_FEWEST: Final = 4  # of them, however large they are
 """States of a stop; with the sign of its side where it is not open."""
 States = tuple[int, ...]
 
@@ -120,6 +122,14 @@ class StoppedStructure(StoppedModes):
         self._scenes: dict[States, Scene] = {}
         self._passages: dict[tuple[States, States], Passage] = {}
 
+    @classmethod
+    def of(cls, structure: Structure) -> StoppedStructure:
+        """Return what is kept beside a structure, or prepare it."""
+        known = structure.beside.get(cls)
+        if known is None:
+            known = structure.beside[cls] = cls(structure)
+        return cast("StoppedStructure", known)
+
     def scene(self, states: States) -> Scene:
         """Return the structure in a state of its stops."""
         known = self._scenes.get(states)
@@ -197,7 +207,10 @@ class StoppedStructure(StoppedModes):
         key = before.states, after.states
         known = self._passages.get(key)
         if known is None:
-            known = self._passages[key] = self._passage(before.placed, after.placed)
+            known = self._passage(before.placed, after.placed)
+            if len(self._passages) >= max(_FEWEST, _ROOM // (4 * known.matrix.nbytes)):
+                self._passages.clear()
+            self._passages[key] = known
         return known
 
     def _passage(self, before: Placed, after: Placed) -> Passage:

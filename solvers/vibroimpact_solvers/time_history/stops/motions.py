@@ -39,7 +39,7 @@ class StoppedMotions:
     """
 
     def __init__(self, structure: Structure, problem: Problem) -> None:
-        self._structure, self._problem = StoppedStructure(structure), problem
+        self._structure, self._problem = StoppedStructure.of(structure), problem
 
     def solve(self, initial: State, tick: Tick | None = None) -> Result:
         """Compute a motion.
