@@ -15,7 +15,7 @@ import numpy as np
 from vibroimpact_schema import grids, sweeps, systems
 from vibroimpact_service.documents import decode
 from vibroimpact_service.documents.grid_values import decimal_steps, grid_values
-from vibroimpact_service.documents.varying import OTHER_SIZE, Path, Varying, number
+from vibroimpact_service.documents.varying import OTHER_SIZE, Path, Varying, number, replaced
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_solvers import sweep
 from vibroimpact_solvers.arrays import Floats, declared
@@ -45,6 +45,8 @@ _NUMBERS_TRIED: Final = 500_000
 """Numbers in the structures of all points that are tried; each takes some 0.1 microseconds."""
 _LIMITER_NUMBERS: Final = 20
 """Numbers in whose time a limiter is checked."""
+_INNER: Final = len(("system", "constraints", "place"))
+"""Steps of a path to a constraint."""
 _LIMITERS_KEPT: Final = 10_000
 _KEPT: Final = 4
 """Structures without their limiters that are held at a time."""
@@ -119,6 +121,10 @@ class _Axis(Varying):
     def set(self, base: Any, position: int) -> Any:
         """Return the request with the value at a position, without checking it."""
         return self.put(base, float(self.values[position]))
+
+    def set_within(self, constraint: Any, position: int) -> Any:
+        """Return a constraint of the request with the value at a position, without checking it."""
+        return replaced(constraint, self.path[_INNER:], self.number(float(self.values[position])))
 
     def check(self, base: Any, position: int) -> None:
         """Raise where the field may not have the value at a position."""
@@ -295,12 +301,16 @@ class _Grid:
         return request
 
     def _decoded_limiters(self, positions: Index) -> list[Constraint]:
-        changed = {self._axes[place].path[2] for place in self._limiting}
-        documents = self._set(self._limiting, positions).system.constraints
-        return [
-            decode.constraint(place, documents[place]) if place in changed else given
-            for place, given in enumerate(self._system.constraints)
-        ]
+        limiters = list(self._system.constraints)
+        documents = dict[int, Any]()
+        for place, position in zip(self._limiting, positions, strict=True):
+            axis = self._axes[place]
+            which = int(axis.path[2])
+            document = documents.get(which, self._base.system.constraints[which])
+            documents[which] = axis.set_within(document, position)
+        for which, document in documents.items():
+            limiters[which] = decode.constraint(which, document)
+        return limiters
 
     def _decoded_structure(self, positions: Index) -> System:
         if not self._structural:

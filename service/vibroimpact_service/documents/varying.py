@@ -32,9 +32,13 @@ class Varying:
 
     def put(self, base: Any, value: float) -> Any:
         """Return the request with another value, without checking it."""
-        number = int(value) if self.whole else value
-        changed = _replaced(base, self.path, number)
-        return changed if self.mirror is None else _replaced(changed, self.mirror, number)
+        number = self.number(value)
+        changed = replaced(base, self.path, number)
+        return changed if self.mirror is None else replaced(changed, self.mirror, number)
+
+    def number(self, value: float) -> float:
+        """Return a value as the field takes it."""
+        return int(value) if self.whole else value
 
     def fits(self, base: Any, value: float) -> None:
         """Raise where the field may not have that value."""
@@ -93,12 +97,12 @@ def _get(here: Any, step: str | int) -> Any:
     return getattr(here, str(step)) if isinstance(here, BaseModel) else here[step]
 
 
-def _replaced(here: Any, path: Path, value: Any) -> Any:
+def replaced(here: Any, path: Path, value: Any) -> Any:
     """Return a document with another value at a path; the rest is shared with the old one."""
     if not path:
         return value
     step, *rest = path
-    inner = _replaced(_get(here, step), tuple(rest), value)
+    inner = replaced(_get(here, step), tuple(rest), value)
     if isinstance(here, BaseModel):
         return here.model_copy(update={str(step): inner})
     copy = here.copy()

@@ -1,7 +1,8 @@
 """Many motions in parallel: each as it would be alone, in as many threads as there are cores.
 
 The compiled loop follows many motions in one call and releases the GIL for as long; motions with
-contacts or soft limiters return to Python on their way, where threads wait for each other.
+contacts or soft limiters return to Python on their way, where threads wait for each other. Short
+ones of different structures are prepared and concluded there: one thread computes them.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from typing import Any, TypeVar
 import numpy as np
 import scipy.sparse
 
+from vibroimpact_solvers import cost
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import Cancelled, ModelError, SolverError, attempt
 from vibroimpact_solvers.kernels.threads import cores
@@ -46,6 +48,7 @@ _T = TypeVar("_T")
 _FEWEST, _MOST = 16, 512  # motions that a thread takes at a time
 _SEARCHED = 4096  # states that are looked at together
 _TOGETHER = 16  # limiters that they are compared with together
+_SHORT_SECONDS = 0.005  # planned, of motions from which on threads pay
 _LOOK_SECONDS = 0.05  # between two calls of the caller's report
 
 
@@ -214,8 +217,18 @@ def solve_many(
         given = problems[start:stop]
         return [attempt(lambda one=one: solve(one, plan_of(one), tick)) for one in given]
 
-    for outcomes in _in_threads(some, len(problems), report):
+    most = cores() if _pays(problems) else 1
+    for outcomes in _in_threads(some, len(problems), report, most=most):
         yield from outcomes
+
+
+def _pays(problems: Sequence[Problem]) -> bool:
+    """Whether motions like the first one are so long that threads pay.
+
+    Short ones are mostly prepared and concluded, by one thread of Python at a time.
+    """
+    first = attempt(plan_of, problems[0]) if problems else None
+    return isinstance(first, Plan) and cost.seconds(first) > _SHORT_SECONDS
 
 
 def solve_states(
@@ -271,16 +284,22 @@ def _in_threads(
     count: int,
     report: Callable[[], None] | None,
     fewest: int = _FEWEST,
+    most: int | None = None,
 ) -> Iterator[_T]:
     """Yield ``some(0, 1, tick)``, ``some(1, …, tick)``, … to the count; ticks raise `Cancelled`.
 
-    A thread takes `fewest` motions at a time, or more.
+    A thread takes `fewest` motions at a time, or more; so many threads at most, absent: as many
+    as there are cores.
     """
     stopped = Event()
 
     def check(done: int, total: int) -> None:
         if stopped.is_set():
             raise Cancelled
+
+    def told(done: int, total: int) -> None:
+        if report is not None:
+            report()
 
     def tell() -> None:
         helpers.collect()
@@ -290,9 +309,13 @@ def _in_threads(
     if count == 0:
         return
     # The first one alone: it prepares everything that the others share.
-    yield some(0, 1, lambda done, total: None if report is None else report())
-    threads = max(1, min(cores(), count // fewest))
+    yield some(0, 1, told)
+    threads = max(1, min(most or cores(), count // fewest))
     size = max(fewest, min(_MOST, count // (8 * threads)))
+    if threads == 1:
+        for begin in range(1, count, size):
+            yield some(begin, min(begin + size, count), told)
+        return
     starts, helpers = iter(range(1, count, size)), Helpers(check)
     pieces: deque[Future[_T]] = deque()
     try:
