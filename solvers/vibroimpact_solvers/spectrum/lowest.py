@@ -73,7 +73,7 @@ def lowest_modes(system: System, count: int, below: float | None = None) -> Lowe
     low = _start(counter, largest, high)
     shift, solve = _factors(moving, low, high)
     near = modes_between(moving, low, high, shift, solve, moving.solve_M)
-    natural = _certified(moving, near.modes, high, counter.least)
+    natural = _certified(moving, near.modes, high, counter.least, solve)
     beyond = high.at - high.error
     return LowestModes(natural if moving is system else _whole(system, natural), beyond)
 
@@ -141,12 +141,15 @@ class _Residuals:
     roundings: Floats  # bounds of their own errors
     norms: Floats  # bounds of rho_j
     couplings: Floats  # ``e_i^T r_j``, (mode, mode)
+    residuals: Floats  # r_j, (dof, mode)
 
 
-def _certified(system: System, modes: Floats, high: EigenvalueCount, least: float) -> Spectrum:
-    """Return all modes below a value with their errors."""
-    modes = modes / np.sqrt((modes * (system.M @ modes)).sum(axis=0))
-    now = _residuals(system, modes, least)
+def _certified(
+    system: System, modes: Floats, high: EigenvalueCount, least: float, solve: Solve
+) -> Spectrum:
+    """Return all modes below a value with their errors; `solve` is that of `_factors`."""
+    modes, low = _corrected(system, modes, least, solve)
+    now = _residuals(system, modes, low, least)
     order = np.argsort(now.values, kind="stable")
     values, rho = now.values[order], now.norms[order]
     couplings = np.abs(now.couplings[np.ix_(order, order)])
@@ -165,7 +168,7 @@ def _certified(system: System, modes: Floats, high: EigenvalueCount, least: floa
         errors[some] = _SAFETY * min(size, temple)
         angles[some] = _SAFETY * math.sqrt(2.0) * size / gap + 4.0 * EPS if gap > 0.0 else np.inf
     errors += now.roundings[order] + EPS * np.abs(values)
-    modes = modes[:, order]
+    modes, low = modes[:, order], low[:, order]
     magnitudes = np.abs(modes)
     own = (magnitudes * (abs(system.K.to_sparse()) @ magnitudes)).sum(axis=0)
     rigid = np.abs(values) <= np.maximum(errors, _NOISE * EPS * own)
@@ -180,33 +183,65 @@ def _certified(system: System, modes: Floats, high: EigenvalueCount, least: floa
         float(errors.max()),
         errors=frozen(errors),
         angles=frozen(angles[again]),
+        modal_matrix_low=frozen(np.ascontiguousarray(low[:, again])),
         proved=bool((values + errors < high.at - high.error).all()),
     )
 
 
-def _residuals(system: System, x: Floats, least: float) -> _Residuals:
-    """Return what the residuals of modes with ``e^T M e = 1`` tell; least as of `inertia`."""
-    stiff, stiff_low, stiff_error = products.product(system.K, x)
-    heavy, heavy_low, heavy_error = products.product(system.M, x)
+def _corrected(system: System, modes: Floats, least: float, solve: Solve) -> tuple[Floats, Floats]:
+    """Return modes with ``e^T M e = 1`` in two parts, without what they have of fast modes.
+
+    Rounded modes contain all others by a rounding of each, and the fastest ones are a large part
+    of the residual: ``-(K - sigma M)^-1 r`` takes them out, where it is orthogonal to the modes.
+    """
+    x = modes / np.sqrt((modes * (system.M @ modes)).sum(axis=0))
+    r = _residuals(system, x, np.zeros_like(x), least).residuals
+    look()
+    change = -solve(np.ascontiguousarray(r))
+    change -= x @ (x.T @ (system.M @ change))
+    high = x + change
+    part = high - x
+    return high, (x - (high - part)) + (change - part)
+
+
+def _residuals(system: System, x: Floats, x_low: Floats, least: float) -> _Residuals:
+    """Return what the residuals of modes ``x + x_low`` tell; least as of `inertia`."""
+    stiff, stiff_low, stiff_error = _product(system.K, x, x_low)
+    heavy, heavy_low, heavy_error = _product(system.M, x, x_low)
     s, s_low = products.along(x, stiff, stiff_low)
     g, g_low = products.along(x, heavy, heavy_low)
+    s_low, g_low = s_low + (x_low * stiff).sum(axis=0), g_low + (x_low * heavy).sum(axis=0)
     excess = (g - 1.0) + g_low
     below = s_low - s * excess / (1.0 + excess)
     values = s + below
     low = below - (values - s)
     scaled = doubled.product(heavy, heavy_low, np.diag(values), np.diag(low), False)
-    r = (stiff - scaled[0]) + (stiff_low - scaled[1])
+    first = stiff - scaled[0]
+    r = first + (stiff_low - scaled[1])
     size = np.abs(x)
     error = stiff_error + np.abs(values) * heavy_error
     terms = (size * (np.abs(stiff) + np.abs(values * heavy))).sum(axis=0)
     unknown = (size * error).sum(axis=0) + doubled.roundings(system.n) * terms
-    error += doubled.roundings(values.size) * np.abs(scaled[0]) + 4.0 * EPS * np.abs(r)
+    lower = np.abs(x_low) * (np.abs(stiff) + np.abs(values * heavy))
+    unknown += system.n * EPS * lower.sum(axis=0)
+    error += doubled.roundings(values.size) * np.abs(scaled[0])
+    error += 4.0 * EPS * (np.abs(first) + np.abs(stiff_low) + np.abs(scaled[1]))
     error += unknown * np.abs(heavy)
     look()
     norms = np.sqrt(np.maximum((r * system.solve_M(r)).sum(axis=0), 0.0))
     inertia = np.sqrt(least * system.M.main_diagonal)[:, np.newaxis]
     norms = _SAFETY * (norms + np.linalg.norm(error / inertia, axis=0))
-    return _Residuals(values, unknown + np.abs(low), norms, x.T @ r)
+    return _Residuals(values, unknown + np.abs(low), norms, x.T @ r, r)
+
+
+def _product(A: SymmetricMatrix, x: Floats, x_low: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return ``A (x + x_low)`` in two parts, and bounds of its errors."""
+    high, low, error = products.product(A, x)
+    if not x_low.any():
+        return high, low, error
+    terms = A.n if A.pattern is None else int(np.diff(A.pattern[1]).max(initial=0))
+    rounded = (min(terms, 2 * A.width + 1) + 2) * EPS * (abs(A.to_sparse()) @ np.abs(x_low))
+    return high, low + A @ x_low, error + rounded + EPS * np.abs(low)
 
 
 def _whole(system: System, natural: Spectrum) -> Spectrum:
