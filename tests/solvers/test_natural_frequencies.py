@@ -340,7 +340,7 @@ def below(system: System, value: mp.mpf) -> int:
 
 @pytest.mark.parametrize("elements", [150, 400])
 def test_errors_of_a_beam_of_many_elements_hold_what_is_true(elements: int) -> None:
-    # Squared frequencies of these models span 12 and 14 orders of magnitude.
+    # Squared frequencies of these models span 11 and 13 orders of magnitude.
     system = cantilever(elements, damped=False)
     problem = Problem(system, count=4)
     assert method(problem) == "lowest modes"
