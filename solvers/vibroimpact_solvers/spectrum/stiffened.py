@@ -99,7 +99,7 @@ def _with_spring(
 
 
 def _apart(values: NDArray[Any], row: Floats) -> tuple[Floats, Floats]:
-    """Turn equal modes such that one of them feels the spring, the last; return turn and row."""
+    """Turn equal modes such that one of them feels the spring; return the turn and the row."""
     turned, row = np.eye(values.size), row.copy()
     gaps = np.diff(values)
     equal = gaps <= _EQUAL * EPS * np.maximum(np.abs(values[1:]), np.abs(values[:-1]))
@@ -107,15 +107,14 @@ def _apart(values: NDArray[Any], row: Floats) -> tuple[Floats, Floats]:
     for place in range(1, values.size + 1):
         if place < values.size and equal[place - 1]:
             continue
-        if place - first > 1 and row[first:place].any():
-            some = slice(first, place)
+        some = first + np.flatnonzero(row[first:place])  # the others feel nothing as they are
+        if some.size > 1:
             length = float(np.linalg.norm(row[some]))
             mirror = row[some].copy()
             mirror[-1] += np.copysign(length, mirror[-1])
             mirror /= np.linalg.norm(mirror)
-            turned[some, some] -= 2.0 * np.outer(mirror, mirror)
-            row[some] = 0.0
-            row[place - 1] = -np.copysign(length, mirror[-1])
+            turned[np.ix_(some, some)] -= 2.0 * np.outer(mirror, mirror)
+            row[some[:-1]], row[some[-1]] = 0.0, -np.copysign(length, mirror[-1])
         first = place
     return turned, row
 

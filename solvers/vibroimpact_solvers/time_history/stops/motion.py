@@ -299,6 +299,8 @@ class StoppedMotion:
         self._Z = moved.reshape(len(moved), 2, -1)
         if self._Z.shape[2] != pairs:
             self._buffer()
+        if self._columns and after.basis.load_places.size:
+            after.basis.doubt_loads(self._Z)  # their responses err as those of this structure do
         self._enter(after)
         place = a if states[a] == OPEN else len(states) + after.forces.index(a)
         leaves = self._leaves(place)
@@ -350,14 +352,6 @@ class StoppedMotion:
         moved[1:] += size * rows[(self._switches + _APART * _EACH) % len(rows)]
         # Errors of the modes themselves are the same at every switching.
         moved[1:] += np.copysign(fixed, moved[0]) * rows[1 : 1 + self._columns]
-        # Those of loads stay what they are: an error of a response is not one of a phase.
-        old, new = before.basis.load_places, after.basis.load_places
-        if not old.size and not new.size:
-            return
-        shared = min(old.size, new.size)
-        whole = moved.reshape(len(moved), 2, -1)
-        whole[1:, :, new] = 0.0
-        whole[1:, :, new[:shared]] = self._Z[1:][:, :, old[:shared]]
 
 
 def _side(code: int) -> int:
