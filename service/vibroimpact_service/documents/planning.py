@@ -78,6 +78,8 @@ class _Meter:
         """
         if self._tick is not None:
             self._tick(0, 1)
+        if math.isinf(self._seconds):
+            return
         used = min(now - then for now, then in zip(_used(), self._begun, strict=True))
         if used > self._seconds:
             message = f"The plan alone takes more than {self._seconds:g} s: ask for less at once."

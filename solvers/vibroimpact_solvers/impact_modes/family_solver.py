@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import weakref
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from vibroimpact_solvers.impact_modes.modal import ModalFamily
 from vibroimpact_solvers.impact_modes.modal_with_series import ModalWithSeriesFamily
 from vibroimpact_solvers.impact_modes.planning import PathCheck, SeriesRange, has_all_modes
 from vibroimpact_solvers.impact_modes.problem import Problem
+from vibroimpact_solvers.model import System
 from vibroimpact_solvers.plan import Plan, Stage
 from vibroimpact_solvers.receptance import ExpansionSize, PartialModalResponse
 from vibroimpact_solvers.results.impact_modes import Reason, Result
@@ -52,6 +54,10 @@ _PARTIAL = (
 )
 
 
+_PREPARED: Final[weakref.WeakKeyDictionary[System, dict[tuple[int, ...], ModalFamily]]] = (
+    weakref.WeakKeyDictionary()
+)
+
 FamilyEvaluator = ModalFamily | DirectFamily
 """Evaluates impulses and motions of a family; both classes have the same methods."""
 
@@ -75,7 +81,16 @@ def _evaluator(
     series = next((s.settings for s in stages if s is not None), None)
     if isinstance(series, SeriesRange):
         return ModalWithSeriesFamily(problem, family, natural, series), largest
-    return ModalFamily(problem, family, natural), largest
+    return _modal(problem, family, natural), largest
+
+
+def _modal(problem: Problem, family: Family, natural: Spectrum) -> ModalFamily:
+    """Return the evaluator by all natural modes, prepared once for each structure."""
+    kept = _PREPARED.setdefault(problem.system, {})
+    known = kept.get(problem.active)
+    if known is None or known.spectrum is not natural:
+        known = kept[problem.active] = ModalFamily(problem, family, natural)
+    return known
 
 
 def partial_modal_response(problem: Problem, expansion: ExpansionSize) -> PartialModalResponse:

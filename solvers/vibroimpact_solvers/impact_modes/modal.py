@@ -18,6 +18,7 @@ from vibroimpact_solvers.spectrum import Spectrum
 from vibroimpact_solvers.stability import Orbits, Side
 
 _ROWS = 2**22  # entries of the modal matrix taken at a time
+_REACHES = 8  # sets of degrees of freedom whose errors are kept
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -95,9 +96,12 @@ class ModalFamily:
     def motion_errors(self, motion: Amplitudes, x: Floats, dofs: Integers) -> Floats:
         """Return errors of displacements x, (frequency, …, dof), as (frequency, dof)."""
         key = dofs.tobytes()
-        if key not in self._reaches:
-            self._reaches[key] = self._reach(self.spectrum.rows(dofs))
-        apart = motion.own_error[:, np.newaxis] * self._reaches[key]
+        reach = self._reaches.get(key)
+        if reach is None:
+            if len(self._reaches) >= _REACHES:
+                self._reaches.clear()
+            reach = self._reaches[key] = self._reach(self.spectrum.rows(dofs))
+        apart = motion.own_error[:, np.newaxis] * reach
         sizes = largest_displacements(x) + apart
         with np.errstate(invalid="ignore"):
             errors = apart + motion.factor_error[:, np.newaxis] * sizes
