@@ -27,8 +27,8 @@ _WIDTH = 0.7  # logarithm of a ratio beyond which a request counts as an excepti
 _TRIALS = 3
 _SPECTRA: Final = {
     "oscillator": (1,), "chain": (2, 10, 50, 200), "uneven": (2, 5, 15, 40, 100, 250, 500),
-    "plate": (4, 16, 49, 100, 225, 400), "beam": (3, 8, 16, 25, 50, 150),
-    "frame": (8, 16, 48, 96, 200), "dense": (2, 5, 10, 20, 40, 80),
+    "plate": (4, 16, 49, 100, 225, 400), "beam": (3, 8, 16, 25, 50, 150, 300),
+    "frame": (8, 16, 48, 96, 200), "dense": (2, 5, 10, 20, 40, 80, 200, 500),
 }  # fmt: skip
 """Families and sizes whose natural modes are measured."""
 

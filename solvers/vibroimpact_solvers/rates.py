@@ -29,9 +29,9 @@ SWEEP: Final = Sweep(0.00013, 1.6e-05, 1.1, 0.94)
 RATES: Final[Mapping[str, Rate]] = {
     "spectrum, diagonal": Rate(3e-05, 1e-09),
     "spectrum, closed form": Rate(5e-05, 1e-07),
-    "spectrum, dense": Rate(0.00039, 4e-10),
-    "spectrum, tridiagonal": Rate(0.00037, 1.1e-09),
-    "spectrum, banded": Rate(0.00094, 2.6e-10),
+    "spectrum, dense": Rate(0.0004, 6.4e-11),
+    "spectrum, tridiagonal": Rate(0.0004, 5.5e-11),
+    "spectrum, banded": Rate(0.0006, 1.9e-11),
     "spectrum, lowest modes": Rate(0.0038, 3.1e-10),
     "natural-frequencies": Rate(1.5e-06, 0),
     "natural-frequencies: response, residual flexibility": Rate(4.5e-05, 1.1e-09),
