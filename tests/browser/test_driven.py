@@ -60,7 +60,8 @@ def test_a_motion_of_two_periods_moves_with_both_impacts(console: Visit) -> None
     expect(page.locator(".verdict")).to_contain_text("Stable")
     told = page.locator(".values dt:text-is('momentum of each') + dd").inner_text()
     shown = [float(each.replace("\u2212", "-")) for each in told.split(",")]
-    assert shown == pytest.approx(momentum, rel=1e-4)
+    # The motion is the same begun a period of the drive later.
+    assert sorted(shown) == pytest.approx(sorted(momentum), rel=1e-4)
 
 
 def test_lines_tell_stable_unstable_and_phantom_motions(console: Visit) -> None:

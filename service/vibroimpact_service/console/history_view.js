@@ -233,6 +233,6 @@ export class HistoryView extends BaseView {
     });
     this.curve.point(t);
     this.scrub.value = String(place);
-    this.time.textContent = `t = ${shown(t, 3)}`;
+    this.time.textContent = `t = ${shown(t, 4)}`;
   }
 }

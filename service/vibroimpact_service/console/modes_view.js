@@ -51,6 +51,7 @@ export class ModesView extends BaseView {
     super(root, { name: "modes", title: "Impact modes", pause: 150 });
     /** @type {any} */ this.bands = null;
     /** @type {any} */ this.mode = null;
+    /** The range of the last answer. @type {number[] | null} */ this.range = null;
     /** @type {Curve | null} */ this.curve = null;
     /** @type {Curve | null} */ this.energy = null;
     this.slider = make("input", { type: "range", class: "cursor-slider", step: "any", "aria-label": "Frequency Ω of the cursor" });
@@ -123,7 +124,10 @@ export class ModesView extends BaseView {
     this.bands = null;
     this.draw();
     const { Omega, from, to } = fields();
-    this.#move(Omega === null || Omega < from || Omega > to ? this.#telling() : Omega);
+    // A cursor that the address names stays, wherever it is; one that the range has left does not.
+    const left = this.range !== null && String(this.range) !== String([from, to]) && Omega !== null && (Omega < from || Omega > to);
+    this.range = [from, to];
+    this.#move(Omega === null || left ? this.#telling() : Omega);
     const use = (/** @type {any} */ result) => {
       this.bands = result;
       if (this.curve) {
