@@ -19,7 +19,7 @@ from vibroimpact_solvers import (
     resonances,
     time_history,
 )
-from vibroimpact_solvers.errors import ModelError
+from vibroimpact_solvers.errors import Cancelled, ModelError
 from vibroimpact_solvers.laws import Linear, Rigid
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 
@@ -295,6 +295,24 @@ def test_what_stops_with_a_stiffness_exclude(given: Any, pointer: Any) -> None:
     with pytest.raises(ModelError) as refused:
         motion(STOPPED, [0.0], [1.0], 1.0, **given)
     assert refused.value.pointer == pointer
+
+
+def test_a_motion_can_be_stopped() -> None:
+    """The meter is looked at at every switching, and within long contacts."""
+    calls = list[int]()
+
+    def tick(done: int, _total: int) -> None:
+        calls.append(done)
+        if len(calls) == 30:
+            raise Cancelled
+
+    system = one_mass(Linear(1e4), 0.1, K=1.0)
+    state = time_history.State(np.zeros(1), np.ones(1))
+    problem = time_history.Problem(system, state, 1e5, outputs=frozenset({"contacts"}))
+    with pytest.raises(Cancelled):
+        time_history.solve(problem, time_history.plan(problem), tick)
+    assert calls == sorted(calls)
+    assert calls[-1] < 1000
 
 
 def test_large_structures_are_refused() -> None:

@@ -18,6 +18,7 @@ from vibroimpact_solvers.kernels.switchings import (
     SWITCH,
     follow_until_switch,
 )
+from vibroimpact_solvers.meter import look
 from vibroimpact_solvers.time_history.basis import COLUMNS
 from vibroimpact_solvers.time_history.problem import Problem, State, tolerance_of
 from vibroimpact_solvers.time_history.run import WORK, Tick
@@ -173,6 +174,7 @@ class StoppedMotion:
             self._flush()
             if tick is not None:
                 tick(int(1e3 * float(now["time"]) / self._end), 1000)
+            look()
         if self.contacts.lasting:
             states = z, self._Z[0]
             spreads = spread, self._spread()
