@@ -53,18 +53,17 @@ class CertifiedBands:
 
     def find(self, tick: Tick | None) -> FrequencyRanges:
         """Return all bands; `tick(done, total)` counts sign bands."""
-        ranges = FrequencyRanges(resolution=self.problem.edge_width)
+        ranges = FrequencyRanges(resolution=self.problem.edge_width, complete=self.proved)
         ranges.statement = PROVED if self.proved else ESTIMATED
         if self.problem.resolution is None:
             left, right, error = self._intervals()
-            ranges.complete = self.proved
         else:
             left, right, error = self._intervals_on_grid()
-            ranges.resolution = self.problem.resolution * (
-                1.0 - self.problem.start / self.problem.stop
-            )
-            ranges.statement += AT_RESOLUTION
-            ranges.decided = self._fraction(left, right)
+            if not self._cover(left, right):
+                share = 1.0 - self.problem.start / self.problem.stop
+                ranges.resolution = self.problem.resolution * share
+                ranges.statement += AT_RESOLUTION
+                ranges.decided, ranges.complete = self._fraction(left, right), False
         for first, last in batches(left.size, _BATCH, tick):
             some = slice(first, last)
             for sign_band in self._surveyed(left[some], right[some], error[some]):
@@ -111,6 +110,12 @@ class CertifiedBands:
         new = np.concatenate([[True], np.diff(right) > 0.0])
         apart = right - left > 0.25 * self.problem.edge_width * right
         return left[new & apart], right[new & apart], error[new & apart]
+
+    def _cover(self, left: Floats, right: Floats) -> bool:
+        """Whether no pole is left out: each interval begins where the one before ends."""
+        if not left.size or left[0] > self.q_start or right[-1] < self.q_stop:
+            return False
+        return bool((left[1:] == right[:-1]).all())
 
     def _fraction(self, left: Floats, right: Floats) -> float:
         """Return the fraction of the range, in Omega, that lies between pairs of poles."""

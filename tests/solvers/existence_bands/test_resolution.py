@@ -69,6 +69,16 @@ def test_the_fraction_that_is_not_examined(every: bands.Result) -> None:
     assert every.error_unresolved == 0.0
 
 
+def test_bands_are_complete_where_the_grid_meets_every_interval() -> None:
+    system = chain(13, [Constraint.at(5, 1.0)])
+    some, whole = solved(system, 0.3, 0.8, 1e-3), solved(system, 0.3, 0.8, None)
+    assert some.error_complete is True
+    assert (some.error_unresolved, some.error_resolution) == (0.0, whole.error_resolution)
+    np.testing.assert_array_equal(some.band_start, whole.band_start)
+    np.testing.assert_array_equal(some.band_stop, whole.band_stop)
+    assert solved(system, 0.3, 0.8, 1e-2).error_complete is False
+
+
 @pytest.mark.parametrize("elements", [25, 150, 300])
 def test_large_beams_at_a_resolution(elements: int) -> None:
     system = cantilever(elements, damped=False)
