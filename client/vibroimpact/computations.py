@@ -277,8 +277,8 @@ class Computations(
     def existence_bands(
         self,
         system: documents.System,
-        start: float,
-        stop: float,
+        start: float | tuple[float, float],
+        stop: float | None = None,
         *,
         unit: str = "Omega",
         outputs: Sequence[str] = ("bands", "rejected"),
@@ -293,7 +293,7 @@ class Computations(
         system : dict
             The structure, from `system`, `chain` or another function of `vibroimpact.systems`.
         start, stop : float
-            Ends of the frequency range: Omega, or omega, Hz or rpm by `unit`.
+            Ends of the frequency range, also as one pair: Omega, or omega, Hz or rpm by `unit`.
         outputs : sequence of str
             Tables to compute: bands, rejected, stability.
         active : sequence of int, optional
@@ -305,9 +305,13 @@ class Computations(
             narrower ones only by chance, and ``result.error.complete`` is false. Finite-element
             models have so many narrow bands that all of them take long.
         """
+        ends = (start, stop) if stop is not None else start
+        if isinstance(ends, int | float) or len(ends) != 2:
+            raise TypeError("a range has two ends: start and stop, or one pair of them")
+        low, high = (float(end) for end in ends)  # type: ignore[arg-type]
         request = {
             "system": dict(system),
-            "frequency": {"start": float(start), "stop": float(stop), "unit": unit},
+            "frequency": {"start": low, "stop": high, "unit": unit},
             "outputs": names(outputs),
         }
         options = _present(

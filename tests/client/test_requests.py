@@ -134,3 +134,12 @@ def test_former_addresses_warn() -> None:
     for module, name in ((client, "nothing"), (client, "odd_request"), (plots, "nothing")):
         with pytest.raises(AttributeError, match=name):
             getattr(module, name)
+
+
+def test_a_range_of_bands_is_two_numbers_or_a_pair() -> None:
+    expected = vi.existence_bands_request(CHAIN, 1.0, 2.0)
+    assert vi.existence_bands_request(CHAIN, (1.0, 2.0)) == expected
+    assert vi.existence_bands_request(CHAIN, np.array([1.0, 2.0])) == expected  # type: ignore[arg-type]
+    for wrong in (1.0, (1.0, 2.0, 3.0)):
+        with pytest.raises(TypeError, match="two ends"):
+            vi.existence_bands_request(CHAIN, wrong)  # type: ignore[arg-type]
