@@ -77,6 +77,7 @@ RATES: Final[Mapping[str, Rate]] = {
     "time-history": Rate(0.0012, 0),
     "time-history: free_motion, Taylor series": Rate(9.5e-05, 1e-07),
     "time-history: free_motion, exact between impacts": Rate(0.00011, 1.3e-09),
+    "time-history: free_motion, exact between switchings of stops": Rate(0.0001, 1e-09),
     "time-history: history, modal sum": Rate(0.00082, 2.2e-10),
     "ensemble": Rate(0.0032, 0),
     "ensemble: free_motion, exact between impacts": Rate(0.0001, 2.3e-10),

@@ -85,9 +85,10 @@ def test_a_short_motion_of_a_beam_is_computed_at_once() -> None:
     assert longer > 100.0 * seconds("time-history", {**motion, "t_end": 1.0})
 
 
-def test_a_branch_is_a_job() -> None:
+def test_a_branch_takes_about_a_second() -> None:
+    """The least take a sixth of one, most of those of beams and plates one to three."""
     _, document = DRAWN["branches"][1](np.random.default_rng(0))
-    assert seconds("branches", document) > 1.0
+    assert 0.3 < seconds("branches", document) < 3.0
 
 
 def test_an_attractor_is_searched_for_where_the_load_reaches_a_wall() -> None:

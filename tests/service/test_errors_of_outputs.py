@@ -97,6 +97,9 @@ def whole(kind: str, request: dict[str, Any]) -> dict[str, Any]:
         outputs = [name for name in outputs if name not in {"impacts", "contacts"}]
     if kind == "natural-frequencies" and "directions" not in request:
         outputs.remove("effective_mass")
+    stops = request.get("system", {}).get("constraints", ())
+    if "force" in outputs and all("law" not in stop for stop in stops):
+        outputs.remove("force")  # of rigid stops there are impulses alone
     timed = {"tau": [0.0, 0.25, 0.5]} if kind in {"impact-modes", "periodic-motions"} else {}
     return {**timed, **request, "outputs": outputs}
 
@@ -127,6 +130,21 @@ MORE: dict[str, list[dict[str, Any]]] = {
             "initial": {"x": [0.05, -0.02, 0.08, 0.01], "v": [1.2, -0.7, 0.4, 0.9]},
             "t_end": 80, "t": {"num": 9}, "outputs": ALL,
         },
+    ],
+    "ensemble": [
+        {
+            "system": {
+                "preset": "oscillator", "Omega0": 1,
+                "constraints": [
+                    {
+                        "dof": 0, "gap": 0.5,
+                        "law": {"type": "linear", "stiffness": 20, "damping": 0.1},
+                    }
+                ],
+            },
+            "initial": {"x": [[0.0], [0.1]], "v": [[1.0], [2.0]]},
+            "t_end": 4, "t": {"num": 3}, "outputs": ["x", "v", "energy", "contacts", "force"],
+        }
     ],
     "slow-flow": [
         {
