@@ -95,9 +95,6 @@ def whole(kind: str, request: dict[str, Any]) -> dict[str, Any]:
     outputs = list(get_args(get_args(annotation)[0]))
     if "limiter" in request:
         outputs = [name for name in outputs if name not in {"impacts", "contacts"}]
-    stops = request["system"]["constraints"]
-    if "force" in outputs and not all("law" in stop for stop in stops):
-        outputs.remove("force")  # rigid stops have impulses
     if kind == "natural-frequencies" and "directions" not in request:
         outputs.remove("effective_mass")
     stops = request.get("system", {}).get("constraints", ())
@@ -110,10 +107,6 @@ def whole(kind: str, request: dict[str, Any]) -> dict[str, Any]:
 LOSSY = {"preset": "oscillator", "Omega0": 1, "constraints": [{"dof": 0, "gap": 1}]}
 HISTORY = {"initial": {"x": [0], "v": [5]}, "t_end": 4, "t": {"num": 3}}
 ALL = ["x", "v", "energy", "impacts", "contacts"]
-STOPPED = {
-    **LOSSY,
-    "constraints": [{"dof": 0, "gap": 1, "law": {"type": "linear", "stiffness": 9, "damping": 1}}],
-}
 MORE: dict[str, list[dict[str, Any]]] = {
     "impact-modes": [
         {
@@ -125,12 +118,6 @@ MORE: dict[str, list[dict[str, Any]]] = {
             "frequency": {"values": [0.9, 1.0, 3.0]},
             "tau": [0.0, 0.25],
             "outputs": ["impulse", "shape", "waveform", "energy", "stability", "harmonics"],
-        }
-    ],
-    "ensemble": [
-        {
-            "system": STOPPED, "initial": {"x": [[0], [0]], "v": [[5], [2]]},
-            "t_end": 4, "t": {"num": 3}, "outputs": ["x", "force", "contacts"],
         }
     ],
     "time-history": [
