@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Final
 
@@ -10,7 +11,15 @@ import numpy as np
 
 from benchmarks.cases import GAP, IMPULSE, grid
 from benchmarks.skips.scene import Scene, forget_modes, solve
-from vibroimpact_solvers import ensemble, impact_modes, presets, resonances, sweep, time_history
+from vibroimpact_solvers import (
+    ensemble,
+    impact_modes,
+    natural_frequencies,
+    presets,
+    resonances,
+    sweep,
+    time_history,
+)
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.plan import Stage
 from vibroimpact_solvers.sweep import Axis
@@ -50,6 +59,20 @@ def scenes() -> Iterator[Scene]:
         partial(_lossless, "resonances"),
         partial(_alone, partial(_lossless, "resonances"), 20),
         ("computing again along restitution",),
+    )
+    yield Scene(
+        "twenty restitutions of natural frequencies",
+        sweep,
+        partial(_lossless, natural_frequencies.KIND),
+        partial(_alone, partial(_lossless, natural_frequencies.KIND), 20),
+        ("computing again along restitution",),
+    )
+    yield Scene(
+        "twenty influences of impact modes",
+        sweep,
+        _influences,
+        partial(_alone, _influences, 20),
+        ("computing again along influence",),
     )
     yield Scene(
         "64 initial states, N=13",
@@ -102,6 +125,8 @@ def _lossless(kind: str) -> sweep.Problem:
     requested: Callable[[System], object] = _impulses
     if kind == resonances.KIND:
         requested = resonances.Problem
+    elif kind == natural_frequencies.KIND:
+        requested = natural_frequencies.Problem
 
     def at(index: tuple[int, ...]) -> object:
         return requested(whole.limited((Constraint.at(7, GAP, float(_RESTITUTIONS[index[0]])),)))
@@ -109,6 +134,18 @@ def _lossless(kind: str) -> sweep.Problem:
     rule = sweep.rule(kind, ("system", "constraints", 0, "restitution"))
     axis = Axis("restitution", "restitution", _RESTITUTIONS, stage=rule.stage, why=rule.why)
     return sweep.Problem(kind, (axis,), at, whole)
+
+
+def _influences() -> sweep.Problem:
+    whole = _structure([Constraint.at(7, GAP)])
+
+    def at(index: tuple[int, ...]) -> object:
+        influence = np.full(whole.n, _RESTITUTIONS[index[0]])
+        return _impulses(replace(whole, influence=influence))
+
+    rule = sweep.rule("impact-modes", ("system", "influence", 0))
+    axis = Axis("influence", "influence", _RESTITUTIONS, stage=rule.stage, why=rule.why)
+    return sweep.Problem("impact-modes", (axis,), at, whole)
 
 
 def _alone(points_of: Callable[[], sweep.Problem], points: int = 50) -> None:

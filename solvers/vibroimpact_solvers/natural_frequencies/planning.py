@@ -48,6 +48,10 @@ def plan(problem: Problem) -> Plan:
         modes = Step(
             modes.stage, modes.method, modes.reason, modes.flops, modes.bytes, settings=decision
         )
+    wanted = COUNT if problem.count is None else problem.count
+    if problem.stop is None and problem.modes < wanted:
+        reason = f"{modes.reason}; the structure has {problem.modes} modes and no more"
+        modes = Step(modes.stage, modes.method, reason, modes.flops, modes.bytes, settings=decision)
     if problem.fixed:
         listed = ", ".join(map(str, sorted(problem.fixed)))
         plural = "s" if len(problem.fixed) > 1 else ""
@@ -115,9 +119,6 @@ def _skips(problem: Problem, decision: Decision) -> Iterator[Skip]:
     system = problem.system
     if decision.method is None:
         yield Skip(f"about {problem.modes - decision.expected} higher modes", "not requested")
-    wanted = COUNT if problem.count is None else problem.count
-    if problem.stop is None and problem.modes < wanted:
-        yield Skip(f"modes beyond {problem.modes}", "the structure has no more")
     if system.C is not None and system.C.data.any():
         yield Skip("damping", "natural frequencies are those of the undamped structure")
     if system.constraints:

@@ -122,6 +122,13 @@ SAVED: Mapping[str, Mapping[str, tuple[int, int]]] = {
         RESPONSES: (400 * 40, 20 * 400 * 40),
     },
     "twenty restitutions of internal resonances": {MODES: (39, 20 * 39)},
+    "twenty influences of impact modes": {
+        MODES: (40, 20 * 40),
+        RESPONSES: (400 * 40, 20 * 400 * 40),
+    },
+    "twenty restitutions of natural frequencies": {MODES: (40, 20 * 40)},
+    "the five lowest modes of a sparse structure, N=400": {MODES: (0, 400)},
+    "only natural frequencies requested, N=40": {NUMBERS: (30, 872)},
     "64 initial states, N=13": {MODES: (13, 64 * 13), STRUCTURES: (1, 64)},
 }
 
