@@ -102,14 +102,25 @@ def as_sent(request: requests.MotionRequest, of: System) -> Iterator[None]:
     except ModelError as error:
         match error.pointer:
             case ("load", int(made), str(name)) if request.load is not None:
-                counts = [len(decoded(term, 0, of)) for term in request.load]
-                place = int(np.searchsorted(np.cumsum(counts), made, side="right"))
-                place = min(place, len(counts) - 1)
+                place = _place(request.load, made, of)
                 sent = request.load[place].model_fields_set
                 names = (name, *_SENT.get(name, ()))
                 own = next((each for each in names if each in sent), name)
                 raise ModelError(("load", place, own), error.message, code=error.code) from None
         raise
+
+
+def _place(load: Sequence[Any], made: int, of: System) -> int:
+    """Return which term is meant: the first that is wrong itself, or that of a load made of it."""
+    last = 0
+    for place, term in enumerate(load):
+        try:
+            last += len(decoded(term, place, of))
+        except ModelError:
+            return place
+        if last > made:
+            return place
+    return len(load) - 1
 
 
 _SENT: Final = {

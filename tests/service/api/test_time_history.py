@@ -58,6 +58,20 @@ LOAD = {"dof": 0, "amplitude": 0.1, "frequency": 1.0, "phase": 0.0}
             },
             "/load/0/direction",
         ),
+        (
+            {
+                "load": [
+                    LOAD,
+                    {
+                        "direction": {"dofs": [7], "weights": [1.0]},
+                        "force": [0.0, 1.0],
+                        "interval": 99.0,
+                    },
+                ]
+            },
+            "/load/1/direction",
+        ),
+        ({"load": [LOAD, {**LOAD, "dof": 3}]}, "/load/1/dof"),
         ({"initial": {"impact_mode": {"Omega": 1e200}}}, "/initial/impact_mode/Omega"),
         ({"outputs": ["x"]}, "/t"),
         ({"t": [1.0, 11.0], "outputs": ["x"]}, "/t"),
