@@ -73,12 +73,15 @@ def _steps(problem: Problem, growth: Step | None) -> Iterator[Step]:
     obstacle, method = _why_not_provable(problem), spectrum.choose(system)
     fits = spectrum.nbytes(system, method) <= spectrum.MEMORY
     proves = problem.resolution is not None and obstacle is None and fits
+    # Natural frequencies are half of the largest one, on average.
+    inside = system.n * (1.0 + 0.25 * phase * (1.0 - problem.start / problem.stop))
     partial = None if proves else _partial_step(problem)
     if partial is not None:
+        _check_poles(problem, inside)
         yield partial
         reason = "impact modes between all poles by partial modes, edges by bisection"
-        flops = 5e6 * _POINTS
-        yield Step(Stage.BANDS, Method.SEARCH, reason, flops, 64.0 * _POINTS, bounded=False)
+        points = max(_POINTS, inside)
+        yield Step(Stage.BANDS, Method.SEARCH, reason, 5e6 * points, 64.0 * points, bounded=False)
         return
     if not fits:
         message = f"bands need all natural modes, too many with {system.n} degrees of freedom"
@@ -94,8 +97,6 @@ def _steps(problem: Problem, growth: Step | None) -> Iterator[Step]:
             "one limiter with equal gaps: the sign of the impulse between neighbouring poles, "
             "then bounds over boxes of frequency and time"
         )
-        # Natural frequencies are half of the largest one, on average.
-        inside = system.n * (1.0 + 0.25 * phase * (1.0 - problem.start / problem.stop))
         if problem.resolution is None:
             reason += "; no band can be missed"
         else:

@@ -132,3 +132,11 @@ def test_the_client_asks_for_a_resolution() -> None:
         assert every.error.complete
         with pytest.raises(vi.InvalidRequest, match="resolution"):
             local.existence_bands(system, 0.3, 0.8, resolution=2.0)
+
+
+def test_poles_that_no_memory_holds_are_refused_however_modes_are_found() -> None:
+    """Of 600 degrees of freedom few modes would have been computed, and 5e7 poles listed."""
+    problem = bands.Problem(cantilever(300, damped=False), OMEGA, 1.3 * OMEGA)
+    with pytest.raises(ModelError, match="ask for a `resolution`") as caught:
+        bands.plan(problem)
+    assert caught.value.pointer == ("frequency", "start")
