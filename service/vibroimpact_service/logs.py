@@ -49,12 +49,13 @@ def to_stderr() -> None:
 
 
 def _is_relevant(record: logging.LogRecord) -> bool:
-    """Whether a record is more than Dask's report of a closed connection.
+    """Whether a record is more than Dask's report of a closed connection, or of a cancelled start.
 
-    Every service that stops closes some; those that matter are logged where they are noticed.
+    Every service that stops closes and cancels some; those that matter are logged where they are
+    noticed.
     """
     error = record.exc_info[0] if record.exc_info else None
-    closed = error is not None and error.__name__ == "CommClosedError"
+    closed = error is not None and error.__name__ in ("CommClosedError", "CancelledError")
     return not (closed and record.name.startswith("distributed"))
 
 

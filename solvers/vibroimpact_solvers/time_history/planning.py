@@ -207,7 +207,9 @@ def _motion_step(problem: Problem, count: int, history: Step | None) -> Step:
     if breaks:
         reason += "; loads are straight lines between their samples"
     whole = _price(system, expansions, len(system.constraints)) + breaks * _SAMPLE
-    size = written = _ROW * min(_impacts(problem), expansions) if count else 0.0
+    # Windows are cut by what could be written at most, so that motions may end between them.
+    written = _ROW * expansions if count else 0.0
+    size = min(written, _ROW * _impacts(problem))
     if history is not None:
         whole, written = whole + history.flops, written + history.bytes
     seconds = whole / _FLOPS_PER_SECOND + written / _BYTES_PER_SECOND
