@@ -319,3 +319,18 @@ def test_numbers_that_no_page_could_draw_are_refused_at_their_fields(
     field.fill(number)
     expect(field).to_have_attribute("aria-invalid", "true")
     expect(page.locator(".field", has=field).locator(".fault")).not_to_be_empty()
+
+
+def test_a_stop_with_a_stiffness_is_met_in_a_time_history(console: Visit) -> None:
+    page = console.open("history")
+    expect(page.locator(".readout").first).to_contain_text("impacts")
+    with page.expect_request("**/v1/compute/time-history") as asked:
+        page.get_by_role("group", name="Stop 0").get_by_label("Stiffness").fill("50")
+    stop = json.loads(asked.value.post_data or "")["system"]["constraints"][0]
+    assert stop["law"] == {"type": "linear", "stiffness": 50, "damping": 0}
+    assert "restitution" not in stop
+    expect(page.locator(".readout").first).to_contain_text("contacts")
+    # Impact modes are those of rigid stops, and the field says so.
+    page.locator("[data-view=modes]").first.click()
+    fault = page.get_by_role("group", name="Stop 0").locator(".fault", has_text="rigid stops")
+    expect(fault).to_be_visible()

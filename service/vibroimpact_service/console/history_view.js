@@ -166,16 +166,20 @@ export class HistoryView extends BaseView {
     this.figure.replaceChildren(holder);
     const until = rigid.error.predictable_until;
     const end = rigid.t[rigid.t.length - 1];
-    const count = rigid.impacts.time.length;
+    const { contacts } = rigid;
+    const [count, rests] = [rigid.impacts.time.length, contacts ? contacts.start.length : 0];
+    const compliant = state.structure.stops.some(({ stiffness }) => stiffness !== null);
+    const met = compliant ? `${rests} contacts` : `${count} impacts`;
     this.curve = this.drawing = new Curve(holder, {
       x: "time t", y: `x of coordinate ${rigid.dof[column]}`, height: 260, strip: 1,
-      label: `Displacement of coordinate ${rigid.dof[column]} over time with ${count} impacts${until < end ? `, predictable until t = ${shown(until, 4)}` : ""}.`,
+      label: `Displacement of coordinate ${rigid.dof[column]} over time with ${met}${until < end ? `, predictable until t = ${shown(until, 4)}` : ""}.`,
       series: [{ label: "rigid", colour: "accent", width: 1.6 }, { label: "soft", colour: "soft-curve", width: 1.3, dash: [5, 3] }],
     });
     this.curve.levels = state.structure.stops.filter((stop) => stop.dof === coordinate && stop.relativeTo === null)
       .flatMap(({ lower, upper }) => [upper, lower === null ? null : -lower]).filter((at) => at !== null).map((at) => ({ at: /** @type {number} */ (at), colour: "stop", width: 1.5 }));
     this.curve.bands = [
       ...rigid.impacts.time.map((/** @type {number} */ time) => ({ start: time, stop: time, colour: "stop", row: 0 })),
+      ...(compliant ? contacts.start.map((/** @type {number} */ start, /** @type {number} */ i) => ({ start, stop: contacts.stop[i] ?? end, colour: "stop", row: 0 })) : []),
       ...(until < end ? [{ start: until, stop: end, colour: "alarm" }] : [])];
     this.curve.extent = [0, end];
     const beside = soft ? soft.x.map((/** @type {number[]} */ row) => row[column]) : [];
@@ -185,12 +189,13 @@ export class HistoryView extends BaseView {
     const trust = until < end
       ? `Beyond t = ${shown(until, 4)} double precision cannot tell where the structure is: deviations grow ${shown(rigid.error.condition, 2)} times.`
       : "Every digit shown can be trusted to the end.";
-    this.readout.textContent = `${count} impacts. ${trust}`;
+    this.readout.textContent = `${met}. ${trust}`;
   }
 
   #show() {
     const geometry = geometryOf(state.structure);
-    const results = [["rigid stops", this.result], ...(this.soft ? [["soft stops", this.soft]] : [])];
+    const compliant = state.structure.stops.some(({ stiffness }) => stiffness !== null);
+    const results = [[compliant ? "stops with stiffness" : "rigid stops", this.result], ...(this.soft ? [["soft stops", this.soft]] : [])];
     this.shapes.replaceChildren();
     this.moving = results.map(([name, result]) => {
       const canvas = make("canvas", { class: "shape", role: "img", "aria-label": `The structure with ${name} at the time of the cursor` });

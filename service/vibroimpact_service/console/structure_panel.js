@@ -126,7 +126,7 @@ function stops(toggleStop, rebuild) {
   const box = make("fieldset", { class: "stops", "data-pointer": "/system/constraints", tabindex: -1 }, make("legend", {}, "Stops"));
   structure.stops.forEach((each, index) => {
     const at = `/system/constraints/${index}`;
-    /** @param {"dof" | "relativeTo" | "lower" | "upper" | "restitution"} name */
+    /** @param {"dof" | "relativeTo" | "lower" | "upper" | "restitution" | "stiffness" | "damping"} name */
     const set = (name) => (/** @type {number | null} */ value) => {
       /** @type {any} */ (each)[name] = value;
       changed();
@@ -137,6 +137,9 @@ function stops(toggleStop, rebuild) {
       numberField("Lower gap", each.lower, set("lower"), { pointer: `${at}/gap/lower`, empty: "none" }),
       numberField("Upper gap", each.upper, set("upper"), { pointer: `${at}/gap`, empty: "none" }),
       numberField("Restitution", each.restitution, set("restitution"), { pointer: `${at}/restitution`, min: 0, max: 1 }),
+      // With a stiffness, which time histories and ensembles take, there is a damping instead.
+      numberField("Stiffness", each.stiffness, set("stiffness"), { pointer: `${at}/law`, min: 0, empty: "rigid" }),
+      numberField("its damping", each.damping, set("damping"), { pointer: `${at}/law/damping`, min: 0, empty: "none" }),
       make("div", { class: "stop-acts" },
         switchField("struck", each.active, (value) => { each.active = value; changed(); }),
         button("Remove", () => { structure.stops.splice(index, 1); rebuild(); changed(); }, { class: "quiet", "aria-label": `Remove stop ${index}` })),

@@ -2,13 +2,13 @@
 
 /**
  * @typedef {{dof: number, relativeTo: number | null, lower: number | null, upper: number | null,
- *   restitution: number, active: boolean}} Stop
+ *   restitution: number, active: boolean, stiffness: number | null, damping: number | null}} Stop
  *
  * @typedef {{form: string, parameters: Record<string, number>, damping: number, stops: Stop[],
  *   loads: {dof: number, force: number}[], matrices?: {M: any, K: any, C?: any, force?: number[], units?: any}, id?: string, name?: string,
  *   geometry?: GeometryDocument}} Structure
  *
- * Loads are constant forces, in addition to the one that a file may have.
+ * A stop without a stiffness is rigid. Loads are constant forces, in addition to the one that a file may have.
  *
  * @typedef {{nodes: number[][], dofs?: {node: number, direction: string}[], links?: number[][]}} GeometryDocument
  *
@@ -23,7 +23,7 @@
 
 /** @param {number} dof @param {number | null} lower @param {number | null} upper @returns {Stop} */
 export function stop(dof, lower, upper, restitution = 1, /** @type {number | null} */ relativeTo = null) {
-  return { dof, relativeTo, lower, upper, restitution, active: true };
+  return { dof, relativeTo, lower, upper, restitution, active: true, stiffness: null, damping: null };
 }
 
 /** Where modes of structures with a wide spectrum, such as beams, are shown first. @type {[number, number]} */
@@ -110,7 +110,9 @@ function constraint(each) {
     ? { dof: each.dof } : { direction: { dofs: [each.dof, each.relativeTo], weights: [1, -1] } };
   const gap = each.lower === each.upper && each.upper !== null && each.upper > 0
     ? each.upper : { lower: each.lower, upper: each.upper };
-  return { ...place, gap, restitution: each.restitution };
+  const law = each.stiffness === null || each.stiffness === undefined ? { restitution: each.restitution }
+    : { law: { type: "linear", stiffness: each.stiffness, damping: each.damping || 0 } };
+  return { ...place, gap, ...law };
 }
 
 /**
