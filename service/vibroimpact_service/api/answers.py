@@ -101,7 +101,7 @@ async def result(
     first, stop = part or (0, stored.size)
     if part is not None:
         fields["Content-Range"] = f"bytes {first}-{stop - 1}/{stored.size}"
-    status, media_type = 206 if part else 200, stored.media_type
+    status, media_type = 206 if part else 200, stored.media_type.partition(";")[0]
     if stored.file is None:
         data = stored.data[first:stop] if part else stored.data
         return Response(data, status, fields, media_type)

@@ -52,6 +52,7 @@ def _add_compute(kind: Kind) -> None:
                     f"first, at most {request_headers.LONGEST_PREFER_WAIT:g}.",
                     examples=["respond-async, wait=5"],
                 ),
+                openapi.TABLE,
                 openapi.IF_NONE_MATCH,
                 openapi.IDEMPOTENCY_KEY,
             ],

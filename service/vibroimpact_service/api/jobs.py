@@ -23,6 +23,7 @@ from vibroimpact_service.api.openapi import (
     IDEMPOTENCY_KEY,
     IF_NONE_MATCH,
     READ_FAILURES,
+    TABLE,
     Declaration,
     answer,
     failures,
@@ -268,7 +269,7 @@ async def cancel_job(request: Request, job: JobId) -> Response:
         **READ_FAILURES,
         **failures(406),
     },
-    openapi_extra={"parameters": [IF_NONE_MATCH]},
+    openapi_extra={"parameters": [TABLE, IF_NONE_MATCH]},
 )
 async def get_job_result(request: Request, job: JobId) -> Response:
     """Return the result of a job."""

@@ -53,6 +53,14 @@ _RATES: Final = {
     "RateLimit-Policy": header("The rates and quotas of the key."),
 }
 IF_NONE_MATCH: Final = request_header("If-None-Match", "Entity tags that the client holds.")
+TABLE: Final = {
+    "name": "table",
+    "in": "query",
+    "required": False,
+    "description": "Of answers as text/csv: a group of columns such as impacts, a dimension such "
+    "as frequency, or several with commas between; absent: the first dimension.",
+    "schema": {"type": "string"},
+}
 IDEMPOTENCY_KEY: Final = request_header(
     "Idempotency-Key",
     "Repeating the request with the same key answers with the same job.",
@@ -147,7 +155,7 @@ def document(app: FastAPI) -> dict[str, Any]:
                     _drop_null(parameter["schema"])
                 for status, example in examples.answers(operation["operationId"]).items():
                     content = operation["responses"][status]["content"]
-                    for media_type in content.keys() - {representations.HDF5}:
+                    for media_type in content.keys() - {representations.HDF5, representations.CSV}:
                         content[media_type]["example"] = example
                 if "security" in operation:
                     operation["security"].append({})

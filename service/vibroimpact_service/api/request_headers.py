@@ -10,7 +10,7 @@ from starlette.requests import Request
 
 from vibroimpact_service import problems
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.results.representations import CODINGS, SUFFIXES
+from vibroimpact_service.results.representations import CODINGS, CSV, SUFFIXES
 from vibroimpact_service.use_case.evaluation import Preference
 
 LONGEST_PREFER_WAIT: Final = 20.0
@@ -31,6 +31,8 @@ def result_media_type(request: Request) -> str:
     if media_type is None:
         detail = f"Results are {' or '.join(SUFFIXES)}."
         raise ProblemError(problems.NOT_ACCEPTABLE, detail)
+    if media_type == CSV:
+        return f"{CSV};table={request.query_params.get('table', '')}"
     return media_type
 
 

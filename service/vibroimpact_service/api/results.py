@@ -36,7 +36,10 @@ def result_answer(model: Any, **more: Any) -> openapi.Declaration:
         "Repr-Digest": openapi.header("SHA-256 of the representation (RFC 9530)."),
         "Server-Timing": openapi.header("Milliseconds for plan, solve and encode."),
     }
-    content = {representations.HDF5: {"schema": openapi.BINARY}}
+    content = {
+        representations.HDF5: {"schema": openapi.BINARY},
+        representations.CSV: {"schema": {"type": "string"}},
+    }
     return openapi.answer("The result.", model, headers=headers, content=content, **more)
 
 
@@ -57,6 +60,7 @@ def result_answer(model: Any, **more: Any) -> openapi.Declaration:
     },
     openapi_extra={
         "parameters": [
+            openapi.TABLE,
             openapi.IF_NONE_MATCH,
             openapi.request_header(
                 "Range", "Part of the representation.", examples=["bytes=0-1023"]

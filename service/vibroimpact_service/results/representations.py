@@ -19,14 +19,16 @@ import zstandard
 from vibroimpact_service import problems
 from vibroimpact_service.documents import digest
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.results import encode
+from vibroimpact_service.results import csv_tables, encode
 from vibroimpact_service.results.container import DamagedContainerError
 from vibroimpact_service.results.encode import Content
 from vibroimpact_service.store import HEAD, Store, StoreFullError
 
 JSON: Final = "application/json"
 HDF5: Final = "application/x-hdf5"
-SUFFIXES: Final[Mapping[str, str]] = {JSON: "json", HDF5: "h5"}
+CSV: Final = "text/csv"
+"""With its table, ``text/csv;table=impacts``; it is made whenever it is asked for."""
+SUFFIXES: Final[Mapping[str, str]] = {JSON: "json", HDF5: "h5", CSV: "csv"}
 """Media types of results, the first being the default, and the endings of their files."""
 CODINGS: Final = ("zstd", "gzip")
 """Content codings of answers, the better one first."""
@@ -77,10 +79,11 @@ class Representation:
 
 def load(store: Store, name: str, media_type: str) -> Representation | None:
     """Return a stored result in a media type, encoding it the first time; None if unknown."""
-    part = f"{name}.{SUFFIXES[media_type]}"
+    sort = media_type.partition(";")[0]
+    part = f"{name}.{SUFFIXES[sort]}"
     if store.results.local and (store.results.size(name) or 0) > LARGE:
         return _load_file(store, name, part, media_type)
-    data = store.results.get(part)
+    data = None if sort == CSV else store.results.get(part)
     if data is not None:
         return Representation(media_type, data, digest.content(data))
     stored = store.results.get(name)
@@ -92,6 +95,8 @@ def load(store: Store, name: str, media_type: str) -> Representation | None:
         store.results.remove(name)
         return None
     made = of_content(content, media_type)
+    if sort == CSV:
+        return made
     # It can be made again from the stored result at any time: a full store is no error.
     with contextlib.suppress(StoreFullError):
         store.results.put(part, made.data, durable=False)
@@ -106,15 +111,18 @@ def check_size(size: float, media_type: str) -> None:
     ProblemError
         406.
     """
-    if media_type == JSON and size * _BESIDE > LARGE:
+    if media_type != HDF5 and size * _BESIDE > LARGE:
         detail = f"A result of at least about {_BESIDE * size:.3g} bytes is sent as {HDF5} only."
         raise ProblemError(problems.NOT_ACCEPTABLE, detail)
 
 
 def of_content(content: Content, media_type: str) -> Representation:
     """Return the content of a result in a media type."""
-    if media_type == JSON:
+    sort, _, table = media_type.partition(";table=")
+    if sort == JSON:
         data = encode.to_json(content)
+    elif sort == CSV:
+        data = csv_tables.to_csv(content, table)
     else:
         from vibroimpact_service.results import hdf5
 
@@ -125,7 +133,7 @@ def of_content(content: Content, media_type: str) -> Representation:
 def _load_file(store: Store, name: str, part: str, media_type: str) -> Representation | None:
     from vibroimpact_service.results import hdf5
 
-    if media_type == JSON:
+    if media_type != HDF5:
         detail = f"The result is larger than {LARGE} bytes: ask for {HDF5}."
         raise ProblemError(problems.NOT_ACCEPTABLE, detail)
     path = store.results.file(part)

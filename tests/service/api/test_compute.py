@@ -263,7 +263,7 @@ def test_media_types(http: TestClient, request_body: dict[str, Any]) -> None:
     problem(compressed, 415)
     assert compressed.headers["accept-encoding"] == "identity"
     problem(http.post(COMPUTE, content=b"{}"), 415)
-    problem(post(http, request_body, Accept="text/csv"), 406)
+    problem(post(http, request_body, Accept="text/html"), 406)
 
 
 def test_a_claimed_length_is_believed(http: TestClient) -> None:

@@ -59,7 +59,7 @@ def test_a_job_from_its_submission_to_its_result(
     assert direct.content == result.content
     file = http.get(done.result, headers={"Accept": "application/x-hdf5"})
     assert file.content.startswith(b"\x89HDF")
-    assert http.get(done.result, headers={"Accept": "text/csv"}).status_code == 406
+    assert http.get(done.result, headers={"Accept": "text/html"}).status_code == 406
 
 
 def test_a_known_result_makes_a_finished_job(
