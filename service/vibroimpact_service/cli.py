@@ -353,6 +353,7 @@ class Server(uvicorn.Server):
             stopping.begin()
         # Event streams and long polls end themselves; uvicorn would wait for them.
         self._application.state.services.drain.set()
+        self._application.state.services.evaluation.queue.engine.end()
         # uvicorn would raise the signal again at the end; a service that stopped because it
         # was asked to has succeeded.
         self.force_exit = self.should_exit and sig == signal.SIGINT

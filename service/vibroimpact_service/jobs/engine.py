@@ -252,6 +252,11 @@ class Engine:
         with contextlib.suppress(Exception):  # the client may be closing at this moment
             client.cancel(list(calls), force=True)
 
+    def end(self) -> None:
+        """Start no worker again that ends from now on: somebody may end all processes at once."""
+        for nanny in self._cluster.workers.values() if self._cluster is not None else ():
+            nanny.auto_restart = False
+
     def close(self) -> None:
         """Disconnect, and stop own workers."""
         self._closing.set()
