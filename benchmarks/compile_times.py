@@ -34,7 +34,7 @@ KERNELS: Final = (
     "motion of two constraints",
     "certified path check",
     "existence bands",
-    "stability, impacts",
+    "stability, zeros",
     "soft limiters",
 )
 """Watched kernels of `benchmarks.hot`, one for each long compilation; the longest first."""

@@ -45,7 +45,8 @@ class LinearLaw(Document):
 def _tag(value: Any) -> str | None:
     """Return the tag of a law, raw or validated."""
     given = value.get("type") if isinstance(value, dict) else getattr(value, "type", None)
-    return f"@{given}" if given in {"rigid", "linear"} else None
+    # Anything may be given there, also what has no hash.
+    return f"@{given}" if given in ("rigid", "linear") else None
 
 
 Law = Annotated[

@@ -32,7 +32,7 @@ import scipy.sparse
 from vibroimpact_solvers import condensation, spectrum
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.matrices import SymmetricMatrix, frozen
-from vibroimpact_solvers.model import System
+from vibroimpact_solvers.model import RANGE, System
 
 LARGEST: Final = 512
 """Degrees of freedom with mass up to which ratios are taken: C is full, and takes all modes."""
@@ -98,6 +98,8 @@ class Rayleigh:
             Where a coefficient is negative: modes elsewhere would gain energy.
         """
         (first, second), (low, high) = ratios, frequencies
+        for place, each in enumerate(frequencies):
+            _check_frequency(each, ("damping", "rayleigh", "at", place))
         if low == high:
             message = "the two frequencies are equal"
             raise ModelError(("damping", "rayleigh", "at"), message, code="equal_frequencies")
@@ -125,6 +127,9 @@ class Structural:
 
     factor: float
     frequency: float
+
+    def __post_init__(self) -> None:
+        _check_frequency(self.frequency, ("damping", "at"))
 
     def matrix(self, system: System) -> SymmetricMatrix:
         """Return C, shape (n, n)."""
@@ -202,6 +207,12 @@ def _with(system: System, more: SymmetricMatrix, field: str) -> System:
         return system.damped(more if system.C is None else system.C.plus(1.0, more))
     except ModelError as error:
         raise ModelError((field,), error.message, code=error.code) from None
+
+
+def _check_frequency(value: float, pointer: Sequence[str | int]) -> None:
+    if not RANGE[0] <= value <= RANGE[1]:
+        message = f"the frequency is {value!r}, not between {RANGE[0]} and {RANGE[1]}"
+        raise ModelError(tuple(pointer), message, code="out_of_range")
 
 
 def _scaled(matrix: SymmetricMatrix, factor: float) -> SymmetricMatrix:

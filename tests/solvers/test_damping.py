@@ -239,3 +239,14 @@ def test_limiters_may_change_beside_damping() -> None:
     damped = damping.damped(chain(3, 1), Ratio((0.05,)))
     other = damped.limited([Constraint.at(0, 1.0)])
     assert other.C is damped.C
+
+
+@pytest.mark.parametrize("frequency", [0.0, 1e-200, 5e-324, 1e200, float("inf"), float("nan")])
+def test_frequencies_of_damping_out_of_range_are_named(frequency: float) -> None:
+    """A structural damping at 5e-324 rpm, which is 0 rad/s, was divided by it."""
+    with pytest.raises(ModelError) as caught:
+        damping.Structural(0.01, frequency)
+    assert caught.value.pointer == ("damping", "at")
+    with pytest.raises(ModelError) as caught:
+        damping.Rayleigh.through((0.01, 0.02), (1.0, frequency))
+    assert caught.value.pointer == ("damping", "rayleigh", "at", 1)
