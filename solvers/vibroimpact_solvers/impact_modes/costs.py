@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from vibroimpact_solvers import receptance, spectrum
@@ -26,7 +24,7 @@ def interval_flops(problem: Problem) -> float:
     system, expansion = problem.system, receptance.ExpansionSize.of(problem.tolerance)
     kept = receptance.MODES_PER_INTERVAL * expansion.factor
     solves = 2.5 * kept + expansion.terms * len(problem.active)
-    flops = 3.0 * factor_flops(system) + solves * _solve_flops(system)
+    flops = 3.0 * spectrum.factor_flops(system) + solves * spectrum.solve_flops(system)
     return flops + 8.0 * system.n * kept**2
 
 
@@ -38,7 +36,7 @@ def products_flops(problem: Problem) -> float:
 
 def factorized_flops(problem: Problem) -> float:
     """Return the operations of a factorization for each harmonic of each frequency."""
-    return harmonic_count(problem) * factor_flops(problem.system)
+    return harmonic_count(problem) * spectrum.factor_flops(problem.system)
 
 
 def harmonic_count(problem: Problem) -> float:
@@ -72,24 +70,3 @@ def _harmonics(problem: Problem) -> Floats:
 
 def _orders(problem: Problem) -> Floats:
     return np.arange(1.0, problem.highest_harmonic + 1.0, 2.0)
-
-
-def _solve_flops(system: System) -> float:
-    """Return the operations of one solve with given factors."""
-    width = max(system.M.width, system.K.width)
-    if Form.SPARSE in {system.M.form, system.K.form}:
-        return 200.0 * system.n
-    if Form.DENSE in {system.M.form, system.K.form}:
-        return 2.0 * float(system.n) ** 2
-    return 8.0 * system.n * (width + 2)
-
-
-def factor_flops(system: System) -> float:
-    """Return the operations of one factorization at a frequency and one solve."""
-    width = max(system.M.width, system.K.width)
-    if Form.SPARSE in {system.M.form, system.K.form}:
-        # Nested dissection of a planar mesh; three-dimensional ones cost more.
-        return 20.0 * math.pow(system.n, 1.5)
-    if Form.DENSE in {system.M.form, system.K.form}:
-        return float(system.n) ** 3
-    return 4.0 * system.n * (width + 1) ** 2 + 50.0 * system.n

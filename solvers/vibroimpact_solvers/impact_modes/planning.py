@@ -225,7 +225,7 @@ def _direct_steps(problem: Problem) -> Iterator[Step]:
         reason = f"{dofs} of {system.n} degrees of freedom at {times} times"
         flops = 4.0 * terms * points * times * dofs + 2.0 * work
         if name == "harmonics" and partial is None:
-            flops = points * times * costs.factor_flops(system)
+            flops = points * times * spectrum.factor_flops(system)
         yield Step(stage, "direct", reason, flops, 8.0 * points * (times + 1.0) * dofs)
     if "energy" in problem.outputs:
         reason = "from the response at the constraints and its slope"
@@ -346,7 +346,7 @@ def _partial_step(problem: Problem, *, at_any_price: bool = False) -> Step | Non
         frequencies = costs.harmonic_frequencies(problem)
         intervals = receptance.interval_count(system.n, bound, frequencies)
     kept, each = receptance.MODES_PER_INTERVAL * expansion.factor, costs.interval_flops(problem)
-    if not at_any_price and intervals * each > harmonics * costs.factor_flops(system):
+    if not at_any_price and intervals * each > harmonics * spectrum.factor_flops(system):
         return None
     places = problem.output_dofs.size if any(_displacements(problem)) else 0
     places += len(problem.system.constraints)

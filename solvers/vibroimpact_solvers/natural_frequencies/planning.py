@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from vibroimpact_solvers import condensation, spectrum
@@ -45,18 +45,16 @@ def plan(problem: Problem) -> Plan:
         if modes.bytes > spectrum.MEMORY:
             message = f"the natural modes take more than {modes.bytes / 1e9:.0f} GB"
             raise PlanError(message, ("system",))
-        modes = Step(
-            modes.stage, modes.method, modes.reason, modes.flops, modes.bytes, settings=decision
-        )
+        modes = replace(modes, settings=decision)
     wanted = COUNT if problem.count is None else problem.count
     if problem.stop is None and problem.modes < wanted:
         reason = f"{modes.reason}; the structure has {problem.modes} modes and no more"
-        modes = Step(modes.stage, modes.method, reason, modes.flops, modes.bytes, settings=decision)
+        modes = replace(modes, reason=reason)
     if problem.fixed:
         listed = ", ".join(map(str, sorted(problem.fixed)))
         plural = "s" if len(problem.fixed) > 1 else ""
         reason = f"constraint{plural} {listed} held: {system.n} coordinates remain; {modes.reason}"
-        modes = Step(modes.stage, modes.method, reason, modes.flops, modes.bytes, settings=decision)
+        modes = replace(modes, reason=reason)
     return Plan(KIND, (modes, *_outputs(problem, decision)), tuple(_skips(problem, decision)))
 
 
@@ -82,12 +80,8 @@ def _lowest_step(system: System, decision: Decision) -> Step:
     )
     if system.massless.size:
         reason = f"{condensation.sentence(system)}; {reason}"
-    width = max(system.M.width, system.K.width)
-    if Form.SPARSE in {system.M.form, system.K.form}:
-        factors, solves = 20.0 * math.pow(n, 1.5), 200.0 * n
-    else:
-        factors, solves = 4.0 * n * (width + 1) ** 2 + 50.0 * n, 8.0 * n * (width + 2)
-    flops = _FACTORS * factors + _SOLVES * count * solves + 40.0 * n * count**2
+    flops = _FACTORS * spectrum.factor_flops(system)
+    flops += _SOLVES * count * spectrum.solve_flops(system) + 40.0 * n * count**2
     flops += 40.0 * count * (system.K.entries + system.M.entries)
     return Step(Stage.SPECTRUM, LOWEST, reason, flops, 32.0 * n * count, settings=decision)
 

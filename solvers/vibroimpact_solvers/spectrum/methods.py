@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import weakref
 from dataclasses import replace
 from enum import StrEnum
@@ -88,6 +89,27 @@ def flops(system: System, method: Method) -> float:
         Method.BANDED: 12.0 * n**3 + 8.5e3 * n * n,
         Method.DENSE: 14.0 * n**3 + 4.7e3 * n * n,
     }[method]
+
+
+def factor_flops(system: System) -> float:
+    """Return the operations of one factorization at a frequency and one solve."""
+    width = max(system.M.width, system.K.width)
+    if Form.SPARSE in {system.M.form, system.K.form}:
+        # Nested dissection of a planar mesh; three-dimensional ones cost more.
+        return 20.0 * math.pow(system.n, 1.5)
+    if Form.DENSE in {system.M.form, system.K.form}:
+        return float(system.n) ** 3
+    return 4.0 * system.n * (width + 1) ** 2 + 50.0 * system.n
+
+
+def solve_flops(system: System) -> float:
+    """Return the operations of one solve with given factors."""
+    width = max(system.M.width, system.K.width)
+    if Form.SPARSE in {system.M.form, system.K.form}:
+        return 200.0 * system.n
+    if Form.DENSE in {system.M.form, system.K.form}:
+        return 2.0 * float(system.n) ** 2
+    return 8.0 * system.n * (width + 2)
 
 
 def nbytes(system: System, method: Method) -> float:
