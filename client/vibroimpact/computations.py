@@ -7,9 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral
 from typing import TYPE_CHECKING, Any, Final, Generic, Literal, TypeVar, overload
 
-import numpy as np
-
-from vibroimpact.systems import axis, frequencies, has_stiff_stops, names, numbers, real, times
+from vibroimpact import arguments
+from vibroimpact.systems import axis, frequencies, has_stiff_stops, names, times
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -223,13 +222,13 @@ class Computations(
         if outputs is None and directions is not None:
             outputs = ("Omega", "shape", "participation", "effective_mass")
         options = _present(
-            count=None if count is None else int(count),
-            stop=_number(stop),
+            count=_integer("count", count),
+            stop=_number("stop", stop),
             unit=None if unit == "Omega" else unit,
-            fixed=_indices(fixed) or None,
-            directions=None if directions is None else _rows("directions", directions),
+            fixed=_indices("fixed", fixed) or None,
+            directions=None if directions is None else arguments.rows("directions", directions),
             outputs=None if outputs is None else names(outputs),
-            tolerance=_number(tolerance),
+            tolerance=_number("tolerance", tolerance),
         )
         request: Document = {"system": dict(system)}
         answer: Natural = self._compute("natural-frequencies", request | options)
@@ -270,7 +269,9 @@ class Computations(
             "frequency": frequencies(frequency, unit),
             "outputs": names(outputs),
         }
-        options = _present(active=_indices(active), dofs=_indices(dofs), tau=_values(tau))
+        options = _present(
+            active=_indices("active", active), dofs=_indices("dofs", dofs), tau=_values("tau", tau)
+        )
         answer: Modes = self._compute("impact-modes", request | options)
         return answer
 
@@ -306,16 +307,19 @@ class Computations(
             models have so many narrow bands that all of them take long.
         """
         ends = (start, stop) if stop is not None else start
-        if isinstance(ends, int | float) or len(ends) != 2:
+        given = arguments.numbers("the range", ends)
+        if len(given) != 2:
             raise TypeError("a range has two ends: start and stop, or one pair of them")
-        low, high = (float(end) for end in ends)  # type: ignore[arg-type]
+        low, high = given
         request = {
             "system": dict(system),
             "frequency": {"start": low, "stop": high, "unit": unit},
             "outputs": names(outputs),
         }
         options = _present(
-            active=_indices(active), tolerance=_number(tolerance), resolution=_number(resolution)
+            active=_indices("active", active),
+            tolerance=_number("tolerance", tolerance),
+            resolution=_number("resolution", resolution),
         )
         answer: Bands = self._compute("existence-bands", request | options)
         return answer
@@ -337,7 +341,10 @@ class Computations(
         odd_max : int
             Highest odd harmonic.
         """
-        numbers = {"constraint": int(constraint), "odd_max": int(odd_max)}
+        numbers = {
+            "constraint": arguments.integer("constraint", constraint),
+            "odd_max": arguments.integer("odd_max", odd_max),
+        }
         answer: Resonant = self._compute("resonances", {"system": dict(system)} | numbers)
         return answer
 
@@ -390,19 +397,22 @@ class Computations(
         request = {
             "system": dict(system),
             "frequency": frequencies(frequency, unit),
-            "load": [dict(term) for term in load],
+            "load": arguments.documents("load", load),
         }
         options = _present(
             sequence=sequence
             if sequence is None or isinstance(sequence, str)
-            else [{"constraint": int(index), "side": side} for index, side in sequence],
-            constraint=int(constraint) or None,
-            periods=None if periods == 1 else int(periods),
-            start=None if phases is None else {"phases": np.atleast_2d(phases).tolist()},
+            else [
+                {"constraint": arguments.integer("constraint", index), "side": side}
+                for index, side in sequence
+            ],
+            constraint=arguments.integer("constraint", constraint) or None,
+            periods=None if periods == 1 else arguments.integer("periods", periods),
+            start=None if phases is None else {"phases": arguments.rows("phases", phases)},
             outputs=None if outputs is None else names(outputs),
-            dofs=_indices(dofs),
-            tau=_values(tau),
-            tolerance=_number(tolerance),
+            dofs=_indices("dofs", dofs),
+            tau=_values("tau", tau),
+            tolerance=_number("tolerance", tolerance),
         )
         answer: Motions = self._compute("periodic-motions", request | options)
         return answer
@@ -444,14 +454,14 @@ class Computations(
         request: Document = {
             "base": dict(base),
             "path": path,
-            "start": float(start),
-            "stop": float(stop),
+            "start": arguments.number("start", start),
+            "stop": arguments.number("stop", stop),
         }
         options = _present(
-            switch=int(switch) or None,
+            switch=arguments.integer("switch", switch) or None,
             stop_at=names(stop_at) or None,
-            points=None if points is None else int(points),
-            step=_number(step),
+            points=_integer("points", points),
+            step=_number("step", step),
         )
         answer: Curves = self._compute("branches", request | options, progress=progress)
         return answer
@@ -506,21 +516,21 @@ class Computations(
         """
         request: Document = {
             "system": dict(system),
-            "load": [dict(term) for term in load],
+            "load": arguments.documents("load", load),
             "frequency": dict(frequency)
             if isinstance(frequency, Mapping)
-            else {"values": [float(frequency)]},
-            "initial": {name: _rows(name, given) for name, given in (("x", x), ("v", v))},
+            else {"values": [arguments.number("frequency", frequency)]},
+            "initial": {name: arguments.rows(name, given) for name, given in (("x", x), ("v", v))},
         }
         options = _present(
-            settle=None if settle is None else int(settle),
-            observe=None if observe is None else int(observe),
-            longest=None if longest is None else int(longest),
+            settle=_integer("settle", settle),
+            observe=_integer("observe", observe),
+            longest=_integer("longest", longest),
             section=None if section == "phase" else section,
-            points=None if points is None else int(points),
-            dofs=_indices(dofs),
+            points=_integer("points", points),
+            dofs=_indices("dofs", dofs),
             outputs=None if outputs is None else names(outputs),
-            tolerance=_number(tolerance),
+            tolerance=_number("tolerance", tolerance),
         )
         answer: Settled = self._compute("attractors", request | options, progress=progress)
         return answer
@@ -580,17 +590,17 @@ class Computations(
         request = {
             "system": dict(system),
             "initial": _initial(initial),
-            "t_end": float(t_end),
+            "t_end": arguments.number("t_end", t_end),
             "outputs": names(outputs),
         }
         options = _present(
             t=_times(t),
-            dofs=_indices(dofs),
-            load=None if load is None else [dict(term) for term in load],
+            dofs=_indices("dofs", dofs),
+            load=None if load is None else arguments.documents("load", load),
             limiter=None if limiter is None else dict(limiter),
             method=None if method == "exact" else method,
-            tolerance=_number(tolerance),
-            digits=None if digits is None else int(digits),
+            tolerance=_number("tolerance", tolerance),
+            digits=_integer("digits", digits),
         )
         answer: History = self._compute("time-history", request | options)
         return answer
@@ -625,7 +635,7 @@ class Computations(
         t, outputs, dofs, load, limiter, method, tolerance
             As for `time_history`; they hold for all members.
         """
-        states: Any = {name: _rows(name, given) for name, given in (("x", x), ("v", v))}
+        states: Any = {name: arguments.rows(name, given) for name, given in (("x", x), ("v", v))}
         request = REQUESTS.time_history(
             system,
             states,
@@ -674,8 +684,11 @@ class Computations(
             "system": dict(system),
             "model": model,
             "variant": variant,
-            "initial": {k: v if k == "root" else float(v) for k, v in given.items()},
-            "t": times(t),
+            "initial": {
+                name: value if name == "root" else arguments.number(name, value)
+                for name, value in given.items()
+            },
+            "t": times(t, "t"),
             "outputs": names(outputs),
         }
         answer: Slow = self._compute("slow-flow", request)
@@ -748,31 +761,27 @@ def _present(**fields: Any) -> Document:
     return {name: value for name, value in fields.items() if value is not None}
 
 
-def _indices(given: Iterable[int] | None) -> list[int] | None:
-    return None if given is None else [int(index) for index in given]
+def _indices(name: str, given: Iterable[int] | None) -> list[int] | None:
+    return None if given is None else arguments.integers(name, given)
 
 
-def _rows(name: str, given: ArrayLike) -> list[list[float]]:
-    """Return rows of numbers; one row may be given alone."""
-    rows: list[list[float]] = np.atleast_2d(
-        np.asarray(real(name, given), dtype=np.float64)
-    ).tolist()
-    return rows
+def _number(name: str, given: float | None) -> float | None:
+    return None if given is None else arguments.number(name, given)
 
 
-def _number(given: float | None) -> float | None:
-    return None if given is None else float(given)
+def _integer(name: str, given: int | None) -> int | None:
+    return None if given is None else arguments.integer(name, given)
 
 
-def _values(given: ArrayLike | None) -> list[float] | None:
-    return None if given is None else numbers(given)
+def _values(name: str, given: ArrayLike | None) -> list[float] | None:
+    return None if given is None else arguments.numbers(name, given)
 
 
 def _times(given: Any) -> Any:
     """Return the output times of a motion: a number of them, a list, or a grid."""
     if given is None or isinstance(given, Integral):
         return None if given is None else {"num": int(given)}
-    document = times(given)
+    document = times(given, "t")
     return document["values"] if set(document) == {"values"} else document
 
 
@@ -782,5 +791,10 @@ def _initial(initial: Initial) -> Document:
         return dict(initial)
     if isinstance(initial, int | float):
         return {"impact_mode": {"Omega": float(initial)}}
+    if isinstance(initial, str | bytes) or not hasattr(initial, "__len__") or len(initial) != 2:
+        raise TypeError(
+            "initial must be (x, v), a document, or the frequency of an impact mode, not "
+            f"{initial!r:.60}"
+        )
     x, v = initial
-    return {"x": _values(x), "v": _values(v)}
+    return {"x": _values("x", x), "v": _values("v", v)}

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
+from vibroimpact.arguments import array, integer, integers, number, numbers, real
+
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
@@ -65,16 +67,16 @@ def constraint(
     >>> constraint(0, gap=0.1, stiffness=1e4, damping=2.0)["law"]
     {'type': 'linear', 'stiffness': 10000.0, 'damping': 2.0}
     """
-    limits: Any = dict(gap) if isinstance(gap, Mapping) else float(gap)
+    limits: Any = dict(gap) if isinstance(gap, Mapping) else number("gap", gap)
     document: documents.Constraint = {"gap": limits}
     if stiffness is not None:
         document["law"] = _linear(stiffness, damping, restitution)
     elif damping is not None:
         raise ValueError("a stop with a damping needs a stiffness, which may be 0")
     else:
-        document["restitution"] = 1.0 if restitution is None else float(restitution)
+        document["restitution"] = 1.0 if restitution is None else number("restitution", restitution)
     if direction is None:
-        document["dof"] = dof
+        document["dof"] = None if dof is None else integer("dof", dof)
     else:
         document["direction"] = _direction(direction)
     return document
@@ -99,18 +101,18 @@ def dashpot(
     if weights is None or (dof is not None and direction is not None):
         raise ValueError("a dashpot needs either a dof or a direction")
     coordinate = _direction(weights)
-    return {"dofs": coordinate["dofs"], "weights": coordinate["weights"], "c": float(c)}
+    return {"dofs": coordinate["dofs"], "weights": coordinate["weights"], "c": number("c", c)}
 
 
 def _linear(
     stiffness: float, damping: float | None, restitution: float | None
 ) -> documents.LinearLaw:
     """Return the document of the law of a stop with a stiffness."""
-    law: documents.LinearLaw = {"type": "linear", "stiffness": float(stiffness)}
+    law: documents.LinearLaw = {"type": "linear", "stiffness": number("stiffness", stiffness)}
     if damping is not None:
-        law["damping"] = float(damping)
+        law["damping"] = number("damping", damping)
     if restitution is not None:
-        law["restitution"] = float(restitution)
+        law["restitution"] = number("restitution", restitution)
     return law
 
 
@@ -136,9 +138,9 @@ def chain(
     """
     document: documents.Chain = {
         "preset": "chain",
-        "n": n,
-        "mass": float(mass),
-        "stiffness": float(stiffness),
+        "n": integer("n", n),
+        "mass": number("mass", mass),
+        "stiffness": number("stiffness", stiffness),
         "constraints": _several(constraints),
     }
     _complete(document, damping, dashpots, influence)
@@ -157,8 +159,8 @@ def oscillator(
     """Return an oscillator with one degree of freedom."""
     document: documents.Oscillator = {
         "preset": "oscillator",
-        "Omega0": float(Omega0),
-        "zeta": float(zeta),
+        "Omega0": number("Omega0", Omega0),
+        "zeta": number("zeta", zeta),
         "constraints": _several(constraints),
     }
     _complete(document, damping, dashpots, influence)
@@ -178,9 +180,9 @@ def two_mass(
     """Return two coupled oscillators (eq. 10.22, 10.42)."""
     document: documents.TwoMass = {
         "preset": "two_mass",
-        "Omega0": float(Omega0),
-        "coupling": float(coupling),
-        "zeta": float(zeta),
+        "Omega0": number("Omega0", Omega0),
+        "coupling": number("coupling", coupling),
+        "zeta": number("zeta", zeta),
         "constraints": _several(constraints),
     }
     _complete(document, damping, dashpots, influence)
@@ -198,7 +200,7 @@ def double_pendulum(
     """Return the linearised double pendulum (eq. 10.33)."""
     document: documents.DoublePendulum = {
         "preset": "double_pendulum",
-        "mu": float(mu),
+        "mu": number("mu", mu),
         "constraints": _several(constraints),
     }
     _complete(document, damping, dashpots, influence)
@@ -208,7 +210,7 @@ def double_pendulum(
 def bouncing_ball(constraints: Constraints, g: float = 9.81) -> documents.BouncingBall:
     """Return a ball above a floor, under gravity."""
     limiters = _several(constraints)
-    return {"preset": "bouncing_ball", "g": float(g), "constraints": limiters}
+    return {"preset": "bouncing_ball", "g": number("g", g), "constraints": limiters}
 
 
 def system(
@@ -258,7 +260,7 @@ def system(
     if C is not None:
         document["C"] = matrix(C, "C")
     if force is not None:
-        document["force"] = numbers(force, "force")
+        document["force"] = numbers("force", force)
     if units is not None:
         names: Any = dict(units)
         document["units"] = names
@@ -273,13 +275,13 @@ def _complete(
     if isinstance(damping, Mapping):
         document["damping"] = dict(damping)
     elif damping is not None:
-        ratios = numbers(damping, "the damping ratios")
+        ratios = numbers("the damping ratios", damping)
         document["damping"] = {"ratio": ratios[0] if np.ndim(damping) == 0 else ratios}
     given = [dashpots] if isinstance(dashpots, Mapping) else list(dashpots)
     if given:
         document["dashpots"] = [dict(each) for each in given]
     if influence is not None:
-        document["influence"] = numbers(influence, "influence")
+        document["influence"] = numbers("influence", influence)
 
 
 def matrix(given: Any, name: str = "the matrix") -> Dense | Sparse:
@@ -292,47 +294,19 @@ def matrix(given: Any, name: str = "the matrix") -> Dense | Sparse:
             "col": np.asarray(entries.col).tolist(),
             "data": np.asarray(entries.data, dtype=np.float64).tolist(),
         }
-    full = np.asarray(real(name, given), dtype=np.float64)
+    full = array(name, given)
     if full.ndim == 1:
         return {"diagonal": full.tolist()}
     rows: Dense = full.tolist()
     return rows
 
 
-def real(name: str, given: Any) -> Any:
-    """Return numbers, an array or a sparse matrix, without imaginary parts that are 0.
-
-    Raises
-    ------
-    ValueError
-        If an imaginary part is not 0.
-    """
-    values = given if hasattr(given, "tocoo") else np.asarray(given)
-    if values.dtype.kind != "c":
-        return values
-    imaginary = values.imag
-    largest = abs(imaginary.tocoo() if hasattr(imaginary, "tocoo") else imaginary).max()
-    if largest != 0.0:
-        raise ValueError(
-            f"{name} has imaginary parts, the largest {largest:.3g}, which would be lost: numbers "
-            "are real here. Structural damping, K (1 + i eta), is viscous damping "
-            "C = eta K / Omega at one frequency"
-        )
-    return values.real
-
-
-def numbers(given: Any, name: str = "the values") -> list[float]:
-    """Return real numbers as a list."""
-    values: list[float] = np.atleast_1d(np.asarray(real(name, given), dtype=np.float64)).tolist()
-    return values
-
-
 def frequencies(given: Any, unit: str = "Omega") -> Document:
     """Return the document of frequencies: an array, a mapping, or (start, stop, num)."""
-    return {"unit": unit} | times(given)
+    return {"unit": unit} | times(given, "frequency")
 
 
-def times(given: Any) -> Document:
+def times(given: Any, name: str = "the values") -> Document:
     """Return the document of times: an array, a mapping, or (start, stop, num).
 
     Raises
@@ -344,7 +318,7 @@ def times(given: Any) -> Document:
         return dict(given)
     if isinstance(given, tuple) and len(given) == 3:
         return _equally_spaced(*given)
-    return {"values": numbers(given)}
+    return {"values": numbers(name, given)}
 
 
 _FEW = 10
@@ -359,7 +333,11 @@ def _equally_spaced(start: Any, stop: Any, num: Any) -> Document:
             f"[{start}, {stop}, {num}] for three values, "
             f'{{"start": {start}, "stop": {stop}, "num": n}} for n equally spaced ones'
         )
-    return {"start": float(start), "stop": float(stop), "num": int(num)}
+    return {
+        "start": number("start", start),
+        "stop": number("stop", stop),
+        "num": integer("num", num),
+    }
 
 
 def axis(path: str, values: Any) -> Document:
@@ -373,7 +351,7 @@ def axis(path: str, values: Any) -> Document:
         Values of the number. Sweeps over ``start``, ``stop`` and ``step`` reuse the parts that
         longer or shifted sweeps with the same step have computed; ``name`` names the dimension.
     """
-    return {"path": path} | times(values)
+    return {"path": path} | times(values, path)
 
 
 def _several(constraints: Constraints) -> list[documents.Constraint]:
@@ -392,10 +370,10 @@ def harmonic(
 ) -> documents.HarmonicLoad:
     """Return a load ``amplitude cos(frequency t + phase)`` on one degree of freedom."""
     return {
-        "dof": int(dof),
-        "amplitude": float(amplitude),
-        "frequency": float(frequency),
-        "phase": float(phase),
+        "dof": integer("dof", dof),
+        "amplitude": number("amplitude", amplitude),
+        "frequency": number("frequency", frequency),
+        "phase": number("phase", phase),
     }
 
 
@@ -419,7 +397,7 @@ def sampled(
     interval : float, optional
         In place of `t`: the time between two samples, the first one at 0.
     """
-    load: Any = _place(dof) | {"force": numbers(force, "force")} | _sample_times(t, interval)
+    load: Any = _place(dof) | {"force": numbers("force", force)} | _sample_times(t, interval)
     document: documents.SampledLoad = load
     return document
 
@@ -443,8 +421,8 @@ def base_motion(
     t, interval : optional
         As for `sampled`.
     """
-    moved = base if isinstance(base, str) else numbers(base, "base")
-    parts: Document = {"base": moved, "acceleration": numbers(acceleration, "acceleration")}
+    moved = base if isinstance(base, str) else numbers("base", base)
+    parts: Document = {"base": moved, "acceleration": numbers("acceleration", acceleration)}
     load: Any = parts | _sample_times(t, interval)
     document: documents.BaseMotion = load
     return document
@@ -469,27 +447,32 @@ def base_vibration(
     """
     return {
         "base": quantity,
-        "amplitude": float(amplitude),
-        "frequency": float(frequency),
-        "phase": float(phase),
+        "amplitude": number("amplitude", amplitude),
+        "frequency": number("frequency", frequency),
+        "phase": number("phase", phase),
     }
 
 
 def _sample_times(t: Any, interval: float | None) -> Document:
-    given: Document = {} if t is None else {"t": numbers(t, "t")}
-    return given if interval is None else given | {"interval": float(interval)}
+    given: Document = {} if t is None else {"t": numbers("t", t)}
+    return given if interval is None else given | {"interval": number("interval", interval)}
 
 
 def _place(dof: int | Mapping[int, float] | None) -> Document:
     if dof is None:
         return {}
     if not isinstance(dof, Mapping):
-        return {"dof": int(dof)}
+        return {"dof": integer("dof", dof)}
     return {"direction": _direction(dof)}
 
 
 def _direction(weights: Mapping[int, float]) -> documents.Direction:
-    return {"dofs": [int(dof) for dof in weights], "weights": [float(w) for w in weights.values()]}
+    if not isinstance(weights, Mapping):
+        raise TypeError(f"a direction must be {{dof: weight}}, not {weights!r:.60}")
+    return {
+        "dofs": integers("the degrees of freedom of a direction", list(weights)),
+        "weights": [number("a weight", weight) for weight in weights.values()],
+    }
 
 
 def drive(
@@ -515,7 +498,11 @@ def drive(
     scale : str, optional
         "Omega2" multiplies the amplitude by the square of Omega, as of an unbalance.
     """
-    terms = {"amplitude": float(amplitude), "harmonic": int(harmonic), "phase": float(phase)}
+    terms = {
+        "amplitude": number("amplitude", amplitude),
+        "harmonic": integer("harmonic", harmonic),
+        "phase": number("phase", phase),
+    }
     load: Any = _place(dof) | terms
     if base is not None:
         load["base"] = base
@@ -531,7 +518,7 @@ def soft(
     """Return soft limiters with the force ``-stiffness (y / (scale gap))^exponent``."""
     return {
         "law": "power",
-        "exponent": float(exponent),
-        "stiffness": float(stiffness),
-        "scale": float(scale),
+        "exponent": number("exponent", exponent),
+        "stiffness": number("stiffness", stiffness),
+        "scale": number("scale", scale),
     }

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from vibroimpact.arguments import real
 from vibroimpact.errors import MissingExtra
 from vibroimpact.local import Local
-from vibroimpact.systems import constraint, real, system
+from vibroimpact.systems import constraint, system
 from vibroimpact.tables import Array
 
 if TYPE_CHECKING:

@@ -21,10 +21,10 @@ from typing import Any, Final
 import numpy as np
 import scipy.sparse as sparse
 
+from vibroimpact.arguments import real
 from vibroimpact.models import array_files, matlab, nastran, text_files
 from vibroimpact.models.labels import Content, chosen
 from vibroimpact.models.model import ROUNDING, Label, Model
-from vibroimpact.systems import real
 from vibroimpact_schema import number_tables
 
 READERS: Final[Mapping[str, Callable[[Path], Content]]] = {
