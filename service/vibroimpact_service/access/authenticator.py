@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import ipaddress
+from dataclasses import replace
 from pathlib import Path
 
 from sqlalchemy.engine import make_url
@@ -138,17 +139,25 @@ class Authenticator:
         text = text.strip()
         key = keys.parse(text)
         if key is not None:
-            return await self._of_key(*key)
+            return self._limited(await self._of_key(*key))
         if self._tokens is None:
             raise _unauthenticated("This is not a key of the service.")
         try:
-            return await self._tokens.caller(text)
+            return self._limited(await self._tokens.caller(text))
         except TokenError as error:
             raise _unauthenticated(f"Not accepted: {error}.") from None
         except IssuerUnavailableError:
             detail = "The keys of the token's issuer cannot be fetched."
             headers = {"Retry-After": "10"}
             raise ProblemError(problems.UNAVAILABLE, detail, headers=headers) from None
+
+    def _limited(self, caller: Caller) -> Caller:
+        """Return a caller with the limits of the settings where it has none of its own."""
+        return replace(
+            caller,
+            requests_per_minute=caller.requests_per_minute or self._settings.requests_per_minute,
+            seconds_per_hour=caller.seconds_per_hour or self._settings.seconds_per_hour,
+        )
 
     async def _of_key(self, name: str, secret: str) -> Caller:
         # Read anew each time: a revoked key is refused at once, by every replica.

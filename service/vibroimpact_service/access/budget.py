@@ -16,7 +16,7 @@ from limits.limits import RateLimitItem
 from limits.storage import storage_from_string
 
 from vibroimpact_service import problems
-from vibroimpact_service.access.caller import LOCAL, Caller
+from vibroimpact_service.access.caller import Caller
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
 from vibroimpact_solvers.plan import Plan
@@ -36,8 +36,8 @@ class Budget:
     Parameters
     ----------
     settings : Settings
-        With the limits of keys without their own, and where to count: in this process, or
-        in a Redis that replicas share.
+        With the longest computation, and where to count: in this process, or in a Redis that
+        replicas share.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -56,7 +56,7 @@ class Budget:
         ProblemError
             429 if there were too many.
         """
-        most, _ = self._limits(caller)
+        most = caller.requests_per_minute
         if most is None:
             return {}
         window = RateLimitItemPerMinute(most, 1, "requests")
@@ -86,7 +86,7 @@ class Budget:
         if seconds > longest:
             detail = f"{cost}; a single computation may cost {longest:g} s."
             raise ProblemError(problems.TOO_COSTLY, detail)
-        _, most = self._limits(caller)
+        most = caller.seconds_per_hour
         if most is None:
             return {}
         if seconds > most:
@@ -111,7 +111,7 @@ class Budget:
         Parameters
         ----------
         account : str
-            Of the caller; see `account`.
+            Of the caller; see `Caller.account`.
         held, used : float
             Planned time, and processor time of the computation, seconds; either may be 0.
         age : float
@@ -128,14 +128,6 @@ class Budget:
         key, length = _COMPUTING.key_for(account), _COMPUTING.get_expiry()
         return await self._storage.acquire_sliding_window_entry(key, limit, length, milliseconds)
 
-    def account(self, caller: Caller) -> str | None:
-        """Return what computing is charged to, None where a caller has no quota."""
-        return None if self._limits(caller)[1] is None else caller.name
-
-    def free(self, caller: Caller, seconds: float) -> bool:
-        """Whether `spend` does nothing for computations of up to that price."""
-        return self._limits(caller)[1] is None and seconds <= self._settings.max_job_seconds
-
     async def count_failed_key(self, address: str) -> None:
         """Count a request without a valid key from an address.
 
@@ -149,15 +141,6 @@ class Budget:
             wait = _whole(stats.reset_time - time.time())
             detail = f"Too many requests without a valid key; ask again in {wait} s."
             raise ProblemError(problems.TOO_MANY, detail, headers={"Retry-After": str(wait)})
-
-    def _limits(self, caller: Caller) -> tuple[int | None, float | None]:
-        """Return the requests per minute and seconds per hour of a caller; None: unlimited."""
-        if caller is LOCAL:
-            return None, None
-        return (
-            caller.requests_per_minute or self._settings.requests_per_minute,
-            caller.seconds_per_hour or self._settings.seconds_per_hour,
-        )
 
     async def _headers(
         self, name: str, unit: str, window: RateLimitItem, most: int, caller: str, cost: int

@@ -32,9 +32,9 @@ class Caller:
         Id of the key, or of the token's subject; rates are counted for it.
     scopes : frozenset of Scope
     requests_per_minute : int, optional
-        Absent: as the settings say.
+        Absent: any number.
     seconds_per_hour : float, optional
-        Planned computing time; absent: as the settings say.
+        Computing time; absent: any time.
     """
 
     owner: str
@@ -42,6 +42,11 @@ class Caller:
     scopes: frozenset[Scope]
     requests_per_minute: int | None = None
     seconds_per_hour: float | None = None
+
+    @property
+    def account(self) -> str | None:
+        """What computing is charged to, None where there is no quota."""
+        return None if self.seconds_per_hour is None else self.name
 
 
 LOCAL: Final = Caller("local", "local", frozenset(Scope))

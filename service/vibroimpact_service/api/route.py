@@ -118,10 +118,11 @@ def owner(request: Request) -> str:
 
 def admission(request: Request) -> Admission:
     """Return what charges a computation to the caller of a request."""
-    parts = services(request)
+    parts, payer = services(request), caller(request)
+    account, settings = payer.account, parts.settings
 
     async def charge(plan: Plan, seconds: float) -> None:
-        left = await parts.budget.spend(caller(request), plan, seconds)
+        left = await parts.budget.spend(payer, plan, seconds)
         more: dict[str, str] = request.state.more_headers
         for name, value in left.items():
             more[name] = f"{more[name]}, {value}" if name in more else value
@@ -130,8 +131,7 @@ def admission(request: Request) -> Admission:
         if account is not None:
             await parts.budget.settle(account, held, used)
 
-    account = parts.budget.account(caller(request))
-    free = parts.budget.free(caller(request), parts.settings.inline_seconds)
+    free = account is None and settings.inline_seconds <= settings.max_job_seconds
     return Admission(charge, free, settle, account)
 
 
