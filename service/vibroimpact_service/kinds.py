@@ -24,7 +24,6 @@ from typing import TYPE_CHECKING, Any, Final, Protocol, cast
 from vibroimpact_schema import branches as branch_requests
 from vibroimpact_schema import requests, results, sweeps
 from vibroimpact_service import problems
-from vibroimpact_service.jobs.work import Tick
 from vibroimpact_service.result_documents import document
 from vibroimpact_solvers.results import (
     attractors,
@@ -40,7 +39,7 @@ from vibroimpact_solvers.results import (
 )
 
 if TYPE_CHECKING:
-    from vibroimpact_solvers.plan import Plan
+    from vibroimpact_solvers.plan import Plan, Tick
 
 
 class Solver(Protocol):

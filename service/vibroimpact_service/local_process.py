@@ -24,7 +24,6 @@ from typing import Any, BinaryIO, Final
 from vibroimpact_service import kinds, problems
 from vibroimpact_service.documents import decode, planning, requests
 from vibroimpact_service.jobs import process_limits
-from vibroimpact_service.jobs.work import LimitPassedError, StopSignal
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.results import hdf5
 from vibroimpact_service.results.netcdf import Entry
@@ -32,6 +31,7 @@ from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 from vibroimpact_service.use_case import chunks, computation
 from vibroimpact_solvers.kernels import inventory
+from vibroimpact_solvers.meter import LimitPassedError, StopSignal
 
 CALLER: Final = "local"
 _PROGRESS_SECONDS: Final = 0.05

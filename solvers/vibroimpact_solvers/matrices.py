@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
@@ -72,6 +72,12 @@ class SymmetricMatrix:
     data: Floats
     form: Form
     pattern: tuple[Integers, Integers] | None = None
+    n: int = field(init=False, repr=False)
+    """Number of rows."""
+
+    def __post_init__(self) -> None:
+        rows = self.data.shape[1] if self.pattern is None else self.pattern[1].size - 1
+        object.__setattr__(self, "n", int(rows))
 
     @classmethod
     def dense(cls, rows: ArrayLike) -> SymmetricMatrix:
@@ -162,13 +168,6 @@ class SymmetricMatrix:
         bands = np.zeros((width + 1, n))
         bands[offsets, lower.col] = lower.data
         return cls(frozen(bands), _banded_form(width))
-
-    @property
-    def n(self) -> int:
-        """Number of rows."""
-        if self.pattern is not None:
-            return int(self.pattern[1].size - 1)
-        return int(self.data.shape[1])
 
     @property
     def width(self) -> int:

@@ -1,13 +1,15 @@
 """The meter of a computation, which every loop looks at.
 
-A caller gives a tick, which may raise `Cancelled`: it stands for a stop signal and for limits of
-time and memory. Loops deep inside a computation look at it by `look`, without being handed it,
-and tell it by `hold` of rows that grow beyond what a plan knows. Threads that help a computation
-have `Helpers`, so that their time and memory are counted as its own.
+A caller gives a tick, such as a `StopSignal`, which may raise an error to stop the computation:
+when it was cancelled, or passed its limits of time and memory. Loops deep inside a computation look
+at it by `look`, without being handed it, and tell it by `hold` of rows that grow beyond what a plan
+knows. Threads that help a computation have `Helpers`, so that their time and memory are counted as
+its own.
 """
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections import deque
@@ -25,6 +27,8 @@ _Result = TypeVar("_Result")
 _SECONDS: Final = 0.004  # between two looks: loops may look as often as they like
 _COPIES: Final = 4
 """How often rows are in memory while columns and results are made of them."""
+_CANCELLED_SECONDS: Final = 0.05
+"""Between two questions whether a computation was cancelled."""
 _here = threading.local()
 _METER: ContextVar[Meter | None] = ContextVar("meter", default=None)
 
@@ -182,3 +186,80 @@ def metered(
             _METER.reset(before)
 
     return solved
+
+
+class StoppedError(Exception):
+    """The computation took too long, or was cancelled."""
+
+
+class LimitPassedError(Exception):
+    """The computation passed a limit while it ran; its text says which, and what is kept."""
+
+
+class StopSignal:
+    """The tick of a computation that is stopped from outside, or after some time.
+
+    Parameters
+    ----------
+    seconds : float
+        Time allowed after the first progress. What came before, such as the compilation of
+        kernels, does not count.
+    cancelled : callable, optional
+        Returns whether the computation was cancelled; called every 50 ms at most.
+    enforce : callable, optional
+        ``(seconds) -> None``: has the operating system end the process where the computation
+        takes more processor time and does not notice.
+    """
+
+    def __init__(
+        self,
+        seconds: float = math.inf,
+        cancelled: Callable[[], bool] | None = None,
+        enforce: Callable[[float], None] | None = None,
+    ) -> None:
+        self._seconds, self._cancelled, self._enforce = seconds, cancelled, enforce
+        self._began: float | None = None
+        self._processor_began, self._processor_end = math.inf, math.inf
+        self._next_check = time.monotonic() + _CANCELLED_SECONDS
+        self.stopped = False
+        self.wanted = True
+        self.shares: list[float] = []
+        """Processor times at which parts of the call ended; see `end_share`."""
+
+    @property
+    def used_seconds(self) -> float:
+        """Processor time of this thread, which computes, since the first progress."""
+        return processor_time() - self._processor_began
+
+    def end_share(self) -> None:
+        """Take note that one of several jobs has ended: what follows is used for the next."""
+        self.shares.append(processor_time())
+
+    def stop(self) -> None:
+        """Stop the computation at its next progress."""
+        self.stopped = True
+
+    def allow(self, seconds: float) -> None:
+        """Allow so much processor time of this thread, and of those that help it, from now on."""
+        self._processor_end = processor_time() + seconds
+        if self._enforce is not None:
+            self._enforce(seconds)
+
+    def while_wanted(self, done: int, total: int) -> None:
+        """As a call of this, and raise `StoppedError` where nobody wants the outcome any more."""
+        if not self.wanted:
+            raise StoppedError
+        self(done, total)
+
+    def __call__(self, _done: int, _total: int) -> None:
+        """Raise `StoppedError` or `LimitPassedError` where the computation is to stop."""
+        if processor_time() > self._processor_end:
+            raise LimitPassedError
+        now = time.monotonic()
+        if self._began is None:
+            self._began, self._processor_began = now, processor_time()
+        if self._cancelled is not None and now >= self._next_check:
+            self._next_check = now + _CANCELLED_SECONDS
+            self.stopped = self.stopped or self._cancelled()
+        if self.stopped or now > self._began + self._seconds:
+            raise StoppedError

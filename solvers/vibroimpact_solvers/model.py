@@ -233,6 +233,8 @@ class System:
 
     Attributes
     ----------
+    n : int
+        Number of degrees of freedom.
     massless : array of int
         Degrees of freedom without mass, ascending.
     body : Body
@@ -252,11 +254,13 @@ class System:
     units: Units | None = None
     chain: ChainShape | None = None
     influence: Floats | None = None
+    n: int = field(init=False, repr=False)
     massless: Integers = field(init=False, repr=False)
     body: Body = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "constraints", tuple(self.constraints))
+        object.__setattr__(self, "n", self.M.n)
         object.__setattr__(self, "body", Body(self.M))
         for name, matrix in (("K", self.K), ("C", self.C)):
             if matrix is not None and matrix.n != self.n:
@@ -411,11 +415,6 @@ class System:
     def solve_M(self) -> Solve:
         """The function that solves with M; without `massless`, see `condensation.solve_mass`."""
         return self.body.solve_M
-
-    @property
-    def n(self) -> int:
-        """Number of degrees of freedom."""
-        return self.M.n
 
     @property
     def loaded(self) -> bool:

@@ -18,12 +18,12 @@ from tests.effort import least
 from vibroimpact_service import problems
 from vibroimpact_service.app import create_app
 from vibroimpact_service.documents import decode, limits, planning, requests
-from vibroimpact_service.jobs.work import StoppedError, StopSignal
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.results import encode
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
+from vibroimpact_solvers.meter import StoppedError, StopSignal
 
 PLAN_SECONDS = 0.05
 """Half of what a plan may take, so that none is refused where others are busy."""

@@ -10,13 +10,14 @@ import pytest
 
 from vibroimpact_schema.requests import ImpactModesRequest
 from vibroimpact_service.documents import digest, planning, requests
-from vibroimpact_service.jobs.work import ChunkMissingError, LimitPassedError, StopSignal
+from vibroimpact_service.jobs.work import ChunkMissingError
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.results import encode
 from vibroimpact_service.store import Store, StoreUnavailableError
 from vibroimpact_service.use_case import chunks as job_chunks
 from vibroimpact_service.use_case import computation, warming
 from vibroimpact_solvers.errors import ConvergenceError
+from vibroimpact_solvers.meter import LimitPassedError, StopSignal
 
 KIND = KINDS["impact-modes"]
 RESULT = "ab" * 32

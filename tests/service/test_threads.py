@@ -11,12 +11,13 @@ from typing import Any
 
 import pytest
 
-from vibroimpact_service.jobs.work import LimitPassedError, StoppedError, StopSignal, Tick
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import StoreFullError
 from vibroimpact_service.use_case import threads as service_threads
 from vibroimpact_service.use_case.threads import Threads
+from vibroimpact_solvers.meter import LimitPassedError, StoppedError, StopSignal
+from vibroimpact_solvers.plan import Tick
 
 
 def run(scenario: Any) -> Any:

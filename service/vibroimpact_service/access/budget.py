@@ -111,7 +111,7 @@ class Budget:
         Parameters
         ----------
         account : str
-            Of the caller; see `Caller.account`.
+            Name of the caller.
         held, used : float
             Planned time, and processor time of the computation, seconds; either may be 0.
         age : float

@@ -43,11 +43,6 @@ class Caller:
     requests_per_minute: int | None = None
     seconds_per_hour: float | None = None
 
-    @property
-    def account(self) -> str | None:
-        """What computing is charged to, None where there is no quota."""
-        return None if self.seconds_per_hour is None else self.name
-
 
 LOCAL: Final = Caller("local", "local", frozenset(Scope))
 """Every caller of a service without keys, who has no limits."""

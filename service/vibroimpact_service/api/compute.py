@@ -161,6 +161,6 @@ async def batch(request: Request) -> Response:
         settings,
         evaluation.threads,
         engine,
-        evaluation.warming.is_warm,
+        evaluation.warming.states,
     )
     return Response(content, media_type=representations.JSON)

@@ -119,7 +119,7 @@ def owner(request: Request) -> str:
 def admission(request: Request) -> Admission:
     """Return what charges a computation to the caller of a request."""
     parts, payer = services(request), caller(request)
-    account, settings = payer.account, parts.settings
+    account = None if payer.seconds_per_hour is None else payer.name
 
     async def charge(plan: Plan, seconds: float) -> None:
         left = await parts.budget.spend(payer, plan, seconds)
@@ -131,7 +131,7 @@ def admission(request: Request) -> Admission:
         if account is not None:
             await parts.budget.settle(account, held, used)
 
-    free = account is None and settings.inline_seconds <= settings.max_job_seconds
+    free = account is None and parts.settings.inline_seconds <= parts.settings.max_job_seconds
     return Admission(charge, free, settle, account)
 
 

@@ -16,8 +16,6 @@ def damped(document: systems.AnySystem, system: System) -> System:
     ModelError
         With the pointer inside the document.
     """
-    if document.damping is None and not document.dashpots:
-        return system
     law = None if document.damping is None else _law(document.damping, system.units)
     dashpots = [
         damping.Dashpot(tuple(each.dofs), tuple(each.weights), each.c)
@@ -26,11 +24,8 @@ def damped(document: systems.AnySystem, system: System) -> System:
     return damping.damped(system, law, dashpots)
 
 
-def remark(document: systems.AnySystem) -> tuple[str, str] | None:
-    """Return what the damping of a document stands for, and why, for plans; None: itself."""
-    law = document.damping
-    if not isinstance(law, systems.StructuralDamping):
-        return None
+def remark(law: systems.StructuralDamping) -> tuple[str, str]:
+    """Return what structural damping stands for, and why, for plans."""
     why = (
         f"structural damping is taken as viscous, C = (eta/Omega) K, which loses as much at "
         f"{law.at!r} {law.unit}, more above and less below"

@@ -76,7 +76,9 @@ KNOWN: Final = Cache(2**28, most=8)
 
 def _whole(document: systems.AnySystem) -> System:
     """Return the system of a document with its damping and its base."""
-    of = damped.damped(document, _decoded(document))
+    of = _decoded(document)
+    if document.damping is not None or document.dashpots:
+        of = damped.damped(document, of)
     return of if document.influence is None else of.on_base(np.array(document.influence))
 
 

@@ -12,15 +12,14 @@ from typing import Any, Final, NamedTuple
 
 from vibroimpact_schema.branches import BranchesRequest
 from vibroimpact_schema.sweeps import SweepRequest
-from vibroimpact_schema.systems import SystemReference
+from vibroimpact_schema.systems import StructuralDamping, SystemReference
 from vibroimpact_service import garbage, problems
 from vibroimpact_service.documents import limits, stored_systems
-from vibroimpact_service.jobs.work import Tick
 from vibroimpact_service.kinds import Kind
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 from vibroimpact_solvers.errors import ModelError, PlanError, SolverError
-from vibroimpact_solvers.plan import Plan, Skip
+from vibroimpact_solvers.plan import Plan, Skip, Tick
 
 
 class Planned(NamedTuple):
@@ -142,8 +141,9 @@ def plan(
             meter()
     except SolverError as error:
         raise problems.of(_as_sent(error, kind, sent_system)) from None
-    if (remark := damped.remark(document.system)) is not None:
-        planned = replace(planned, skips=(*planned.skips, Skip(*remark)))
+    if isinstance(document.system.damping, StructuralDamping):
+        remark = Skip(*damped.remark(document.system.damping))
+        planned = replace(planned, skips=(*planned.skips, remark))
     if settings is not None:
         joined = hasattr(solver, "follow")
         large = _LARGE.get(type(document), "/outputs")

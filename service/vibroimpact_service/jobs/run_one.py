@@ -21,12 +21,8 @@ from vibroimpact_service.jobs.run import (
     suspect,
 )
 from vibroimpact_service.jobs.tables import JobRow
-from vibroimpact_service.jobs.work import (
-    Chunk,
-    ChunkMissingError,
-    LimitPassedError,
-    WorkerLostError,
-)
+from vibroimpact_service.jobs.work import Chunk, ChunkMissingError, WorkerLostError
+from vibroimpact_solvers.meter import LimitPassedError
 
 _PROGRESS_SECONDS: Final = 0.2
 _FAST_SECONDS: Final = 1.0

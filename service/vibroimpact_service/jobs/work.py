@@ -1,16 +1,12 @@
-"""The interface between the job queue and the computations: chunks, ticks, functions of a job."""
+"""The interface between the job queue and the computations: chunks, functions of a job."""
 
 from __future__ import annotations
 
-import math
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
-from vibroimpact_solvers import meter
-
-_CANCELLED_SECONDS: Final = 0.05
+from vibroimpact_solvers.plan import Tick
 
 
 class Chunk(NamedTuple):
@@ -34,89 +30,8 @@ class Chunk(NamedTuple):
     chained: bool = False
 
 
-Tick = Callable[[int, int], None]
-"""Called by a computation with its progress, done and total; raises `StoppedError` to stop it."""
-
-
 TRANSIENT_ERRORS: Final = (OSError,)
 """Errors that are not the job's fault but of what is around it: it is tried again later."""
-
-
-class StoppedError(Exception):
-    """The computation took too long, or was cancelled."""
-
-
-class LimitPassedError(Exception):
-    """The computation passed a limit while it ran; its text says which, and what is kept."""
-
-
-class StopSignal:
-    """Stops a computation from outside or after some time; the `Tick` of all of them.
-
-    Parameters
-    ----------
-    seconds : float
-        Time allowed after the first progress. What came before, such as the compilation of
-        kernels, does not count.
-    cancelled : callable, optional
-        Returns whether the computation was cancelled; called every 50 ms at most.
-    enforce : callable, optional
-        ``(seconds) -> None``: has the operating system end the process where the computation
-        takes more processor time and does not notice.
-    """
-
-    def __init__(
-        self,
-        seconds: float = math.inf,
-        cancelled: Callable[[], bool] | None = None,
-        enforce: Callable[[float], None] | None = None,
-    ) -> None:
-        self._seconds, self._cancelled, self._enforce = seconds, cancelled, enforce
-        self._began: float | None = None
-        self._processor_began, self._processor_end = math.inf, math.inf
-        self._next_check = time.monotonic() + _CANCELLED_SECONDS
-        self.stopped = False
-        self.wanted = True
-        self.shares: list[float] = []
-        """Processor times at which parts of the call ended; see `end_share`."""
-
-    @property
-    def used_seconds(self) -> float:
-        """Processor time of this thread, which computes, since the first progress."""
-        return meter.processor_time() - self._processor_began
-
-    def end_share(self) -> None:
-        """Take note that one of several jobs has ended: what follows is used for the next."""
-        self.shares.append(meter.processor_time())
-
-    def stop(self) -> None:
-        """Stop the computation at its next progress."""
-        self.stopped = True
-
-    def allow(self, seconds: float) -> None:
-        """Allow so much processor time of this thread, and of those that help it, from now on."""
-        self._processor_end = meter.processor_time() + seconds
-        if self._enforce is not None:
-            self._enforce(seconds)
-
-    def while_wanted(self, done: int, total: int) -> None:
-        """As a call of this, and raise `StoppedError` where nobody wants the outcome any more."""
-        if not self.wanted:
-            raise StoppedError
-        self(done, total)
-
-    def __call__(self, _done: int, _total: int) -> None:
-        """Raise `StoppedError` or `LimitPassedError` where the computation is to stop."""
-        if meter.processor_time() > self._processor_end:
-            raise LimitPassedError
-        now = time.monotonic()
-        if self._began is None:
-            self._began, self._processor_began = now, meter.processor_time()
-        if self._cancelled is not None and now >= self._next_check:
-            self._next_check = now + _CANCELLED_SECONDS
-            self.stopped = self.stopped or self._cancelled()
-        if self.stopped or now > self._began + self._seconds:
-            raise StoppedError
 
 
 class ChunkMissingError(Exception):

@@ -14,18 +14,11 @@ from distributed import WorkerPlugin
 
 from vibroimpact_service.jobs.deaths import TOPIC
 from vibroimpact_service.jobs.process_limits import call_ended, limit_call, limit_memory
-from vibroimpact_service.jobs.work import (
-    TRANSIENT_ERRORS,
-    Chunk,
-    ChunkMissingError,
-    LimitPassedError,
-    StoppedError,
-    StopSignal,
-    Tick,
-    Work,
-)
+from vibroimpact_service.jobs.work import TRANSIENT_ERRORS, Chunk, ChunkMissingError, Work
 from vibroimpact_service.store import Store, StoreUnavailableError
 from vibroimpact_solvers import meter
+from vibroimpact_solvers.meter import LimitPassedError, StoppedError, StopSignal
+from vibroimpact_solvers.plan import Tick
 
 JobArguments = tuple[str, str, str, str]
 """Store URL, kind, request and result: the first arguments of all functions of `Work`."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import pickle
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import orjson
@@ -14,7 +14,7 @@ from vibroimpact_schema.requests import BatchRequest
 from vibroimpact_service import kinds, problems
 from vibroimpact_service.documents import parse, planning, requests
 from vibroimpact_service.jobs.engine import Engine, EngineUnavailableError
-from vibroimpact_service.jobs.work import StopSignal, Tick, WorkerLostError
+from vibroimpact_service.jobs.work import WorkerLostError
 from vibroimpact_service.kinds import Kind
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.results import representations
@@ -23,7 +23,8 @@ from vibroimpact_service.store import Store
 from vibroimpact_service.use_case import computation
 from vibroimpact_service.use_case.charges import Admission, Charge
 from vibroimpact_service.use_case.threads import Threads
-from vibroimpact_solvers.plan import Plan
+from vibroimpact_solvers.meter import StopSignal
+from vibroimpact_solvers.plan import Plan, Tick
 
 log = structlog.get_logger("vibroimpact.batches")
 
@@ -35,7 +36,7 @@ async def answer(
     settings: Settings,
     threads: Threads,
     engine: Engine,
-    is_warm: Callable[[str], bool],
+    kernels: Mapping[str, str],
 ) -> bytes:
     """Return the results of the requests of a batch, in their order, as one document.
 
@@ -70,7 +71,7 @@ async def answer(
         try:
             return list(await engine.run(compute, *arguments, used=counted))
         except (EngineUnavailableError, WorkerLostError):
-            if not is_warm(kind):
+            if kernels[kind] != "warm":
                 detail = "The kernels are being compiled."
                 headers = {"Retry-After": "1"}
                 raise ProblemError(problems.UNAVAILABLE, detail, headers=headers) from None

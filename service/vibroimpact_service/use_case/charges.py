@@ -11,9 +11,9 @@ from vibroimpact_service import problems
 from vibroimpact_service.documents import limits, planning
 from vibroimpact_service.documents.planning import Planned
 from vibroimpact_service.documents.requests import Request
-from vibroimpact_service.jobs.work import StopSignal
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_solvers import meter
+from vibroimpact_solvers.meter import StopSignal
 from vibroimpact_solvers.plan import Plan
 
 Value = TypeVar("Value")

@@ -19,9 +19,6 @@ from vibroimpact_service.jobs.work import (
     Chunk,
     ChunkMissingError,
     DeadlineError,
-    LimitPassedError,
-    StopSignal,
-    Tick,
     Work,
     WorkerLostError,
 )
@@ -32,6 +29,8 @@ from vibroimpact_service.results.rows import RowFiles
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store, StoreUnavailableError
 from vibroimpact_service.use_case import computation, warming
+from vibroimpact_solvers.meter import LimitPassedError, StopSignal
+from vibroimpact_solvers.plan import Tick
 from vibroimpact_solvers.spectrum import Cache, held_bytes
 
 log = structlog.get_logger("vibroimpact.chunks")

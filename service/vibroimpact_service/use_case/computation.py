@@ -10,12 +10,13 @@ from typing import Any
 from vibroimpact_service.documents import digest, limits, planning
 from vibroimpact_service.documents.planning import Planned
 from vibroimpact_service.documents.requests import Request
-from vibroimpact_service.jobs.work import StopSignal, Tick
 from vibroimpact_service.results import encode, representations
 from vibroimpact_service.results.encode import Content
 from vibroimpact_service.results.representations import Representation
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
+from vibroimpact_solvers.meter import StopSignal
+from vibroimpact_solvers.plan import Tick
 
 
 @dataclass(frozen=True, slots=True)

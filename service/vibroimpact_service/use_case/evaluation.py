@@ -23,7 +23,6 @@ from vibroimpact_service.documents.requests import JobOptions, Request
 from vibroimpact_service.jobs.queue import JobQueue
 from vibroimpact_service.jobs.records import KeyReusedError, NewJob
 from vibroimpact_service.jobs.tables import JobRow
-from vibroimpact_service.jobs.work import StoppedError, StopSignal
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.metrics import Metrics
 from vibroimpact_service.problems import ProblemError
@@ -36,6 +35,7 @@ from vibroimpact_service.use_case.charges import Admission, Charge, admit
 from vibroimpact_service.use_case.computation import Computed
 from vibroimpact_service.use_case.threads import SUBMISSION_SECONDS, Threads, in_time
 from vibroimpact_service.use_case.warming import Warming
+from vibroimpact_solvers.meter import StoppedError, StopSignal
 
 Value = TypeVar("Value")
 
@@ -324,7 +324,7 @@ class Evaluation:
             kinds.append(request.document.root.kind)
         elif isinstance(request.document, BranchesRequest):
             kinds.append("periodic-motions")
-        return self.warming.is_warm(*kinds)
+        return all(self.warming.states[kind] == "warm" for kind in kinds)
 
     async def _planned(self, request: Request) -> Planned:
         """Plan a request in a thread, until it is cancelled."""

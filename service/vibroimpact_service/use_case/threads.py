@@ -16,9 +16,10 @@ from typing import Any, Final, TypeVar
 import structlog
 
 from vibroimpact_service import garbage, problems
-from vibroimpact_service.jobs.work import TRANSIENT_ERRORS, StoppedError, StopSignal
+from vibroimpact_service.jobs.work import TRANSIENT_ERRORS
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
+from vibroimpact_solvers.meter import StoppedError, StopSignal
 
 log = structlog.get_logger("vibroimpact.threads")
 

@@ -149,17 +149,13 @@ class Warming:
             self._threads.append(thread)
         return place
 
-    def is_warm(self, *kinds: str) -> bool:
-        """Whether the kernels of kinds are compiled."""
-        return all(self.states.get(kind, "warm") == "warm" for kind in kinds)
-
     @property
     def summary(self) -> str:
         """The state of all kinds: warm, warming, or which failed."""
         failed = [kind for kind, state in self.states.items() if state == "failed"]
         if failed:
             return f"failed: {', '.join(failed)}"
-        return "warm" if self.is_warm(*self.states) else "warming"
+        return "warming" if "warming" in self.states.values() else "warm"
 
     def progress(self) -> Iterator[int]:
         """Yield how many kinds are warm or have failed, now and then, until all are."""

@@ -1,4 +1,4 @@
-"""Estimated floating-point operations of the methods for impact modes without all natural modes."""
+"""Price of impact modes without all natural modes: estimated floating-point operations."""
 
 from __future__ import annotations
 
@@ -6,12 +6,19 @@ import numpy as np
 
 from vibroimpact_solvers import receptance, spectrum
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.impact_modes.problem import Problem
+from vibroimpact_solvers.impact_modes.problem import DISPLACEMENTS, Problem
 from vibroimpact_solvers.matrices import Form
 from vibroimpact_solvers.model import System
+from vibroimpact_solvers.plan import Stage, Step
 
 SMALL = 256
 """Degrees of freedom up to which a full matrix is factorized at single frequencies."""
+
+
+ALWAYS_MODAL = 256
+"""Degrees of freedom up to which all natural modes are always computed."""
+_EACH_HARMONIC = 1e5  # operations by partial modes, at each constraint
+_ALL_INTERVALS = 64  # harmonics per degree of freedom from which on all intervals are visited
 
 
 def can_factorize(system: System) -> bool:
@@ -42,12 +49,7 @@ def factorized_flops(problem: Problem) -> float:
 def harmonic_count(problem: Problem) -> float:
     """Return the number of harmonics of all frequencies at which the structure is solved."""
     orders = _orders(problem).size if "harmonics" in problem.outputs else 0
-    return total(problem, _harmonics(problem)) + orders * problem.omega.size
-
-
-def total(problem: Problem, values: Floats) -> float:
-    """Return the sum over all frequencies of what is known at the sampled ones."""
-    return float(values.sum()) * (problem.omega.size / values.size)
+    return problem.total(_harmonics(problem)) + orders * problem.omega.size
 
 
 def harmonic_frequencies(problem: Problem) -> Floats:
@@ -70,3 +72,39 @@ def _harmonics(problem: Problem) -> Floats:
 
 def _orders(problem: Problem) -> Floats:
     return np.arange(1.0, problem.highest_harmonic + 1.0, 2.0)
+
+
+def solves_flops(problem: Problem, partial: Step | None) -> float:
+    """Return the price of all harmonics: each factorized, or evaluated by partial modes."""
+    if partial is None:
+        return factorized_flops(problem)
+    return _EACH_HARMONIC * harmonic_count(problem)
+
+
+def partial_step(problem: Problem, *, at_any_price: bool = False) -> Step | None:
+    """Return the step for the modes near the harmonics, None where factorizing costs less."""
+    system = problem.system
+    harmonics = harmonic_count(problem)
+    if system.n <= ALWAYS_MODAL or not harmonics:
+        return None
+    bound = spectrum.largest_frequency(system)
+    expansion = receptance.ExpansionSize.of(problem.tolerance)
+    if harmonics > _ALL_INTERVALS * system.n:
+        intervals = -(-system.n // receptance.MODES_PER_INTERVAL)
+    else:
+        frequencies = harmonic_frequencies(problem)
+        intervals = receptance.interval_count(system.n, bound, frequencies)
+    kept, each = receptance.MODES_PER_INTERVAL * expansion.factor, interval_flops(problem)
+    if not at_any_price and intervals * each > harmonics * spectrum.factor_flops(system):
+        return None
+    places = problem.output_dofs.size if problem.outputs & DISPLACEMENTS else 0
+    places += len(problem.system.constraints)
+    size = 8.0 * intervals * places * (kept + expansion.terms * len(problem.active))
+    reason = (
+        f"few of {system.n} natural modes matter: about {kept} near each of {intervals} intervals "
+        f"that hold {harmonics:.0f} harmonics, their number proved by Sylvester's law of inertia; "
+        "the others by their static correction in the interval and "
+        f"{expansion.terms - 1} mode accelerations"
+    )
+    flops = intervals * each
+    return Step(Stage.SPECTRUM, receptance.METHOD, reason, flops, size, intervals, expansion)

@@ -16,7 +16,7 @@ from vibroimpact_solvers.impact_modes.family import Family, Impulses, Kind
 from vibroimpact_solvers.impact_modes.modal import ModalFamily
 from vibroimpact_solvers.impact_modes.modal_with_series import ModalWithSeriesFamily
 from vibroimpact_solvers.impact_modes.planning import PathCheck, SeriesRange, has_all_modes
-from vibroimpact_solvers.impact_modes.problem import Problem
+from vibroimpact_solvers.impact_modes.problem import DISPLACEMENTS, Problem
 from vibroimpact_solvers.model import System
 from vibroimpact_solvers.plan import Plan, Stage
 from vibroimpact_solvers.receptance import ExpansionSize, PartialModalResponse
@@ -96,7 +96,7 @@ def _modal(problem: Problem, family: Family, natural: Spectrum) -> ModalFamily:
 def partial_modal_response(problem: Problem, expansion: ExpansionSize) -> PartialModalResponse:
     """Return the frequency response of a problem by the natural modes near each frequency."""
     system = problem.system
-    displaced = problem.outputs & {"shape", "waveform", "harmonics"}
+    displaced = problem.outputs & DISPLACEMENTS
     dofs = problem.output_dofs if displaced else np.empty(0, dtype=np.int64)
     directions = np.ascontiguousarray(system.directions(problem.active).T)
     bound = spectrum.largest_frequency(system)
@@ -177,7 +177,7 @@ class FamilySolver:
             values.update(harmonics=harmonics, harmonic=self._orders)
             errors = self.evaluator.motion_errors(motion, harmonics, dofs)
             values["harmonics_error"] = _HARMONIC * errors[:, np.newaxis]
-        if outputs & {"shape", "waveform", "harmonics"}:
+        if outputs & DISPLACEMENTS:
             values["dof"] = dofs
         if self.plan.step(Stage.ENERGY):
             values["energy"] = self.evaluator.energy(motion)

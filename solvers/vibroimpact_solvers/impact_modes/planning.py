@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 
@@ -17,8 +16,6 @@ from vibroimpact_solvers.impact_modes.problem import KIND, OUTPUTS, Problem
 from vibroimpact_solvers.matrices import Form
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 
-_ALWAYS_MODAL: Final = 256
-"""Degrees of freedom up to which all natural modes are always computed."""
 _FEW = 16  # frequencies up to which ball arithmetic decides what is open
 _DIRECT_CHECK = 1e9  # operations of the check of a path by series, for each harmonic
 _IN_BALLS = 2e6  # flops for each frequency: one in some hundred is open
@@ -26,8 +23,6 @@ _SPREAD = 100.0  # root of what the fastest frequency may be over the slowest on
 _SERIES = 5e5  # operations of a series, of which there is one at each frequency
 _SERIES_FROM = 1.001  # start of the series, over the largest natural frequency
 _SERIES_FROM_WITHOUT_FACTORS = 1.1  # the same without factorizations
-_FLOPS_OF_A_HARMONIC = 1e5  # by partial modes, at each constraint
-_ALL_INTERVALS = 64  # harmonics per degree of freedom from which on all intervals are visited
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +60,7 @@ def all_modes_plan(problem: Problem) -> Plan:
 
 def partial_modes_plan(problem: Problem) -> Plan:
     """Return the plan by the natural modes near the harmonics, whatever it costs."""
-    partial = _partial_step(problem, at_any_price=True)
+    partial = costs.partial_step(problem, at_any_price=True)
     others = [step for step in _direct_steps(problem) if step.stage is not Stage.SPECTRUM]
     return Plan(KIND, tuple(others if partial is None else [partial, *others]))
 
@@ -83,7 +78,7 @@ def can_use_partial_modes(problem: Problem) -> bool:
     if system.massless.size:
         return False  # series and counts of modes take a mass matrix that is positive definite
     antisymmetric = Family.of(problem).kind is Kind.ANTISYMMETRIC
-    return antisymmetric and system.n > _ALWAYS_MODAL and costs.can_factorize(system)
+    return antisymmetric and system.n > costs.ALWAYS_MODAL and costs.can_factorize(system)
 
 
 def decides_in_balls(problem: Problem) -> bool:
@@ -108,7 +103,7 @@ def _in_doubles(step: Step) -> Step:
 
 def method_depends_on_frequencies(problem: Problem) -> bool:
     """Whether other frequencies may lead to another method, so that responses are not shared."""
-    return problem.system.n > _ALWAYS_MODAL
+    return problem.system.n > costs.ALWAYS_MODAL
 
 
 def has_all_modes(plan: Plan) -> bool:
@@ -200,11 +195,11 @@ def _direct_steps(problem: Problem) -> Iterator[Step]:
     """Yield the steps without all natural modes."""
     system, points = problem.system, problem.omega.size
     bound = spectrum.largest_frequency(system)
-    partial = _partial_step(problem)
+    partial = costs.partial_step(problem)
     if partial is not None:
         yield partial
     needed, depths, _ = receptance.truncations(bound, problem.sample, receptance.IMPULSES)
-    harmonics, terms = costs.total(problem, needed), int(depths.max())
+    harmonics, terms = problem.total(needed), int(depths.max())
     reason = f"no natural modes: {terms} powers of the structure bounded by Omega_N <= {bound:.4g}"
     if harmonics and partial is None:
         reason += f" and {harmonics / points:.1f} harmonics solved at each frequency"
@@ -213,7 +208,7 @@ def _direct_steps(problem: Problem) -> Iterator[Step]:
             f"{harmonics / points:.1f} harmonics at each frequency by partial modes, all others "
             f"by {terms} powers of the structure bounded by Omega_N <= {bound:.4g}"
         )
-    solves = _solves_flops(problem, partial)
+    solves = costs.solves_flops(problem, partial)
     work = solves + costs.products_flops(problem)
     yield Step(Stage.IMPULSE, "direct", reason, work, _size(points, len(problem.active)))
     if problem.outputs & {"exists", "reason"}:
@@ -268,7 +263,7 @@ def _existence_step(problem: Problem, family: Family) -> Step:
     with np.errstate(over="ignore"):  # infinitely many steps: such a plan is refused by its price
         ratio = spectrum.largest_frequency(problem.system) / problem.sample
         turns = 2.0 * np.pi * np.maximum(np.sqrt(ratio), ratio / _SPREAD)
-    flops = costs.total(problem, 20.0 + turns) * limits * problem.system.n * 60.0
+    flops = problem.total(20.0 + turns) * limits * problem.system.n * 60.0
     size = 10.0 * problem.omega.size
     in_balls = decides_in_balls(problem)
     if in_balls:
@@ -320,45 +315,9 @@ def _direct_pays(problem: Problem) -> bool:
     modal = spectrum.flops(system, method)
     times = sum(times for _, _, times in _displacements(problem))
     modal += points * system.n * (8.0 + 2.0 * times * problem.output_dofs.size)
-    partial = _partial_step(problem)
-    solves = _solves_flops(problem, partial) + (0.0 if partial is None else partial.flops)
+    partial = costs.partial_step(problem)
+    solves = costs.solves_flops(problem, partial) + (0.0 if partial is None else partial.flops)
     return solves + costs.products_flops(problem) < 0.5 * modal
-
-
-def _solves_flops(problem: Problem, partial: Step | None) -> float:
-    """Return the price of all harmonics: each factorized, or evaluated by partial modes."""
-    if partial is None:
-        return costs.factorized_flops(problem)
-    return _FLOPS_OF_A_HARMONIC * costs.harmonic_count(problem)
-
-
-def _partial_step(problem: Problem, *, at_any_price: bool = False) -> Step | None:
-    """Return the step for the modes near the harmonics, None where factorizing costs less."""
-    system = problem.system
-    harmonics = costs.harmonic_count(problem)
-    if system.n <= _ALWAYS_MODAL or not harmonics:
-        return None
-    bound = spectrum.largest_frequency(system)
-    expansion = receptance.ExpansionSize.of(problem.tolerance)
-    if harmonics > _ALL_INTERVALS * system.n:
-        intervals = -(-system.n // receptance.MODES_PER_INTERVAL)
-    else:
-        frequencies = costs.harmonic_frequencies(problem)
-        intervals = receptance.interval_count(system.n, bound, frequencies)
-    kept, each = receptance.MODES_PER_INTERVAL * expansion.factor, costs.interval_flops(problem)
-    if not at_any_price and intervals * each > harmonics * spectrum.factor_flops(system):
-        return None
-    places = problem.output_dofs.size if any(_displacements(problem)) else 0
-    places += len(problem.system.constraints)
-    size = 8.0 * intervals * places * (kept + expansion.terms * len(problem.active))
-    reason = (
-        f"few of {system.n} natural modes matter: about {kept} near each of {intervals} intervals "
-        f"that hold {harmonics:.0f} harmonics, their number proved by Sylvester's law of inertia; "
-        "the others by their static correction in the interval and "
-        f"{expansion.terms - 1} mode accelerations"
-    )
-    flops = intervals * each
-    return Step(Stage.SPECTRUM, receptance.METHOD, reason, flops, size, intervals, expansion)
 
 
 def _skips(problem: Problem, family: Family, steps: tuple[Step, ...]) -> Iterator[Skip]:

@@ -27,7 +27,11 @@ OUTPUTS: Final = (
     "harmonics",
 )
 
+DISPLACEMENTS: Final = frozenset({"shape", "waveform", "harmonics"})
+"""Outputs that are displacements of `Problem.output_dofs`."""
+
 _SAMPLE: Final = 2**16
+"""Frequencies by which plans estimate costs."""
 _MOST_PRODUCTS: Final = 10**8
 """Products of numbers up to which active constraints are compared with one another."""
 
@@ -194,6 +198,10 @@ class Problem:
         if Omega.size <= _SAMPLE:
             return Omega
         return np.append(Omega[:: -(-Omega.size // _SAMPLE)], [Omega.min(), Omega.max()])
+
+    def total(self, values: Floats) -> float:
+        """Return the sum over all frequencies of what is known at those of `sample`."""
+        return float(values.sum()) * (self.omega.size / values.size)
 
     @property
     def times(self) -> Floats:

@@ -13,9 +13,9 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from vibroimpact_service.jobs.work import Tick
 from vibroimpact_service.store import Store
 from vibroimpact_service.use_case import chunks
+from vibroimpact_solvers.plan import Tick
 
 if "STORE_FAILS" in os.environ:
     import failing  # noqa: F401

@@ -15,8 +15,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from vibroimpact_service.jobs.work import Chunk, ChunkMissingError, Tick, Work
+from vibroimpact_service.jobs.work import Chunk, ChunkMissingError, Work
 from vibroimpact_service.store import Store
+from vibroimpact_solvers.plan import Tick
 
 
 class WrongRequestError(ValueError):

@@ -19,8 +19,10 @@ import pytest
 
 from vibroimpact_service.jobs import deaths, worker
 from vibroimpact_service.jobs.engine import BULK, FAST, Call, Engine, EngineUnavailableError
-from vibroimpact_service.jobs.work import StoppedError, Tick, WorkerLostError, nothing
+from vibroimpact_service.jobs.work import WorkerLostError, nothing
 from vibroimpact_service.settings import Settings
+from vibroimpact_solvers.meter import StoppedError
+from vibroimpact_solvers.plan import Tick
 
 
 def double(value: int, _tick: Tick) -> int:
