@@ -23,7 +23,8 @@ from vibroimpact_service.kinds import KINDS, Kind, Solver
 from vibroimpact_service.metrics import Metrics
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.results import representations
-from vibroimpact_service.results.representations import HDF5, JSON, Results
+from vibroimpact_service.results.encoders import HDF5, JSON
+from vibroimpact_service.results.representations import Results
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 from vibroimpact_service.use_case.charges import Admission

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from vibroimpact_service import garbage
 from vibroimpact_service.documents import parse
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.use_case.threads import Threads
@@ -17,8 +16,8 @@ from vibroimpact_service.use_case.threads import Threads
 
 def test_nothing_is_collected_while_one_of_several_waits() -> None:
     seen = []
-    with garbage.waiting():
-        with garbage.waiting():
+    with parse.uncollected():
+        with parse.uncollected():
             seen.append(gc.isenabled())
         seen.append(gc.isenabled())
     assert seen == [False, False]
@@ -30,14 +29,14 @@ def test_threads_share_a_pause() -> None:
     seen = []
 
     def wait() -> None:
-        with garbage.waiting():
+        with parse.uncollected():
             both.wait()
             left.wait(60)
             seen.append(gc.isenabled())
 
     other = threading.Thread(target=wait)
     other.start()
-    with garbage.waiting():
+    with parse.uncollected():
         both.wait()
     seen.append(gc.isenabled())  # the other one has not left
     left.set()
@@ -47,7 +46,7 @@ def test_threads_share_a_pause() -> None:
 
 
 def test_an_error_ends_the_pause() -> None:
-    with pytest.raises(ValueError, match="so"), garbage.waiting():
+    with pytest.raises(ValueError, match="so"), parse.uncollected():
         raise ValueError("so")
     assert gc.isenabled()
 
@@ -55,7 +54,7 @@ def test_an_error_ends_the_pause() -> None:
 def test_who_has_switched_collection_off_finds_it_off() -> None:
     gc.disable()
     try:
-        with garbage.waiting():
+        with parse.uncollected():
             pass
         assert not gc.isenabled()
     finally:
@@ -63,8 +62,8 @@ def test_who_has_switched_collection_off_finds_it_off() -> None:
 
 
 def test_bodies_without_end_do_not_hold_it_off(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(garbage, "_LONGEST", 0.0)
-    first, second = garbage.waiting(), garbage.waiting()
+    monkeypatch.setattr(parse, "_LONGEST_PAUSE", 0.0)
+    first, second = parse.uncollected(), parse.uncollected()
     with first:
         second.__enter__()  # as another thread would
     assert gc.isenabled()

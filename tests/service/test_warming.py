@@ -27,7 +27,7 @@ from vibroimpact_service.jobs.metrics import JobMetrics
 from vibroimpact_service.jobs.tables import JobRow
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.metrics import Metrics
-from vibroimpact_service.results.representations import JSON
+from vibroimpact_service.results.encoders import JSON
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 from vibroimpact_service.use_case import warming

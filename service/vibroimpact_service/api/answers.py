@@ -19,7 +19,8 @@ from vibroimpact_service.api import request_headers
 from vibroimpact_service.api.route import services
 from vibroimpact_service.documents import digest
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.results.representations import HDF5, JSON, SUFFIXES, Representation
+from vibroimpact_service.results.encoders import JSON
+from vibroimpact_service.results.representations import Representation, encoder
 from vibroimpact_service.store import HEAD
 
 IMMUTABLE: Final = "private, max-age=31536000, immutable"
@@ -94,8 +95,9 @@ async def result(
     }
     if stored.coding is not None:
         fields["Content-Encoding"] = stored.coding
-    if stored.media_type == HDF5:
-        file_name = f"{name[:16]}.{SUFFIXES[stored.media_type]}"
+    how = encoder(stored.media_type)
+    if how.binary:
+        file_name = f"{name[:16]}.{how.suffix}"
         fields["Content-Disposition"] = f'attachment; filename="{file_name}"'
     part = None if wanted is None else _part(wanted, sent.get("if-range"), stored)
     first, stop = part or (0, stored.size)

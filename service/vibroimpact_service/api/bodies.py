@@ -11,7 +11,7 @@ from starlette.requests import ClientDisconnect, Request
 from vibroimpact_service import problems
 from vibroimpact_service.api.route import services
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.results import representations
+from vibroimpact_service.results.encoders import JSON
 
 Value = TypeVar("Value")
 
@@ -29,7 +29,7 @@ async def read_json(request: Request) -> bytes:
     ProblemError
         408, 413, 415 or 503.
     """
-    _, body = await read_body(request, (representations.JSON,))
+    _, body = await read_body(request, (JSON,))
     return body
 
 

@@ -19,7 +19,7 @@ from vibroimpact_service.api.route import FAILURES, SUBMIT, PlainRoute, admissio
 from vibroimpact_service.documents import parse, requests
 from vibroimpact_service.jobs.tables import JobRow
 from vibroimpact_service.kinds import KINDS, Kind
-from vibroimpact_service.results import representations
+from vibroimpact_service.results.encoders import JSON
 from vibroimpact_service.use_case import batches
 
 Handler = Callable[[Request], Awaitable[Response]]
@@ -52,7 +52,7 @@ def _add_compute(kind: Kind) -> None:
                     f"first, at most {request_headers.LONGEST_PREFER_WAIT:g}.",
                     examples=["respond-async, wait=5"],
                 ),
-                openapi.TABLE,
+                *openapi.OF_RESULTS,
                 openapi.IF_NONE_MATCH,
                 openapi.IDEMPOTENCY_KEY,
             ],
@@ -163,4 +163,4 @@ async def batch(request: Request) -> Response:
         engine,
         evaluation.warming.states,
     )
-    return Response(content, media_type=representations.JSON)
+    return Response(content, media_type=JSON)

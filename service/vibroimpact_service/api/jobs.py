@@ -22,8 +22,8 @@ from vibroimpact_service.api.openapi import (
     BODY_FAILURES,
     IDEMPOTENCY_KEY,
     IF_NONE_MATCH,
+    OF_RESULTS,
     READ_FAILURES,
-    TABLE,
     Declaration,
     answer,
     failures,
@@ -40,7 +40,7 @@ from vibroimpact_service.jobs.queue import JobQueue
 from vibroimpact_service.jobs.tables import JobRow
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.results import representations
+from vibroimpact_service.results.encoders import JSON
 
 Value = TypeVar("Value")
 
@@ -269,7 +269,7 @@ async def cancel_job(request: Request, job: JobId) -> Response:
         **READ_FAILURES,
         **failures(406),
     },
-    openapi_extra={"parameters": [TABLE, IF_NONE_MATCH]},
+    openapi_extra={"parameters": [*OF_RESULTS, IF_NONE_MATCH]},
 )
 async def get_job_result(request: Request, job: JobId) -> Response:
     """Return the result of a job."""
@@ -306,7 +306,7 @@ async def get_job_result(request: Request, job: JobId) -> Response:
                             "event": {"enum": ["job", "end"]},
                             "data": {
                                 "type": "string",
-                                "contentMediaType": representations.JSON,
+                                "contentMediaType": JSON,
                                 "contentSchema": {"$ref": "#/components/schemas/Job"},
                             },
                         },

@@ -23,7 +23,7 @@ from vibroimpact_schema.systems import System
 from vibroimpact_service import problems
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.results import representations
+from vibroimpact_service.results.encoders import ENCODERS, JSON
 
 Declaration = dict[str, Any]
 
@@ -53,14 +53,18 @@ _RATES: Final = {
     "RateLimit-Policy": header("The rates and quotas of the key."),
 }
 IF_NONE_MATCH: Final = request_header("If-None-Match", "Entity tags that the client holds.")
-TABLE: Final = {
-    "name": "table",
-    "in": "query",
-    "required": False,
-    "description": "Of answers as text/csv: a group of columns such as impacts, a dimension such "
-    "as frequency, or several with commas between; absent: the first dimension.",
-    "schema": {"type": "string"},
-}
+OF_RESULTS: Final = [
+    {
+        "name": parameter.name,
+        "in": "query",
+        "required": False,
+        "description": parameter.about,
+        "schema": {"type": "string"},
+    }
+    for parameter in (encoder.parameter for encoder in ENCODERS.values())
+    if parameter is not None
+]
+"""Parameters of routes that answer with results."""
 IDEMPOTENCY_KEY: Final = request_header(
     "Idempotency-Key",
     "Repeating the request with the same key answers with the same job.",
@@ -134,7 +138,7 @@ def json_body(
     further media types.
     """
     content = {"schema": {"$ref": _REF.format(model=model)}, "examples": dict(shown)}
-    return {"required": True, "content": {representations.JSON: content, **(others or {})}}
+    return {"required": True, "content": {JSON: content, **(others or {})}}
 
 
 def document(app: FastAPI) -> dict[str, Any]:
@@ -155,7 +159,7 @@ def document(app: FastAPI) -> dict[str, Any]:
                     _drop_null(parameter["schema"])
                 for status, example in examples.answers(operation["operationId"]).items():
                     content = operation["responses"][status]["content"]
-                    for media_type in content.keys() - {representations.HDF5, representations.CSV}:
+                    for media_type in content.keys() - (ENCODERS.keys() - {JSON}):
                         content[media_type]["example"] = example
                 if "security" in operation:
                     operation["security"].append({})

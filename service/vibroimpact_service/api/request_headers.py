@@ -10,7 +10,8 @@ from starlette.requests import Request
 
 from vibroimpact_service import problems
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.results.representations import CODINGS, CSV, SUFFIXES
+from vibroimpact_service.results.encoders import ENCODERS
+from vibroimpact_service.results.representations import CODINGS
 from vibroimpact_service.use_case.evaluation import Preference
 
 LONGEST_PREFER_WAIT: Final = 20.0
@@ -29,11 +30,12 @@ def result_media_type(request: Request) -> str:
     accept = ", ".join(request.headers.getlist("accept"))
     media_type = preferred(accept)
     if media_type is None:
-        detail = f"Results are {' or '.join(SUFFIXES)}."
+        detail = f"Results are {' or '.join(ENCODERS)}."
         raise ProblemError(problems.NOT_ACCEPTABLE, detail)
-    if media_type == CSV:
-        return f"{CSV};table={request.query_params.get('table', '')}"
-    return media_type
+    parameter = ENCODERS[media_type].parameter
+    if parameter is None:
+        return media_type
+    return f"{media_type};{parameter.name}={request.query_params.get(parameter.name, '')}"
 
 
 def preferred(accept: str) -> str | None:
@@ -43,7 +45,7 @@ def preferred(accept: str) -> str | None:
     (RFC 9110, 12.5.1).
     """
     if not accept.strip():
-        return next(iter(SUFFIXES))
+        return next(iter(ENCODERS))
     # Of equal ranges the first one counts.
     qualities = dict(_media_range(item) for item in reversed(accept.split(",")))
 
@@ -51,7 +53,7 @@ def preferred(accept: str) -> str | None:
         ranges = (offer, offer.partition("/")[0] + "/*", "*/*")
         return next((qualities[each] for each in ranges if each in qualities), 0.0)
 
-    best = max(SUFFIXES, key=quality)
+    best = max(ENCODERS, key=quality)
     return best if quality(best) > 0 else None
 
 

@@ -14,7 +14,7 @@ from vibroimpact_service.api import answers, openapi, request_headers, shared_re
 from vibroimpact_service.api.route import FAILURES, READ, PlainRoute, services
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.results import representations
+from vibroimpact_service.results.encoders import ENCODERS, JSON
 
 router = APIRouter(tags=["results"], responses=FAILURES, route_class=PlainRoute)
 
@@ -37,8 +37,9 @@ def result_answer(model: Any, **more: Any) -> openapi.Declaration:
         "Server-Timing": openapi.header("Milliseconds for plan, solve and encode."),
     }
     content = {
-        representations.HDF5: {"schema": openapi.BINARY},
-        representations.CSV: {"schema": {"type": "string"}},
+        media_type: {"schema": openapi.BINARY if encoder.binary else {"type": "string"}}
+        for media_type, encoder in ENCODERS.items()
+        if media_type != JSON
     }
     return openapi.answer("The result.", model, headers=headers, content=content, **more)
 
@@ -52,7 +53,7 @@ def result_answer(model: Any, **more: Any) -> openapi.Declaration:
         200: result_answer(ANY_RESULT),
         206: openapi.answer(
             "The bytes of Range.",
-            content={media: {"schema": openapi.BINARY} for media in representations.SUFFIXES},
+            content={media: {"schema": openapi.BINARY} for media in ENCODERS},
         ),
         304: openapi.not_modified(),
         **openapi.READ_FAILURES,
@@ -60,7 +61,7 @@ def result_answer(model: Any, **more: Any) -> openapi.Declaration:
     },
     openapi_extra={
         "parameters": [
-            openapi.TABLE,
+            *openapi.OF_RESULTS,
             openapi.IF_NONE_MATCH,
             openapi.request_header(
                 "Range", "Part of the representation.", examples=["bytes=0-1023"]

@@ -20,7 +20,8 @@ from vibroimpact_service.documents import stored_systems
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.metrics import MEDIA_TYPE, Present
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.results import representations
+from vibroimpact_service.results.encoders import ENCODERS, JSON
+from vibroimpact_service.results.representations import CODINGS
 
 router = APIRouter(tags=["service"])
 
@@ -113,8 +114,8 @@ async def get_version(request: Request) -> Response:
             solvers=number,
             api="v1",
             kinds=list(KINDS),
-            representations=list(representations.SUFFIXES),
-            codings=list(representations.CODINGS),
+            representations=list(ENCODERS),
+            codings=list(CODINGS),
             system_types=list(stored_systems.MEDIA_TYPES),
             capabilities=sorted(capabilities),
             limits=limits,
@@ -160,7 +161,7 @@ async def get_openapi(request: Request) -> Response:
     content = getattr(state, "contract", None)
     if content is None:
         content = state.contract = orjson.dumps(openapi.document(request.app))
-    return await answers.tagged(request, content, representations.JSON, headers)
+    return await answers.tagged(request, content, JSON, headers)
 
 
 @router.get(problems.PAGES + "{code}", include_in_schema=False)

@@ -16,7 +16,7 @@ from vibroimpact_service.api import answers, bodies, openapi
 from vibroimpact_service.api.route import FAILURES, READ, SUBMIT, owner, services
 from vibroimpact_service.documents import digest, stored_systems
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.results import representations
+from vibroimpact_service.results.encoders import JSON
 
 router = APIRouter(tags=["systems"], responses=FAILURES)
 
@@ -86,7 +86,7 @@ async def store_system(request: Request) -> Response:
     responses={
         200: openapi.answer(
             "The system.",
-            content={representations.JSON: {"schema": {"$ref": "#/components/schemas/System"}}},
+            content={JSON: {"schema": {"$ref": "#/components/schemas/System"}}},
         ),
         304: openapi.not_modified(),
         **openapi.READ_FAILURES,
@@ -102,4 +102,4 @@ async def get_system(request: Request, system: SystemId) -> Response:
     if data is None:
         raise ProblemError(problems.NOT_FOUND, "There is no such system.")
     headers = {"Cache-Control": answers.IMMUTABLE}
-    return await answers.tagged(request, data, representations.JSON, headers)
+    return await answers.tagged(request, data, JSON, headers)

@@ -13,8 +13,8 @@ from typing import Any, Final, NamedTuple
 from vibroimpact_schema.branches import BranchesRequest
 from vibroimpact_schema.sweeps import SweepRequest
 from vibroimpact_schema.systems import StructuralDamping, SystemReference
-from vibroimpact_service import garbage, problems
-from vibroimpact_service.documents import limits, stored_systems
+from vibroimpact_service import problems
+from vibroimpact_service.documents import limits, parse, stored_systems
 from vibroimpact_service.kinds import Kind
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
@@ -125,7 +125,7 @@ def plan(
     solver = kind.solver
     try:
         # Garbage of others, which any thread may be made to collect, is no work of this plan.
-        with garbage.waiting():
+        with parse.uncollected():
             meter.begin(_for_factors(system))
             meter()
             if isinstance(document, SweepRequest):

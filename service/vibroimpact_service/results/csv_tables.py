@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -13,6 +13,12 @@ from vibroimpact_service import problems
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.results.container import Array
 from vibroimpact_service.results.encode import Content
+
+TABLE: Final = (
+    "Of answers as text/csv: a group of columns such as impacts, a dimension such as frequency, or "
+    "several with commas between; absent: the first dimension."
+)
+"""What the table of a request means, for the contract."""
 
 
 def to_csv(content: Content, table: str) -> bytes:

@@ -170,7 +170,7 @@ def _content(arrays: dict[str, Array], meta: dict[str, Any]) -> Content:
 # -- JSON ----------------------------------------------------------------------------------
 
 
-def to_json(content: Content) -> bytes:
+def to_json(content: Content, _: str = "") -> bytes:
     """Return the result document; floats as their shortest text, which reads back to the bit."""
     head = content.head
     document: dict[str, Any] = {"kind": head["kind"], "digest": head["digest"]}

@@ -8,7 +8,6 @@ import gzip
 import multiprocessing
 import tempfile
 from collections import OrderedDict
-from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,17 +18,12 @@ import zstandard
 from vibroimpact_service import problems
 from vibroimpact_service.documents import digest
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.results import csv_tables, encode
+from vibroimpact_service.results import encode
 from vibroimpact_service.results.container import DamagedContainerError
 from vibroimpact_service.results.encode import Content
+from vibroimpact_service.results.encoders import ENCODERS, IN_FILES, Encoder
 from vibroimpact_service.store import HEAD, Store, StoreFullError
 
-JSON: Final = "application/json"
-HDF5: Final = "application/x-hdf5"
-CSV: Final = "text/csv"
-"""With its table, ``text/csv;table=impacts``; it is made whenever it is asked for."""
-SUFFIXES: Final[Mapping[str, str]] = {JSON: "json", HDF5: "h5", CSV: "csv"}
-"""Media types of results, the first being the default, and the endings of their files."""
 CODINGS: Final = ("zstd", "gzip")
 """Content codings of answers, the better one first."""
 
@@ -65,9 +59,9 @@ class Representation:
         return len(self.data) if self.file is None else self.file.stat().st_size - HEAD
 
     def coded(self, coding: str) -> Representation:
-        """Return it in a content coding, unless it is small, or HDF5, which is compressed."""
+        """Return it in a content coding, unless it is small, or compressed already."""
         small = self.file is not None or len(self.data) < _SMALLEST_CODED
-        if small or self.media_type == HDF5:
+        if small or encoder(self.media_type).binary:
             return self
         # The fastest levels: digits of numbers hardly get shorter by more effort.
         if coding == "zstd":
@@ -77,13 +71,18 @@ class Representation:
         return Representation(self.media_type, data, digest.content(data), coding)
 
 
+def encoder(media_type: str) -> Encoder:
+    """Return the encoder of a media type, with its parameter or without."""
+    return ENCODERS[media_type.partition(";")[0]]
+
+
 def load(store: Store, name: str, media_type: str) -> Representation | None:
     """Return a stored result in a media type, encoding it the first time; None if unknown."""
-    sort = media_type.partition(";")[0]
-    part = f"{name}.{SUFFIXES[sort]}"
+    how = encoder(media_type)
+    part = f"{name}.{how.suffix}"
     if store.results.local and (store.results.size(name) or 0) > LARGE:
         return _load_file(store, name, part, media_type)
-    data = None if sort == CSV else store.results.get(part)
+    data = store.results.get(part) if how.parameter is None else None
     if data is not None:
         return Representation(media_type, data, digest.content(data))
     stored = store.results.get(name)
@@ -95,7 +94,7 @@ def load(store: Store, name: str, media_type: str) -> Representation | None:
         store.results.remove(name)
         return None
     made = of_content(content, media_type)
-    if sort == CSV:
+    if how.parameter is not None:
         return made
     # It can be made again from the stored result at any time: a full store is no error.
     with contextlib.suppress(StoreFullError):
@@ -111,30 +110,23 @@ def check_size(size: float, media_type: str) -> None:
     ProblemError
         406.
     """
-    if media_type != HDF5 and size * _BESIDE > LARGE:
-        detail = f"A result of at least about {_BESIDE * size:.3g} bytes is sent as {HDF5} only."
+    if encoder(media_type).convert is None and size * _BESIDE > LARGE:
+        detail = (
+            f"A result of at least about {_BESIDE * size:.3g} bytes is sent as {IN_FILES} only."
+        )
         raise ProblemError(problems.NOT_ACCEPTABLE, detail)
 
 
 def of_content(content: Content, media_type: str) -> Representation:
     """Return the content of a result in a media type."""
-    sort, _, table = media_type.partition(";table=")
-    if sort == JSON:
-        data = encode.to_json(content)
-    elif sort == CSV:
-        data = csv_tables.to_csv(content, table)
-    else:
-        from vibroimpact_service.results import hdf5
-
-        data = hdf5.to_hdf5(content)
+    data = encoder(media_type).encode(content, media_type.partition("=")[2])
     return Representation(media_type, data, digest.content(data))
 
 
 def _load_file(store: Store, name: str, part: str, media_type: str) -> Representation | None:
-    from vibroimpact_service.results import hdf5
-
-    if media_type != HDF5:
-        detail = f"The result is larger than {LARGE} bytes: ask for {HDF5}."
+    convert = encoder(media_type).convert
+    if convert is None:
+        detail = f"The result is larger than {LARGE} bytes: ask for {IN_FILES}."
         raise ProblemError(problems.NOT_ACCEPTABLE, detail)
     path = store.results.file(part)
     if path is None:
@@ -142,11 +134,11 @@ def _load_file(store: Store, name: str, part: str, media_type: str) -> Represent
         if stored is None:
             return None
         with tempfile.TemporaryDirectory(dir=stored.parent, prefix=".") as folder:
-            converted = Path(folder) / "result.h5"
+            converted = Path(folder) / part
             # In a process of its own: HDF5 holds the interpreter's lock while it compresses,
             # and no other request would be answered.
             with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
-                process.submit(hdf5.convert, stored, HEAD, converted).result()
+                process.submit(convert, stored, HEAD, converted).result()
             store.results.put_file(part, converted)
         path = store.results.file(part)
         if path is None:

@@ -17,7 +17,7 @@ from vibroimpact_service.jobs.engine import Engine, EngineUnavailableError
 from vibroimpact_service.jobs.work import WorkerLostError
 from vibroimpact_service.kinds import Kind
 from vibroimpact_service.problems import ProblemError
-from vibroimpact_service.results import representations
+from vibroimpact_service.results import encode
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.store import Store
 from vibroimpact_service.use_case import computation
@@ -118,7 +118,7 @@ def _result(settings: Settings, store: Store, owner: str, kind: Kind, content: A
         detail = "This is too much work for a batch; submit it as a job."
         raise ProblemError(problems.TOO_LARGE, detail)
     computed = computation.compute(planned, request.digest, request.canonical)
-    return representations.of_content(computed, representations.JSON).data
+    return encode.to_json(computed)
 
 
 def _parts(contents: Sequence[Any], count: int) -> list[tuple[int, bytes]]:

@@ -15,7 +15,8 @@ from typing import Any, Final, TypeVar
 
 import structlog
 
-from vibroimpact_service import garbage, problems
+from vibroimpact_service import problems
+from vibroimpact_service.documents import parse
 from vibroimpact_service.jobs.work import TRANSIENT_ERRORS
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
@@ -130,7 +131,7 @@ def _hand_over(
 
 
 def _uncollected(work: Callable[[], Value]) -> Value:
-    with garbage.waiting():
+    with parse.uncollected():
         return work()
 
 

@@ -23,6 +23,10 @@ from vibroimpact_solvers.receptance import ExpansionSize, PartialModalResponse
 from vibroimpact_solvers.results.impact_modes import Reason, Result
 from vibroimpact_solvers.spectrum import Spectrum
 
+_OF_MOTIONS: Final = frozenset(
+    (Stage.SHAPE, Stage.WAVEFORM, Stage.ENERGY, Stage.HARMONICS, Stage.STABILITY)
+)
+"""Stages that need the motion, not the impulses alone."""
 _ONE = np.ones(1)
 _HARMONIC = 4.0 / np.pi  # error of a Fourier amplitude over that of the displacement
 _OF_MOMENTA = 2.0 * EPS  # relative, by the frequency and their own rounding
@@ -122,8 +126,8 @@ class FamilySolver:
         self.evaluator, self._largest = _evaluator(problem, plan, self.family, natural)
         first, step = (1, 2) if self.family.kind is Kind.ANTISYMMETRIC else (0, 1)
         self._orders = np.arange(first, problem.highest_harmonic + 1, step)
-        stages = (Stage.SHAPE, Stage.WAVEFORM, Stage.ENERGY, Stage.HARMONICS, Stage.STABILITY)
-        self.needs_motion = any(plan.step(stage) is not None for stage in stages)
+        self.stages = frozenset(step.stage for step in plan.steps)
+        self.needs_motion = not self.stages.isdisjoint(_OF_MOTIONS)
         existence = plan.step(Stage.EXISTENCE)
         check = None if existence is None else existence.settings
         self._check_below, self._in_balls = np.inf, False
@@ -163,23 +167,23 @@ class FamilySolver:
             values["within_tolerance"] = impulses.error <= problem.tolerance
         if "impulse" in outputs:
             values.update(self._impulses(problem, impulses))
-        if self.plan.step(Stage.EXISTENCE):
+        if Stage.EXISTENCE in self.stages:
             values.update(self._existence(problem, impulses, motion, reason, paths))
-        if self.plan.step(Stage.SHAPE):
+        if Stage.SHAPE in self.stages:
             values.update(self._shape(problem, motion))
-        if self.plan.step(Stage.WAVEFORM):
+        if Stage.WAVEFORM in self.stages:
             waveform = self.evaluator.displacements(motion, problem.times, dofs)
             values.update(waveform=waveform, tau=problem.times)
             errors = self.evaluator.motion_errors(motion, waveform, dofs)
             values["waveform_error"] = errors[:, np.newaxis]
-        if self.plan.step(Stage.HARMONICS):
+        if Stage.HARMONICS in self.stages:
             harmonics = self.evaluator.harmonics(motion, self._orders, dofs)
             values.update(harmonics=harmonics, harmonic=self._orders)
             errors = self.evaluator.motion_errors(motion, harmonics, dofs)
             values["harmonics_error"] = _HARMONIC * errors[:, np.newaxis]
         if outputs & DISPLACEMENTS:
             values["dof"] = dofs
-        if self.plan.step(Stage.ENERGY):
+        if Stage.ENERGY in self.stages:
             values["energy"] = self.evaluator.energy(motion)
             values["energy_error"] = self.evaluator.energy_errors(motion)
         return Result(**values)
@@ -235,8 +239,8 @@ class FamilySolver:
             statement = _PROVED if self._has_proved_modes else _ESTIMATED
             if isinstance(self.evaluator, ModalWithSeriesFamily):
                 statement += _SERIES
-            return statement + (_RADII if self.plan.step(Stage.STABILITY) else "")
-        return _PARTIAL if self.plan.step(Stage.SPECTRUM) else _DIRECT
+            return statement + (_RADII if Stage.STABILITY in self.stages else "")
+        return _PARTIAL if Stage.SPECTRUM in self.stages else _DIRECT
 
     def needs_path_check(self, problem: Problem, reason: Integers) -> Booleans:
         """Return where only a check of the path can tell whether the solution exists."""
@@ -319,7 +323,7 @@ class FamilySolver:
         """Return spectral radii of the half-period maps and errors, nan without a motion."""
         radii, errors = np.full((2, exists.size), np.nan)
         error = np.minimum(impulses.error, 1.0)
-        if exists.any() and self.plan.step(Stage.STABILITY):
+        if exists.any() and Stage.STABILITY in self.stages:
             # Every plan with stability has all natural modes.
             assert isinstance(self.evaluator, ModalFamily)
             orbits = self.evaluator.orbits(

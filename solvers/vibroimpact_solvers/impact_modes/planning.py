@@ -44,9 +44,9 @@ class PathCheck:
 
 def plan(problem: Problem) -> Plan:
     """Choose how the impact modes are computed and what is left out."""
-    family = Family.of(problem)
-    if not (family.kind is Kind.ANTISYMMETRIC and _direct_pays(problem)):
+    if not _direct_pays(problem):
         return all_modes_plan(problem)
+    family = Family.of(problem)
     steps = tuple(_direct_steps(problem))
     return Plan(KIND, steps, tuple(_skips(problem, family, steps)))
 

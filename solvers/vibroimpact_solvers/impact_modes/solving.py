@@ -50,6 +50,8 @@ def solve_alike(
     for start, stop in batches(total, block, tick):
         look()
         pieces.append(_solve_block(solvers, [p.slice(start, stop) for p in problems]))
+    if len(pieces) == 1:
+        return pieces[0]
     return [concatenate(results) for results in zip(*pieces, strict=True)]
 
 
@@ -67,7 +69,7 @@ def _solve_block(solvers: Sequence[FamilySolver], problems: Sequence[Problem]) -
     look()
     reasons = [np.zeros(at.size, dtype=np.int64)] * len(solvers)
     paths = [PathMotions(np.zeros(at.size, dtype=np.bool_))] * len(solvers)
-    if solvers[0].plan.step(Stage.EXISTENCE):
+    if Stage.EXISTENCE in solvers[0].stages:
         reasons = list(map(FamilySolver.reasons, solvers, problems, impulses))
         where = list(map(FamilySolver.needs_path_check, solvers, problems, reasons))
         look()

@@ -8,7 +8,7 @@ import hashlib
 import pytest
 
 from vibroimpact_service.api import answers, request_headers
-from vibroimpact_service.results.representations import HDF5, JSON
+from vibroimpact_service.results.encoders import HDF5, JSON
 from vibroimpact_service.use_case.evaluation import Preference
 
 

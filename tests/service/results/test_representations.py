@@ -13,13 +13,8 @@ from vibroimpact_schema.requests import ImpactModesRequest
 from vibroimpact_service.documents import digest, planning
 from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.results import encode, representations
-from vibroimpact_service.results.representations import (
-    HDF5,
-    JSON,
-    RecentRepresentations,
-    Representation,
-    load,
-)
+from vibroimpact_service.results.encoders import ENCODERS, HDF5, JSON
+from vibroimpact_service.results.representations import RecentRepresentations, Representation, load
 from vibroimpact_service.store import Store, StoreFullError
 from vibroimpact_service.use_case import computation
 
@@ -85,7 +80,7 @@ def test_an_unknown_result_has_none(store: Store) -> None:
 @pytest.mark.parametrize("media_type", [JSON, HDF5])
 def test_a_damaged_representation_is_made_again(stored: Store, media_type: str) -> None:
     first = load(stored, NAME, media_type)
-    damage(stored, f"{NAME}.{representations.SUFFIXES[media_type]}")
+    damage(stored, f"{NAME}.{ENCODERS[media_type].suffix}")
     assert load(stored, NAME, media_type) == first
 
 
