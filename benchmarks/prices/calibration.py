@@ -16,9 +16,10 @@ from benchmarks.prices.requests import DRAWN, case
 from benchmarks.prices.structures import structure
 from vibroimpact_schema.systems import AnySystem
 from vibroimpact_service.documents import decode
-from vibroimpact_solvers import cost, rates, spectrum
+from vibroimpact_solvers import plan as pricing
+from vibroimpact_solvers import rates, spectrum
 from vibroimpact_solvers.arrays import Booleans, Floats
-from vibroimpact_solvers.plan import Plan
+from vibroimpact_solvers.plan import BYTES_PER_SECOND, OVERHEAD_SECONDS, Plan
 from vibroimpact_solvers.rates import Rate, Sweep
 
 _START, _EACH = 1e-4, 1e-9  # what is taken where measurements tell nothing
@@ -85,7 +86,7 @@ def _of_spectra() -> dict[str, Rate]:
             document = structure(family, size, 0).document
             of = decode.system(TypeAdapter(AnySystem).validate_python(document))
             method = spectrum.choose(of)
-            name = cost.name("", spectrum.step(of, method))
+            name = spectrum.step(of, method).rate_name("")
             taken.setdefault(name, []).append((spectrum.flops(of, method), spectrum_seconds(of)))
     for name, pairs in taken.items():
         flops, seconds = np.array(pairs).T
@@ -100,13 +101,13 @@ def _of_kind(
     kind: str, own: list[tuple[Measured, Plan]], spectra: dict[str, Rate], longest: float
 ) -> dict[str, Rate]:
     each = [step for _, plan in own for step in plan.steps]
-    names = sorted({cost.name(kind, step) for step in each} - spectra.keys())
+    names = sorted({step.rate_name(kind) for step in each} - spectra.keys())
     features = np.zeros((len(own), 2 * len(names) + 1))
     features[:, -1] = 1.0
     known = np.zeros(len(own))
     for row, (_, plan) in enumerate(own):
         for step in plan.steps:
-            name = cost.name(kind, step)
+            name = step.rate_name(kind)
             if name in spectra:
                 known[row] += spectra[name].start + spectra[name].each * step.flops
             elif step.flops:
@@ -126,7 +127,7 @@ def _of_sweeps(own: list[tuple[Measured, Plan]], table: dict[str, Rate], longest
     unknown = Rate(0.0, _EACH)
     features = []
     for _, plan in own:
-        pairs = [(table.get(cost.name(plan.of, step), unknown), step.flops) for step in plan.steps]
+        pairs = [(table.get(step.rate_name(plan.of), unknown), step.flops) for step in plan.steps]
         begun = table[plan.of].start + sum(rate.start for rate, _ in pairs)
         work = sum(rate.each * flops for rate, flops in pairs)
         features.append([1.0, float(plan.points), plan.points * begun, work])
@@ -137,13 +138,13 @@ def _of_sweeps(own: list[tuple[Measured, Plan]], table: dict[str, Rate], longest
 def _samples(features: Floats, own: list[tuple[Measured, Plan]], longest: float) -> Samples:
     seconds = np.array([row.measured for row, _ in own])
     ended = np.isinf(seconds)
-    known = [cost.OVERHEAD_SECONDS + plan.bytes / cost.BYTES_PER_SECOND for _, plan in own]
+    known = [OVERHEAD_SECONDS + plan.bytes / BYTES_PER_SECOND for _, plan in own]
     return Samples(features, np.array(known), np.where(ended, longest, seconds), ended)
 
 
 def use(table: dict[str, Rate], sweep: Sweep) -> None:
     """Let the estimates of this process use other rates."""
-    cost.RATES, cost.SWEEP = table, sweep  # type: ignore[attr-defined]
+    pricing.RATES, pricing.SWEEP = table, sweep  # type: ignore[attr-defined]
 
 
 def estimates(rows: Sequence[Measured]) -> list[Measured]:

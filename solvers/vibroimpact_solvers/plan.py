@@ -3,6 +3,11 @@
 A plan is an immutable value. `plan(problem)` of a computation makes all decisions and
 `solve(problem, plan)` follows them, so that a plan shown beforehand agrees with the work done.
 
+Its time on one core is estimated by measured rates for the operations of its steps. `rates` has
+them, which ``python -m benchmarks.prices --calibrate`` writes. They are no bounds: about half of
+the honest requests take between half and twice as long (the table is in
+`docs/service/operation.md`), and what takes much longer is ended by the meter of the computation.
+
 Examples
 --------
 >>> from vibroimpact_solvers.plan import Plan, Stage, Step
@@ -16,7 +21,18 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TypeVar
+from typing import Final, TypeVar
+
+from vibroimpact_solvers.rates import RATES, SWEEP, Rate
+
+BYTES_PER_SECOND: Final = 5.0e8
+"""Bytes of results that are written in a second."""
+OVERHEAD_SECONDS: Final = 1e-4
+"""Time of the smallest computation."""
+_OF_A_KIND: Final = ("constrained structure", "partial")
+"""Methods for natural modes that only one kind uses; the others take the same for all."""
+_UNMEASURED: Final = Rate(0.0, 1e-9)
+"""Of methods that no request of the calibration uses."""
 
 Tick = Callable[[int, int], None]
 """Called with (done, total) while a computation runs; may raise `Cancelled`."""
@@ -75,6 +91,25 @@ class Step:
     bounded: bool = field(default=True, kw_only=True)
     settings: object = None
 
+    def rate(self, kind: str) -> Rate:
+        """Return the rate of its operations in a computation of a kind."""
+        return RATES.get(self.rate_name(kind), _UNMEASURED)
+
+    def rate_name(self, kind: str) -> str:
+        """Return the name of its method in the table of rates."""
+        if self.stage is Stage.SPECTRUM and self.method not in _OF_A_KIND:
+            return f"{self.stage.name.lower()}, {self.method}"
+        # What sweeps of impact modes share are responses, a part of the impulses elsewhere.
+        shared = self.stage is Stage.RESPONSE and kind == "impact-modes"
+        return f"{kind}: {(Stage.IMPULSE if shared else self.stage).name.lower()}, {self.method}"
+
+    def seconds(self, kind: str) -> float:
+        """Return its estimated time on one core in a computation of a kind."""
+        if self.flops == 0.0:  # what it computes is known
+            return 0.0
+        own = self.rate(kind)
+        return own.start + own.each * self.flops
+
 
 @dataclass(frozen=True, slots=True)
 class Skip:
@@ -123,6 +158,21 @@ class Plan:
     def bytes(self) -> float:
         """Estimated memory written by all steps."""
         return sum(step.bytes for step in self.steps)
+
+    @property
+    def seconds(self) -> float:
+        """Estimated time on one core."""
+        written = self.bytes / BYTES_PER_SECOND
+        kind = self.of or self.kind
+        own = RATES.get(kind, _UNMEASURED).start
+        if not self.of:
+            work = sum(step.seconds(self.kind) for step in self.steps)
+            return OVERHEAD_SECONDS + own + work + written
+        methods = {step.rate_name(kind): step.rate(kind) for step in self.steps}
+        begun = own + sum(method.start for method in methods.values())
+        work = sum(step.rate(kind).each * step.flops for step in self.steps)
+        points = self.points * (SWEEP.point + SWEEP.begun * begun)
+        return OVERHEAD_SECONDS + SWEEP.start + points + SWEEP.work * work + written
 
 
 def batches(total: int, size: int, tick: Tick | None) -> Iterator[tuple[int, int]]:

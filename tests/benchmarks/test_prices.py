@@ -16,15 +16,15 @@ from benchmarks.prices.requests import DRAWN, Case, case
 from benchmarks.prices.structures import structure
 from vibroimpact_schema import examples
 from vibroimpact_service.kinds import KINDS
-from vibroimpact_solvers import cost, rates
-from vibroimpact_solvers.plan import Plan, Stage, Step
+from vibroimpact_solvers import rates
+from vibroimpact_solvers.plan import OVERHEAD_SECONDS, Plan, Stage, Step
 from vibroimpact_solvers.rates import Rate, Sweep
 
 
 @pytest.fixture
 def own_rates() -> Iterator[None]:
     """Let a test use other rates."""
-    before = cost.RATES, cost.SWEEP
+    before = rates.RATES, rates.SWEEP
     yield
     calibration.use(*before)  # type: ignore[arg-type]
 
@@ -52,7 +52,7 @@ def test_methods_that_the_examples_of_all_kinds_use_are_measured() -> None:
             plan = planned(Case(kind.name, "", example["request"])).plan
             of = plan.of or plan.kind
             assert rates.RATES[of].start > 0.0
-            names = {cost.name(of, step) for step in plan.steps if step.flops}
+            names = {step.rate_name(of) for step in plan.steps if step.flops}
             unmeasured |= names - rates.RATES.keys()
     assert unmeasured <= UNMEASURED
 
@@ -112,12 +112,12 @@ def test_sweeps_cost_what_their_points_do() -> None:
         {"kind": Rate(0.5, 0.0), "kind: shape, sum": Rate(1.0, 1e-3)}, Sweep(7, 3, 2, 1)
     )
     steps = (Step(Stage.SHAPE, "sum", "", flops=1e3),)
-    own = cost.OVERHEAD_SECONDS
-    assert cost.seconds(Plan("kind", steps)) == pytest.approx(own + 0.5 + 1.0 + 1.0)
+    own = OVERHEAD_SECONDS
+    assert Plan("kind", steps).seconds == pytest.approx(own + 0.5 + 1.0 + 1.0)
     swept = Plan("sweep", steps, points=10, of="kind")
-    assert cost.seconds(swept) == pytest.approx(own + 7.0 + 10.0 * (3.0 + 2.0 * 1.5) + 1.0)
+    assert swept.seconds == pytest.approx(own + 7.0 + 10.0 * (3.0 + 2.0 * 1.5) + 1.0)
     known = (Step(Stage.SHAPE, "sum", ""),)  # what is known takes nothing
-    assert cost.seconds(Plan("kind", known)) == pytest.approx(own + 0.5)
+    assert Plan("kind", known).seconds == pytest.approx(own + 0.5)
 
 
 @pytest.mark.usefixtures("own_rates")

@@ -12,7 +12,6 @@ import numpy as np
 from flint import arb
 
 from vibroimpact_solvers.arrays import declared
-from vibroimpact_solvers.cost import seconds
 from vibroimpact_solvers.plan import Plan
 
 ROUNDING = 2.0**-52
@@ -45,7 +44,7 @@ class Report:
 
     def work(self, plan: Plan) -> None:
         """Tell that the solver follows a plan, which its price limits."""
-        self.phase("solver", COMPILED + OVERDUE * seconds(plan))
+        self.phase("solver", COMPILED + OVERDUE * plan.seconds)
 
     def plain(self, name: str) -> dict[str, Any]:
         """Return all of it, fit for JSON."""

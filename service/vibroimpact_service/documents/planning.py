@@ -109,7 +109,6 @@ def plan(
     meter = _Meter(settings, tick, (kind.extent,) if sent else kind.structure)
     # The numerical libraries load at the first request.
     from vibroimpact_service.documents import branch_paths, damped, decode, sweep_axes
-    from vibroimpact_solvers import cost
 
     sent_system = document.system
     if isinstance(document.system, SystemReference):
@@ -149,7 +148,7 @@ def plan(
         large = _LARGE.get(type(document), "/outputs")
         long = partial(costly, kind, document)
         limits.check_plan(planned, settings, joined_in_files=joined, long=long, large=large)
-    return Planned(kind, problem, planned, cost.seconds(planned))
+    return Planned(kind, problem, planned, planned.seconds)
 
 
 _FACTORS_SECONDS: Final = 0.4

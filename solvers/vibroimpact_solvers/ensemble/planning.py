@@ -6,9 +6,9 @@ import hashlib
 from collections.abc import Iterator
 from dataclasses import replace
 
-from vibroimpact_solvers import cost, time_history
+from vibroimpact_solvers import time_history
 from vibroimpact_solvers.ensemble.problem import KIND, Problem
-from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
+from vibroimpact_solvers.plan import BYTES_PER_SECOND, OVERHEAD_SECONDS, Plan, Skip, Stage, Step
 
 
 def plan(problem: Problem) -> Plan:
@@ -28,10 +28,10 @@ def plan(problem: Problem) -> Plan:
 def split(problem: Problem, plan: Plan, seconds_each: float) -> list[Problem]:
     """Cut an ensemble into pieces of about the given cost each."""
     own = [step for step in plan.steps if step.stage is not Stage.SPECTRUM]
-    work = sum(cost.rate(KIND, step).each * step.flops for step in own)
-    written = sum(step.bytes for step in own) / cost.BYTES_PER_SECOND
+    work = sum(step.rate(KIND).each * step.flops for step in own)
+    written = sum(step.bytes for step in own) / BYTES_PER_SECOND
     # What a piece begins with does not go by its members, whose number must not matter.
-    each = (work + written) / problem.size + cost.OVERHEAD_SECONDS
+    each = (work + written) / problem.size + OVERHEAD_SECONDS
     # Counts that are powers of two, from the first member on: a longer ensemble that begins
     # alike has the same pieces.
     count = 1

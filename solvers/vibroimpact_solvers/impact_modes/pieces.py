@@ -9,10 +9,9 @@ import numpy as np
 
 from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import Floats
-from vibroimpact_solvers.cost import OVERHEAD_SECONDS, seconds
 from vibroimpact_solvers.impact_modes.planning import steps_like
 from vibroimpact_solvers.impact_modes.problem import KIND, Problem
-from vibroimpact_solvers.plan import Plan, Stage
+from vibroimpact_solvers.plan import OVERHEAD_SECONDS, Plan, Stage
 
 _MANY = 1000  # frequencies among which the cost that all of them share is negligible
 
@@ -47,7 +46,7 @@ def _seconds_of_one(problem: Problem, plan: Plan) -> float:
     ends = np.array([1.0, 4.0]) * spectrum.largest_frequency(problem.system) / np.pi
     many = replace(problem, omega=np.repeat(ends, _MANY // 2), Omega=None, rounding=None)
     steps = (step for step in steps_like(plan, many) if step.stage is not Stage.SPECTRUM)
-    return seconds(Plan(KIND, tuple(steps))) / _MANY
+    return Plan(KIND, tuple(steps)).seconds / _MANY
 
 
 def grid_index(points: Floats) -> int:

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from vibroimpact_solvers import cost, spectrum
+from vibroimpact_solvers import spectrum
 from vibroimpact_solvers.arrays import along, nothing
 from vibroimpact_solvers.meter import metered
 from vibroimpact_solvers.periodic_motions import columns, free_bodies, sequences, single
@@ -78,7 +78,7 @@ def split(problem: Problem, plan: Plan, seconds: float) -> list[Problem]:
     """
     if len(problem.impacts) > 1:
         return [problem]
-    each = cost.seconds(plan) / problem.Omega.size
+    each = plan.seconds / problem.Omega.size
     size = max(1, int(seconds / each))
     total = problem.Omega.size
     return [problem.slice(k, min(k + size, total)) for k in range(0, total, size)]

@@ -9,9 +9,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Final
 
-from vibroimpact_solvers import cost
 from vibroimpact_solvers.errors import ModelError, PlanError, SolverError
-from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
+from vibroimpact_solvers.plan import BYTES_PER_SECOND, OVERHEAD_SECONDS, Plan, Skip, Stage, Step
 from vibroimpact_solvers.rates import SWEEP
 from vibroimpact_solvers.sweep.problem import KIND, Axis, Index, Problem, Span, rank
 
@@ -165,8 +164,8 @@ def _seconds(problem: Problem, plan: Plan, shape: list[int]) -> float:
         if step.stage is Stage.SPECTRUM:
             # Workers with a cached spectrum must cut as those without it.
             flops = 14.0 * (step.bytes / 8.0) ** 1.5 * piece.count(step.stage)
-        total += cost.rate(problem.kind, step).each * flops
-        total += step.bytes * share / cost.BYTES_PER_SECOND
+        total += step.rate(problem.kind).each * flops
+        total += step.bytes * share / BYTES_PER_SECOND
     active = (size for size, axis in zip(shape, problem.axes, strict=True) if axis.stage)
-    begun = sum(cost.rate(problem.kind, step).start for step in plan.steps)
-    return total + (cost.OVERHEAD_SECONDS + SWEEP.begun * begun) * math.prod(active)
+    begun = sum(step.rate(problem.kind).start for step in plan.steps)
+    return total + (OVERHEAD_SECONDS + SWEEP.begun * begun) * math.prod(active)

@@ -19,7 +19,6 @@ from typing import Any, TypeVar
 import numpy as np
 import scipy.sparse
 
-from vibroimpact_solvers import cost
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.errors import Cancelled, ModelError, SolverError, attempt
 from vibroimpact_solvers.kernels.threads import cores
@@ -228,7 +227,7 @@ def _pays(problems: Sequence[Problem]) -> bool:
     Short ones are mostly prepared and concluded, by one thread of Python at a time.
     """
     first = attempt(plan_of, problems[0]) if problems else None
-    return isinstance(first, Plan) and cost.seconds(first) > _SHORT_SECONDS
+    return isinstance(first, Plan) and first.seconds > _SHORT_SECONDS
 
 
 def solve_states(

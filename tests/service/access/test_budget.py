@@ -17,7 +17,6 @@ from vibroimpact_service.app import create_app
 from vibroimpact_service.problems import ProblemError
 from vibroimpact_service.settings import Settings
 from vibroimpact_service.use_case import computation
-from vibroimpact_solvers import cost
 from vibroimpact_solvers.plan import Plan
 
 COMPUTE = "/v1/compute/impact-modes"
@@ -82,7 +81,7 @@ def test_what_was_used_is_charged_and_not_the_estimate(
         return content
 
     monkeypatch.setattr(computation, "compute", busy)
-    monkeypatch.setattr(cost, "seconds", lambda _plan: planned)
+    monkeypatch.setattr(Plan, "seconds", planned)
     key, left = make_key("eve", seconds=quota), []
     for number in range(2):
         request_body["frequency"]["stop"] = 2.0 + 0.01 * number
