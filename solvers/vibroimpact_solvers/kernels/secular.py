@@ -328,7 +328,7 @@ def find(modes: Modes, eq: Equation, z: Zeros, progress: NDArray[np.void], piece
         now.row = stop
         if stop == count:
             _go_on(z, progress)
-    return now.stage == _DONE
+    return bool(now.stage == _DONE)
 
 
 @inner
