@@ -161,8 +161,20 @@ def held_out(rows: Sequence[Measured], longest: float) -> list[Measured]:
     return sorted(all_rows, key=lambda row: list(DRAWN).index(row.name))
 
 
+def with_others(table: dict[str, Rate]) -> dict[str, Rate]:
+    """Return rates that were fitted, and those of kinds and spectra that were not measured."""
+    known = {
+        name: rate for name, rate in rates.RATES.items() if name.partition(":")[0] not in table
+    }
+    order = list(rates.RATES)
+    place = {name: index for index, name in enumerate(order)}
+    both = known | table
+    return {name: both[name] for name in sorted(both, key=lambda name: place.get(name, len(order)))}
+
+
 def write(table: dict[str, Rate], sweep: Sweep) -> None:
-    """Write the module of rates."""
+    """Write the module of rates; kinds that were not measured keep theirs."""
+    table = with_others(table)
     module = Path(inspect.getfile(rates))
     text, _, _ = module.read_text().partition("SWEEP: Final")
     lines = [

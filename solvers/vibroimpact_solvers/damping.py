@@ -154,8 +154,15 @@ class Dashpot:
             raise ModelError(("weights",), message, code="wrong_length")
         if not all(map(math.isfinite, self.weights)):
             raise ModelError(("weights",), "a weight is not finite", code="not_finite")
+        largest = max(map(abs, self.weights))
+        if largest > RANGE[1]:
+            message = f"the largest weight is {largest!r}, above {RANGE[1]}"
+            raise ModelError(("weights",), message, code="out_of_range")
         if not (math.isfinite(self.c) and self.c >= 0.0):
             message = f"the coefficient is {self.c!r}, not a finite number from 0"
+            raise ModelError(("c",), message, code="out_of_range")
+        if not math.isfinite(self.c * largest * largest):
+            message = f"its product with the squares of the weights is too large: {self.c!r}"
             raise ModelError(("c",), message, code="out_of_range")
         for place, (dof, weight) in enumerate(zip(self.dofs, self.weights, strict=True)):
             if not 0 <= dof < system.n:

@@ -137,3 +137,11 @@ def test_rates_fit_the_requests_that_they_were_made_of() -> None:
     assert 0.3 < min(ratios) <= max(ratios) < 3.0
     assert "| periodic-motions | 12 |" in table.text(again, 8.0)
     assert math.isfinite(sum(ratios))
+
+
+def test_kinds_that_were_not_measured_keep_their_rates() -> None:
+    measured = {"slow-flow": Rate(7.0, 0.0), "slow-flow: new, method": Rate(8.0, 1.0)}
+    both = calibration.with_others(measured)
+    other = {name: rate for name, rate in rates.RATES.items() if not name.startswith("slow-flow")}
+    assert both == other | measured
+    assert list(both)[: len(other)] == list(rates.RATES)[: len(other)]

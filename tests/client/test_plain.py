@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
@@ -17,12 +18,16 @@ from vibroimpact.plain import plain
         ({"x": np.arange(3)}, {"x": [0, 1, 2]}),
         ({"a": {"b": [np.float64(0.5), np.ones(2)]}}, {"a": {"b": [0.5, [1.0, 1.0]]}}),
         ([{"values": np.eye(2)}], [{"values": [[1.0, 0.0], [0.0, 1.0]]}]),
+        ({"dofs": [0, np.int64(3)]}, {"dofs": [0, 3]}),
+        ({"gap": [None, 0.1, np.float32(0.5)]}, {"gap": [None, 0.1, 0.5]}),
+        ({"values": [1.0, np.array(2.0)]}, {"values": [1.0, 2.0]}),
         ({"M": ((1, 2), (2, 1))}, {"M": [(1, 2), (2, 1)]}),
         ({"text": "x", "none": None, "empty": []}, {"text": "x", "none": None, "empty": []}),
     ],
 )
 def test_arrays_become_lists(given: Any, expected: Any) -> None:
     assert plain(given) == expected
+    json.dumps(plain(given))
 
 
 @pytest.mark.needs("compiled kernels")

@@ -161,6 +161,8 @@ def test_wrong_laws_are_named(law: damping.Law, pointer: tuple[str, ...], code: 
         ({"dofs": (1, 1), "weights": (1.0, 1.0)}, ("dofs",), "duplicate_dof"),
         ({"weights": (1.0, 2.0)}, ("weights",), "wrong_length"),
         ({"weights": (np.inf,)}, ("weights",), "not_finite"),
+        ({"weights": (1e300,)}, ("weights",), "out_of_range"),
+        ({"weights": (1e99,), "c": 1e200}, ("c",), "out_of_range"),
         ({"c": -1.0}, ("c",), "out_of_range"),
     ],
 )

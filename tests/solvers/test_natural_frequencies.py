@@ -404,3 +404,87 @@ def test_gaps_have_no_effect() -> None:
     system = chain(9, 2)
     other = system.limited([replace(system.constraints[0], upper=7.0, restitution=0.5)])
     np.testing.assert_array_equal(solved(system).Omega, solved(other).Omega)
+
+
+def known(values: np.ndarray, seed: int) -> tuple[System, np.ndarray]:
+    """Return ``M = L^T L`` and ``K = L^T D L`` without rounding, and its modes, exact columns."""
+    n = values.size
+    links = np.random.default_rng(seed).choice([0.0, 0.5, -0.5, 1.0, -1.0], n - 1)
+    L = scipy.sparse.diags_array([np.ones(n), links], offsets=[0, -1]).tocsr()
+    modes = np.eye(n)
+    for i in range(1, n):
+        modes[i] -= links[i - 1] * modes[i - 1]
+    order = np.argsort(values, kind="stable")
+    stops = (Constraint.at(n // 3, 1.0), Constraint((5, n - 7), (1.0, -1.0), 1.0, 1.0))
+    M, K = L.T @ L, L.T @ scipy.sparse.diags_array(values) @ L
+    matrices = (SymmetricMatrix.leanest(scipy.sparse.csr_array(A)) for A in (M, K))
+    return System(*matrices, stops), modes[:, order]
+
+
+SPECTRA = {
+    "plain": np.arange(1.0, 301.0),
+    "wide": np.concatenate([[1.0], 2.0 ** np.arange(20, 40, 20 / 299)[:299].round()]),
+    "unstable": np.arange(-40.0, 260.0),
+    "free": np.concatenate([np.zeros(6), np.arange(1.0, 295.0)]),
+}
+
+
+@pytest.mark.parametrize("name", SPECTRA)
+@pytest.mark.parametrize("asked", [{"count": 8}, {"stop": 1e-30}, {"stop": 1.0}])
+def test_errors_of_the_lowest_modes_hold_at_stops_and_of_what_is_left(
+    name: str, asked: dict[str, float]
+) -> None:
+    values = np.random.default_rng(3).permutation(SPECTRA[name])
+    system, modes = known(values, 4)
+    values.sort()
+    problem = Problem(system, outputs=ALL, **asked)
+    assert method(problem) == "lowest modes"
+    result = natural_frequencies.solve(problem, natural_frequencies.plan(problem))
+    exact = np.sign(values) * np.sqrt(np.abs(values))
+    count = result.Omega.size
+    assert count == (8 if "count" in asked else np.count_nonzero(exact <= asked["stop"]))
+    assert (np.abs(result.Omega - exact[:count]) <= result.error_Omega).all()
+    assert "certified" in result.error_statement
+    rows = system.directions((0, 1)) @ modes
+    for j in range(count):
+        if np.count_nonzero(values == values[j]) == 1:
+            sign = np.sign(modes[:, j] @ (system.M @ result.shape[j]))
+            off = np.abs(sign * result.participation[j] - rows[:, j])
+            assert (off <= result.error_participation[j]).all()
+    elastic = np.flatnonzero(values[count:]) + count
+    flexibility = (rows[:, elastic] / values[elastic]) @ rows[:, elastic].T
+    error = result.error_residual_flexibility
+    assert (np.abs(result.residual_flexibility - flexibility) <= error + 1e-13).all()
+    assert (error >= 0.0).all()
+    assert (error <= 1e-6 * np.abs(flexibility).max()).all()
+
+
+def test_directions_held_make_no_full_matrices(monkeypatch: pytest.MonkeyPatch) -> None:
+    n = 1200
+    system, _ = known(np.arange(1.0, n + 1.0), 6)
+    full, sizes = SymmetricMatrix.to_dense, list[int]()
+
+    def counted(self: SymmetricMatrix) -> Any:
+        sizes.append(self.n)
+        return full(self)
+
+    monkeypatch.setattr(SymmetricMatrix, "to_dense", counted)
+    result = solved(system, count=5, fixed=(1,))
+    assert not sizes
+    Z = np.delete(np.eye(n), n - 7, axis=1)
+    Z[n - 7, 5] = 1.0
+    M, K = (Z.T @ full(A) @ Z for A in (system.M, system.K))
+    expected = np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True, subset_by_index=[0, 4]))
+    np.testing.assert_allclose(result.Omega, expected, rtol=1e-9)
+    assert (result.error_Omega <= 1e-9 * expected).all()
+
+
+def test_static_solves_cost_less_where_the_matrix_is_banded() -> None:
+    costs = []
+    for system in (known(np.arange(1.0, 901.0), 0)[0], grid(30, 30)):
+        system = replace(system, constraints=(Constraint.at(3, 1.0),))
+        plan = natural_frequencies.plan(Problem(system, 5, outputs=ALL))
+        step = plan.step(Stage.RESPONSE)
+        assert step is not None
+        costs.append(step.flops)
+    assert costs[0] < 0.2 * costs[1]

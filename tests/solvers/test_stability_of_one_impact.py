@@ -163,7 +163,7 @@ def test_zeros_are_in_their_discs(seed: int, mirrored: bool) -> None:
     secular.residues(of, equation)
     home, alone = np.empty((2, n - 1), dtype=np.int64)
     zeros = secular.Zeros(home, *np.empty((4, n - 1)), alone)
-    secular.find(of, equation, zeros)
+    assert secular.find(of, equation, zeros, np.zeros(1, secular.PROGRESS), 10**6)
     found = equation.pole[home] + zeros.x + 1j * zeros.y + of.known
     exact = _multiplied_out(phases, weights, mirrored)
     for value, circle, one in zip(found, zeros.radius, alone, strict=True):
@@ -197,3 +197,26 @@ def _multiplied_out(phases: np.ndarray, weights: np.ndarray, mirrored: bool) -> 
         values, _ = mpmath.eig((P + P**-1) / 2)
         numbers = sorted(map(complex, values), key=lambda z: (round(z.real, 9), round(z.imag, 9)))
     return np.array(numbers[::2])  # each is one of a pair nu, 1/nu
+
+
+def test_zeros_of_many_modes_are_found_in_pieces_of_milliseconds() -> None:
+    """What one call does is bounded; the pieces are one search."""
+    random = np.random.default_rng(0)
+    n = 400
+    phases, weights = np.sort(random.uniform(0.2, 4e3, n)), random.uniform(0.05, 1.0, n)
+    of = modes_of(phases, weights / weights.sum(), mirrored=True)
+    found = []
+    for piece in (secular.PIECE, 10**9):
+        equation = secular.Equation(*np.empty((4, n)))
+        secular.residues(of, equation)
+        home, alone = np.empty((2, n - 1), dtype=np.int64)
+        zeros = secular.Zeros(home, *np.empty((4, n - 1)), alone)
+        progress, calls = np.zeros(1, secular.PROGRESS), 1
+        while not secular.find(of, equation, zeros, progress, piece):
+            calls += 1
+        found.append((calls, zeros))
+    (calls, zeros), (once, whole) = found
+    assert once == 1
+    assert calls >= 3
+    for one, other in zip(zeros, whole, strict=True):
+        np.testing.assert_array_equal(one, other)

@@ -25,9 +25,12 @@ from __future__ import annotations
 import math
 from typing import Final, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from vibroimpact_solvers.arrays import EPS, Floats, Integers
 from vibroimpact_solvers.kernels.free_motion import Modes, effect
-from vibroimpact_solvers.kernels.jit import inner, kernel, sums
+from vibroimpact_solvers.kernels.jit import inner, kernel, record, sums
 
 _SWEEPS: Final = 60  # of Ehrlich's and Aberth's method
 _SETTLED: Final = 1e-9  # relative correction after which a zero is left: it is then far smaller
@@ -36,6 +39,15 @@ _SLIGHT: Final = 0.1  # angle by which it starts off the real axis, where pairs 
 _REAL: Final = 1e-3  # imaginary part, of the distance to the next one, that is taken for rounding
 _FUNCTION: Final = 2.0 * EPS  # of a sine or cosine, relative to it
 _DOUBLINGS: Final = 40  # of a radius, until a circle separates
+
+# Stages, each of which all approximations go through.
+_BEGIN, _APPROACH, _REALIZE, _BOUND, _SEPARATE, _DONE = range(6)
+
+PIECE: Final = 500_000
+"""Terms of sums over all modes that take some milliseconds."""
+
+PROGRESS: Final = record([("stage", "i8"), ("sweeps", "i8"), ("row", "i8")])
+"""How far the search for zeros is."""
 
 
 class Equation(NamedTuple):
@@ -108,28 +120,24 @@ def _zero_sum(eq: Equation, z: Zeros, k: int) -> tuple[float, float]:
 
 
 @inner
-def _start(eq: Equation, z: Zeros) -> None:
-    """Start from all poles but the one nearest to the known zero, moved by their residues."""
+def _start(eq: Equation, z: Zeros, k: int) -> None:
+    """Start from a pole, one but that nearest to the known zero, moved by its residue."""
     n, left_out = eq.pole.size, 0
     for j in range(n):
         if abs(eq.pole[j]) < abs(eq.pole[left_out]):
             left_out = j
-    k = 0
-    for j in range(n):
-        if j == left_out:
-            continue
-        gap = math.inf
-        if j > 0:
-            gap = eq.pole[j] - eq.pole[j - 1]
-        if j < n - 1:
-            gap = min(gap, eq.pole[j + 1] - eq.pole[j])
-        level, _, _, _ = _other_terms(eq, j, 0.0, 0.0)
-        shift = -eq.residue[j] / (1.0 + level) if level != -1.0 else math.inf
-        if gap < math.inf:
-            shift = max(-_NEAR * gap, min(_NEAR * gap, shift))
-        z.home[k], z.x[k] = j, shift
-        z.y[k] = _SLIGHT * shift if k % 2 == 0 else -_SLIGHT * shift
-        k += 1
+    j = k if k < left_out else k + 1
+    gap = math.inf
+    if j > 0:
+        gap = eq.pole[j] - eq.pole[j - 1]
+    if j < n - 1:
+        gap = min(gap, eq.pole[j + 1] - eq.pole[j])
+    level, _, _, _ = _other_terms(eq, j, 0.0, 0.0)
+    shift = -eq.residue[j] / (1.0 + level) if level != -1.0 else math.inf
+    if gap < math.inf:
+        shift = max(-_NEAR * gap, min(_NEAR * gap, shift))
+    z.home[k], z.x[k], z.alone[k] = j, shift, 0
+    z.y[k] = _SLIGHT * shift if k % 2 == 0 else -_SLIGHT * shift
 
 
 @inner
@@ -167,27 +175,18 @@ def _change(eq: Equation, z: Zeros, k: int) -> complex:
 
 
 @inner
-def _approximate(eq: Equation, z: Zeros) -> None:
-    """Approximate all zeros; where one does not come to rest, its circle will be large."""
-    _start(eq, z)
-    for k in range(z.x.size):
-        z.alone[k] = 0
-    for _ in range(_SWEEPS):
-        left = 0
-        for k in range(z.x.size):
-            if z.alone[k]:  # it rests
-                continue
-            change = _change(eq, z, k)
-            size = math.hypot(z.x[k], z.y[k])
-            if not abs(change) < math.inf:
-                change = complex(0.0, _SLIGHT * (size + EPS))
-            z.x[k] -= change.real
-            z.y[k] -= change.imag
-            z.alone[k] = int(abs(change) <= _SETTLED * size)
-            _settle_home(eq, z, k)
-            left += 1 - z.alone[k]
-        if left == 0:
-            break
+def _approach(eq: Equation, z: Zeros, k: int) -> None:
+    """Correct an approximation; where it does not come to rest, its circle will be large."""
+    if z.alone[k]:  # it rests
+        return
+    change = _change(eq, z, k)
+    size = math.hypot(z.x[k], z.y[k])
+    if not abs(change) < math.inf:
+        change = complex(0.0, _SLIGHT * (size + EPS))
+    z.x[k] -= change.real
+    z.y[k] -= change.imag
+    z.alone[k] = int(abs(change) <= _SETTLED * size)
+    _settle_home(eq, z, k)
 
 
 @sums
@@ -202,15 +201,14 @@ def _nearest(eq: Equation, z: Zeros, k: int) -> float:
 
 
 @inner
-def _make_real(eq: Equation, z: Zeros) -> None:
-    """Put approximations whose imaginary parts are rounding on the real axis, and improve them."""
-    for k in range(z.x.size):
-        if z.y[k] * z.y[k] > _REAL * _REAL * _nearest(eq, z, k):
-            continue
-        z.y[k] = 0.0
-        change = _change(eq, z, k).real
-        if abs(change) < _REAL * abs(z.x[k]):
-            z.x[k] -= change
+def _make_real(eq: Equation, z: Zeros, k: int) -> None:
+    """Put an approximation whose imaginary part is rounding on the real axis, and improve it."""
+    if z.y[k] * z.y[k] > _REAL * _REAL * _nearest(eq, z, k):
+        return
+    z.y[k] = 0.0
+    change = _change(eq, z, k).real
+    if abs(change) < _REAL * abs(z.x[k]):
+        z.x[k] -= change
 
 
 @inner
@@ -280,9 +278,22 @@ def _separate(eq: Equation, z: Zeros, k: int) -> None:
         radius *= 2.0
 
 
+@inner
+def _go_on(z: Zeros, progress: NDArray[np.void]) -> None:
+    """Go on to the next sweep or stage, when all approximations are through one."""
+    now = progress[0]
+    now.row = 0
+    if now.stage == _APPROACH:
+        now.sweeps += 1
+        moving = z.alone.size - z.alone.sum()
+        if moving > 0 and now.sweeps < _SWEEPS:
+            return
+    now.stage += 1
+
+
 @kernel
-def find(modes: Modes, eq: Equation, z: Zeros) -> None:
-    """Enclose all zeros but the known one.
+def find(modes: Modes, eq: Equation, z: Zeros, progress: NDArray[np.void], piece: int) -> bool:
+    """Enclose all zeros but the known one; return whether that is done, or else to be gone on with.
 
     Parameters
     ----------
@@ -293,13 +304,31 @@ def find(modes: Modes, eq: Equation, z: Zeros) -> None:
     z : Zeros
         Filled in. A disc that encloses one zero, and has a real centre, encloses a real one. Radii
         are nan or infinite where nothing is known.
+    progress : array of `PROGRESS`, shape (1,)
+        Zeros at first.
+    piece : int
+        Terms of sums over all modes after which a call returns, such as `PIECE`.
     """
-    _approximate(eq, z)
-    _make_real(eq, z)
-    for k in range(z.x.size):
-        z.correction[k] = _bound_correction(modes, eq, z, k)
-    for k in range(z.x.size):
-        _separate(eq, z, k)
+    count, now = z.x.size, progress[0]
+    left = piece // count + 1
+    while now.stage != _DONE and left > 0:
+        stop = min(now.row + left, count)
+        left -= stop - now.row
+        for k in range(now.row, stop):
+            if now.stage == _BEGIN:
+                _start(eq, z, k)
+            elif now.stage == _APPROACH:
+                _approach(eq, z, k)
+            elif now.stage == _REALIZE:
+                _make_real(eq, z, k)
+            elif now.stage == _BOUND:
+                z.correction[k] = _bound_correction(modes, eq, z, k)
+            else:
+                _separate(eq, z, k)
+        now.row = stop
+        if stop == count:
+            _go_on(z, progress)
+    return bool(now.stage == _DONE)
 
 
 @inner

@@ -15,7 +15,9 @@ from vibroimpact_solvers.spectrum import LowestModes, moving_part
 
 _ROUNDS: Final = 60  # steps of refinement at most
 _EXACT: Final = 1e-15  # residual relative to the load at which refinement ends
-_SHIFT: Final = -0.1  # of the factors, over the bound of the eigenvalues that are left out
+_SHIFTS: Final = -0.1 * np.array([1.0, 0.5, 2.0, 0.3, 3.0, 0.7, 1.5, 0.2, 0.4, 2.5])
+"""Of the factors, over the bound of the eigenvalues that are left out: the first one is best."""
+_CLEAR: Final = 0.05  # distance of a shift to the modes from which it is as good as any, over it
 
 
 def residual_flexibility(
@@ -53,8 +55,9 @@ def residual_flexibility(
     size, relative = np.abs(part), wrong / np.abs(values)
     weights = 1.0 / (np.abs(values) * np.maximum(1.0 - relative, EPS))
     error = (size * weights * (relative + EPS * (values.size + 4))) @ size.T
-    mixed = (size * weights) @ uncertainty.T
-    error += mixed + mixed.T + (uncertainty * weights) @ uncertainty.T
+    with np.errstate(invalid="ignore"):
+        mixed = (size * weights) @ uncertainty.T
+        error += mixed + mixed.T + (uncertainty * weights) @ uncertainty.T
     if np.isfinite(lowest.beyond):
         free = [place for place, line in enumerate(lines) if line is not None]
         block = np.ix_(free, free)
@@ -81,10 +84,7 @@ def _beyond(
         column[list(line.dofs)] = line.weights
     loads = directions[kept]
     heavy = moving.M @ modes
-    shift = _SHIFT * lowest.beyond
-    least = float(lowest.natural.eigenvalues.min(initial=0.0))
-    if shift >= least:
-        shift = 2.0 * least
+    shift = _shift(lowest)
     solve = moving.K.plus(-shift, moving.M).factorize()
 
     def without_modes(b: Floats) -> Floats:
@@ -111,3 +111,10 @@ def _beyond(
     rounded = 8.0 * EPS * (np.abs(x).T @ (abs(moving.K.to_sparse()) @ np.abs(x)))
     error = np.outer(inverse, inverse) + 2.0 * turned * np.outer(lengths, lengths)
     return value, error / lowest.beyond + rounded + 8.0 * EPS * (np.abs(b).T @ np.abs(x))
+
+
+def _shift(lowest: LowestModes) -> float:
+    """Return a small negative value, far from the eigenvalues of unstable structures too."""
+    shifts = _SHIFTS * lowest.beyond
+    apart = np.abs(shifts[:, np.newaxis] - lowest.natural.eigenvalues).min(axis=1, initial=np.inf)
+    return float(shifts[np.minimum(apart, _CLEAR * lowest.beyond).argmax()])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
@@ -102,7 +101,8 @@ def _outputs(problem: Problem, decision: Decision) -> Iterator[Step]:
         return
     if decision.method is None:
         reason = "static solves with the modes that are known taken out"
-        flops = 20.0 * math.pow(n, 1.5) + 20.0 * limiters * 200.0 * n
+        moving = problem.moving
+        flops = spectrum.factor_flops(moving) + 20.0 * limiters * spectrum.solve_flops(moving)
     else:
         reason = "the sum over all modes that are left out"
         flops = 10.0 * n * limiters**2

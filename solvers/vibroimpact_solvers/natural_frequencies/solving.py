@@ -25,7 +25,8 @@ from vibroimpact_solvers.spectrum.inertia import least_eigenvalue
 _ROWS: Final = 512  # degrees of freedom at a time
 _LARGEST: Final = 1.0 - 1e-6  # part of the largest entry from which one may give the sign
 _TOGETHER: Final = 100.0  # distance of eigenvalues over their errors below which they are together
-_EDGE: Final = 1e-9  # relative room above `stop` in which modes are looked for
+_HELD: Final = 8.0  # roundings of an entry of the matrices of a structure that is held
+_EDGE: Final = 0.1  # relative room above the square of `stop`: a mode there is told from others
 _PROVED: Final = (
     "certified: errors of the natural frequencies are proved from residuals of the modes, or are "
     "roundings of a closed form"
@@ -117,26 +118,52 @@ def _modes(problem: Problem, decision: Decision) -> LowestModes:
         lowest = spectrum.lowest_modes(system, problem.most, below)
     if problem.held is None or problem.held.exact:
         return lowest
-    return replace(lowest, natural=_of_rounded(system, lowest.natural))
+    return replace(lowest, natural=_of_rounded(problem, lowest.natural))
 
 
-def _of_rounded(system: System, natural: Spectrum) -> Spectrum:
-    """Return modes with the errors that rounded matrices bring, where directions are held fixed."""
-    absolute, relative = spectrum.sensitivity(system, natural)
-    values = np.abs(natural.eigenvalues)
+def _of_rounded(problem: Problem, natural: Spectrum) -> Spectrum:
+    """Return modes with the errors that rounded matrices bring, where directions are held fixed.
+
+    Roundings dK and dM of ``Z^T K Z`` and ``Z^T M Z`` move an eigenvalue by
+    ``e^T (dK - lambda dM) e``, and its mode by the norm of that vector over the distance to others.
+    """
+    assert problem.held is not None
+    values = natural.eigenvalues
+    magnitudes = np.abs(natural.modes)
+    residuals = np.zeros_like(magnitudes)
+    Z = abs(problem.held.basis)
+    for matrix, factors in ((problem.system.K, 1.0), (problem.system.M, np.abs(values))):
+        look()
+        residuals += factors * (Z.T @ (abs(matrix.to_sparse()) @ (Z @ magnitudes)))
+    residuals *= _HELD * EPS
+    more = (magnitudes * residuals).sum(axis=0)
+    turned = _turned(values, more, _lengths(problem.moving, residuals))
     errors = np.zeros(values.size) if natural.errors is None else natural.errors
-    more = absolute + relative * values
     angles = np.zeros(values.size) if natural.angles is None else natural.angles
-    # Close modes are taken together, as where the matrices are exact.
-    steps = np.diff(natural.eigenvalues)
-    apart = steps > _TOGETHER * (more[1:] + more[:-1])
+    return replace(natural, errors=errors + more, angles=angles + turned, proved=False)
+
+
+def _turned(values: Floats, errors: Floats, residuals: Floats) -> Floats:
+    """Return angles by which residuals turn modes, close ones together as one space, (mode,)."""
+    steps = np.diff(values)
+    apart = steps > _TOGETHER * (errors[1:] + errors[:-1])
     ends = [0, *(np.flatnonzero(apart) + 1).tolist(), values.size]
     turned = np.zeros(values.size)
     for start, stop in itertools.pairwise(ends):
         beside = [steps[place] for place in (start - 1, stop - 1) if 0 <= place < steps.size]
         some = slice(start, stop)
-        turned[some] = 2.0 * float(np.linalg.norm(more[some])) / min(beside, default=np.inf)
-    return replace(natural, errors=errors + more, angles=angles + turned, proved=False)
+        turned[some] = 2.0 * float(np.linalg.norm(residuals[some])) / min(beside, default=np.inf)
+    return turned
+
+
+def _lengths(system: System, residuals: Floats) -> Floats:
+    """Return bounds of the norms of vectors by ``M^-1``, from those of their entries, (mode,)."""
+    M = system.M
+    if system.massless.size:
+        condensed = condensation.of(system)
+        carried = abs(condensed.static).T @ residuals[condensed.massless]
+        M, residuals = condensed.M, residuals[condensed.massive] + carried
+    return np.asarray(np.linalg.norm(_sizes(M)[:, np.newaxis] * residuals, axis=0))
 
 
 def _frequency_errors(natural: Spectrum) -> Floats:
@@ -165,7 +192,7 @@ def _shapes(problem: Problem, natural: Spectrum, count: int) -> tuple[Floats, Fl
     if problem.held is None:
         return modes, errors
     Z = problem.held.basis
-    return np.asarray(Z @ modes), np.asarray(abs(Z) @ (errors + 2.0 * EPS * np.abs(modes)))
+    return np.asarray(Z @ modes), np.asarray(abs(Z) @ (errors + 6.0 * EPS * np.abs(modes)))
 
 
 def entry_sizes(system: System) -> Floats:
@@ -211,7 +238,15 @@ def participations(problem: Problem, natural: Spectrum) -> tuple[Floats, Floats]
     lines = _lines(problem)
     rows, errors = np.zeros((2, len(lines), natural.roots.size))
     free = [place for place, line in enumerate(lines) if line is not None]
-    rows[free], errors[free] = natural.participations([line for line in lines if line is not None])
+    constraints = [line for line in lines if line is not None]
+    reach = None
+    if natural.roots.size < problem.modes:
+        directions = np.zeros((problem.moving.n, len(constraints)))
+        for column, line in zip(directions.T, constraints, strict=True):
+            column[list(line.dofs)] = line.weights
+        inverse = condensation.solve_mass(problem.moving)(directions)
+        reach = np.sqrt((directions * inverse).sum(axis=0))
+    rows[free], errors[free] = natural.participations(constraints, reach)
     return rows, errors
 
 

@@ -66,7 +66,7 @@ def lowest_modes(system: System, count: int, below: float | None = None) -> Lowe
     moving = moving_part(system)
     counter = EigenvalueCounter.of(moving)
     largest = largest_frequency(moving) ** 2
-    high = _end(counter, largest, count) if below is None else counter.count(below)
+    high = _end(counter, largest, count, below)
     if high.below == 0:
         modes = np.empty((system.n, 0))
         return LowestModes(Spectrum(np.empty(0), modes, system.n), high.at - high.error)
@@ -91,20 +91,42 @@ def count_below(system: System, value: float) -> int:
     return EigenvalueCounter.of(moving_part(system)).count(value).below
 
 
-def _end(counter: EigenvalueCounter, largest: float, count: int) -> EigenvalueCount:
-    """Return a value with at least so many eigenvalues below it, and few more where possible."""
-    low, high = _LEAST * largest, 1.05 * largest
+def _end(
+    counter: EigenvalueCounter, largest: float, count: int, below: float | None
+) -> EigenvalueCount:
+    """Return a value with at least so many eigenvalues below it, and few more where possible.
+
+    Where `below` is given: at least that value, and far from the modes below it where possible.
+    """
+    least = _LEAST * largest if below is None else below
+    now = counter.count(least)
+    if least <= _CLEAR * now.error:
+        # Below some errors of the counts nothing is proved.
+        least = max(least, _CLEAR * counter.count(_LEAST * largest).error)
+        least = min(least, 1.05 * largest)
+        now = counter.count(least)
+    if below is None and now.below < count:
+        return _bisected(counter, least, 1.05 * largest, count)
+    most, ratio = now.below + _SPARE, 2.0
+    while now.at < largest:
+        look()
+        more = counter.count(ratio * now.at)
+        if more.below > most:
+            break
+        now, ratio = more, ratio * ratio
+    return now
+
+
+def _bisected(counter: EigenvalueCounter, low: float, high: float, count: int) -> EigenvalueCount:
+    """Return a value between one with fewer eigenvalues below it and one with all of them."""
     best = EigenvalueCount(high, counter.M.n, 0.0)
-    # Below some errors of the counts nothing is proved.
-    at = low = min(max(low, _CLEAR * counter.count(low).error), largest)
     while high > _NARROW * low and best.below > count + _SPARE:
         look()
-        now = counter.count(at)
+        now = counter.count(math.sqrt(low * high))
         if now.below >= count:
-            high, best = at, now
+            high, best = now.at, now
         else:
-            low = at
-        at = math.sqrt(low * high)
+            low = now.at
     return best
 
 

@@ -61,14 +61,24 @@ class Spectrum:
         """Return ``W E``: the participations of the modes, shape (constraint, mode)."""
         return self.participations(constraints)[0]
 
-    def participations(self, constraints: Iterable[Constraint]) -> tuple[Floats, Floats]:
+    def participations(
+        self, constraints: Iterable[Constraint], reach: Floats | None = None
+    ) -> tuple[Floats, Floats]:
         """Return ``W E`` and its errors, each (constraint, mode).
 
         A participation below its error is 0: the mode has a node at the constraint.
+
+        Parameters
+        ----------
+        constraints : iterable of Constraint
+        reach : array, shape (constraint,), optional
+            Largest value of each coordinate in a vector of unit length in the norm of M,
+            ``(w^T M^-1 w)^(1/2)``. Needed where there are not all modes, of which it is
+            ``(sum_j (w^T e_j)^2)^(1/2)``.
         """
         lines = [constraint.coordinate for constraint in constraints]
         rows, errors = np.zeros((2, len(lines), self.roots.size))
-        for row, error, line in zip(rows, errors, lines, strict=True):
+        for place, (row, error, line) in enumerate(zip(rows, errors, lines, strict=True)):
             dofs, weights = (np.array(part) for part in zip(*line, strict=True))
             entries = self.rows(dofs)
             size = np.abs(weights) @ np.abs(entries)
@@ -80,7 +90,8 @@ class Spectrum:
                 row[:] = doubled.product(weights[np.newaxis], none, entries, low, False)[0][0]
                 error[:] = doubled.roundings(dofs.size) * size
             if self.angles is not None:
-                error += np.linalg.norm(row) * self.angles
+                size = np.linalg.norm(row) if reach is None else reach[place]
+                error += size * self.angles
             small = np.abs(row) <= error
             row[small] = 0.0
             error[:] = np.where(small, 2.0 * error, error + 0.5 * EPS * np.abs(row))

@@ -39,6 +39,7 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import EPS, Booleans, Floats
 from vibroimpact_solvers.kernels import free_motion, secular
+from vibroimpact_solvers.meter import look
 from vibroimpact_solvers.stability.orbits import Orbits, Radius
 
 
@@ -94,7 +95,9 @@ class FreeMotion:
         home, alone = np.empty((2, modes.pole.size - 1), dtype=np.int64)
         x, y, correction, circle = np.empty((4, modes.pole.size - 1))
         zeros = secular.Zeros(home, x, y, correction, circle, alone)
-        secular.find(modes, equation, zeros)
+        progress = np.zeros(1, secular.PROGRESS)
+        while not secular.find(modes, equation, zeros, progress, secular.PIECE):
+            look()
         return _radius(modes, zeros, 1.0 if self.orbits.mirrored else 0.5)
 
     def _modes(self, f: int) -> free_motion.Modes:
