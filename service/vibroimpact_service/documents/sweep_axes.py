@@ -73,9 +73,6 @@ def problem(
         the grid is possible.
     """
     kind, base = request.root.kind, request.base
-    if getattr(base, "derivatives", None) is not None:
-        message = "sweeps have no derivatives: ask for them at single points"
-        raise ModelError(("base", "derivatives"), message, code="no_derivatives")
     try:
         decode.problem(KINDS[kind], base, system, meter)
     except ModelError as error:
