@@ -18,12 +18,15 @@ from vibroimpact_service.kinds import KINDS
 from vibroimpact_service.result_documents import formula
 from vibroimpact_service.results.hdf5 import axes
 from vibroimpact_solvers.arrays import Field, declared
+from vibroimpact_solvers.results.shared import DERIVATIVES
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "client" / "vibroimpact"
 SCHEMAS = json.loads((ROOT / "openapi" / "openapi.json").read_text())["components"]["schemas"]
 REQUESTS = {name: kind.request.__name__ for name, kind in KINDS.items() if name != "sweep"}
 SWEPT = tuple(one["$ref"].rpartition("/")[2] for one in SCHEMAS["SweepRequest"]["oneOf"])
+BASES = {DERIVATIVES["derivative"].about: "Derivatives"}
+"""What the tables of some groups can do besides."""
 OTHERS = ("Job", "Plan", "Version", "StoredSystem")
 
 
@@ -167,6 +170,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from vibroimpact.errors import warn_of_neglected
 from vibroimpact.parts import Parts
+from vibroimpact.derivatives import Derivatives
 from vibroimpact.result_file import reading
 from vibroimpact.results import Result
 from vibroimpact.tables import Table
@@ -212,7 +216,7 @@ class Tables:
 
     def add(self, title: str, about: str, columns: list[str]) -> str:
         """Add a class, unless there is one with these columns; return its name."""
-        base, own = "Table", columns
+        base, own = BASES.get(about, "Table"), columns
         for name, known in self._columns.items():
             if known == columns:
                 return name
@@ -244,7 +248,7 @@ def _result(kind: str, tables: Tables) -> str:
         field for field in fields.values() if field.quantity.coordinate or not field.quantity.path
     ]
     for field in here:
-        if field.array:
+        if field.array or field.quantity.dims:
             dims = ", ".join(names.of(field.quantity))
             lines += [
                 f"    {field.name}: {_values(field, field.name)}",
@@ -286,6 +290,8 @@ def _groups(
 
 def _values(field: Field, column: str) -> str:
     if not field.array:
+        if field.quantity.dims:
+            return "Words"
         return {float: "float", int: "int", bool: "bool", str: "str"}.get(field.scalar, "str")
     if field.quantity.flags:
         return "Booleans" if column == "exists" else "Words"

@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from benchmarks.cases import GAP, chain, grid, net, random_structure
+from benchmarks.skips.natural import STIFFNESS
 from benchmarks.skips.scene import Scene, forget_modes, solve
 from vibroimpact_solvers import existence_bands, impact_modes, presets, spectrum, time_history
 from vibroimpact_solvers.arrays import Floats
@@ -105,9 +106,32 @@ def scenes() -> Iterator[Scene]:
         _modal_damping,
         "damping and restitution",
     )
+    yield scene(
+        "no derivatives of impact modes requested, N=13",
+        few,
+        "impulse",
+        lambda system: solve(impact_modes, problem(system, "impulse", parameters=(STIFFNESS,))),
+        "derivatives",
+    )
+    yield scene(
+        "derivatives of impulses, but not of stability, N=13",
+        few,
+        "stability",
+        _stability_beside,
+        "derivatives of stability",
+        parameters=(STIFFNESS,),
+    )
     dense = random_structure(100, 5)
     yield scene("the same structure requested again", lambda: dense, "impulse", _again)
     yield from _bands()
+
+
+def _stability_beside(system: System) -> object:
+    """Compute the stability of the structure, and of two with other stiffnesses."""
+    for factor in (-1e-6, 1e-6):
+        K = system.K.plus(factor, system.K)
+        solve(impact_modes, problem(System(system.M, K, system.constraints), "stability"))
+    return solve(impact_modes, problem(system, "stability", parameters=(STIFFNESS,)))
 
 
 def _everything(system: System) -> object:

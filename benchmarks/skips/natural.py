@@ -10,11 +10,14 @@ import numpy as np
 from benchmarks.cases import GAP, net
 from benchmarks.skips.scene import Scene, solve
 from vibroimpact_solvers import natural_frequencies, spectrum
+from vibroimpact_solvers.derivatives import MatrixRate, Parameter
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System
 from vibroimpact_solvers.natural_frequencies import OUTPUTS, Problem
 
 _SKIPPED: Final = ("damping", "walls", "shape", "participation", "effective_mass")
 _FREQUENCIES: Final = frozenset({"Omega"})
+STIFFNESS: Final = Parameter("system.K.scale", K=MatrixRate(1.0))
+"""The parameter of scenes of derivatives."""
 
 
 def scenes() -> Iterator[Scene]:
@@ -35,6 +38,16 @@ def scenes() -> Iterator[Scene]:
             Problem(_damped(), count=10, outputs=frozenset(OUTPUTS), directions=np.ones((1, 40))),
         ),
         (*_SKIPPED, "residual_flexibility"),
+    )
+    yield Scene(
+        "no derivatives of natural frequencies requested, N=40",
+        natural_frequencies,
+        lambda: Problem(_damped(), count=10, outputs=_FREQUENCIES),
+        lambda: solve(
+            natural_frequencies,
+            Problem(_damped(), count=10, outputs=_FREQUENCIES, parameters=(STIFFNESS,)),
+        ),
+        ("derivatives",),
     )
 
 

@@ -22,6 +22,7 @@ from vibroimpact.errors import (
     Unavailable,
     VibroimpactError,
 )
+from vibroimpact.functions import Function, function
 from vibroimpact.jobs import AsyncJob, Job, Submitted
 from vibroimpact.kinds import (
     Attractors,
@@ -94,6 +95,7 @@ __all__ = [
     "EmbeddedServiceError",
     "Ensemble",
     "ExistenceBands",
+    "Function",
     "ImpactModes",
     "InvalidRequest",
     "Job",
@@ -133,6 +135,7 @@ __all__ = [
     "drive",
     "ensemble_request",
     "existence_bands_request",
+    "function",
     "harmonic",
     "impact_modes_request",
     "natural_frequencies_request",

@@ -191,6 +191,7 @@ class Computations(
         directions: ArrayLike | None = None,
         outputs: Sequence[str] | None = None,
         tolerance: float | None = None,
+        derivatives: Sequence[str] | None = None,
     ) -> Natural:
         """Compute the natural frequencies and mode shapes of a structure, without damping.
 
@@ -218,6 +219,9 @@ class Computations(
             `directions` are given.
         tolerance : float, optional
             Relative error of the frequencies; the result tells which meet it.
+        derivatives : sequence of str, optional
+            Paths of numbers by which the outputs are differentiated, such as
+            ``"system.K.scale"``; ``result.derivative("Omega", "K.scale")`` returns one.
         """
         if outputs is None and directions is not None:
             outputs = ("Omega", "shape", "participation", "effective_mass")
@@ -229,6 +233,7 @@ class Computations(
             directions=None if directions is None else arguments.rows("directions", directions),
             outputs=None if outputs is None else names(outputs),
             tolerance=_number("tolerance", tolerance),
+            derivatives=None if derivatives is None else names(derivatives),
         )
         request: Document = {"system": dict(system)}
         answer: Natural = self._compute("natural-frequencies", request | options)
@@ -244,6 +249,7 @@ class Computations(
         active: Sequence[int] | None = None,
         dofs: Sequence[int] | None = None,
         tau: ArrayLike | None = None,
+        derivatives: Sequence[str] | None = None,
     ) -> Modes:
         """Compute impact modes, eq. 10.49-10.59 and 10.87-10.89.
 
@@ -263,6 +269,10 @@ class Computations(
             Degrees of freedom of shape and waveform; default: all.
         tau : array, optional
             Triangle-wave times of the waveform.
+        derivatives : sequence of str, optional
+            Paths of numbers by which the outputs are differentiated, such as
+            ``"system.constraints.0.gap"``, ``"system.K.scale"`` or ``"frequency"``;
+            ``result.derivative("momentum", "gap")`` returns one.
         """
         request = {
             "system": dict(system),
@@ -270,7 +280,10 @@ class Computations(
             "outputs": names(outputs),
         }
         options = _present(
-            active=_indices("active", active), dofs=_indices("dofs", dofs), tau=_values("tau", tau)
+            active=_indices("active", active),
+            dofs=_indices("dofs", dofs),
+            tau=_values("tau", tau),
+            derivatives=None if derivatives is None else names(derivatives),
         )
         answer: Modes = self._compute("impact-modes", request | options)
         return answer

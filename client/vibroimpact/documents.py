@@ -64,6 +64,13 @@ class NaturalFrequenciesRequest(TypedDict):
     that of its elastic modes [constraint, constraint] (time² / mass). Default: ["Omega",
     "shape", "participation"].
     """
+    derivatives: NotRequired[Sequence[str] | None]
+    """Paths of numbers of the request by which all outputs are differentiated, as sweeps name
+    them: names of fields, keys and indices from 0, separated by dots, such as
+    system.constraints.0.gap or system.K.0.1, with which the symmetric entry changes too; or
+    system.M.scale, system.K.scale and system.C.scale, a factor of the whole matrix; absent:
+    none.
+    """
 
 
 class ImpactModesRequest(TypedDict):
@@ -106,6 +113,13 @@ class ImpactModesRequest(TypedDict):
     the half-period map, the growth of the fastest deviation per half period, and whether it is
     1 within its error, so that none is known to grow [frequency]; harmonics: Fourier amplitudes
     [frequency, harmonic, dof] (length). Default: ["impulse", "exists", "reason"].
+    """
+    derivatives: NotRequired[Sequence[str] | None]
+    """Paths of numbers of the request by which all outputs are differentiated, as sweeps name
+    them: names of fields, keys and indices from 0, separated by dots, such as
+    system.constraints.0.gap or system.K.0.1, with which the symmetric entry changes too; or
+    system.M.scale, system.K.scale and system.C.scale, a factor of the whole matrix; or
+    frequency, the fundamental frequency Omega of each solution; absent: none.
     """
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Final
 
+from vibroimpact.derivatives import Derivatives
 from vibroimpact.errors import warn_of_neglected
 from vibroimpact.parts import Parts
 from vibroimpact.result_file import reading
@@ -27,9 +28,35 @@ if TYPE_CHECKING:
     Words = NDArray[np.str_]
 
 
+class NaturalFrequenciesErrorDerivative(Table):
+    """Absolute errors of the derivatives."""
+
+    Omega: Floats
+    """Error of the derivative of the natural angular frequency, shape (mode, parameter),
+    1/time; nan: unbounded, or there is no derivative.
+    """
+    shape: Floats
+    """Error of the derivative of the mode shape, shape (mode, dof, parameter), 1/√mass; nan:
+    unbounded, or there is no derivative.
+    """
+    participation: Floats
+    """Error of the derivative of the constrained coordinate of the mode shape, shape (mode,
+    constraint, parameter), 1/√mass; nan: unbounded, or there is no derivative.
+    """
+    effective_mass: Floats
+    """Error of the derivative of the effective modal mass, shape (mode, direction, parameter),
+    mass; nan: unbounded, or there is no derivative.
+    """
+    residual_flexibility: Floats
+    """Error of the derivative of the static flexibility of all modes that are left out, shape
+    (constraint, other, parameter), time² / mass; nan: unbounded, or there is no derivative.
+    """
+
+
 class NaturalFrequenciesError(Table):
     """Absolute errors of the outputs."""
 
+    PARTS: ClassVar[dict[str, type[Table]]] = {"derivative": NaturalFrequenciesErrorDerivative}
     statement: str
     """How the errors were obtained."""
     Omega: Floats
@@ -52,6 +79,45 @@ class NaturalFrequenciesError(Table):
     """
     within_tolerance: Words
     """Whether the relative error of Omega is within the requested tolerance, shape (mode)."""
+    derivative: NaturalFrequenciesErrorDerivative
+    """Absolute errors of the derivatives."""
+
+
+class NaturalFrequenciesDerivative(Derivatives):
+    """Derivatives of the outputs by the parameters, per unit of the parameter."""
+
+    parameter: Words
+    """Path of the parameter of the derivatives, shape (parameter)."""
+    unit: Words
+    """Unit of the parameter, by which those of the derivatives are divided, shape (parameter)."""
+    reason: Words
+    """Why there is no derivative, or ok, shape (mode, parameter); of repeated frequencies,
+    that of Omega is for a parameter that grows.
+    """
+    distance: Floats
+    """Change of the parameter to where there is no derivative, to first order, shape (mode,
+    parameter); where a mode meets its neighbour, or its frequency is 0; nan: none is in sight.
+    """
+    Omega: Floats
+    """Derivative of the natural angular frequency by the parameter, shape (mode, parameter),
+    1/time; nan: there is none, see reason.
+    """
+    shape: Floats
+    """Derivative of the mode shape by the parameter, shape (mode, dof, parameter), 1/√mass;
+    nan: there is none, see reason.
+    """
+    participation: Floats
+    """Derivative of the constrained coordinate of the mode shape by the parameter, shape
+    (mode, constraint, parameter), 1/√mass; nan: there is none, see reason.
+    """
+    effective_mass: Floats
+    """Derivative of the effective modal mass by the parameter, shape (mode, direction,
+    parameter), mass; nan: there is none, see reason.
+    """
+    residual_flexibility: Floats
+    """Derivative of the static flexibility of all modes that are left out by the parameter,
+    shape (constraint, other, parameter), time² / mass; nan: there is none, see reason.
+    """
 
 
 class ImpactModesFrequency(Table):
@@ -63,9 +129,49 @@ class ImpactModesFrequency(Table):
     """Triangle-wave frequency, shape (Omega), 1/time; (2/pi) Omega."""
 
 
+class ImpactModesErrorDerivative(Table):
+    """Absolute errors of the derivatives."""
+
+    impulse: Floats
+    """Error of the derivative of the impulse parameter p, upper wall, shape (Omega,
+    constraint, parameter), mass length / time²; nan: unbounded, or there is no derivative.
+    """
+    impulse_lower: Floats
+    """Error of the derivative of the impulse parameter p, lower wall, shape (Omega,
+    constraint, parameter), mass length / time²; nan: unbounded, or there is no derivative.
+    """
+    momentum: Floats
+    """Error of the derivative of the momentum exchanged at each impact, upper wall, shape
+    (Omega, constraint, parameter), mass length / time; nan: unbounded, or there is no
+    derivative.
+    """
+    momentum_lower: Floats
+    """Error of the derivative of the momentum exchanged at each impact, lower wall, shape
+    (Omega, constraint, parameter), mass length / time; nan: unbounded, or there is no
+    derivative.
+    """
+    shape: Floats
+    """Error of the derivative of the displacement at tau = 1, shape (Omega, dof, parameter),
+    length; nan: unbounded, or there is no derivative.
+    """
+    waveform: Floats
+    """Error of the derivative of the displacement, shape (Omega, tau, dof, parameter), length;
+    nan: unbounded, or there is no derivative.
+    """
+    energy: Floats
+    """Error of the derivative of the total energy, shape (Omega, parameter), mass length² /
+    time²; nan: unbounded, or there is no derivative.
+    """
+    harmonics: Floats
+    """Error of the derivative of the Fourier amplitude, shape (Omega, harmonic, dof,
+    parameter), length; nan: unbounded, or there is no derivative.
+    """
+
+
 class ImpactModesError(Table):
     """Errors of the outputs."""
 
+    PARTS: ClassVar[dict[str, type[Table]]] = {"derivative": ImpactModesErrorDerivative}
     impulse: Floats
     """Error of the impulse parameter p, upper wall, shape (Omega, constraint), mass length /
     time²; the same at all walls of a solution; nan: unbounded.
@@ -108,6 +214,51 @@ class ImpactModesError(Table):
     """
     statement: str
     """How the errors were obtained."""
+    derivative: ImpactModesErrorDerivative
+    """Absolute errors of the derivatives."""
+
+
+class ImpactModesDerivative(Derivatives):
+    """Derivatives of the outputs by the parameters, per unit of the parameter."""
+
+    parameter: Words
+    """Path of the parameter of the derivatives, shape (parameter)."""
+    unit: Words
+    """Unit of the parameter, by which those of the derivatives are divided, shape (parameter)."""
+    reason: Words
+    """Why there is no derivative, or ok, shape (Omega, parameter)."""
+    impulse: Floats
+    """Derivative of the impulse parameter p, upper wall by the parameter, shape (Omega,
+    constraint, parameter), mass length / time²; nan: there is none, see reason.
+    """
+    impulse_lower: Floats
+    """Derivative of the impulse parameter p, lower wall by the parameter, shape (Omega,
+    constraint, parameter), mass length / time²; nan: there is none, see reason.
+    """
+    momentum: Floats
+    """Derivative of the momentum exchanged at each impact, upper wall by the parameter, shape
+    (Omega, constraint, parameter), mass length / time; nan: there is none, see reason.
+    """
+    momentum_lower: Floats
+    """Derivative of the momentum exchanged at each impact, lower wall by the parameter, shape
+    (Omega, constraint, parameter), mass length / time; nan: there is none, see reason.
+    """
+    shape: Floats
+    """Derivative of the displacement at tau = 1 by the parameter, shape (Omega, dof,
+    parameter), length; nan: there is none, see reason.
+    """
+    waveform: Floats
+    """Derivative of the displacement by the parameter, shape (Omega, tau, dof, parameter),
+    length; nan: there is none, see reason.
+    """
+    energy: Floats
+    """Derivative of the total energy by the parameter, shape (Omega, parameter), mass length²
+    / time²; nan: there is none, see reason.
+    """
+    harmonics: Floats
+    """Derivative of the Fourier amplitude by the parameter, shape (Omega, harmonic, dof,
+    parameter), length; nan: there is none, see reason.
+    """
 
 
 class ExistenceBandsBands(Table):
@@ -996,7 +1147,10 @@ class SlowFlowError(Table):
 class NaturalFrequencies(Result):
     """Natural frequencies and mode shapes, ascending; shapes have unit modal mass."""
 
-    PARTS: ClassVar[dict[str, type[Table]]] = {"error": NaturalFrequenciesError}
+    PARTS: ClassVar[dict[str, type[Table]]] = {
+        "error": NaturalFrequenciesError,
+        "derivative": NaturalFrequenciesDerivative,
+    }
     request: documents.NaturalFrequenciesRequest
     mode: Integers
     """Index of the mode, ascending, shape (mode)."""
@@ -1014,8 +1168,12 @@ class NaturalFrequencies(Result):
     """Static flexibility of all modes that are left out, shape (constraint, other), time² /
     mass; of a free structure, of its elastic modes.
     """
+    parameter: Words
+    """Path of the parameter of the derivatives, shape (parameter)."""
     error: NaturalFrequenciesError
     """Absolute errors of the outputs."""
+    derivative: NaturalFrequenciesDerivative
+    """Derivatives of the outputs by the parameters, per unit of the parameter."""
 
 
 class ImpactModes(Result):
@@ -1027,6 +1185,7 @@ class ImpactModes(Result):
     PARTS: ClassVar[dict[str, type[Table]]] = {
         "frequency": ImpactModesFrequency,
         "error": ImpactModesError,
+        "derivative": ImpactModesDerivative,
     }
     request: documents.ImpactModesRequest
     Omega: Floats
@@ -1085,10 +1244,14 @@ class ImpactModes(Result):
     """Fourier amplitude, of sin(n Omega t) for odd and cos(n Omega t) for even multiples n,
     shape (Omega, harmonic, dof), length.
     """
+    parameter: Words
+    """Path of the parameter of the derivatives, shape (parameter)."""
     frequency: ImpactModesFrequency
     """The frequencies, as Omega and as omega."""
     error: ImpactModesError
     """Errors of the outputs."""
+    derivative: ImpactModesDerivative
+    """Derivatives of the outputs by the parameters, per unit of the parameter."""
 
 
 class ExistenceBands(Result):

@@ -115,6 +115,9 @@ def is_group_of(group: h5py.Group | Group, name: str) -> bool:
 def decoded(item: h5py.Dataset | Dataset) -> Array:
     """Return a dataset's numbers, or what its flags mean."""
     values: Array = item[()]
+    if values.dtype.kind == "O":
+        words = [each.decode() if isinstance(each, bytes) else each for each in values]
+        return np.array(words, dtype=np.str_)
     if "flag_meanings" not in item.attrs:
         return values
     meanings = np.array(str(item.attrs["flag_meanings"]).split())

@@ -45,6 +45,18 @@ class ComputationRequest(Document):
         return self.model_copy(update={"system": system})
 
 
+Derivatives = Annotated[
+    list[Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+(\.[A-Za-z0-9_]+)*$", max_length=200)]],
+    Field(min_length=1, max_length=1000, fail_fast=True),
+]
+_DERIVATIVES = (
+    "Paths of numbers of the request by which all outputs are differentiated, as sweeps name them: "
+    "names of fields, keys and indices from 0, separated by dots, such as "
+    "system.constraints.0.gap or system.K.0.1, with which the symmetric entry changes too; or "
+    "system.M.scale, system.K.scale and system.C.scale, a factor of the whole matrix"
+)
+
+
 NaturalFrequenciesOutput = Literal[
     "Omega", "shape", "participation", "effective_mass", "residual_flexibility"
 ]
@@ -91,6 +103,11 @@ class NaturalFrequenciesRequest(ComputationRequest):
         "residual_flexibility: static flexibility of all modes that are left out, of a free "
         "structure that of its elastic modes [constraint, constraint] (time² / mass).",
     )
+    derivatives: Derivatives | None = Field(
+        None,
+        description=f"{_DERIVATIVES}; absent: none.",
+        examples=[["system.K.scale"]],
+    )
 
 
 ImpactModesOutput = Literal[
@@ -131,6 +148,12 @@ class ImpactModesRequest(ComputationRequest):
         "deviation per half period, and whether it is 1 within its error, so that none is known to "
         "grow [frequency]; "
         "harmonics: Fourier amplitudes [frequency, harmonic, dof] (length).",
+    )
+    derivatives: Derivatives | None = Field(
+        None,
+        description=f"{_DERIVATIVES}; or frequency, the fundamental frequency Omega of each "
+        "solution; absent: none.",
+        examples=[["system.constraints.0.gap", "frequency"]],
     )
 
 

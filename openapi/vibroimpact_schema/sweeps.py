@@ -103,6 +103,14 @@ class SweepOf(Document, Generic[Base, Output]):
         None, description="What to compute; absent: the outputs of the base."
     )
 
+    @field_validator("base")
+    @classmethod
+    def _undifferentiated(cls, base: Base) -> Base:
+        if getattr(base, "derivatives", None) is not None:
+            message = "sweeps have no derivatives: ask for them at single points"
+            raise PydanticCustomError("no_derivatives", message)
+        return base
+
 
 class NaturalFrequenciesSweep(
     SweepOf[requests.NaturalFrequenciesRequest, requests.NaturalFrequenciesOutput]

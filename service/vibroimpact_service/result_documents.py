@@ -89,7 +89,8 @@ _documents: Final[dict[tuple[Any, ...], type[BaseModel]]] = {}
 def _entry(field: Declared, optional: bool) -> tuple[Any, Any]:
     """Return type and description of a field of a document."""
     kind: Any = _element(field)
-    for _ in field.quantity.dims[field.quantity.record :]:
+    # Texts along an axis are a list by themselves.
+    for _ in field.quantity.dims[field.quantity.record :] if kind != list[str] else ():
         kind = list[kind]
     text = description(field.quantity)
     if optional:

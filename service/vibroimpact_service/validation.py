@@ -13,6 +13,10 @@ from vibroimpact_service.problems import INVALID, ProblemError, pointer
 
 _MOST_FAULTS: Final = 20
 _LONGEST_NAME: Final = 64
+_UNKNOWN: Final = {
+    "derivatives": "this kind has no derivatives: natural frequencies and impact modes have them"
+}
+"""What is said of fields that only some kinds have."""
 _SELECTING: Final = ("kind", "law", "preset")
 """Fields whose values select one of several models."""
 
@@ -40,7 +44,9 @@ def problem_of(error: ValidationError, document: Any, *prefix: str) -> ProblemEr
         Fault(
             pointer=pointer((*prefix, *_place(item["loc"], document), *_tag(item))),
             code=_CODES.get(item["type"], item["type"]),
-            message=sentence(item["type"], item["msg"], item.get("ctx", {})),
+            message=_UNKNOWN.get(str(item["loc"][-1]), "there is no such field")
+            if item["type"] == "extra_forbidden"
+            else sentence(item["type"], item["msg"], item.get("ctx", {})),
         )
         for item in errors[:_MOST_FAULTS]
     ]

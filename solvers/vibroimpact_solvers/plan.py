@@ -54,6 +54,7 @@ class Stage(StrEnum):
     ENERGY = "energy"
     HARMONICS = "harmonics"
     STABILITY = "stability"
+    DERIVATIVES = "derivatives"
     FREE_MOTION = "flight"  # the name in plan documents
     HISTORY = "history"
     SLOW_FLOW = "slow_flow"

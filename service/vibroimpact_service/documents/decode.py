@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from vibroimpact_schema import laws, motions, requests, systems
-from vibroimpact_service.documents import damped, digest, loads
+from vibroimpact_service.documents import damped, derivative_paths, digest, loads
 from vibroimpact_service.documents.grid_values import frequencies, grid_values, to_fundamental
 from vibroimpact_service.kinds import Kind
 from vibroimpact_solvers import attractors as settled
@@ -27,6 +27,7 @@ from vibroimpact_solvers import resonances as held
 from vibroimpact_solvers import slow_flow as flows
 from vibroimpact_solvers import time_history as histories
 from vibroimpact_solvers.arrays import Floats
+from vibroimpact_solvers.derivatives import Parameter
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.laws import Law, Linear, Rigid
 from vibroimpact_solvers.model import Constraint, SymmetricMatrix, System, Units
@@ -195,7 +196,13 @@ def natural_frequencies(request: requests.NaturalFrequenciesRequest, of: System)
         None if directions is None else _rows(directions, ("directions",)),
         frozenset(request.outputs),
         request.tolerance,
+        _parameters(request, of),
     )
+
+
+def _parameters(request: Any, of: System) -> tuple[Parameter, ...]:
+    """Return the parameters by which an answer is differentiated."""
+    return () if request.derivatives is None else derivative_paths.parameters(request, of)
 
 
 def impact_modes(request: requests.ImpactModesRequest, of: System) -> modes.Problem:
@@ -211,6 +218,7 @@ def impact_modes(request: requests.ImpactModesRequest, of: System) -> modes.Prob
         request.tolerance,
         # The one that was given: the other is rounded.
         Omega=None if request.frequency.unit == "omega" else Omega,
+        parameters=_parameters(request, of),
     )
 
 

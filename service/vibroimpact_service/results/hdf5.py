@@ -45,13 +45,14 @@ def entries(content: Content) -> Iterator[Entry]:
     dimensions = axes(content.meanings)
     yield "describe", ("", _head(content.head))
     places, sizes = dict[str, str](), dict[str, int]()
-    for name, values in content.arrays.items():
+    arrays = {**content.arrays, **_words(content)}
+    for name, values in arrays.items():
         meaning = content.meanings[name]
         places[name] = name if meaning.coordinate or not meaning.path else meaning.path
         for dim, size in zip(dimensions.of(meaning), values.shape, strict=True):
             sizes.setdefault(dim, size)
     yield "name_dimensions", (sizes, set(places.values()))
-    for name, values in content.arrays.items():
+    for name, values in arrays.items():
         meaning, place = content.meanings[name], places[name]
         attributes = _attributes(meaning, dimensions, content.head["units"])
         dtype = np.dtype(np.int8) if meaning.flags else values.dtype
@@ -60,6 +61,8 @@ def entries(content: Content) -> Iterator[Entry]:
             # The dataset appears in its group too, without being copied.
             yield "link", (name, meaning.path)
     for name, value in content.plain.items():
+        if name in arrays:
+            continue
         group, _, attribute = content.path(name).rpartition("/")
         text = "\n".join(value) if isinstance(value, list) else value
         yield "describe", (group, {attribute: text})
@@ -71,6 +74,12 @@ def entries(content: Content) -> Iterator[Entry]:
     if content.free:
         named = {name: " ".join(dimensions.of(m)) for name, m in content.meanings.items()}
         yield "describe", ("dimensions", named)
+
+
+def _words(content: Content) -> dict[str, Any]:
+    """Return the texts that stand along an axis, such as names of parameters, as arrays."""
+    listed = {n: v for n, v in content.plain.items() if content.meanings[n].dims}
+    return {name: np.array(value, h5py.string_dtype()) for name, value in listed.items()}
 
 
 def _head(head: Mapping[str, Any]) -> dict[str, str]:

@@ -22,7 +22,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from vibroimpact_solvers.arrays import EPS, Booleans, Floats
+from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers
 from vibroimpact_solvers.impact_modes.problem import Problem
 
 
@@ -61,6 +61,11 @@ class Family:
         """Number of impacts in half a period, or in a period whose halves do not mirror."""
         lower = 0 if self.kind is Kind.ANTISYMMETRIC else len(self.lower)
         return len(self.upper) + lower
+
+    def orders(self, problem: Problem) -> Integers:
+        """Return the multiples of Omega that its motions have, shape (harmonic,)."""
+        first, step = (1, 2) if self.kind is Kind.ANTISYMMETRIC else (0, 1)
+        return np.arange(first, problem.highest_harmonic + 1, step)
 
     @classmethod
     def of(cls, problem: Problem) -> Family:

@@ -10,7 +10,9 @@ import numpy as np
 
 from vibroimpact_solvers import spectrum, stability
 from vibroimpact_solvers.arrays import EPS, Booleans, Floats, Integers, nothing
+from vibroimpact_solvers.derivatives import named
 from vibroimpact_solvers.impact_modes import extended
+from vibroimpact_solvers.impact_modes.derivatives import Derivatives
 from vibroimpact_solvers.impact_modes.direct import DirectFamily
 from vibroimpact_solvers.impact_modes.family import Family, Impulses, Kind
 from vibroimpact_solvers.impact_modes.modal import ModalFamily
@@ -24,7 +26,7 @@ from vibroimpact_solvers.results.impact_modes import Reason, Result
 from vibroimpact_solvers.spectrum import Spectrum
 
 _OF_MOTIONS: Final = frozenset(
-    (Stage.SHAPE, Stage.WAVEFORM, Stage.ENERGY, Stage.HARMONICS, Stage.STABILITY)
+    (Stage.SHAPE, Stage.WAVEFORM, Stage.ENERGY, Stage.HARMONICS, Stage.STABILITY, Stage.DERIVATIVES)
 )
 """Stages that need the motion, not the impulses alone."""
 _ONE = np.ones(1)
@@ -124,10 +126,13 @@ class FamilySolver:
     def __init__(self, problem: Problem, plan: Plan, natural: Spectrum | None = None) -> None:
         self.plan, self.family = plan, Family.of(problem)
         self.evaluator, self._largest = _evaluator(problem, plan, self.family, natural)
-        first, step = (1, 2) if self.family.kind is Kind.ANTISYMMETRIC else (0, 1)
-        self._orders = np.arange(first, problem.highest_harmonic + 1, step)
+        self._orders = self.family.orders(problem)
         self.stages = frozenset(step.stage for step in plan.steps)
         self.needs_motion = not self.stages.isdisjoint(_OF_MOTIONS)
+        self._derivatives: Derivatives | None = None
+        if Stage.DERIVATIVES in self.stages:
+            assert isinstance(self.evaluator, ModalFamily)
+            self._derivatives = Derivatives(problem, self.evaluator)
         existence = plan.step(Stage.EXISTENCE)
         check = None if existence is None else existence.settings
         self._check_below, self._in_balls = np.inf, False
@@ -186,6 +191,9 @@ class FamilySolver:
         if Stage.ENERGY in self.stages:
             values["energy"] = self.evaluator.energy(motion)
             values["energy_error"] = self.evaluator.energy_errors(motion)
+        if self._derivatives is not None:
+            values.update(self._derivatives.values(problem, impulses, motion))
+            values.update(named(problem.parameters))
         return Result(**values)
 
     def _absolute(self, impulses: Impulses, rounding: float) -> Floats:

@@ -52,7 +52,7 @@ class ModalFamily:
         rows, row_errors = spectrum.participations(problem.struck)
         # A rigid-body mode that balances to rounding at a limiter is one that does so exactly.
         row_errors[(rows == 0.0) & (spectrum.roots == 0.0)] = 0.0
-        load, load_errors = _modal_load(problem, spectrum)
+        load, load_errors = modal_load(problem, spectrum)
         _require_balance(spectrum.roots, rows, load)
         zeros = np.zeros(spectrum.roots.size)
         # A mode with a node at every constraint takes no part, nor do errors.
@@ -340,7 +340,7 @@ def _finite(walls: Floats) -> Floats:
     return np.where(np.isfinite(walls), np.abs(walls), 0.0)
 
 
-def _modal_load(problem: Problem, spectrum: Spectrum) -> tuple[Floats, Floats]:
+def modal_load(problem: Problem, spectrum: Spectrum) -> tuple[Floats, Floats]:
     """Return the static loads of the modes and their errors, each (mode,).
 
     A load below its error is 0, on a rigid-body mode exactly.

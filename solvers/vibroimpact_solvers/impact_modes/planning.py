@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -16,6 +17,10 @@ from vibroimpact_solvers.impact_modes.problem import KIND, OUTPUTS, Problem
 from vibroimpact_solvers.matrices import Form
 from vibroimpact_solvers.plan import Plan, Skip, Stage, Step
 
+NO_RADII: Final = (
+    "without losses the spectral radius is 1, or leaves 1 as a square root: its derivatives are "
+    "not computed"
+)
 _FEW = 16  # frequencies up to which ball arithmetic decides what is open
 _DIRECT_CHECK = 1e9  # operations of the check of a path by series, for each harmonic
 _IN_BALLS = 2e6  # flops for each frequency: one in some hundred is open
@@ -23,6 +28,7 @@ _SPREAD = 100.0  # root of what the fastest frequency may be over the slowest on
 _SERIES = 5e5  # operations of a series, of which there is one at each frequency
 _SERIES_FROM = 1.001  # start of the series, over the largest natural frequency
 _SERIES_FROM_WITHOUT_FACTORS = 1.1  # the same without factorizations
+_DERIVATIVE = 100.0  # operations of a derivative for each mode and frequency
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +50,7 @@ class PathCheck:
 
 def plan(problem: Problem) -> Plan:
     """Choose how the impact modes are computed and what is left out."""
-    if not _direct_pays(problem):
+    if problem.parameters or not _direct_pays(problem):
         return all_modes_plan(problem)
     family = Family.of(problem)
     steps = tuple(_direct_steps(problem))
@@ -149,6 +155,24 @@ def _modal_steps(problem: Problem, family: Family) -> Iterator[Step]:
         flops = points * stability.flops(system.n, how)
         why, size = stability.reason(how), 16.0 * points
         yield Step(Stage.STABILITY, how, why, flops, size, bounded=False)
+    if problem.parameters:
+        yield _derivatives_step(problem, family)
+
+
+def _derivatives_step(problem: Problem, family: Family) -> Step:
+    count, points, n = len(problem.parameters), problem.omega.size, problem.system.n
+    times = sum(times for _, _, times in _displacements(problem))
+    components = 1.0 if family.kind is Kind.ANTISYMMETRIC else 2.0
+    structural = sum(each.structural for each in problem.parameters)
+    flops = _DERIVATIVE * count * points * n * components * (1.0 + 0.5 * times)
+    flops += 2.0 * structural * n**3 + 8.0 * count * points * times * n * problem.output_dofs.size
+    each = 4.0 * family.count + 2.0 * times * problem.output_dofs.size + 4.0
+    plural = "s" if count > 1 else ""
+    reason = (
+        f"by {count} parameter{plural}: the equations of the impulses, differentiated, with the "
+        "rates of the natural modes; nothing is computed twice"
+    )
+    return Step(Stage.DERIVATIVES, "linear equations", reason, flops, 8.0 * points * count * each)
 
 
 def _sums_without_cancelling(problem: Problem) -> bool:
@@ -349,6 +373,10 @@ def _skips(problem: Problem, family: Family, steps: tuple[Step, ...]) -> Iterato
     for name in OUTPUTS:
         if name not in problem.outputs and name != "reason":
             yield Skip(name, "not requested")
+    if not problem.parameters:
+        yield Skip("derivatives", "not requested")
+    elif "stability" in problem.outputs:
+        yield Skip("derivatives of stability", NO_RADII)
 
 
 def inactive_constraints(

@@ -11,6 +11,7 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Booleans, Floats, Integers
 from vibroimpact_solvers.checks import check_indices, check_outputs, check_tolerance
+from vibroimpact_solvers.derivatives import Parameter, check_parameters
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.laws import require
 from vibroimpact_solvers.model import RANGE, Constraint, System, within_range
@@ -81,6 +82,8 @@ class Problem:
         Largest multiple of Omega among the harmonics.
     rounding : array, shape (frequency,), optional
         Relative rounding errors of omega; absent: computed from Omega.
+    parameters : tuple of Parameter
+        By which the outputs are differentiated.
     """
 
     system: System
@@ -93,6 +96,7 @@ class Problem:
     Omega: Floats | None = None
     highest_harmonic: int = 9
     rounding: Floats | None = None
+    parameters: tuple[Parameter, ...] = ()
 
     def __post_init__(self) -> None:
         count = len(self.system.constraints)
@@ -170,6 +174,8 @@ class Problem:
         if not (np.abs(self.times) <= 1.0).all():
             raise ModelError(("tau",), "tau is in [-1, 1]", code="tau_out_of_range")
         check_tolerance(self.tolerance)
+        if self.parameters:
+            check_parameters(self.parameters, self.system)
         if self.highest_harmonic < 0:
             message = "the highest harmonic is negative"
             raise ModelError(("highest_harmonic",), message, code="out_of_range")
@@ -220,6 +226,7 @@ class Problem:
         for name in ("omega", "Omega", "rounding"):
             values = getattr(self, name)
             object.__setattr__(piece, name, None if values is None else values[some])
+        object.__setattr__(piece, "parameters", tuple(each.at(some) for each in self.parameters))
         piece.__dict__.pop("sample", None)
         return piece
 

@@ -61,7 +61,9 @@ def _decision(problem: Problem) -> Decision:
     system, most = problem.moving, problem.most
     method = spectrum.choose(system)
     full = Form.DENSE in {system.M.form, system.K.form}
-    if method in _DIRECT or full or problem.modes <= _ALL_UP_TO:
+    # Rates of shapes are sums over all modes.
+    turned = bool(problem.parameters) and problem.outputs != {"Omega"}
+    if turned or method in _DIRECT or full or problem.modes <= _ALL_UP_TO:
         return Decision(method, most)
     if problem.stop is not None:
         try:
@@ -97,6 +99,8 @@ def _outputs(problem: Problem, decision: Decision) -> Iterator[Step]:
         flops += 10.0 * count * n * (1.0 + bases)
     reason = "ascending, of unit modal mass, the largest entry of each mode positive"
     yield Step(Stage.SHAPE, "rows of the modes", reason, flops, 8.0 * count * columns)
+    if problem.parameters:
+        yield _derivatives_step(problem, columns)
     if "residual_flexibility" not in outputs:
         return
     if decision.method is None:
@@ -107,6 +111,19 @@ def _outputs(problem: Problem, decision: Decision) -> Iterator[Step]:
         reason = "the sum over all modes that are left out"
         flops = 10.0 * n * limiters**2
     yield Step(Stage.RESPONSE, "residual flexibility", reason, flops + 1.0, 16.0 * limiters**2)
+
+
+def _derivatives_step(problem: Problem, columns: float) -> Step:
+    count, n = float(len(problem.parameters)), float(problem.moving.n)
+    plural = "s" if count > 1 else ""
+    reason = (
+        f"by {len(problem.parameters)} parameter{plural}: rates of the eigenvalues and of the "
+        "modes, by products with the modes that are known"
+    )
+    flops = count * (20.0 * n**2 + 2.0 * n * problem.most * columns)
+    flops += sum(each.structural for each in problem.parameters) * 4.0 * n**3
+    size = 16.0 * count * problem.most * columns
+    return Step(Stage.DERIVATIVES, "rates of the modes", reason, flops, size)
 
 
 def _skips(problem: Problem, decision: Decision) -> Iterator[Skip]:
@@ -120,3 +137,5 @@ def _skips(problem: Problem, decision: Decision) -> Iterator[Skip]:
     for name in OUTPUTS:
         if name not in problem.outputs and name != "Omega":
             yield Skip(name, "not requested")
+    if not problem.parameters:
+        yield Skip("derivatives", "not requested")

@@ -11,6 +11,7 @@ import numpy as np
 from vibroimpact_solvers import holding
 from vibroimpact_solvers.arrays import Floats
 from vibroimpact_solvers.checks import check_indices, check_outputs, check_tolerance
+from vibroimpact_solvers.derivatives import Parameter, check_parameters
 from vibroimpact_solvers.errors import ModelError
 from vibroimpact_solvers.holding import ConstrainedStructure
 from vibroimpact_solvers.model import RANGE, System
@@ -43,6 +44,8 @@ class Problem:
         The requested ones of `OUTPUTS`.
     tolerance : float, optional
         Largest relative error of the frequencies; the result tells which meet it.
+    parameters : tuple of Parameter
+        By which the outputs are differentiated.
 
     Raises
     ------
@@ -57,6 +60,7 @@ class Problem:
     directions: Floats | None = None
     outputs: frozenset[str] = DEFAULT
     tolerance: float | None = None
+    parameters: tuple[Parameter, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "outputs", frozenset(self.outputs))
@@ -74,6 +78,8 @@ class Problem:
         check_indices("fixed", places, len(self.system.constraints))
         check_outputs(self.outputs, OUTPUTS)
         check_tolerance(self.tolerance)
+        if self.parameters:
+            check_parameters(self.parameters, self.system)
         self._check_directions()
         held = holding.hold(self.system, self.fixed) if self.fixed else None
         if self.fixed and held is None:

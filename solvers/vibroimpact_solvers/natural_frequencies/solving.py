@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from vibroimpact_solvers import condensation, spectrum
-from vibroimpact_solvers.arrays import EPS, Floats
+from vibroimpact_solvers.arrays import EPS, Floats, nothing
+from vibroimpact_solvers.derivatives import named
 from vibroimpact_solvers.errors import ConvergenceError
 from vibroimpact_solvers.matrices import Form, SymmetricMatrix
 from vibroimpact_solvers.meter import look, metered
 from vibroimpact_solvers.model import Constraint, System
+from vibroimpact_solvers.natural_frequencies import derivatives
 from vibroimpact_solvers.natural_frequencies.flexibility import residual_flexibility
 from vibroimpact_solvers.natural_frequencies.planning import Decision
 from vibroimpact_solvers.natural_frequencies.problem import Problem
@@ -65,7 +67,7 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
         count = int(np.count_nonzero(natural.roots <= problem.stop))
     roots, errors = natural.roots[:count], _frequency_errors(natural)[:count]
     outputs = problem.outputs
-    shape = shape_error = participation = participation_error = None
+    shape = shape_error = participation = participation_error = modes = rows = signs = None
     mass = mass_error = flexibility = flexibility_error = None
     if outputs & {"shape", "participation", "effective_mass"}:
         modes, modes_error = _shapes(problem, natural, count)
@@ -85,12 +87,17 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
         flexibility, flexibility_error = residual_flexibility(
             problem.moving, lines, lowest, (rows, rows_error), count
         )
+    rates: dict[str, Any] = {}
+    if plan.step(Stage.DERIVATIVES):
+        rates = derivatives.outputs(problem, natural, count, modes, rows, signs)
+        rates |= named(problem.parameters)
     statement = _PROVED if natural.proved else _ESTIMATED
     statement += _COUNTED if step.settings.method is None and natural.proved else ""
     relative = errors / np.maximum(np.abs(roots), np.finfo(np.float64).tiny)
     if tick is not None:
         tick(1, 1)
-    return Result(
+    values = nothing(Result) | rates
+    values.update(
         mode=np.arange(count),
         Omega=roots,
         shape=shape,
@@ -106,6 +113,7 @@ def solve(problem: Problem, plan: Plan, tick: Tick | None = None) -> Result:
         error_residual_flexibility=flexibility_error,
         within_tolerance=None if problem.tolerance is None else relative <= problem.tolerance,
     )
+    return Result(**values)
 
 
 def _modes(problem: Problem, decision: Decision) -> LowestModes:

@@ -11,13 +11,18 @@ import numpy as np
 
 from vibroimpact_solvers.arrays import Booleans, Floats, Group, Integers, Quantity, along
 from vibroimpact_solvers.results.shared import (
+    DERIVATIVES,
     EXISTS,
     NO_YES,
     ONE,
     WITHIN,
     Dofs,
     Neglected,
+    Parameters,
+    ParameterUnits,
     Statement,
+    derivative,
+    derivative_error,
 )
 
 
@@ -74,6 +79,7 @@ class Result:
     GROUPS: ClassVar[Mapping[str, Group]] = {
         "frequency": Group("FrequencyAxis", "The frequencies, as Omega and as omega."),
         "error": Group("ImpulseError", "Errors of the outputs."),
+        **DERIVATIVES,
     }
 
     Omega: Annotated[
@@ -296,6 +302,105 @@ class Result:
     ]
     error_statement: Statement
     neglected: Neglected
+    parameter: Parameters
+    parameter_unit: ParameterUnits
+    derivative_reason: Annotated[
+        Integers | None,
+        Quantity(
+            ("frequency", "parameter"),
+            "1",
+            "why there is no derivative, or ok",
+            flags=("ok", "singular"),
+            path="derivative/reason",
+        ),
+    ]
+    derivative_impulse: Annotated[
+        Floats | None,
+        derivative(_AT_WALLS, "mass length time-2", "impulse parameter p, upper wall", "impulse"),
+    ]
+    derivative_impulse_error: Annotated[
+        Floats | None,
+        derivative_error(
+            _AT_WALLS, "mass length time-2", "impulse parameter p, upper wall", "impulse"
+        ),
+    ]
+    derivative_impulse_lower: Annotated[
+        Floats | None,
+        derivative(
+            _AT_WALLS, "mass length time-2", "impulse parameter p, lower wall", "impulse_lower"
+        ),
+    ]
+    derivative_impulse_lower_error: Annotated[
+        Floats | None,
+        derivative_error(
+            _AT_WALLS, "mass length time-2", "impulse parameter p, lower wall", "impulse_lower"
+        ),
+    ]
+    derivative_momentum: Annotated[
+        Floats | None,
+        derivative(
+            _AT_WALLS,
+            "mass length time-1",
+            "momentum exchanged at each impact, upper wall",
+            "momentum",
+        ),
+    ]
+    derivative_momentum_error: Annotated[
+        Floats | None,
+        derivative_error(
+            _AT_WALLS,
+            "mass length time-1",
+            "momentum exchanged at each impact, upper wall",
+            "momentum",
+        ),
+    ]
+    derivative_momentum_lower: Annotated[
+        Floats | None,
+        derivative(
+            _AT_WALLS,
+            "mass length time-1",
+            "momentum exchanged at each impact, lower wall",
+            "momentum_lower",
+        ),
+    ]
+    derivative_momentum_lower_error: Annotated[
+        Floats | None,
+        derivative_error(
+            _AT_WALLS,
+            "mass length time-1",
+            "momentum exchanged at each impact, lower wall",
+            "momentum_lower",
+        ),
+    ]
+    derivative_shape: Annotated[
+        Floats | None, derivative(_OF_DOFS, "length", "displacement at tau = 1", "shape")
+    ]
+    derivative_shape_error: Annotated[
+        Floats | None, derivative_error(_OF_DOFS, "length", "displacement at tau = 1", "shape")
+    ]
+    derivative_waveform: Annotated[
+        Floats | None, derivative(("frequency", "tau", "dof"), "length", "displacement", "waveform")
+    ]
+    derivative_waveform_error: Annotated[
+        Floats | None,
+        derivative_error(("frequency", "tau", "dof"), "length", "displacement", "waveform"),
+    ]
+    derivative_energy: Annotated[
+        Floats | None, derivative(_FREQUENCY, "mass length2 time-2", "total energy", "energy")
+    ]
+    derivative_energy_error: Annotated[
+        Floats | None, derivative_error(_FREQUENCY, "mass length2 time-2", "total energy", "energy")
+    ]
+    derivative_harmonics: Annotated[
+        Floats | None,
+        derivative(("frequency", "harmonic", "dof"), "length", "Fourier amplitude", "harmonics"),
+    ]
+    derivative_harmonics_error: Annotated[
+        Floats | None,
+        derivative_error(
+            ("frequency", "harmonic", "dof"), "length", "Fourier amplitude", "harmonics"
+        ),
+    ]
 
 
 _AXIS_FIELDS: Final = along(Result, "frequency")

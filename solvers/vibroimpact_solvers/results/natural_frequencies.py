@@ -7,7 +7,16 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar, Final
 
 from vibroimpact_solvers.arrays import Booleans, Floats, Group, Integers, Quantity
-from vibroimpact_solvers.results.shared import WITHIN, Neglected, Statement
+from vibroimpact_solvers.results.shared import (
+    DERIVATIVES,
+    WITHIN,
+    Neglected,
+    Parameters,
+    ParameterUnits,
+    Statement,
+    derivative,
+    derivative_error,
+)
 
 _MODE: Final = ("mode",)
 _SHAPE: Final = ("mode", "dof")
@@ -26,6 +35,7 @@ class Result:
         "error": Group(
             "NaturalFrequenciesError", "Absolute errors of the outputs.", together=False
         ),
+        **DERIVATIVES,
     }
 
     mode: Annotated[Integers, Quantity(_MODE, "1", "index of the mode, ascending", True)]
@@ -131,5 +141,74 @@ class Result:
             "whether the relative error of Omega is within the requested tolerance",
             flags=WITHIN,
             path="error/within_tolerance",
+        ),
+    ]
+    parameter: Parameters
+    parameter_unit: ParameterUnits
+    derivative_reason: Annotated[
+        Integers | None,
+        Quantity(
+            ("mode", "parameter"),
+            "1",
+            "why there is no derivative, or ok",
+            flags=("ok", "repeated", "rigid"),
+            path="derivative/reason",
+            note="of repeated frequencies, that of Omega is for a parameter that grows",
+        ),
+    ]
+    derivative_distance: Annotated[
+        Floats | None,
+        Quantity(
+            ("mode", "parameter"),
+            "1",
+            "change of the parameter to where there is no derivative, to first order",
+            path="derivative/distance",
+            missing="none is in sight",
+            note="where a mode meets its neighbour, or its frequency is 0",
+        ),
+    ]
+    derivative_Omega: Annotated[
+        Floats | None, derivative(_MODE, "time-1", "natural angular frequency", "Omega")
+    ]
+    derivative_Omega_error: Annotated[
+        Floats | None, derivative_error(_MODE, "time-1", "natural angular frequency", "Omega")
+    ]
+    derivative_shape: Annotated[Floats | None, derivative(_SHAPE, _OF_MODES, "mode shape", "shape")]
+    derivative_shape_error: Annotated[
+        Floats | None, derivative_error(_SHAPE, _OF_MODES, "mode shape", "shape")
+    ]
+    derivative_participation: Annotated[
+        Floats | None,
+        derivative(_AT, _OF_MODES, "constrained coordinate of the mode shape", "participation"),
+    ]
+    derivative_participation_error: Annotated[
+        Floats | None,
+        derivative_error(
+            _AT, _OF_MODES, "constrained coordinate of the mode shape", "participation"
+        ),
+    ]
+    derivative_effective_mass: Annotated[
+        Floats | None, derivative(_DIRECTION, "mass", "effective modal mass", "effective_mass")
+    ]
+    derivative_effective_mass_error: Annotated[
+        Floats | None,
+        derivative_error(_DIRECTION, "mass", "effective modal mass", "effective_mass"),
+    ]
+    derivative_residual_flexibility: Annotated[
+        Floats | None,
+        derivative(
+            _FLEXIBILITY,
+            "mass-1 time2",
+            "static flexibility of all modes that are left out",
+            "residual_flexibility",
+        ),
+    ]
+    derivative_residual_flexibility_error: Annotated[
+        Floats | None,
+        derivative_error(
+            _FLEXIBILITY,
+            "mass-1 time2",
+            "static flexibility of all modes that are left out",
+            "residual_flexibility",
         ),
     ]

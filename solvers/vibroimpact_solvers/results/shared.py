@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Final
 
-from vibroimpact_solvers.arrays import Integers, Quantity
+from vibroimpact_solvers.arrays import Group, Integers, Quantity
 
 ONE: Final = "one"
 """The dimension, of length one, of an error that holds for all positions on an axis."""
@@ -30,3 +30,59 @@ Neglected = Annotated[
     Quantity((), "1", "what of the structure has no effect, and why", path="neglected"),
 ]
 """Absent where all of it has."""
+
+
+# -- Derivatives --------------------------------------------------------------------------
+
+Parameters = Annotated[
+    list[str] | None,
+    Quantity(
+        ("parameter",),
+        "1",
+        "path of the parameter of the derivatives",
+        True,
+        path="derivative/parameter",
+    ),
+]
+ParameterUnits = Annotated[
+    list[str] | None,
+    Quantity(
+        ("parameter",),
+        "1",
+        "unit of the parameter, by which those of the derivatives are divided",
+        path="derivative/unit",
+    ),
+]
+DERIVATIVES: Final = {
+    "derivative": Group(
+        "Derivatives",
+        "Derivatives of the outputs by the parameters, per unit of the parameter.",
+        together=False,
+    ),
+    "error/derivative": Group(
+        "DerivativeErrors", "Absolute errors of the derivatives.", together=False
+    ),
+}
+
+
+def derivative(dims: tuple[str, ...], unit: str, of: str, output: str) -> Quantity:
+    """Return the declaration of the derivatives of an output."""
+    return Quantity(
+        (*dims, "parameter"),
+        unit,
+        f"derivative of the {of} by the parameter",
+        path=f"derivative/{output}",
+        missing="there is none, see reason",
+        error=f"error/derivative/{output}",
+    )
+
+
+def derivative_error(dims: tuple[str, ...], unit: str, of: str, output: str) -> Quantity:
+    """Return the declaration of the absolute errors of the derivatives of an output."""
+    return Quantity(
+        (*dims, "parameter"),
+        unit,
+        f"error of the derivative of the {of}",
+        path=f"error/derivative/{output}",
+        missing="unbounded, or there is no derivative",
+    )

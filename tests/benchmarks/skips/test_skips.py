@@ -129,6 +129,15 @@ SAVED: Mapping[str, Mapping[str, tuple[int, int]]] = {
     "twenty restitutions of natural frequencies": {MODES: (40, 20 * 40)},
     "the five lowest modes of a sparse structure, N=400": {MODES: (0, 400)},
     "only natural frequencies requested, N=40": {NUMBERS: (30, 872)},
+    "no derivatives of natural frequencies requested, N=40": {ROWS: (0, 1600), NUMBERS: (30, 70)},
+    "no derivatives of impact modes requested, N=13": {
+        RESPONSES: (400 * 12, 2 * 400 * 12),
+        NUMBERS: (3201, 5201),
+    },
+    "derivatives of impulses, but not of stability, N=13": {
+        MODES: (13, 3 * 13),
+        MAPS: (275, 3 * 275),
+    },
     "64 initial states, N=13": {MODES: (13, 64 * 13), STRUCTURES: (1, 64)},
 }
 

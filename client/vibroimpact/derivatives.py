@@ -1,0 +1,61 @@
+"""Derivatives of the outputs of a result, by the names of outputs and parameters."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from vibroimpact.tables import Table
+
+if TYPE_CHECKING:
+    from vibroimpact.tables import Array
+
+
+class Derivatives(Table):
+    """Derivatives of outputs, a column for each; the last axis is that of the parameters.
+
+    ``result.derivative("momentum", "gap")`` returns those of an output by one of them.
+    """
+
+    def __call__(self, output: str, parameter: str) -> Array:
+        """Return the derivatives of an output by one parameter, in the shape of the output.
+
+        Parameters
+        ----------
+        output : str
+            Such as ``"momentum"``.
+        parameter : str
+            Its path, such as ``"system.constraints.0.gap"``, or an end of it that no other path
+            has, such as ``"gap"``.
+
+        Raises
+        ------
+        ValueError
+            Where there is no such output or parameter, or more than one.
+        """
+        outputs = [name for name in self if name not in _ABOUT]
+        if output not in outputs:
+            raise ValueError(
+                f"there is no derivative of {output!r}; there are {', '.join(outputs)}"
+            )
+        values: Array = self[output]
+        return values[..., place_of(parameter, [str(path) for path in self["parameter"]])]
+
+
+_ABOUT = frozenset({"parameter", "unit", "reason", "distance"})
+
+
+def place_of(parameter: str, paths: list[str]) -> int:
+    """Return the place of a parameter among paths, by its path or an end of it.
+
+    Raises
+    ------
+    ValueError
+        Where there is none, or more than one.
+    """
+    if parameter in paths:
+        return paths.index(parameter)
+    alike = [k for k, path in enumerate(paths) if path.endswith(f".{parameter}")]
+    if len(alike) == 1:
+        return alike[0]
+    fault = "no parameter" if not alike else "more than one parameter"
+    raise ValueError(f"there is {fault} {parameter!r}; there are {', '.join(paths)}")
