@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -52,6 +54,9 @@ class Model:
         Largest difference of entries (i, j) and (j, i), relative to the largest entry, that is
         taken for rounding: both become their mean. Matrices computed in single precision need
         some 1e-6.
+    symmetrize : bool
+        Whether a matrix whose difference is larger becomes the mean of both all the same, with a
+        warning.
 
     Raises
     ------
@@ -66,12 +71,14 @@ class Model:
     coordinates: Mapping[int, Sequence[float]] = field(default_factory=dict)
     units: Mapping[str, str] | None = None
     rounding: float = ROUNDING
+    symmetrize: bool = False
 
     def __post_init__(self) -> None:
         for name in ("M", "K", "C"):
             given = getattr(self, name)
             if given is not None:
-                object.__setattr__(self, name, _symmetric(name, given, self.rounding))
+                matrix = _symmetric(name, given, self.rounding, self.symmetrize)
+                object.__setattr__(self, name, matrix)
         n = self.M.shape[0]
         labels = tuple(self.labels) or tuple((index, "x") for index in range(n))
         if any(part is not None and part.shape[0] != n for part in (self.K, self.C)):
@@ -94,13 +101,18 @@ class Model:
             Naming the directions that the node has.
         """
         try:
-            return self.labels.index((node, direction))
-        except ValueError:
+            return self._rows[node, direction]
+        except KeyError:
             have = [each for at, each in self.labels if at == node]
             known = f"node {node} has {', '.join(have)}" if have else f"there is no node {node}"
             raise ValueError(
                 f"no degree of freedom {direction!r} of node {node}: {known}"
             ) from None
+
+    @cached_property
+    def _rows(self) -> Mapping[Label, int]:
+        """Row of each label."""
+        return {label: row for row, label in enumerate(self.labels)}
 
     def constraint(
         self,
@@ -184,8 +196,21 @@ class Model:
         return moved
 
     def fixed(self, nodes: Iterable[int], directions: Iterable[str] | None = None) -> Model:
-        """Return the model with nodes held fixed, in all directions or in some."""
+        """Return the model with nodes held fixed, in all directions or in some.
+
+        Raises
+        ------
+        ValueError
+            If there is no such node, or none of them has such a direction.
+        """
         held, chosen = set(nodes), None if directions is None else set(directions)
+        missing = held - {node for node, _ in self.labels}
+        if missing:
+            few = ", ".join(map(str, sorted(missing)[:10]))
+            raise ValueError(f"there are no nodes {few}{'' if len(missing) <= 10 else ', ...'}")
+        for each in chosen or ():
+            if not any(node in held and own == each for node, own in self.labels):
+                raise ValueError(f"none of the nodes has a direction {each!r}")
         keep = [
             index
             for index, (node, direction) in enumerate(self.labels)
@@ -320,9 +345,12 @@ class Model:
         return f"{DIRECTIONS[direction]}{unit}"
 
 
-def _symmetric(name: str, given: Any, rounding: float) -> Any:
+def _symmetric(name: str, given: Any, rounding: float, symmetrize: bool) -> Any:
     """Return a matrix as rows of its nonzero entries; a triangle stands for the whole."""
-    matrix = sparse.csr_array(real(name, given), dtype=np.float64)
+    given = real(name, given)
+    if np.ndim(given) == 1:
+        given = sparse.diags_array(np.asarray(given, dtype=np.float64))
+    matrix = sparse.csr_array(given, dtype=np.float64)
     if matrix.shape[0] != matrix.shape[1]:
         raise ValueError(f"{name} is not square: {matrix.shape}")
     if not np.isfinite(matrix.data).all():
@@ -335,11 +363,14 @@ def _symmetric(name: str, given: Any, rounding: float) -> Any:
         at = int(difference.data.argmax())
         i, j = (int(index[at]) for index in difference.coords)
         relative = difference.data[at] / abs(matrix).max()
-        raise ValueError(
-            f"{name} is not symmetric: entries ({i}, {j}) and ({j}, {i}) differ by {relative:.2g} "
-            "of the largest entry. If that is rounding, as of single precision, allow it: "
-            f"rounding={2 * relative:.1g}"
-        )
+        what = f"entries ({i}, {j}) and ({j}, {i}) differ by {relative:.2g} of the largest entry"
+        if not symmetrize:
+            raise ValueError(
+                f"{name} is not symmetric: {what}. symmetrize=True takes the mean of both, whatever "
+                "it is. If it is rounding, as of single precision, allow it: "
+                f"rounding={2 * relative:.1g}"
+            )
+        warnings.warn(f"{name} became symmetric: {what}", UserWarning, stacklevel=4)
     matrix = sparse.csr_array(0.5 * (matrix + matrix.T))
     matrix.eliminate_zeros()
     return matrix
