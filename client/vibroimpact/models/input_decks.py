@@ -5,14 +5,14 @@ The layout: Abaqus Keywords Reference Guide, of these keywords; CalculiX reads t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Final
 
 from vibroimpact.models import file_bytes, fixed_fields
 from vibroimpact.models.labels import Nodes, label
 from vibroimpact_schema.number_tables import TextError, shown
 
-_MOST: int = 10**7
+_MOST: Final = 10**7
 """Nodes that a line of a generated set may have."""
 
 
@@ -112,7 +112,7 @@ def _boundary(deck: _Deck, text: str, line: int) -> None:
     deck.held.append((which, first, min(last, 6), line))
 
 
-def _of(deck: _Deck, which: str, line: int) -> Sequence[int] | set[int]:
+def _of(deck: _Deck, which: str, line: int) -> set[int]:
     """Return the nodes of a set, or a node by its number."""
     if which in deck.sets:
         return deck.sets[which]

@@ -29,7 +29,7 @@ _DECKS: Final[Mapping[str, Callable[[bytes], Nodes]]] = {
 
 
 def beside(path: Path) -> Path | None:
-    """Return the file of labels that a program wrote beside one of a matrix; None: there is none."""
+    """Return the file of labels that a program wrote beside a matrix; None: there is none."""
     bare = path.with_suffix("") if path.suffix.lower() == ".gz" else path
     ending = _BESIDE.get(bare.suffix.lower())
     if ending is None:

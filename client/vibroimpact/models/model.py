@@ -366,8 +366,8 @@ def _symmetric(name: str, given: Any, rounding: float, symmetrize: bool) -> Any:
         what = f"entries ({i}, {j}) and ({j}, {i}) differ by {relative:.2g} of the largest entry"
         if not symmetrize:
             raise ValueError(
-                f"{name} is not symmetric: {what}. symmetrize=True takes the mean of both, whatever "
-                "it is. If it is rounding, as of single precision, allow it: "
+                f"{name} is not symmetric: {what}. symmetrize=True takes the mean of both, "
+                "whatever it is. If it is rounding, as of single precision, allow it: "
                 f"rounding={2 * relative:.1g}"
             )
         warnings.warn(f"{name} became symmetric: {what}", UserWarning, stacklevel=4)

@@ -86,7 +86,7 @@ def _cards(lines: Sequence[bytes]) -> _Cards:
     usual = [b"$" not in line and b"," not in line and b"\t" not in line for line in lines]
     at = np.flatnonzero(np.fromiter(map(bool, map(bytes.strip, lines)), bool, len(lines)))
     regular = np.array(usual, dtype=bool)[at]
-    texts = np.array([lines[k] for k in at], dtype=f"S{_NAME + _DATA}")
+    texts: Any = np.array([lines[k] for k in at.tolist()], dtype=f"S{_NAME + _DATA}")
     characters = fixed_fields.table(texts, _NAME + _DATA, 1)[:, 0]
     first = characters[:, :_NAME].copy().view(f"S{_NAME}").ravel()
     large = (characters[:, :_NAME] == ord("*")).any(axis=1)
@@ -212,14 +212,15 @@ def _assembled(name: str, given: _Matrix, index: Any, n: int) -> Any:
     if not given.symmetric:
         return matrix
     # Entries may stand on either side of the diagonal, or on both.
-    below, above = sparse.tril(matrix, -1).tocsr(), sparse.triu(matrix, 1).T.tocsr()
-    both = (below != 0).multiply(above != 0)
-    beside = below + above - above.multiply(both)
-    different = (below - above).multiply(both)
-    if different.nnz and abs(different).max() > 0.0:
+    larger, smaller = np.maximum(row, column), np.minimum(row, column)
+    place, first, index = np.unique(larger * n + smaller, return_index=True, return_inverse=True)
+    if (given.values != given.values[first][index]).any():
         return matrix  # not symmetric, which the model refuses
-    diagonal = sparse.diags_array(matrix.diagonal())
-    return sparse.coo_array(beside + beside.T + diagonal)
+    beside = larger[first] != smaller[first]
+    rows, columns = np.divmod(place, n)
+    values = given.values[first]
+    ends = np.concatenate([rows, columns[beside]]), np.concatenate([columns, rows[beside]])
+    return sparse.coo_array((np.concatenate([values, values[beside]]), ends), shape=(n, n))
 
 
 def _check_last(lines: Sequence[bytes]) -> None:

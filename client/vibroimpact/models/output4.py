@@ -178,8 +178,8 @@ class _Reader:
         if not strings.words:
             return sparse.coo_array(shape)
         at = np.concatenate([np.arange(*span) for span in strings.lines])
-        rows = [self._lines[line].rstrip() for line in at]
-        values = fixed_fields.numbers(rows, head.width, at + 1)
+        rows = [self._lines[line].rstrip() for line in at.tolist()]
+        values = fixed_fields.numbers(rows, head.width, (at + 1).tolist())
         fields = -(-np.fromiter(map(len, rows), np.int64, len(rows)) // head.width)
         spans = np.array(strings.lines)
         ends = np.concatenate([[0], np.cumsum(fields)])
