@@ -114,6 +114,17 @@ class Model:
         """Row of each label."""
         return {label: row for row, label in enumerate(self.labels)}
 
+    @cached_property
+    def places(self) -> Array | None:
+        """Where each degree of freedom lies, shape (dof, 3); None where a node has no place."""
+        if not all(node in self.coordinates for node, _ in self.labels):
+            return None
+        places = np.zeros((self.n, 3))
+        for row, (node, _) in enumerate(self.labels):
+            place = self.coordinates[node]
+            places[row, : len(place)] = place
+        return places
+
     def constraint(
         self,
         node: int,

@@ -285,7 +285,7 @@ def _is_square(matrix: Any) -> bool:
         return False
     if len(shape) == 2 and shape[0] != shape[1] and min(shape) > 1:
         return False
-    return bool(sparse.coo_array(matrix).nnz if sparse.issparse(matrix) else np.any(matrix))
+    return bool(matrix.nnz) if hasattr(matrix, "nnz") else bool(np.any(matrix))
 
 
 def _numbers(path: Path, name: str, matrix: Any) -> Any:
@@ -297,7 +297,7 @@ def _numbers(path: Path, name: str, matrix: Any) -> Any:
     if not 1 <= len(shape) <= 2 or getattr(matrix, "dtype", np.dtype(object)).kind not in "biufc":
         raise ValueError(f"{path}: {name} is no matrix of numbers")
     if len(shape) == 1 or (min(shape) == 1 and max(shape) > 1):
-        dense = sparse.coo_array(matrix).toarray() if sparse.issparse(matrix) else matrix
+        dense = matrix.toarray() if hasattr(matrix, "toarray") else matrix
         matrix = sparse.coo_array(sparse.diags_array(np.ravel(dense)))
     return real(f"{path}: {name or 'the matrix'}", matrix)
 
