@@ -120,9 +120,9 @@ class Factors:
             if front.beyond.size:
                 y = y - front.below.T @ x[front.beyond]
             x[own] = _lower(front.L, y, many, 1)
-        found = np.empty_like(x)
-        found[self._order] = x
-        return found
+        solution = np.empty_like(x)
+        solution[self._order] = x
+        return solution
 
     def _behind(self, held: Any) -> tuple[Any, Any]:
         """Return which of the last rows are free, and the factor of what remains of K for them."""

@@ -58,14 +58,14 @@ def parts(A: Any, places: Array | None) -> Parts:
         at[node_of] = places
     order = np.argsort(node_of, kind="stable")
     starts = np.concatenate([[0], np.cumsum(np.bincount(node_of, minlength=graph.shape[0]))])
-    found = Parts([], [])
-    _cut(found, graph, at, np.arange(graph.shape[0]))
+    tree = Parts([], [])
+    _cut(tree, graph, at, np.arange(graph.shape[0]))
     none = np.zeros(0, dtype=np.int64)
     rows = [
         np.concatenate([none, *(order[starts[node] : starts[node + 1]] for node in nodes)])
-        for nodes in found.rows
+        for nodes in tree.rows
     ]
-    return Parts(rows, found.children)
+    return Parts(rows, tree.children)
 
 
 def _graph(A: Any) -> tuple[Any, Any]:
@@ -118,7 +118,7 @@ def _depths(graph: Any, start: int) -> Array:
         depth, ancestor = depth + depth[ancestor], further
 
 
-def _cut(found: Parts, graph: Any, places: Array, nodes: Any) -> int:
+def _cut(tree: Parts, graph: Any, places: Array, nodes: Any) -> int:
     """Add a part and those that it is cut into; return its number."""
     children, own = list[int](), nodes
     if nodes.size > _LEAF:
@@ -130,11 +130,11 @@ def _cut(found: Parts, graph: Any, places: Array, nodes: Any) -> int:
         separator = _separator(inner, first)
         for half in (first & ~separator, ~first & ~separator):
             if half.any():
-                children.append(_cut(found, graph, places, nodes[half]))
+                children.append(_cut(tree, graph, places, nodes[half]))
         own = nodes[separator]
-    found.rows.append(own)
-    found.children.append(children)
-    return len(found.rows) - 1
+    tree.rows.append(own)
+    tree.children.append(children)
+    return len(tree.rows) - 1
 
 
 def _separator(graph: Any, first: Any) -> Any:

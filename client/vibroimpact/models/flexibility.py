@@ -125,8 +125,8 @@ def no_rigid_body_modes(K: Any, factors: cholesky.Factors, held: Any) -> bool:
     n = K.shape[0]
 
     def inverse(f: Array) -> Array:
-        found: Array = factors.solve(f.ravel() / scale, held) / scale
-        return found
+        solution: Array = factors.solve(f.ravel() / scale, held) / scale
+        return solution
 
     start = np.random.default_rng(0).normal(size=n)
     operator = scipy.sparse.linalg.LinearOperator((n, n), matvec=inverse, dtype=np.float64)

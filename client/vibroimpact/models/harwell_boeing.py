@@ -57,12 +57,12 @@ def matrix(data: bytes) -> Content:
     _check_places(starts, index, rows, entries)
     column = np.repeat(np.arange(columns), np.diff(starts.astype(np.int64)))
     entries_of: Any = (values, (index.astype(np.int64) - 1, column))
-    found: Any = sparse.coo_array(entries_of, shape=(rows, columns))
+    whole: Any = sparse.coo_array(entries_of, shape=(rows, columns))
     if kind[1] == "S":  # one triangle, whichever, or both of them as of ANSYS 9
-        lower, upper = sparse.tril(found, -1), sparse.triu(found, 1)
+        lower, upper = sparse.tril(whole, -1), sparse.triu(whole, 1)
         if not (lower.nnz and upper.nnz):
-            found = sparse.coo_array(found + lower.T + upper.T)
-    return Content({"": found}, [])
+            whole = sparse.coo_array(whole + lower.T + upper.T)
+    return Content({"": whole}, [])
 
 
 def _whole(text: bytes, line: int) -> list[int]:
@@ -90,12 +90,12 @@ def _formats(line: bytes) -> list[tuple[int, int]]:
     """Return numbers in a line and their widths, of starts, rows and values."""
     text = line.decode("latin-1")
     words = [text[:16], text[16:32], text[32:52]]
-    found = [fixed_fields.layout(word) for word in words]
-    if None in found:
-        found = [fixed_fields.layout(word) for word in text.split()[:3]]
-    if len(found) != 3 or None in found:
+    layouts = [fixed_fields.layout(word) for word in words]
+    if None in layouts:
+        layouts = [fixed_fields.layout(word) for word in text.split()[:3]]
+    if len(layouts) != 3 or None in layouts:
         raise TextError(4, f"{shown(line.strip())} are no formats of three kinds of numbers")
-    return [each for each in found if each is not None]
+    return [each for each in layouts if each is not None]
 
 
 def _check_places(starts: Any, index: Any, rows: int, entries: int) -> None:

@@ -12,6 +12,14 @@ from vibroimpact.models import file_bytes, fixed_fields
 from vibroimpact.models.labels import Nodes, label
 from vibroimpact_schema.number_tables import TextError, shown
 
+_SHAPES: Final = (
+    (("C3D4",), "tetra", 4), (("C3D5",), "pyramid", 5), (("C3D6", "SC6"), "wedge", 6),
+    (("C3D8", "SC8"), "hexahedron", 8), (("C3D10",), "tetra10", 10), (("C3D15",), "wedge15", 15),
+    (("C3D20",), "hexahedron20", 20), (("S3", "M3D3", "CPS3", "CPE3"), "triangle", 3),
+    (("S4", "M3D4", "CPS4", "CPE4"), "quad", 4), (("S6", "CPS6", "CPE6"), "triangle6", 6),
+    (("S8", "CPS8", "CPE8"), "quad8", 8), (("B31", "T3D2", "B21", "T2D2", "B33"), "line", 2),
+)  # fmt: skip
+"""How names of elements begin, their shape, and their number of nodes; a letter may follow."""
 _MOST: Final = 10**7
 """Nodes that a line of a generated set may have."""
 
@@ -24,6 +32,9 @@ class _Deck:
     sets: dict[str, set[int]] = field(default_factory=dict)
     held: list[tuple[str, int, int, int]] = field(default_factory=list)
     """Node or set, first and last direction, line."""
+    elements: dict[str, list[list[int]]] = field(default_factory=dict)
+    words: list[int] = field(default_factory=list)
+    """Numbers of an element whose lines go on."""
 
 
 def nodes(data: bytes) -> Nodes:
@@ -44,6 +55,8 @@ def nodes(data: bytes) -> Nodes:
             keyword, options = _keyword(text)
         elif keyword == "NODE":
             _node(deck, text, options, number)
+        elif keyword == "ELEMENT":
+            _element(deck, text, options, number)
         elif keyword == "NSET":
             _members(deck, text, options, number)
         elif keyword == "BOUNDARY" and not options.keys() & {"AMPLITUDE", "SUBMODEL"}:
@@ -56,7 +69,7 @@ def nodes(data: bytes) -> Nodes:
         for node in _of(deck, which, number)
         for part in range(first, last + 1)
     }
-    return Nodes(deck.place, (), frozenset(held))
+    return Nodes(deck.place, (), frozenset(held), deck.elements)
 
 
 def _keyword(text: str) -> tuple[str, dict[str, str]]:
@@ -81,18 +94,32 @@ def _node(deck: _Deck, text: str, options: dict[str, str], line: int) -> None:
         deck.sets.setdefault(options["NSET"], set()).add(node)
 
 
+def _element(deck: _Deck, text: str, options: dict[str, str], line: int) -> None:
+    """Take an element of a known shape: its number and its nodes, which may fill several lines."""
+    kind = options.get("TYPE", "")
+    for names, shape, count in _SHAPES:
+        if any(kind == name or (kind.startswith(name) and kind[len(name)].isalpha())
+               for name in names):  # fmt: skip
+            words = [word.strip() for word in text.split(",") if word.strip()]
+            deck.words += [_whole(word.encode("latin-1"), line) for word in words]
+            if len(deck.words) > count:
+                deck.elements.setdefault(shape, []).append(deck.words[1 : count + 1])
+                deck.words = []
+            return
+
+
 def _members(deck: _Deck, text: str, options: dict[str, str], line: int) -> None:
-    members = deck.sets.setdefault(options.get("NSET", ""), set())
+    nodes_of_set = deck.sets.setdefault(options.get("NSET", ""), set())
     words = [word.strip() for word in text.split(",") if word.strip()]
     if "GENERATE" in options:
         first, last, *step = (_whole(word.encode("latin-1"), line) for word in words)
         by = step[0] if step else 1
         if not (first <= last < first + _MOST and by >= 1):
             raise TextError(line, f"nodes {first} to {last} by {by}")
-        members |= set(range(first, last + 1, by))
+        nodes_of_set |= set(range(first, last + 1, by))
         return
     for word in words:
-        members |= _of(deck, word.upper(), line)
+        nodes_of_set |= _of(deck, word.upper(), line)
 
 
 def _boundary(deck: _Deck, text: str, line: int) -> None:

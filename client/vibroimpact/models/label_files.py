@@ -35,9 +35,9 @@ def beside(path: Path) -> Path | None:
     if ending is None:
         return None
     for each in (ending, ending.upper()):
-        found = bare.with_suffix(each)
-        if found.is_file():
-            return found
+        candidate = bare.with_suffix(each)
+        if candidate.is_file():
+            return candidate
     return None
 
 

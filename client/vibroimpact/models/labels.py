@@ -69,11 +69,14 @@ class Nodes:
         All degrees of freedom that nodes can have, in the order of their numbers; empty: unknown.
     held : set of (int, str)
         Those that are held.
+    elements : mapping
+        Shape -> the nodes of each element; of shapes that `Model.write` knows.
     """
 
     coordinates: Mapping[int, Sequence[float]]
     labels: Sequence[Label] = ()
     held: frozenset[Label] = field(default_factory=frozenset)
+    elements: Mapping[str, Sequence[Sequence[int]]] = field(default_factory=dict)
 
 
 def label(node: int, component: int) -> Label:
@@ -90,10 +93,10 @@ def direction(text: str) -> str:
     ValueError
         If it is none.
     """
-    found = _DIRECTIONS.get(text.strip().lower())
-    if found is None:
+    known = _DIRECTIONS.get(text.strip().lower())
+    if known is None:
         raise ValueError(f"{text.strip()[:20]!r} is no direction: x, y, z, rx, ry, rz or 1 to 6")
-    return found
+    return known
 
 
 def meaning(name: str) -> str:

@@ -36,46 +36,46 @@ def variables(data: bytes) -> dict[str, Any]:
     """
     try:
         with h5py.File(io.BytesIO(data), "r") as file:
-            return dict(_members(file, "", 0))
+            return dict(_variables(file, "", 0))
     # The library raises whatever comes up in a damaged file.
     except (OSError, KeyError, RuntimeError, TypeError, MemoryError, OverflowError) as error:
         reason = str(error).strip().partition("\n")[0] or type(error).__name__
         raise ValueError(f"it is no file of Matlab 7.3 that can be read: {reason}") from None
 
 
-def _members(group: h5py.Group, prefix: str, depth: int) -> Iterator[tuple[str, Any]]:
+def _variables(group: h5py.Group, prefix: str, depth: int) -> Iterator[tuple[str, Any]]:
     """Yield name and value of the variables of a group."""
     for name in group:
         if name.startswith("#") or not isinstance(group.get(name, getlink=True), h5py.HardLink):
             continue  # what Matlab keeps for itself, and links to elsewhere
-        member, path = group[name], f"{prefix}{name}"
-        if isinstance(member, h5py.Dataset):
-            yield path, _array(member, path)
-        elif "MATLAB_sparse" in member.attrs:
-            yield path, _sparse(member, path)
+        variable, path = group[name], f"{prefix}{name}"
+        if isinstance(variable, h5py.Dataset):
+            yield path, _array(variable, path)
+        elif "MATLAB_sparse" in variable.attrs:
+            yield path, _sparse(variable, path)
         elif depth < _DEPTH:
-            yield from _members(member, f"{path}.", depth + 1)
+            yield from _variables(variable, f"{path}.", depth + 1)
 
 
-def _array(found: h5py.Dataset, name: str) -> Any:
+def _array(dataset: h5py.Dataset, name: str) -> Any:
     """Return the numbers of a data set as Matlab has them."""
-    compound = found.dtype.names == ("real", "imag")
-    of_numbers = compound or found.dtype.kind in "fiu"
-    kind = found.attrs.get("MATLAB_class", b"double")
-    if not of_numbers or kind in (b"char", b"cell") or found.ndim != 2:
+    compound = dataset.dtype.names == ("real", "imag")
+    of_numbers = compound or dataset.dtype.kind in "fiu"
+    kind = dataset.attrs.get("MATLAB_class", b"double")
+    if not of_numbers or kind in (b"char", b"cell") or dataset.ndim != 2:
         return NotNumbers()
-    if found.attrs.get("MATLAB_empty", 0):
+    if dataset.attrs.get("MATLAB_empty", 0):
         return np.zeros((0, 0))
-    return _content(found, name).T
+    return _content(dataset, name).T
 
 
-def _content(found: Any, name: str) -> Any:
+def _content(dataset: Any, name: str) -> Any:
     """Return the numbers of a data set as the file has them."""
-    if not isinstance(found, h5py.Dataset) or found.external or found.is_virtual:
+    if not isinstance(dataset, h5py.Dataset) or dataset.external or dataset.is_virtual:
         raise ValueError(f"the numbers of {name} are not in this file")
-    if found.nbytes > _LARGEST:
-        raise ValueError(f"{name} has {found.nbytes} bytes: too large a matrix to be full")
-    values = found[()]
+    if dataset.nbytes > _LARGEST:
+        raise ValueError(f"{name} has {dataset.nbytes} bytes: too large a matrix to be full")
+    values = dataset[()]
     if values.dtype.names:
         return values["real"] + 1j * values["imag"]
     return values

@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from vibroimpact.arguments import real
 from vibroimpact.errors import MissingExtra
 from vibroimpact.local import Local
+from vibroimpact.models.motion_files import DIRECTIONS, write_motion
 from vibroimpact.systems import constraint, system
 from vibroimpact.tables import Array
 
@@ -29,8 +31,6 @@ except ImportError as missing:
     raise MissingExtra("finite-element models", "models", missing) from missing
 
 Label = tuple[int, str]
-DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
-"""Directions 1 to 6 of finite-element programs."""
 ROUNDING = 1e-9
 """Difference of mirrored entries, relative to the largest, that is taken for rounding."""
 
@@ -57,6 +57,9 @@ class Model:
     symmetrize : bool
         Whether a matrix whose difference is larger becomes the mean of both all the same, with a
         warning.
+    elements : mapping, optional
+        Shape, such as ``"hexahedron"`` or ``"quad"`` -> the nodes of each element, for files of
+        motions on the mesh, see `write`.
 
     Raises
     ------
@@ -72,6 +75,7 @@ class Model:
     units: Mapping[str, str] | None = None
     rounding: float = ROUNDING
     symmetrize: bool = False
+    elements: Mapping[str, Sequence[Sequence[int]]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in ("M", "K", "C"):
@@ -289,6 +293,37 @@ class Model:
             if node in places and direction in DIRECTIONS[:3]:
                 moved[places[node], DIRECTIONS.index(direction)] += scale * value
         return rest, moved
+
+    def write(
+        self,
+        path: str | Path,
+        x: Array,
+        t: Array | None = None,
+        *,
+        v: Array | None = None,
+    ) -> None:
+        """Write a motion on the mesh: for ParaView, or for programs of modal tests.
+
+        ``.vtu`` is one shape, ``.pvd`` a series of them in a folder of its own, ``.xdmf`` a series
+        with an ``.h5`` beside; ``.unv`` and ``.uff`` are universal files, data sets 15 and 58.
+        Displacements, rotations and velocities are vectors of each node.
+
+        Parameters
+        ----------
+        path : path
+        x : array, shape (dof,) or (time, dof)
+            Displacements, such as ``small.expand(motion.x)`` of a reduced model.
+        t : array, shape (time,), optional
+            Times; default: 0, 1, 2, and so on.
+        v : array, optional
+            Velocities, of the shape of x.
+
+        Raises
+        ------
+        ValueError
+            If the ending is unknown, shapes do not fit, or nodes have no coordinates.
+        """
+        write_motion(self, Path(path), x, t, v)
 
     def draw(self, x: Array, ax: Axes | None = None, scale: float | None = None) -> Axes:
         """Plot the nodes at rest in grey and displaced, in the two widest directions.

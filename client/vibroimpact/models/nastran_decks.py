@@ -16,7 +16,15 @@ from vibroimpact.models.labels import Nodes, label
 from vibroimpact.models.nastran import fields_of
 from vibroimpact_schema.number_tables import TextError
 
-_NAMES: Final = (b"GRID", b"SPOINT", b"SPC", b"SPC1", b"CORD2R", b"CORD2C", b"CORD2S")
+_SHAPES: Final[Mapping[bytes, tuple[int, Mapping[int, str]]]] = {
+    b"CTETRA": (2, {4: "tetra"}), b"CPYRAM": (2, {5: "pyramid"}), b"CPENTA": (2, {6: "wedge"}),
+    b"CHEXA": (2, {8: "hexahedron"}), b"CQUAD4": (2, {4: "quad"}), b"CTRIA3": (2, {3: "triangle"}),
+    b"CBAR": (2, {2: "line"}), b"CBEAM": (2, {2: "line"}), b"CROD": (2, {2: "line"}),
+}  # fmt: skip
+"""Element -> the field its nodes begin at, and shapes by the number of corners."""
+_NAMES: Final = (
+    b"GRID", b"SPOINT", b"SPC", b"SPC1", b"CORD2R", b"CORD2C", b"CORD2S", *_SHAPES
+)  # fmt: skip
 
 
 @dataclass
@@ -53,6 +61,7 @@ class _Deck:
     systems: dict[int, _Card] = field(default_factory=dict)
     scalar: set[int] = field(default_factory=set)
     held: set[tuple[int, int]] = field(default_factory=set)
+    elements: dict[str, list[list[int]]] = field(default_factory=dict)
 
 
 def nodes(data: bytes) -> Nodes:
@@ -78,7 +87,8 @@ def nodes(data: bytes) -> Nodes:
     ends = [(node, part) for node in deck.place for part in range(1, 7)]
     ends = sorted([*ends, *((node, 0) for node in deck.scalar)])
     held = deck.held
-    return Nodes(coordinates, [label(*end) for end in ends], frozenset(label(*end) for end in held))
+    held_labels = frozenset(label(*end) for end in held)
+    return Nodes(coordinates, [label(*end) for end in ends], held_labels, deck.elements)
 
 
 def _cards(lines: Sequence[bytes]) -> Iterator[_Card]:
@@ -118,6 +128,11 @@ def _take(deck: _Deck, card: _Card) -> None:
         case b"SPC1":
             parts = _parts(card, 1)
             deck.held |= {(node, part) for node in _listed(card, 2) for part in parts}
+        case name if name in _SHAPES:
+            start, shapes = _SHAPES[name]
+            for count, shape in shapes.items():  # corners alone, of elements with more nodes too
+                corners = [card.whole(k) for k in range(start, start + count)]
+                deck.elements.setdefault(shape, []).append(corners)
         case _:
             deck.systems[card.whole(0)] = card
 

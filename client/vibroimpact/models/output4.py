@@ -192,13 +192,13 @@ class _Reader:
         filled = values != 0.0
         return sparse.coo_array((values[filled], (row[filled], column[filled])), shape=shape)
 
-    def _check(self, head: _Head, strings: _Strings, counts: Any, found: int) -> None:
+    def _check(self, head: _Head, strings: _Strings, counts: Any, total: int) -> None:
         """Check that strings have as many numbers as they say, and lie within the matrix."""
         words, start = np.array(strings.words), np.array(strings.start)[:, 0]
         last = np.array(strings.lines)[:, 1]
         # Either numbers are counted, or words, of which double precision has two.
         alike = [(words == counts * ratio).all() for ratio in (1, 2)]
-        if not any(alike) or found != counts.sum():
+        if not any(alike) or total != counts.sum():
             ratio = 2 if (words == 2 * counts).sum() > (words == counts).sum() else 1
             wrong = int(np.argmax(words != ratio * counts))
             raise TextError(int(last[wrong]), f"{counts[wrong]} numbers in {words[wrong]} words")

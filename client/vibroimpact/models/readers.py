@@ -145,16 +145,17 @@ def read_model(
             raise ValueError(f"{name}={given!r} is no file and no matrix of the others: {have}")
     files += [_read(Path(path), name, names) for name, path in matrices.items()
               if name not in by_name]  # fmt: skip
-    together, found = _together(_once_each(files))
+    together, rows = _together(_once_each(files))
     missing = {"M", "K"} - set(together)
     if missing:
         raise ValueError(f"{' and '.join(sorted(missing))} missing; there are {list(together)}")
     C = _damping(together, structural_at, files)
     known = _nodes(coordinates, nodes)
-    rows = _labels(labels, found, known, together["K"].shape[0])
+    rows = _labels(labels, rows, known, together["K"].shape[0])
     model = Model(
-        together["M"], together["K"], C, rows, known.coordinates, units, rounding, symmetrize
-    )
+        together["M"], together["K"], C, rows, known.coordinates, units, rounding, symmetrize,
+        known.elements,
+    )  # fmt: skip
     if not supports:
         return model
     free = [row for row, each in enumerate(model.labels) if each not in known.held]
@@ -195,7 +196,7 @@ def _damping(
 
 
 def _labels(
-    given: Sequence[Label] | str | Path | None, found: Sequence[Label], nodes: Nodes, n: int
+    given: Sequence[Label] | str | Path | None, own: Sequence[Label], nodes: Nodes, n: int
 ) -> Sequence[Label]:
     """Return the labels of the rows: those given, of the files, or of the nodes by their number."""
     if isinstance(given, str | Path):
@@ -204,8 +205,8 @@ def _labels(
         if len(given) != n:
             raise ValueError(f"{len(given)} labels for {n} degrees of freedom")
         return given
-    if found or not nodes.labels:
-        return found
+    if own or not nodes.labels:
+        return own
     moved = [each for each in nodes.labels if each[1] in DIRECTIONS[:3]]
     for all_of in (nodes.labels, moved):
         free = [each for each in all_of if each not in nodes.held]

@@ -31,8 +31,8 @@ def entries(table: NumberTable) -> Content:
     """Return the matrix of rows ``row, column, value`` or ``node, dof, node, dof, value``."""
     width = table.values.shape[1]
     if width == 3:
-        found, sized = matrix_market.read_list(table)
-        return Content({"": _sparse(found)}, [] if sized else None)
+        listed, sized = matrix_market.read_list(table)
+        return Content({"": _sparse(listed)}, [] if sized else None)
     if width != 5:
         reason = f"{width} numbers; lists of entries have 3 or 5, without decimal commas"
         raise TextError(table.row(0)[0], reason)
@@ -131,5 +131,7 @@ def _market(text: bytes) -> Content:
     return Content({"": matrix if isinstance(matrix, np.ndarray) else _sparse(matrix)}, [])
 
 
-def _sparse(found: matrix_market.Entries) -> Any:
-    return sparse.coo_array((found.data, (found.row, found.col)), shape=found.shape)
+def _sparse(entries_of: matrix_market.Entries) -> Any:
+    return sparse.coo_array(
+        (entries_of.data, (entries_of.row, entries_of.col)), shape=entries_of.shape
+    )
