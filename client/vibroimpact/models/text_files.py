@@ -131,7 +131,5 @@ def _market(text: bytes) -> Content:
     return Content({"": matrix if isinstance(matrix, np.ndarray) else _sparse(matrix)}, [])
 
 
-def _sparse(entries_of: matrix_market.Entries) -> Any:
-    return sparse.coo_array(
-        (entries_of.data, (entries_of.row, entries_of.col)), shape=entries_of.shape
-    )
+def _sparse(given: matrix_market.Entries) -> Any:
+    return sparse.coo_array((given.data, (given.row, given.col)), shape=given.shape)
