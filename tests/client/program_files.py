@@ -267,3 +267,39 @@ def matlab_73(path: Path, variables: Mapping[str, object], *, sparse: bool = Fal
             store(file, name, value)
     with path.open("r+b") as head:
         head.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: today".ljust(512))
+
+
+def tube(folder: Path, elements: int = 40) -> None:
+    """Write a clamped tube of Euler-Bernoulli elements in space: tube.op4 and tube.bdf."""
+    length, E, G, rho, outer, inner = 2.0, 2.1e11, 8.0e10, 7850.0, 0.025, 0.022
+    h, A = length / elements, np.pi * (outer**2 - inner**2)
+    inertia = np.pi / 4 * (outer**4 - inner**4)
+    bend = np.array([[12, 6 * h, -12, 6 * h], [6 * h, 4 * h * h, -6 * h, 2 * h * h],
+                     [-12, -6 * h, 12, -6 * h], [6 * h, 2 * h * h, -6 * h, 4 * h * h]])  # fmt: skip
+    move = np.array([[156, 22 * h, 54, -13 * h], [22 * h, 4 * h * h, 13 * h, -3 * h * h],
+                     [54, 13 * h, 156, -22 * h], [-13 * h, -3 * h * h, -22 * h, 4 * h * h]]
+                    )  # fmt: skip
+    rod, along = np.array([[1.0, -1.0], [-1.0, 1.0]]), np.array([[2.0, 1.0], [1.0, 2.0]])
+    flip = np.diag([1.0, -1.0, 1.0, -1.0])  # rotations about y turn the other way
+    n = 6 * (elements + 1)
+    M, K = np.zeros((n, n)), np.zeros((n, n))
+    parts = [
+        ([0, 6], E * A / h * rod, rho * A * h / 6 * along),
+        ([3, 9], G * 2 * inertia / h * rod, rho * 2 * inertia * h / 6 * along),
+        ([1, 5, 7, 11], E * inertia / h**3 * bend, rho * A * h / 420 * move),
+        ([2, 4, 8, 10], E * inertia / h**3 * flip @ bend @ flip,
+         rho * A * h / 420 * flip @ move @ flip),
+    ]  # fmt: skip
+    for element in range(elements):
+        for ends, k, m in parts:
+            dofs = np.ix_(6 * element + np.array(ends), 6 * element + np.array(ends))
+            K[dofs] += k
+            M[dofs] += m
+    (folder / "tube.op4").write_text(op4_text({"MGG": M, "KGG": K}, sparse=True))
+    grids = [
+        f"GRID    {k + 1:8}        {k * h:8.4f}     0.0     0.0\n" for k in range(elements + 1)
+    ]
+    bars = [f"CBAR    {k:8}       1{k:8}{k + 1:8}     0.0     0.0     1.0\n"
+            for k in range(1, elements + 1)]  # fmt: skip
+    deck = ["SOL 103\nBEGIN BULK\n", *grids, *bars, "SPC1           1  123456       1\nENDDATA\n"]
+    (folder / "tube.bdf").write_text("".join(deck))
